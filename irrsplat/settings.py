@@ -1,0 +1,180 @@
+"""Every parameter of the method, declared once: name, default, range, unit, stage and one line of help.
+
+The command line's flags, the viewer's sliders, the README's table and the checks are all made from here.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Literal
+
+from irrsplat.errors import InputError
+
+Auto = Literal["auto"]
+
+
+@dataclass(frozen=True)
+class Declaration:
+    """What is known of one setting apart from its value; `kind` is float, int, bool or choice."""
+
+    name: str
+    kind: str
+    default: Any
+    help: str
+    stage: str
+    low: float | None = None
+    high: float | None = None
+    unit: str = ""
+    auto: bool = False
+    choices: tuple[str, ...] = ()
+
+    @property
+    def flag(self) -> str:
+        """The command line's spelling, such as ``--gather-size``."""
+        return "--" + self.name.replace("_", "-")
+
+    @property
+    def range(self) -> str:
+        """The legal values in words, such as ``0..1`` or ``on|off``."""
+        if self.kind == "bool":
+            return "on|off"
+        if self.kind == "choice":
+            return "|".join(self.choices)
+        span = f"{self.low:g}..{self.high:g}" + (f" {self.unit}" if self.unit else "")
+        return span + " or auto" if self.auto else span
+
+    def parse(self, text: str) -> Any:
+        """The value that `text` stands for; raises InputError with the legal range where it stands for none."""
+        word = text.strip().lower()
+        if self.auto and word == "auto":
+            return "auto"
+        if self.kind == "bool":
+            if word in ("on", "off"):
+                return word == "on"
+        elif self.kind == "choice":
+            if word in self.choices:
+                return word
+        else:
+            try:
+                return self.check(int(word) if self.kind == "int" else float(word))
+            except ValueError:
+                pass
+        raise InputError(f"{self.flag} takes {self.range}, not '{text}'")
+
+    def check(self, value: Any) -> Any:
+        """`value` as this setting's type; raises InputError where it is of another type or out of range."""
+        if self.auto and value == "auto":
+            return "auto"
+        fits = {
+            "bool": isinstance(value, bool),
+            "choice": value in self.choices,
+            "int": isinstance(value, int) and not isinstance(value, bool),
+            "float": isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value),
+        }[self.kind]
+        if fits and self.low is not None and self.high is not None:
+            fits = self.low <= value <= self.high
+        if not fits:
+            raise InputError(f"setting '{self.name}' takes {self.range}, not {value!r}")
+        return float(value) if self.kind == "float" else value
+
+
+def _declare(default: Any, kind: str, stage: str, help: str, **rest: Any) -> Any:
+    return field(default=default, metadata={"kind": kind, "stage": stage, "help": help, **rest})
+
+
+@dataclass(frozen=True)
+class Settings:
+    """One complete, checked set of parameters; `replace` or `with_values` makes another."""
+
+    # the order of the stages is the order of the frame
+    shadow_size: int = _declare(
+        512, "int", "shadow", "side of one shadow map tile; a point light has six", low=16, high=4096, unit="texels"
+    )
+    seed: int = _declare(0, "int", "gather", "seed of all that is random; equal seeds, equal bits", low=0, high=2**31 - 1)
+    bounces: int = _declare(1, "int", "gather", "indirect bounces; 0 is direct light only", low=0, high=1)
+    gather: str = _declare(
+        "auto", "choice", "gather", "how a record sees the scene: one 150° plane, or a hemicube of rasters",
+        choices=("auto", "plane", "raster"),
+    )  # fmt: skip
+    gather_size: int = _declare(
+        32, "int", "gather", "side of a record's front face; 64 is near exact", low=4, high=256, unit="pixels"
+    )
+    a: float = _declare(0.2, "float", "splat", "a record reaches a·R_k: smaller is more records and less error", low=0.01, high=2)
+    kernel: str = _declare(
+        "smooth", "choice", "splat", "weight of a record: the paper's, cut off at 1/a, or one that falls to zero there",
+        choices=("smooth", "cut"),
+    )  # fmt: skip
+    in_front: bool = _declare(True, "bool", "splat", "a record that lies in front of a pixel's surface does not speak for it")
+    radius_min: float = _declare(
+        0.6, "float", "splat", "least radius a·R of a splat on screen, in percent of the image height", low=0, high=50, unit="%"
+    )
+    radius_max: float = _declare(
+        8.0, "float", "splat", "greatest radius a·R of a splat on screen, in percent of the image height; 0 is no limit",
+        low=0, high=100, unit="%",
+    )  # fmt: skip
+    tolerance: float | Auto = _declare(  # "auto" is resolved by `threshold`
+        "auto", "float", "examine", "a pixel asks for a record where Σw is below this; auto is 1/a", low=0, high=1e6, auto=True
+    )
+    placement: str = _declare(
+        "tiles", "choice", "examine", "who asks for records: tiles, coarse to fine, or the paper's random warm-up and scan order",
+        choices=("tiles", "scan"),
+    )  # fmt: skip
+    warmup: int = _declare(1000, "int", "examine", "the random first records of scan placement", low=0, high=100_000)
+    max_rounds: int = _declare(64, "int", "examine", "rounds after which render() stops and says so", low=1, high=10_000)
+    blend: float = _declare(
+        0.5, "float", "composite", "0 is direct light only, ½ the physical sum, 1 indirect only", low=0, high=1
+    )
+    smooth: bool = _declare(False, "bool", "composite", "smooth the indirect light along surfaces, the paper's second cure")
+    exposure: float | Auto = _declare(
+        "auto",
+        "float",
+        "composite",
+        "brightness of the picture; auto brings its mean to mid grey",
+        low=-64,
+        high=64,
+        unit="stops",
+        auto=True,
+    )
+
+    def __post_init__(self) -> None:
+        for name, declaration in SETTINGS.items():
+            object.__setattr__(self, name, declaration.check(getattr(self, name)))
+
+    @property
+    def threshold(self) -> float:
+        """The Σw below which a pixel asks for a record (`tolerance`, its auto resolved)."""
+        return 1.0 / self.a if self.tolerance == "auto" else float(self.tolerance)
+
+    def with_values(self, values: Mapping[str, Any]) -> Settings:
+        """A copy with `values` (by setting name) in place; raises InputError for an unknown name or bad value."""
+        for name in values:
+            if name not in SETTINGS:
+                raise InputError(f"unknown setting '{name}'; the settings are {', '.join(SETTINGS)}")
+        return replace(self, **values)
+
+
+SETTINGS: dict[str, Declaration] = {f.name: Declaration(name=f.name, default=f.default, **f.metadata) for f in fields(Settings)}
+
+PRESETS: dict[str, dict[str, Any]] = {
+    "default": {},
+    "paper": {
+        "gather": "plane",
+        "gather_size": 64,
+        "placement": "scan",
+        "kernel": "cut",
+        "in_front": False,
+        "radius_min": 0.0,
+        "radius_max": 0.0,
+    },
+    "reference": {"gather_size": 128, "a": 0.1, "radius_min": 0.25, "radius_max": 4.0, "shadow_size": 1024, "max_rounds": 1000},
+    "preview": {"gather_size": 16, "a": 0.4, "radius_min": 1.5, "radius_max": 16.0, "shadow_size": 256},
+}
+
+
+def preset(name: str = "default", **overrides: Any) -> Settings:
+    """The settings of the preset `name` with `overrides` on top; raises InputError for what does not exist."""
+    if name not in PRESETS:
+        raise InputError(f"unknown preset '{name}'; the presets are {', '.join(PRESETS)}")
+    return Settings().with_values({**PRESETS[name], **overrides})
