@@ -1,0 +1,91 @@
+"""An OpenGL context without a window, and what to do where there is none."""
+
+from __future__ import annotations
+
+import os
+import sys
+from functools import cache
+from typing import Any
+
+import moderngl
+
+from irrsplat.errors import GLError
+
+REQUIRED = 330  # OpenGL 3.3 core: macOS (4.1) and old laptops stay in
+_DEVICES = 8  # EGL devices that are tried before giving up
+
+# Part of moderngl's message -> what is wrong, and the one command that mends it. moderngl 5.13 raises bare Exceptions.
+_APT = "sudo apt-get install -y"
+_ADVICE = (
+    ("libGL.so not loaded", f"the library libGL is missing; run: {_APT} libgl1"),
+    ("libGL.so.1", f"the library libGL is missing; run: {_APT} libgl1"),
+    ("libEGL.so not loaded", f"the library libEGL is missing; run: {_APT} libegl1"),
+    ("libEGL.so.1", f"the library libEGL is missing; run: {_APT} libegl1"),
+    ("but found 0 devices", f"EGL finds no driver; install the GPU's driver, or run: {_APT} libegl-mesa0"),
+    ("eglInitialize failed", f"the EGL driver does not start; run: {_APT} libgl1-mesa-dri"),
+    ("eglCreateContext failed", f"the driver has no OpenGL 3.3; update it, or run: {_APT} libgl1-mesa-dri"),
+    ("XOpenDisplay: cannot open display", f"no display, and no EGL in its place; run: {_APT} libegl1 libgl1"),
+)
+
+
+def create(require: int = REQUIRED) -> moderngl.Context:
+    """A new standalone context of at least version `require`, made current; EGL on Linux, else the system's own.
+
+    Raises GLError, one line with the command that mends it, where that cannot be had.
+    """
+    options: list[dict[str, Any]] = [{}]
+    if sys.platform.startswith("linux"):
+        chosen = "GLCONTEXT_DEVICE_INDEX" in os.environ  # then glcontext reads it, and it is not ours to override
+        options = [
+            {"backend": "egl"} | ({} if chosen or i == 0 else {"device_index": i}) for i in range(1 if chosen else _DEVICES)
+        ]
+    first = ""
+    for option in options:
+        try:
+            return moderngl.create_context(standalone=True, require=require, **option)
+        except Exception as error:  # a bare Exception is all that moderngl raises
+            message = " ".join(str(error).split())
+            first = first or message
+            if "not loaded" in message or ("requested device index" in message and "but found" in message):
+                break
+    raise GLError(advice(first)) from None
+
+
+def advice(message: str) -> str:
+    """One line for a user in place of moderngl's `message`: what is wrong with OpenGL here, and what mends it."""
+    for part, text in _ADVICE:
+        if part in message:
+            return f"no OpenGL 3.3: {text}"
+    return f"no OpenGL 3.3: {message or 'unknown reason'}; install a graphics driver, or run: {_APT} libgl1 libegl1"
+
+
+def describe(ctx: moderngl.Context) -> dict[str, Any]:
+    """What `ctx` is: renderer, vendor, version (text), version_code (330 …), software (bool) and max_texture_size (texels)."""
+    info = ctx.info
+    renderer = str(info["GL_RENDERER"])
+    return {
+        "renderer": renderer,
+        "vendor": str(info["GL_VENDOR"]),
+        "version": str(info["GL_VERSION"]),
+        "version_code": int(ctx.version_code),
+        "software": any(name in renderer.lower() for name in ("llvmpipe", "softpipe", "swrast", "swiftshader")),
+        "max_texture_size": int(info["GL_MAX_TEXTURE_SIZE"]),
+    }
+
+
+def diagnose() -> dict[str, Any]:
+    """What `irrsplat doctor` reports: `describe` of a fresh context with "ok": True, or "ok": False and "advice", one line."""
+    try:
+        ctx = create()
+    except GLError as error:
+        return {"ok": False, "advice": str(error)}
+    try:
+        return {"ok": True, **describe(ctx)}
+    finally:
+        ctx.release()
+
+
+@cache
+def shared() -> moderngl.Context:
+    """The one context that all who ask for it share (tests, short scripts); it lives until the process ends."""
+    return create()
