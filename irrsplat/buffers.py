@@ -6,7 +6,7 @@ EXR layers, NPZ keys, overlays and the documentation are made from `CHANNELS`.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 
 @dataclass(frozen=True)
@@ -35,6 +35,25 @@ CHANNELS: dict[str, Channel] = {
         Channel("depth", 1, "m", "heat", "distance along the view axis; +inf where the camera sees nothing"),
     )
 }
+
+
+class Filmic(NamedTuple):
+    """Hable's filmic curve (2010, "Filmic Tonemapping Operators"): f(scale·x)/f(white), per channel, clipped to 0..1.
+
+    f(x) = (x(ax + cb) + de)/(x(ax + b) + df) − e/f. With `scale` mid grey 0.18 stays 0.18 before sRGB, and radiance 9.1 is white.
+    """
+
+    a: float = 0.15
+    b: float = 0.50
+    c: float = 0.10
+    d: float = 0.20
+    e: float = 0.02
+    f: float = 0.30
+    white: float = 32.0
+    scale: float = 3.5170872
+
+
+FILMIC = Filmic()  # the shaders get these as FILMIC_A … FILMIC_SCALE: {f"FILMIC_{k.upper()}": v for k, v in FILMIC._asdict().items()}
 
 
 @dataclass(frozen=True)
