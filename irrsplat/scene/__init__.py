@@ -1,0 +1,49 @@
+"""Scenes from files, as plain numpy data: `load` reads every format, `bundled` names what is in the box; nothing of OpenGL."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from irrsplat import resources
+from irrsplat.errors import InputError
+from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
+from irrsplat.scene.reading import quote
+from irrsplat.scene.text import load_text
+
+__all__ = ["FORMATS", "Camera", "Light", "Material", "Mesh", "Scene", "bundled", "load"]
+
+FORMATS = (".scene", ".obj", ".ply", ".stl", ".glb", ".gltf")
+
+
+def bundled() -> tuple[str, ...]:
+    """The names of the bundled scenes, sorted; each lies in ``scenes/<name>/<name>.scene``."""
+    return tuple(sorted(path.stem for path in resources.folder("scenes").glob("*/*.scene") if path.stem == path.parent.name))
+
+
+def load(source: str | os.PathLike[str]) -> Scene:
+    """The scene at a path, or the bundled scene of that name, such as ``"cornell"``; a file that exists wins.
+
+    Reads `.scene` text and, as geometry with diffuse colours, `.obj`, `.ply`, `.stl`, `.glb` and `.gltf`. World space is
+    right-handed, in metres. Raises InputError, one line, for whatever is wrong with the file or the name.
+    """
+    path = Path(source)
+    try:
+        exists, folder = path.exists(), path.is_dir()
+    except (OSError, ValueError):  # a name that no file system takes
+        exists = folder = False
+    names = bundled()
+    if (folder or not exists) and os.fspath(source) in names:
+        return load_text(resources.folder("scenes") / path / f"{path}.scene")
+    if folder:
+        raise InputError("this is a directory; give a file in it", path)
+    if not exists:
+        raise InputError(f"there is no file {quote(os.fspath(source))}; the bundled scenes are {', '.join(names)}")
+    ending = path.suffix.lower()
+    if ending not in FORMATS:
+        raise InputError(f"unknown ending {quote(path.suffix)}; expected one of {' '.join(FORMATS)}", path)
+    if ending == ".scene":
+        return load_text(path)
+    from irrsplat.scene.assets import load_asset
+
+    return load_asset(path)
