@@ -52,8 +52,13 @@ class Filmic(NamedTuple):
     white: float = 32.0
     scale: float = 3.5170872
 
+    @property
+    def defines(self) -> dict[str, float]:
+        """FILMIC_A … FILMIC_SCALE, as the shaders have them."""
+        return {f"FILMIC_{name.upper()}": value for name, value in self._asdict().items()}
 
-FILMIC = Filmic()  # the shaders get these as FILMIC_A … FILMIC_SCALE: {f"FILMIC_{k.upper()}": v for k, v in FILMIC._asdict().items()}
+
+FILMIC = Filmic()
 
 
 @dataclass(frozen=True)
