@@ -1,0 +1,27 @@
+# The two commands of the README, and the pictures in it. Everything they need is set up in .venv by .ci/setup.
+.PHONY: demo test figures clean
+
+demo: .venv/.ready
+	mkdir -p out
+	.venv/bin/irrsplat render cornell-paper -o out/figures/ --stats out/figures.json
+	.venv/bin/irrsplat render cornell -o out/cornell.png
+	@echo "See out/figures/ (the paper's figures 1 to 6, and every buffer) and out/cornell.png"
+
+test: .venv/.ready-dev
+	.venv/bin/ruff check .
+	.venv/bin/ruff format --check .
+	.venv/bin/mypy
+	.venv/bin/python -m pytest -q
+
+figures: .venv/.ready
+	.venv/bin/python docs/readme.py
+	.venv/bin/python docs/figures.py
+
+.venv/.ready: pyproject.toml .ci/setup
+	sh .ci/setup
+
+.venv/.ready-dev: pyproject.toml .ci/setup
+	sh .ci/setup dev
+
+clean:
+	rm -rf .venv out build *.egg-info

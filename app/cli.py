@@ -1,0 +1,167 @@
+"""The command line: `irrsplat render`, `info`, `doctor` and `bench`, with one line for whatever goes wrong."""
+
+from __future__ import annotations
+
+import argparse
+import io
+import logging
+import os
+import sys
+import traceback
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from irrsplat.app import parser
+from irrsplat.errors import InputError, IrrsplatError
+
+if TYPE_CHECKING:
+    from irrsplat.scene.model import Camera, Scene
+
+INTERRUPTED = 130
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line `argv` (default: sys.argv) and return the exit status: 0, 1, 2 or 130, see DESIGN in the README."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")  # a terminal without UTF-8 is no reason to fail
+    debug = bool(os.environ.get("IRRSPLAT_DEBUG"))
+    try:
+        with _quiet_libraries(debug):
+            args = parser.parse(sys.argv[1:] if argv is None else argv)
+            status = _COMMANDS[args.command](args)
+            sys.stdout.flush()
+            return status
+    except SystemExit as done:  # --help, --version
+        return done.code if isinstance(done.code, int) else 0
+    except InputError as error:
+        return _fail(str(error), 2)
+    except IrrsplatError as error:
+        return _fail(str(error), 1)
+    except KeyboardInterrupt:
+        return _fail("interrupted; nothing more was written", INTERRUPTED)
+    except BrokenPipeError:  # `irrsplat info | head`: the reader has seen enough
+        with suppress(OSError, ValueError):
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    except Exception as error:
+        if debug:
+            traceback.print_exc()
+        return _fail(f"internal error: {type(error).__name__}: {error}; IRRSPLAT_DEBUG=1 shows where", 1)
+
+
+def _fail(message: str, status: int) -> int:
+    with suppress(OSError):
+        print("irrsplat:", " ".join(message.split()), file=sys.stderr, flush=True)
+    return status
+
+
+def render(args: argparse.Namespace) -> int:
+    """`irrsplat render`: a scene to files. Whatever can be checked before the work is checked before it."""
+    from irrsplat import output, settings
+
+    settings.preset(args.preset, **args.values)
+    buffers = None if args.buffers is None else [name.strip() for name in args.buffers.split(",")]
+    folders = [output.check_writable(path, buffers) == "" for path in args.output]
+    if args.stats is not None:
+        output.check_file(args.stats)
+
+    import irrsplat
+
+    scene = irrsplat.load(args.scene)
+    camera = _camera(args, scene)
+    with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, **args.values) as renderer:
+        for notice in scene.notices:
+            _say(f"notice: {notice}")
+        with _progress() as progress:
+            frame = renderer.render(camera, progress=progress, figures=any(folders))
+    stats = frame.stats
+    for path in args.output:
+        frame.save(path, buffers)
+    if args.stats is not None:
+        output.write_text(args.stats, output.stats_json(stats) + "\n")
+    if stats.get("interrupted"):
+        return _fail(f"interrupted in round {stats.get('rounds', 0) + 1}; the last completed one was written", INTERRUPTED)
+    if not stats.get("converged", True):
+        _say(f"notice: stopped after {stats.get('rounds')} rounds before every pixel was served; raise --max-rounds or --a")
+    return 0
+
+
+def info(args: argparse.Namespace) -> int:
+    """`irrsplat info`: what is in a scene, or the table of bundled ones."""
+    from irrsplat.app import report
+
+    report.scene(args.scene) if args.scene is not None else report.bundled()
+    return 0
+
+
+def doctor(args: argparse.Namespace) -> int:
+    """`irrsplat doctor`: what OpenGL there is; 1 where it is not enough."""
+    from irrsplat.app import report
+
+    return report.doctor()
+
+
+def bench(args: argparse.Namespace) -> int:
+    """`irrsplat bench`: the times."""
+    if args.json is not None:
+        from irrsplat.output import check_file
+
+        check_file(args.json)
+    from irrsplat.app import bench as benchmark
+
+    return benchmark.run(args.scenes, tuple(args.size), args.json)
+
+
+_COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {"render": render, "info": info, "doctor": doctor, "bench": bench}
+
+
+def _camera(args: argparse.Namespace, scene: Scene) -> Camera:
+    """The scene's camera of that name, with what the flags say in its place."""
+    camera = scene.camera(args.camera)
+    given: dict[str, Any] = {
+        name: tuple(value) if isinstance(value, list) else value
+        for name in ("eye", "target", "up", "fov")
+        if (value := getattr(args, name)) is not None
+    }
+    return replace(camera, **given) if given else camera
+
+
+def _say(line: str) -> None:
+    print(" ".join(line.split()), file=sys.stderr, flush=True)
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[Any], None] | None]:
+    """What is called after each round: a line that moves where stderr is a terminal, None where it is not."""
+    if not sys.stderr.isatty():
+        yield None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("round 0", total=1.0)
+
+        def show(state: Any) -> None:
+            bar.update(task, completed=float(state.coverage), description=f"round {state.round}: {state.records} records")
+
+        yield show
+
+
+@contextmanager
+def _quiet_libraries(debug: bool) -> Iterator[None]:
+    """Keep what libraries warn of away from stderr, which is ours: one line an error."""
+    with warnings.catch_warnings():
+        if not debug:
+            warnings.simplefilter("ignore")
+            logging.getLogger("trimesh").addHandler(logging.NullHandler())
+        yield
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,182 @@
+"""The command line's grammar: every flag with its range and default, the settings' from irrsplat.settings."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import re
+from collections.abc import Iterator, Sequence
+from typing import Any, NoReturn
+
+from irrsplat.errors import InputError
+from irrsplat.settings import PRESETS, SETTINGS, Declaration, Settings
+
+DEFAULT_SCENE = "cornell"
+_STAGES = ("shadow", "gather", "splat", "examine", "composite")  # the order of the frame
+
+
+class Parser(argparse.ArgumentParser):
+    """argparse with errors of one line (InputError), no abbreviations, and every spelling of a negative number."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(allow_abbrev=False, formatter_class=argparse.RawDescriptionHelpFormatter, **options)
+        # argparse's own pattern takes -1e-3 and -inf for flags
+        self._negative_number_matcher = re.compile(r"-\.?\d|-(inf|nan)", re.IGNORECASE)
+
+    def error(self, message: str) -> NoReturn:
+        """Raises InputError; main() prints it."""
+        raise InputError(f"{message}; see {self.prog} --help")
+
+
+def number(text: str) -> float:
+    """A finite number, for argparse."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"expected a finite number, not '{text}'")
+    return value
+
+
+def pixels(text: str) -> int:
+    """A side of an image, for argparse."""
+    if not re.fullmatch(r"\d{1,9}", text, re.ASCII) or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"expected a whole number of pixels, at least 1, not '{text}'")
+    return int(text)
+
+
+def parse(argv: Sequence[str]) -> argparse.Namespace:
+    """The checked command line: `command`, its arguments, and for render `values`, the settings given by flag.
+
+    Raises InputError, one line, for what is wrong with it; SystemExit(0) after --help and --version.
+    """
+    args = build().parse_args(list(_spelled_out(argv)))
+    if args.command == "render":
+        args.values = {
+            name: _value(d, text) for name, d in SETTINGS.items() if (text := getattr(args, "set_" + name)) is not None
+        }
+        _check_camera(args)
+    return args
+
+
+def build() -> Parser:
+    """The whole grammar."""
+    top = Parser(prog="irrsplat", description="Indirect light for diffuse scenes by irradiance cache splatting.")
+    top.add_argument("--version", action=_Version, help="print the version and exit")
+    commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True, parser_class=Parser)
+    _add_render(commands)
+
+    bench = commands.add_parser(
+        "bench", help="time it against the algorithm as published", description="Time the bundled scenes."
+    )
+    bench.add_argument("scenes", nargs="*", metavar="SCENE", help="paths, or names of bundled scenes (default: cornell-paper)")
+    _add_size(bench)
+    bench.add_argument("--json", metavar="FILE", help="write the results to this file as well")
+
+    info = commands.add_parser("info", help="what is in a scene", description="Say what is in a scene.")
+    info.add_argument("scene", nargs="?", metavar="SCENE", help="a path, or the name of a bundled scene (default: list those)")
+    commands.add_parser(
+        "doctor",
+        help="what OpenGL there is here, and what mends it",
+        description="Say what OpenGL there is here, and what mends it.",
+    )
+    return top
+
+
+def _add_render(commands: Any) -> None:
+    parser = commands.add_parser(
+        "render",
+        help="render a scene to files",
+        description="Render a scene, without a window, until no pixel asks for more records.",
+        epilog="A flag wins over the preset. Exit status: 0 done; 2 the command line or a file is wrong; 1 anything else; "
+        "130 interrupted\n(the last completed round is written).",
+    )
+    add = parser.add_argument
+    add("scene", nargs="?", metavar="SCENE", default=DEFAULT_SCENE, help="a path, or a bundled scene's name (default: cornell)")
+    add(
+        "-o", "--output", metavar="OUT", action="append", required=True,
+        help="may be repeated: .png (the picture), .exr (a float32 layer per buffer), .npz (all buffers, records and stats), "
+        "or a folder (a PNG per buffer, and the paper's figures)",
+    )  # fmt: skip
+    _add_size(parser)
+    add("--preset", metavar="NAME", choices=tuple(PRESETS), default="default", help=f"{', '.join(PRESETS)} (default: default)")
+    add("--buffers", metavar="NAME,…", help="only these buffers in .exr, .npz and folders (default: all)")
+    add("--stats", metavar="FILE.json", help="write records, rounds, times and settings to this file")
+    group = parser.add_argument_group("camera", "what is not given comes from the scene's camera")
+    group.add_argument("--camera", metavar="NAME", help="a camera of the scene by its name (default: its first)")
+    for flag, text in (("eye", "where it stands"), ("target", "the point that it looks at"), ("up", "what is up")):
+        group.add_argument(f"--{flag}", nargs=3, type=number, metavar=("X", "Y", "Z"), help=f"{text}, world space")
+    group.add_argument("--fov", type=number, metavar="DEG", help="vertical field of view, between 0 and 180 degrees")
+    for stage in _STAGES:
+        group = parser.add_argument_group(f"settings of {stage}")
+        for declaration in SETTINGS.values():
+            if declaration.stage == stage:
+                _add_setting(group, declaration)
+
+
+def _add_size(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--size", nargs=2, type=pixels, default=[800, 800], metavar=("W", "H"), help="image size in pixels (default: 800 800)"
+    )
+
+
+def _add_setting(group: Any, declaration: Declaration) -> None:
+    default = declaration.default
+    word = default if not isinstance(default, bool) else "on" if default else "off"
+    shown = f"{word:g}" if isinstance(word, float) else word
+    text = f"{declaration.help} ({declaration.range}; default: {shown})"
+    metavar = {"bool": "on|off", "choice": "WORD", "int": "N"}.get(declaration.kind, "X")
+    group.add_argument(declaration.flag, dest="set_" + declaration.name, metavar=metavar, help=text.replace("%", "%%"))
+
+
+def _spelled_out(argv: Sequence[str]) -> Iterator[str]:
+    """`argv` with "on" after every bare on|off flag, so that argparse never takes the SCENE behind one for its value."""
+    switches = {d.flag for d in SETTINGS.values() if d.kind == "bool"}
+    for i, word in enumerate(argv):
+        if word == "--":
+            yield from argv[i:]
+            return
+        yield word
+        following = argv[i + 1].lower() if i + 1 < len(argv) else ""
+        if word in switches and following not in ("on", "off"):
+            yield "on"
+
+
+def _value(declaration: Declaration, text: str) -> Any:
+    if declaration.name == "bounces" and (text == "all" or (text.isdecimal() and int(text) > Settings.bounces)):
+        raise InputError(f"--bounces {text}: only 0 and 1 are built yet; give one of them")
+    return declaration.parse(text)
+
+
+def _check_camera(args: argparse.Namespace) -> None:
+    """What a camera needs, as far as that can be said before the scene is there."""
+    if (args.eye is None) != (args.target is None):
+        raise InputError("--eye and --target go together; give both or neither")
+    if args.up is not None and args.eye is None:
+        raise InputError("--up needs --eye and --target; give them as well")
+    if args.eye is not None and args.camera is not None:
+        raise InputError("--camera and --eye are two different cameras; give one of them")
+    if args.fov is not None and not 0.0 < args.fov < 180.0:
+        raise InputError(f"--fov lies between 0 and 180 degrees, not {args.fov:g}")
+
+
+class _Version(argparse.Action):
+    """Prints the version; it is looked up only when asked for."""
+
+    def __init__(self, option_strings: Sequence[str], dest: str, **options: Any) -> None:
+        super().__init__(option_strings, dest, nargs=0, **options)
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
+        print(f"irrsplat {version()}")
+        parser.exit()
+
+
+def version() -> str:
+    """The installed version."""
+    from importlib import metadata
+
+    try:
+        return metadata.version("irrsplat")
+    except metadata.PackageNotFoundError:
+        return "(not installed)"

@@ -1,0 +1,60 @@
+"""Fills the README's tables from settings.py and buffers.py: `python docs/readme.py`; a test holds them current."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from irrsplat.buffers import CHANNELS
+from irrsplat.settings import PRESETS, SETTINGS
+
+README = Path(__file__).resolve().parent.parent / "README.md"
+
+
+def word(value: object) -> str:
+    """A setting's value as on the command line."""
+    if isinstance(value, bool):
+        return "on" if value else "off"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def table(head: tuple[str, ...], rows: list[tuple[str, ...]]) -> str:
+    """A Markdown table."""
+    lines = [head, tuple("---" for _ in head), *rows]
+    return "".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |\n" for line in lines)
+
+
+def settings() -> str:
+    """A row per setting."""
+    rows = [(f"`{d.flag}`", d.range, word(d.default), d.stage, d.help) for d in SETTINGS.values()]
+    return table(("flag", "range", "default", "stage", "what"), rows)
+
+
+def presets() -> str:
+    """A row per preset."""
+    rows = [
+        (f"`{name}`", ", ".join(f"`{SETTINGS[key].flag} {word(v)}`" for key, v in p.items()) or "–")
+        for name, p in PRESETS.items()
+    ]
+    return table(("preset", "differs from the defaults in"), rows)
+
+
+def buffers() -> str:
+    """A row per channel."""
+    rows = [(f"`{c.name}`", "H W 3" if c.components == 3 else "H W", c.unit, c.help) for c in CHANNELS.values()]
+    return table(("name", "shape", "unit", "what"), rows)
+
+
+def filled(text: str) -> str:
+    """`text` with each marked table made anew."""
+    for name, make in (("buffers", buffers), ("settings", settings), ("presets", presets)):
+        start = f"<!-- {name}: made by docs/readme.py -->\n"
+        text, count = re.subn(
+            f"({re.escape(start)}).*?(<!-- end -->)", lambda m, make=make: m[1] + make() + m[2], text, flags=re.S
+        )
+        assert count == 1, f"the README has no place for the table of {name}"
+    return text
+
+
+if __name__ == "__main__":
+    README.write_text(filled(README.read_text(encoding="utf-8")), encoding="utf-8")
