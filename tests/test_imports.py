@@ -1,0 +1,100 @@
+"""The floors of the house: a module imports only from floors below its own, and a pass never another pass."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+
+# top floor first; a name stands for itself and all that lies in it
+FLOORS = (
+    ("irrsplat.__main__",),
+    ("irrsplat.app",),
+    ("irrsplat",),  # the package's own front door, which hands out what lies below
+    ("irrsplat.renderer",),
+    ("irrsplat.paper",),
+    ("irrsplat.passes", "irrsplat.output"),
+    ("irrsplat.cache",),
+    ("irrsplat.scene", "irrsplat.gpu"),
+    ("irrsplat.display",),
+    ("irrsplat.buffers",),
+    ("irrsplat.settings",),
+    ("irrsplat.errors", "irrsplat.resources"),
+)
+OPENGL = ("moderngl", "glcontext", "OpenGL")
+WINDOWS = ("imgui_bundle", "imgui", "moderngl_window", "glfw", "pyglet")
+
+
+def sources() -> Iterator[tuple[str, Path]]:
+    """Every module of the distribution by its installed name."""
+    for folder, package in ((ROOT / "irrsplat", "irrsplat"), (ROOT / "app", "irrsplat.app")):
+        for path in sorted(folder.rglob("*.py")):
+            parts = path.relative_to(folder).with_suffix("").parts
+            yield ".".join((package, *(p for p in parts if p != "__init__"))), path
+
+
+MODULES = dict(sources())
+
+
+def imports(name: str, path: Path) -> Iterator[str]:
+    """The modules that `name` imports, anywhere in it, `from package import module` resolved."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{name}: relative import; write the whole name"
+            for alias in node.names:
+                whole = f"{node.module}.{alias.name}"
+                yield whole if whole in MODULES else str(node.module)
+
+
+def floor(name: str) -> int:
+    """The number of the floor that `name` lies on, the longest match first; the top floor is 0."""
+    found = [
+        (len(entry), i)
+        for i, entries in enumerate(FLOORS)
+        for entry in entries
+        if name == entry or (entry != "irrsplat" and name.startswith(entry + "."))
+    ]
+    assert found, f"{name} lies on no floor; add it to FLOORS"
+    return max(found)[1]
+
+
+def room(name: str) -> str:
+    """The subpackage, or the module itself, that `name` belongs to."""
+    return ".".join(name.split(".")[:2])
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_imports_run_down_only(name: str) -> None:
+    for imported in imports(name, MODULES[name]):
+        if imported.split(".")[0] in ("app", "shaders", "scenes", "tests"):
+            pytest.fail(f"{name} imports {imported}: write irrsplat.{imported}")
+        if imported.split(".")[0] == "irrsplat" and room(imported) != room(name):
+            assert floor(name) < floor(imported), f"{name} imports {imported}, which is not below it"
+
+
+@pytest.mark.parametrize("name", [n for n in MODULES if n.startswith("irrsplat.passes.")])
+def test_a_pass_never_imports_a_pass(name: str) -> None:
+    assert not [i for i in imports(name, MODULES[name]) if i.startswith("irrsplat.passes")]
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_who_may_know_opengl_and_windows(name: str) -> None:
+    roots = {imported.split(".")[0] for imported in imports(name, MODULES[name])}
+    if room(name) in ("irrsplat.scene", "irrsplat.output", "irrsplat.settings", "irrsplat.buffers", "irrsplat.display"):
+        assert not roots & set(OPENGL)
+    if room(name) != "irrsplat.app":
+        assert not roots & set(WINDOWS)
+
+
+@pytest.mark.parametrize("name", MODULES)
+def test_each_file_opens_with_a_sentence_and_fits_three_screens(name: str) -> None:
+    text = MODULES[name].read_text(encoding="utf-8")
+    if text.strip():
+        assert ast.get_docstring(ast.parse(text)), f"{name} does not say what it is"
+    assert text.count("\n") < 350, f"{name} is long; look for the second idea in it"
