@@ -66,28 +66,36 @@ class GBuffer:
     """What the eye sees, as RGBA32F textures of one size, bottom row first.
 
     position: xyz world space at the pixel's centre, w depth along the view axis (0 where nothing is seen).
-    normal: xyz shading normal turned to the camera, w unused. geometric: xyz the triangle's own normal, likewise.
-    albedo: rgb reflectance. emission: rgb emitted radiance.
+    normal: xyz shading normal turned to the camera, w the geometric normal's octahedral x.
+    albedo: rgb reflectance, w the geometric normal's octahedral y. emission: rgb emitted radiance.
     """
 
     position: Any
     normal: Any
-    geometric: Any
     albedo: Any
     emission: Any
 
 
 @dataclass(frozen=True)
 class ShadowMaps:
-    """Every light's depth tiles in one texture, and the table that finds them.
+    """Every light's depth tiles in one texture, and the table that finds them (shaders/lib/lights.glsl reads both).
 
-    depth: one DEPTH texture of tiles. table: RGBA32F texture of rows that shaders/lib/lights.glsl reads.
-    count: the number of lights.
+    depth: depth texture of all tiles. table: (8·lights, 4) float, eight rows a light (eight of zeros for none).
+    layout: a tile's side in texels, the tiles per row, and the near plane of the perspective ones in metres.
     """
 
     depth: Any
-    table: Any
-    count: int
+    table: np.ndarray
+    layout: tuple[float, float, float]
+
+    @property
+    def uniforms(self) -> dict[str, Any]:
+        """The uniforms that shaders/lib/lights.glsl declares."""
+        return {
+            "light_table": self.table,
+            "shadow_depth": self.depth,
+            "shadow_layout": self.layout,
+        }
 
 
 @dataclass(frozen=True)
@@ -96,3 +104,51 @@ class SplatBuffer:
 
     sums: Any
     weight: Any
+
+
+@dataclass(frozen=True)
+class Sites:
+    """Where records are to be made, numpy float32: `position`, shading `normal` and `geometric` normal, each (N, 3)."""
+
+    position: np.ndarray
+    normal: np.ndarray
+    geometric: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+    def __getitem__(self, rows: slice | np.ndarray) -> Sites:
+        return Sites(self.position[rows], self.normal[rows], self.geometric[rows])
+
+
+@dataclass(frozen=True)
+class Atlas:
+    """What a batch of records sees, a cell each: row-major cells of `cell` (width, height) texels, `columns` per row.
+
+    radiance: RGBA32F texture, rgb W/(m² sr), a distance in metres (0 where nothing was hit).
+    table: RGBA32F texture of one cell, xyz direction in the record's frame (tangent, bitangent, normal), w cosθ·dω.
+    geometric: RGBA32F texture, texel (i, 0) the geometric normal of record i in its own frame.
+    count: the number of records. block: the texels that the first reduction step sums at once, as (width, height).
+    """
+
+    radiance: Any
+    table: Any
+    geometric: Any
+    count: int
+    columns: int
+    cell: tuple[int, int]
+    block: tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Records:
+    """The cache on the GPU, RGBA32F textures of `columns` texels a row; record i is texel (i % columns, i // columns).
+
+    position: xyz world. normal: xyz world. irradiance: rgb E in W/m², w R_k in metres. count: how many there are.
+    """
+
+    position: Any
+    normal: Any
+    irradiance: Any
+    count: int
+    columns: int

@@ -90,7 +90,7 @@ class Settings:
 
     # the order of the stages is the order of the frame
     shadow_size: int = _declare(
-        512, "int", "shadow", "side of one shadow map tile; a point light has six", low=16, high=4096, unit="texels"
+        1024, "int", "shadow", "side of one shadow map tile; a point light has six", low=16, high=4096, unit="texels"
     )
     seed: int = _declare(0, "int", "gather", "seed of all that is random; equal seeds, equal bits", low=0, high=2**31 - 1)
     bounces: int = _declare(1, "int", "gather", "indirect bounces; 0 is direct light only", low=0, high=1)

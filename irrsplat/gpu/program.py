@@ -1,0 +1,152 @@
+"""A GPU program that is called like a function: its uniform declarations are the names of its arguments."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from irrsplat.gpu import shaders
+from irrsplat.gpu.geometry import Geometry
+from irrsplat.gpu.target import Target
+
+DEPTH_CLAMP = 0x864F
+CLIP_DISTANCE0 = 0x3000
+
+
+@dataclass(frozen=True)
+class State:
+    """All the fixed-function state of one draw; whatever is not named is off.
+
+    depth: "<=" or None. blend: "add" or None. cull: "front", "back" or None.
+    clamp: depth clamp, so that no near plane clips. clips: how many gl_ClipDistance planes are on.
+    """
+
+    depth: str | None = None
+    blend: str | None = None
+    cull: str | None = None
+    clamp: bool = False
+    clips: int = 0
+
+
+class Program:
+    """`Program(ctx, "gbuffer")` links shaders/gbuffer.vert and .frag; a call draws into a target.
+
+    Every uniform that the shaders declare must be given by name (samplers take textures), and no other; else TypeError.
+    """
+
+    def __init__(
+        self, ctx: moderngl.Context, fragment: str, vertex: str | None = None, defines: Mapping[str, object] | None = None
+    ) -> None:
+        self.ctx = ctx
+        self.name = fragment
+        sources = [shaders.load(f"{vertex or fragment}.vert", defines), shaders.load(f"{fragment}.frag", defines)]
+        self.uniforms = {name: kind for source in sources for name, kind in source.uniforms.items()}
+        try:
+            self.gl = ctx.program(vertex_shader=sources[0].text, fragment_shader=sources[1].text)
+        except moderngl.Error as error:
+            log = str(error)
+            guilty = sources[0] if "vertex_shader" in log.lower().replace(" ", "_") else sources[1]
+            raise shaders.ShaderError(shaders.explain(log, guilty)) from error
+        self.active = set(self.gl)
+        samplers = [name for name, kind in self.uniforms.items() if "sampler" in kind]
+        self.units = {name: unit for unit, name in enumerate(samplers)}
+        for name in self.units.keys() & self.active:
+            self.gl[name].value = self.units[name]  # type: ignore[union-attr]
+        self._arrays: dict[tuple[int, int], moderngl.VertexArray] = {}
+        self._kept: list[Any] = []  # what the arrays were made of, so that no id is used twice
+
+    def __call__(
+        self,
+        target: Target,
+        *,
+        state: State = State(),
+        geometry: Geometry | None = None,
+        instances: int = 1,
+        instance_data: tuple[moderngl.Buffer, str, tuple[str, ...]] | None = None,
+        part: str = "all",
+        vertices: int = 3,
+        strip: bool = False,
+        viewport: tuple[int, int, int, int] | None = None,
+        scissor: tuple[int, int, int, int] | None = None,
+        **uniforms: Any,
+    ) -> None:
+        """Draw `geometry` (its `part`), or `vertices` numbered by gl_VertexID (default: the triangle that fills the target).
+
+        instance_data: a buffer, its moderngl format, and the attributes' names, advanced once per instance.
+        viewport, scissor: (x, y, width, height) in pixels; default the whole target, and none.
+        """
+        if uniforms.keys() != self.uniforms.keys():
+            missing, unknown = self.uniforms.keys() - uniforms.keys(), uniforms.keys() - self.uniforms.keys()
+            raise TypeError(f"program '{self.name}': missing uniforms {sorted(missing)}, unknown uniforms {sorted(unknown)}")
+        for name in uniforms.keys() & self.active:
+            value = uniforms[name]
+            if name in self.units:
+                value.use(self.units[name])
+            elif isinstance(value, np.ndarray) and value.ndim == 2:
+                uniform = self.gl[name]
+                # a matrix is column-major there; an array may end where the compiler saw its last use
+                rows = value.T if self.uniforms[name].startswith("mat") else value[: uniform.array_length]  # type: ignore[union-attr]
+                uniform.write(rows.astype("f4").tobytes())  # type: ignore[union-attr]
+            else:
+                self.gl[name].value = tuple(value) if isinstance(value, np.ndarray) else value  # type: ignore[union-attr]
+        target.use(viewport, scissor)
+        self._apply(state)
+        array = self._array(geometry, instance_data)
+        if geometry is None:
+            mode = moderngl.TRIANGLE_STRIP if strip else moderngl.TRIANGLES
+            array.render(mode, vertices=vertices, instances=instances)
+        else:
+            first, count = geometry.parts[part]
+            if count and instances:
+                array.render(moderngl.TRIANGLES, vertices=count, first=first, instances=instances)
+        for i in range(state.clips):
+            self.ctx.disable_direct(CLIP_DISTANCE0 + i)
+        if state.clamp:
+            self.ctx.disable_direct(DEPTH_CLAMP)
+
+    def _apply(self, state: State) -> None:
+        ctx = self.ctx
+        flags = (moderngl.DEPTH_TEST if state.depth else 0) | (moderngl.BLEND if state.blend else 0)
+        ctx.enable_only(flags | (moderngl.CULL_FACE if state.cull else 0))
+        if state.depth:
+            ctx.depth_func = state.depth
+        if state.blend:
+            ctx.blend_equation = moderngl.FUNC_ADD
+            ctx.blend_func = moderngl.ONE, moderngl.ONE
+        if state.cull:
+            ctx.front_face = "ccw"
+            ctx.cull_face = state.cull
+        if state.clamp:
+            ctx.enable_direct(DEPTH_CLAMP)
+        for i in range(state.clips):
+            ctx.enable_direct(CLIP_DISTANCE0 + i)
+
+    def _array(self, geometry: Geometry | None, instance_data: Any) -> moderngl.VertexArray:
+        key = (id(geometry), id(instance_data[0]) if instance_data else 0)
+        if key not in self._arrays:
+            content: list[Any] = []
+            if geometry is not None:
+                content.append(self._content(geometry.vertices, geometry.FORMAT, geometry.ATTRIBUTES))
+            if instance_data is not None:
+                content.append(self._content(*instance_data))
+            index = None if geometry is None else geometry.indices
+            self._arrays[key] = self.ctx.vertex_array(self.gl, content, index, skip_errors=True)
+            self._kept += [geometry, instance_data]
+        return self._arrays[key]
+
+    def _content(self, buffer: moderngl.Buffer, formats: str, names: tuple[str, ...]) -> tuple[Any, ...]:
+        """moderngl's (buffer, format, names…), attributes that the compiler removed skipped as padding."""
+        words, rate = (formats[:-2].split(), "/i") if formats.endswith("/i") else (formats.split(), "")
+        used = [name in self.active for name in names]
+        padded = [w if u else f"{int(w[:-1]) * 4}x" for w, u in zip(words, used, strict=True)]
+        return (buffer, " ".join(padded) + rate, *(n for n, u in zip(names, used, strict=True) if u))
+
+    def release(self) -> None:
+        """Free the program and its vertex arrays."""
+        for array in self._arrays.values():
+            array.release()
+        self.gl.release()

@@ -1,0 +1,79 @@
+"""Textures to draw into: a set of float attachments, and a depth buffer where asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import moderngl
+import numpy as np
+
+
+def float_texture(ctx: moderngl.Context, size: tuple[int, int], components: int = 4) -> moderngl.Texture:
+    """A float32 texture of `size` (width, height), read by texelFetch: no filter, no repeat."""
+    texture = ctx.texture(size, components, dtype="f4")
+    texture.filter = moderngl.NEAREST, moderngl.NEAREST
+    texture.repeat_x = texture.repeat_y = False
+    return texture
+
+
+def table_texture(ctx: moderngl.Context, rows: np.ndarray) -> moderngl.Texture:
+    """An RGBA32F texture that holds `rows` (R, C, 4): texel (c, r) is rows[r, c]."""
+    rows = np.ascontiguousarray(rows, "f4")
+    texture = float_texture(ctx, (rows.shape[1], rows.shape[0]))
+    texture.write(rows.tobytes())
+    return texture
+
+
+def depth_texture(ctx: moderngl.Context, size: tuple[int, int]) -> moderngl.Texture:
+    """A depth texture of `size` that is read as plain numbers by texelFetch (no comparison)."""
+    texture = ctx.depth_texture(size)
+    texture.compare_func = ""
+    texture.filter = moderngl.NEAREST, moderngl.NEAREST
+    texture.repeat_x = texture.repeat_y = False
+    return texture
+
+
+class Target:
+    """A framebuffer that owns its textures: `textures` in the order of the shader's outputs, `depth` or None."""
+
+    def __init__(
+        self,
+        ctx: moderngl.Context,
+        size: tuple[int, int],
+        components: Sequence[int] = (),
+        depth: bool = False,
+        textures: Sequence[moderngl.Texture] | None = None,
+        depth_attachment: moderngl.Texture | None = None,
+    ) -> None:
+        self.size = size
+        self._owned = textures is None
+        self.textures = [float_texture(ctx, size, n) for n in components] if textures is None else list(textures)
+        self.depth = depth_attachment or (depth_texture(ctx, size) if depth else None)
+        self.gl = ctx.framebuffer(self.textures, self.depth)
+
+    def use(self, viewport: tuple[int, int, int, int] | None = None, scissor: tuple[int, int, int, int] | None = None) -> None:
+        """Bind for drawing, with the whole area as viewport unless another is given, and scissored where asked for."""
+        self.gl.viewport = viewport or (0, 0, *self.size)
+        self.gl.scissor = scissor  # type: ignore[assignment]
+        self.gl.color_mask = (True,) * 4 if len(self.textures) == 1 else ((True,) * 4,) * len(self.textures)  # type: ignore[assignment]
+        self.gl.depth_mask = True
+        self.gl.use()
+
+    def clear(self, value: float = 0.0, depth: float = 1.0) -> None:
+        """Fill every attachment with `value`, and the depth buffer with `depth`."""
+        self.use()
+        self.gl.clear(value, value, value, value, depth=depth)
+
+    def read(self, attachment: int = 0) -> np.ndarray:
+        """The attachment as (H, W, C) float32, top row first; C is 1 for a scalar texture too."""
+        texture = self.textures[attachment]
+        data = np.frombuffer(texture.read(), "f4").reshape(self.size[1], self.size[0], texture.components)
+        return data[::-1]
+
+    def release(self) -> None:
+        """Free the framebuffer and the textures that it made."""
+        self.gl.release()
+        for texture in self.textures if self._owned else ():
+            texture.release()
+        if self.depth is not None and self._owned:
+            self.depth.release()

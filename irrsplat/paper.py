@@ -1,0 +1,147 @@
+"""The seed paper's algorithm as published (Jones 2010), one record at a time: the baseline of every comparison.
+
+Kept as it was: random warm-up records, a single plane of 150° per record, one blocking read-back and a sum on the CPU for
+each, a traversal of the splat buffer in scan order with the new records' weights splatted on the CPU, a kernel that is
+cut off at 1/a. Mended, since the program did not do what its formulas say: the plane's coordinates, the distances
+(true ones, weighted by cosθ·dω), the threshold (Σw against 1/a, not a), black records and the background, the splat's
+bounding quad, and shadow maps drawn once.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from irrsplat.buffers import GBuffer, ShadowMaps, Sites
+from irrsplat.gpu.geometry import Geometry
+from irrsplat.passes.examine import octahedral_decode
+from irrsplat.passes.gather import GatherPass, hemisphere_table
+from irrsplat.scene.model import Camera
+from irrsplat.settings import Settings
+
+
+@dataclass(frozen=True)
+class Seen:
+    """The g-buffer on the CPU, top row first: position, normal, geometric (H, W, 3) and mask (H, W), True where a surface is."""
+
+    position: np.ndarray
+    normal: np.ndarray
+    geometric: np.ndarray
+    mask: np.ndarray
+
+    def site(self, row: int, column: int) -> Sites:
+        """The pixel as a place for one record."""
+        at = (slice(row, row + 1), column)
+        return Sites(self.position[at], self.normal[at], self.geometric[at])
+
+
+def read_back(gbuffer: GBuffer) -> Seen:
+    """Section 3.2: the visible points, their normals and materials are stored on the CPU."""
+    position, normal, albedo = (
+        np.frombuffer(t.read(), "f4").reshape(t.height, t.width, 4)[::-1]
+        for t in (gbuffer.position, gbuffer.normal, gbuffer.albedo)
+    )
+    mask = position[..., 3] > 0.0
+    return Seen(position[..., :3], normal[..., :3], octahedral_decode(normal[..., 3], albedo[..., 3]), mask)
+
+
+class Recorder:
+    """Section 3.4: makes one record, by a picture of the scene seen from it and a sum on the CPU."""
+
+    def __init__(
+        self, gather: GatherPass, geometry: Geometry, shadows: ShadowMaps, sky: tuple[float, float, float], diagonal: float
+    ) -> None:
+        self.gather, self.geometry, self.shadows = gather, geometry, shadows
+        self.sky = np.asarray(sky, "f4")
+        self.diagonal = diagonal
+        self.table = hemisphere_table(gather.kind, gather.side)
+
+    def __call__(self, site: Sites) -> np.ndarray:
+        """(4,): E = Σ L·ΔA/(1+x²+y²)² in W/m² and R_k, the harmonic mean distance in metres."""
+        atlas = self.gather(self.geometry, self.shadows, site, 0, 0)
+        width, height = atlas.cell
+        seen = np.frombuffer(atlas.radiance.read(), "f4").reshape(height, width, 4)
+        share = self.table[..., 3]  # cosθ·dω, which on the plane at distance 1 is ΔA/(1+x²+y²)²
+        hit = seen[..., 3] > 0.0
+        E = np.einsum("ij,ijc->c", share, np.where(hit[..., None], seen[..., :3], self.sky))
+        inverse = (share[hit] / seen[..., 3][hit]).sum()
+        R = min(share.sum() / inverse, self.diagonal) if inverse > 0.0 else self.diagonal
+        return np.array([*E, R], "f4")
+
+
+def warm_up(seen: Seen, record: Recorder, settings: Settings) -> tuple[Sites, np.ndarray]:
+    """Step 1: records at visible pixels chosen at random; their sites and (N, 4) values E, R."""
+    pixels = np.argwhere(seen.mask)
+    chosen = np.random.default_rng(settings.seed).permutation(len(pixels))[: settings.warmup]
+    sites = [seen.site(row, column) for row, column in pixels[chosen]]
+    return _join(sites), np.array([record(site) for site in sites], "f4").reshape(-1, 4)
+
+
+def traverse(
+    seen: Seen, weight: np.ndarray, record: Recorder, camera: Camera, settings: Settings
+) -> tuple[Sites, np.ndarray, float]:
+    """Step 3: the pixels in scan order; where Σw (H, W) is too low a record is made, and its weight splatted on the CPU.
+
+    Returns the new records' sites, their (N, 4) values E, R, and the share of the seen pixels that lacked one at first.
+    """
+    weight = weight.copy()
+    sites, values = [], []
+    missing = (seen.mask & (weight < settings.threshold)).sum() / max(seen.mask.sum(), 1)
+    for row in range(len(weight)):
+        column = 0
+        while True:
+            asking = seen.mask[row, column:] & (weight[row, column:] < settings.threshold)
+            column += int(asking.argmax()) if asking.any() else len(asking)
+            if column == weight.shape[1]:
+                break
+            site = seen.site(row, column)
+            values.append(record(site))
+            sites.append(site)
+            splat_weight(weight, seen, site, float(values[-1][3]), camera, settings)
+            column += 1
+    return _join(sites), np.array(values, "f4").reshape(-1, 4), float(missing)
+
+
+def splat_weight(weight: np.ndarray, seen: Seen, site: Sites, R: float, camera: Camera, settings: Settings) -> None:
+    """Section 3.5.2: add a record's w to the CPU's copy of the weights, in the box of pixels that bounds its sphere."""
+    height, width = weight.shape
+    p_k, n_k, a = site.position[0], site.normal[0], np.float32(settings.a)
+    d = float(np.linalg.norm(p_k - np.asarray(camera.eye)))
+    screen = 2.0 * math.tan(math.radians(camera.fov) / 2.0) / 100.0
+    r = max(settings.a * R, settings.radius_min * screen * d)
+    r = min(r, settings.radius_max * screen * d) if settings.radius_max > 0.0 else r
+    rows, columns = _box(p_k, r, camera, width, height)
+    apart = seen.position[rows, columns] - p_k
+    n = seen.normal[rows, columns]
+    cosine = n @ n_k
+    error = np.sqrt((apart * apart).sum(-1)) / np.float32(r / settings.a) + np.sqrt(np.maximum(0.0, 1.0 - cosine))
+    w = 1.0 / np.maximum(error, np.float32(1e-3))
+    speaks = seen.mask[rows, columns] & (w > 1.0 / a)
+    if settings.in_front:
+        speaks &= (cosine > 0.0) & ((apart * (n + n_k)).sum(-1) * 0.5 >= -0.05 * r / settings.a)
+    weight[rows, columns] += np.where(speaks, w, np.float32(0.0))
+
+
+def _box(centre: np.ndarray, r: float, camera: Camera, width: int, height: int) -> tuple[slice, slice]:
+    """The rows and columns of pixels (top row first) that a sphere may cover; all of them where it reaches the eye's plane."""
+    x, y, z = camera.axes @ (centre - np.asarray(camera.eye))
+    if -z <= r:
+        return slice(0, height), slice(0, width)
+    f = 0.5 * height / math.tan(math.radians(camera.fov) / 2.0)  # pixels
+
+    def span(lateral: float, size: int) -> tuple[int, int]:
+        # the sphere's tangents in the plane of this axis and the view axis
+        half = math.asin(min(1.0, r / math.hypot(lateral, z)))
+        angle = math.atan2(lateral, -z)
+        low, high = (f * math.tan(max(-1.57, min(1.57, t))) + 0.5 * size for t in (angle - half, angle + half))
+        return max(0, math.floor(low) - 1), max(0, min(size, math.ceil(high) + 1))
+
+    (left, right), (bottom, top) = span(x, width), span(y, height)
+    return slice(max(0, height - top), height - min(bottom, height)), slice(left, right)
+
+
+def _join(sites: list[Sites]) -> Sites:
+    empty = np.zeros((0, 3), "f4")
+    return Sites(*(np.concatenate([empty, *(getattr(s, k) for s in sites)]) for k in ("position", "normal", "geometric")))

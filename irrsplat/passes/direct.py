@@ -1,0 +1,24 @@
+"""Direct light from the eye, shadow mapped and antialiased by dithered samples (Jones 2010, section 2.4)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import moderngl
+
+from irrsplat.buffers import GBuffer, ShadowMaps
+from irrsplat.gpu.program import Program
+from irrsplat.gpu.target import Target
+
+
+class DirectPass:
+    """Draws the direct outgoing radiance of a view of `size` (width, height)."""
+
+    def __init__(self, ctx: moderngl.Context, size: tuple[int, int], lights: Mapping[str, int]) -> None:
+        self.program = Program(ctx, "direct", "lib/fullscreen", lights)
+        self.target = Target(ctx, size, (4,))
+
+    def __call__(self, gbuffer: GBuffer, shadows: ShadowMaps) -> moderngl.Texture:
+        """ρ/π·E_direct as an RGBA32F texture, this pass's own."""
+        self.program(self.target, position=gbuffer.position, normal=gbuffer.normal, albedo=gbuffer.albedo, **shadows.uniforms)
+        return self.target.textures[0]

@@ -1,0 +1,100 @@
+"""The examination: finds pixels that no record speaks for, and chooses where to make records (Jones 2010, section 2.3).
+
+The screen is cut into tiles of a hundredth of its height, whose worst served pixels come back as one small table; from
+that, sites are chosen coarse to fine, so that those of one round lie apart.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+
+from irrsplat.buffers import GBuffer, Sites, SplatBuffer
+from irrsplat.gpu.program import Program
+from irrsplat.gpu.target import Target
+
+_TILES = 100  # along the image's height
+
+
+@dataclass(frozen=True)
+class Examination:
+    """A round's finding, per tile (h, w): `asking` and `seen` pixels, and the worst served pixel as a site (h, w, 3)."""
+
+    asking: np.ndarray
+    seen: np.ndarray
+    position: np.ndarray
+    normal: np.ndarray
+    geometric: np.ndarray
+
+    @property
+    def missing(self) -> float:
+        """The share of the pixels that see anything which ask for a record, 0..1."""
+        return float(self.asking.sum(dtype=float) / max(self.seen.sum(dtype=float), 1.0))
+
+    def at(self, tiles: tuple[np.ndarray, np.ndarray]) -> Sites:
+        """The sites of the given tiles (rows, columns)."""
+        return Sites(self.position[tiles], self.normal[tiles], self.geometric[tiles])
+
+
+class ExaminePass:
+    """Looks for pixels with too little weight in a view of `size` (width, height)."""
+
+    def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
+        self.side = max(2, size[1] // _TILES)  # pixels
+        self.program = Program(ctx, "examine", "lib/fullscreen")
+        self.target = Target(ctx, (-(-size[0] // self.side), -(-size[1] // self.side)), (4, 4, 4))
+
+    def __call__(self, gbuffer: GBuffer, splats: SplatBuffer, tolerance: float, seed: int) -> Examination:
+        """Every tile's count of pixels whose Σw is below `tolerance`, and the worst of them."""
+        self.program(
+            self.target,
+            position=gbuffer.position,
+            normal=gbuffer.normal,
+            albedo=gbuffer.albedo,
+            weight=splats.weight,
+            side=self.side,
+            tolerance=tolerance,
+            seed=seed,
+        )
+        position, normal, rest = (self.target.read(i) for i in range(3))
+        geometric = octahedral_decode(normal[..., 3], rest[..., 0])
+        return Examination(position[..., 3], rest[..., 2], position[..., :3], normal[..., :3], geometric)
+
+
+def octahedral_decode(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """The unit vectors (..., 3) that shaders/lib/octahedral.glsl encoded as x and y."""
+    z = 1.0 - np.abs(x) - np.abs(y)
+    fold = np.maximum(-z, 0.0)
+    v = np.stack([x - np.copysign(fold, x), y - np.copysign(fold, y), z], axis=-1)
+    return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-30)
+
+
+def spacing(round: int, reach: float) -> tuple[int, int]:
+    """The spacing in tiles, and the colour of the chess board (-1: both), of a view's round 0, 1, 2, …
+
+    From squares as wide as the farthest reach of a record (`reach`, in tiles) down to single tiles, two rounds each.
+    """
+    levels = max(int(math.log2(max(reach, 1.0))), 0)
+    level = round // 2
+    return (2 ** (levels - level), round % 2) if level < levels else (1, -1)
+
+
+def choose(asking: np.ndarray, spacing: int, phase: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """At most one asking tile in every other square of `spacing` tiles: (rows, columns).
+
+    The squares are taken like the fields of a chess board, `phase` 0 or 1 the colour (-1: both); of a square, a tile
+    drawn at random asks.
+    """
+    height, width = asking.shape
+    rows, columns = np.nonzero(asking > 0)
+    squares = (rows // spacing) * -(-width // spacing) + columns // spacing
+    if phase >= 0:
+        mine = (rows // spacing + columns // spacing) % 2 == phase
+        rows, columns, squares = rows[mine], columns[mine], squares[mine]
+    order = np.random.default_rng((seed, spacing, phase + 1)).permutation(height * width)[rows * width + columns]
+    pick = np.lexsort((order, squares))
+    _, first = np.unique(squares[pick], return_index=True)
+    return rows[pick[first]], columns[pick[first]]

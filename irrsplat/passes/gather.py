@@ -1,0 +1,158 @@
+"""The gather: what many records see at once, drawn by one instanced draw into an atlas (Jones 2010, section 3.4).
+
+`raster` sees the whole hemisphere as a hemicube, one full face and four half ones; `plane` is the paper's single plane.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import moderngl
+import numpy as np
+
+from irrsplat.buffers import Atlas, ShadowMaps, Sites
+from irrsplat.gpu.geometry import Geometry
+from irrsplat.gpu.program import Program, State
+from irrsplat.gpu.target import Target, float_texture, table_texture
+
+PLANE_FIELD = 150.0  # degrees, the paper's single plane
+OFFSET = 1e-4  # of the scene's diagonal: how far a record looks from above its surface, and its near plane
+_ATLAS_TEXELS = 3 << 20  # texels of an atlas at most, 64 MiB with its depth
+_GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
+_SUPERSAMPLES = 8  # per side of a texel, for its share of the hemisphere
+
+# A face as rows x, y, w in the record's frame (tangent, bitangent, normal): it sees |x|, |y| <= w.
+# The half faces look sideways and use the upper half of their field alone: y = 2·normal - w runs from -w to w there.
+_T, _B, _N = np.eye(3)
+_HEMICUBE = np.array([[_T, _B, _N], *([x, 2 * _N - w, w] for x, w in ((_B, _T), (_B, -_T), (_T, _B), (_T, -_B)))])
+_HEMICUBE_CELLS = np.array([[0, 0, 2, 2], [2, 0, 2, 1], [2, 1, 2, 1], [0, 2, 2, 1], [2, 2, 2, 1]])  # x y w h, half sides
+_PLANE = np.array([[_T / np.tan(np.radians(PLANE_FIELD / 2)), _B / np.tan(np.radians(PLANE_FIELD / 2)), _N]])
+_PLANE_CELLS = np.array([[0, 0, 2, 2]])
+
+
+def faces(kind: str) -> tuple[np.ndarray, np.ndarray]:
+    """The faces (F, 3, 3) of the gather `kind` ("raster" or "plane"), and their places (F, 4) in a cell, x y w h in half sides."""
+    return (_PLANE, _PLANE_CELLS) if kind == "plane" else (_HEMICUBE, _HEMICUBE_CELLS)
+
+
+def hemisphere_table(kind: str, side: int) -> np.ndarray:
+    """(H, W, 4) float64: each texel's unit direction in the record's frame, and the cosθ·dω that it stands for.
+
+    With d = F⁻¹(x, y, 1), dω = det(F⁻¹)·dx·dy/|d|³; a texel's share is the mean over a grid of points in it.
+    """
+    rows, cells = faces(kind)
+    half = side // 2
+    table = np.zeros((half * (cells[:, 1] + cells[:, 3]).max(), half * (cells[:, 0] + cells[:, 2]).max(), 4))
+    for face, (x0, y0, w, h) in zip(rows, cells * half, strict=True):
+        inverse = np.linalg.inv(face)
+
+        def directions(points: int, size: tuple[int, int], inverse: np.ndarray = inverse) -> np.ndarray:
+            x, y = (2.0 * (np.arange(n * points) + 0.5) / (n * points) - 1.0 for n in size)
+            grid = np.stack([*np.meshgrid(x, y), np.ones((len(y), len(x)))], axis=-1)
+            return grid @ inverse.T
+
+        fine = directions(_SUPERSAMPLES, (w, h))
+        density = abs(np.linalg.det(inverse)) * np.maximum(fine[..., 2], 0.0) / np.linalg.norm(fine, axis=-1) ** 4
+        mean = density.reshape(h, _SUPERSAMPLES, w, _SUPERSAMPLES).mean((1, 3))
+        centre = directions(1, (w, h))
+        table[y0 : y0 + h, x0 : x0 + w, :3] = centre / np.linalg.norm(centre, axis=-1, keepdims=True)
+        table[y0 : y0 + h, x0 : x0 + w, 3] = mean * 4.0 / (w * h)
+    return table
+
+
+def frames(normal: np.ndarray, number: np.ndarray, seed: int) -> np.ndarray:
+    """(N, 3, 3) rows tangent, bitangent, normal of unit normals (N, 3), turned by an angle that `number` (N,) and seed decide.
+
+    The turn trades aliasing that all records share for noise between them. The base frame is that of Duff et al. 2017,
+    "Building an Orthonormal Basis, Revisited".
+    """
+    x, y, z = normal.T.astype(float)
+    sign = np.copysign(1.0, z)
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    tangent = np.stack([1.0 + sign * x * x * a, sign * b, -sign * x], axis=-1)
+    bitangent = np.stack([b, sign + y * y * a, -y], axis=-1)
+    angle = (2.0 * np.pi * np.modf((number + 1.0) * _GOLDEN + seed * math.sqrt(2.0))[0])[:, None]
+    return np.stack(
+        [
+            np.cos(angle) * tangent + np.sin(angle) * bitangent,
+            np.cos(angle) * bitangent - np.sin(angle) * tangent,
+            normal.astype(float),
+        ],
+        axis=1,
+    )
+
+
+class GatherPass:
+    """Draws what records see: hemicubes or planes of `side` texels, for a scene of the given `diagonal` in metres.
+
+    lights: light_defines of the scene. capacity: how many records one call takes at most (default: what a 64 MiB atlas holds).
+    """
+
+    _FORMAT = "4f 4f 4f 4f 3f/i"
+    _ATTRIBUTES = ("face_x", "face_y", "face_w", "face_cell", "face_eye")
+
+    def __init__(self, ctx: moderngl.Context, kind: str, side: int, diagonal: float, lights: Mapping[str, int], capacity: int | None = None) -> None:
+        self.ctx = ctx
+        self.side = max(4, side // 4 * 4)  # so that four by four blocks fill a face
+        self.kind = kind
+        self.offset = OFFSET * diagonal
+        self.faces, cells = faces(kind)
+        self.cells = cells * (self.side // 2)
+        table = hemisphere_table(kind, self.side)
+        self.cell = (table.shape[1], table.shape[0])
+        self.table = table_texture(ctx, table)
+        self.program = Program(ctx, "gather", defines=lights)
+        limit = int(ctx.info["GL_MAX_TEXTURE_SIZE"])
+        texels = self.cell[0] * self.cell[1]
+        wanted = capacity or max(1, _ATLAS_TEXELS // texels)
+        self.columns = max(1, min(math.isqrt(wanted), limit // self.cell[0]))
+        self.capacity = self.columns * max(1, min(wanted // self.columns, limit // self.cell[1]))
+        self.target: Target | None = None
+        self.geometric = float_texture(ctx, (self.capacity, 1))
+        self.instances = ctx.buffer(reserve=self.capacity * len(self.faces) * 19 * 4, dynamic=True)
+
+    def __call__(self, geometry: Geometry, shadows: ShadowMaps, sites: Sites, first: int, seed: int) -> Atlas:
+        """What records at `sites` (at most `capacity`) see, the first of them being number `first` of the cache."""
+        if self.target is None:
+            rows = self.capacity // self.columns
+            self.target = Target(self.ctx, (self.columns * self.cell[0], rows * self.cell[1]), (4,), depth=True)
+        count = len(sites)
+        frame = frames(sites.normal, first + np.arange(count), seed)
+        self._write_geometric(frame, sites)
+        self.instances.write(self._instances(frame, sites).astype("f4").tobytes())
+        used = (0, 0, self.target.size[0], -(-count // self.columns) * self.cell[1])
+        self.target.use(scissor=used)
+        self.target.gl.clear(viewport=used)
+        self.program(
+            self.target,
+            geometry=geometry,
+            instances=count * len(self.faces),
+            instance_data=(self.instances, self._FORMAT, self._ATTRIBUTES),
+            state=State(depth="<", clamp=True, clips=4),
+            near=self.offset,
+            **shadows.uniforms,
+        )
+        block = (self.side // 4, self.side // 4)
+        return Atlas(self.target.textures[0], self.table, self.geometric, count, self.columns, self.cell, block)
+
+    def _write_geometric(self, frame: np.ndarray, sites: Sites) -> None:
+        local = np.zeros((len(sites), 4), "f4")
+        local[:, :3] = np.einsum("nij,nj->ni", frame, sites.geometric)
+        self.geometric.write(local.tobytes(), viewport=(0, 0, len(sites), 1))
+
+    def _instances(self, frame: np.ndarray, sites: Sites) -> np.ndarray:
+        """(N·F, 19): the rows face_x, face_y, face_w with their translation, face_cell and face_eye."""
+        assert self.target is not None
+        count, size = len(sites), np.asarray(self.target.size, float)
+        eye = sites.position.astype(float) + self.offset * sites.geometric
+        rows = np.einsum("fij,njk->nfik", self.faces, frame)
+        moved = -np.einsum("nfik,nk->nfi", rows, eye)
+        corner = np.stack([np.arange(count) % self.columns, np.arange(count) // self.columns], axis=-1) * self.cell
+        low = corner[:, None, :] + self.cells[None, :, :2]
+        half = self.cells[None, :, 2:] / size
+        cell = np.concatenate([(2.0 * low / size - 1.0) + half, np.broadcast_to(half, low.shape)], axis=-1)
+        matrix = np.concatenate([rows, moved[..., None]], axis=-1).reshape(count, len(self.faces), 12)
+        eyes = np.broadcast_to(eye[:, None, :], (*matrix.shape[:2], 3))
+        return np.concatenate([matrix, cell, eyes], axis=-1).reshape(-1, 19)

@@ -1,0 +1,40 @@
+"""The g-buffer: position, normals and material at every pixel's centre (Jones 2010, section 3.2)."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+
+from irrsplat.buffers import GBuffer
+from irrsplat.gpu.geometry import Geometry
+from irrsplat.gpu.program import Program, State
+from irrsplat.gpu.target import Target
+from irrsplat.scene.model import Camera, Scene
+
+_NEAR = 1e-6  # of the far distance: only the matrix has it, nothing is clipped there
+
+
+class GBufferPass:
+    """Draws the scene from the eye into four float textures of `size` (width, height)."""
+
+    def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
+        self.program = Program(ctx, "gbuffer")
+        self.target = Target(ctx, size, (4, 4, 4, 4), depth=True)
+
+    def __call__(self, scene: Scene, geometry: Geometry, camera: Camera) -> GBuffer:
+        """What `camera` sees; the textures are this pass's own, and hold until its next call."""
+        width, height = self.target.size
+        corners = np.array(np.meshgrid(*scene.bounds.T)).reshape(3, -1).T
+        eye = np.asarray(camera.eye, float)
+        far = 1.01 * float(np.linalg.norm(corners - eye, axis=1).max()) + 1e-3 * scene.diagonal
+        self.target.clear()
+        self.program(
+            self.target,
+            geometry=geometry,
+            state=State(depth="<", clamp=True),
+            clip_from_world=camera.clip_from_view(width / height, _NEAR * far, far) @ camera.view_from_world,
+            eye=eye,
+            forward=-camera.axes[2],
+            far=far,
+        )
+        return GBuffer(*self.target.textures)

@@ -1,0 +1,59 @@
+"""The reduction: from what a batch of records sees to their irradiance and harmonic mean distance, on the GPU.
+
+E = Σ L·cosθ·dω (Larsen and Christensen 2004), R = Σ cosθ·dω / Σ (cosθ·dω / r).
+"""
+
+from __future__ import annotations
+
+import moderngl
+
+from irrsplat.buffers import Atlas, Records
+from irrsplat.gpu.program import Program
+from irrsplat.gpu.target import Target
+
+
+class ReducePass:
+    """Sums the cells of an atlas, block by block and then record by record."""
+
+    def __init__(self, ctx: moderngl.Context) -> None:
+        self.ctx = ctx
+        self.blocks = Program(ctx, "reduce", "lib/fullscreen")
+        self.total = Program(ctx, "reduce_total", "lib/fullscreen")
+        self.target: Target | None = None
+
+    def __call__(self, atlas: Atlas, records: Records, first: int, sky: tuple[float, float, float], diagonal: float) -> None:
+        """Write E and R of the atlas's records into `records`, from number `first` on."""
+        size = atlas.radiance.width // atlas.block[0], atlas.radiance.height // atlas.block[1]
+        if self.target is None or self.target.size != size:
+            if self.target is not None:
+                self.target.release()
+            self.target = Target(self.ctx, size, (4, 2))
+        per_cell = atlas.cell[0] // atlas.block[0], atlas.cell[1] // atlas.block[1]
+        used = (0, 0, size[0], -(-atlas.count // atlas.columns) * per_cell[1])
+        self.blocks(
+            self.target,
+            scissor=used,
+            radiance=atlas.radiance,
+            table=atlas.table,
+            geometric=atlas.geometric,
+            cell=atlas.cell,
+            block=atlas.block,
+            columns=atlas.columns,
+            sky=sky,
+        )
+        row = first // records.columns
+        rows = (first + atlas.count - 1) // records.columns + 1 - row
+        out = Target(self.ctx, records.irradiance.size, textures=[records.irradiance])
+        self.total(
+            out,
+            scissor=(0, row, records.columns, rows),
+            sums=self.target.textures[0],
+            share=self.target.textures[1],
+            blocks=per_cell,
+            columns=atlas.columns,
+            first=first,
+            count=atlas.count,
+            record_columns=records.columns,
+            diagonal=diagonal,
+        )
+        out.release()

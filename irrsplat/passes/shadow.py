@@ -1,0 +1,53 @@
+"""Shadow maps: every light's view of the scene as tiles of one depth texture (Jones 2010, section 3.3)."""
+
+from __future__ import annotations
+
+import moderngl
+
+from irrsplat.buffers import ShadowMaps
+from irrsplat.errors import InputError
+from irrsplat.gpu.geometry import Geometry
+from irrsplat.gpu.program import Program, State
+from irrsplat.gpu.target import Target
+from irrsplat.lights import light_table
+from irrsplat.scene.model import Scene
+
+
+class ShadowPass:
+    """Draws the shadow maps of a scene's lights."""
+
+    def __init__(self, ctx: moderngl.Context) -> None:
+        self.ctx = ctx
+        self.program = Program(ctx, "shadow")
+        self.target: Target | None = None
+
+    def __call__(self, scene: Scene, geometry: Geometry, side: int) -> ShadowMaps:
+        """Every light's tiles, `side` texels square, and the table that lib/lights.glsl reads; InputError for too many lights."""
+        lights = light_table(scene, side)
+        limit = int(self.ctx.info["GL_MAX_TEXTURE_SIZE"])
+        columns = min(max(len(lights.tiles), 1), 8, max(limit // side, 1))
+        lines = -(-max(len(lights.tiles), 1) // columns)
+        if side * max(columns, lines) > limit:
+            raise InputError(f"{len(scene.lights)} lights need {len(lights.tiles)} shadow tiles of {side}: lower --shadow-size")
+        if self.target is not None:
+            self.target.release()
+        self.target = Target(self.ctx, (side * columns, side * lines), depth=True)
+        self.target.clear()
+        for i, (matrix, near) in enumerate(zip(lights.tiles, lights.near, strict=True)):
+            cell = (side * (i % columns), side * (i // columns), side, side)
+            # front faces are culled (the paper's cure for acne) where the far side of a closed mesh stands for it
+            for part, cull in (("closed", "front"), ("open", None)):
+                self.program(
+                    self.target,
+                    geometry=geometry,
+                    part=part,
+                    state=State(depth="<", cull=cull, clamp=True),
+                    viewport=cell,
+                    scissor=cell,
+                    tile_right=matrix[0],
+                    tile_up=matrix[1],
+                    tile_forward=matrix[2],
+                    tile_near=float(near),
+                )
+        near = float(lights.near.max(initial=0.0)) or 1.0  # all perspective tiles share one
+        return ShadowMaps(self.target.depth, lights.rows, (side, columns, near))

@@ -1,0 +1,51 @@
+"""Splatting: every record adds its share to the pixels that it speaks for (Jones 2010, sections 2.2 and 3.5)."""
+
+from __future__ import annotations
+
+import math
+
+import moderngl
+
+from irrsplat.buffers import GBuffer, Records, SplatBuffer
+from irrsplat.gpu.program import Program, State
+from irrsplat.gpu.target import Target
+from irrsplat.scene.model import Camera
+from irrsplat.settings import Settings
+
+
+class SplatPass:
+    """Adds records to a splat buffer of `size` (width, height)."""
+
+    def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
+        self.program = Program(ctx, "splat")
+        self.target = Target(ctx, size, (4, 1))
+
+    def clear(self) -> None:
+        """Start again from no records."""
+        self.target.clear()
+
+    def __call__(self, records: Records, first: int, gbuffer: GBuffer, camera: Camera, settings: Settings) -> SplatBuffer:
+        """Add the records from number `first` on, in their order; the sums are this pass's own textures."""
+        width, height = self.target.size
+        screen = 2.0 * math.tan(math.radians(camera.fov) / 2.0)  # image height at distance 1
+        self.program(
+            self.target,
+            vertices=4,
+            strip=True,
+            instances=records.count - first,
+            state=State(blend="add", clamp=True),
+            records_position=records.position,
+            records_normal=records.normal,
+            records_irradiance=records.irradiance,
+            record_columns=records.columns,
+            first=first,
+            clip_from_world=camera.clip_from_view(width / height, 1e-3, 1e3) @ camera.view_from_world,
+            eye=camera.eye,
+            a=settings.a,
+            reach=(settings.radius_min / 100.0 * screen, settings.radius_max / 100.0 * screen),
+            position=gbuffer.position,
+            normal=gbuffer.normal,
+            cut=settings.kernel == "cut",
+            in_front=settings.in_front,
+        )
+        return SplatBuffer(*self.target.textures)

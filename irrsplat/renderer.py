@@ -1,0 +1,333 @@
+"""The frame: shadows, g-buffer, then splat, examine and gather until every pixel is served, then direct and composite.
+
+This is the only place where the passes meet; read `Renderer.frame` first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, fields
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from irrsplat import paper
+from irrsplat.buffers import GBuffer, ShadowMaps, SplatBuffer
+from irrsplat.cache import RecordCache
+from irrsplat.errors import InputError
+from irrsplat.gpu import context
+from irrsplat.gpu.geometry import Geometry
+from irrsplat.gpu.timers import Timers
+from irrsplat.lights import light_defines
+from irrsplat.output import Frame
+from irrsplat.passes.composite import CompositePass
+from irrsplat.passes.direct import DirectPass
+from irrsplat.passes.examine import ExaminePass, choose, spacing
+from irrsplat.passes.gather import GatherPass
+from irrsplat.passes.gbuffer import GBufferPass
+from irrsplat.passes.reduce import ReducePass
+from irrsplat.passes.shadow import ShadowPass
+from irrsplat.passes.splat import SplatPass
+from irrsplat.scene.model import Camera, Scene
+from irrsplat.settings import Settings, preset
+
+
+@dataclass(frozen=True)
+class View:
+    """One round's picture as GPU handles, valid until the next round: what the viewer shows and `render` reads back."""
+
+    camera: Camera
+    gbuffer: GBuffer
+    direct: moderngl.Texture
+    splats: SplatBuffer
+    irradiance: moderngl.Texture
+    image: moderngl.Texture
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a render stands after a round: `records` in the cache, `new` among them, `coverage` of the seen pixels, 0..1."""
+
+    round: int
+    records: int
+    new: int
+    coverage: float
+
+
+class Renderer:
+    """Renders views of one scene and keeps the irradiance records that they asked for (METHOD: the persistent cache).
+
+    scene: what `irrsplat.load` returns. size: (width, height) in pixels. preset: a name of settings.PRESETS, and any
+    setting by name on top of it. ctx: a moderngl context to use (default: a new one without a window).
+    Raises InputError for a size or setting that cannot be, GLError where there is no OpenGL 3.3.
+    Use it in a `with` block, or call `release`, to free what it holds on the GPU.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        size: tuple[int, int] = (800, 800),
+        preset: str = "default",
+        ctx: moderngl.Context | None = None,
+        **settings: Any,
+    ) -> None:
+        self.scene = scene
+        self.settings: Settings = _preset(preset, **settings)
+        self.preset = preset
+        self.size = _checked(size)
+        self._owns_ctx = ctx is None
+        self.ctx = ctx or context.create()
+        self.about = context.describe(self.ctx)
+        if max(self.size) > self.about["max_texture_size"]:
+            raise InputError(
+                f"size {self.size[0]}x{self.size[1]} is beyond this OpenGL's limit of {self.about['max_texture_size']} pixels a side"
+            )
+        self.timers = Timers(self.ctx, self.about["software"], enabled=True)
+        self.geometry = upload(self.ctx, scene)
+        self.cache = RecordCache(self.ctx)
+        self.shadow_pass = ShadowPass(self.ctx)
+        self.gbuffer_pass = GBufferPass(self.ctx, self.size)
+        self.gather_pass = GatherPass(
+            self.ctx,
+            "plane" if self.settings.gather == "plane" else "raster",
+            self.settings.gather_size,
+            scene.diagonal,
+            light_defines(scene),
+            capacity=1 if self.settings.placement == "scan" else None,  # the paper: one at a time
+        )
+        self.reduce_pass = ReducePass(self.ctx)
+        self.splat_pass = SplatPass(self.ctx, self.size)
+        self.examine_pass = ExaminePass(self.ctx, self.size)
+        self.direct_pass = DirectPass(self.ctx, self.size, light_defines(scene))
+        self.composite_pass = CompositePass(self.ctx, self.size)
+        self._shadows: ShadowMaps | None = None
+        self._camera: Camera | None = None
+        self._gbuffer: GBuffer | None = None
+        self._direct: moderngl.Texture | None = None
+        self._splatted = 0  # how many of the cache's records the splat buffer holds
+        self._round = 0  # of this view
+
+    # ---- the frame -------------------------------------------------------------------------------------------------
+
+    def frame(self, camera: Camera | None = None) -> tuple[View, Progress]:
+        """One round: draw what the camera sees, splat what is new, and gather where nothing speaks for a pixel yet."""
+        progress = self._advance(camera or self.scene.camera())
+        return self._compose(), progress
+
+    def _advance(self, camera: Camera) -> Progress:
+        shadows = self._lit()
+        gbuffer = self._seen(camera)
+        splats = self._splat(gbuffer, camera)
+        if self.settings.bounces == 0:
+            return Progress(self._round, 0, 0, 1.0)
+        if self.settings.placement == "scan":
+            new, missing = self._scan(gbuffer, splats, shadows, camera)
+        else:
+            new, missing = self._ask(gbuffer, splats, shadows)
+        self._round += 1
+        return Progress(self._round, self.cache.count, new, 1.0 - missing)
+
+    def _lit(self) -> ShadowMaps:
+        """The shadow maps, drawn once: lights do not move."""
+        if self._shadows is None:
+            with self.timers("shadow"):
+                self._shadows = self.shadow_pass(self.scene, self.geometry, self.settings.shadow_size)
+        return self._shadows
+
+    def _seen(self, camera: Camera) -> GBuffer:
+        """The g-buffer, drawn again only for another camera."""
+        if self._gbuffer is None or camera != self._camera:
+            with self.timers("gbuffer"):
+                self._gbuffer = self.gbuffer_pass(self.scene, self.geometry, camera)
+            self._camera, self._direct, self._round = camera, None, 0
+            self._splatted = -1
+        return self._gbuffer
+
+    def _splat(self, gbuffer: GBuffer, camera: Camera) -> SplatBuffer:
+        """The splat buffer with every record of the cache in it; the sums are additive, so that only new ones are drawn."""
+        with self.timers("splat"):
+            if self._splatted < 0:
+                self.splat_pass.clear()
+                self._splatted = 0
+            splats = self.splat_pass(self.cache.records, self._splatted, gbuffer, camera, self.settings)
+        self._splatted = self.cache.count
+        return splats
+
+    def _ask(self, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps) -> tuple[int, float]:
+        """Examine the splat buffer and gather where it asks; how many records are new, and the share of pixels that lacked one."""
+        settings = self.settings
+        with self.timers("examine"):
+            found = self.examine_pass(gbuffer, splats, settings.threshold, settings.seed)
+            reach = settings.radius_max / 100.0 * self.size[1] / self.examine_pass.side
+            sites = found.at(choose(found.asking, *spacing(self._round, reach), settings.seed))
+        for start in range(0, len(sites), self.gather_pass.capacity):
+            batch = sites[start : start + self.gather_pass.capacity]
+            with self.timers("gather"):
+                atlas = self.gather_pass(self.geometry, shadows, batch, self.cache.count, settings.seed)
+            with self.timers("reduce"):
+                first = self.cache.append(batch)
+                self.reduce_pass(atlas, self.cache.records, first, self.scene.sky, self.scene.diagonal)
+        return len(sites), found.missing
+
+    def _scan(self, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps, camera: Camera) -> tuple[int, float]:
+        """The same by the paper's own algorithm: random warm-up records, then a traversal in scan order on the CPU."""
+        with self.timers("gbuffer"):
+            seen = paper.read_back(gbuffer)
+        recorder = paper.Recorder(self.gather_pass, self.geometry, shadows, self.scene.sky, self.scene.diagonal)
+        warm_up = self.cache.count == 0 and self.settings.warmup > 0
+        with self.timers("gather" if warm_up else "examine"):
+            if warm_up:
+                sites, values = paper.warm_up(seen, recorder, self.settings)
+                missing = 1.0
+            else:
+                weight = _pixels(splats.weight)[..., 0]
+                sites, values, missing = paper.traverse(seen, weight, recorder, camera, self.settings)
+        if len(sites):
+            self.cache.append(sites, values)
+        return len(sites), missing
+
+    def _compose(self) -> View:
+        """The picture from what there is: direct light, normalised indirect light, their blend."""
+        assert self._camera is not None and self._gbuffer is not None
+        gbuffer, splats = self._gbuffer, SplatBuffer(*self.splat_pass.target.textures)
+        if self._direct is None:
+            with self.timers("direct"):
+                self._direct = self.direct_pass(gbuffer, self._lit())
+        with self.timers("composite"):
+            irradiance = self.composite_pass.irradiance(splats, gbuffer, self._camera, self.settings)
+            image = self.composite_pass.image(irradiance, self._direct, gbuffer, self.scene.sky, self.settings.blend)
+        return View(self._camera, gbuffer, self._direct, splats, irradiance, image)
+
+    # ---- whole renders ---------------------------------------------------------------------------------------------
+
+    def converge(
+        self, camera: Camera | None = None, progress: Callable[[Progress], None] | None = None
+    ) -> tuple[View, dict[str, Any]]:
+        """Rounds until the examination finds nothing, or `max_rounds`; returns the view and its statistics.
+
+        progress is called after each round. Ctrl-C ends the rounds: the last whole one counts, "interrupted" is True.
+        """
+        camera = camera or self.scene.camera()
+        self.timers.clear()
+        stats = {"rounds": 0, "converged": False, "interrupted": False, "coverage": 0.0}
+        whole = self.cache.count
+        try:
+            while not stats["converged"] and stats["rounds"] < self.settings.max_rounds:
+                now = self._advance(camera)
+                whole = self.cache.count
+                stats["rounds"] += 1
+                stats["coverage"], stats["converged"] = now.coverage, now.new == 0
+                if progress is not None:
+                    progress(now)
+        except KeyboardInterrupt:
+            stats["interrupted"] = True
+            self.cache.truncate(whole)
+            self._splatted = -1
+        self._splat(self._seen(camera), camera)
+        return self._compose(), stats | {"records": self.cache.count}
+
+    def render(self, camera: Camera | None = None, progress: Callable[[Progress], None] | None = None) -> Frame:
+        """The view from `camera` (default: the scene's), refined until every pixel is served, as numpy arrays.
+
+        Records of earlier views are used again: only what is new is gathered. progress is called after each round with
+        round, records, new and coverage (0..1). Ctrl-C ends the rounds early: stats["converged"] is False then.
+        """
+        view, stats = self.converge(camera, progress)
+        settings = self.settings
+        exposure = self.composite_pass.exposure(view.image) if settings.exposure == "auto" else float(settings.exposure)
+        stats |= {
+            "stages_ms": self.timers.milliseconds(),
+            "clock": self.timers.clock,
+            "renderer": self.about["renderer"],
+            "version": self.about["version"],
+            "preset": self.preset,
+            "settings": asdict(settings),
+            "exposure": exposure,
+            "size": list(self.size),
+            "triangles": self.scene.triangles,
+            "scene": self.scene.name,
+        }
+        return self._read(view, stats)
+
+    def _read(self, view: View, stats: dict[str, Any]) -> Frame:
+        """Copies of every buffer, top row first, cleaned where nothing is seen."""
+        position, normal, albedo, emission = (_pixels(getattr(view.gbuffer, f.name)) for f in fields(GBuffer))
+        seen = position[..., 3:] > 0.0
+        rho = albedo[..., :3]
+        irradiance = _pixels(view.irradiance)[..., :3]
+        records = self.cache.read()
+        return Frame(
+            image=_own(_pixels(view.image)[..., :3]),
+            direct=_own(_pixels(view.direct)[..., :3]),
+            indirect=rho * irradiance / np.float32(np.pi),
+            irradiance=_own(irradiance),
+            emission=np.where(seen, emission[..., :3], np.asarray(self.scene.sky, "f4")),
+            weight=_own(_pixels(view.splats.weight)[..., 0]),
+            position=_own(position[..., :3]),
+            normal=_own(normal[..., :3]),
+            albedo=_own(rho),
+            depth=np.where(seen, position[..., 3:], np.float32(np.inf))[..., 0],
+            records_position=records["position"],
+            records_normal=records["normal"],
+            records_irradiance=records["irradiance"],
+            records_radius=records["radius"],
+            stats=stats,
+        )
+
+    def release(self) -> None:
+        """Free everything on the GPU, the context too where this renderer made it."""
+        if self._owns_ctx:
+            self.ctx.release()
+
+    def __enter__(self) -> Renderer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.release()
+
+
+def render(
+    scene: Scene, size: tuple[int, int] = (800, 800), camera: Camera | None = None, preset: str = "default", **settings: Any
+) -> Frame:
+    """One view of `scene`, headless, refined until every pixel is served; arguments and errors as `Renderer`."""
+    with Renderer(scene, size, preset, **settings) as renderer:
+        return renderer.render(camera)
+
+
+def upload(ctx: moderngl.Context, scene: Scene) -> Geometry:
+    """The scene's triangles in one geometry, those of closed meshes first."""
+    meshes = sorted(scene.meshes, key=lambda mesh: not mesh.closed)
+    vertices, faces, start = [np.zeros((0, 12), "f4")], [np.zeros((0, 3), "i4")], 0
+    for mesh in meshes:
+        rows = np.empty((len(mesh.positions), 12), "f4")
+        rows[:, 0:3], rows[:, 3:6] = mesh.positions, mesh.normals
+        rows[:, 6:9] = mesh.material.albedo if mesh.colors is None else mesh.colors
+        rows[:, 9:12] = mesh.material.emission
+        vertices.append(rows)
+        faces.append(mesh.faces + start)
+        start += len(rows)
+    closed = sum(len(mesh.faces) for mesh in meshes if mesh.closed)
+    return Geometry(ctx, np.concatenate(vertices), np.concatenate(faces), closed)
+
+
+_preset = preset  # Renderer's argument has the same name
+
+
+def _checked(size: tuple[int, int]) -> tuple[int, int]:
+    try:
+        width, height = (int(n) for n in size)
+    except (TypeError, ValueError):
+        raise InputError(f"size takes two whole numbers, width and height, not {size!r}") from None
+    if width < 1 or height < 1:
+        raise InputError(f"size must be at least 1x1 pixels, not {width}x{height}")
+    return width, height
+
+
+def _pixels(texture: moderngl.Texture) -> np.ndarray:
+    """A float texture as (H, W, C), top row first."""
+    return np.frombuffer(texture.read(), "f4").reshape(texture.height, texture.width, texture.components)[::-1]
+
+
+def _own(view: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(view) if view.base is None else view.copy()

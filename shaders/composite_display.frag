@@ -1,0 +1,12 @@
+// What the screen shows: exposure, a filmic curve, sRGB.
+#include "lib/display.glsl"
+
+uniform sampler2D image;
+uniform float exposure;  // stops
+
+layout(location = 0) out vec4 out_color;
+
+void main()
+{
+    out_color = vec4(display(texelFetch(image, ivec2(gl_FragCoord.xy), 0).rgb * exp2(exposure)), 1.0);
+}

@@ -1,0 +1,17 @@
+// The exposure meter: log luminance of a block of the image, and how many of its pixels are lit at all.
+uniform sampler2D image;
+uniform ivec2 block;
+
+layout(location = 0) out vec2 out_log;
+
+void main()
+{
+    ivec2 corner = ivec2(gl_FragCoord.xy) * block, end = min(corner + block, textureSize(image, 0));
+    out_log = vec2(0.0);
+    for (int y = corner.y; y < end.y; ++y)
+        for (int x = corner.x; x < end.x; ++x)
+        {
+            float Y = dot(texelFetch(image, ivec2(x, y), 0).rgb, vec3(0.2126, 0.7152, 0.0722));  // Rec. 709
+            if (Y > 0.0) out_log += vec2(log2(Y), 1.0);
+        }
+}

@@ -1,0 +1,31 @@
+// Position, normals and material of what each pixel sees at its centre.
+#include "lib/octahedral.glsl"
+#include "lib/surface.glsl"
+
+in vec3 v_position;
+in vec3 v_normal;
+in vec3 v_albedo;
+in vec3 v_emission;
+
+uniform vec3 eye;
+uniform vec3 forward;   // unit, the view axis
+uniform float far;      // metres, beyond the farthest corner of the scene
+
+layout(location = 0) out vec4 out_position;  // xyz, depth along the view axis (0: nothing seen)
+layout(location = 1) out vec4 out_normal;    // shading normal turned to the eye, geometric normal octahedral .x
+layout(location = 2) out vec4 out_albedo;    // reflectance, geometric normal octahedral .y
+layout(location = 3) out vec4 out_emission;
+
+void main()
+{
+    float depth = dot(v_position - eye, forward);
+    vec3 g = geometric_normal(v_position, eye, normalize(eye - v_position));
+    vec3 n = shading_normal(v_normal, g);
+    vec2 octahedral = octahedral_encode(g);
+    out_position = vec4(v_position, max(depth, 1e-30));
+    out_normal = vec4(n, octahedral.x);
+    out_albedo = vec4(v_albedo, octahedral.y);
+    out_emission = vec4(v_emission, 1.0);
+    // linear depth: equally fine near and far, whatever the scene's size
+    gl_FragDepth = depth / far;
+}

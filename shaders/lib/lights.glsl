@@ -1,0 +1,166 @@
+// Direct irradiance of the scene's delta lights, with their shadow maps; passes/shadow.py writes both textures.
+#include "lib/constants.glsl"
+
+// LIGHTS is how many there are, the other LIGHTS_… whether any of them has what the name says: a branch that no light
+// needs is not compiled, since software renderers run both sides of every branch.
+// Light i is the LIGHT_ROWS rows of light_table from i·LIGHT_ROWS on.
+const int LIGHT_ROWS = 8;
+const int LIGHT_POSITION = 0;    // xyz position, or the unit direction towards a directional light; w: 1 if directional
+const int LIGHT_COLOR = 1;       // rgb: E = rgb·cosθ·spot/(k·(1,d,d²)); w: number of shadow tiles
+const int LIGHT_FALLOFF = 2;     // xyz: k, constant, linear and quadratic; w: spot exponent
+const int LIGHT_SPOT = 3;        // xyz: unit axis of the cone, from the light; w: 1 if there is a cone
+const int LIGHT_CONE = 4;        // x: cutoff, y: inner, half angles in radians (a directional light's x: its tile's depth in
+                                 // metres); z: number of its first tile; w: scale of the tiles' right and up
+const int LIGHT_TILE = 5;        // of a single tile, the rows right·scale, up·scale, forward: each dotted with (p, 1)
+
+uniform vec4 light_table[LIGHT_ROWS * max(LIGHTS, 1)];
+uniform sampler2D shadow_depth;  // every tile of every light, side by side
+uniform vec3 shadow_layout;      // tile side in texels, tiles per row, near plane of point and spot tiles in metres
+
+struct Receiver
+{
+    vec3 p;  // world position
+    vec3 n;  // unit shading normal, turned to the viewer
+    vec3 g;  // unit geometric normal, turned to the viewer
+};
+
+// A receiver in the coordinates of the tile that sees it.
+struct Projected
+{
+    int tile;     // number of the tile in the texture
+    vec3 q;       // the point: |x|, |y| <= z inside a perspective tile, <= 1 inside a parallel one
+    vec3 m;       // the normal of its tangent plane: m·q = k
+    float k;
+    float width;  // of a texel: metres, or metres per metre of distance in a perspective tile
+    float range;  // metres of depth in a parallel tile; 0: perspective
+};
+
+// 1 where the tap that is nearest to the receiver, `offset` texels away, sees the receiver's tangent plane, 0 in shadow.
+// The plane's depth is taken at the tap's own centre: a planar receiver never shadows itself, at any slope, so that the
+// bias need only cover what is not planar.
+const float BIAS = 0.1;  // texels of depth
+
+float shadow_tap(Projected r, vec2 offset)
+{
+    float side = shadow_layout.x;
+    bool parallel = LIGHTS_PARALLEL > 0 && r.range > 0.0;
+    vec2 ndc = parallel ? r.q.xy : r.q.xy / r.q.z;
+    vec2 texel = clamp(floor((ndc * 0.5 + 0.5) * side + offset), vec2(0.0), vec2(side - 1.0));
+    vec2 centre = (texel + 0.5) / side * 2.0 - 1.0;
+    ivec2 corner = ivec2(r.tile % int(shadow_layout.y), r.tile / int(shadow_layout.y)) * int(side);
+    float stored = texelFetch(shadow_depth, corner + ivec2(texel), 0).r;
+#if LIGHTS_PARALLEL
+    if (parallel)
+    {
+        float texels = r.width / r.range;
+        float slope = -dot(r.m.xy, centre - r.q.xy) / (abs(r.m.z) > 1e-6 ? r.m.z : 1e-6);
+        return stored >= r.q.z + clamp(slope, -16.0 * texels, 16.0 * texels) - BIAS * texels - 1e-6 ? 1.0 : 0.0;
+    }
+#endif
+    // depth = 1 - near/z: what is stored is affine in 1/z, and so is a plane
+    float inverse = (1.0 - stored) / shadow_layout.z;
+    float own = 1.0 / r.q.z;
+    float expected = clamp(dot(r.m, vec3(centre, 1.0)) / r.k, 0.5 * own, 2.0 * own);
+    return inverse <= expected * (1.0 + BIAS * r.width) + 2e-7 / shadow_layout.z ? 1.0 : 0.0;
+}
+
+// A point light's tile that sees `d` = p - light, and d and g in its axes; passes/shadow.py has the same six.
+void cube_tile(vec3 d, vec3 g, inout Projected t)
+{
+    vec3 s = abs(d);
+    if (s.x >= s.y && s.x >= s.z)
+    {
+        t.tile += d.x > 0.0 ? 0 : 1;
+        t.q = d.x > 0.0 ? d.zyx : vec3(d.yz, -d.x);
+        t.m = d.x > 0.0 ? g.zyx : vec3(g.yz, -g.x);
+    }
+    else if (s.y >= s.z)
+    {
+        t.tile += d.y > 0.0 ? 2 : 3;
+        t.q = d.y > 0.0 ? d.xzy : vec3(d.zx, -d.y);
+        t.m = d.y > 0.0 ? g.xzy : vec3(g.zx, -g.y);
+    }
+    else
+    {
+        t.tile += d.z > 0.0 ? 4 : 5;
+        t.q = d.z > 0.0 ? d.yxz : vec3(d.xy, -d.z);
+        t.m = d.z > 0.0 ? g.yxz : vec3(g.xy, -g.z);
+    }
+}
+
+// The share of `taps` dithered shadow samples that light `i` reaches.
+float visibility(int i, Receiver r, int taps, vec2 rotation)
+{
+    int row = i * LIGHT_ROWS;
+    vec4 cone = light_table[row + LIGHT_CONE];
+    vec3 d = r.p - light_table[row + LIGHT_POSITION].xyz;
+    bool parallel = LIGHTS_PARALLEL > 0 && light_table[row + LIGHT_POSITION].w > 0.5;
+    Projected t;
+    t.tile = int(cone.z);
+    t.range = parallel ? cone.x : 0.0;
+    t.width = 2.0 / (shadow_layout.x * cone.w);
+    t.k = dot(r.g, d);
+#if LIGHTS_WITH_CUBE
+    if (LIGHTS_WITH_TILE == 0 || light_table[row + LIGHT_COLOR].w > 1.5)
+    {
+        cube_tile(d, r.g, t);
+        t.q.xy *= cone.w;
+        t.m.xy /= cone.w;
+    }
+#endif
+#if LIGHTS_WITH_TILE
+    if (LIGHTS_WITH_CUBE == 0 || light_table[row + LIGHT_COLOR].w < 1.5)
+    {
+        mat3x4 rows = mat3x4(light_table[row + LIGHT_TILE], light_table[row + LIGHT_TILE + 1], light_table[row + LIGHT_TILE + 2]);
+        t.q = vec4(r.p, 1.0) * rows;
+        // the rows are scaled: a plane's normal goes by the inverse transpose
+        t.m = vec4(r.g, 0.0) * rows / vec3(cone.w * cone.w, cone.w * cone.w, parallel ? 1.0 / (t.range * t.range) : 1.0);
+        if (parallel ? any(greaterThan(abs(t.q.xy), vec2(1.0))) : t.q.z <= 0.0) return 1.0;
+    }
+#endif
+    if (taps == 1) return shadow_tap(t, vec2(0.0));
+    mat2 turn = mat2(rotation.x, rotation.y, -rotation.y, rotation.x);
+    float lit = 0.0;
+    for (int s = 0; s < taps; ++s) lit += shadow_tap(t, turn * ((vec2(s & 1, s >> 1) - 0.5) * 1.5));  // texels
+    return lit / float(taps);
+}
+
+// Unshadowed irradiance of light i at the receiver.
+vec3 light_irradiance(int i, Receiver r)
+{
+    int row = i * LIGHT_ROWS;
+    vec4 position = light_table[row + LIGHT_POSITION];
+    vec3 color = light_table[row + LIGHT_COLOR].rgb;
+    vec4 falloff = light_table[row + LIGHT_FALLOFF];
+    vec4 spot = light_table[row + LIGHT_SPOT];
+    bool parallel = LIGHTS_PARALLEL > 0 && position.w > 0.5;
+    vec3 to_light = parallel ? position.xyz : position.xyz - r.p;
+    float d2 = max(dot(to_light, to_light), 1e-20);
+    float d = sqrt(d2);
+    vec3 l = to_light / d;
+    float cosine = dot(r.g, l) > 0.0 ? max(dot(r.n, l), 0.0) : 0.0;
+    float strength = parallel ? 1.0 : 1.0 / max(dot(falloff.xyz, vec3(1.0, d, d2)), 1e-20);
+#if LIGHTS_WITH_CONE
+    if (spot.w > 0.5)
+    {
+        vec4 cone = light_table[row + LIGHT_CONE];
+        float c = clamp(-dot(spot.xyz, l), -1.0, 1.0);
+        float angle = acos(c);
+        float edge = cone.x > cone.y ? clamp((cone.x - angle) / (cone.x - cone.y), 0.0, 1.0) : (angle <= cone.x ? 1.0 : 0.0);
+        strength *= edge * (falloff.w > 0.0 ? pow(max(c, 0.0), falloff.w) : 1.0);
+    }
+#endif
+    return color * cosine * strength;
+}
+
+// Direct irradiance E in W/m², `taps` (1 or 4) shadow samples per light.
+vec3 direct_irradiance(Receiver r, int taps, vec2 rotation)
+{
+    vec3 sum = vec3(0.0);
+    for (int i = 0; i < LIGHTS; ++i)
+    {
+        vec3 E = light_irradiance(i, r);
+        if (E.r + E.g + E.b > 0.0) sum += E * visibility(i, r, taps, rotation);
+    }
+    return sum;
+}

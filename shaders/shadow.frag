@@ -1,0 +1,2 @@
+// Nothing to write: the depth buffer is the shadow map.
+void main() {}

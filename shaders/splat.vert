@@ -1,0 +1,44 @@
+// A record as a quad that bounds its sphere of influence on screen (Jones 2010, figure 1); an instance is a record.
+uniform sampler2D records_position;
+uniform sampler2D records_normal;
+uniform sampler2D records_irradiance;  // rgb E, a R_k
+uniform int record_columns;
+uniform int first;                     // number of the first record to splat
+uniform mat4 clip_from_world;
+uniform vec3 eye;
+uniform float a;
+uniform vec2 reach;                    // least and greatest a·R in metres at distance 1 (0: no greatest)
+
+flat out vec4 v_record;                // p_k, R_k as clamped for this view
+flat out vec3 v_normal;
+flat out vec3 v_irradiance;
+
+void main()
+{
+    int i = first + gl_InstanceID;
+    ivec2 texel = ivec2(i % record_columns, i / record_columns);
+    vec3 p = texelFetch(records_position, texel, 0).xyz;
+    vec4 record = texelFetch(records_irradiance, texel, 0);
+
+    vec3 to_eye = eye - p;
+    float d = length(to_eye);
+    float r = max(a * record.a, reach.x * d);
+    if (reach.y > 0.0) r = min(r, reach.y * d);
+    v_record = vec4(p, r / a);
+    v_normal = texelFetch(records_normal, texel, 0).xyz;
+    v_irradiance = record.rgb;
+
+    vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0;
+    r *= 1.0 + 1e-5;  // rounding must not cut the rim
+    if (d <= r)
+    {
+        gl_Position = vec4(corner, 0.0, 1.0);  // the eye is inside: the whole screen
+        return;
+    }
+    // in the plane through the centre that faces the eye, a half size of r·d/√(d² - r²) bounds the silhouette
+    vec3 axis = to_eye / d;
+    vec3 u = normalize(abs(axis.y) < 0.9 ? cross(vec3(0.0, 1.0, 0.0), axis) : cross(vec3(1.0, 0.0, 0.0), axis));
+    vec3 v = cross(axis, u);
+    float half_size = r * d / sqrt(d * d - r * r);
+    gl_Position = clip_from_world * vec4(p + half_size * (corner.x * u + corner.y * v), 1.0);
+}
