@@ -25,7 +25,7 @@ class Shape:
     def write(self, path: Path, comment: str) -> None:
         v, n = self.positions, np.round(self.normals, 3) + 0.0
         text = [f"# {comment}\n"]
-        text.append(("v %.5g %.5g %.5g\n" * len(v)) % tuple(v.reshape(-1).tolist()))
+        text.append(("v %.7g %.7g %.7g\n" * len(v)) % tuple(v.reshape(-1).tolist()))
         text.append(("vn %.3g %.3g %.3g\n" * len(n)) % tuple(n.reshape(-1).tolist()))
         for faces in (self.quads, self.triangles):
             line = "f" + " %d//%d" * faces.shape[1] + "\n"
@@ -42,7 +42,8 @@ def surface(
     """
 
     u, v = np.meshgrid(np.arange(rows + (not tube)) / rows, np.arange(columns + (not ring)) / columns, indexing="ij")
-    positions = np.round(np.stack(np.broadcast_arrays(*f(u, v)), axis=-1).reshape(-1, 3), 4) + 0.0  # 0.1 mm; + 0: no -0
+    decimals = 4 if u.size < 50_000 else 6  # 0.1 mm keeps the bundled files small; a fine mesh would collapse at its poles
+    positions = np.round(np.stack(np.broadcast_arrays(*f(u, v)), axis=-1).reshape(-1, 3), decimals) + 0.0  # + 0: no -0
     index = np.arange(u.size).reshape(u.shape)
     index = np.concatenate([index, index[:1]]) if tube else index
     index = np.concatenate([index, index[:, :1]], axis=1) if ring else index
@@ -51,7 +52,7 @@ def surface(
 
     across = np.cross(c - a, d - b)  # twice the area times the quad's normal
     normals = np.stack([np.bincount(quads.reshape(-1), np.repeat(across[:, i], 4), len(positions)) for i in range(3)], axis=-1)
-    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-30)
 
     first, last = (a == d).all(1), (b == c).all(1)  # collapsed at the start of u, at its end
     triangles = np.concatenate([quads[first & ~last][:, :3], quads[last & ~first][:, [0, 1, 3]]])
