@@ -1,0 +1,131 @@
+"""The renderer against path-traced truth: what the project promises for its default preset, on 400×400 pixels.
+
+The limits leave little room: an ideal gather with the paper's weights and a radius kept between 1.5 and 20 pixels has an
+error of 6.4 % with 1760 records on a box like `cornell` and of 14 % with 1570 on a scene like `door`; what is more than
+that is the gather's. References are made by tests/reference/make.py, their samples checked by tests/reference/check.py.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import irrsplat
+from tests.truth import FOLDER, SIZE, Reference, compare, load_reference, scene_hash
+
+FAILURES = Path(__file__).parent / "failures"
+MADE = sorted(path.stem for path in FOLDER.glob("*.npz"))
+
+
+@pytest.mark.parametrize(
+    ("name", "rmse", "records"),
+    [("cornell", 0.08, 2000), ("door", 0.15, 2000), ("curved", 0.10, 2500)],
+)
+def test_default_preset_is_near_the_truth(name: str, rmse: float, records: int) -> None:
+    reference = load_reference(name)
+    frame = irrsplat.render(irrsplat.load(name), size=(SIZE, SIZE), bounces=1)
+    found = compare(frame, reference)
+    wrong = [
+        f"{what} {found[what]:+.2%}, allowed {limit:.1%}"
+        for what, limit in {"rmse": rmse, "bias": 0.02, "direct_rms": 0.02, "misplaced": 0.002}.items()
+        if not abs(found[what]) <= limit
+    ]
+    if not frame.stats["records"] <= records:
+        wrong.append(f"{frame.stats['records']} records, allowed {records}")
+    if wrong:
+        keep(name, frame, reference)
+    assert not wrong, f"{name}: {'; '.join(wrong)} (all: {found}; pictures in {FAILURES})"
+
+
+@pytest.mark.parametrize("name", MADE)
+def test_reference_belongs_to_the_scene(name: str) -> None:
+    found = scene_hash(irrsplat.load(name))
+    assert found == load_reference(name).hash, f"{name} has changed: run `python -m tests.reference.make {name}`"
+
+
+@pytest.mark.parametrize("name", MADE)
+def test_reference_is_sound(name: str) -> None:
+    """Its halves agree within 1 %, it is small, and what must hold in every scene does."""
+    reference = load_reference(name)
+    assert reference.agreement <= 0.01
+    assert (FOLDER / f"{name}.npz").stat().st_size <= 150_000
+    assert np.allclose(np.linalg.norm(reference.normal, axis=1), 1.0, atol=2e-3)
+    assert ((reference.pixels >= 0) & (reference.pixels < SIZE)).all()
+    assert (reference.irradiance >= 0.0).all()
+    assert (reference.edge[reference.direct.max(axis=1) > 0.0] > 3).any() or not reference.direct.any()
+
+
+def test_furnace_reference_is_analytic() -> None:
+    """In a closed box of surfaces that emit L_e = 1 every direction brings 1, so that E_1 = π."""
+    scene, reference = irrsplat.load("furnace"), load_reference("furnace")
+    assert {m.material.emission for m in scene.meshes} == {(1.0, 1.0, 1.0)}
+    assert np.allclose(reference.irradiance, np.pi, rtol=1e-4)
+
+
+def test_compare_measures_what_it_says() -> None:
+    """The truth itself is off by 0; 10 % too much of it is off by that in bias, and by 10 %·√mean(E²)/mean(E) in rmse."""
+    reference = load_reference("cornell")
+    perfect = picture(reference, 1.0)
+    assert all(value == 0.0 for value in compare(perfect, reference).values())
+    found = compare(picture(reference, 1.1), reference)
+    E = reference.irradiance.astype(float)
+    assert found["bias"] == pytest.approx(0.1, rel=1e-3)
+    assert found["rmse"] == pytest.approx(0.1 * np.sqrt(np.mean(E**2)) / E.mean(), rel=1e-3)
+    assert found["misplaced"] == 0.0
+
+
+def test_scene_hash_sees_every_part() -> None:
+    scene = irrsplat.load("cornell")
+    mesh, light = scene.meshes[0], scene.lights[0]
+    moved = mesh.positions + np.array([0.0, 0.01 * scene.diagonal, 0.0], np.float32)
+    others = [
+        replace(scene, meshes=(replace(mesh, positions=moved), *scene.meshes[1:])),
+        replace(scene, meshes=(replace(mesh, normals=-mesh.normals), *scene.meshes[1:])),
+        replace(scene, meshes=(replace(mesh, material=irrsplat.Material((0.1, 0.2, 0.3))), *scene.meshes[1:])),
+        replace(scene, lights=(replace(light, color=(1.0, 2.0, 3.0)),)),
+        replace(scene, sky=(1.0, 1.0, 1.0)),
+        replace(scene, cameras=(replace(scene.cameras[0], fov=50.0),)),
+    ]
+    assert len({scene_hash(s) for s in [scene, *others]}) == len(others) + 1
+    assert scene_hash(replace(scene, name="other", path="elsewhere")) == scene_hash(scene)
+
+
+def picture(reference: Reference, factor: float) -> Any:
+    """An image that holds the truth times `factor`, as far as it is known."""
+    channels = {}
+    for name, scale in {"irradiance": factor, "direct": factor, "position": 1.0}.items():
+        channels[name] = np.zeros((SIZE, SIZE, 3), np.float32)
+        channels[name][tuple(reference.pixels.T)] = np.float32(scale) * getattr(reference, name)
+    return SimpleNamespace(**channels)
+
+
+def keep(name: str, frame: Any, reference: Reference) -> None:
+    """Leave picture, truth and difference (red: too bright, blue: too dark, white: off by half the mean) in tests/failures.
+
+    The truth is known at some pixels only: each is shown as a spot of 5×5.
+    """
+    FAILURES.mkdir(exist_ok=True)
+    for what in ("irradiance", "direct"):
+        image, truth = getattr(frame, what), getattr(reference, what)
+        white = max(float(np.percentile(truth, 98)), 1e-9)
+        error = (image[tuple(reference.pixels.T)] - truth).mean(axis=1) / max(float(truth.mean()), 1e-9) * 2.0
+        signed = np.stack([error, np.abs(error) - 1.0, -error], axis=1)
+        shown = {"picture": image / white, "truth": spots(reference, truth / white), "difference": spots(reference, signed)}
+        for kind, values in shown.items():
+            pixels = np.clip(values, 0.0, 1.0) ** (1.0 / 2.2) * 255.0 + 0.5
+            Image.fromarray(pixels.astype(np.uint8)).save(FAILURES / f"{name}_{what}_{kind}.png")
+
+
+def spots(reference: Reference, values: np.ndarray) -> np.ndarray:
+    """(SIZE, SIZE, 3) black image with a 5×5 spot of each of the (N, 3) values at its pixel."""
+    image = np.zeros((SIZE + 4, SIZE + 4, 3))
+    for dy in range(5):
+        for dx in range(5):
+            image[reference.pixels[:, 0] + dy, reference.pixels[:, 1] + dx] = values
+    return image[2:-2, 2:-2]
