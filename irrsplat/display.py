@@ -52,15 +52,19 @@ def exposure_of(radiance: np.ndarray) -> float:
 
 
 def heat(values: np.ndarray, seen: np.ndarray | None = None) -> np.ndarray:
-    """(H, W) scalars as (H, W, 3) display colours, dark blue to yellow from the 1st to the 99th percentile of the seen pixels.
+    """(H, W) scalars as (H, W, 3) display colours, dark blue to yellow from the 1st to the 99th percentile of the seen pixels,
+    on a logarithmic scale where a few are far above the rest.
 
     seen: (H, W) bool, the pixels that count (those of finite value in any case); all others are black.
     """
     seen = np.isfinite(values) if seen is None else seen & np.isfinite(values)
     if not seen.any():
         return np.zeros((*values.shape, 3))
-    low, high = np.percentile(values[seen], (1, 99))
-    t = np.clip((np.where(seen, values, low) - low) / ((high - low) or 1.0), 0.0, 1.0)[..., None]
+    values = np.where(seen, values, values[seen][0])
+    low, middle, high = np.percentile(values[seen], (1, 50, 99))
+    if low >= 0.0 and high > 10.0 * middle > 0.0:  # a long tail, such as the weights': their logarithm shows more
+        values, low, high = np.log(values + middle), np.log(low + middle), np.log(high + middle)
+    t = np.clip((values - low) / ((high - low) or 1.0), 0.0, 1.0)[..., None]
     colour = np.zeros((*values.shape, 3))
     for coefficient in _VIRIDIS[::-1]:  # Horner
         colour = colour * t + coefficient
