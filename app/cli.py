@@ -84,7 +84,7 @@ def render(args: argparse.Namespace) -> int:
     if args.stats is not None:
         output.write_text(args.stats, output.stats_json(stats) + "\n")
     if stats.get("interrupted"):
-        return _fail(f"interrupted in round {stats.get('rounds', 0) + 1}; the last completed one was written", INTERRUPTED)
+        return _fail(f"interrupted; the files hold what {stats.get('rounds', 0)} whole rounds gave", INTERRUPTED)
     if not stats.get("converged", True):
         _say(f"notice: stopped after {stats.get('rounds')} rounds before every pixel was served; raise --max-rounds or --a")
     return 0

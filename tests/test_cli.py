@@ -292,7 +292,7 @@ def test_an_interrupted_render_is_written_and_exits_with_130(
 ) -> None:
     fake.stats = {"converged": False, "interrupted": True, "rounds": 4}
     assert cli.main([*RENDER, "--stats", "s.json", "--size", "2", "2"]) == 130
-    assert capsys.readouterr().err == "irrsplat: interrupted in round 5; the last completed one was written\n"
+    assert capsys.readouterr().err == "irrsplat: interrupted; the files hold what 4 whole rounds gave\n"
     assert (place / "a.png").is_file()
     assert json.loads((place / "s.json").read_text())["converged"] is False
 

@@ -18,7 +18,7 @@ FLOORS = (
     ("irrsplat.renderer",),
     ("irrsplat.paper",),
     ("irrsplat.passes", "irrsplat.output"),
-    ("irrsplat.cache",),
+    ("irrsplat.cache", "irrsplat.lights"),
     ("irrsplat.scene", "irrsplat.gpu"),
     ("irrsplat.display",),
     ("irrsplat.buffers",),
