@@ -11,6 +11,7 @@ test: .venv/.ready-dev
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
 	.venv/bin/mypy
+	.venv/bin/mypy app
 	.venv/bin/python -m pytest -q
 
 figures: .venv/.ready
