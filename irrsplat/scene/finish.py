@@ -18,9 +18,14 @@ def finish(
     cameras: Sequence[Camera],
     sky: tuple[float, float, float] | None,
     dropped: Mapping[str, int],
+    remarks: Sequence[str] = (),
 ) -> Scene:
-    """The Scene of these parts. `sky` None: none was asked for; `dropped`: degenerate triangles left out, by file."""
-    notices = [f"{file}: {count} degenerate triangle{'s' * (count > 1)} dropped" for file, count in dropped.items() if count]
+    """The Scene of these parts. `sky` None: none was asked for.
+
+    dropped: degenerate triangles left out, by file. remarks: notices so far.
+    """
+    notices = [*remarks]
+    notices += [f"{file}: {count} degenerate triangle{'s' * (count > 1)} dropped" for file, count in dropped.items() if count]
     meshes = tuple(mesh for mesh in meshes if len(mesh.faces))
     if sky is None and not lights and not any(any(mesh.material.emission) for mesh in meshes):
         sky = (1.0, 1.0, 1.0)

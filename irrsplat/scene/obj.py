@@ -17,6 +17,7 @@ _SPACE = np.isin(np.arange(256), list(b" \t\n\v\f"))
 _KINDS = (b"v", b"vn", b"f", b"usemtl", b"mtllib")
 _VERTEX, _NORMAL, _FACE, _USE, _LIBRARY = range(5)
 _FORMS = {0: ("v",), 1: ("v", "t"), 2: ("v", "t", "n"), 3: ("v", "n")}  # by the slashes of a corner; 3 is a//n
+_CORNER = re.compile(r"[+-]?[0-9]{1,18}(?:/[+-]?[0-9]{1,18}|//[+-]?[0-9]{1,18}|(?:/[+-]?[0-9]{1,18}){2})?")
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,7 @@ class _Lines:
 
     def args(self, line: int | np.integer) -> list[str]:
         """The words after the keyword of the `line`-th of these lines."""
-        return self.data[self.start[line] : self.end[line]].decode().split()[1:]
+        return [word.decode() for word in self.data[self.start[line] : self.end[line]].split()[1:]]
 
 
 def load_obj(path: Path) -> Shape:
@@ -78,6 +79,8 @@ def load_obj(path: Path) -> Shape:
     that is 0 or beyond what the file has, and a file that is missing, empty or no text.
     """
     lines = _scan(path)
+    if len(lines.kind) and not (lines.kind >= 0).any():
+        _refuse_other_text(lines)
     positions = _vectors(lines, _VERTEX, (3, 4, 6, 7), "v X Y Z")
     normals = _vectors(lines, _NORMAL, (3,), "vn X Y Z")
     corners, corner_normals, line = _faces(lines, len(positions), len(normals))
@@ -126,6 +129,13 @@ def _scan(path: Path) -> _Lines:
     return _Lines(path, data, start, end, words, kind, form)
 
 
+def _refuse_other_text(lines: _Lines) -> None:
+    """Raises InputError unless some line begins with a word that OBJ files have, if none that is read here."""
+    words = {lines.data[a:b].split()[0] for a, b in zip(lines.start.tolist(), lines.end.tolist(), strict=True)}
+    if not words & {b"o", b"g", b"s", b"vt", b"vp", b"l", b"p"}:
+        raise InputError("no line of this file is OBJ; expected 'v', 'vn' and 'f' lines", lines.path)
+
+
 def _vectors(lines: _Lines, kind: int, counts: tuple[int, ...], usage: str) -> Array:
     """(N, 3) float64: the first three numbers of each line of one kind, in file order."""
     which = lines.kind == kind
@@ -135,7 +145,10 @@ def _vectors(lines: _Lines, kind: int, counts: tuple[int, ...], usage: str) -> A
     for count in counts:
         group = which & (lines.words == count + 1)
         if group.any():
-            words = lines.text(group).split()
+            text = lines.text(group)
+            if b"_" in text:  # Python would read 1_0 as 10
+                _explain_vector(lines, which, counts, usage)
+            words = text.split()
             for axis in range(3):
                 try:
                     out[rank[group], axis] = np.fromiter(map(float, words[axis + 1 :: count + 1]), float)
@@ -157,7 +170,7 @@ def _explain_vector(lines: _Lines, which: Array, counts: tuple[int, ...], usage:
                 number(word)
             except ValueError as error:
                 lines.fail(line, f"{error}; expected: {usage}")
-    raise AssertionError("a vector was refused for no reason")  # pragma: no cover
+    raise InputError(f"a malformed line; expected: {usage}", lines.path)
 
 
 def _faces(lines: _Lines, vertices: int, normals: int) -> tuple[Array, Array, Array]:
@@ -172,7 +185,10 @@ def _faces(lines: _Lines, vertices: int, normals: int) -> tuple[Array, Array, Ar
     for key in np.unique(keys[which]):
         group, sides, form = keys == key, int(key) // len(_FORMS) - 1, _FORMS[int(key) % len(_FORMS)]
         try:
-            words = lines.text(group).replace(b"/", b" ").replace(b"f", b" ").split()
+            text = lines.text(group)
+            if b"_" in text:  # Python would read 1_0 as 10
+                raise ValueError
+            words = text.replace(b"/", b" ").replace(b"f", b" ").split()
             table = np.fromiter(map(int, words), np.int64).reshape(-1, sides, len(form))
         except (ValueError, OverflowError):
             _explain_first_face(lines, group)
@@ -207,11 +223,9 @@ def _resolve(lines: _Lines, at: Array, index: Array, count: int, above: Array, w
 
 def _explain_first_face(lines: _Lines, group: Array) -> NoReturn:
     for line in np.flatnonzero(group):
-        if not all(
-            re.fullmatch(r"[+-]?\d{1,18}(/[+-]?\d{1,18}|//?[+-]?\d{1,18}|(/[+-]?\d{1,18}){2})?", w) for w in lines.args(line)
-        ):
+        if not all(_CORNER.fullmatch(word) for word in lines.args(line)):
             _explain_face(lines, int(line))
-    raise AssertionError("a face was refused for no reason")  # pragma: no cover
+    raise InputError("a malformed face; expected: f A B C", lines.path)
 
 
 def _explain_face(lines: _Lines, line: int) -> NoReturn:
@@ -220,6 +234,6 @@ def _explain_face(lines: _Lines, line: int) -> NoReturn:
     if len(args) < 3:
         lines.fail(line, f"a face has {len(args)} corners; {usage}")
     for word in args:
-        if not re.fullmatch(r"[+-]?\d{1,18}(/[+-]?\d{1,18}|//[+-]?\d{1,18}|(/[+-]?\d{1,18}){2})?", word):
+        if not _CORNER.fullmatch(word):
             lines.fail(line, f"{quote(word)} is no corner of a face; {usage}")
     lines.fail(line, f"the corners of this face are of different kinds; {usage}")
