@@ -38,6 +38,10 @@ def _is_cube(light: Light) -> bool:
     return not light.directional and (light.spot_target is None or light.spot_cutoff > _WIDEST_CONE)
 
 
+def _is_square(light: Light) -> bool:
+    return not light.directional and (light.physical or not any(light.attenuation[:2]))
+
+
 def _tiles(light: Light, scene: Scene, side: int) -> tuple[np.ndarray, float, float]:
     """The light's tiles (T, 3, 4) as rows dotted with (p, 1), their scale, and their depth in metres (0: perspective)."""
     position = np.asarray(light.position, float)
@@ -106,5 +110,6 @@ def light_defines(scene: Scene) -> dict[str, int]:
         "LIGHTS_WITH_CUBE": int(any(cubes)),
         "LIGHTS_WITH_TILE": int(not all(cubes)),
         "LIGHTS_PARALLEL": int(any(light.directional for light in scene.lights)),
+        "LIGHTS_WITH_SQUARE": int(any(_is_square(light) for light in scene.lights)),
         "LIGHTS_WITH_CONE": int(any(light.spot_target is not None for light in scene.lights)),
     }

@@ -132,6 +132,7 @@ class GatherPass:
             instance_data=(self.instances, self._FORMAT, self._ATTRIBUTES),
             state=State(depth="<", clamp=True, clips=4),
             near=self.offset,
+            **geometry.uniforms,
             **shadows.uniforms,
         )
         block = (self.side // 4, self.side // 4)

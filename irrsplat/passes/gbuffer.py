@@ -36,5 +36,6 @@ class GBufferPass:
             eye=eye,
             forward=-camera.axes[2],
             far=far,
+            **geometry.uniforms,
         )
         return GBuffer(*self.target.textures)

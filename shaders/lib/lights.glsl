@@ -38,7 +38,8 @@ struct Projected
 // 1 where the tap that is nearest to the receiver, `offset` texels away, sees the receiver's tangent plane, 0 in shadow.
 // The plane's depth is taken at the tap's own centre: a planar receiver never shadows itself, at any slope, so that the
 // bias need only cover what is not planar.
-const float BIAS = 0.1;  // texels of depth
+const float BIAS = 0.1;       // texels of depth
+const float ROUNDING = 0.05;  // of the near plane: how far off its surface an interpolated position may lie
 
 float shadow_tap(Projected r, vec2 offset)
 {
@@ -61,7 +62,8 @@ float shadow_tap(Projected r, vec2 offset)
     float inverse = (1.0 - stored) / shadow_layout.z;
     float own = 1.0 / r.q.z;
     float expected = clamp(dot(r.m, vec3(centre, 1.0)) / r.k, 0.5 * own, 2.0 * own);
-    return inverse <= expected * (1.0 + BIAS * r.width) + 2e-7 / shadow_layout.z ? 1.0 : 0.0;
+    float slack = BIAS * r.width + ROUNDING * shadow_layout.z / max(abs(r.k), 1e-20);
+    return inverse <= expected * (1.0 + slack) + 2e-7 / shadow_layout.z ? 1.0 : 0.0;
 }
 
 // A point light's tile that sees `d` = p - light, and d and g in its axes; passes/shadow.py has the same six.
@@ -125,6 +127,28 @@ float visibility(int i, Receiver r, int taps, vec2 rotation)
     return lit / float(taps);
 }
 
+#ifdef FOOTPRINT
+// The corners of what the texel sees of the receiver's plane, in order around it, and its area in m².
+vec3 footprint[4];
+float footprint_area;
+
+// The solid angle of a triangle with corners a, b, c as seen from the origin (van Oosterom and Strackee 1983).
+float solid_angle(vec3 a, vec3 b, vec3 c)
+{
+    float x = length(a), y = length(b), z = length(c);
+    float den = x * y * z + dot(a, b) * z + dot(b, c) * x + dot(c, a) * y;
+    return 2.0 * atan(abs(dot(a, cross(b, c))), den);
+}
+
+// The mean of cosθ/d² over the footprint. A lamp close to a wall makes a spot there far smaller than a texel, which a
+// sample at its centre hits or misses; but ∫ cosθ/d² dA is the solid angle that the footprint takes up in the lamp's sky.
+float footprint_mean(vec3 lamp)
+{
+    vec3 a = footprint[0] - lamp, b = footprint[1] - lamp, c = footprint[2] - lamp, d = footprint[3] - lamp;
+    return (solid_angle(a, b, c) + solid_angle(a, c, d)) / footprint_area;
+}
+#endif
+
 // Unshadowed irradiance of light i at the receiver.
 vec3 light_irradiance(int i, Receiver r)
 {
@@ -139,6 +163,10 @@ vec3 light_irradiance(int i, Receiver r)
     float d = sqrt(d2);
     vec3 l = to_light / d;
     float cosine = dot(r.g, l) > 0.0 ? max(dot(r.n, l), 0.0) : 0.0;
+#if defined(FOOTPRINT) && LIGHTS_WITH_SQUARE
+    if (!parallel && falloff.x + falloff.y == 0.0 && dot(r.g, l) > 0.0)
+        cosine *= min(footprint_mean(position.xyz) * d2 / dot(r.g, l), 1e4);
+#endif
     float strength = parallel ? 1.0 : 1.0 / max(dot(falloff.xyz, vec3(1.0, d, d2)), 1e-20);
 #if LIGHTS_WITH_CONE
     if (spot.w > 0.5)

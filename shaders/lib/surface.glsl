@@ -1,11 +1,13 @@
 // Which way a surface faces: surfaces are two-sided, so both normals are turned to whoever looks.
 
-// The triangle's own normal at world position p, turned to `viewer`; screen-space derivatives of p span its plane.
-vec3 geometric_normal(vec3 p, vec3 viewer, vec3 fallback)
+uniform sampler2D face_normals;  // texel i, row by row, is triangle i's own unit normal
+
+// The triangle's own normal, turned from the surface at p to `viewer`. (Screen-space derivatives of p are too coarse here:
+// the shadow test extends the plane.) Instances may go on counting the triangles, hence the modulo.
+vec3 geometric_normal(vec3 p, vec3 viewer, int primitive, int triangles)
 {
-    vec3 g = cross(dFdx(p), dFdy(p));
-    float size = length(g);
-    g = size > 0.0 ? g / size : fallback;
+    int i = primitive % triangles, columns = textureSize(face_normals, 0).x;
+    vec3 g = texelFetch(face_normals, ivec2(i % columns, i / columns), 0).xyz;
     return dot(g, viewer - p) < 0.0 ? -g : g;
 }
 
