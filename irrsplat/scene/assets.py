@@ -52,7 +52,17 @@ def load_asset(path: Path) -> Scene:
     """
     notices: list[str] = []
     readers: dict[str, Callable[[Path, list[str]], list[Part]]] = {".obj": _obj, ".ply": _ply, ".stl": _stl}
-    parts = readers.get(path.suffix.lower(), _gltf)(path, notices)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            parts = readers.get(path.suffix.lower(), _gltf)(path, notices)
+    except InputError:
+        raise
+    except Exception as error:  # a damaged file may break trimesh, or us, anywhere
+        reason = (str(error).splitlines() or [""])[0].strip("'\" ")[:80]
+        said = f" ({reason})" if reason and not isinstance(error, ImportError) else ""  # it guesses encodings by an extra package
+        kind = path.suffix[1:].upper()
+        raise InputError(f"this is no {kind} file, or a damaged one{said}; export it again", path) from None
     meshes, dropped = [], 0
     for part in parts:
         mesh, lost = _build(path, part)
@@ -109,20 +119,12 @@ def _obj(path: Path, notices: list[str]) -> list[Part]:
 
 
 def _trimesh(path: Path, data: bytes, ending: str) -> Any:
-    """The trimesh Scene of `data`, as it is in the file; any fault that trimesh finds becomes an InputError."""
+    """The trimesh Scene of `data`, as it is in the file; raises whatever trimesh raises."""
     import trimesh  # 0.4 s: only who opens such a file pays for it
     from trimesh.resolvers import FilePathResolver
 
     logging.getLogger("trimesh").addHandler(logging.NullHandler())  # else its warnings land on stderr
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            resolver = FilePathResolver(str(path))
-            return trimesh.load_scene(io.BytesIO(data), file_type=ending, process=False, resolver=resolver)
-    except Exception as error:
-        reason = (str(error).splitlines() or [""])[0].strip("'\" ")[:80]
-        said = f" ({reason})" if reason and not isinstance(error, ImportError) else ""  # it guesses encodings by an extra package
-        raise InputError(f"this is no {ending.upper()} file, or a damaged one{said}; export it again", path) from None
+    return trimesh.load_scene(io.BytesIO(data), file_type=ending, process=False, resolver=FilePathResolver(str(path)))
 
 
 def _ply(path: Path, notices: list[str]) -> list[Part]:

@@ -69,6 +69,9 @@ def read(path: Path) -> Document:
         for i, mesh in enumerate(tree.get("meshes", ())):
             for j in range(len(mesh["primitives"])):
                 document.primitive(f"{i}/{j}")
+        for node in tree.get("nodes", ()):
+            if not 0 <= node.get("mesh", 0) < max(1, len(tree.get("meshes", ()))):
+                raise IndexError
         return document
     except (ValueError, KeyError, TypeError, AttributeError, IndexError, struct.error, RecursionError):
         raise InputError("this is no glTF 2.0 file, or a damaged one; export it again", path) from None

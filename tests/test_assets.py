@@ -1,0 +1,333 @@
+"""Meshes from OBJ, PLY, STL and glTF: geometry, colours and normals as the file has them, and one line for a damaged file."""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+import random
+import struct
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from irrsplat.errors import InputError
+from irrsplat.scene import load
+
+POINTS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
+FACES = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], np.uint32)  # a tetrahedron, wound outward
+NORMALS = np.array([[-1, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)
+PLY = """ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z
+property uchar red\nproperty uchar green\nproperty uchar blue\nelement face 4\nproperty list uchar int vertex_indices\nend_header
+0 0 0 0 0 0\n1 0 0 255 255 255\n0 1 0 188 0 0\n0 0 1 0 0 10\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n"""
+
+
+def gltf(material: dict[str, Any] | None = None, node: dict[str, Any] | None = None, **attributes: np.ndarray) -> dict[str, Any]:
+    """A glTF tree that holds the tetrahedron, with one more vertex attribute for each keyword; its buffer is inline."""
+    arrays = {"POSITION": POINTS, **attributes}
+    data, views, accessors = b"", [], []
+    for array in (*arrays.values(), FACES):
+        kind = {"f": 5126, "B": 5121, "I": 5125}[array.dtype.char]
+        shape = "SCALAR" if array is FACES else {3: "VEC3", 4: "VEC4"}[array.shape[1]]
+        count = array.size if array is FACES else len(array)
+        views.append({"buffer": 0, "byteOffset": len(data), "byteLength": array.nbytes})
+        accessors.append({"bufferView": len(views) - 1, "componentType": kind, "count": count, "type": shape})
+        data += array.tobytes()
+    accessors[0] |= {"min": [0, 0, 0], "max": [1, 1, 1]}
+    primitive: dict[str, Any] = {"attributes": {name: i for i, name in enumerate(arrays)}, "indices": len(arrays)}
+    tree: dict[str, Any] = {
+        "asset": {"version": "2.0"},
+        "scenes": [{"nodes": [0]}],
+        "scene": 0,
+        "nodes": [{"mesh": 0, **(node or {})}],
+        "meshes": [{"primitives": [primitive]}],
+        "accessors": accessors,
+        "bufferViews": views,
+        "buffers": [{"byteLength": len(data), "uri": "data:application/octet-stream;base64," + base64.b64encode(data).decode()}],
+    }
+    if material is not None:
+        primitive["material"] = 0
+        tree["materials"] = [material]
+    return tree
+
+
+def glb(tree: dict[str, Any]) -> bytes:
+    """The same as a GLB, its buffer in a chunk of its own."""
+    buffer = dict(tree["buffers"][0])
+    data = base64.b64decode(buffer.pop("uri").split(",")[1])
+    text = json.dumps({**tree, "buffers": [buffer]}).encode()
+    text += b" " * (-len(text) % 4)
+    data += b"\0" * (-len(data) % 4)
+    body = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(data), 0x004E4942) + data
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
+
+
+def stl(points: np.ndarray = POINTS) -> bytes:
+    rows = np.zeros(len(FACES), [("normal", "<f4", 3), ("vertices", "<f4", (3, 3)), ("rest", "<u2")])
+    rows["vertices"] = points[FACES]
+    return b"\0" * 80 + struct.pack("<I", len(FACES)) + rows.tobytes()
+
+
+def ascii_stl() -> str:
+    def facet(face: np.ndarray) -> str:
+        corners = "".join("vertex {:g} {:g} {:g}\n".format(*POINTS[i]) for i in face)
+        return f"facet normal 0 0 0\nouter loop\n{corners}endloop\nendfacet\n"
+
+    return "solid thing\n" + "".join(map(facet, FACES)) + "endsolid thing\n"
+
+
+@pytest.fixture
+def write(tmp_path: Path):
+    def write(name: str, data: bytes | str | dict[str, Any]):
+        data = json.dumps(data) if isinstance(data, dict) else data
+        (tmp_path / name).write_bytes(data.encode() if isinstance(data, str) else data)
+        return load(tmp_path / name)
+
+    return write
+
+
+EVERY = {
+    "a.obj": "".join("v {:g} {:g} {:g}\n".format(*p) for p in POINTS) + "".join("f {} {} {}\n".format(*(f + 1)) for f in FACES),
+    "a.ply": PLY,
+    "a.stl": stl(),
+    "b.stl": ascii_stl(),
+    "a.gltf": json.dumps(gltf()),
+    "a.glb": glb(gltf()),
+    "A.GLB": glb(gltf()),
+}
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_each_format_gives_the_same_solid_with_face_normals(write, name):
+    # a tetrahedron, outward: closed, 4 flat triangles; the slanted one's normal is (1 1 1)/√3
+    scene = write(name, EVERY[name])
+    (mesh,) = scene.meshes
+    assert mesh.closed and scene.triangles == 4 and len(mesh.positions) == 12
+    np.testing.assert_array_equal(scene.bounds, [[0, 0, 0], [1, 1, 1]])
+    edges = mesh.positions[mesh.faces]
+    cross = np.cross(edges[:, 1] - edges[:, 0], edges[:, 2] - edges[:, 0])
+    flat = cross / np.linalg.norm(cross, axis=1, keepdims=True)
+    np.testing.assert_allclose(mesh.normals[mesh.faces], np.repeat(flat[:, None], 3, axis=1), atol=1e-6)
+    assert (np.abs(flat - 1 / math.sqrt(3)) < 1e-6).all(1).any()
+    assert mesh.material.albedo == (0.5, 0.5, 0.5) and len(scene.cameras) == 1 and scene.sky == (1.0, 1.0, 1.0)
+    assert (mesh.positions.dtype, mesh.normals.dtype, mesh.faces.dtype) == (np.float32, np.float32, np.int32)
+
+
+# OBJ and its materials
+
+
+def test_mtl_colours_group_the_faces(write, tmp_path):
+    # Kd is clipped to 1, one value stands for three, Ke is emission; a name that the library lacks is 0.5
+    (tmp_path / "m.mtl").write_text("# b\nnewmtl red one\nKd 1.5 0.2 0\nNs 10\nnewmtl lamp\nKd 0.25\nKe 3 2 1\n")
+    text = EVERY["a.obj"].replace("f", "usemtl red one\nf", 1).replace("f 2 3 4", "usemtl lamp\nf 2 3 4\nusemtl other\nf 1 2 3")
+    scene = write("a.obj", "mtllib m.mtl\nmtllib gone.mtl\n" + text)
+    found = {mesh.name: (mesh.material.albedo, mesh.material.emission, len(mesh.faces)) for mesh in scene.meshes}
+    assert found["red one"] == ((1.0, 0.2, 0.0), (0, 0, 0), 3)
+    assert found["lamp"] == ((0.25, 0.25, 0.25), (3, 2, 1), 1)
+    assert found["other"] == ((0.5, 0.5, 0.5), (0, 0, 0), 1)
+    assert scene.sky == (0, 0, 0) and any("gone.mtl" in notice for notice in scene.notices)
+
+
+def test_a_bad_mtl_line_is_an_error_with_its_place(write, tmp_path):
+    (tmp_path / "m.mtl").write_text("newmtl a\nKd 1 x 0\n")
+    with pytest.raises(InputError, match=r"m\.mtl:2: 'x' is not a number; expected: Kd R G B"):
+        write("a.obj", "mtllib m.mtl\n" + EVERY["a.obj"])
+    (tmp_path / "m.mtl").write_text("newmtl a\nmap_Kd gone.png\n")
+    with pytest.raises(InputError, match=r"m\.mtl:2: cannot read the texture 'gone\.png'"):
+        write("a.obj", "mtllib m.mtl\n" + EVERY["a.obj"])
+
+
+def test_a_texture_counts_by_its_mean_in_linear_light(write, tmp_path):
+    # half black, half white: the mean of the light is 1/2, whereas the mean of the bytes would be (127.5/255)^2.2 = 0.21
+    from PIL import Image
+
+    Image.fromarray(np.array([[0, 255], [255, 0]], np.uint8)).save(tmp_path / "t.png")
+    (tmp_path / "m.mtl").write_text("newmtl a\nKd 1 0.5 1\nmap_Kd t.png\n")
+    scene = write("a.obj", "mtllib m.mtl\nusemtl a\n" + EVERY["a.obj"])
+    assert scene.meshes[0].material.albedo == pytest.approx((0.5, 0.25, 0.5))
+
+
+# PLY
+
+
+def test_ply_vertex_colours_become_linear(write):
+    # sRGB 188 is linear 0.5 (0.5029); 10/255 lies on the straight part: /12.92
+    mesh = write("a.ply", PLY).meshes[0]
+    by_place = {tuple(p): c for p, c in zip(mesh.positions.tolist(), mesh.colors.tolist(), strict=True)}
+    assert by_place[1, 0, 0] == [1, 1, 1] and by_place[0, 0, 0] == [0, 0, 0]
+    assert by_place[0, 1, 0] == pytest.approx([0.5029, 0, 0], abs=1e-4)
+    assert by_place[0, 0, 1] == pytest.approx([0, 0, 10 / 255 / 12.92])
+
+
+def test_ply_normals_are_kept(write):
+    text = PLY.replace("uchar red", "float nx").replace("uchar green", "float ny").replace("uchar blue", "float nz")
+    rows = [" ".join(f"{x:g}" for x in (*p, *n)) for p, n in zip(POINTS, NORMALS, strict=True)]
+    head, _, _ = text.partition("0 0 0 0 0 0")
+    mesh = write("a.ply", head + "\n".join(rows) + "\n3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n").meshes[0]
+    assert len(mesh.positions) == 4 and mesh.colors is None
+    order = [int(np.flatnonzero((p == POINTS).all(1))[0]) for p in mesh.positions]
+    np.testing.assert_array_equal(mesh.normals, NORMALS[order])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "says"),
+    [
+        ("3 1 2 3\n", "3 1 2 4\n", "vertex 4"),
+        ("3 1 2 3\n", "", "truncated|no PLY"),
+        ("0 0 1 0 0 10", "0 0 nan 0 0 10", "not finite"),
+        ("0 0 1 0 0 10", "0 0 inf 0 0 10", "not finite"),
+        ("ply", "plx", "no PLY"),
+        ("element vertex 4", "element vertex 99999999999", "truncated"),
+        ("element face 4", "element face 0", "no faces"),
+        ("end_header", "", "no PLY"),
+    ],
+)  # fmt: skip
+def test_a_damaged_ply_is_one_line(write, old, new, says):
+    with pytest.raises(InputError, match=says) as caught:
+        write("a.ply", PLY.replace(old, new))
+    assert "a.ply: " in str(caught.value) and "\n" not in str(caught.value)
+
+
+# glTF
+
+
+def test_gltf_colours_are_exact_and_emission_has_its_strength(write):
+    # 0.123456 would be 31/255 = 0.1216 after trimesh's bytes; emission 0.5·8 = 4
+    material = {
+        "pbrMetallicRoughness": {"baseColorFactor": [0.123456, 0.5, 1.0, 1.0]},
+        "emissiveFactor": [0.5, 0.25, 0.0],
+        "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 8}},
+    }
+    for name, data in (("a.gltf", gltf(material)), ("a.glb", glb(gltf(material)))):
+        (mesh,) = write(name, data).meshes
+        assert mesh.material.albedo == (0.123456, 0.5, 1.0) and mesh.material.emission == (4, 2, 0)
+    assert write("a.gltf", gltf({})).meshes[0].material.albedo == (1.0, 1.0, 1.0)  # glTF's default base colour
+
+
+def test_gltf_vertex_colours_are_linear_factors(write):
+    # COLOR_0 is linear and multiplies the base colour: 128/255·0.5
+    colors = np.array([[255, 128, 0, 255]] * 4, np.uint8)
+    mesh = write("a.gltf", gltf({"pbrMetallicRoughness": {"baseColorFactor": [1, 0.5, 1, 1]}}, COLOR_0=colors)).meshes[0]
+    np.testing.assert_allclose(mesh.colors, [[1, 128 / 255 / 2, 0]] * len(mesh.positions), atol=1e-6)
+
+
+def test_gltf_node_transforms_apply_to_points_and_normals(write):
+    # scale (2 1 1), a quarter turn about z, a move by (0 0 3): (1 0 0) -> (2 0 0) -> (0 2 0) -> (0 2 3), normals x -> y
+    half = math.sqrt(0.5)
+    node = {"scale": [2, 1, 1], "rotation": [0, 0, half, half], "translation": [0, 0, 3]}
+    mesh = write("a.glb", glb(gltf({}, node, NORMAL=NORMALS))).meshes[0]
+    assert len(mesh.positions) == 4
+    at = int(np.argmax(mesh.positions[:, 1]))
+    np.testing.assert_allclose(mesh.positions[at], [0, 2, 3], atol=1e-6)
+    np.testing.assert_allclose(mesh.normals[at], [0, 1, 0], atol=1e-6)
+
+
+def test_gltf_instances_and_primitives_keep_their_own_materials(write):
+    tree = gltf({"pbrMetallicRoughness": {"baseColorFactor": [1, 0, 0, 1]}})
+    tree["materials"].append({"pbrMetallicRoughness": {"baseColorFactor": [0, 1, 0, 1]}})
+    tree["meshes"][0]["primitives"].append({**tree["meshes"][0]["primitives"][0], "material": 1})
+    tree["nodes"] = [{"children": [1, 2]}, {"mesh": 0}, {"mesh": 0, "translation": [5, 0, 0]}]
+    scene = write("a.gltf", tree)
+    found = sorted((m.material.albedo, float(m.positions[:, 0].min())) for m in scene.meshes)
+    assert found == [((0, 1, 0), 0.0), ((0, 1, 0), 5.0), ((1, 0, 0), 0.0), ((1, 0, 0), 5.0)]
+
+
+def test_an_empty_gltf_is_a_scene_without_geometry(write):
+    scene = write("a.gltf", {"asset": {"version": "2.0"}})
+    assert scene.meshes == () and scene.sky == (1.0, 1.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        ({"asset": {"version": "1.0"}}, "glTF 1.0"),
+        ({"asset": None}, "no glTF"),
+        ({"extensionsUsed": ["KHR_draco_mesh_compression"]}, "KHR_draco"),
+        ({"buffers": [{"byteLength": 10, "uri": "gone.bin"}]}, "a.gltf: "),
+        ({"meshes": [{"primitives": [{"attributes": {"POSITION": 9}, "indices": 1}]}]}, "a.gltf: "),
+        ({"meshes": [{"primitives": [{"attributes": {}}]}]}, "a.gltf: "),
+        ({"meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "material": 3}]}]}, "no glTF"),
+        ({"nodes": [{"mesh": 7}]}, "a.gltf: "),
+        ({"accessors": [{"componentType": 5126, "count": 10**12, "type": "VEC3"}]}, "sparse"),
+    ],
+)  # fmt: skip
+def test_a_damaged_gltf_is_one_line(write, change, says):
+    with pytest.raises(InputError, match=says) as caught:
+        write("a.gltf", {**gltf(), **change})
+    assert "a.gltf: " in str(caught.value) and "\n" not in str(caught.value)
+
+
+# every format
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_degenerate_triangles_are_dropped_with_a_notice(write, name):
+    if name == "a.obj":
+        data: bytes | str = EVERY[name] + "f 1 1 2\n"
+    elif name == "a.ply":
+        data = PLY.replace("element face 4", "element face 5") + "3 1 1 2\n"
+    elif name == "a.stl":
+        flat = POINTS.copy()
+        flat[3] = 0.5, 0.5, 0  # in the plane of the others, on the edge 1-2: the slanted face has no area
+        data = stl(flat)
+    elif name == "b.stl":
+        data = ascii_stl().replace("vertex 0 0 1", "vertex 0.5 0.5 0")
+    else:
+        tree = gltf({}, {"scale": [1, 1, 1]})
+        flat = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0.5, 0.5, 0]], np.float32)
+        raw = base64.b64decode(tree["buffers"][0]["uri"].split(",")[1])
+        raw = flat.tobytes() + raw[flat.nbytes :]
+        tree["buffers"][0]["uri"] = "data:application/octet-stream;base64," + base64.b64encode(raw).decode()
+        data = json.dumps(tree) if name == "a.gltf" else glb(tree)
+    scene = write(name, data)
+    assert sum("1 degenerate triangle dropped" in notice for notice in scene.notices) == 1
+    assert scene.triangles == (4 if name in ("a.obj", "a.ply") else 3)
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_half_a_file_is_an_error_and_never_half_a_scene(write, name):
+    # cut anywhere: an error of one line; only a few bytes off the end (a last newline, padding) may go unnoticed
+    data = EVERY[name].encode() if isinstance(EVERY[name], str) else EVERY[name]
+    if name == "a.obj":
+        pytest.skip("an .obj has no length to compare with; its grammar is tested with the .scene's")
+    for size in range(1, len(data) - 2, max(1, len(data) // 40)):
+        with pytest.raises(InputError) as caught:
+            write(name, data[:size])
+        assert f"{name}: " in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_garbage_is_an_error_of_one_line(write, name, capfd):
+    # random bytes, and true files with a few random bytes in them: loaded or refused, but never a traceback or a warning
+    generator = random.Random(7)
+    true = EVERY[name].encode() if isinstance(EVERY[name], str) else EVERY[name]
+    for _ in range(20):
+        with pytest.raises(InputError) as caught:
+            write(name, generator.randbytes(300))
+        assert "\n" not in str(caught.value)
+    for _ in range(60):
+        data = bytearray(true)
+        for _ in range(generator.randrange(1, 4)):
+            data[generator.randrange(len(data))] = generator.randrange(256)
+        try:
+            scene = write(name, bytes(data))
+        except InputError as error:
+            assert "\n" not in str(error)
+        else:
+            assert all(np.isfinite(mesh.positions).all() and np.isfinite(mesh.normals).all() for mesh in scene.meshes)
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_an_empty_file_is_an_error(write, name):
+    with pytest.raises(InputError, match="the file is empty"):
+        write(name, b"")
+
+
+def test_vertices_that_are_not_finite_are_an_error(write):
+    wrong = POINTS.copy()
+    wrong[2, 1] = np.inf
+    with pytest.raises(InputError, match=r"a\.stl: a vertex is not finite"):
+        write("a.stl", stl(wrong))

@@ -1,0 +1,368 @@
+"""The .scene, .light and .obj grammar: what each line means, and that each malformed one is an error with its place."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from irrsplat.errors import InputError
+from irrsplat.scene import Scene, load
+from irrsplat.scene.build import build_mesh, is_closed
+from irrsplat.scene.model import Material
+from irrsplat.scene.obj import load_obj
+
+TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+CUBE = """v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1
+f 1 5 8 4\nf 2 3 7 6\nf 1 2 6 5\nf 4 8 7 3\nf 1 4 3 2\nf 5 6 7 8\n"""
+CAM = "cam 0 0 5  0 0 0  0 1 0\n"
+
+
+@pytest.fixture
+def write(tmp_path: Path):
+    """Writes files beside each other and loads the first of them."""
+
+    def write(text: str | bytes, name: str = "a.scene", **files: str) -> Scene:
+        (tmp_path / "t.obj").write_text(TRIANGLE)
+        for stem, content in files.items():
+            (tmp_path / stem.replace("_", ".")).write_text(content)
+        path = tmp_path / name
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return load(path)
+
+    return write
+
+
+def light(write, text: str):
+    return write("light a.light\n", a_light=text).lights[0]
+
+
+# what the lines mean
+
+
+def test_matrices_multiply_on_the_right_as_opengl_does(write):
+    # p' = T·R·S·p: (1 0 0) is scaled to (2 0 0), turned by 90° about z to (0 2 0), moved to (10 2 0); the axis need not be unit
+    scene = write("trans 10 0 0\nrotate 90 0 0 7\nscale 2 3 1\nobj t.obj\n")
+    np.testing.assert_allclose(scene.meshes[0].positions, [[10, 0, 0], [10, 2, 0], [7, 0, 0]], atol=1e-6)
+    assert scene.meshes[0].positions.dtype == np.float32
+
+
+def test_push_and_pop_save_the_matrix_and_not_the_material(write):
+    scene = write("push\ntrans 5 0 0\nbrdf diffuse 1 0 0 1\nobj t.obj\npop\nobj t.obj\n")
+    assert [m.positions[0, 0] for m in scene.meshes] == [5.0, 0.0]
+    assert [m.material.albedo for m in scene.meshes] == [(1.0, 0.0, 0.0)] * 2
+
+
+def test_a_material_holds_until_the_next_of_its_kind(write):
+    # emission and reflectance are independent; before any line the surface is 0.5 and dark
+    scene = write("obj t.obj\nbrdf emission 1 2 3\nobj t.obj\nbrdf diffuse .1 .2 .3 9\nobj t.obj\nbrdf emission 0 0 0\nobj t.obj")
+    grey, some = (0.5, 0.5, 0.5), (0.1, 0.2, 0.3)
+    expected = [(grey, (0, 0, 0)), (grey, (1, 2, 3)), (some, (1, 2, 3)), (some, (0, 0, 0))]
+    assert [(m.material.albedo, m.material.emission) for m in scene.meshes] == expected
+
+
+def test_normals_follow_the_inverse_transpose(write):
+    # n = (1 1 0)/√2 on a surface stretched by 2 along x: S⁻ᵀn = (½ 1 0), unit (1 2 0)/√5
+    obj = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 1 1 0\nf 1//1 2//1 3//1\n"
+    scene = write("scale 2 1 1\nobj n.obj\n", n_obj=obj)
+    np.testing.assert_allclose(scene.meshes[0].normals, [np.array([1, 2, 0]) / math.sqrt(5)] * 3, atol=1e-6)
+
+
+def test_without_normals_a_face_has_its_own(write):
+    # two triangles that share an edge at a right angle: six vertices, and the normals of the two planes
+    obj = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 2 1 4\n"
+    mesh = write("obj n.obj\n", n_obj=obj).meshes[0]
+    assert len(mesh.positions) == 6
+    np.testing.assert_allclose(mesh.normals, [[0, 0, 1]] * 3 + [[0, 1, 0]] * 3, atol=1e-7)
+
+
+def test_faces_with_and_without_normals_live_in_one_file(write):
+    obj = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 1 0 0\nf 1//1 2//1 3//1\nf 1 2 3\n"
+    mesh = write("obj n.obj\n", n_obj=obj).meshes[0]
+    np.testing.assert_allclose(mesh.normals[mesh.faces][:, 0], [[1, 0, 0], [0, 0, 1]], atol=1e-7)
+
+
+def test_face_forms_polygons_and_negative_indices(tmp_path):
+    # a pentagon is a fan of three; -1 is the last vertex *above the face*, here the fifth, although a sixth follows
+    vertices = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv .5 2 0\nv 0 1 0\n"
+    text = vertices + "vn 0 0 1\nvt 0 0\nf 1/1 2/1 3/1\nf 1//-1 2//-1 3//-1\nf 1/1/1 2/1/1 3/1/1\nf -5 -4 -3 -2 -1\nv 9 9 9\n"
+    (tmp_path / "a.obj").write_text(text)
+    shape = load_obj(tmp_path / "a.obj")
+    assert shape.corners.tolist() == [[0, 1, 2]] * 3 + [[0, 1, 2], [0, 2, 3], [0, 3, 4]]
+    assert shape.corner_normals[:, 0].tolist() == [-1, 0, 0, -1, -1, -1]
+
+
+def test_an_obj_keeps_what_its_lines_say_in_any_spelling(tmp_path):
+    # comments, tabs, exponents, a weight after the position, a continued line, other words, CRLF and a byte-order mark
+    text = "\ufeff# a\r\no thing\r\n\tv\t0 0 0 1\r\nv 1e0 +0 -.0 # b\r\nv 0 \\\r\n1 0\r\ns off\r\nf 1 2 \\\r\n3\r\n"
+    (tmp_path / "a.obj").write_bytes(text.encode())
+    shape = load_obj(tmp_path / "a.obj")
+    assert shape.positions.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0]] and shape.corners.tolist() == [[0, 1, 2]]
+
+
+def test_a_scene_may_have_a_byte_order_mark_and_windows_line_ends(write):
+    scene = write(b"\xef\xbb\xbfcam 0 0 5 0 0 0 0 1 0\r\nsky 1 2 3\r\n")
+    assert scene.sky == (1.0, 2.0, 3.0) and scene.cameras[0].eye == (0.0, 0.0, 5.0)
+
+
+def test_cameras_and_projection(write):
+    # the unnamed camera is the default wherever it stands; `proj` holds for all, above and below it
+    scene = write("cam left 1 0 5 0 0 0 0 1 0\n" + CAM + "proj 30 1.5 0.1 10\ncam right 2 0 5 0 0 0 0 1 0\n")
+    assert [(c.name, c.eye[0], c.fov) for c in scene.cameras] == [("", 0, 30), ("left", 1, 30), ("right", 2, 30)]
+    assert write("cam left 1 0 5 0 0 0 0 1 0\ncam right 2 0 5 0 0 0 0 1 0\n").camera().name == "left"
+
+
+def test_lights(write):
+    plain = light(write, "position 1 2 3 1\nambient 0 0 0 1\nspecular 1 1 1 1\ndiffuse .5 .6 .7 1\nquadraticAttenuation 2\n")
+    assert (plain.position, plain.color, plain.attenuation) == ((1, 2, 3), (0.5, 0.6, 0.7), (1, 0, 2))
+    assert not plain.physical and not plain.directional and plain.spot_target is None and plain.name == "a"
+    assert light(write, "position 0 1 0 0\ndiffuse 1 1 1 1\n").directional
+    spot = light(write, "position 0 5 0 1\nintensity 1 2 3\nspotDirection 0 0 0\nspotCutoff 30\nspotInner 20\nspotExponent 2\n")
+    assert spot.physical and spot.spot_target == (0, 0, 0)
+    assert (spot.spot_cutoff, spot.spot_inner, spot.spot_exponent) == (30, 20, 2)
+    hard = light(write, "position 0 5 0 1\nintensity 1 2 3\nspotDirection 0 0 0\nspotCutoff 30\n")
+    assert hard.spot_inner == 30  # a hard edge
+    for cutoff in (90, 180):  # no cone: a direction and an exponent are read and mean nothing
+        text = f"position 0 5 0 1\ndiffuse 1 1 1 1\nspotDirection 0 0 0\nspotExponent 3\nspotCutoff {cutoff}\n"
+        assert light(write, text).spot_target is None
+
+
+def test_where_nothing_shines_a_sky_stands_in(write):
+    assert write("obj t.obj\n" + CAM).sky == (1.0, 1.0, 1.0)
+    assert "sky" in write("obj t.obj\n" + CAM).notices[0]
+    assert write("obj t.obj\nsky 0 0 0\n" + CAM).sky == (0.0, 0.0, 0.0)  # a black sky that was asked for
+    assert write("brdf emission 1 1 1\nobj t.obj\n" + CAM).sky == (0.0, 0.0, 0.0)
+    assert write("light a.light\n" + CAM, a_light="position 0 0 0 1\ndiffuse 1 1 1 1\n").notices == ()
+
+
+@pytest.mark.parametrize("text", ["scale 30 2 2\ntrans 4 4 4\nobj t.obj\n", "sky 1 1 1\n"])
+def test_without_a_camera_one_sees_the_whole_scene(write, text):
+    # every corner of the bounding box lies inside the view of a square picture: |x|, |y| <= tan(fov/2)·depth
+    scene = write(text)
+    camera = scene.camera()
+    corners = np.array([[scene.bounds[i, 0], scene.bounds[j, 1], scene.bounds[k, 2]] for i, j, k in np.ndindex(2, 2, 2)])
+    x, y, z = camera.view_from_world[:3, :3] @ corners.T + camera.view_from_world[:3, 3:]
+    assert (np.maximum(np.abs(x), np.abs(y)) <= math.tan(math.radians(camera.fov / 2)) * -z + 1e-9).all()
+    assert any("camera" in notice for notice in scene.notices)
+
+
+def test_no_geometry_is_legal(write):
+    scene = write("# nothing but a comment\n")
+    assert scene.triangles == 0 and scene.sky == (1.0, 1.0, 1.0)
+    assert write("obj e.obj\n", e_obj="# no faces\n").meshes == ()
+
+
+def test_degenerate_triangles_are_dropped_with_one_notice(write):
+    # a point, a line (three collinear vertices, which no rounding may save) and a true triangle, drawn twice
+    obj = TRIANGLE + "v .1 .1 .1\nv .2 .2 .2\nv .3 .3 .3\nf 1 1 1\nf 4 5 6\n"
+    scene = write(CAM + "sky 1 1 1\nobj d.obj\ntrans 1 0 0\nobj d.obj\n", d_obj=obj)
+    assert scene.triangles == 2
+    assert len(scene.notices) == 1 and re.search(r"d\.obj: 4 degenerate triangles dropped", scene.notices[0])
+
+
+def test_closed_means_watertight_and_wound_outward(write):
+    def closed(transform: str, obj: str = CUBE) -> bool:
+        return write(transform + "\nobj c.obj\n", c_obj=obj).meshes[0].closed
+
+    inward = re.sub(r"f (\d) (\d) (\d) (\d)", r"f \4 \3 \2 \1", CUBE)
+    assert closed("rotate 33 1 2 3")
+    assert not closed("scale -1 1 1")  # a mirror turns the winding: the surface now faces inward
+    assert closed("scale 1 1 -1", inward)
+    assert not closed("", inward)
+    assert not closed("", CUBE.rsplit("f", 1)[0])  # one face is missing
+
+
+def test_closed_asks_every_part_for_a_positive_volume():
+    # 50 tetrahedra apart from each other are 50 closed parts; turn one of them and the whole no longer is
+    corners = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    points = np.concatenate([np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]) + 3 * k for k in range(50)]).astype(
+        np.float32
+    )
+    faces = np.concatenate([corners + 4 * k for k in range(50)])
+    assert is_closed(points, faces)
+    faces[-4:] = faces[-4:, ::-1]
+    assert not is_closed(points, faces)
+
+
+def test_a_transform_beyond_float32_is_an_error():
+    positions, corners = np.eye(3), np.array([[0, 1, 2]])
+    with pytest.raises(InputError, match="32-bit"):
+        build_mesh(positions, corners, np.zeros((0, 3)), -np.ones_like(corners), np.diag([1e39, 1, 1, 1]), Material())
+
+
+def test_a_large_obj_loads_in_a_blink(tmp_path):
+    # 80 000 triangles; a loop over lines in Python would take some ten times as long
+    n = 200
+    x, y = np.meshgrid(np.arange(n + 1), np.arange(n + 1))
+    v = np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], 1)
+    i = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel() + 1
+    f = np.concatenate([np.stack([i, i + 1, i + n + 2], 1), np.stack([i, i + n + 2, i + n + 1], 1)])
+    lines = [f"v {a} {b} {c}" for a, b, c in v.tolist()] + ["vn 0 0 1"]
+    lines += [f"f {a}//1 {b}//1 {c}//1" for a, b, c in f.tolist()]
+    (tmp_path / "big.obj").write_text("\n".join(lines))
+    shape = load_obj(tmp_path / "big.obj")
+    np.testing.assert_array_equal(shape.positions, v)
+    np.testing.assert_array_equal(shape.corners, f - 1)
+
+
+# what is wrong: message and line
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "says"),
+    [
+        ("\nfoo 1\n", 2, "unknown word 'foo'"),
+        ("_light\n", 1, "unknown word"),
+        ("cam 1 2 3\n", 1, "'cam' has 3 values"),
+        ("cam 0 0 5 0 0 0 0 1\n", 1, "'cam' has 8 values"),
+        ("cam 1 0 0 5 0 0 0 0 1 0\n", 1, "10 numbers"),
+        ("cam 0 0 5 0 0 0 0 one 0\n", 1, "'one' is not a number"),
+        (CAM + CAM, 2, "'cam' is given twice; first in line 1"),
+        ("cam a" + CAM[3:] + "cam a" + CAM[3:], 2, "'cam a' is given twice"),
+        ("cam 1 2 3 1 2 3 0 1 0\n", 1, "eye lies at its target"),
+        ("cam 0 5 0 0 0 0 0 1 0\n", 1, "parallel"),
+        ("cam 0 0 5 0 0 0 0 0 0\n", 1, "parallel"),
+        ("proj 0 1 1 10\n", 1, "between 0 and 180"),
+        ("proj 180 1 1 10\n", 1, "between 0 and 180"),
+        ("proj 45 0 1 10\n", 1, "ASPECT"),
+        ("proj 45 1 10 1\n", 1, "NEAR < FAR"),
+        ("proj 45 1 1\n", 1, "'proj' has 3 values"),
+        ("proj 45 1 1 10\nproj 45 1 1 10\n", 2, "given twice"),
+        ("brdf\n", 1, "no kind of brdf"),
+        ("brdf glossy 1 1 1\n", 1, "'glossy' is no kind of brdf"),
+        ("brdf diffuse 1 1 1\n", 1, "3 values"),
+        ("brdf diffuse 1.1 0 0 1\n", 1, "from 0 to 1"),
+        ("brdf diffuse 0 -0.1 0 1\n", 1, "from 0 to 1"),
+        ("brdf diffuse 0 nan 0 1\n", 1, "not a finite number"),
+        ("brdf emission -1 0 0\n", 1, "0 or more"),
+        ("brdf emission inf 0 0\n", 1, "not a finite number"),
+        ("sky 1 1\n", 1, "'sky' has 2 values"),
+        ("sky -1 1 1\n", 1, "0 or more"),
+        ("sky 1 1 1\nsky 1 1 1\n", 2, "given twice"),
+        ("push 1\n", 1, "'push' has 1 values"),
+        ("push\npush\npop\n", 1, "'push' has no 'pop'"),
+        ("push\npop\n\npop\n", 4, "'pop' has no 'push'"),
+        ("trans 1 2\n", 1, "'trans' has 2 values"),
+        ("trans 1 2 3 4\n", 1, "'trans' has 4 values"),
+        ("trans 1 2 1_0\n", 1, "'1_0' is not a number"),
+        ("rotate 90 0 0 0\n", 1, "axis is 0 0 0"),
+        ("scale 1 0 1\n", 1, "scale of 0"),
+        ("scale 1 1 1e999\n", 1, "not a finite number"),
+        ("obj\n", 1, "names no file"),
+        ("obj nope.obj\n", 1, "there is no file 'nope.obj'"),
+        ("obj .\n", 1, "is a directory"),
+        ("light nope.light\n", 1, "there is no file 'nope.light'"),
+        ("scale 1e30 1e30 1e30\nscale 1e30 1 1\nobj t.obj\n", 3, "32-bit"),
+    ],
+)  # fmt: skip
+def test_a_malformed_scene_line_is_an_error_with_its_place(write, text, line, says):
+    with pytest.raises(InputError, match=re.escape(says)) as caught:
+        write(text)
+    assert f"a.scene:{line}: " in str(caught.value) and "\n" not in str(caught.value)
+
+
+POINT = "position 0 5 0 1\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "says"),
+    [
+        (POINT + "colour 1 1 1\n", 2, "unknown word 'colour'"),
+        ("position 1 2 3\n", 1, "'position' has 3 values"),
+        (POINT + POINT, 2, "given twice"),
+        ("position 0 0 0 2\n", 1, "W is 2"),
+        ("diffuse 1 1 1 1\nposition 0 0 0 0\n", 2, "other than 0 0 0"),
+        ("diffuse 1 1 1 1\n", None, "no position"),
+        (POINT, None, "no colour"),
+        (POINT + "diffuse 1 1 1\n", 2, "'diffuse' has 3 values"),
+        (POINT + "diffuse 1 -1 1 1\n", 2, "negative"),
+        (POINT + "ambient 1 1 x 1\n", 2, "'x' is not a number"),
+        (POINT + "intensity 1 1 -1\n", 2, "negative"),
+        (POINT + "intensity 1 1 1\ndiffuse 1 1 1 1\n", 3, "exclude each other"),
+        (POINT + "intensity 1 1 1\nconstantAttenuation 1\n", 3, "exclude each other"),
+        ("position 0 1 0 0\nintensity 1 1 1\n", 2, "W 0"),
+        (POINT + "diffuse 1 1 1 1\nlinearAttenuation -1\n", 3, "negative"),
+        (POINT + "diffuse 1 1 1 1\nconstantAttenuation 0\n", 3, "division by zero"),
+        (POINT + "diffuse 1 1 1 1\nspotCutoff 30\n", 3, "needs the point"),
+        (POINT + "diffuse 1 1 1 1\nspotCutoff 0\n", 3, "half angle"),
+        (POINT + "diffuse 1 1 1 1\nspotCutoff 91\n", 3, "half angle"),
+        (POINT + "diffuse 1 1 1 1\nspotExponent -1\n", 3, "negative"),
+        (POINT + "diffuse 1 1 1 1\nspotInner 10\n", 3, "needs a cone"),
+        (POINT + "diffuse 1 1 1 1\nspotDirection 0 0 0\nspotCutoff 20\nspotInner 21\n", 5, "spotInner is 21"),
+        (POINT + "diffuse 1 1 1 1\nspotDirection 0 5 0\nspotCutoff 20\n", 3, "its own position"),
+        ("position 0 1 0 0\ndiffuse 1 1 1 1\nspotDirection 0 0 0\nspotCutoff 20\n", 4, "has no cone"),
+        ("\n", None, "empty"),
+    ],
+)  # fmt: skip
+def test_a_malformed_light_is_an_error_with_its_place(write, text, line, says):
+    with pytest.raises(InputError, match=re.escape(says)) as caught:
+        light(write, text)
+    place = "a.light: " if line is None else f"a.light:{line}: "
+    assert place in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "says"),
+    [
+        ("v 1 2\n", 1, "'v' has 2 values"),
+        ("v 1 2 3 4 5\n", 1, "'v' has 5 values"),
+        ("v 1 2 3\n\nv 1 x 3\n", 3, "'x' is not a number"),
+        ("v 1 2 nan\n", 1, "not a finite number"),
+        ("v 1 2 1_0\n", 1, "'1_0' is not a number"),
+        ("v 1 \\\n 2 3\nv 1 inf 2\n", 3, "not a finite number"),
+        ("vn 0 0\n", 1, "'vn' has 2 values"),
+        (TRIANGLE + "f 1 2\n", 5, "a face has 2 corners"),
+        (TRIANGLE + "f\n", 5, "a face has 0 corners"),
+        (TRIANGLE + "f 1 2 0\n", 5, "vertex 0, but indices start at 1"),
+        (TRIANGLE + "f 1 2 4\n", 5, "vertex 4, but there are 3"),
+        (TRIANGLE + "f 1 2 -4\n", 5, "vertex -4, but there are 3"),
+        (TRIANGLE + "f 1//1 2//1 3//1\n", 5, "normal 1, but there are 0"),
+        (TRIANGLE + "f 1/1/2 2/1/1 3/1/1\nvn 0 0 1\n", 5, "normal 2, but there are 1"),
+        (TRIANGLE + "f 1 2//1 3\n", 5, "different kinds"),
+        (TRIANGLE + "f 1/ 2/ 3/\n", 5, "'1/' is no corner"),
+        (TRIANGLE + "f 1/1/1/1 2 3\n", 5, "'1/1/1/1' is no corner"),
+        (TRIANGLE + "f 1 2 3.5\n", 5, "'3.5' is no corner"),
+        (TRIANGLE + "f 1 2 x\n", 5, "'x' is no corner"),
+        (TRIANGLE + "f 1 2 99999999999999999999\n", 5, "is no corner"),
+        ("hello\nworld\n", None, "no line of this file is OBJ"),
+        ("", None, "empty"),
+    ],
+)  # fmt: skip
+def test_a_malformed_obj_line_is_an_error_with_its_place(write, text, line, says):
+    with pytest.raises(InputError, match=re.escape(says)) as caught:
+        write("obj x.obj\n", x_obj=text)
+    place = "x.obj: " if line is None else f"x.obj:{line}: "
+    assert place in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("data", "says"),
+    [
+        (b"", "empty"),
+        (b" \n\n", "empty"),
+        ("cam 0 0 5 0 0 0 0 1 0".encode("utf-16"), "UTF-16"),
+        ("cam 0 0 5 0 0 0 0 1 0".encode("utf-16-be"), "UTF-16"),
+        (b"sky 1 1 1\n\0\1\2garbage", "binary"),
+        (bytes(range(1, 256)), "not UTF-8"),
+        (b"sky 1 1 1\n# caf\xe9\n", "a.scene:2: this is not UTF-8"),
+        (b"\x1b[31m 1 2\n", "unknown word"),
+    ],
+)  # fmt: skip
+def test_what_is_no_text_is_an_error(write, data, says):
+    with pytest.raises(InputError, match=re.escape(says)) as caught:
+        write(data)
+    assert "a.scene" in str(caught.value) and str(caught.value).isprintable()
+
+
+def test_a_light_or_obj_that_is_no_text_is_an_error_too(tmp_path):
+    (tmp_path / "a.scene").write_text("light a.light\n")
+    (tmp_path / "a.light").write_bytes("position 0 0 0 1".encode("utf-16"))
+    with pytest.raises(InputError, match=r"a\.light: the text is UTF-16"):
+        load(tmp_path / "a.scene")
+    (tmp_path / "a.scene").write_text("obj a.obj\n")
+    (tmp_path / "a.obj").write_bytes(b"\x00\x01\x02\x03 v 1 2 3")
+    with pytest.raises(InputError, match=r"a\.obj: this is binary data"):
+        load(tmp_path / "a.scene")
