@@ -42,7 +42,7 @@ def surface(
     """
 
     u, v = np.meshgrid(np.arange(rows + (not tube)) / rows, np.arange(columns + (not ring)) / columns, indexing="ij")
-    decimals = 4 if u.size < 2_000 else 6  # 0.1 mm keeps the bundled files small; a fine mesh would collapse at its poles
+    decimals = 4 if u.size < 1_000 else 6  # 0.1 mm keeps the bundled files small; a fine mesh would collapse at its poles
     positions = np.round(np.stack(np.broadcast_arrays(*f(u, v)), axis=-1).reshape(-1, 3), decimals) + 0.0  # + 0: no -0
     index = np.arange(u.size).reshape(u.shape)
     index = np.concatenate([index, index[:1]]) if tube else index
