@@ -24,7 +24,7 @@ void see_footprint(vec3 g)
     for (int i = 0; i < 4; ++i)
     {
         float t = k / min(dot(g, corners[i]), -1e-20);  // g faces the record: both are negative before the horizon
-        footprint[i] = v_eye + corners[i] * min(t, FARTHEST * depth);
+        footprint[i] = corners[i] * min(t, FARTHEST * depth) - (v_position - v_eye);
     }
     footprint_area = 0.5 * length(cross(footprint[2] - footprint[0], footprint[3] - footprint[1])) + 1e-30;
 }

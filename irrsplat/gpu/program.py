@@ -23,6 +23,7 @@ class State:
 
     depth: "<=" or None. blend: "add" or None. cull: "front", "back" or None.
     clamp: depth clamp, so that no near plane clips. clips: how many gl_ClipDistance planes are on.
+    push: polygon offset as glPolygonOffset, (slopes, units).
     """
 
     depth: str | None = None
@@ -30,6 +31,7 @@ class State:
     cull: str | None = None
     clamp: bool = False
     clips: int = 0
+    push: tuple[float, float] = (0.0, 0.0)
 
 
 class Program:
@@ -117,6 +119,7 @@ class Program:
         if state.blend:
             ctx.blend_equation = moderngl.FUNC_ADD
             ctx.blend_func = moderngl.ONE, moderngl.ONE
+        ctx.polygon_offset = state.push
         if state.cull:
             ctx.front_face = "ccw"
             ctx.cull_face = state.cull

@@ -13,6 +13,15 @@ from irrsplat.lights import light_table
 from irrsplat.scene.model import Scene
 
 
+# Front faces are culled, the paper's cure for acne, where the far side of a closed mesh stands for them. That alone leaks
+# where the far side touches what it shades, a box on the floor: so the front faces are drawn as well, pushed back.
+_DRAWS = (
+    ("open", State(depth="<", clamp=True)),
+    ("closed", State(depth="<", clamp=True, cull="front")),
+    ("closed", State(depth="<", clamp=True, cull="back", push=(2.0, 16.0))),
+)
+
+
 class ShadowPass:
     """Draws the shadow maps of a scene's lights."""
 
@@ -35,13 +44,12 @@ class ShadowPass:
         self.target.clear()
         for i, (matrix, near) in enumerate(zip(lights.tiles, lights.near, strict=True)):
             cell = (side * (i % columns), side * (i // columns), side, side)
-            # front faces are culled (the paper's cure for acne) where the far side of a closed mesh stands for it
-            for part, cull in (("closed", "front"), ("open", None)):
+            for part, state in _DRAWS:
                 self.program(
                     self.target,
                     geometry=geometry,
                     part=part,
-                    state=State(depth="<", cull=cull, clamp=True),
+                    state=state,
                     viewport=cell,
                     scissor=cell,
                     tile_right=matrix[0],

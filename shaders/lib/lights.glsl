@@ -128,7 +128,7 @@ float visibility(int i, Receiver r, int taps, vec2 rotation)
 }
 
 #ifdef FOOTPRINT
-// The corners of what the texel sees of the receiver's plane, in order around it, and its area in m².
+// The corners of what the texel sees of the receiver's plane, in order around it, relative to r.p, and its area in m².
 vec3 footprint[4];
 float footprint_area;
 
@@ -142,9 +142,9 @@ float solid_angle(vec3 a, vec3 b, vec3 c)
 
 // The mean of cosθ/d² over the footprint. A lamp close to a wall makes a spot there far smaller than a texel, which a
 // sample at its centre hits or misses; but ∫ cosθ/d² dA is the solid angle that the footprint takes up in the lamp's sky.
-float footprint_mean(vec3 lamp)
+float footprint_mean(vec3 to_lamp)
 {
-    vec3 a = footprint[0] - lamp, b = footprint[1] - lamp, c = footprint[2] - lamp, d = footprint[3] - lamp;
+    vec3 a = footprint[0] - to_lamp, b = footprint[1] - to_lamp, c = footprint[2] - to_lamp, d = footprint[3] - to_lamp;
     return (solid_angle(a, b, c) + solid_angle(a, c, d)) / footprint_area;
 }
 #endif
@@ -164,8 +164,10 @@ vec3 light_irradiance(int i, Receiver r)
     vec3 l = to_light / d;
     float cosine = dot(r.g, l) > 0.0 ? max(dot(r.n, l), 0.0) : 0.0;
 #if defined(FOOTPRINT) && LIGHTS_WITH_SQUARE
-    if (!parallel && falloff.x + falloff.y == 0.0 && dot(r.g, l) > 0.0)
-        cosine *= min(footprint_mean(position.xyz) * d2 / dot(r.g, l), 1e4);
+    float facing = dot(r.g, l);
+    // a footprint that is small from the lamp is as good as a point, and its solid angle would drown in rounding
+    if (!parallel && falloff.x + falloff.y == 0.0 && facing > 1e-3 && footprint_area > 1e-3 * d2)
+        cosine *= footprint_mean(to_light) * d2 / facing;
 #endif
     float strength = parallel ? 1.0 : 1.0 / max(dot(falloff.xyz, vec3(1.0, d, d2)), 1e-20);
 #if LIGHTS_WITH_CONE
