@@ -11,6 +11,7 @@ from tests.reference.make import image, look
 from tests.reference.tracer import Tracer, choose_variant, mi
 
 SPP = 4096  # of Mitsuba's path, four times over
+STRATA = 16  # each pixel is seen through STRATA² points
 SIDE = 32  # pixels of the images that are compared
 CAMERA = Camera(eye=(0.0, 0.0, 3.4), target=(0.0, 0.0, 0.0), fov=40.0)
 
@@ -108,11 +109,13 @@ def against_path(name: str, light: Light, emitter: dict[str, Any]) -> None:
     choose_variant()
     tracer = Tracer(scene)
     ours = np.zeros((SIDE, SIDE, 3))
-    for k, (dx, dy) in enumerate(np.random.default_rng(0).permuted(np.indices((8, 8)).reshape(2, -1), axis=1).T):
-        hit = look(tracer, CAMERA, SIDE, (dx + 0.5) / 8, (dy + 0.5) / 8)
+    random = np.random.default_rng(0)
+    for stratum in np.ndindex(STRATA, STRATA):
+        dy, dx = (np.reshape(stratum, (2, 1, 1)) + random.random((2, SIDE, SIDE))) / STRATA
+        hit = look(tracer, CAMERA, SIDE, dx, dy)
         p, n, g = (image(v, SIDE).reshape(-1, 3) for v in (hit.p, hit.n, hit.g))
-        E = tracer.irradiance(p, n, g, 16, k + 1).reshape(SIDE, SIDE, 3)
-        ours += np.where(image(hit.valid, SIDE)[..., None], image(hit.albedo, SIDE) / np.pi * E, 0.0) / 64
+        E = tracer.irradiance(p, n, g, 8, int(random.integers(1, 20_000))).reshape(SIDE, SIDE, 3)
+        ours += np.where(image(hit.valid, SIDE)[..., None], image(hit.albedo, SIDE) / np.pi * E, 0.0) / STRATA**2
     print(
         f"{name:30} against path: mean {ours.mean() / theirs.mean() - 1:+.2%}, "
         f"RMS {np.sqrt(np.mean((ours - theirs) ** 2)) / theirs.mean():.2%}, of which path's own noise {noise:.2%}"

@@ -25,19 +25,21 @@ ANGLE = 18.0  # degrees between a pixel's normal and its neighbours'
 PLANE = 0.01  # distance of its neighbours from its tangent plane, in diagonals
 
 
-def camera_rays(camera: Camera, size: int, dx: float = 0.5, dy: float = 0.5) -> np.ndarray:
-    """(size², 3) unit directions, row by row from the top, through the point (dx, dy) of every pixel (0.5: its centre)."""
-    x = (np.arange(size) + dx) / size * 2.0 - 1.0
-    y = 1.0 - (np.arange(size) + dy) / size * 2.0
-    y, x = np.meshgrid(y, x, indexing="ij")
+def camera_rays(camera: Camera, size: int, dx: Any = 0.5, dy: Any = 0.5) -> np.ndarray:
+    """(size², 3) unit directions, row by row from the top, through the point (dx, dy) of every pixel (0.5: its centre).
+
+    dx, dy: 0..1 to the right and downward, one number or (size, size).
+    """
+    row, column = np.indices((size, size))
     slope = np.tan(np.radians(camera.fov) / 2.0)
-    view = np.stack([x * slope, y * slope, -np.ones_like(x)], axis=-1).reshape(-1, 3)
-    world = view @ camera.axes
+    x = ((column + dx) / size * 2.0 - 1.0) * slope
+    y = (1.0 - (row + dy) / size * 2.0) * slope
+    world = np.stack([x, y, -np.ones_like(x)], axis=-1).reshape(-1, 3) @ camera.axes
     return world / np.linalg.norm(world, axis=1, keepdims=True)
 
 
-def look(tracer: Tracer, camera: Camera, size: int, dx: float = 0.5, dy: float = 0.5) -> Hit:
-    """What the camera sees through the same point of every pixel, one lane per pixel."""
+def look(tracer: Tracer, camera: Camera, size: int, dx: Any = 0.5, dy: Any = 0.5) -> Hit:
+    """What the camera sees through one point of every pixel, as camera_rays has it; one lane per pixel."""
     return tracer.hit(mi.Point3f(*camera.eye), mi.Vector3f(camera_rays(camera, size, dx, dy).T))
 
 
