@@ -126,14 +126,17 @@ class Atlas:
     """What a batch of records sees, a cell each: row-major cells of `cell` (width, height) texels, `columns` per row.
 
     radiance: RGBA32F texture, rgb W/(m² sr), a distance in metres (0 where nothing was hit).
-    table: RGBA32F texture of one cell, xyz direction in the record's frame (tangent, bitangent, normal), w cosθ·dω.
-    geometric: RGBA32F texture, texel (i, 0) the geometric normal of record i in its own frame.
+    table: RGBA32F texture of two cells side by side; the first: xyz direction in the record's frame (tangent, bitangent,
+    normal), w cosθ·dω; the second: xyz ∫ω·dω, w ∫dω. edges: RGBA32F texture, see passes.gather.edge_table.
+    frames: RGBA32F texture; texels (i, 0..2) are record i's tangent, bitangent and normal, (i, 3) its geometric normal in
+    that frame.
     count: the number of records. block: the texels that the first reduction step sums at once, as (width, height).
     """
 
     radiance: Any
     table: Any
-    geometric: Any
+    edges: Any
+    frames: Any
     count: int
     columns: int
     cell: tuple[int, int]
@@ -145,10 +148,24 @@ class Records:
     """The cache on the GPU, RGBA32F textures of `columns` texels a row; record i is texel (i % columns, i // columns).
 
     position: xyz world. normal: xyz world. irradiance: rgb E in W/m², w R_k in metres. count: how many there are.
+    vectors: of red, green and blue the irradiance vectors M = ∫L·ω·dω (E = n·M), then of each the gradient ∇E in W/m³.
     """
 
     position: Any
     normal: Any
     irradiance: Any
+    vectors: tuple[Any, ...]
     count: int
     columns: int
+
+    @property
+    def uniforms(self) -> dict[str, Any]:
+        """The uniforms with which shaders/splat.vert reads them."""
+        names = ("records_m_r", "records_m_g", "records_m_b", "records_g_r", "records_g_g", "records_g_b")
+        return {
+            "records_position": self.position,
+            "records_normal": self.normal,
+            "records_irradiance": self.irradiance,
+            "record_columns": self.columns,
+            **dict(zip(names, self.vectors, strict=True)),
+        }

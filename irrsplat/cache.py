@@ -9,6 +9,7 @@ from irrsplat.buffers import Records, Sites
 from irrsplat.gpu.target import float_texture
 
 _COLUMNS = 1024
+_TEXTURES = 9  # position, normal, irradiance and radius, then the six of Records.vectors
 _ROWS = 4  # at first; doubled whenever they are full
 
 
@@ -20,12 +21,12 @@ class RecordCache:
         self.count = 0
         self._position = np.zeros((_ROWS * _COLUMNS, 4), "f4")
         self._normal = np.zeros_like(self._position)
-        self._textures = [float_texture(ctx, (_COLUMNS, _ROWS)) for _ in range(3)]
+        self._textures = [float_texture(ctx, (_COLUMNS, _ROWS)) for _ in range(_TEXTURES)]
 
     @property
     def records(self) -> Records:
         """The textures as they stand; valid until the next `append`."""
-        return Records(*self._textures, self.count, _COLUMNS)
+        return Records(*self._textures[:3], tuple(self._textures[3:]), self.count, _COLUMNS)
 
     def append(self, sites: Sites, values: np.ndarray | None = None) -> int:
         """Add records at `sites`; returns the first one's number.
@@ -41,10 +42,16 @@ class RecordCache:
             part = rows[low * _COLUMNS : high * _COLUMNS]
             texture.write(part.tobytes(), viewport=(0, low, _COLUMNS, high - low))
         if values is not None:
-            whole = np.frombuffer(self._textures[2].read(), "f4").reshape(-1, 4).copy()
-            whole[first : self.count] = values
-            self._textures[2].write(whole.tobytes())
+            self._put(2, first, values)
+            for i in range(3):  # a record without directions: M = E·n_k, no gradient
+                self._put(3 + i, first, np.pad(sites.normal * values[:, i : i + 1], ((0, 0), (0, 1))))
+                self._put(6 + i, first, np.zeros_like(values))
         return first
+
+    def _put(self, texture: int, first: int, values: np.ndarray) -> None:
+        whole = np.frombuffer(self._textures[texture].read(), "f4").reshape(-1, 4).copy()
+        whole[first : first + len(values)] = values
+        self._textures[texture].write(whole.tobytes())
 
     def _reserve(self, count: int) -> None:
         rows = len(self._position) // _COLUMNS
@@ -54,7 +61,7 @@ class RecordCache:
             rows *= 2
         grow = ((0, rows * _COLUMNS - len(self._position)), (0, 0))
         self._position, self._normal = np.pad(self._position, grow), np.pad(self._normal, grow)
-        old, self._textures = self._textures, [float_texture(self.ctx, (_COLUMNS, rows)) for _ in range(3)]
+        old, self._textures = self._textures, [float_texture(self.ctx, (_COLUMNS, rows)) for _ in range(_TEXTURES)]
         for texture, was in zip(self._textures, old, strict=True):
             texture.write(was.read(), viewport=(0, 0, *was.size))
             was.release()

@@ -96,8 +96,8 @@ class Renderer:
             light_defines(scene),
             capacity=1 if self.settings.placement == "scan" else None,  # the paper: one at a time
         )
-        self.reduce_pass = ReducePass(self.ctx)
-        self.splat_pass = SplatPass(self.ctx, self.size)
+        self.reduce_pass = ReducePass(self.ctx, self.settings.gradients)
+        self.splat_pass = SplatPass(self.ctx, self.size, self.settings.gradients)
         self.examine_pass = ExaminePass(self.ctx, self.size)
         self.direct_pass = DirectPass(self.ctx, self.size, light_defines(scene))
         self.composite_pass = CompositePass(self.ctx, self.size)

@@ -101,17 +101,18 @@ class Settings:
     gather_size: int = _declare(
         32, "int", "gather", "side of a record's front face; 64 is near exact", low=4, high=256, unit="pixels"
     )
-    a: float = _declare(0.2, "float", "splat", "a record reaches a·R_k: smaller is more records and less error", low=0.01, high=2)
+    gradients: bool = _declare(True, "bool", "splat", "records say how irradiance changes with place and normal around them")
+    a: float = _declare(0.4, "float", "splat", "a record reaches a·R_k: smaller is more records and less error", low=0.01, high=2)
     kernel: str = _declare(
         "smooth", "choice", "splat", "weight of a record: the paper's, cut off at 1/a, or one that falls to zero there",
         choices=("smooth", "cut"),
     )  # fmt: skip
     in_front: bool = _declare(True, "bool", "splat", "a record that lies in front of a pixel's surface does not speak for it")
     radius_min: float = _declare(
-        0.6, "float", "splat", "least radius a·R of a splat on screen, in percent of the image height", low=0, high=50, unit="%"
+        0.5, "float", "splat", "least radius a·R of a splat on screen, in percent of the image height", low=0, high=50, unit="%"
     )
     radius_max: float = _declare(
-        8.0, "float", "splat", "greatest radius a·R of a splat on screen, in percent of the image height; 0 is no limit",
+        5.0, "float", "splat", "greatest radius a·R of a splat on screen, in percent of the image height; 0 is no limit",
         low=0, high=100, unit="%",
     )  # fmt: skip
     tolerance: float | Auto = _declare(  # "auto" is resolved by `threshold`
@@ -165,11 +166,12 @@ PRESETS: dict[str, dict[str, Any]] = {
         "placement": "scan",
         "kernel": "cut",
         "in_front": False,
+        "gradients": False,
         "radius_min": 0.0,
         "radius_max": 0.0,
     },
-    "reference": {"gather_size": 128, "a": 0.1, "radius_min": 0.25, "radius_max": 4.0, "shadow_size": 1024, "max_rounds": 1000},
-    "preview": {"gather_size": 16, "a": 0.4, "radius_min": 1.5, "radius_max": 16.0, "shadow_size": 256},
+    "reference": {"gather_size": 128, "a": 0.2, "radius_min": 0.25, "radius_max": 2.0, "shadow_size": 2048, "max_rounds": 1000},
+    "preview": {"gather_size": 16, "a": 0.6, "radius_min": 1.5, "radius_max": 12.0, "shadow_size": 512},
 }
 
 

@@ -1,30 +1,68 @@
 // First step of the reduction: the sums over one block of a record's cell.
-uniform sampler2D radiance;   // the atlas: rgb radiance, a distance (0: nothing hit)
-uniform sampler2D table;      // one cell: direction in the record's frame, cosθ·dω
-uniform sampler2D geometric;  // texel (i, 0): record i's geometric normal in its frame
-uniform ivec2 cell;           // texels of a cell
-uniform ivec2 block;          // texels of a block
-uniform int columns;          // cells per row
-uniform vec3 sky;             // radiance where nothing was hit
+uniform sampler2D radiance;  // the atlas: rgb radiance, a distance (0: nothing hit)
+uniform sampler2D table;     // one cell: direction in the record's frame, cosθ·dω; to its right ∫ω·dω
+uniform sampler2D edges;     // two texels a texel: the edges to its right and upper neighbours, and which those are
+uniform sampler2D frames;    // texel (i, 3): record i's geometric normal in its frame
+uniform ivec2 cell;          // texels of a cell
+uniform ivec2 block;         // texels of a block
+uniform int columns;         // cells per row
+uniform vec3 sky;            // radiance where nothing was hit
 
 layout(location = 0) out vec4 out_sums;   // Σ L·cosθ·dω, Σ cosθ·dω / r
 layout(location = 1) out vec2 out_share;  // Σ cosθ·dω
+#if GRADIENTS
+layout(location = 2) out vec4 out_m_r;    // Σ L·ω·dω of red, green and blue, in the record's frame
+layout(location = 3) out vec4 out_m_g;
+layout(location = 4) out vec4 out_m_b;
+layout(location = 5) out vec4 out_g_r;    // ∇E of red, green and blue, in the record's frame
+layout(location = 6) out vec4 out_g_g;
+layout(location = 7) out vec4 out_g_b;
+#endif
+
+// Radiance, and 1/distance, seen by a texel of the cell whose first texel is `corner`.
+vec4 seen(ivec2 corner, ivec2 texel)
+{
+    vec4 s = texelFetch(radiance, corner + texel, 0);
+    return s.a > 0.0 ? vec4(s.rgb, 1.0 / s.a) : vec4(sky, 0.0);
+}
 
 void main()
 {
-    ivec2 corner = ivec2(gl_FragCoord.xy) * block;
-    ivec2 place = corner / cell, inside = corner - place * cell;
-    vec3 g = texelFetch(geometric, ivec2(place.y * columns + place.x, 0), 0).xyz;
+    ivec2 first = ivec2(gl_FragCoord.xy) * block;
+    ivec2 place = first / cell, corner = place * cell, inside = first - corner;
+    vec3 g = texelFetch(frames, ivec2(place.y * columns + place.x, 3), 0).xyz;
     out_sums = vec4(0.0);
     out_share = vec2(0.0);
-    for (int y = 0; y < block.y; ++y)
-        for (int x = 0; x < block.x; ++x)
+#if GRADIENTS
+    mat3 M = mat3(0.0), G = mat3(0.0);
+#endif
+    for (int y = inside.y; y < inside.y + block.y; ++y)
+        for (int x = inside.x; x < inside.x + block.x; ++x)
         {
-            vec4 direction = texelFetch(table, inside + ivec2(x, y), 0);
-            vec4 seen = texelFetch(radiance, corner + ivec2(x, y), 0);
+            vec4 direction = texelFetch(table, ivec2(x, y), 0);
             if (dot(direction.xyz, g) <= 0.0) continue;  // below the surface itself
-            vec3 L = seen.a > 0.0 ? seen.rgb : sky;
-            out_sums += direction.w * vec4(L, seen.a > 0.0 ? 1.0 / seen.a : 0.0);
+            vec4 L = seen(corner, ivec2(x, y));
+            out_sums += direction.w * vec4(L.rgb, L.a);
             out_share.x += direction.w;
+#if GRADIENTS
+            M += outerProduct(texelFetch(table, ivec2(x + cell.x, y), 0).xyz, L.rgb);
+            for (int j = 0; j < 2; ++j)
+            {
+                vec4 edge = texelFetch(edges, ivec2(2 * x + j, y), 0);
+                if (edge.w < 0.0) continue;
+                ivec2 other = ivec2(int(edge.w) % cell.x, int(edge.w) / cell.x);
+                if (dot(texelFetch(table, other, 0).xyz, g) <= 0.0) continue;
+                vec4 L_b = seen(corner, other);
+                G += outerProduct(edge.xyz * max(L.a, L_b.a), L_b.rgb - L.rgb);
+            }
+#endif
         }
+#if GRADIENTS
+    out_m_r = vec4(M[0], 0.0);
+    out_m_g = vec4(M[1], 0.0);
+    out_m_b = vec4(M[2], 0.0);
+    out_g_r = vec4(G[0], 0.0);
+    out_g_g = vec4(G[1], 0.0);
+    out_g_b = vec4(G[2], 0.0);
+#endif
 }

@@ -1,14 +1,29 @@
-// Last step of the reduction: a record's blocks become its irradiance and its harmonic mean distance.
+// Last step of the reduction: a record's blocks become its irradiance, its harmonic mean distance and its gradients.
 uniform sampler2D sums;
 uniform sampler2D share;
-uniform ivec2 blocks;      // per cell
-uniform int columns;       // cells per row
-uniform int first;         // number of the batch's first record in the cache
+#if GRADIENTS
+uniform sampler2D sums_m_r;
+uniform sampler2D sums_m_g;
+uniform sampler2D sums_m_b;
+uniform sampler2D sums_g_r;
+uniform sampler2D sums_g_g;
+uniform sampler2D sums_g_b;
+#endif
+uniform sampler2D frames;    // texels (i, 0..2): record i's tangent, bitangent, normal
+uniform ivec2 blocks;        // per cell
+uniform int columns;         // cells per row
+uniform int first;           // number of the batch's first record in the cache
 uniform int count;
 uniform int record_columns;
-uniform float diagonal;    // metres: the greatest radius there is
+uniform float diagonal;      // metres: the greatest radius there is
 
 layout(location = 0) out vec4 out_record;  // E in W/m², R_k in metres
+layout(location = 1) out vec4 out_m_r;     // M and ∇E of red, green and blue, world space
+layout(location = 2) out vec4 out_m_g;
+layout(location = 3) out vec4 out_m_b;
+layout(location = 4) out vec4 out_g_r;
+layout(location = 5) out vec4 out_g_g;
+layout(location = 6) out vec4 out_g_b;
 
 void main()
 {
@@ -18,12 +33,32 @@ void main()
     ivec2 corner = ivec2(i % columns, i / columns) * blocks;
     vec4 total = vec4(0.0);
     float solid = 0.0;
+    mat3 M = mat3(0.0), G = mat3(0.0);
     for (int y = 0; y < blocks.y; ++y)
         for (int x = 0; x < blocks.x; ++x)
         {
-            total += texelFetch(sums, corner + ivec2(x, y), 0);
-            solid += texelFetch(share, corner + ivec2(x, y), 0).x;
+            ivec2 at = corner + ivec2(x, y);
+            total += texelFetch(sums, at, 0);
+            solid += texelFetch(share, at, 0).x;
+#if GRADIENTS
+            M += mat3(texelFetch(sums_m_r, at, 0).xyz, texelFetch(sums_m_g, at, 0).xyz, texelFetch(sums_m_b, at, 0).xyz);
+            G += mat3(texelFetch(sums_g_r, at, 0).xyz, texelFetch(sums_g_g, at, 0).xyz, texelFetch(sums_g_b, at, 0).xyz);
+#endif
         }
     // Ward et al. 1988: R = Σ cosθ·dω / Σ (cosθ·dω / r)
     out_record = vec4(total.rgb, total.a * diagonal > solid ? solid / total.a : diagonal);
+    vec3 normal = texelFetch(frames, ivec2(i, 2), 0).xyz;
+#if GRADIENTS
+    mat3 world = mat3(texelFetch(frames, ivec2(i, 0), 0).xyz, texelFetch(frames, ivec2(i, 1), 0).xyz, normal);
+    M = world * M;
+    G = world * G;
+#else
+    M = outerProduct(normal, total.rgb);  // E = n_k·M, whatever the pixel's normal
+#endif
+    out_m_r = vec4(M[0], 0.0);
+    out_m_g = vec4(M[1], 0.0);
+    out_m_b = vec4(M[2], 0.0);
+    out_g_r = vec4(G[0], 0.0);
+    out_g_g = vec4(G[1], 0.0);
+    out_g_b = vec4(G[2], 0.0);
 }

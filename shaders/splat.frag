@@ -8,7 +8,12 @@ uniform bool in_front;       // reject records in front of the pixel's surface
 
 flat in vec4 v_record;
 flat in vec3 v_normal;
+#if GRADIENTS
+flat in mat3 v_m;
+flat in mat3 v_g;
+#else
 flat in vec3 v_irradiance;
+#endif
 
 layout(location = 0) out vec4 out_sums;     // k·E, k
 layout(location = 1) out float out_weight;  // w
@@ -25,6 +30,13 @@ void main()
     if (w <= 1.0 / a) discard;
     // w - 1/a reaches zero at the rim, so that no circle shows; the paper's own kernel stops short of that
     float k = cut ? w : w - 1.0 / a;
-    out_sums = k * vec4(v_irradiance, 1.0);
+#if GRADIENTS
+    // E = n·M + (p - p_k)·∇E: the irradiance vector turns with the normal, the gradient moves with the point
+    vec3 E = n * v_m;
+    E = clamp(E + apart * v_g, vec3(0.0), max(2.0 * E, 0.0));  // no extrapolation below black or beyond twice itself
+#else
+    vec3 E = v_irradiance;
+#endif
+    out_sums = k * vec4(E, 1.0);
     out_weight = w;
 }

@@ -2,6 +2,12 @@
 uniform sampler2D records_position;
 uniform sampler2D records_normal;
 uniform sampler2D records_irradiance;  // rgb E, a R_k
+uniform sampler2D records_m_r;         // irradiance vectors of red, green and blue
+uniform sampler2D records_m_g;
+uniform sampler2D records_m_b;
+uniform sampler2D records_g_r;         // translation gradients likewise
+uniform sampler2D records_g_g;
+uniform sampler2D records_g_b;
 uniform int record_columns;
 uniform int first;                     // number of the first record to splat
 uniform mat4 clip_from_world;
@@ -11,7 +17,12 @@ uniform vec2 reach;                    // least and greatest a·R in metres at d
 
 flat out vec4 v_record;                // p_k, R_k as clamped for this view
 flat out vec3 v_normal;
+#if GRADIENTS
+flat out mat3 v_m;
+flat out mat3 v_g;
+#else
 flat out vec3 v_irradiance;
+#endif
 
 void main()
 {
@@ -26,7 +37,13 @@ void main()
     if (reach.y > 0.0) r = min(r, reach.y * d);
     v_record = vec4(p, r / a);
     v_normal = texelFetch(records_normal, texel, 0).xyz;
+#if GRADIENTS
+    v_m = mat3(texelFetch(records_m_r, texel, 0).xyz, texelFetch(records_m_g, texel, 0).xyz, texelFetch(records_m_b, texel, 0).xyz);
+    v_g = mat3(texelFetch(records_g_r, texel, 0).xyz, texelFetch(records_g_g, texel, 0).xyz, texelFetch(records_g_b, texel, 0).xyz);
+    v_g *= min(1.0, a * record.a / r);  // a gradient holds for R alone, not for what the least radius added
+#else
     v_irradiance = record.rgb;
+#endif
 
     vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0;
     r *= 1.0 + 1e-5;  // rounding must not cut the rim

@@ -59,8 +59,24 @@ def load(name: str, defines: Mapping[str, object] | None = None, root: Path | No
     body = expand(name, "")
     head = ["#version 330 core", *(f"#define {key} {value}" for key, value in (defines or {}).items())]
     text = "\n".join(head + body) + "\n"
+    return Source(text, tuple(files), _uniforms(text, defines or {}))
+
+
+def _uniforms(text: str, defines: Mapping[str, object]) -> dict[str, str]:
+    """The uniforms that `text` declares, name → type; a block `#if NAME` whose define is 0 declares none."""
     bare = re.sub(r"//[^\n]*|/\*.*?\*/", "", text, flags=re.DOTALL)
-    return Source(text, tuple(files), {name: kind for kind, name, _ in _UNIFORM.findall(bare)})
+    kept, live = [], [True]
+    for line in bare.splitlines():
+        word, _, condition = line.strip().partition(" ")
+        if word.startswith("#if"):
+            live.append(live[-1] and (word != "#if" or bool(defines.get(condition.strip(), True))))
+        elif word == "#else":
+            live[-1] = live[-2] and not live[-1]
+        elif word == "#endif":
+            live.pop()
+        elif live[-1]:
+            kept.append(line)
+    return {name: kind for kind, name, _ in _UNIFORM.findall("\n".join(kept))}
 
 
 def explain(log: str, source: Source) -> str:

@@ -24,8 +24,9 @@ _SUPERSAMPLES = 8  # per side of a texel, for its share of the hemisphere
 
 # A face as rows x, y, w in the record's frame (tangent, bitangent, normal): it sees |x|, |y| <= w.
 # The half faces look sideways and use the upper half of their field alone: y = 2·normal - w runs from -w to w there.
+# Each one's right border is the next one's left, and each one's upper border is one of the front face's.
 _T, _B, _N = np.eye(3)
-_HEMICUBE = np.array([[_T, _B, _N], *([x, 2 * _N - w, w] for x, w in ((_B, _T), (_B, -_T), (_T, _B), (_T, -_B)))])
+_HEMICUBE = np.array([[_T, _B, _N], *([x, 2 * _N - w, w] for x, w in ((_B, _T), (-_T, _B), (-_B, -_T), (_T, -_B)))])
 _HEMICUBE_CELLS = np.array([[0, 0, 2, 2], [2, 0, 2, 1], [2, 1, 2, 1], [0, 2, 2, 1], [2, 2, 2, 1]])  # x y w h, half sides
 _PLANE = np.array([[_T / np.tan(np.radians(PLANE_FIELD / 2)), _B / np.tan(np.radians(PLANE_FIELD / 2)), _N]])
 _PLANE_CELLS = np.array([[0, 0, 2, 2]])
@@ -36,29 +37,85 @@ def faces(kind: str) -> tuple[np.ndarray, np.ndarray]:
     return (_PLANE, _PLANE_CELLS) if kind == "plane" else (_HEMICUBE, _HEMICUBE_CELLS)
 
 
-def hemisphere_table(kind: str, side: int) -> np.ndarray:
-    """(H, W, 4) float64: each texel's unit direction in the record's frame, and the cosθ·dω that it stands for.
+def _corners(kind: str, side: int, points: int = 1) -> list[tuple[tuple[slice, slice], np.ndarray, np.ndarray]]:
+    """Per face: its place in the cell (rows, columns), the inverse of its matrix, and the directions F⁻¹(x, y, 1).
 
-    With d = F⁻¹(x, y, 1), dω = det(F⁻¹)·dx·dy/|d|³; a texel's share is the mean over a grid of points in it.
+    The directions (h·points + 1, w·points + 1, 3) are those of the corners of every texel, cut into points² parts.
     """
     rows, cells = faces(kind)
-    half = side // 2
-    table = np.zeros((half * (cells[:, 1] + cells[:, 3]).max(), half * (cells[:, 0] + cells[:, 2]).max(), 4))
-    for face, (x0, y0, w, h) in zip(rows, cells * half, strict=True):
+    out = []
+    for face, (x0, y0, w, h) in zip(rows, cells * (side // 2), strict=True):
         inverse = np.linalg.inv(face)
+        x, y = (2.0 * np.arange(n * points + 1) / (n * points) - 1.0 for n in (w, h))
+        grid = np.stack([*np.meshgrid(x, y), np.ones((len(y), len(x)))], axis=-1)
+        out.append(((slice(y0, y0 + h), slice(x0, x0 + w)), inverse, grid @ inverse.T))
+    return out
 
-        def directions(points: int, size: tuple[int, int], inverse: np.ndarray = inverse) -> np.ndarray:
-            x, y = (2.0 * (np.arange(n * points) + 0.5) / (n * points) - 1.0 for n in size)
-            grid = np.stack([*np.meshgrid(x, y), np.ones((len(y), len(x)))], axis=-1)
-            return grid @ inverse.T
 
-        fine = directions(_SUPERSAMPLES, (w, h))
-        density = abs(np.linalg.det(inverse)) * np.maximum(fine[..., 2], 0.0) / np.linalg.norm(fine, axis=-1) ** 4
-        mean = density.reshape(h, _SUPERSAMPLES, w, _SUPERSAMPLES).mean((1, 3))
-        centre = directions(1, (w, h))
-        table[y0 : y0 + h, x0 : x0 + w, :3] = centre / np.linalg.norm(centre, axis=-1, keepdims=True)
-        table[y0 : y0 + h, x0 : x0 + w, 3] = mean * 4.0 / (w * h)
+def hemisphere_table(kind: str, side: int) -> np.ndarray:
+    """(H, W, 8) float64: each texel's unit direction in the record's frame, the cosθ·dω that it stands for, and ∫ω·dω.
+
+    With d = F⁻¹(x, y, 1), dω = det(F⁻¹)·dx·dy/|d|³; a texel's share is the mean over a grid of points in it.
+    The last four columns are ∫ω·dω (3) and ∫dω, whose third is the cosθ·dω again.
+    """
+    width, height = (int(n) for n in (faces(kind)[1][:, :2] + faces(kind)[1][:, 2:]).max(0) * (side // 2))
+    table = np.zeros((height, width, 8))
+    for place, inverse, fine in _corners(kind, side, _SUPERSAMPLES):
+        h, w = (s.stop - s.start for s in place)
+        middle = 0.25 * (fine[:-1, :-1] + fine[:-1, 1:] + fine[1:, :-1] + fine[1:, 1:])
+        length = np.linalg.norm(middle, axis=-1, keepdims=True)
+        solid = abs(np.linalg.det(inverse)) * 4.0 / (w * h) / length**3
+        moments = np.concatenate([solid * middle / length, solid], axis=-1)
+        mean = moments.reshape(h, _SUPERSAMPLES, w, _SUPERSAMPLES, 4).mean((1, 3))
+        table[place][..., :3] = mean[..., :3] / np.linalg.norm(mean[..., :3], axis=-1, keepdims=True)
+        table[place][..., 3] = mean[..., 2]
+        table[place][..., 4:] = mean
     return table
+
+
+def edge_table(kind: str, side: int) -> np.ndarray:
+    """(H, 2W, 4) float64: at (y, 2x + j), texel (x, y)'s edge to its right (j = 0) or upper (j = 1) neighbour, seams included.
+
+    xyz: cosθ·(e₁ × e₂) of the edge's end directions, turned towards the neighbour: as the record moves by δ, what is seen
+    across the edge at distance r slides by δ/r, so that ∇E = Σ (L_b - L_a)·xyz/min(r_a, r_b) (after Krivanek et al. 2005).
+    w: the neighbour's number, row·W + column; -1 for none, at the horizon and at the border of a single plane.
+    """
+    table = hemisphere_table(kind, side)
+    height, width = table.shape[:2]
+    number = np.arange(height * width).reshape(height, width)
+    ends, owners, slots = [], [], []
+    for place, _, corner in _corners(kind, side):
+        unit = corner / np.linalg.norm(corner, axis=-1, keepdims=True)
+        for slot, (e1, e2) in enumerate(
+            (
+                (unit[:-1, 1:], unit[1:, 1:]),
+                (unit[1:, :-1], unit[1:, 1:]),
+                (unit[:-1, :-1], unit[1:, :-1]),
+                (unit[:-1, :-1], unit[:-1, 1:]),
+            )
+        ):
+            ends.append(np.stack([e1, e2], axis=-2).reshape(-1, 2, 3))
+            owners.append(number[place].ravel())
+            slots.append(np.full(owners[-1].size, slot))
+    both, owner, slot = np.concatenate(ends), np.concatenate(owners), np.concatenate(slots)
+    # an edge's middle names it: the two texels that share it find each other there
+    middle = np.round((both[:, 0] + both[:, 1]) * 1e5).astype(np.int64)
+    _, name = np.unique(middle, axis=0, return_inverse=True)
+    order = np.argsort(name.ravel(), kind="stable")
+    name, same = name.ravel()[order], np.zeros(len(order), bool)
+    same[1:] = name[1:] == name[:-1]
+    partner = np.full(len(owner), -1)
+    partner[order[same]] = owner[order[np.flatnonzero(same) - 1]]
+    partner[order[np.flatnonzero(same) - 1]] = owner[order[same]]
+
+    directions = table[..., :3].reshape(-1, 3)
+    across = np.cross(both[:, 0], both[:, 1]) * (both[:, 0] + both[:, 1])[:, 2:] / 2.0
+    ahead = directions[partner] - directions[owner]
+    across *= np.sign((across * ahead).sum(-1, keepdims=True))
+    out = np.full((height * width, 2, 4), [0.0, 0.0, 0.0, -1.0])
+    mine = (slot < 2) & (partner >= 0)
+    out[owner[mine], slot[mine]] = np.concatenate([across, partner[:, None]], axis=-1)[mine]
+    return out.reshape(height, 2 * width, 4)
 
 
 def frames(normal: np.ndarray, number: np.ndarray, seed: int) -> np.ndarray:
@@ -102,7 +159,8 @@ class GatherPass:
         self.cells = cells * (self.side // 2)
         table = hemisphere_table(kind, self.side)
         self.cell = (table.shape[1], table.shape[0])
-        self.table = table_texture(ctx, table)
+        self.table = table_texture(ctx, np.concatenate([table[..., :4], table[..., 4:]], axis=1))
+        self.edges = table_texture(ctx, edge_table(kind, self.side))
         self.program = Program(ctx, "gather", defines=lights)
         limit = int(ctx.info["GL_MAX_TEXTURE_SIZE"])
         texels = self.cell[0] * self.cell[1]
@@ -110,7 +168,7 @@ class GatherPass:
         self.columns = max(1, min(math.isqrt(wanted), limit // self.cell[0]))
         self.capacity = self.columns * max(1, min(wanted // self.columns, limit // self.cell[1]))
         self.target: Target | None = None
-        self.geometric = float_texture(ctx, (self.capacity, 1))
+        self.frames = float_texture(ctx, (self.capacity, 4))
         self.instances = ctx.buffer(reserve=self.capacity * len(self.faces) * 19 * 4, dynamic=True)
 
     def __call__(self, geometry: Geometry, shadows: ShadowMaps, sites: Sites, first: int, seed: int) -> Atlas:
@@ -120,7 +178,7 @@ class GatherPass:
             self.target = Target(self.ctx, (self.columns * self.cell[0], rows * self.cell[1]), (4,), depth=True)
         count = len(sites)
         frame = frames(sites.normal, first + np.arange(count), seed)
-        self._write_geometric(frame, sites)
+        self._write_frames(frame, sites)
         self.instances.write(self._instances(frame, sites).astype("f4").tobytes())
         used = (0, 0, self.target.size[0], -(-count // self.columns) * self.cell[1])
         self.target.use(scissor=used)
@@ -136,12 +194,13 @@ class GatherPass:
             **shadows.uniforms,
         )
         block = (self.side // 4, self.side // 4)
-        return Atlas(self.target.textures[0], self.table, self.geometric, count, self.columns, self.cell, block)
+        return Atlas(self.target.textures[0], self.table, self.edges, self.frames, count, self.columns, self.cell, block)
 
-    def _write_geometric(self, frame: np.ndarray, sites: Sites) -> None:
-        local = np.zeros((len(sites), 4), "f4")
-        local[:, :3] = np.einsum("nij,nj->ni", frame, sites.geometric)
-        self.geometric.write(local.tobytes(), viewport=(0, 0, len(sites), 1))
+    def _write_frames(self, frame: np.ndarray, sites: Sites) -> None:
+        rows = np.zeros((4, len(sites), 4), "f4")
+        rows[:3, :, :3] = frame.swapaxes(0, 1)
+        rows[3, :, :3] = np.einsum("nij,nj->ni", frame, sites.geometric)
+        self.frames.write(rows.tobytes(), viewport=(0, 0, len(sites), 4))
 
     def _instances(self, frame: np.ndarray, sites: Sites) -> np.ndarray:
         """(N·F, 19): the rows face_x, face_y, face_w with their translation, face_cell and face_eye."""

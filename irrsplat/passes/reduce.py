@@ -12,22 +12,27 @@ from irrsplat.gpu.program import Program
 from irrsplat.gpu.target import Target
 
 
-class ReducePass:
-    """Sums the cells of an atlas, block by block and then record by record."""
+_SUMS = ("sums", "share", "sums_m_r", "sums_m_g", "sums_m_b", "sums_g_r", "sums_g_g", "sums_g_b")  # as reduce.frag has them
 
-    def __init__(self, ctx: moderngl.Context) -> None:
+
+class ReducePass:
+    """Sums the cells of an atlas, block by block and then record by record; `gradients`: M and ∇E too."""
+
+    def __init__(self, ctx: moderngl.Context, gradients: bool) -> None:
         self.ctx = ctx
-        self.blocks = Program(ctx, "reduce", "lib/fullscreen")
-        self.total = Program(ctx, "reduce_total", "lib/fullscreen")
+        defines = {"GRADIENTS": int(gradients)}
+        self.components = (4, 2, 4, 4, 4, 4, 4, 4) if gradients else (4, 2)
+        self.blocks = Program(ctx, "reduce", "lib/fullscreen", defines)
+        self.total = Program(ctx, "reduce_total", "lib/fullscreen", defines)
         self.target: Target | None = None
 
     def __call__(self, atlas: Atlas, records: Records, first: int, sky: tuple[float, float, float], diagonal: float) -> None:
-        """Write E and R of the atlas's records into `records`, from number `first` on."""
+        """Write E, R, M and ∇E of the atlas's records into `records`, from number `first` on."""
         size = atlas.radiance.width // atlas.block[0], atlas.radiance.height // atlas.block[1]
         if self.target is None or self.target.size != size:
             if self.target is not None:
                 self.target.release()
-            self.target = Target(self.ctx, size, (4, 2))
+            self.target = Target(self.ctx, size, self.components)
         per_cell = atlas.cell[0] // atlas.block[0], atlas.cell[1] // atlas.block[1]
         used = (0, 0, size[0], -(-atlas.count // atlas.columns) * per_cell[1])
         self.blocks(
@@ -35,7 +40,8 @@ class ReducePass:
             scissor=used,
             radiance=atlas.radiance,
             table=atlas.table,
-            geometric=atlas.geometric,
+            edges=atlas.edges,
+            frames=atlas.frames,
             cell=atlas.cell,
             block=atlas.block,
             columns=atlas.columns,
@@ -43,12 +49,12 @@ class ReducePass:
         )
         row = first // records.columns
         rows = (first + atlas.count - 1) // records.columns + 1 - row
-        out = Target(self.ctx, records.irradiance.size, textures=[records.irradiance])
+        out = Target(self.ctx, records.irradiance.size, textures=[records.irradiance, *records.vectors])
         self.total(
             out,
             scissor=(0, row, records.columns, rows),
-            sums=self.target.textures[0],
-            share=self.target.textures[1],
+            **dict(zip(_SUMS, self.target.textures, strict=False)),
+            frames=atlas.frames,
             blocks=per_cell,
             columns=atlas.columns,
             first=first,

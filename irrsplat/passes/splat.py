@@ -14,10 +14,10 @@ from irrsplat.settings import Settings
 
 
 class SplatPass:
-    """Adds records to a splat buffer of `size` (width, height)."""
+    """Adds records to a splat buffer of `size` (width, height), with their gradients or without."""
 
-    def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
-        self.program = Program(ctx, "splat")
+    def __init__(self, ctx: moderngl.Context, size: tuple[int, int], gradients: bool) -> None:
+        self.program = Program(ctx, "splat", defines={"GRADIENTS": int(gradients)})
         self.target = Target(ctx, size, (4, 1))
 
     def clear(self) -> None:
@@ -34,10 +34,7 @@ class SplatPass:
             strip=True,
             instances=records.count - first,
             state=State(blend="add", clamp=True),
-            records_position=records.position,
-            records_normal=records.normal,
-            records_irradiance=records.irradiance,
-            record_columns=records.columns,
+            **records.uniforms,
             first=first,
             clip_from_world=camera.clip_from_view(width / height, 1e-3, 1e3) @ camera.view_from_world,
             eye=camera.eye,
