@@ -50,12 +50,9 @@ def read_back(gbuffer: GBuffer) -> Seen:
 class Recorder:
     """Section 3.4: makes one record, by a picture of the scene seen from it and a sum on the CPU."""
 
-    def __init__(
-        self, gather: GatherPass, geometry: Geometry, shadows: ShadowMaps, sky: tuple[float, float, float], diagonal: float
-    ) -> None:
+    def __init__(self, gather: GatherPass, geometry: Geometry, shadows: ShadowMaps, sky: tuple[float, float, float]) -> None:
         self.gather, self.geometry, self.shadows = gather, geometry, shadows
         self.sky = np.asarray(sky, "f4")
-        self.diagonal = diagonal
         self.table = hemisphere_table(gather.kind, gather.side)
 
     def __call__(self, site: Sites) -> np.ndarray:
@@ -67,7 +64,7 @@ class Recorder:
         hit = seen[..., 3] > 0.0
         E = np.einsum("ij,ijc->c", share, np.where(hit[..., None], seen[..., :3], self.sky))
         inverse = (share[hit] / seen[..., 3][hit]).sum()
-        R = min(share.sum() / inverse, self.diagonal) if inverse > 0.0 else self.diagonal
+        R = np.clip(share.sum() / max(inverse, 1e-30), *self.gather.radii)
         return np.array([*E, R], "f4")
 
 

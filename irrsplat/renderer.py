@@ -6,15 +6,16 @@ This is the only place where the passes meet; read `Renderer.frame` first.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 import moderngl
 import numpy as np
 
-from irrsplat import paper
+from irrsplat import figure, paper
 from irrsplat.buffers import GBuffer, ShadowMaps, SplatBuffer
 from irrsplat.cache import RecordCache
+from irrsplat.display import tonemap
 from irrsplat.errors import InputError
 from irrsplat.gpu import context
 from irrsplat.gpu.geometry import Geometry
@@ -105,6 +106,7 @@ class Renderer:
         self._camera: Camera | None = None
         self._gbuffer: GBuffer | None = None
         self._direct: moderngl.Texture | None = None
+        self._on_cpu: paper.Seen | None = None  # the g-buffer as the paper's algorithm reads it back
         self._splatted = 0  # how many of the cache's records the splat buffer holds
         self._round = 0  # of this view
 
@@ -140,7 +142,7 @@ class Renderer:
         if self._gbuffer is None or camera != self._camera:
             with self.timers("gbuffer"):
                 self._gbuffer = self.gbuffer_pass(self.scene, self.geometry, camera)
-            self._camera, self._direct, self._round = camera, None, 0
+            self._camera, self._direct, self._on_cpu, self._round = camera, None, None, 0
             self._splatted = -1
         return self._gbuffer
 
@@ -167,14 +169,16 @@ class Renderer:
                 atlas = self.gather_pass(self.geometry, shadows, batch, self.cache.count, settings.seed)
             with self.timers("reduce"):
                 first = self.cache.append(batch)
-                self.reduce_pass(atlas, self.cache.records, first, self.scene.sky, self.scene.diagonal)
+                self.reduce_pass(atlas, self.cache.records, first, self.scene.sky, self.gather_pass.radii)
         return len(sites), found.missing
 
     def _scan(self, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps, camera: Camera) -> tuple[int, float]:
         """The same by the paper's own algorithm: random warm-up records, then a traversal in scan order on the CPU."""
-        with self.timers("gbuffer"):
-            seen = paper.read_back(gbuffer)
-        recorder = paper.Recorder(self.gather_pass, self.geometry, shadows, self.scene.sky, self.scene.diagonal)
+        if self._on_cpu is None:
+            with self.timers("gbuffer"):
+                self._on_cpu = paper.read_back(gbuffer)
+        seen = self._on_cpu
+        recorder = paper.Recorder(self.gather_pass, self.geometry, shadows, self.scene.sky)
         warm_up = self.cache.count == 0 and self.settings.warmup > 0
         with self.timers("gather" if warm_up else "examine"):
             if warm_up:
@@ -227,31 +231,64 @@ class Renderer:
         self._splat(self._seen(camera), camera)
         return self._compose(), stats | {"records": self.cache.count}
 
-    def render(self, camera: Camera | None = None, progress: Callable[[Progress], None] | None = None) -> Frame:
+    def render(
+        self,
+        camera: Camera | None = None,
+        progress: Callable[[Progress], None] | None = None,
+        figures: bool = False,
+    ) -> Frame:
         """The view from `camera` (default: the scene's), refined until every pixel is served, as numpy arrays.
 
         Records of earlier views are used again: only what is new is gathered. progress is called after each round with
-        round, records, new and coverage (0..1). Ctrl-C ends the rounds early: stats["converged"] is False then.
+        round, records, new and coverage (0..1). figures: fill Frame.figures with the paper's figures 1, 3 and 4 too.
+        Ctrl-C ends the rounds early: stats["converged"] is False then.
         """
-        view, stats = self.converge(camera, progress)
+        first: list[np.ndarray] = []
+
+        def watch(now: Progress) -> None:
+            if now.round <= 2:  # the second round splats what the first one gathered
+                first[:] = [self.splat_pass.target.read(0)]
+            if progress is not None:
+                progress(now)
+
+        view, stats = self.converge(camera, watch if figures else progress)
+        frame = self._read(view, stats)
+        if figures:
+            splats = {"first_samples": first[0] if first else self.splat_pass.target.read(0)}
+            splats["splat_buffer"] = self.splat_pass.target.read(0)
+            pictures = {name: frame.albedo / np.float32(np.pi) * sums[..., :3] for name, sums in splats.items()}
+            frame = replace(frame, figures=pictures | {"quad": self._figure1(view.camera, frame)})
+        return frame
+
+    def _figure1(self, camera: Camera, frame: Frame) -> np.ndarray:
+        """Figure 1: a record's sphere, its quad and the eye vector, over the scene as somebody beside the eye sees it."""
+        record = figure.choose(frame, camera)
+        beside = figure.side_camera(camera, record)
+        self._splat(self._seen(beside), beside)
+        view = self._compose()
+        exposure = self.composite_pass.exposure(view.image)
+        picture = tonemap(_pixels(view.image)[..., :3], exposure)
+        return figure.draw(picture, beside, camera, record, self.settings)
+
+    def _statistics(self, view: View) -> dict[str, Any]:
         settings = self.settings
         exposure = self.composite_pass.exposure(view.image) if settings.exposure == "auto" else float(settings.exposure)
-        stats |= {
+        return {
             "stages_ms": self.timers.milliseconds(),
             "clock": self.timers.clock,
             "renderer": self.about["renderer"],
             "version": self.about["version"],
             "preset": self.preset,
             "settings": asdict(settings),
-            "exposure": exposure,
+            "exposure": float(exposure),
             "size": list(self.size),
             "triangles": self.scene.triangles,
             "scene": self.scene.name,
         }
-        return self._read(view, stats)
 
     def _read(self, view: View, stats: dict[str, Any]) -> Frame:
         """Copies of every buffer, top row first, cleaned where nothing is seen."""
+        stats = stats | self._statistics(view)
         position, normal, albedo, emission = (_pixels(getattr(view.gbuffer, f.name)) for f in fields(GBuffer))
         seen = position[..., 3:] > 0.0
         rho = albedo[..., :3]

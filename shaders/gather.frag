@@ -9,8 +9,6 @@ in vec3 v_albedo;
 in vec3 v_emission;
 flat in vec3 v_eye;
 
-uniform int triangles;
-
 const float FARTHEST = 4.0;  // times the centre's depth, where a corner looks past the plane's horizon
 
 layout(location = 0) out vec4 out_radiance;  // rgb W/(m² sr), a distance in metres (0: nothing hit, the sky)
@@ -33,7 +31,7 @@ void main()
 {
     vec3 to_eye = v_eye - v_position;
     float r = length(to_eye);
-    vec3 g = geometric_normal(v_position, v_eye, gl_PrimitiveID, triangles);
+    vec3 g = geometric_normal(v_position, v_eye, gl_PrimitiveID);
     Receiver receiver = Receiver(v_position, shading_normal(v_normal, g), g);
     see_footprint(g);
     vec3 E = direct_irradiance(receiver, 1, vec2(1.0, 0.0));

@@ -11,8 +11,6 @@ uniform vec3 eye;
 uniform vec3 forward;   // unit, the view axis
 uniform float far;      // metres, beyond the farthest corner of the scene
 
-uniform int triangles;
-
 layout(location = 0) out vec4 out_position;  // xyz, depth along the view axis (0: nothing seen)
 layout(location = 1) out vec4 out_normal;    // shading normal turned to the eye, geometric normal octahedral .x
 layout(location = 2) out vec4 out_albedo;    // reflectance, geometric normal octahedral .y
@@ -21,7 +19,7 @@ layout(location = 3) out vec4 out_emission;
 void main()
 {
     float depth = dot(v_position - eye, forward);
-    vec3 g = geometric_normal(v_position, eye, gl_PrimitiveID, triangles);
+    vec3 g = geometric_normal(v_position, eye, gl_PrimitiveID);
     vec3 n = shading_normal(v_normal, g);
     vec2 octahedral = octahedral_encode(g);
     out_position = vec4(v_position, max(depth, 1e-30));

@@ -1,6 +1,6 @@
 // First step of the reduction: the sums over one block of a record's cell.
 uniform sampler2D radiance;  // the atlas: rgb radiance, a distance (0: nothing hit)
-uniform sampler2D table;     // one cell: direction in the record's frame, cosθ·dω; to its right ∫ω·dω
+uniform sampler2D table;     // one cell: direction in the record's frame, cosθ·dω
 uniform sampler2D edges;     // two texels a texel: the edges to its right and upper neighbours, and which those are
 uniform sampler2D frames;    // texel (i, 3): record i's geometric normal in its frame
 uniform ivec2 cell;          // texels of a cell
@@ -45,14 +45,12 @@ void main()
             out_sums += direction.w * vec4(L.rgb, L.a);
             out_share.x += direction.w;
 #if GRADIENTS
-            M += outerProduct(texelFetch(table, ivec2(x + cell.x, y), 0).xyz, L.rgb);
+            M += outerProduct(direction.xyz * (direction.w / direction.z), L.rgb);
             for (int j = 0; j < 2; ++j)
             {
                 vec4 edge = texelFetch(edges, ivec2(2 * x + j, y), 0);
-                if (edge.w < 0.0) continue;
-                ivec2 other = ivec2(int(edge.w) % cell.x, int(edge.w) / cell.x);
-                if (dot(texelFetch(table, other, 0).xyz, g) <= 0.0) continue;
-                vec4 L_b = seen(corner, other);
+                float row = floor(edge.w / 4096.0);  // no neighbour: the texel itself, and a difference of 0
+                vec4 L_b = seen(corner, ivec2(edge.w - 4096.0 * row, row));
                 G += outerProduct(edge.xyz * max(L.a, L_b.a), L_b.rgb - L.rgb);
             }
 #endif

@@ -15,7 +15,7 @@ uniform int columns;         // cells per row
 uniform int first;           // number of the batch's first record in the cache
 uniform int count;
 uniform int record_columns;
-uniform float diagonal;      // metres: the greatest radius there is
+uniform vec2 radii;          // metres: the least and the greatest radius there is
 
 layout(location = 0) out vec4 out_record;  // E in W/m², R_k in metres
 layout(location = 1) out vec4 out_m_r;     // M and ∇E of red, green and blue, world space
@@ -46,7 +46,7 @@ void main()
 #endif
         }
     // Ward et al. 1988: R = Σ cosθ·dω / Σ (cosθ·dω / r)
-    out_record = vec4(total.rgb, total.a * diagonal > solid ? solid / total.a : diagonal);
+    out_record = vec4(total.rgb, clamp(solid / max(total.a, 1e-30), radii.x, radii.y));
     vec3 normal = texelFetch(frames, ivec2(i, 2), 0).xyz;
 #if GRADIENTS
     mat3 world = mat3(texelFetch(frames, ivec2(i, 0), 0).xyz, texelFetch(frames, ivec2(i, 1), 0).xyz, normal);

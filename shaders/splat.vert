@@ -13,6 +13,7 @@ uniform int first;                     // number of the first record to splat
 uniform mat4 clip_from_world;
 uniform vec3 eye;
 uniform float a;
+uniform float pixel;                   // size of a pixel at distance 1, in metres
 uniform vec2 reach;                    // least and greatest a·R in metres at distance 1 (0: no greatest)
 
 flat out vec4 v_record;                // p_k, R_k as clamped for this view
@@ -56,6 +57,6 @@ void main()
     vec3 axis = to_eye / d;
     vec3 u = normalize(abs(axis.y) < 0.9 ? cross(vec3(0.0, 1.0, 0.0), axis) : cross(vec3(1.0, 0.0, 0.0), axis));
     vec3 v = cross(axis, u);
-    float half_size = r * d / sqrt(d * d - r * r);
+    float half_size = max(r * d / sqrt(d * d - r * r), pixel * d);  // a quad between pixel centres would be lost
     gl_Position = clip_from_world * vec4(p + half_size * (corner.x * u + corner.y * v), 1.0);
 }

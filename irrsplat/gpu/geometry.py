@@ -8,7 +8,7 @@ import numpy as np
 from irrsplat.gpu.target import table_texture
 
 
-_COLUMNS = 1024  # of the table of face normals
+_COLUMNS = 1024  # of the table of face normals, as shaders/lib/surface.glsl has it
 
 
 class Geometry:
@@ -26,7 +26,6 @@ class Geometry:
         # OpenGL has no empty buffers: no geometry is one vertex and one index that no draw reaches
         self.vertices = ctx.buffer(np.ascontiguousarray(vertices if len(vertices) else np.zeros((1, 12)), "f4").tobytes())
         self.indices = ctx.buffer(np.ascontiguousarray(faces if len(faces) else np.zeros((1, 3)), "i4").tobytes())
-        self.triangles = max(len(faces), 1)
         self.normals = table_texture(ctx, _face_normals(vertices, faces))
         total, split = 3 * len(faces), 3 * closed
         self.parts = {"all": (0, total), "closed": (0, split), "open": (split, total - split)}
@@ -34,7 +33,7 @@ class Geometry:
     @property
     def uniforms(self) -> dict[str, object]:
         """The uniforms with which shaders/lib/surface.glsl finds a triangle's normal."""
-        return {"face_normals": self.normals, "triangles": self.triangles}
+        return {"face_normals": self.normals}
 
     def release(self) -> None:
         """Free the buffers and the table."""

@@ -53,23 +53,21 @@ def _corners(kind: str, side: int, points: int = 1) -> list[tuple[tuple[slice, s
 
 
 def hemisphere_table(kind: str, side: int) -> np.ndarray:
-    """(H, W, 8) float64: each texel's unit direction in the record's frame, the cosθ·dω that it stands for, and ∫ω·dω.
+    """(H, W, 4) float64: each texel's mean direction in the record's frame, unit, and the cosθ·dω that it stands for.
 
-    With d = F⁻¹(x, y, 1), dω = det(F⁻¹)·dx·dy/|d|³; a texel's share is the mean over a grid of points in it.
-    The last four columns are ∫ω·dω (3) and ∫dω, whose third is the cosθ·dω again.
+    With d = F⁻¹(x, y, 1), dω = det(F⁻¹)·dx·dy/|d|³; ∫ω·dω over a texel is the sum over a grid of points in it, the direction
+    is its own, and its third component is the cosθ·dω.
     """
     width, height = (int(n) for n in (faces(kind)[1][:, :2] + faces(kind)[1][:, 2:]).max(0) * (side // 2))
-    table = np.zeros((height, width, 8))
+    table = np.zeros((height, width, 4))
     for place, inverse, fine in _corners(kind, side, _SUPERSAMPLES):
         h, w = (s.stop - s.start for s in place)
         middle = 0.25 * (fine[:-1, :-1] + fine[:-1, 1:] + fine[1:, :-1] + fine[1:, 1:])
         length = np.linalg.norm(middle, axis=-1, keepdims=True)
         solid = abs(np.linalg.det(inverse)) * 4.0 / (w * h) / length**3
-        moments = np.concatenate([solid * middle / length, solid], axis=-1)
-        mean = moments.reshape(h, _SUPERSAMPLES, w, _SUPERSAMPLES, 4).mean((1, 3))
-        table[place][..., :3] = mean[..., :3] / np.linalg.norm(mean[..., :3], axis=-1, keepdims=True)
+        mean = (solid * middle / length).reshape(h, _SUPERSAMPLES, w, _SUPERSAMPLES, 3).mean((1, 3))
+        table[place][..., :3] = mean / np.linalg.norm(mean, axis=-1, keepdims=True)
         table[place][..., 3] = mean[..., 2]
-        table[place][..., 4:] = mean
     return table
 
 
@@ -78,7 +76,7 @@ def edge_table(kind: str, side: int) -> np.ndarray:
 
     xyz: cosθ·(e₁ × e₂) of the edge's end directions, turned towards the neighbour: as the record moves by δ, what is seen
     across the edge at distance r slides by δ/r, so that ∇E = Σ (L_b - L_a)·xyz/min(r_a, r_b) (after Krivanek et al. 2005).
-    w: the neighbour's number, row·W + column; -1 for none, at the horizon and at the border of a single plane.
+    w: the neighbour, row·4096 + column; the texel itself for none, at the horizon and at the border of a single plane.
     """
     table = hemisphere_table(kind, side)
     height, width = table.shape[:2]
@@ -112,9 +110,11 @@ def edge_table(kind: str, side: int) -> np.ndarray:
     across = np.cross(both[:, 0], both[:, 1]) * (both[:, 0] + both[:, 1])[:, 2:] / 2.0
     ahead = directions[partner] - directions[owner]
     across *= np.sign((across * ahead).sum(-1, keepdims=True))
-    out = np.full((height * width, 2, 4), [0.0, 0.0, 0.0, -1.0])
+    place = number // width * 4096 + number % width
+    out = np.zeros((height * width, 2, 4))
+    out[..., 3] = place.reshape(-1, 1)
     mine = (slot < 2) & (partner >= 0)
-    out[owner[mine], slot[mine]] = np.concatenate([across, partner[:, None]], axis=-1)[mine]
+    out[owner[mine], slot[mine]] = np.concatenate([across, place.ravel()[partner][:, None]], axis=-1)[mine]
     return out.reshape(height, 2 * width, 4)
 
 
@@ -150,16 +150,19 @@ class GatherPass:
     _FORMAT = "4f 4f 4f 4f 3f/i"
     _ATTRIBUTES = ("face_x", "face_y", "face_w", "face_cell", "face_eye")
 
-    def __init__(self, ctx: moderngl.Context, kind: str, side: int, diagonal: float, lights: Mapping[str, int], capacity: int | None = None) -> None:
+    def __init__(
+        self, ctx: moderngl.Context, kind: str, side: int, diagonal: float, lights: Mapping[str, int], capacity: int | None = None
+    ) -> None:
         self.ctx = ctx
         self.side = max(4, side // 4 * 4)  # so that four by four blocks fill a face
         self.kind = kind
         self.offset = OFFSET * diagonal
+        self.radii = (self.offset, diagonal)  # R_k in metres: nothing is nearer than the offset, a miss is a diagonal away
         self.faces, cells = faces(kind)
         self.cells = cells * (self.side // 2)
         table = hemisphere_table(kind, self.side)
         self.cell = (table.shape[1], table.shape[0])
-        self.table = table_texture(ctx, np.concatenate([table[..., :4], table[..., 4:]], axis=1))
+        self.table = table_texture(ctx, table)
         self.edges = table_texture(ctx, edge_table(kind, self.side))
         self.program = Program(ctx, "gather", defines=lights)
         limit = int(ctx.info["GL_MAX_TEXTURE_SIZE"])

@@ -26,8 +26,10 @@ class ReducePass:
         self.total = Program(ctx, "reduce_total", "lib/fullscreen", defines)
         self.target: Target | None = None
 
-    def __call__(self, atlas: Atlas, records: Records, first: int, sky: tuple[float, float, float], diagonal: float) -> None:
-        """Write E, R, M and ∇E of the atlas's records into `records`, from number `first` on."""
+    def __call__(
+        self, atlas: Atlas, records: Records, first: int, sky: tuple[float, float, float], radii: tuple[float, float]
+    ) -> None:
+        """Write E, R, M and ∇E of the atlas's records into `records`, from number `first` on; R is kept within `radii`."""
         size = atlas.radiance.width // atlas.block[0], atlas.radiance.height // atlas.block[1]
         if self.target is None or self.target.size != size:
             if self.target is not None:
@@ -60,6 +62,6 @@ class ReducePass:
             first=first,
             count=atlas.count,
             record_columns=records.columns,
-            diagonal=diagonal,
+            radii=radii,
         )
         out.release()

@@ -39,6 +39,7 @@ class SplatPass:
             clip_from_world=camera.clip_from_view(width / height, 1e-3, 1e3) @ camera.view_from_world,
             eye=camera.eye,
             a=settings.a,
+            pixel=screen / height,
             reach=(settings.radius_min / 100.0 * screen, settings.radius_max / 100.0 * screen),
             position=gbuffer.position,
             normal=gbuffer.normal,

@@ -48,8 +48,9 @@ float shadow_tap(Projected r, vec2 offset)
     vec2 ndc = parallel ? r.q.xy : r.q.xy / r.q.z;
     vec2 texel = clamp(floor((ndc * 0.5 + 0.5) * side + offset), vec2(0.0), vec2(side - 1.0));
     vec2 centre = (texel + 0.5) / side * 2.0 - 1.0;
-    ivec2 corner = ivec2(r.tile % int(shadow_layout.y), r.tile / int(shadow_layout.y)) * int(side);
-    float stored = texelFetch(shadow_depth, corner + ivec2(texel), 0).r;
+    float row = floor((float(r.tile) + 0.5) / shadow_layout.y);  // integer division is slow on software renderers
+    vec2 corner = vec2(float(r.tile) - row * shadow_layout.y, row) * side;
+    float stored = texelFetch(shadow_depth, ivec2(corner + texel), 0).r;
 #if LIGHTS_PARALLEL
     if (parallel)
     {

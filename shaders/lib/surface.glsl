@@ -1,13 +1,12 @@
 // Which way a surface faces: surfaces are two-sided, so both normals are turned to whoever looks.
 
-uniform sampler2D face_normals;  // texel i, row by row, is triangle i's own unit normal
+uniform sampler2D face_normals;  // texel i, in rows of 1024, is triangle i's own unit normal
 
-// The triangle's own normal, turned from the surface at p to `viewer`. (Screen-space derivatives of p are too coarse here:
-// the shadow test extends the plane.) Instances may go on counting the triangles, hence the modulo.
-vec3 geometric_normal(vec3 p, vec3 viewer, int primitive, int triangles)
+// The normal of triangle `i`, turned from the surface at p to `viewer`. (Screen-space derivatives of p would be too coarse:
+// the shadow test extends the plane.)
+vec3 geometric_normal(vec3 p, vec3 viewer, int i)
 {
-    int i = primitive % triangles, columns = textureSize(face_normals, 0).x;
-    vec3 g = texelFetch(face_normals, ivec2(i % columns, i / columns), 0).xyz;
+    vec3 g = texelFetch(face_normals, ivec2(i & 1023, i >> 10), 0).xyz;
     return dot(g, viewer - p) < 0.0 ? -g : g;
 }
 
