@@ -23,7 +23,7 @@ else:
 
 # (radius, height) from the middle of the bottom, up the outside and, for a vessel, down the inside again
 VASE = [(0, 0), (0.2, 0), (0.3, 0.22), (0.34, 0.5), (0.2, 0.85), (0.13, 1.02), (0.19, 1.15), (0.185, 1.17), (0.17, 1.165)]
-VASE += [(0.1, 1.02), (0.15, 0.84), (0.27, 0.5), (0.2, 0.1), (0, 0.06)]
+VASE += [(0.1, 1.02), (0.25, 0.5), (0, 0.06)]
 POT = [(0, 0), (0.07, 0), (0.11, 0.04), (0.13, 0.09), (0.1, 0.15), (0.06, 0.17), (0.035, 0.185)]
 POT += [(0.012, 0.195), (0.02, 0.21), (0.012, 0.222), (0, 0.224)]
 CUP = [(0, 0), (0.022, 0), (0.036, 0.025), (0.042, 0.068), (0.0415, 0.072), (0.039, 0.072), (0.038, 0.068)]
@@ -38,12 +38,13 @@ FOUNTAIN += [(0.96, 1.26), (0.75, 1.14), (0.25, 1.05), (0.13, 1.2), (0.1, 1.5), 
 COLUMN = [(0.3, 0), (0.3, 0.12), (0.31, 0.16), (0.24, 0.24), (0.2, 0.34), (0.2, 1.0), (0.19, 1.9), (0.17, 2.6)]
 COLUMN += [(0.18, 2.68), (0.24, 2.74), (0.28, 2.86), (0.28, 2.9)]
 STAGE = [(0, 4), (0, 1), (0, -1), (0.12, -1.75), (0.75, -2.35), (1.6, -2.5), (2.6, -2.5), (3.8, -2.5)]  # (height, depth)
+OPEN = math.radians(75)  # the door's angle
 SPOUT = [(0.1, 0.05, 0.026), (0.16, 0.07, 0.02), (0.19, 0.13, 0.014), (0.225, 0.165, 0.012)]  # x, y, radius
 HANDLE = [(-0.09, 0.15, 0.01), (-0.16, 0.16, 0.011), (-0.19, 0.11, 0.011), (-0.16, 0.06, 0.011), (-0.11, 0.05, 0.01)]
 
 
 def _bumps(x: Array, y: Array, z: Array) -> Array:
-    return 0.16 * np.sin(4 * x + 1) * np.sin(5 * y) * np.sin(4 * z + 2) + 0.08 * np.sin(7 * (x + y)) * np.cos(6 * (z - y))
+    return 0.2 * np.sin(2.6 * x + 1) * np.sin(3.1 * y) * np.sin(2.7 * z + 2) + 0.06 * np.sin(4 * (x + y)) * np.cos(4 * (z - y))
 
 
 def curved(folder: Path, detail: float) -> None:
@@ -53,9 +54,10 @@ def curved(folder: Path, detail: float) -> None:
     w.light("lamp", "# a bare bulb, half a metre and more from everything", "position 0.5 3.1 1.5 1", "intensity 30 27 22")
     w.shape("cube", cube())
     w.shape("stage", sheet(STAGE, 5.6, w.n(28)))
-    w.shape("sphere", ball(w.n(14), w.n(24)))
+    w.shape("sphere", ball(w.n(12), w.n(20)))
+    w.shape("large", ball(w.n(24), w.n(38)))
     w.shape("torus", torus(0.62, 0.2, w.n(12), w.n(30)))
-    w.shape("blob", ball(w.n(22), w.n(34), _bumps))
+    w.shape("blob", ball(w.n(28), w.n(40), _bumps))
     w.shape("vase", lathe(VASE, w.n(20), w.n(20)))
     w.color(0.78, 0.76, 0.72, "the floor, which bends up into the back wall")
     w.draw("stage")
@@ -66,8 +68,8 @@ def curved(folder: Path, detail: float) -> None:
     w.color(0.05, 0.32, 0.55, "right wall")
     w.box((2.7, 2.9), (-0.1, 3.8), (-2.6, 4.0))
     w.color(0.85, 0.85, 0.82)
-    w.draw("blob", (-0.1, 1.02, -0.7), size=(0.85, 0.85, 0.85))
-    w.draw("sphere", (-1.45, 0.6, 0.35), size=(0.6, 0.6, 0.6))
+    w.draw("blob", (0.05, 0.893, -0.7), size=(0.92, 0.92, 0.92))
+    w.draw("large", (-1.45, 0.6, 0.35), size=(0.6, 0.6, 0.6))
     w.color(0.85, 0.62, 0.08)
     w.draw("torus", (1.35, 0.2, 0.65))
     w.draw("sphere", (0.1, 0.25, 1.35), size=(0.25, 0.25, 0.25))
@@ -79,13 +81,30 @@ def curved(folder: Path, detail: float) -> None:
 
 
 def door(folder: Path, detail: float) -> None:
-    about = "A room that gets all its light through a door ajar, from a lamp in the corridor behind: the idea\n"
+    about = "A room that gets all its light through a door ajar, from two lamps in the corridor behind: the idea\n"
     about += "is Lafortune's and Veach's, the geometry and the colours are our own."
     w = Writer(folder, "door", detail, about)
     w.say(
-        "", "cam 1.75 1.6 1.9  -0.55 0.8 -1.1  0 1 0", "cam table 1.1 1.25 0.75  0.05 0.85 -0.55  0 1 0", "proj 52 1 0.05 100", ""
+        "", "cam 2.0 1.65 2.1  -0.2 0.69 -1.0  0 1 0", "cam table 1.45 1.25 0.75  0.4 0.85 -0.55  0 1 0", "proj 54 1 0.05 100", ""
     )
-    w.light("corridor", "# in the corridor, half a metre below its ceiling", "position 0 2.3 -3.6 1", "intensity 60 50 36")
+    w.light(
+        "uplighter",
+        "# stands in the corridor in the plane of the open door and shines past it to the ceiling of the room",
+        "position -2.05 0.8 -3.9 1",
+        "intensity 100 88 66",
+        "spotDirection 0 2.8 -0.3",
+        "spotCutoff 24",
+        "spotInner 10",
+    )
+    w.light(
+        "corridor",
+        "# under the corridor's ceiling; its beam falls through the door on the floor",
+        "position -0.9 2.4 -4.5 1",
+        "intensity 60 50 36",
+        "spotDirection -1.2 0.6 -1.5",
+        "spotCutoff 40",
+        "spotInner 20",
+    )
     w.shape("cube", cube())
     w.shape("sphere", ball(w.n(8), w.n(12)))
     w.shape("pot", lathe(POT, w.n(18), w.n(22)))
@@ -111,25 +130,31 @@ def door(folder: Path, detail: float) -> None:
     w.box((-2.7, 2.7), (0, 2.8), (-5.1, -4.9))
     w.box((-2.7, -2.5), (0, 2.8), (-4.9, -2.7))
     w.box((2.5, 2.7), (0, 2.8), (-4.9, -2.7))
-    w.color(0.8, 0.72, 0.6, "the door, open by 60 degrees, and its frame")
-    w.draw("cube", (-1.69, 0.01, -2.49), turn=[(-60, 0, 1, 0)], size=(0.97, 2.07, 0.04))
-    w.box((-1.79, -1.7), (0, 2.19), (-2.5, -2.47))
-    w.box((-0.7, -0.61), (0, 2.19), (-2.5, -2.47))
-    w.box((-1.7, -0.7), (2.1, 2.19), (-2.5, -2.47))
+    w.color(0.4, 0.22, 0.1, "the door, open by 75 degrees, and its frame")
+    w.box((-1.79, -1.68), (0, 2.19), (-2.5, -2.462))  # reaches behind the hinge, so that no light seeps past it
+    w.box((-0.72, -0.61), (0, 2.19), (-2.5, -2.462))
+    w.box((-1.68, -0.72), (2.08, 2.19), (-2.5, -2.462))
+    w.box((-1.7, -1.68), (0, 2.1), (-2.7, -2.5))
+    w.box((-0.72, -0.7), (0, 2.1), (-2.7, -2.5))
+    w.box((-1.68, -0.72), (2.08, 2.1), (-2.7, -2.5))
+    along, across = np.array([math.cos(OPEN), 0, math.sin(OPEN)]), np.array([-math.sin(OPEN), 0, math.cos(OPEN)])
+    hinge = np.array([-1.65, 0.01, -2.46])
+    w.draw("cube", hinge, turn=[(-math.degrees(OPEN), 0, 1, 0)], size=(0.93, 2.06, 0.04))
     w.color(0.7, 0.55, 0.15)
-    w.draw("sphere", (-1.69 + 0.89 * 0.5 + 0.06, 1.0, -2.49 + 0.89 * 0.866), size=(0.035, 0.035, 0.035))
-    w.draw("sphere", (-1.69 + 0.89 * 0.5 - 0.04, 1.0, -2.49 + 0.89 * 0.866 + 0.06), size=(0.035, 0.035, 0.035))
+    for side in (-0.03, 0.07):
+        w.draw("sphere", hinge + 0.86 * along + side * across + (0, 1, 0), size=(0.035, 0.035, 0.035))
 
     w.color(0.62, 0.08, 0.08, "rug")
-    w.box((-1.2, 1.4), (0, 0.015), (-1.4, 0.7))
-    w.color(0.6, 0.38, 0.2, "table and chairs")
+    w.box((-1.5, 1.8), (0, 0.015), (-1.65, 1.05))
+    w.color(0.6, 0.38, 0.2, "table and chairs, and what lies on the table")
+    w.say("push", "trans 0.35 0 0")
     w.box((-0.75, 0.85), (0.7, 0.74), (-0.85, 0.15))
     for x in (-0.7, 0.73):
         for z in (-0.8, 0.03):
             w.box((x, x + 0.07), (0.015, 0.7), (z, z + 0.07))
     for x, z, turn in ((-1.2, -0.25, 80), (0.1, -1.35, -10), (-0.3, 0.72, 165)):
         w.say("push", f"trans {x:g} 0.015 {z:g}", f"rotate {turn:g} 0 1 0")  # a chair about its seat's centre, its back at -z
-        w.box((-0.21, 0.21), (0.42, 0.46), (-0.21, 0.21))
+        w.box((-0.21, 0.21), (0.42, 0.46), (-0.17, 0.21))
         for a in (-0.21, 0.17):
             w.box((a, a + 0.04), (0, 0.9), (-0.21, -0.17))
             w.box((a, a + 0.04), (0, 0.42), (0.17, 0.21))
@@ -149,11 +174,14 @@ def door(folder: Path, detail: float) -> None:
     for rgb, y, turn in (((0.6, 0.07, 0.08), 0.74, 12), ((0.08, 0.4, 0.16), 0.78, 25), ((0.75, 0.6, 0.12), 0.815, 5)):
         w.color(*rgb)
         w.draw("cube", (0.62, y, -0.02), turn=[(turn, 0, 1, 0), (180, 0, 1, 0)], size=(0.22, 0.04 if y < 0.8 else 0.03, 0.16))
+    w.say("pop")
 
     w.color(0.15, 0.3, 0.55, "vase, low cupboard and picture")
     w.draw("urn", (-2.1, 0, 0.35), size=(1.15, 1.15, 1.15))
     w.color(0.75, 0.45, 0.1)
     w.box((0.3, 2.2), (0, 0.8), (-2.5, -2.1))
+    for x in (0.36, 1.27):
+        w.box((x, x + 0.87), (0.08, 0.74), (-2.1, -2.085))
     w.color(0.55, 0.1, 0.3)
     w.draw("urn", (0.75, 0.8, -2.28), size=(0.6, 0.6, 0.6))
     w.color(0.12, 0.08, 0.05)
@@ -203,8 +231,8 @@ def atrium(folder: Path, detail: float) -> None:
 
     w.shape("drape", surface(drape, w.n(12), w.n(32), ring=False))
     w.shape("fountain", lathe(FOUNTAIN, w.n(26), w.n(26)))
-    w.shape("planter", lathe(PLANTER, w.n(14), w.n(16)))
-    w.shape("bush", ball(w.n(10), w.n(16), lambda x, y, z: 0.12 * np.sin(7 * x + 1) * np.sin(8 * y) * np.sin(7 * z)))
+    w.shape("planter", lathe(PLANTER, w.n(16), w.n(20)))
+    w.shape("bush", ball(w.n(14), w.n(22), lambda x, y, z: 0.12 * np.sin(7 * x + 1) * np.sin(8 * y) * np.sin(7 * z)))
     w.shape("sculpture", ball(w.n(20), w.n(28), _bumps))
     w.shape("rod", pipe([(-1.35, 2.78, 0.025), (1.35, 2.78, 0.025)], 1, w.n(8)))
 
@@ -258,7 +286,7 @@ def atrium(folder: Path, detail: float) -> None:
         w.draw("bush", (x, 1.2, z), size=(0.42, 0.5, 0.42))
     w.color(0.8, 0.78, 0.74, "sculpture")
     w.box((6.3, 7.1), (0, 1.0), (-1.6, -0.8))
-    w.draw("sculpture", (6.7, 1.62, -1.2), size=(0.5, 0.6, 0.5))
+    w.draw("sculpture", (6.7, 1.58, -1.2), size=(0.5, 0.6, 0.5))
     w.done()
 
 
