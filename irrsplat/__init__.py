@@ -1,11 +1,20 @@
-"""irrsplat: real-time indirect light for diffuse scenes by irradiance cache splatting."""
+"""irrsplat: real-time indirect light for diffuse scenes by irradiance cache splatting.
 
-from irrsplat.errors import GLError, InputError, IrrsplatError
-from irrsplat.output import Frame
-from irrsplat.renderer import Renderer, render
-from irrsplat.scene import load
-from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
-from irrsplat.settings import Settings, preset
+The names below are imported when they are first used (PEP 562), so that reading a scene never loads OpenGL.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from irrsplat.errors import GLError, InputError, IrrsplatError
+    from irrsplat.output import Frame
+    from irrsplat.renderer import Renderer, render
+    from irrsplat.scene import load
+    from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
+    from irrsplat.settings import Settings, preset
 
 __version__ = "0.1.0"
 __all__ = [
@@ -24,3 +33,24 @@ __all__ = [
     "preset",
     "render",
 ]
+
+_NAMES = {  # module: what it gives, as in the imports above
+    "irrsplat.errors": ("GLError", "InputError", "IrrsplatError"),
+    "irrsplat.output": ("Frame",),
+    "irrsplat.renderer": ("Renderer", "render"),
+    "irrsplat.scene": ("load",),
+    "irrsplat.scene.model": ("Camera", "Light", "Material", "Mesh", "Scene"),
+    "irrsplat.settings": ("Settings", "preset"),
+}
+_HOMES = {name: module for module, names in _NAMES.items() for name in names}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module 'irrsplat' has no attribute {name!r}")
+    value = globals()[name] = getattr(import_module(_HOMES[name]), name)
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted([*__all__, "__version__"])

@@ -16,6 +16,7 @@ import irrsplat
 from irrsplat.buffers import CHANNELS
 from irrsplat.gpu import context
 from irrsplat.output import Frame
+from irrsplat.scene import Scene, load
 
 PLAIN = """cam 0 0 5 0 0 0 0 1 0
 proj 40 1 0.1 100
@@ -106,3 +107,18 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "triangle.obj").write_text(TRIANGLE)
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Callable[..., Scene]:
+    """Writes files beside each other and loads the first of them."""
+
+    def write(text: str | bytes, name: str = "a.scene", **files: str) -> Scene:
+        (tmp_path / "t.obj").write_text(TRIANGLE)
+        for stem, content in files.items():
+            (tmp_path / stem.replace("_", ".")).write_text(content)
+        path = tmp_path / name
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        return load(path)
+
+    return write

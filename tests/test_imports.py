@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import ast
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+import irrsplat
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -98,3 +102,25 @@ def test_each_file_opens_with_a_sentence_and_fits_three_screens(name: str) -> No
     if text.strip():
         assert ast.get_docstring(ast.parse(text)), f"{name} does not say what it is"
     assert text.count("\n") < 350, f"{name} is long; look for the second idea in it"
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "import irrsplat.scene; irrsplat.load('cornell'); irrsplat.InputError",
+        "import irrsplat; dir(irrsplat)",
+    ],
+)
+def test_a_scene_is_read_without_opengl(command: str) -> None:
+    loaded = "import sys; print(*{name.split('.')[0] for name in sys.modules})"
+    done = subprocess.run([sys.executable, "-c", f"{command}; {loaded}"], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert not set(done.stdout.split()) & {*OPENGL, *WINDOWS, "trimesh", "OpenEXR"}
+
+
+def test_every_public_name_is_there() -> None:
+    assert set(irrsplat.__all__) <= set(dir(irrsplat))
+    for name in irrsplat.__all__:
+        assert getattr(irrsplat, name).__name__ == name
+        assert getattr(irrsplat, name).__module__.startswith("irrsplat.")
+    with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
+        _ = irrsplat.nonsense

@@ -81,7 +81,7 @@ class Camera:
         if not np.linalg.norm(forward) > 0.0:
             raise InputError("the camera's eye lies at its target; move one of them")
         sine = np.linalg.norm(np.cross(forward / np.linalg.norm(forward), self.up))
-        if not sine > 1e-9 * max(np.linalg.norm(self.up), 1e-300):
+        if not sine > 1e-9 * max(float(np.linalg.norm(self.up)), 1e-300):
             raise InputError("the camera's up vector is parallel to its view; give another up")
 
     @cached_property
