@@ -8,6 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import numpy as np
+
 
 @dataclass(frozen=True)
 class Channel:
@@ -61,6 +63,9 @@ class Filmic(NamedTuple):
 FILMIC = Filmic()
 
 
+NOTHING_SEEN = 1e30  # the splat buffer's weight where the camera sees nothing: no record is wanted there
+
+
 @dataclass(frozen=True)
 class GBuffer:
     """What the eye sees, as RGBA32F textures of one size, bottom row first.
@@ -100,7 +105,7 @@ class ShadowMaps:
 
 @dataclass(frozen=True)
 class SplatBuffer:
-    """The sums that splatting leaves: `sums` RGBA32F (Σ k·E, Σ k) and `weight` R32F (Σ of raw w)."""
+    """The sums that splatting leaves: `sums` RGBA32F (Σ k·E, Σ k) and `weight` R32F (Σ of raw w, or NOTHING_SEEN)."""
 
     sums: Any
     weight: Any

@@ -5,7 +5,8 @@ This is the only place where the passes meet; read `Renderer.frame` first.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
@@ -19,6 +20,8 @@ from irrsplat.display import tonemap
 from irrsplat.errors import InputError
 from irrsplat.gpu import context
 from irrsplat.gpu.geometry import Geometry
+from irrsplat.gpu.program import Program
+from irrsplat.gpu.target import Target
 from irrsplat.gpu.timers import Timers
 from irrsplat.lights import light_defines
 from irrsplat.output import Frame
@@ -32,6 +35,9 @@ from irrsplat.passes.shadow import ShadowPass
 from irrsplat.passes.splat import SplatPass
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import Settings, preset
+
+
+_REACH = 8.0  # percent of the image height by which the first sites lie apart where radii have no upper limit
 
 
 @dataclass(frozen=True)
@@ -82,7 +88,7 @@ class Renderer:
         self.about = context.describe(self.ctx)
         if max(self.size) > self.about["max_texture_size"]:
             raise InputError(
-                f"size {self.size[0]}x{self.size[1]} is beyond this OpenGL's limit of {self.about['max_texture_size']} pixels a side"
+                f"size {self.size[0]}x{self.size[1]} is beyond this OpenGL's limit, {self.about['max_texture_size']} pixels a side"
             )
         self.timers = Timers(self.ctx, self.about["software"], enabled=True)
         self.geometry = upload(self.ctx, scene)
@@ -102,6 +108,7 @@ class Renderer:
         self.examine_pass = ExaminePass(self.ctx, self.size)
         self.direct_pass = DirectPass(self.ctx, self.size, light_defines(scene))
         self.composite_pass = CompositePass(self.ctx, self.size)
+        self._entered = False
         self._shadows: ShadowMaps | None = None
         self._camera: Camera | None = None
         self._gbuffer: GBuffer | None = None
@@ -112,10 +119,24 @@ class Renderer:
 
     # ---- the frame -------------------------------------------------------------------------------------------------
 
+    @contextmanager
+    def _current(self) -> Iterator[None]:
+        """This renderer's OpenGL context is the current one inside the `with` block, however deep, and no longer."""
+        if self._entered:
+            yield
+            return
+        with self.ctx:
+            self._entered = True
+            try:
+                yield
+            finally:
+                self._entered = False
+
     def frame(self, camera: Camera | None = None) -> tuple[View, Progress]:
         """One round: draw what the camera sees, splat what is new, and gather where nothing speaks for a pixel yet."""
-        progress = self._advance(camera or self.scene.camera())
-        return self._compose(), progress
+        with self._current():
+            progress = self._advance(camera or self.scene.camera())
+            return self._compose(), progress
 
     def _advance(self, camera: Camera) -> Progress:
         shadows = self._lit()
@@ -150,19 +171,20 @@ class Renderer:
         """The splat buffer with every record of the cache in it; the sums are additive, so that only new ones are drawn."""
         with self.timers("splat"):
             if self._splatted < 0:
-                self.splat_pass.clear()
+                self.splat_pass.clear(gbuffer)
                 self._splatted = 0
             splats = self.splat_pass(self.cache.records, self._splatted, gbuffer, camera, self.settings)
         self._splatted = self.cache.count
         return splats
 
     def _ask(self, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps) -> tuple[int, float]:
-        """Examine the splat buffer and gather where it asks; how many records are new, and the share of pixels that lacked one."""
+        """Examine the splat buffer and gather where it asks: how many records are new, and the share of pixels without."""
         settings = self.settings
         with self.timers("examine"):
             found = self.examine_pass(gbuffer, splats, settings.threshold, settings.seed)
-            reach = settings.radius_max / 100.0 * self.size[1] / self.examine_pass.side
-            sites = found.at(choose(found.asking, *spacing(self._round, reach), settings.seed))
+            reach = (settings.radius_max or _REACH) / 100.0 * self.size[1] / self.examine_pass.side  # tiles
+            pattern = spacing(self._round, reach, int(np.count_nonzero(found.asking)))
+            sites = found.at(choose(found.asking, *pattern, settings.seed))
         for start in range(0, len(sites), self.gather_pass.capacity):
             batch = sites[start : start + self.gather_pass.capacity]
             with self.timers("gather"):
@@ -199,8 +221,7 @@ class Renderer:
             with self.timers("direct"):
                 self._direct = self.direct_pass(gbuffer, self._lit())
         with self.timers("composite"):
-            irradiance = self.composite_pass.irradiance(splats, gbuffer, self._camera, self.settings)
-            image = self.composite_pass.image(irradiance, self._direct, gbuffer, self.scene.sky, self.settings.blend)
+            image, irradiance = self.composite_pass(splats, self._direct, gbuffer, self.scene.sky, self._camera, self.settings)
         return View(self._camera, gbuffer, self._direct, splats, irradiance, image)
 
     # ---- whole renders ---------------------------------------------------------------------------------------------
@@ -212,9 +233,12 @@ class Renderer:
 
         progress is called after each round. Ctrl-C ends the rounds: the last whole one counts, "interrupted" is True.
         """
-        camera = camera or self.scene.camera()
+        with self._current():
+            return self._converge(camera or self.scene.camera(), progress)
+
+    def _converge(self, camera: Camera, progress: Callable[[Progress], None] | None) -> tuple[View, dict[str, Any]]:
         self.timers.clear()
-        stats = {"rounds": 0, "converged": False, "interrupted": False, "coverage": 0.0}
+        stats: dict[str, Any] = {"rounds": 0, "converged": False, "interrupted": False, "coverage": 0.0}
         whole = self.cache.count
         try:
             while not stats["converged"] and stats["rounds"] < self.settings.max_rounds:
@@ -251,14 +275,15 @@ class Renderer:
             if progress is not None:
                 progress(now)
 
-        view, stats = self.converge(camera, watch if figures else progress)
-        frame = self._read(view, stats)
-        if figures:
+        with self._current():
+            view, stats = self.converge(camera, watch if figures else progress)
+            frame = self._read(view, stats)
+            if not figures:
+                return frame
             splats = {"first_samples": first[0] if first else self.splat_pass.target.read(0)}
             splats["splat_buffer"] = self.splat_pass.target.read(0)
             pictures = {name: frame.albedo / np.float32(np.pi) * sums[..., :3] for name, sums in splats.items()}
-            frame = replace(frame, figures=pictures | {"quad": self._figure1(view.camera, frame)})
-        return frame
+            return replace(frame, figures=pictures | {"quad": self._figure1(view.camera, frame)})
 
     def _figure1(self, camera: Camera, frame: Frame) -> np.ndarray:
         """Figure 1: a record's sphere, its quad and the eye vector, over the scene as somebody beside the eye sees it."""
@@ -288,34 +313,47 @@ class Renderer:
 
     def _read(self, view: View, stats: dict[str, Any]) -> Frame:
         """Copies of every buffer, top row first, cleaned where nothing is seen."""
-        stats = stats | self._statistics(view)
-        position, normal, albedo, emission = (_pixels(getattr(view.gbuffer, f.name)) for f in fields(GBuffer))
-        seen = position[..., 3:] > 0.0
-        rho = albedo[..., :3]
-        irradiance = _pixels(view.irradiance)[..., :3]
+        buffers = {f.name: _pixels(getattr(view.gbuffer, f.name)) for f in fields(GBuffer)}
+        seen = buffers["position"][..., 3:] > 0.0
+        position, normal, albedo, emission = (np.where(seen, b[..., :3], np.float32(0.0)) for b in buffers.values())
+        irradiance = _pixels(view.irradiance)[..., :3].copy()
         records = self.cache.read()
         return Frame(
-            image=_own(_pixels(view.image)[..., :3]),
-            direct=_own(_pixels(view.direct)[..., :3]),
-            indirect=rho * irradiance / np.float32(np.pi),
-            irradiance=_own(irradiance),
-            emission=np.where(seen, emission[..., :3], np.asarray(self.scene.sky, "f4")),
-            weight=_own(_pixels(view.splats.weight)[..., 0]),
-            position=_own(position[..., :3]),
-            normal=_own(normal[..., :3]),
-            albedo=_own(rho),
-            depth=np.where(seen, position[..., 3:], np.float32(np.inf))[..., 0],
+            image=_pixels(view.image)[..., :3].copy(),
+            direct=_pixels(view.direct)[..., :3].copy(),
+            indirect=albedo * irradiance / np.float32(np.pi),
+            irradiance=irradiance,
+            emission=np.where(seen, emission, np.asarray(self.scene.sky, "f4")),
+            weight=np.where(seen, _pixels(view.splats.weight), np.float32(0.0))[..., 0],
+            position=position,
+            normal=normal,
+            albedo=albedo,
+            depth=np.where(seen, buffers["position"][..., 3:], np.float32(np.inf))[..., 0],
             records_position=records["position"],
             records_normal=records["normal"],
             records_irradiance=records["irradiance"],
             records_radius=records["radius"],
-            stats=stats,
+            stats=stats | self._statistics(view),
         )
+
+    def forget(self, records: bool = True, lights: bool = True) -> None:
+        """Draw every buffer of the view again next time; without the `records` made so far, and the `lights`' shadow maps."""
+        self._gbuffer = self._camera = None
+        if lights:
+            self._shadows = None
+        if records:
+            self.cache.truncate(0)
 
     def release(self) -> None:
         """Free everything on the GPU, the context too where this renderer made it."""
         if self._owns_ctx:
             self.ctx.release()
+            return
+        with self._current():
+            for holder in (self, *vars(self).values()):
+                for thing in vars(holder).values() if hasattr(holder, "__dict__") else ():
+                    if isinstance(thing, (Target, Program, Geometry, RecordCache, moderngl.Texture, moderngl.Buffer)):
+                        thing.release()
 
     def __enter__(self) -> Renderer:
         return self
@@ -364,7 +402,3 @@ def _checked(size: tuple[int, int]) -> tuple[int, int]:
 def _pixels(texture: moderngl.Texture) -> np.ndarray:
     """A float texture as (H, W, C), top row first."""
     return np.frombuffer(texture.read(), "f4").reshape(texture.height, texture.width, texture.components)[::-1]
-
-
-def _own(view: np.ndarray) -> np.ndarray:
-    return np.ascontiguousarray(view) if view.base is None else view.copy()

@@ -1,40 +1,24 @@
-// The sums become irradiance: normalised, and where asked for, smoothed along the surface.
+// The sums become irradiance, and with direct light, emission and sky the picture: all in one radiometric unit.
+#include "lib/constants.glsl"
+
 uniform sampler2D position;  // g-buffer
-uniform sampler2D normal;
-uniform sampler2D sums;      // Σ k·E, Σ k
-uniform int smooth_radius;   // pixels; 0: no smoothing
-uniform float pixel_size;    // of a pixel at distance 1, in metres
+uniform sampler2D albedo;
+uniform sampler2D emission;
+uniform sampler2D direct;
+uniform sampler2D sums;      // Σ k·E, Σ k (or E and 1, where it was smoothed)
+uniform vec2 blend;          // weights of direct and indirect
+uniform vec3 sky;
 
-layout(location = 0) out vec4 out_irradiance;
-
-vec4 normalised(ivec2 pixel)
-{
-    vec4 s = texelFetch(sums, pixel, 0);
-    return s.a > 0.0 ? vec4(s.rgb / s.a, 1.0) : vec4(0.0);
-}
+layout(location = 0) out vec4 out_image;
+layout(location = 1) out vec4 out_irradiance;
 
 void main()
 {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    out_irradiance = normalised(pixel);
-    vec4 p = texelFetch(position, pixel, 0);
-    if (smooth_radius == 0 || p.w == 0.0) return;
-    // neighbours count as far as they lie in the pixel's tangent plane and share its normal
-    vec3 n = texelFetch(normal, pixel, 0).xyz;
-    float thickness = 2.0 * float(smooth_radius) * pixel_size * p.w, sigma = 0.5 * float(smooth_radius);
-    vec4 total = vec4(0.0);
-    ivec2 last = textureSize(position, 0) - 1;
-    for (int y = -smooth_radius; y <= smooth_radius; ++y)
-        for (int x = -smooth_radius; x <= smooth_radius; ++x)
-        {
-            ivec2 other = pixel + ivec2(x, y);
-            if (any(lessThan(other, ivec2(0))) || any(greaterThan(other, last))) continue;
-            vec4 q = texelFetch(position, other, 0);
-            if (q.w == 0.0) continue;
-            float off = dot(q.xyz - p.xyz, n) / thickness;
-            float alike = max(dot(texelFetch(normal, other, 0).xyz, n), 0.0);
-            float w = exp(-0.5 * float(x * x + y * y) / (sigma * sigma) - 4.0 * off * off) * pow(alike, 32.0);
-            total += w * normalised(other);
-        }
-    if (total.a > 0.0) out_irradiance = total / total.a;
+    vec4 s = texelFetch(sums, pixel, 0);
+    vec3 E = s.a > 0.0 ? s.rgb / s.a : vec3(0.0);
+    vec3 indirect = texelFetch(albedo, pixel, 0).rgb * INV_PI * E;
+    vec3 light = blend.x * texelFetch(direct, pixel, 0).rgb + blend.y * indirect + texelFetch(emission, pixel, 0).rgb;
+    out_image = vec4(texelFetch(position, pixel, 0).w > 0.0 ? light : sky, 1.0);
+    out_irradiance = vec4(E, 1.0);
 }

@@ -17,7 +17,7 @@ out vec3 v_normal;
 out vec3 v_albedo;
 out vec3 v_emission;
 flat out vec3 v_eye;
-out float gl_ClipDistance[4];
+out float gl_ClipDistance[5];
 
 void main()
 {
@@ -28,6 +28,7 @@ void main()
     gl_ClipDistance[1] = w + x;
     gl_ClipDistance[2] = w - y;
     gl_ClipDistance[3] = w + y;
+    gl_ClipDistance[4] = w - 0.05 * near;
     gl_Position = vec4(face_cell.xy * w + face_cell.zw * vec2(x, y), w - 2.0 * near, w);
     v_position = in_position;
     v_normal = in_normal;

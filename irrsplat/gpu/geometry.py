@@ -7,7 +7,6 @@ import numpy as np
 
 from irrsplat.gpu.target import table_texture
 
-
 _COLUMNS = 1024  # of the table of face normals, as shaders/lib/surface.glsl has it
 
 

@@ -45,6 +45,7 @@ class Target:
         textures: Sequence[moderngl.Texture] | None = None,
         depth_attachment: moderngl.Texture | None = None,
     ) -> None:
+        self.ctx = ctx
         self.size = size
         self._owned = textures is None
         self.textures = [float_texture(ctx, size, n) for n in components] if textures is None else list(textures)

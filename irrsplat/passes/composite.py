@@ -22,48 +22,52 @@ class CompositePass:
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.size = size
-        self.normalise = Program(ctx, "composite", "lib/fullscreen")
-        self.blend = Program(ctx, "composite_image", "lib/fullscreen")
+        self.smooth = Program(ctx, "composite_smooth", "lib/fullscreen")
+        self.blend = Program(ctx, "composite", "lib/fullscreen")
         self.meter = Program(ctx, "composite_meter", "lib/fullscreen")
         self.display = Program(ctx, "composite_display", "lib/fullscreen", FILMIC.defines)
-        self.irradiance_target = Target(ctx, size, (4,))
-        self.image_target = Target(ctx, size, (4,))
+        self.target = Target(ctx, size, (4, 4))
+        self.smooth_target: Target | None = None
         self.meter_block = (-(-size[0] // _METER), -(-size[1] // _METER))
         self.meter_target = Target(ctx, (-(-size[0] // self.meter_block[0]), -(-size[1] // self.meter_block[1])), (2,))
 
-    def irradiance(self, splats: SplatBuffer, gbuffer: GBuffer, camera: Camera, settings: Settings) -> moderngl.Texture:
-        """E at every pixel, Σ k·E / Σ k, smoothed where the settings say so; 0 where no record speaks."""
-        height = self.size[1]
-        self.normalise(
-            self.irradiance_target,
-            position=gbuffer.position,
-            normal=gbuffer.normal,
-            sums=splats.sums,
-            smooth_radius=max(1, round(_SMOOTH * height)) if settings.smooth else 0,
-            pixel_size=2.0 * math.tan(math.radians(camera.fov) / 2.0) / height,
-        )
-        return self.irradiance_target.textures[0]
-
-    def image(
+    def __call__(
         self,
-        irradiance: moderngl.Texture,
+        splats: SplatBuffer,
         direct: moderngl.Texture,
         gbuffer: GBuffer,
         sky: tuple[float, float, float],
-        blend: float,
-    ) -> moderngl.Texture:
-        """Radiance before exposure: direct and indirect by the weights min(1, 2(1-b)) and min(1, 2b), emission, sky."""
+        camera: Camera,
+        settings: Settings,
+    ) -> tuple[moderngl.Texture, moderngl.Texture]:
+        """The image before exposure, and E at every pixel, Σ k·E / Σ k (0 where no record speaks), smoothed where asked for.
+
+        Direct and indirect light have the weights min(1, 2(1-b)) and min(1, 2b); emission and sky are whole.
+        """
+        blend = settings.blend
         self.blend(
-            self.image_target,
+            self.target,
             position=gbuffer.position,
             albedo=gbuffer.albedo,
             emission=gbuffer.emission,
             direct=direct,
-            irradiance=irradiance,
+            sums=self._smoothed(splats, gbuffer, camera) if settings.smooth else splats.sums,
             blend=(min(1.0, 2.0 * (1.0 - blend)), min(1.0, 2.0 * blend)),
             sky=sky,
         )
-        return self.image_target.textures[0]
+        return self.target.textures[0], self.target.textures[1]
+
+    def _smoothed(self, splats: SplatBuffer, gbuffer: GBuffer, camera: Camera) -> moderngl.Texture:
+        self.smooth_target = self.smooth_target or Target(self.target.ctx, self.size, (4,))
+        self.smooth(
+            self.smooth_target,
+            position=gbuffer.position,
+            normal=gbuffer.normal,
+            sums=splats.sums,
+            smooth_radius=max(1, round(_SMOOTH * self.size[1])),
+            pixel_size=2.0 * math.tan(math.radians(camera.fov) / 2.0) / self.size[1],
+        )
+        return self.smooth_target.textures[0]
 
     def exposure(self, image: moderngl.Texture) -> float:
         """The stops that bring the image's geometric mean luminance (of its lit pixels) to mid grey; 0 for a black image."""

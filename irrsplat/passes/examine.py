@@ -12,11 +12,12 @@ from dataclasses import dataclass
 import moderngl
 import numpy as np
 
-from irrsplat.buffers import GBuffer, Sites, SplatBuffer
+from irrsplat.buffers import NOTHING_SEEN, GBuffer, Sites, SplatBuffer
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.target import Target
 
 _TILES = 100  # along the image's height
+_FEW = 256  # tiles; so few are asked for in one round
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,8 @@ class ExaminePass:
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.side = max(2, size[1] // _TILES)  # pixels
-        self.program = Program(ctx, "examine", "lib/fullscreen")
+        self.stride = _stride(self.side**2)
+        self.program = Program(ctx, "examine", "lib/fullscreen", {"NOTHING_SEEN": NOTHING_SEEN, "SIDE": self.side})
         self.target = Target(ctx, (-(-size[0] // self.side), -(-size[1] // self.side)), (4, 4, 4))
 
     def __call__(self, gbuffer: GBuffer, splats: SplatBuffer, tolerance: float, seed: int) -> Examination:
@@ -55,13 +57,19 @@ class ExaminePass:
             normal=gbuffer.normal,
             albedo=gbuffer.albedo,
             weight=splats.weight,
-            side=self.side,
+            stride=self.stride,
             tolerance=tolerance,
             seed=seed,
         )
         position, normal, rest = (self.target.read(i) for i in range(3))
         geometric = octahedral_decode(normal[..., 3], rest[..., 0])
         return Examination(position[..., 3], rest[..., 2], position[..., :3], normal[..., :3], geometric)
+
+
+def _stride(count: int) -> int:
+    """A number coprime to `count`, near its golden section, so that steps by it visit all and hop about."""
+    wanted = max(1, round(0.618 * count))
+    return next(n for n in range(wanted, wanted + count + 1) if math.gcd(n, count) == 1)
 
 
 def octahedral_decode(x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -72,11 +80,14 @@ def octahedral_decode(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-30)
 
 
-def spacing(round: int, reach: float) -> tuple[int, int]:
-    """The spacing in tiles, and the colour of the chess board (-1: both), of a view's round 0, 1, 2, …
+def spacing(round: int, reach: float, asking: int) -> tuple[int, int]:
+    """The spacing in tiles, and the colour of the chess board (-1: both), for a view's round 0, 1, 2, …
 
-    From squares as wide as the farthest reach of a record (`reach`, in tiles) down to single tiles, two rounds each.
+    From squares as wide as the farthest reach of a record (`reach`, in tiles) down to single tiles, two rounds each; where
+    few tiles are `asking`, as after a small move of the camera, at once.
     """
+    if asking < _FEW:
+        return (2, -1) if round == 0 else (1, -1)
     levels = max(int(math.log2(max(reach, 1.0))), 0)
     level = round // 2
     return (2 ** (levels - level), round % 2) if level < levels else (1, -1)

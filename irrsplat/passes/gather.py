@@ -191,7 +191,7 @@ class GatherPass:
             geometry=geometry,
             instances=count * len(self.faces),
             instance_data=(self.instances, self._FORMAT, self._ATTRIBUTES),
-            state=State(depth="<", clamp=True, clips=4),
+            state=State(depth="<", clamp=True, clips=5),
             near=self.offset,
             **geometry.uniforms,
             **shadows.uniforms,

@@ -20,6 +20,7 @@ class GBufferPass:
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.program = Program(ctx, "gbuffer")
         self.target = Target(ctx, size, (4, 4, 4, 4), depth=True)
+        self.marked = Target(ctx, size, textures=self.target.textures[:1], depth_attachment=self.target.depth)
 
     def __call__(self, scene: Scene, geometry: Geometry, camera: Camera) -> GBuffer:
         """What `camera` sees; the textures are this pass's own, and hold until its next call."""
@@ -27,7 +28,7 @@ class GBufferPass:
         corners = np.array(np.meshgrid(*scene.bounds.T)).reshape(3, -1).T
         eye = np.asarray(camera.eye, float)
         far = 1.01 * float(np.linalg.norm(corners - eye, axis=1).max()) + 1e-3 * scene.diagonal
-        self.target.clear()
+        self.marked.clear()  # depth 0 says that a pixel sees nothing: the other textures are not looked at there
         self.program(
             self.target,
             geometry=geometry,

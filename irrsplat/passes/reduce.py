@@ -11,7 +11,6 @@ from irrsplat.buffers import Atlas, Records
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.target import Target
 
-
 _SUMS = ("sums", "share", "sums_m_r", "sums_m_g", "sums_m_b", "sums_g_r", "sums_g_g", "sums_g_b")  # as reduce.frag has them
 
 

@@ -12,7 +12,6 @@ from irrsplat.gpu.target import Target
 from irrsplat.lights import light_table
 from irrsplat.scene.model import Scene
 
-
 # Front faces are culled, the paper's cure for acne, where the far side of a closed mesh stands for them. That alone leaks
 # where the far side touches what it shades, a box on the floor: so the front faces are drawn as well, pushed back.
 _DRAWS = (

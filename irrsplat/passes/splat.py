@@ -6,7 +6,7 @@ import math
 
 import moderngl
 
-from irrsplat.buffers import GBuffer, Records, SplatBuffer
+from irrsplat.buffers import NOTHING_SEEN, GBuffer, Records, SplatBuffer
 from irrsplat.gpu.program import Program, State
 from irrsplat.gpu.target import Target
 from irrsplat.scene.model import Camera
@@ -18,11 +18,12 @@ class SplatPass:
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], gradients: bool) -> None:
         self.program = Program(ctx, "splat", defines={"GRADIENTS": int(gradients)})
+        self.empty = Program(ctx, "splat_clear", "lib/fullscreen", {"NOTHING_SEEN": NOTHING_SEEN})
         self.target = Target(ctx, size, (4, 1))
 
-    def clear(self) -> None:
-        """Start again from no records."""
-        self.target.clear()
+    def clear(self, gbuffer: GBuffer) -> None:
+        """Start again from no records; the weight is NOTHING_SEEN where the g-buffer sees nothing."""
+        self.empty(self.target, position=gbuffer.position)
 
     def __call__(self, records: Records, first: int, gbuffer: GBuffer, camera: Camera, settings: Settings) -> SplatBuffer:
         """Add the records from number `first` on, in their order; the sums are this pass's own textures."""

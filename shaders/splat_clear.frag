@@ -1,0 +1,11 @@
+// An empty splat buffer: no sums, and no weight wanted where nothing is seen.
+uniform sampler2D position;  // g-buffer
+
+layout(location = 0) out vec4 out_sums;
+layout(location = 1) out float out_weight;
+
+void main()
+{
+    out_sums = vec4(0.0);
+    out_weight = texelFetch(position, ivec2(gl_FragCoord.xy), 0).w > 0.0 ? 0.0 : NOTHING_SEEN;
+}
