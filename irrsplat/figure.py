@@ -56,15 +56,17 @@ class Shown:
     @property
     def quad(self) -> np.ndarray:
         """(4, 3) the quad's corners, in order around it."""
-        return np.array([self.position + self.half_size * (x * self.u + y * self.v) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
+        return np.array(
+            [self.position + self.half_size * (x * self.u + y * self.v) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+        )
 
 
-def draw(frame: Frame, eye: Camera, settings: Settings) -> np.ndarray:
+def diagram(frame: Frame, eye: Camera, settings: Settings) -> np.ndarray:
     """(H, W, 3) display values 0..1 of the frame's size: above, what `eye` sees of the scene, looked at from beside, with the
     eye vector to one record; below, that record's sphere and quad from nearer. The plain picture where there is no record to
     show, or no room for a diagram."""
     height, width = frame.depth.shape
-    record = choose(frame, eye, settings)
+    record = pick(frame, eye, settings)
     if record is None or min(width, height) < LEAST:
         return tonemap(frame.image, frame.exposure)
     seen = _lit_up(surface(frame, 2.0 * math.tan(math.radians(eye.fov) / 2.0) / height), record)
@@ -96,7 +98,7 @@ def draw(frame: Frame, eye: Camera, settings: Settings) -> np.ndarray:
     return np.asarray(sheet.resize((width, height), Image.Resampling.BOX), np.float32) / np.float32(255.0)
 
 
-def choose(frame: Frame, eye: Camera, settings: Settings) -> Shown | None:
+def pick(frame: Frame, eye: Camera, settings: Settings) -> Shown | None:
     """A record that `eye` sees, near the middle of the picture, turned to the eye, and large; None where it sees none."""
     position = np.asarray(frame.records_position, float)
     normal, R = np.asarray(frame.records_normal, float), np.asarray(frame.records_radius, float)
@@ -184,14 +186,21 @@ def _overview(record: Shown, eye: Camera, seen: Surface, axes: np.ndarray, room:
 
 
 def _panel(
-    record: Shown, eye: Camera, seen: Surface, view: Parallel, size: np.ndarray, font: float, title: str, window: np.ndarray | None
+    record: Shown,
+    eye: Camera,
+    seen: Surface,
+    view: Parallel,
+    size: np.ndarray,
+    font: float,
+    title: str,
+    window: np.ndarray | None,
 ) -> Image.Image:
     """One view as an image of `size` (width, height); window: (width, height) in pixels of what another one enlarges."""
     canvas = np.empty((size[1], size[0], 3), np.float32)
     canvas[:] = _UNSEEN
     paint(canvas, view, seen)
     image = Image.fromarray((np.clip(canvas, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8))
-    pen = Pen(image, font)
+    pen = Pen(image, font, top=1.9 * font if title else 0.3 * font)
     detailed = window is None
     centre, eye_at = view.at(record.position), view.at(record.eye)
     _draw_eye(pen, record, eye, view)
@@ -243,7 +252,9 @@ def _draw_eye(pen: Pen, record: Shown, eye: Camera, view: Parallel) -> None:
     tangent = math.tan(math.radians(eye.fov) / 2.0)
     length = 0.09 * min(pen.size) / view.scale
     right, up, backward = eye.axes
-    corners = [record.eye + length * (-backward + tangent * (x * right + y * up)) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    corners = [
+        record.eye + length * (-backward + tangent * (x * right + y * up)) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))
+    ]
     flat = view.at(np.array(corners))
     for corner in flat:
         pen.line(np.array([at, corner]), _INK, 0.8)
@@ -287,9 +298,19 @@ def _metres(length: float) -> str:
     return f"{length:.3g} m"
 
 
-# What the renderer calls until it calls `draw` itself: the figure needs no second rendering.
+# ---- what the renderer calls until it calls `diagram(frame, camera, settings)` itself, which needs no second rendering ---------
 
 
-def side_camera(camera: Camera, record: object) -> Camera:
+def choose(frame: Frame, camera: Camera) -> Frame:
+    """All that `diagram` needs."""
+    return frame
+
+
+def side_camera(camera: Camera, record: Frame) -> Camera:
     """The eye itself."""
     return camera
+
+
+def draw(picture: np.ndarray, beside: Camera, eye: Camera, record: Frame, settings: Settings) -> np.ndarray:
+    """The diagram."""
+    return diagram(record, eye, settings)

@@ -19,13 +19,17 @@ _TOKENS = re.compile(r"_(\w)|\^(\w)|√\{(.*?)\}|([^_^√]+)")
 
 
 class Pen:
-    """Draws into an RGB `image`; widths are in sixteenths of `font`, the height of its letters in pixels."""
+    """Draws into an RGB `image`; widths are in sixteenths of `font`, the height of its letters in pixels.
 
-    def __init__(self, image: Image.Image, font: float) -> None:
+    top: pixels at the image's upper edge that labels leave free.
+    """
+
+    def __init__(self, image: Image.Image, font: float, top: float = 0.0) -> None:
         self.draw = ImageDraw.Draw(image, "RGBA")
         self.size = np.array(image.size)
         self.font = font
         self.unit = font / 16.0
+        self.least = np.array([0.3 * font, top])
 
     def line(self, points: np.ndarray, colour: Colour, width: float, halo: bool = True) -> None:
         """A line through points (N, 2)."""
@@ -75,7 +79,8 @@ class Pen:
         off = np.asarray(direction, float)
         off = off / max(float(np.linalg.norm(off)), 1e-9)
         middle = at + off * (5.0 * self.unit + np.array([width, height]) / 2.0)
-        corner = np.clip(middle - (width / 2.0, height / 2.0), 0.3 * self.font, self.size - (width, height) - 0.3 * self.font)
+        most = self.size - (width, height) - 0.3 * self.font
+        corner = np.maximum(np.minimum(middle - (width / 2.0, height / 2.0), most), self.least)
         self.text(corner, words, colour)
 
     def text(self, corner: Point, words: str, colour: Colour) -> None:
