@@ -1,0 +1,152 @@
+"""The gather's tables: the hemisphere in solid angle, the edges between what it sees, and the frames that it stands in."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from irrsplat.passes.gather import PLANE_FIELD, edge_table, frames, hemisphere_table
+
+KINDS = ("raster", "plane")
+
+
+def share_of_plane(field: float) -> float:
+    """What a square plane of the given field of view (degrees) covers of the cosine-weighted hemisphere, 0..1.
+
+    At distance 1 it reaches to t = tan(field/2). The form factor of a point to a parallel rectangle above it with a corner
+    over it (Howell, "A Catalog of Radiation Heat Transfer Configuration Factors", C-11), four times:
+    4/(2π)·2·t/√(1+t²)·atan(t/√(1+t²)) = 4/π·s·atan(s) with s = sin(field/2).
+    """
+    s = np.sin(np.radians(field) / 2.0)
+    return 4.0 / np.pi * s * np.arctan(s)
+
+
+@pytest.mark.parametrize(("field", "share"), [(90, 0.554), (120, 0.787), (150, 0.945), (160, 0.975), (170, 0.994)])
+def test_the_formula_is_that_of_the_method(field: float, share: float) -> None:
+    assert share_of_plane(field) == pytest.approx(share, abs=6e-4)
+
+
+@pytest.mark.parametrize("side", [4, 16, 32, 64])
+@pytest.mark.parametrize(("kind", "share"), [("raster", 1.0), ("plane", share_of_plane(PLANE_FIELD))])
+def test_the_table_covers_the_hemisphere(kind: str, share: float, side: int) -> None:
+    """∫ cosθ dω over the hemisphere is π; texels are integrated by 8×8 points, whose error shrinks with their size squared."""
+    table = hemisphere_table(kind, side)
+    assert table[..., 3].sum() == pytest.approx(np.pi * share, rel=0.05 / side**2 + (0.4 / side**2 if kind == "plane" else 0.0))
+    assert (table[..., 3] > 0.0).all()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_directions_are_unit_and_above_the_horizon(kind: str) -> None:
+    directions = hemisphere_table(kind, 32)[..., :3].reshape(-1, 3)
+    assert np.allclose(np.linalg.norm(directions, axis=1), 1.0, atol=1e-12)
+    assert (directions[:, 2] > 0.0).all()
+    assert len(np.unique(np.round(directions, 6), axis=0)) == len(directions), "no direction is looked in twice"
+
+
+def test_mean_direction_and_solid_angle_of_the_whole() -> None:
+    """∫ ω dω over the hemisphere is (0, 0, π), ∫ dω is 2π, and ∫ cos²θ dω is 2π/3."""
+    table = hemisphere_table("raster", 64)
+    solid = table[..., 3] / table[..., 2]
+    assert solid.sum() == pytest.approx(2.0 * np.pi, rel=1e-3)
+    assert (table[..., 3] * table[..., 2]).sum() == pytest.approx(2.0 * np.pi / 3.0, rel=1e-3)
+    assert np.allclose((solid[..., None] * table[..., :3]).sum((0, 1)), [0.0, 0.0, np.pi], atol=1e-3)
+
+
+def edges(kind: str, side: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The edges as texel numbers a and b and their vectors (E, 3), of those that have a neighbour."""
+    table = edge_table(kind, side)
+    height, width = table.shape[0], table.shape[1] // 2
+    owner = np.arange(height * width).reshape(height, width, 1).repeat(2, 2).ravel()
+    rows = table.reshape(-1, 4)
+    row = np.floor(rows[:, 3] / 4096.0)
+    other = (row * width + rows[:, 3] - 4096.0 * row).astype(int)
+    real = other != owner
+    assert not rows[~real, :3].any(), "an edge without a neighbour has no weight"
+    return owner[real], other[real], rows[real, :3]
+
+
+@pytest.mark.parametrize("side", [4, 8, 32])
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_interior_edge_is_counted_once(kind: str, side: int) -> None:
+    """A hemicube of one face of s² texels and four of s²/2 has 3s² quadrilaterals with 12s² sides; 4s of them lie on the horizon,
+    and the other ones are shared by two: 6s² - 2s edges, seams between faces included. A plane has 2s(s - 1)."""
+    a, b, _ = edges(kind, side)
+    times = Counter(map(tuple, np.sort(np.stack([a, b], 1), axis=1).tolist()))
+    assert set(times.values()) == {1}, f"{sum(n > 1 for n in times.values())} edges count twice"
+    assert len(times) == (6 * side**2 - 2 * side if kind == "raster" else 2 * side * (side - 1))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_edges_lie_between_neighbours(kind: str) -> None:
+    """No edge joins texels that are farther apart than two texels' width, and each vector points from one to the other."""
+    directions = hemisphere_table(kind, 32)[..., :3].reshape(-1, 3)
+    a, b, vector = edges(kind, 32)
+    ahead = directions[b] - directions[a]
+    widest = 2.0 * 2.0 * np.tan(np.radians(PLANE_FIELD / 2.0)) / 32 if kind == "plane" else 3.0 * 2.0 / 32
+    assert np.linalg.norm(ahead, axis=1).max() < widest
+    assert ((ahead * vector).sum(1) > 0.0).all()
+
+
+def test_constant_radiance_has_no_gradient_and_edges_close() -> None:
+    """Each texel's own edges, with cosθ taken as 1, would close: the vectors of a sphere's polygon sum to about nothing in it.
+
+    With L = 1 everywhere every difference is 0. With L = 1 in one texel, Σ cosθ·e₁×e₂ over its four edges is -∫ ∇cosθ-like
+    and of the order of its solid angle, far smaller than any one edge.
+    """
+    a, b, vector = edges("raster", 32)
+    texel = 7 * 64 + 11  # inside the front face
+    mine = np.where((a == texel)[:, None], vector, 0.0) - np.where((b == texel)[:, None], vector, 0.0)
+    assert np.linalg.norm(mine.sum(0)) < 0.2 * np.linalg.norm(mine, axis=1).max()
+
+
+def bump(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """A smooth bright spot on a ceiling, beside the record's zenith."""
+    return np.exp(-((x - 0.6) ** 2 + (y + 0.35) ** 2) / (2 * 0.5**2))
+
+
+def irradiance_under_bump(p: np.ndarray, height: float) -> float:
+    """E at p from a ceiling of radiance `bump`, in quadrature over the ceiling: ∫ L·h²/(d²)² dA."""
+    x = np.linspace(-4.0, 5.0, 721)
+    X, Y = np.meshgrid(x, x)
+    h = height - p[2]
+    d2 = (X - p[0]) ** 2 + (Y - p[1]) ** 2 + h * h
+    return float((bump(X, Y) * h * h / d2**2).sum() * (x[1] - x[0]) ** 2)
+
+
+@pytest.mark.parametrize("side", [16, 32, 64])
+def test_edges_give_the_gradient_of_smooth_radiance(side: int) -> None:
+    """∇E = Σ (L_b - L_a)·xyz/min(r_a, r_b) against central differences of E = ∫ L cosθ dω under a ceiling with a bright spot.
+
+    The record moves along the surface and off it. The limit is relative to the gradient's length: the midpoint rule's error is of
+    second order in the texels' size, and that of min(r_a, r_b) in the place of the edge's own distance of first, 1 % at 32².
+    """
+    height, step = 1.3, 1e-3
+    truth = np.array(
+        [(irradiance_under_bump(d, height) - irradiance_under_bump(-d, height)) / (2 * step) for d in step * np.eye(3)]
+    )
+    directions = hemisphere_table("raster", side)[..., :3].reshape(-1, 3)
+    r = height / directions[:, 2]
+    L = bump(*(directions[:, :2] * r[:, None]).T)
+    a, b, vector = edges("raster", side)
+    found = ((L[b] - L[a]) / np.minimum(r[a], r[b])) @ vector
+    assert np.linalg.norm(found - truth) < 0.5 / side * np.linalg.norm(truth), (found, truth)
+
+
+def test_frames_are_orthonormal_right_handed_and_turned() -> None:
+    rng = np.random.default_rng(1)
+    normal = rng.normal(size=(500, 3))
+    normal[:6] = np.concatenate([np.eye(3), -np.eye(3)])
+    normal[6] = (1e-9, 0.0, -1.0)  # where a less careful basis breaks down
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    found = frames(normal, np.arange(500), seed=3)
+    assert np.allclose(found @ found.swapaxes(1, 2), np.eye(3), atol=1e-6)
+    assert np.allclose(np.linalg.det(found), 1.0, atol=1e-6)
+    assert np.allclose(found[:, 2], normal, atol=1e-12)
+    same = frames(np.tile(normal[:1], (64, 1)), np.arange(64), seed=3)
+    angle = np.sort(np.arctan2(same[:, 0] @ same[0, 1], same[:, 0] @ same[0, 0]))
+    assert np.diff(angle).max() < 2.0 * np.pi / 64 * 3, "golden turns leave no wide gap"
+    assert np.array_equal(frames(normal, np.arange(500), 3), found)
+    assert not np.allclose(frames(normal, np.arange(500), 4)[:, 0], found[:, 0])
+    assert np.array_equal(frames(normal[100:], np.arange(100, 500), 3), found[100:]), "the number decides, not the batch"
