@@ -5,6 +5,7 @@ This is the only place where the passes meet; read `Renderer.frame` first.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields, replace
@@ -231,13 +232,14 @@ class Renderer:
     ) -> tuple[View, dict[str, Any]]:
         """Rounds until the examination finds nothing, or `max_rounds`; returns the view and its statistics.
 
-        progress is called after each round. Ctrl-C ends the rounds: the last whole one counts, "interrupted" is True.
+        "seconds" among them is the wall time to full coverage, before direct light and composite. progress is called after each round. Ctrl-C ends the rounds: the last whole one counts, "interrupted" is True.
         """
         with self._current():
             return self._converge(camera or self.scene.camera(), progress)
 
     def _converge(self, camera: Camera, progress: Callable[[Progress], None] | None) -> tuple[View, dict[str, Any]]:
         self.timers.clear()
+        start = time.perf_counter()
         stats: dict[str, Any] = {"rounds": 0, "converged": False, "interrupted": False, "coverage": 0.0}
         whole = self.cache.count
         try:
@@ -252,8 +254,11 @@ class Renderer:
             stats["interrupted"] = True
             self.cache.truncate(whole)
             self._splatted = -1
-        self._splat(self._seen(camera), camera)
-        return self._compose(), stats | {"records": self.cache.count}
+        if not stats["converged"]:
+            self._splat(self._seen(camera), camera)  # what the last round gathered
+        self.ctx.finish()
+        stats |= {"records": self.cache.count, "seconds": time.perf_counter() - start}
+        return self._compose(), stats
 
     def render(
         self,

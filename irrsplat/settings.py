@@ -99,7 +99,7 @@ class Settings:
         choices=("auto", "plane", "raster"),
     )  # fmt: skip
     gather_size: int = _declare(
-        32, "int", "gather", "side of a record's front face; 64 is near exact", low=4, high=256, unit="pixels"
+        64, "int", "gather", "side of a record's front face; 128 is near exact", low=4, high=256, unit="pixels"
     )
     gradients: bool = _declare(True, "bool", "splat", "records say how irradiance changes with place and normal around them")
     a: float = _declare(0.4, "float", "splat", "a record reaches a·R_k: smaller is more records and less error", low=0.01, high=2)
@@ -167,6 +167,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "kernel": "cut",
         "in_front": False,
         "gradients": False,
+        "a": 0.1,
         "radius_min": 0.0,
         "radius_max": 0.0,
     },

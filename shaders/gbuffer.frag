@@ -19,7 +19,8 @@ layout(location = 3) out vec4 out_emission;
 void main()
 {
     float depth = dot(v_position - eye, forward);
-    vec3 g = geometric_normal(v_position, eye, gl_PrimitiveID);
+    vec3 g = face_plane(gl_PrimitiveID).xyz;
+    g = dot(g, eye - v_position) < 0.0 ? -g : g;
     vec3 n = shading_normal(v_normal, g);
     vec2 octahedral = octahedral_encode(g);
     out_position = vec4(v_position, max(depth, 1e-30));

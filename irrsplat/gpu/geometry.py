@@ -7,7 +7,7 @@ import numpy as np
 
 from irrsplat.gpu.target import table_texture
 
-_COLUMNS = 1024  # of the table of face normals, as shaders/lib/surface.glsl has it
+_COLUMNS = 1024  # of the table of planes, as shaders/lib/surface.glsl has it
 
 
 class Geometry:
@@ -15,7 +15,7 @@ class Geometry:
 
     vertices: (V, 12) float32 rows of position, normal, albedo, emission. faces: (F, 3) int32.
     The first `closed` faces belong to closed, outward wound meshes: `parts` names the ranges "all", "closed" and "open"
-    as (first index, number of indices). normals: RGBA32F texture of the faces' own unit normals, row by row.
+    as (first index, number of indices). planes: RGBA32F texture of the faces' planes, unit normal n and n·p, row by row.
     """
 
     FORMAT = "3f 3f 3f 3f"
@@ -25,27 +25,28 @@ class Geometry:
         # OpenGL has no empty buffers: no geometry is one vertex and one index that no draw reaches
         self.vertices = ctx.buffer(np.ascontiguousarray(vertices if len(vertices) else np.zeros((1, 12)), "f4").tobytes())
         self.indices = ctx.buffer(np.ascontiguousarray(faces if len(faces) else np.zeros((1, 3)), "i4").tobytes())
-        self.normals = table_texture(ctx, _face_normals(vertices, faces))
+        self.planes = table_texture(ctx, _planes(vertices, faces))
         total, split = 3 * len(faces), 3 * closed
         self.parts = {"all": (0, total), "closed": (0, split), "open": (split, total - split)}
 
     @property
     def uniforms(self) -> dict[str, object]:
         """The uniforms with which shaders/lib/surface.glsl finds a triangle's normal."""
-        return {"face_normals": self.normals}
+        return {"face_planes": self.planes}
 
     def release(self) -> None:
         """Free the buffers and the table."""
         self.vertices.release()
         self.indices.release()
-        self.normals.release()
+        self.planes.release()
 
 
-def _face_normals(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """(R, C, 4): the triangles' unit normals by their winding, in rows of _COLUMNS."""
+def _planes(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """(R, C, 4): the triangles' planes, unit normal by their winding and distance from the origin, in rows of _COLUMNS."""
     corners = vertices[faces, :3].astype(float)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
     rows = max(-(-len(faces) // _COLUMNS), 1)
     table = np.zeros((rows * _COLUMNS, 4))
-    table[: len(faces), :3] = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+    table[: len(faces)] = np.column_stack([normals, (normals * corners.mean(1)).sum(1)])
     return table.reshape(rows, _COLUMNS, 4)

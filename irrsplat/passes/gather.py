@@ -141,14 +141,17 @@ def frames(normal: np.ndarray, number: np.ndarray, seed: int) -> np.ndarray:
     )
 
 
+_FLOATS = 28  # per instance
+
+
 class GatherPass:
     """Draws what records see: hemicubes or planes of `side` texels, for a scene of the given `diagonal` in metres.
 
     lights: light_defines of the scene. capacity: how many records one call takes at most (default: what a 64 MiB atlas holds).
     """
 
-    _FORMAT = "4f 4f 4f 4f 3f/i"
-    _ATTRIBUTES = ("face_x", "face_y", "face_w", "face_cell", "face_eye")
+    _FORMAT = "4f 4f 4f 4f 3f 3f 3f 3f/i"
+    _ATTRIBUTES = ("face_x", "face_y", "face_w", "face_cell", "face_eye", "face_right", "face_up", "face_ahead")
 
     def __init__(
         self, ctx: moderngl.Context, kind: str, side: int, diagonal: float, lights: Mapping[str, int], capacity: int | None = None
@@ -172,7 +175,7 @@ class GatherPass:
         self.capacity = self.columns * max(1, min(wanted // self.columns, limit // self.cell[1]))
         self.target: Target | None = None
         self.frames = float_texture(ctx, (self.capacity, 4))
-        self.instances = ctx.buffer(reserve=self.capacity * len(self.faces) * 19 * 4, dynamic=True)
+        self.instances = ctx.buffer(reserve=self.capacity * len(self.faces) * _FLOATS * 4, dynamic=True)
 
     def __call__(self, geometry: Geometry, shadows: ShadowMaps, sites: Sites, first: int, seed: int) -> Atlas:
         """What records at `sites` (at most `capacity`) see, the first of them being number `first` of the cache."""
@@ -193,6 +196,7 @@ class GatherPass:
             instance_data=(self.instances, self._FORMAT, self._ATTRIBUTES),
             state=State(depth="<", clamp=True, clips=5),
             near=self.offset,
+            atlas=self.target.size,
             **geometry.uniforms,
             **shadows.uniforms,
         )
@@ -206,16 +210,20 @@ class GatherPass:
         self.frames.write(rows.tobytes(), viewport=(0, 0, len(sites), 4))
 
     def _instances(self, frame: np.ndarray, sites: Sites) -> np.ndarray:
-        """(N·F, 19): the rows face_x, face_y, face_w with their translation, face_cell and face_eye."""
-        assert self.target is not None
-        count, size = len(sites), np.asarray(self.target.size, float)
+        """(N·F, 28): face_x, face_y, face_w with their translation, face_cell, face_eye, face_right, face_up and face_ahead."""
+        count = len(sites)
         eye = sites.position.astype(float) + self.offset * sites.geometric
         rows = np.einsum("fij,njk->nfik", self.faces, frame)
         moved = -np.einsum("nfik,nk->nfi", rows, eye)
         corner = np.stack([np.arange(count) % self.columns, np.arange(count) // self.columns], axis=-1) * self.cell
-        low = corner[:, None, :] + self.cells[None, :, :2]
-        half = self.cells[None, :, 2:] / size
-        cell = np.concatenate([(2.0 * low / size - 1.0) + half, np.broadcast_to(half, low.shape)], axis=-1)
-        matrix = np.concatenate([rows, moved[..., None]], axis=-1).reshape(count, len(self.faces), 12)
-        eyes = np.broadcast_to(eye[:, None, :], (*matrix.shape[:2], 3))
-        return np.concatenate([matrix, cell, eyes], axis=-1).reshape(-1, 19)
+        half = self.cells[:, 2:] / 2.0
+        cell = np.concatenate(np.broadcast_arrays(corner[:, None, :] + self.cells[:, :2] + half, half), axis=-1)
+        # the direction of (x, y) is F⁻¹(x, y, 1), F = face·frame; x and y advance by 1/half a texel
+        ways = np.einsum("fij,nik->nfjk", np.linalg.inv(self.faces), frame) / np.insert(half, 2, 1.0, axis=1)[:, :, None]
+        parts = (
+            np.concatenate([rows, moved[..., None]], axis=-1),
+            cell,
+            np.broadcast_to(eye[:, None, :], (count, len(self.faces), 3)),
+            ways,
+        )
+        return np.concatenate([p.reshape(count * len(self.faces), -1) for p in parts], axis=-1)

@@ -33,6 +33,11 @@ struct Projected
     float k;
     float width;  // of a texel: metres, or metres per metre of distance in a perspective tile
     float range;  // metres of depth in a parallel tile; 0: perspective
+    vec2 texel;   // where the point is in the tile, in texels
+    vec2 corner;  // first texel of the tile
+    vec3 plane;   // dotted with (texel, 1): the depth of the tangent plane, near/z in a perspective tile
+    float own;    // near/z of the point
+    float slack;  // times the plane's near/z: what may lie in front of it
 };
 
 // 1 where the tap that is nearest to the receiver, `offset` texels away, sees the receiver's tangent plane, 0 in shadow.
@@ -43,28 +48,19 @@ const float ROUNDING = 0.05;  // of the near plane: how far off its surface an i
 
 float shadow_tap(Projected r, vec2 offset)
 {
-    float side = shadow_layout.x;
-    bool parallel = LIGHTS_PARALLEL > 0 && r.range > 0.0;
-    vec2 ndc = parallel ? r.q.xy : r.q.xy / r.q.z;
-    vec2 texel = clamp(floor((ndc * 0.5 + 0.5) * side + offset), vec2(0.0), vec2(side - 1.0));
-    vec2 centre = (texel + 0.5) / side * 2.0 - 1.0;
-    float row = floor((float(r.tile) + 0.5) / shadow_layout.y);  // integer division is slow on software renderers
-    vec2 corner = vec2(float(r.tile) - row * shadow_layout.y, row) * side;
-    float stored = texelFetch(shadow_depth, ivec2(corner + texel), 0).r;
+    vec2 texel = clamp(floor(r.texel + offset), vec2(0.0), vec2(shadow_layout.x - 1.0));
+    float stored = texelFetch(shadow_depth, ivec2(r.corner + texel), 0).r;
+    float expected = dot(r.plane, vec3(texel + 0.5, 1.0));
 #if LIGHTS_PARALLEL
-    if (parallel)
+    if (r.range > 0.0)
     {
-        float texels = r.width / r.range;
-        float slope = -dot(r.m.xy, centre - r.q.xy) / (abs(r.m.z) > 1e-6 ? r.m.z : 1e-6);
-        return stored >= r.q.z + clamp(slope, -16.0 * texels, 16.0 * texels) - BIAS * texels - 1e-6 ? 1.0 : 0.0;
+        float texels = r.width / r.range, own = r.q.z;
+        return stored >= clamp(expected, own - 16.0 * texels, own + 16.0 * texels) - BIAS * texels - 1e-6 ? 1.0 : 0.0;
     }
 #endif
     // depth = 1 - near/z: what is stored is affine in 1/z, and so is a plane
-    float inverse = (1.0 - stored) / shadow_layout.z;
-    float own = 1.0 / r.q.z;
-    float expected = clamp(dot(r.m, vec3(centre, 1.0)) / r.k, 0.5 * own, 2.0 * own);
-    float slack = BIAS * r.width + ROUNDING * shadow_layout.z / max(abs(r.k), 1e-20);
-    return inverse <= expected * (1.0 + slack) + 2e-7 / shadow_layout.z ? 1.0 : 0.0;
+    expected = clamp(expected, 0.5 * r.own, 2.0 * r.own);
+    return 1.0 - stored <= expected * r.slack + 2e-7 ? 1.0 : 0.0;
 }
 
 // A point light's tile that sees `d` = p - light, and d and g in its axes; passes/shadow.py has the same six.
@@ -121,6 +117,16 @@ float visibility(int i, Receiver r, int taps, vec2 rotation)
         if (parallel ? any(greaterThan(abs(t.q.xy), vec2(1.0))) : t.q.z <= 0.0) return 1.0;
     }
 #endif
+    float side = shadow_layout.x, near = shadow_layout.z;
+    float line = floor((float(t.tile) + 0.5) / shadow_layout.y);  // integer division is slow on software renderers
+    t.corner = vec2(float(t.tile) - line * shadow_layout.y, line) * side;
+    t.texel = (((parallel ? t.q.xy : t.q.xy / t.q.z) * 0.5 + 0.5) * side);
+    t.own = near / t.q.z;
+    t.slack = 1.0 + BIAS * t.width + ROUNDING * near / max(abs(t.k), 1e-20);
+    // of the plane m·q = k: near/z is near·m·(x, y, 1)/k at (x, y) = 2·texel/side - 1, z in a parallel tile is affine in x, y
+    vec3 m = parallel ? vec3(-t.m.xy / (abs(t.m.z) > 1e-6 ? t.m.z : 1e-6), 0.0) : t.m * (near / t.k);
+    t.plane = vec3(m.xy * (2.0 / side), m.z - m.x - m.y);
+    if (parallel) t.plane.z = t.q.z - dot(t.plane.xy, t.texel);
     if (taps == 1) return shadow_tap(t, vec2(0.0));
     mat2 turn = mat2(rotation.x, rotation.y, -rotation.y, rotation.x);
     float lit = 0.0;

@@ -1,0 +1,79 @@
+"""The truth that a render can be held to where there is no path tracer: one fine gather at every pixel tested, no interpolation."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+
+from irrsplat.buffers import Sites
+from irrsplat.cache import RecordCache
+from irrsplat.gpu.geometry import Geometry
+from irrsplat.lights import light_defines
+from irrsplat.paper import Seen
+from irrsplat.passes.gather import GatherPass
+from irrsplat.passes.reduce import ReducePass
+from irrsplat.passes.shadow import ShadowPass
+from irrsplat.scene.model import Scene
+
+SIDE = 128  # texels of a hemicube's front face: 49 thousand directions
+_BATCH = 32  # pixels gathered at once
+_ANGLE = 18.0  # degrees between a pixel's normal and its neighbours'
+_OFF = 0.01  # of the scene's diagonal: how far neighbours may lie from a pixel's tangent plane
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Indirect irradiance E (N, 3) in W/m², one bounce, at N pixels given by row and column (N, 2), top row first."""
+
+    pixels: np.ndarray
+    irradiance: np.ndarray
+
+    def error(self, irradiance: np.ndarray) -> float | None:
+        """√mean((E − E_ref)²)/mean(E_ref) of a picture (H, W, 3), over pixels and channels; None where there is no light."""
+        E_ref = self.irradiance.astype(float)
+        if not E_ref.any():
+            return None
+        return float(np.sqrt(np.mean((irradiance[tuple(self.pixels.T)] - E_ref) ** 2)) / E_ref.mean())
+
+
+def gather(
+    ctx: moderngl.Context, scene: Scene, geometry: Geometry, seen: Seen, shadow_size: int, count: int = 500, seconds: float = 10.0
+) -> Truth:
+    """The truth at `count` of the smooth pixels of `seen`, drawn at random, or at as many as `seconds` allow."""
+    smooth = np.argwhere(_smooth(seen, _OFF * scene.diagonal))
+    pixels = np.random.default_rng(0).permutation(smooth)[:count]
+    at = tuple(pixels.T)
+    sites = Sites(seen.position[at], seen.normal[at], seen.geometric[at])
+    shadows = ShadowPass(ctx)(scene, geometry, shadow_size)
+    look = GatherPass(ctx, "raster", SIDE, scene.diagonal, light_defines(scene), capacity=_BATCH)
+    reduce, cache = ReducePass(ctx, gradients=False), RecordCache(ctx)
+    start = time.perf_counter()
+    while cache.count < len(sites) and time.perf_counter() - start < seconds:
+        batch = sites[cache.count : cache.count + look.capacity]
+        atlas = look(geometry, shadows, batch, cache.count, 0)
+        reduce(atlas, cache.records, cache.append(batch), scene.sky, look.radii)
+        ctx.finish()
+    truth = Truth(pixels[: cache.count], cache.read()["irradiance"])
+    cache.release()
+    return truth
+
+
+def _smooth(seen: Seen, off: float) -> np.ndarray:
+    """(H, W), True where all of a pixel's 3×3 neighbours have its normal, nearly, and lie near its tangent plane."""
+    smooth = np.zeros_like(seen.mask)
+    inner = (slice(1, -1), slice(1, -1))
+    height, width = seen.mask.shape
+    if min(height, width) < 3:
+        return smooth
+    smooth[inner] = seen.mask[inner]
+    p, n = seen.position[inner], seen.normal[inner]
+    for dy in (0, 1, 2):
+        for dx in (0, 1, 2):
+            there = (slice(dy, dy + height - 2), slice(dx, dx + width - 2))
+            smooth[inner] &= seen.mask[there]
+            smooth[inner] &= (seen.normal[there] * n).sum(-1) >= np.cos(np.radians(_ANGLE))
+            smooth[inner] &= np.abs(((seen.position[there] - p) * n).sum(-1)) <= off
+    return smooth
