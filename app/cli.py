@@ -148,7 +148,8 @@ def _progress() -> Iterator[Callable[[Any], None] | None]:
         task = bar.add_task("round 0", total=1.0)
 
         def show(state: Any) -> None:
-            bar.update(task, completed=float(state.coverage), description=f"round {state.round}: {state.records} records, coverage")
+            words = f"round {state.round}: {state.records} records, coverage"
+            bar.update(task, completed=float(state.coverage), description=words)
 
         yield show
 

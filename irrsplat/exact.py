@@ -1,4 +1,4 @@
-"""The truth that a render can be held to where there is no path tracer: one fine gather at every pixel tested, no interpolation."""
+"""The truth that a render is held to where there is no path tracer: a fine gather at every pixel tested, no interpolation."""
 
 from __future__ import annotations
 
