@@ -43,7 +43,7 @@ def vector(p: np.ndarray) -> np.ndarray:
 
 
 def places(count: int = 60) -> tuple[np.ndarray, np.ndarray]:
-    """Points below the board that see some of the lamp, and normals within 25° of the zenith, so that it is above their horizon."""
+    """Points below the board that see some of the lamp, and normals so near the zenith that it is above their horizon."""
     rng = np.random.default_rng(4)
     p = rng.uniform((-0.9, 0.0, -0.9), (0.9, 0.4, 0.9), (3 * count, 3))
     p = p[np.linalg.norm(vector(p), axis=1) > 0.1][:count]

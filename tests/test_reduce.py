@@ -1,0 +1,155 @@
+"""The reduction against its sums in plain numpy: E, R, irradiance vectors and gradients of hand-made cells."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+import pytest
+
+from irrsplat.buffers import Atlas
+from irrsplat.cache import RecordCache
+from irrsplat.gpu.target import table_texture
+from irrsplat.passes.gather import edge_table, frames, hemisphere_table
+from irrsplat.passes.reduce import ReducePass
+from tests.worlds import sites
+
+SKY = (0.3, 0.7, 1.1)
+RADII = (1e-3, 4.0)
+COLUMNS, ROWS = 3, 4  # of cells in the atlas
+
+
+def cells(count: int, kind: str, side: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """(N, h, w, 4) random radiance over four orders of magnitude and distances, a third of them misses; and the table."""
+    rng = np.random.default_rng(seed)
+    table = hemisphere_table(kind, side)
+    seen = np.empty((count, *table.shape[:2], 4))
+    seen[..., :3] = 10.0 ** rng.uniform(-2, 2, seen[..., :3].shape)
+    seen[..., 3] = np.where(rng.random(seen.shape[:3]) < 0.33, 0.0, 10.0 ** rng.uniform(-1, 1, seen.shape[:3]))
+    return seen.astype("f4"), table
+
+
+def atlas_of(ctx: moderngl.Context, seen: np.ndarray, kind: str, side: int, frame: np.ndarray, geometric: np.ndarray) -> Atlas:
+    """The cells laid out row by row, the way that the gather draws them; what no record owns is full of rubbish."""
+    height, width = seen.shape[1:3]
+    sheet = np.full((ROWS * height, COLUMNS * width, 4), 7e7, "f4")
+    for i, cell in enumerate(seen):
+        y, x = i // COLUMNS * height, i % COLUMNS * width
+        sheet[y : y + height, x : x + width] = cell
+    rows = np.zeros((4, COLUMNS * ROWS, 4))
+    rows[:3, : len(seen), :3] = frame.swapaxes(0, 1)
+    rows[3, : len(seen), :3] = np.einsum("nij,nj->ni", frame, geometric)
+    return Atlas(
+        table_texture(ctx, sheet),
+        table_texture(ctx, hemisphere_table(kind, side)),
+        table_texture(ctx, edge_table(kind, side)),
+        table_texture(ctx, rows),
+        len(seen),
+        COLUMNS,
+        (width, height),
+        (side // 4, side // 4),
+    )
+
+
+def reduced(seen: np.ndarray, kind: str, side: int, frame: np.ndarray, geometric: np.ndarray) -> tuple[np.ndarray, ...]:
+    """E (N, 3), R (N,), M (N, channel, 3) and ∇E (N, channel, 3) as METHOD has them, in float64."""
+    table, edges = hemisphere_table(kind, side), edge_table(kind, side)
+    height, width = table.shape[:2]
+    below = np.einsum("nij,nj->ni", frame, geometric)  # the geometric normal in the record's frame
+    above = np.einsum("hwk,nk->nhw", table[..., :3], below) > 0.0
+    hit = seen[..., 3] > 0.0
+    L = np.where(hit[..., None], seen[..., :3], SKY).astype(float)
+    inverse = np.where(hit, 1.0 / np.where(hit, seen[..., 3], 1.0), 0.0).astype(float)
+    share = np.where(above, table[..., 3], 0.0)
+    E = np.einsum("nhw,nhwc->nc", share, L)
+    R = np.clip(share.sum((1, 2)) / np.maximum((share * inverse).sum((1, 2)), 1e-30), *RADII)
+    M = np.einsum("nhw,nhwc,hwk->nck", share, L, table[..., :3] / table[..., 2:3])
+    gradient = np.zeros((len(seen), 3, 3))
+    y, x = np.indices((height, width))
+    for j in (0, 1):
+        edge = edges[:, j::2]
+        row = np.floor(edge[..., 3] / 4096.0).astype(int)
+        column = (edge[..., 3] - 4096.0 * row).astype(int)
+        change = (L[:, row, column] - L) * np.maximum(inverse, inverse[:, row, column])[..., None]
+        gradient += np.einsum("nhw,nhwc,hwk->nck", above, change, edge[..., :3])
+        assert (abs(row - y) + abs(column - x) < height + width).all()
+    return E, R, np.einsum("nck,nkj->ncj", M, frame), np.einsum("nck,nkj->ncj", gradient, frame)
+
+
+def reduce(ctx: moderngl.Context, atlas: Atlas, cache: RecordCache, first: int = 0, gradients: bool = True) -> None:
+    """Run the pass, and leave no released framebuffer bound for the next test (see test_target.py)."""
+    ReducePass(ctx, gradients)(atlas, cache.records, first, SKY, RADII)
+    ctx.detect_framebuffer(0).use()
+
+
+def vectors_of(cache: RecordCache, first: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """M and ∇E (N, channel, 3) of the records from number `first` on."""
+    rows = [np.frombuffer(t.read(), "f4").reshape(-1, 4)[first : cache.count, :3] for t in cache.records.vectors]
+    return np.stack(rows[:3], 1), np.stack(rows[3:], 1)
+
+
+@pytest.mark.parametrize("first", [0, 5, 1019])  # 1019: the batch runs over the end of a row of the cache
+@pytest.mark.parametrize(("kind", "side"), [("raster", 8), ("plane", 16)])
+def test_reduction_equals_numpy(ctx: moderngl.Context, kind: str, side: int, first: int) -> None:
+    count = 10  # of 12 cells
+    rng = np.random.default_rng(first)
+    normal = rng.normal(size=(count, 3))
+    where = sites(rng.normal(size=(count, 3)), normal)
+    frame = frames(where.normal, np.arange(count), 0)
+    seen, _ = cells(count, kind, side, seed=first + 1)
+    cache = RecordCache(ctx)
+    if first:
+        cache.append(sites(np.zeros((first, 3)), (0, 1, 0)), np.full((first, 4), 42.0, "f4"))
+    cache.append(where)
+    reduce(ctx, atlas_of(ctx, seen, kind, side, frame, where.geometric), cache, first)
+
+    E, R, M, gradient = reduced(seen, kind, side, frame, where.geometric)
+    found = cache.read()
+    assert np.allclose(found["irradiance"][first:], E, rtol=2e-5)
+    assert np.allclose(found["radius"][first:], R, rtol=2e-5)
+    found_M, found_gradient = vectors_of(cache, first)
+    assert np.allclose(found_M, M, rtol=1e-4, atol=2e-5 * np.abs(M).max())
+    # a sum of differences of either sign: its rounding is that of its terms
+    assert np.allclose(found_gradient, gradient, rtol=1e-3, atol=2e-5 * np.abs(gradient).max())
+    assert (found["irradiance"][:first] == 42.0).all() and (found["radius"][:first] == 42.0).all(), "others stay as they were"
+
+
+def test_without_gradients_a_record_says_E_for_every_normal(ctx: moderngl.Context) -> None:
+    """M = n_k·E, ∇E = 0: E = n_k·M is what it was."""
+    where = sites(np.zeros((4, 3)), np.random.default_rng(0).normal(size=(4, 3)))
+    frame = frames(where.normal, np.arange(4), 0)
+    seen, _ = cells(4, "raster", 8, seed=3)
+    cache = RecordCache(ctx)
+    cache.append(where)
+    reduce(ctx, atlas_of(ctx, seen, "raster", 8, frame, where.geometric), cache, gradients=False)
+    E, R, *_ = reduced(seen, "raster", 8, frame, where.geometric)
+    found = cache.read()
+    assert np.allclose(found["irradiance"], E, rtol=2e-5) and np.allclose(found["radius"], R, rtol=2e-5)
+
+
+def test_directions_below_the_surface_bring_nothing(ctx: moderngl.Context) -> None:
+    """E, R and M with geometric normals 40° off the shading normals."""
+    rng = np.random.default_rng(2)
+    where = sites(rng.normal(size=(6, 3)), rng.normal(size=(6, 3)))
+    frame = frames(where.normal, np.arange(6), 0)
+    geometric = np.cos(0.7) * frame[:, 2] + np.sin(0.7) * frame[:, 0]
+    seen, _ = cells(6, "raster", 8, seed=4)
+    cache = RecordCache(ctx)
+    cache.append(where)
+    reduce(ctx, atlas_of(ctx, seen, "raster", 8, frame, geometric), cache)
+    E, R, M, _ = reduced(seen, "raster", 8, frame, geometric)
+    found = cache.read()
+    assert np.allclose(found["irradiance"], E, rtol=2e-5) and np.allclose(found["radius"], R, rtol=2e-5)
+    assert np.allclose(vectors_of(cache)[0], M, rtol=1e-4, atol=2e-5 * np.abs(M).max())
+
+
+@pytest.mark.parametrize(("distance", "radius"), [(0.0, RADII[1]), (1e-9, RADII[0]), (1e9, RADII[1]), (0.5, 0.5)])
+def test_radius_stays_finite_and_within_its_limits(ctx: moderngl.Context, distance: float, radius: float) -> None:
+    """Every direction misses: R is the greatest there is; every distance the same: R is that."""
+    where = sites(np.zeros((1, 3)), (0, 1, 0))
+    frame = frames(where.normal, np.arange(1), 0)
+    seen, _ = cells(1, "raster", 8, seed=5)
+    seen[..., 3] = distance
+    cache = RecordCache(ctx)
+    cache.append(where)
+    reduce(ctx, atlas_of(ctx, seen, "raster", 8, frame, where.geometric), cache)
+    assert cache.read()["radius"][0] == pytest.approx(radius, rel=1e-5)
