@@ -26,7 +26,8 @@ class RecordCache:
     @property
     def records(self) -> Records:
         """The textures as they stand; valid until the next `append`."""
-        return Records(*self._textures[:3], tuple(self._textures[3:]), self.count, _COLUMNS)
+        position, normal, irradiance, *vectors = self._textures
+        return Records(position, normal, irradiance, tuple(vectors), self.count, _COLUMNS)
 
     def append(self, sites: Sites, values: np.ndarray | None = None) -> int:
         """Add records at `sites`; returns the first one's number.

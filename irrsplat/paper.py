@@ -16,8 +16,9 @@ import numpy as np
 
 from irrsplat.buffers import GBuffer, ShadowMaps, Sites
 from irrsplat.gpu.geometry import Geometry
+from irrsplat.hemisphere import hemisphere_table
 from irrsplat.passes.examine import octahedral_decode
-from irrsplat.passes.gather import GatherPass, hemisphere_table
+from irrsplat.passes.gather import GatherPass
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
 

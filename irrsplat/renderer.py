@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, replace
 from typing import Any
 
 import moderngl
@@ -34,33 +34,12 @@ from irrsplat.passes.gbuffer import GBufferPass
 from irrsplat.passes.reduce import ReducePass
 from irrsplat.passes.shadow import ShadowPass
 from irrsplat.passes.splat import SplatPass
+from irrsplat.scene.flat import flatten
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import Settings, preset
-
+from irrsplat.view import Progress, View, pixels, read
 
 _REACH = 8.0  # percent of the image height by which the first sites lie apart where radii have no upper limit
-
-
-@dataclass(frozen=True)
-class View:
-    """One round's picture as GPU handles, valid until the next round: what the viewer shows and `render` reads back."""
-
-    camera: Camera
-    gbuffer: GBuffer
-    direct: moderngl.Texture
-    splats: SplatBuffer
-    irradiance: moderngl.Texture
-    image: moderngl.Texture
-
-
-@dataclass(frozen=True)
-class Progress:
-    """Where a render stands after a round: `records` in the cache, `new` among them, `coverage` of the seen pixels, 0..1."""
-
-    round: int
-    records: int
-    new: int
-    coverage: float
 
 
 class Renderer:
@@ -89,10 +68,10 @@ class Renderer:
         self.about = context.describe(self.ctx)
         if max(self.size) > self.about["max_texture_size"]:
             raise InputError(
-                f"size {self.size[0]}x{self.size[1]} is beyond this OpenGL's limit, {self.about['max_texture_size']} pixels a side"
+                f"size {self.size[0]}x{self.size[1]} is beyond the limit here, {self.about['max_texture_size']} pixels a side"
             )
         self.timers = Timers(self.ctx, self.about["software"], enabled=True)
-        self.geometry = upload(self.ctx, scene)
+        self.geometry = Geometry(self.ctx, *flatten(scene))
         self.cache = RecordCache(self.ctx)
         self.shadow_pass = ShadowPass(self.ctx)
         self.gbuffer_pass = GBufferPass(self.ctx, self.size)
@@ -208,7 +187,7 @@ class Renderer:
                 sites, values = paper.warm_up(seen, recorder, self.settings)
                 missing = 1.0
             else:
-                weight = _pixels(splats.weight)[..., 0]
+                weight = pixels(splats.weight)[..., 0]
                 sites, values, missing = paper.traverse(seen, weight, recorder, camera, self.settings)
         if len(sites):
             self.cache.append(sites, values)
@@ -232,7 +211,8 @@ class Renderer:
     ) -> tuple[View, dict[str, Any]]:
         """Rounds until the examination finds nothing, or `max_rounds`; returns the view and its statistics.
 
-        "seconds" among them is the wall time to full coverage, before direct light and composite. progress is called after each round. Ctrl-C ends the rounds: the last whole one counts, "interrupted" is True.
+        "seconds" among them is the wall time to full coverage, before direct light and composite. progress is called after
+        each round. Ctrl-C ends the rounds: the last whole one counts, "interrupted" is True.
         """
         with self._current():
             return self._converge(camera or self.scene.camera(), progress)
@@ -282,7 +262,7 @@ class Renderer:
 
         with self._current():
             view, stats = self.converge(camera, watch if figures else progress)
-            frame = self._read(view, stats)
+            frame = read(view, self.scene.sky, self.cache.read(), stats | self._statistics(view))
             if not figures:
                 return frame
             splats = {"first_samples": first[0] if first else self.splat_pass.target.read(0)}
@@ -297,7 +277,7 @@ class Renderer:
         self._splat(self._seen(beside), beside)
         view = self._compose()
         exposure = self.composite_pass.exposure(view.image)
-        picture = tonemap(_pixels(view.image)[..., :3], exposure)
+        picture = tonemap(pixels(view.image)[..., :3], exposure)
         return figure.draw(picture, beside, camera, record, self.settings)
 
     def _statistics(self, view: View) -> dict[str, Any]:
@@ -315,31 +295,6 @@ class Renderer:
             "triangles": self.scene.triangles,
             "scene": self.scene.name,
         }
-
-    def _read(self, view: View, stats: dict[str, Any]) -> Frame:
-        """Copies of every buffer, top row first, cleaned where nothing is seen."""
-        buffers = {f.name: _pixels(getattr(view.gbuffer, f.name)) for f in fields(GBuffer)}
-        seen = buffers["position"][..., 3:] > 0.0
-        position, normal, albedo, emission = (np.where(seen, b[..., :3], np.float32(0.0)) for b in buffers.values())
-        irradiance = _pixels(view.irradiance)[..., :3].copy()
-        records = self.cache.read()
-        return Frame(
-            image=_pixels(view.image)[..., :3].copy(),
-            direct=_pixels(view.direct)[..., :3].copy(),
-            indirect=albedo * irradiance / np.float32(np.pi),
-            irradiance=irradiance,
-            emission=np.where(seen, emission, np.asarray(self.scene.sky, "f4")),
-            weight=np.where(seen, _pixels(view.splats.weight), np.float32(0.0))[..., 0],
-            position=position,
-            normal=normal,
-            albedo=albedo,
-            depth=np.where(seen, buffers["position"][..., 3:], np.float32(np.inf))[..., 0],
-            records_position=records["position"],
-            records_normal=records["normal"],
-            records_irradiance=records["irradiance"],
-            records_radius=records["radius"],
-            stats=stats | self._statistics(view),
-        )
 
     def forget(self, records: bool = True, lights: bool = True) -> None:
         """Draw every buffer of the view again next time; without the `records` made so far, and the `lights`' shadow maps."""
@@ -375,22 +330,6 @@ def render(
         return renderer.render(camera)
 
 
-def upload(ctx: moderngl.Context, scene: Scene) -> Geometry:
-    """The scene's triangles in one geometry, those of closed meshes first."""
-    meshes = sorted(scene.meshes, key=lambda mesh: not mesh.closed)
-    vertices, faces, start = [np.zeros((0, 12), "f4")], [np.zeros((0, 3), "i4")], 0
-    for mesh in meshes:
-        rows = np.empty((len(mesh.positions), 12), "f4")
-        rows[:, 0:3], rows[:, 3:6] = mesh.positions, mesh.normals
-        rows[:, 6:9] = mesh.material.albedo if mesh.colors is None else mesh.colors
-        rows[:, 9:12] = mesh.material.emission
-        vertices.append(rows)
-        faces.append(mesh.faces + start)
-        start += len(rows)
-    closed = sum(len(mesh.faces) for mesh in meshes if mesh.closed)
-    return Geometry(ctx, np.concatenate(vertices), np.concatenate(faces), closed)
-
-
 _preset = preset  # Renderer's argument has the same name
 
 
@@ -402,8 +341,3 @@ def _checked(size: tuple[int, int]) -> tuple[int, int]:
     if width < 1 or height < 1:
         raise InputError(f"size must be at least 1x1 pixels, not {width}x{height}")
     return width, height
-
-
-def _pixels(texture: moderngl.Texture) -> np.ndarray:
-    """A float texture as (H, W, C), top row first."""
-    return np.frombuffer(texture.read(), "f4").reshape(texture.height, texture.width, texture.components)[::-1]

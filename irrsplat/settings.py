@@ -102,7 +102,7 @@ class Settings:
         64, "int", "gather", "side of a record's front face; 128 is near exact", low=4, high=256, unit="pixels"
     )
     gradients: bool = _declare(True, "bool", "splat", "records say how irradiance changes with place and normal around them")
-    a: float = _declare(0.4, "float", "splat", "a record reaches a·R_k: smaller is more records and less error", low=0.01, high=2)
+    a: float = _declare(0.5, "float", "splat", "a record reaches a·R_k: smaller is more records and less error", low=0.01, high=2)
     kernel: str = _declare(
         "smooth", "choice", "splat", "weight of a record: the paper's, cut off at 1/a, or one that falls to zero there",
         choices=("smooth", "cut"),
@@ -172,7 +172,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "radius_max": 0.0,
     },
     "reference": {"gather_size": 128, "a": 0.2, "radius_min": 0.25, "radius_max": 2.0, "shadow_size": 2048, "max_rounds": 1000},
-    "preview": {"gather_size": 16, "a": 0.6, "radius_min": 1.5, "radius_max": 12.0, "shadow_size": 512},
+    "preview": {"gather_size": 16, "a": 0.8, "radius_min": 1.5, "radius_max": 12.0, "shadow_size": 512},
 }
 
 

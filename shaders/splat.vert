@@ -34,14 +34,21 @@ void main()
 
     vec3 to_eye = eye - p;
     float d = length(to_eye);
-    float r = max(a * record.a, reach.x * d);
+    float R = record.a;
+#if GRADIENTS
+    v_m = mat3(texelFetch(records_m_r, texel, 0).xyz, texelFetch(records_m_g, texel, 0).xyz, texelFetch(records_m_b, texel, 0).xyz);
+    v_g = mat3(texelFetch(records_g_r, texel, 0).xyz, texelFetch(records_g_g, texel, 0).xyz, texelFetch(records_g_b, texel, 0).xyz);
+    // where light changes fast a record reaches less far: R <= E/|∇E| on luminance (Krivanek et al. 2006)
+    const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
+    float slope = length(v_g * LUMINANCE), E = dot(record.rgb, LUMINANCE);
+    R = slope * R > E ? E / slope : R;
+#endif
+    float r = max(a * R, reach.x * d);
     if (reach.y > 0.0) r = min(r, reach.y * d);
     v_record = vec4(p, r / a);
     v_normal = texelFetch(records_normal, texel, 0).xyz;
 #if GRADIENTS
-    v_m = mat3(texelFetch(records_m_r, texel, 0).xyz, texelFetch(records_m_g, texel, 0).xyz, texelFetch(records_m_b, texel, 0).xyz);
-    v_g = mat3(texelFetch(records_g_r, texel, 0).xyz, texelFetch(records_g_g, texel, 0).xyz, texelFetch(records_g_b, texel, 0).xyz);
-    v_g *= min(1.0, a * record.a / r);  // a gradient holds for R alone, not for what the least radius added
+    v_g *= min(1.0, a * R / r);  // a gradient holds for R alone, not for what the least radius added
 #else
     v_irradiance = record.rgb;
 #endif

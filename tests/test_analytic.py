@@ -9,7 +9,8 @@ import pytest
 from irrsplat.buffers import Sites
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.lights import light_defines
-from irrsplat.passes.gather import PLANE_FIELD, GatherPass, hemisphere_table
+from irrsplat.hemisphere import PLANE_FIELD, hemisphere_table
+from irrsplat.passes.gather import GatherPass
 from irrsplat.passes.shadow import ShadowPass
 from irrsplat.renderer import upload
 from irrsplat.scene.model import Light, Scene

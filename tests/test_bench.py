@@ -12,7 +12,7 @@ import pytest
 import irrsplat
 from irrsplat import exact
 from irrsplat.app import bench, cli
-from irrsplat.passes.gather import hemisphere_table
+from irrsplat.hemisphere import hemisphere_table
 from irrsplat.scene.model import Camera
 
 KEYS = {"scene", "preset", "size", "case", "seconds", "records", "rmse", "stages_ms", "clock"}

@@ -9,7 +9,7 @@ import pytest
 from irrsplat.buffers import Atlas
 from irrsplat.cache import RecordCache
 from irrsplat.gpu.target import table_texture
-from irrsplat.passes.gather import edge_table, frames, hemisphere_table
+from irrsplat.hemisphere import edge_table, frames, hemisphere_table
 from irrsplat.passes.reduce import ReducePass
 from tests.worlds import sites
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import moderngl
 import numpy as np
 
@@ -30,7 +32,7 @@ class Geometry:
         self.parts = {"all": (0, total), "closed": (0, split), "open": (split, total - split)}
 
     @property
-    def uniforms(self) -> dict[str, object]:
+    def uniforms(self) -> dict[str, Any]:
         """The uniforms with which shaders/lib/surface.glsl finds a triangle's normal."""
         return {"face_planes": self.planes}
 

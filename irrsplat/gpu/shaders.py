@@ -85,6 +85,6 @@ def explain(log: str, source: Source) -> str:
     complaint = next((line for line in lines if _PLACE.search(line)), lines[-1] if lines else "unknown error")
     place = _PLACE.search(complaint)
     if place and int(place[1]) < len(source.files):
-        message = complaint[place.end() :].lstrip(" :)") or complaint
+        message = re.sub(r"^[\s:()\d]*(error\s*(\w\d+)?:)?\s*", "", complaint[place.end() :], flags=re.IGNORECASE) or complaint
         return f"{source.files[int(place[1])]}:{place[2]}: {message}"
     return f"{source.files[0]}: {complaint}"

@@ -5,6 +5,8 @@ E = Σ L·cosθ·dω (Larsen and Christensen 2004), R = Σ cosθ·dω / Σ (cos�
 
 from __future__ import annotations
 
+from typing import Any
+
 import moderngl
 
 from irrsplat.buffers import Atlas, Records
@@ -50,11 +52,12 @@ class ReducePass:
         )
         row = first // records.columns
         rows = (first + atlas.count - 1) // records.columns + 1 - row
+        sums: dict[str, Any] = dict(zip(_SUMS, self.target.textures, strict=False))
         out = Target(self.ctx, records.irradiance.size, textures=[records.irradiance, *records.vectors])
         self.total(
             out,
             scissor=(0, row, records.columns, rows),
-            **dict(zip(_SUMS, self.target.textures, strict=False)),
+            **sums,
             frames=atlas.frames,
             blocks=per_cell,
             columns=atlas.columns,

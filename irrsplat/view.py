@@ -1,0 +1,65 @@
+"""One view of the scene while it refines: the GPU handles of its buffers, how far it has come, and its frame on the CPU."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from irrsplat.buffers import GBuffer, SplatBuffer
+from irrsplat.output import Frame
+from irrsplat.scene.model import Camera
+
+
+@dataclass(frozen=True)
+class View:
+    """One round's picture as GPU handles, valid until the next round: what the viewer shows and `render` reads back."""
+
+    camera: Camera
+    gbuffer: GBuffer
+    direct: moderngl.Texture
+    splats: SplatBuffer
+    irradiance: moderngl.Texture
+    image: moderngl.Texture
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a render stands after a round: `records` in the cache, `new` among them, `coverage` of the seen pixels, 0..1."""
+
+    round: int
+    records: int
+    new: int
+    coverage: float
+
+
+def pixels(texture: moderngl.Texture) -> np.ndarray:
+    """A float texture as (H, W, C) float32, top row first, read only."""
+    return np.frombuffer(texture.read(), "f4").reshape(texture.height, texture.width, texture.components)[::-1]
+
+
+def read(view: View, sky: tuple[float, float, float], records: dict[str, np.ndarray], stats: dict[str, Any]) -> Frame:
+    """The view as a Frame: every buffer copied, cleaned where nothing is seen, with the cache's records beside them."""
+    buffers = {f.name: pixels(getattr(view.gbuffer, f.name)) for f in fields(GBuffer)}
+    seen = buffers["position"][..., 3:] > 0.0
+    position, normal, albedo, emission = (np.where(seen, b[..., :3], np.float32(0.0)) for b in buffers.values())
+    irradiance = pixels(view.irradiance)[..., :3].copy()
+    return Frame(
+        image=pixels(view.image)[..., :3].copy(),
+        direct=pixels(view.direct)[..., :3].copy(),
+        indirect=albedo * irradiance / np.float32(np.pi),
+        irradiance=irradiance,
+        emission=np.where(seen, emission, np.asarray(sky, "f4")),
+        weight=np.where(seen, pixels(view.splats.weight), np.float32(0.0))[..., 0],
+        position=position,
+        normal=normal,
+        albedo=albedo,
+        depth=np.where(seen, buffers["position"][..., 3:], np.float32(np.inf))[..., 0],
+        records_position=records["position"],
+        records_normal=records["normal"],
+        records_irradiance=records["irradiance"],
+        records_radius=records["radius"],
+        stats=stats,
+    )
