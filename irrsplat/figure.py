@@ -296,21 +296,3 @@ def _round(factor: float) -> str:
 
 def _metres(length: float) -> str:
     return f"{length:.3g} m"
-
-
-# ---- what the renderer calls until it calls `diagram(frame, camera, settings)` itself, which needs no second rendering ---------
-
-
-def choose(frame: Frame, camera: Camera) -> Frame:
-    """All that `diagram` needs."""
-    return frame
-
-
-def side_camera(camera: Camera, record: Frame) -> Camera:
-    """The eye itself."""
-    return camera
-
-
-def draw(picture: np.ndarray, beside: Camera, eye: Camera, record: Frame, settings: Settings) -> np.ndarray:
-    """The diagram."""
-    return diagram(record, eye, settings)

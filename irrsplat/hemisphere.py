@@ -89,9 +89,10 @@ def edge_table(kind: str, side: int) -> np.ndarray:
     order = np.argsort(name.ravel(), kind="stable")
     name, same = name.ravel()[order], np.zeros(len(order), bool)
     same[1:] = name[1:] == name[:-1]
-    partner = np.full(len(owner), -1)
-    partner[order[same]] = owner[order[np.flatnonzero(same) - 1]]
-    partner[order[np.flatnonzero(same) - 1]] = owner[order[same]]
+    twin = np.full(len(owner), -1)  # the same edge, seen from its other side
+    twin[order[same]] = order[np.flatnonzero(same) - 1]
+    twin[order[np.flatnonzero(same) - 1]] = order[same]
+    partner = owner[twin]
 
     directions = table[..., :3].reshape(-1, 3)
     across = np.cross(both[:, 0], both[:, 1]) * (both[:, 0] + both[:, 1])[:, 2:] / 2.0
@@ -100,7 +101,8 @@ def edge_table(kind: str, side: int) -> np.ndarray:
     packed = (number // width * 4096 + number % width).ravel()
     out = np.zeros((height * width, 2, 4))
     out[..., 3] = packed[:, None]
-    mine = (slot < 2) & (partner >= 0)
+    # right and upper edges suffice; a seam that is such an edge on both of its sides belongs to one of them
+    mine = (twin >= 0) & (slot < 2) & ((slot[twin] >= 2) | (owner < partner))
     out[owner[mine], slot[mine]] = np.concatenate([across, packed[partner][:, None]], axis=-1)[mine]
     return out.reshape(height, 2 * width, 4)
 

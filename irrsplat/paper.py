@@ -118,7 +118,7 @@ def splat_weight(weight: np.ndarray, seen: Seen, site: Sites, R: float, camera: 
     w = 1.0 / np.maximum(error, np.float32(1e-3))
     speaks = seen.mask[rows, columns] & (w > 1.0 / a)
     if settings.in_front:
-        speaks &= (cosine > 0.0) & ((apart * (n + n_k)).sum(-1) * 0.5 >= -0.05 * r / settings.a)
+        speaks &= (cosine > 0.0) & (np.abs((apart * (n + n_k)).sum(-1)) * 0.5 <= 0.05 * r / settings.a)
     weight[rows, columns] += np.where(speaks, w, np.float32(0.0))
 
 

@@ -17,7 +17,6 @@ import numpy as np
 from irrsplat import figure, paper
 from irrsplat.buffers import GBuffer, ShadowMaps, SplatBuffer
 from irrsplat.cache import RecordCache
-from irrsplat.display import tonemap
 from irrsplat.errors import InputError
 from irrsplat.gpu import context
 from irrsplat.gpu.geometry import Geometry
@@ -268,17 +267,7 @@ class Renderer:
             splats = {"first_samples": first[0] if first else self.splat_pass.target.read(0)}
             splats["splat_buffer"] = self.splat_pass.target.read(0)
             pictures = {name: frame.albedo / np.float32(np.pi) * sums[..., :3] for name, sums in splats.items()}
-            return replace(frame, figures=pictures | {"quad": self._figure1(view.camera, frame)})
-
-    def _figure1(self, camera: Camera, frame: Frame) -> np.ndarray:
-        """Figure 1: a record's sphere, its quad and the eye vector, over the scene as somebody beside the eye sees it."""
-        record = figure.choose(frame, camera)
-        beside = figure.side_camera(camera, record)
-        self._splat(self._seen(beside), beside)
-        view = self._compose()
-        exposure = self.composite_pass.exposure(view.image)
-        picture = tonemap(pixels(view.image)[..., :3], exposure)
-        return figure.draw(picture, beside, camera, record, self.settings)
+            return replace(frame, figures=pictures | {"quad": figure.diagram(frame, view.camera, self.settings)})
 
     def _statistics(self, view: View) -> dict[str, Any]:
         settings = self.settings

@@ -107,7 +107,9 @@ class Settings:
         "smooth", "choice", "splat", "weight of a record: the paper's, cut off at 1/a, or one that falls to zero there",
         choices=("smooth", "cut"),
     )  # fmt: skip
-    in_front: bool = _declare(True, "bool", "splat", "a record that lies in front of a pixel's surface does not speak for it")
+    in_front: bool = _declare(
+        True, "bool", "splat", "a record that lies in front of a pixel's surface, or behind it, does not speak for it"
+    )
     radius_min: float = _declare(
         0.5, "float", "splat", "least radius a·R of a splat on screen, in percent of the image height", low=0, high=50, unit="%"
     )

@@ -12,7 +12,8 @@ uniform int record_columns;
 uniform int first;                     // number of the first record to splat
 uniform mat4 clip_from_world;
 uniform vec3 eye;
-uniform float a;
+#include "lib/weight.glsl"
+uniform bool in_front;                 // reject records in front of the pixel's surface, or behind it
 uniform float pixel;                   // size of a pixel at distance 1, in metres
 uniform vec2 reach;                    // least and greatest a·R in metres at distance 1 (0: no greatest)
 
@@ -63,7 +64,17 @@ void main()
     // in the plane through the centre that faces the eye, a half size of r·d/√(d² - r²) bounds the silhouette
     vec3 axis = to_eye / d;
     vec3 u = normalize(abs(axis.y) < 0.9 ? cross(vec3(0.0, 1.0, 0.0), axis) : cross(vec3(1.0, 0.0, 0.0), axis));
+    vec2 half_size = vec2(r * d / sqrt(d * d - r * r));
+    if (in_front)
+    {
+        // Then only a slab of the sphere can be served. With x = |p - p_k|/R, y = √(1 - n·n_k) and x + y < a, |(p - p_k)·n_k|
+        // is at most (IN_FRONT + x·y/√2)·R, x·y at most a²/4: the quad turns along the slab and shrinks to it.
+        float thickness = r * (IN_FRONT / a + 0.177 * a), cosine = abs(dot(v_normal, axis)), sine = sqrt(max(0.0, 1.0 - cosine * cosine));
+        float nearer = r * sine + thickness * cosine;
+        if (sine > 1e-3) u = normalize(cross(axis, v_normal));
+        if (nearer < d) half_size.y = min(half_size.y, (r * cosine + thickness * sine) * d / (d - nearer));
+    }
     vec3 v = cross(axis, u);
-    float half_size = max(r * d / sqrt(d * d - r * r), pixel * d);  // a quad between pixel centres would be lost
-    gl_Position = clip_from_world * vec4(p + half_size * (corner.x * u + corner.y * v), 1.0);
+    half_size = max(half_size, pixel * d);  // a quad between pixel centres would be lost
+    gl_Position = clip_from_world * vec4(p + half_size.x * corner.x * u + half_size.y * corner.y * v, 1.0);
 }

@@ -48,15 +48,10 @@ def test_a_file_is_included_once(root: Path) -> None:
 
 
 def compiler_s_place(source: shaders.Source, part: str) -> tuple[int, int]:
-    """The source number and line that a compiler gives to the line of `source.text` that contains `part`, by its #line."""
-    line, number = 1, 0
-    for text in source.text.splitlines():
-        if text.startswith("#line"):
-            line, number = [*(int(n) for n in text.split()[1:]), 0][:2]
-        elif part in text:
-            return number, line
-        else:
-            line += 1
+    """The source number and line that a compiler gives to the line of `source.text` that contains `part`."""
+    for line, text in enumerate(source.text.splitlines(), start=1):
+        if part in text:
+            return 0, line
     raise AssertionError(f"no line contains {part!r}")
 
 
@@ -189,6 +184,6 @@ def test_the_whole_bundle_is_read() -> None:
     """Every file of the bundled shaders is a stage's own, or included by one: none lies there unused."""
     folder = resources.folder("shaders")
     stages = [path.name for path in folder.iterdir() if path.suffix in (".vert", ".frag")]
-    used = {file for stage in stages for file in shaders.load(stage).files}
+    used = {file for stage in stages for file, _ in shaders.load(stage).places}
     present = {str(path.relative_to(folder)) for path in folder.rglob("*") if path.suffix in (".glsl", ".vert", ".frag")}
     assert present - used <= {"lib/fullscreen.vert"}

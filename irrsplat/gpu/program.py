@@ -115,9 +115,9 @@ class Program:
         flags = (moderngl.DEPTH_TEST if state.depth else 0) | (moderngl.BLEND if state.blend else 0)
         ctx.enable_only(flags | (moderngl.CULL_FACE if state.cull else 0))
         if state.depth:
-                ctx.depth_func = state.depth
+            ctx.depth_func = state.depth
         if state.blend:
-            ctx.blend_equation = moderngl.FUNC_ADD
+            ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
             ctx.blend_func = moderngl.ONE, moderngl.ONE
         ctx.polygon_offset = state.push  # type: ignore[assignment]
         if state.cull:

@@ -21,45 +21,44 @@ class ShaderError(IrrsplatError):
 
 @dataclass(frozen=True)
 class Source:
-    """Expanded GLSL: `text` for the compiler, `files` by #line number, `uniforms` name → GLSL type in order."""
+    """Expanded GLSL: `text` for the compiler, the place (file, line) of each of its lines, `uniforms` name → GLSL type."""
 
+    name: str
     text: str
-    files: tuple[str, ...]
+    places: tuple[tuple[str, int], ...]
     uniforms: dict[str, str]
 
 
 def load(name: str, defines: Mapping[str, object] | None = None, root: Path | None = None) -> Source:
     """The shader file `name` (relative to `root`, default the bundled shaders) with includes and `defines` in place.
 
-    `#include "lib/x.glsl"` is replaced by that file's text the first time and by nothing afterwards; `#line` directives
-    keep the compiler's line numbers true. Raises ShaderError for a missing file.
+    `#include "lib/x.glsl"` is replaced by that file's text the first time and by nothing afterwards. Where each line came
+    from is kept here, not in #line directives: Mesa forgets their file numbers. Raises ShaderError for a missing file.
     """
     root = root or folder("shaders")
-    files: list[str] = []
+    seen: set[str] = set()
+    text = ["#version 330 core", *(f"#define {key} {value}" for key, value in (defines or {}).items())]
+    places = [(name, 0)] * len(text)
 
-    def expand(name: str, place: str) -> list[str]:
-        if name in files:
-            return []
+    def expand(name: str, included: str) -> None:
+        if name in seen:
+            return
+        seen.add(name)
         try:
             lines = (root / name).read_text(encoding="utf-8").splitlines()
         except OSError as error:
-            raise ShaderError(f"{place}cannot read '{name}': {error.strerror}") from error
-        number = len(files)
-        files.append(name)
-        out = [f"#line 1 {number}"]
-        for i, line in enumerate(lines, start=1):
+            raise ShaderError(f"{included}cannot read '{name}': {error.strerror}") from error
+        for number, line in enumerate(lines, start=1):
             include = _INCLUDE.match(line)
             if include:
-                out += expand(include[1], f"{name}:{i}: ")
-                out.append(f"#line {i + 1} {number}")
+                expand(include[1], f"{name}:{number}: ")
             else:
-                out.append(line)
-        return out
+                text.append(line)
+                places.append((name, number))
 
-    body = expand(name, "")
-    head = ["#version 330 core", *(f"#define {key} {value}" for key, value in (defines or {}).items())]
-    text = "\n".join(head + body) + "\n"
-    return Source(text, tuple(files), _uniforms(text, defines or {}))
+    expand(name, "")
+    whole = "\n".join(text) + "\n"
+    return Source(name, whole, tuple(places), _uniforms(whole, defines or {}))
 
 
 def _uniforms(text: str, defines: Mapping[str, object]) -> dict[str, str]:
@@ -84,7 +83,8 @@ def explain(log: str, source: Source) -> str:
     lines = [line.strip() for line in log.splitlines() if line.strip(" =-\t")]
     complaint = next((line for line in lines if _PLACE.search(line)), lines[-1] if lines else "unknown error")
     place = _PLACE.search(complaint)
-    if place and int(place[1]) < len(source.files):
+    if place and 0 < int(place[2]) <= len(source.places):
+        file, line = source.places[int(place[2]) - 1]
         message = re.sub(r"^[\s:()\d]*(error\s*(\w\d+)?:)?\s*", "", complaint[place.end() :], flags=re.IGNORECASE) or complaint
-        return f"{source.files[int(place[1])]}:{place[2]}: {message}"
-    return f"{source.files[0]}: {complaint}"
+        return f"{file}:{line}: {message}"
+    return f"{source.name}: {complaint}"

@@ -73,6 +73,8 @@ class Target:
 
     def release(self) -> None:
         """Free the framebuffer and the textures that it made."""
+        if self.ctx.fbo is self.gl:
+            self.ctx.detect_framebuffer(0).use()  # moderngl would go on to bind a framebuffer that is gone
         self.gl.release()
         for texture in self.textures if self._owned else ():
             texture.release()

@@ -46,7 +46,7 @@ class GatherPass:
         self.program = Program(ctx, "gather", defines=lights)
         limit = int(ctx.info["GL_MAX_TEXTURE_SIZE"])
         texels = self.cell[0] * self.cell[1]
-        wanted = capacity or max(1, _ATLAS_TEXELS // texels)
+        wanted = min(capacity or max(1, _ATLAS_TEXELS // texels), limit)
         self.columns = max(1, min(math.isqrt(wanted), limit // self.cell[0]))
         self.capacity = self.columns * max(1, min(wanted // self.columns, limit // self.cell[1]))
         self.target: Target | None = None

@@ -26,6 +26,7 @@ class ReducePass:
         self.blocks = Program(ctx, "reduce", "lib/fullscreen", defines)
         self.total = Program(ctx, "reduce_total", "lib/fullscreen", defines)
         self.target: Target | None = None
+        self.out: Target | None = None  # the cache's own textures
 
     def __call__(
         self, atlas: Atlas, records: Records, first: int, sky: tuple[float, float, float], radii: tuple[float, float]
@@ -53,9 +54,10 @@ class ReducePass:
         row = first // records.columns
         rows = (first + atlas.count - 1) // records.columns + 1 - row
         sums: dict[str, Any] = dict(zip(_SUMS, self.target.textures, strict=False))
-        out = Target(self.ctx, records.irradiance.size, textures=[records.irradiance, *records.vectors])
+        if self.out is None or self.out.textures[0] is not records.irradiance:
+            self.out = Target(self.ctx, records.irradiance.size, textures=[records.irradiance, *records.vectors])
         self.total(
-            out,
+            self.out,
             scissor=(0, row, records.columns, rows),
             **sums,
             frames=atlas.frames,
@@ -66,4 +68,3 @@ class ReducePass:
             record_columns=records.columns,
             radii=radii,
         )
-        out.release()
