@@ -200,8 +200,8 @@ class Renderer:
             with self.timers("direct"):
                 self._direct = self.direct_pass(gbuffer, self._lit())
         with self.timers("composite"):
-            image, irradiance = self.composite_pass(splats, self._direct, gbuffer, self.scene.sky, self._camera, self.settings)
-        return View(self._camera, gbuffer, self._direct, splats, irradiance, image)
+            image, sums = self.composite_pass(splats, self._direct, gbuffer, self.scene.sky, self._camera, self.settings)
+        return View(self._camera, gbuffer, self._direct, splats, sums, image)
 
     # ---- whole renders ---------------------------------------------------------------------------------------------
 

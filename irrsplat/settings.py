@@ -108,7 +108,7 @@ class Settings:
         choices=("smooth", "cut"),
     )  # fmt: skip
     in_front: bool = _declare(
-        True, "bool", "splat", "a record that lies in front of a pixel's surface, or behind it, does not speak for it"
+        True, "bool", "splat", "a record in front of a pixel's surface, or behind it, does not speak for it"
     )
     radius_min: float = _declare(
         0.5, "float", "splat", "least radius a·R of a splat on screen, in percent of the image height", low=0, high=50, unit="%"

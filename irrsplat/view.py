@@ -15,13 +15,16 @@ from irrsplat.scene.model import Camera
 
 @dataclass(frozen=True)
 class View:
-    """One round's picture as GPU handles, valid until the next round: what the viewer shows and `render` reads back."""
+    """One round's picture as GPU handles, valid until the next round: what the viewer shows and `render` reads back.
+
+    sums: (Σ k·E, Σ k) of which the picture is made, the splat buffer's own or smoothed; E is their quotient.
+    """
 
     camera: Camera
     gbuffer: GBuffer
     direct: moderngl.Texture
     splats: SplatBuffer
-    irradiance: moderngl.Texture
+    sums: moderngl.Texture
     image: moderngl.Texture
 
 
@@ -45,7 +48,8 @@ def read(view: View, sky: tuple[float, float, float], records: dict[str, np.ndar
     buffers = {f.name: pixels(getattr(view.gbuffer, f.name)) for f in fields(GBuffer)}
     seen = buffers["position"][..., 3:] > 0.0
     position, normal, albedo, emission = (np.where(seen, b[..., :3], np.float32(0.0)) for b in buffers.values())
-    irradiance = pixels(view.irradiance)[..., :3].copy()
+    sums = pixels(view.sums)
+    irradiance = sums[..., :3] / np.where(sums[..., 3:] > 0.0, sums[..., 3:], np.float32(1.0))
     return Frame(
         image=pixels(view.image)[..., :3].copy(),
         direct=pixels(view.direct)[..., :3].copy(),

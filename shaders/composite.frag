@@ -1,4 +1,4 @@
-// The sums become irradiance, and with direct light, emission and sky the picture: all in one radiometric unit.
+// The sums become irradiance, and with direct light, emission and sky the picture, all in one radiometric unit.
 #include "lib/constants.glsl"
 
 uniform sampler2D position;  // g-buffer
@@ -10,7 +10,6 @@ uniform vec2 blend;          // weights of direct and indirect
 uniform vec3 sky;
 
 layout(location = 0) out vec4 out_image;
-layout(location = 1) out vec4 out_irradiance;
 
 void main()
 {
@@ -20,5 +19,4 @@ void main()
     vec3 indirect = texelFetch(albedo, pixel, 0).rgb * INV_PI * E;
     vec3 light = blend.x * texelFetch(direct, pixel, 0).rgb + blend.y * indirect + texelFetch(emission, pixel, 0).rgb;
     out_image = vec4(texelFetch(position, pixel, 0).w > 0.0 ? light : sky, 1.0);
-    out_irradiance = vec4(E, 1.0);
 }

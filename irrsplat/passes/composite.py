@@ -26,7 +26,7 @@ class CompositePass:
         self.blend = Program(ctx, "composite", "lib/fullscreen")
         self.meter = Program(ctx, "composite_meter", "lib/fullscreen")
         self.display = Program(ctx, "composite_display", "lib/fullscreen", FILMIC.defines)
-        self.target = Target(ctx, size, (4, 4))
+        self.target = Target(ctx, size, (4,))
         self.smooth_target: Target | None = None
         self.meter_block = (-(-size[0] // _METER), -(-size[1] // _METER))
         self.meter_target = Target(ctx, (-(-size[0] // self.meter_block[0]), -(-size[1] // self.meter_block[1])), (2,))
@@ -40,22 +40,23 @@ class CompositePass:
         camera: Camera,
         settings: Settings,
     ) -> tuple[moderngl.Texture, moderngl.Texture]:
-        """The image before exposure, and E at every pixel, Σ k·E / Σ k (0 where no record speaks), smoothed where asked for.
+        """The image before exposure, and the sums (Σ k·E, Σ k) whose quotient is E, smoothed where the settings ask for it.
 
         Direct and indirect light have the weights min(1, 2(1-b)) and min(1, 2b); emission and sky are whole.
         """
         blend = settings.blend
+        sums = self._smoothed(splats, gbuffer, camera) if settings.smooth else splats.sums
         self.blend(
             self.target,
             position=gbuffer.position,
             albedo=gbuffer.albedo,
             emission=gbuffer.emission,
             direct=direct,
-            sums=self._smoothed(splats, gbuffer, camera) if settings.smooth else splats.sums,
+            sums=sums,
             blend=(min(1.0, 2.0 * (1.0 - blend)), min(1.0, 2.0 * blend)),
             sky=sky,
         )
-        return self.target.textures[0], self.target.textures[1]
+        return self.target.textures[0], sums
 
     def _smoothed(self, splats: SplatBuffer, gbuffer: GBuffer, camera: Camera) -> moderngl.Texture:
         self.smooth_target = self.smooth_target or Target(self.target.ctx, self.size, (4,))
