@@ -8,13 +8,13 @@ import pytest
 
 from irrsplat.buffers import Sites
 from irrsplat.gpu.geometry import Geometry
-from irrsplat.lights import light_defines
 from irrsplat.hemisphere import PLANE_FIELD, hemisphere_table
+from irrsplat.lights import light_defines
 from irrsplat.passes.gather import GatherPass
 from irrsplat.passes.shadow import ShadowPass
-from irrsplat.renderer import upload
+from irrsplat.scene.flat import flatten
 from irrsplat.scene.model import Light, Scene
-from tests.test_gather import share_of_plane
+from tests.test_hemisphere import share_of_plane
 from tests.worlds import box, floor, gather, lamp, material, polygon_vector, quad, scene, sites
 
 UP = (0.0, 1.0, 0.0)
@@ -174,7 +174,7 @@ def test_what_a_texel_sees_of_a_lit_plane(ctx: moderngl.Context, name: str, kind
     A texel's ray goes through its centre on the face, its table's direction is a mean: the two differ by second order.
     """
     world, light = scene(ROOF, lights=(LIGHTS[name],)), LIGHTS[name]
-    geometry, shadows = upload(ctx, world), ShadowPass(ctx)(world, upload(ctx, world), 256)
+    geometry, shadows = Geometry(ctx, *flatten(world)), ShadowPass(ctx)(world, Geometry(ctx, *flatten(world)), 256)
     gather = GatherPass(ctx, kind, 64, world.diagonal, light_defines(world))
     where = sites((0.1, 0.0, -0.2), UP)
     atlas = gather(geometry, shadows, where, 0, 0)
@@ -253,7 +253,7 @@ def test_many_records_at_once_equal_each_alone(ctx: moderngl.Context, kind: str)
     """
     rng, world = np.random.default_rng(7), room()
     where = sites(rng.uniform(-0.9, 0.9, (23, 3)), rng.normal(size=(23, 3)))
-    geometry, shadows = upload(ctx, world), ShadowPass(ctx)(world, upload(ctx, world), 128)
+    geometry, shadows = Geometry(ctx, *flatten(world)), ShadowPass(ctx)(world, Geometry(ctx, *flatten(world)), 128)
     look = GatherPass(ctx, kind, 16, world.diagonal, light_defines(world), len(where))
 
     def cells(where: Sites, first: int) -> np.ndarray:
@@ -292,7 +292,7 @@ def test_directions_below_the_geometric_surface_count_as_nothing(ctx: moderngl.C
 
 def test_no_geometry_is_sky(ctx: moderngl.Context) -> None:
     world = scene(sky=2.0)
-    assert isinstance(upload(ctx, world), Geometry)
+    assert isinstance(Geometry(ctx, *flatten(world)), Geometry)
     found = gather(ctx, world, sites(np.zeros((3, 3)), UP), 16)
     assert np.allclose(found.E, 2.0 * np.pi, rtol=5e-3)
 

@@ -26,7 +26,7 @@ def texture(ctx: moderngl.Context, rgb: np.ndarray, w: np.ndarray | float = 1.0)
 
 
 def pixels(texture: moderngl.Texture) -> np.ndarray:
-    return np.frombuffer(texture.read(), "f4").reshape(texture.height, texture.width, 4)[::-1, :, :3]
+    return np.frombuffer(texture.read(), "f4").reshape(texture.height, texture.width, 4)[::-1]
 
 
 def wall(ctx: moderngl.Context, seed: int = 0) -> tuple[GBuffer, dict[str, np.ndarray]]:
@@ -45,9 +45,10 @@ def wall(ctx: moderngl.Context, seed: int = 0) -> tuple[GBuffer, dict[str, np.nd
 def composed(
     ctx: moderngl.Context, gbuffer: GBuffer, sums: moderngl.Texture, direct: moderngl.Texture, settings: Settings
 ) -> tuple[np.ndarray, np.ndarray]:
-    composite = CompositePass(ctx, SIZE)
-    image, irradiance = composite(SplatBuffer(sums, None), direct, gbuffer, SKY, CAMERA, settings)
-    return pixels(image), pixels(irradiance)
+    """The image, and E as the quotient of the sums that come with it."""
+    image, sums = CompositePass(ctx, SIZE)(SplatBuffer(sums, None), direct, gbuffer, SKY, CAMERA, settings)
+    total = pixels(sums)
+    return pixels(image)[..., :3], total[..., :3] / np.where(total[..., 3:] > 0.0, total[..., 3:], 1.0)
 
 
 @pytest.mark.parametrize(("blend", "weights"), [(0.0, (1, 0)), (0.25, (1, 0.5)), (0.5, (1, 1)), (0.75, (0.5, 1)), (1.0, (0, 1))])

@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 import irrsplat
+from irrsplat.gpu.geometry import Geometry
 from irrsplat.lights import light_defines
 from irrsplat.passes.direct import DirectPass
 from irrsplat.passes.gbuffer import GBufferPass
 from irrsplat.passes.shadow import ShadowPass
-from irrsplat.renderer import upload
+from irrsplat.scene.flat import flatten
 from irrsplat.scene.model import Camera, Light, Scene
 from tests.test_analytic import LIGHTS, irradiance, rim_distance
 from tests.worlds import ABOVE, assert_pictures, box, floor, lamp, material, on_plane, quad, scene, sphere
@@ -25,7 +26,7 @@ UP = np.array([0.0, 1.0, 0.0])
 
 def directed(ctx: moderngl.Context, world: Scene, camera: Camera | None = None, shadow: int = 512) -> dict[str, np.ndarray]:
     """Direct outgoing radiance (H, W, 3), positions, normals and depth of a view of SIZE, top row first."""
-    geometry, draw, shadows = upload(ctx, world), GBufferPass(ctx, SIZE), ShadowPass(ctx)
+    geometry, draw, shadows = Geometry(ctx, *flatten(world)), GBufferPass(ctx, SIZE), ShadowPass(ctx)
     light = DirectPass(ctx, SIZE, light_defines(world))
     gbuffer = draw(world, geometry, camera or world.cameras[0])
     light(gbuffer, shadows(world, geometry, shadow))

@@ -15,7 +15,7 @@ from irrsplat.cache import RecordCache
 from irrsplat.passes.splat import SplatPass
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings, preset
-from tests.test_gather import share_of_plane
+from tests.test_hemisphere import share_of_plane
 from tests.worlds import assert_pictures, box, gbuffer_of, lamp, material, quad, rays, scene
 
 SIZE = (41, 33)

@@ -18,6 +18,7 @@ from tests.worlds import gbuffer_of, rays
 SIZE = (37, 29)
 CAMERA = Camera((0.3, 0.2, 3.0), (0.0, 0.0, 0.0), (0.1, 1.0, 0.0), 50.0)
 COLUMNS = 8
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # Rec. 709
 BASE = Settings(a=0.5, radius_min=0.0, radius_max=0.0)
 
 
@@ -88,7 +89,8 @@ def table(count: int = 200, seed: int = 1) -> Table:
 def splat(seen: View, records: Table, settings: Settings) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Sums (H, W, 4), weight (H, W), and the pixels where rounding may decide whether a record speaks.
 
-    Ward et al. 1988: w = 1/(|p-p_k|/R + √(1-n·n_k)), where w > 1/a; METHOD: finite, R limited by the view, and not in front.
+    Ward et al. 1988: w = 1/(|p-p_k|/R + √(1-n·n_k)), where w > 1/a; METHOD: finite, R at most E/|∇E| on luminance where there are
+    gradients, then limited by the view; neither in front of the pixel's surface nor behind it by more than R/20.
     """
     sums, weight = np.zeros((*seen.depth.shape, 4)), np.zeros(seen.depth.shape)
     unsure = np.zeros(seen.depth.shape, bool)
@@ -96,6 +98,8 @@ def splat(seen: View, records: Table, settings: Settings) -> tuple[np.ndarray, n
     a = settings.a
     for p_k, n_k, E_k, R_k, M, gradient in zip(*vars(records).values(), strict=True):
         d = np.linalg.norm(np.asarray(CAMERA.eye) - p_k)
+        if settings.gradients:
+            R_k = min(R_k, E_k @ LUMINANCE / np.linalg.norm(LUMINANCE @ gradient))
         r = max(a * R_k, settings.radius_min * screen * d)
         if settings.radius_max > 0.0:
             r = min(r, settings.radius_max * screen * d)
@@ -104,7 +108,7 @@ def splat(seen: View, records: Table, settings: Settings) -> tuple[np.ndarray, n
         cosine = seen.normal @ n_k
         e = np.linalg.norm(apart, axis=-1) / R + np.sqrt(np.maximum(0.0, 1.0 - cosine))
         w = 1.0 / np.maximum(e, 1e-3)
-        front = (apart * (seen.normal + n_k)).sum(-1) / 2.0 + 0.05 * R
+        front = 0.05 * R - np.abs((apart * (seen.normal + n_k)).sum(-1)) / 2.0
         speaks = (seen.depth > 0.0) & (w > 1.0 / a)
         near = np.abs(w * a - 1.0) < 2e-4
         if settings.in_front:
@@ -192,7 +196,7 @@ def test_no_extrapolation_below_black_or_beyond_twice(ctx: moderngl.Context) -> 
     """However steep the gradient is, 0 ≤ E ≤ 2·n·M."""
     seen, records = view(), table(1)
     records.p[0], records.R[0], records.n[0] = seen.position[14, 18], 3.0, (0, 0, 1)
-    records.M[0], records.gradient[0] = (0.0, 0.0, 1.0), 100.0
+    records.E[0], records.M[0], records.gradient[0] = 1e6, (0.0, 0.0, 1.0), 100.0  # so bright that R stays what it is
     sums, _ = drawn(ctx, seen, records, BASE)
     E = sums[..., :3][sums[..., 3] > 0] / sums[..., 3:][sums[..., 3] > 0]
     assert len(E) > 50

@@ -13,12 +13,13 @@ from PIL import Image
 
 from irrsplat.buffers import GBuffer, Sites
 from irrsplat.cache import RecordCache
+from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.target import table_texture
 from irrsplat.lights import light_defines
 from irrsplat.passes.gather import GatherPass
 from irrsplat.passes.reduce import ReducePass
 from irrsplat.passes.shadow import ShadowPass
-from irrsplat.renderer import upload
+from irrsplat.scene.flat import flatten
 from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
 
 FAILURES = Path(__file__).parent / "failures"
@@ -176,7 +177,7 @@ def gather(
     shadow: int = 256,
 ) -> Gathered:
     """What gather and reduction make of records at `where`, `capacity` of them a call (default: about all)."""
-    geometry, lit = upload(ctx, world), ShadowPass(ctx)
+    geometry, lit = Geometry(ctx, *flatten(world)), ShadowPass(ctx)
     shadows = lit(world, geometry, shadow)
     look = GatherPass(ctx, kind, side, world.diagonal, light_defines(world), capacity or len(where))
     reduce, cache = ReducePass(ctx, True), RecordCache(ctx)

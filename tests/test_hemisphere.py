@@ -89,11 +89,11 @@ def test_edges_lie_between_neighbours(kind: str) -> None:
     assert ((ahead * vector).sum(1) > 0.0).all()
 
 
-def test_constant_radiance_has_no_gradient_and_edges_close() -> None:
-    """Each texel's own edges, with cosθ taken as 1, would close: the vectors of a sphere's polygon sum to about nothing in it.
+def test_the_edges_of_a_texel_close() -> None:
+    """Were cosθ the same along all four edges of a texel, their vectors would cancel but for the sphere's curvature.
 
-    With L = 1 everywhere every difference is 0. With L = 1 in one texel, Σ cosθ·e₁×e₂ over its four edges is -∫ ∇cosθ-like
-    and of the order of its solid angle, far smaller than any one edge.
+    So a texel that is brighter than its neighbours pulls from all sides about alike: what is left is of the order of its solid
+    angle, (2/32)², where a single edge has 2/32.
     """
     a, b, vector = edges("raster", 32)
     texel = 7 * 64 + 11  # inside the front face
