@@ -175,6 +175,16 @@ def test_a_small_thing_is_served_wherever_it_is_seen(size: tuple[int, int], at: 
     assert unserved(frame) == 0
 
 
+@pytest.mark.parametrize("radius_max", [5.0, 50.0])
+@pytest.mark.parametrize("at", [(-0.3, 0.4), (-0.75, 0.4), (-0.3, 0.0)])
+def test_a_round_without_sites_is_not_the_last_one(radius_max: float, at: tuple[float, float]) -> None:
+    """Likewise for a thing of 84×84 pixels, more tiles than are asked at once, which may lie in one wide field of one colour."""
+    thing = quad((at[0], at[1], 0), (0.35, 0, 0), (0, 0.35, 0), material(0.5, 0.1))
+    frame = rendered(scene(thing, sky=1.0), (400, 400), Camera((0, 0, 2), (0, 0, 0)), radius_max=radius_max)
+    assert frame.stats["converged"] and frame.stats["coverage"] == 1.0 and frame.stats["records"] > 0
+    assert unserved(frame) == 0
+
+
 def test_max_rounds_stops_and_says_so() -> None:
     frame = rendered(room(), max_rounds=1)
     assert frame.stats["rounds"] == 1 and not frame.stats["converged"]
