@@ -6,8 +6,7 @@ This is the only place where the passes meet; read `Renderer.frame` first.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -45,7 +44,8 @@ class Renderer:
     """Renders views of one scene and keeps the irradiance records that they asked for (METHOD: the persistent cache).
 
     scene: what `irrsplat.load` returns. size: (width, height) in pixels. preset: a name of settings.PRESETS, and any
-    setting by name on top of it. ctx: a moderngl context to use (default: a new one without a window).
+    setting by name on top of it. ctx: a moderngl context to use, which its owner makes current (default: a new one without a
+    window, current after every call).
     Raises InputError for a size or setting that cannot be, GLError where there is no OpenGL 3.3.
     Use it in a `with` block, or call `release`, to free what it holds on the GPU.
     """
@@ -87,7 +87,6 @@ class Renderer:
         self.examine_pass = ExaminePass(self.ctx, self.size)
         self.direct_pass = DirectPass(self.ctx, self.size, light_defines(scene))
         self.composite_pass = CompositePass(self.ctx, self.size)
-        self._entered = False
         self._shadows: ShadowMaps | None = None
         self._camera: Camera | None = None
         self._gbuffer: GBuffer | None = None
@@ -98,24 +97,16 @@ class Renderer:
 
     # ---- the frame -------------------------------------------------------------------------------------------------
 
-    @contextmanager
-    def _current(self) -> Iterator[None]:
-        """This renderer's OpenGL context is the current one inside the `with` block, however deep, and no longer."""
-        if self._entered:
-            yield
-            return
-        with self.ctx:
-            self._entered = True
-            try:
-                yield
-            finally:
-                self._entered = False
+    def _use(self) -> None:
+        """Make this renderer's own OpenGL context the current one; a given one is its owner's to make current."""
+        if self._owns_ctx:
+            self.ctx.__enter__()
 
     def frame(self, camera: Camera | None = None) -> tuple[View, Progress]:
         """One round: draw what the camera sees, splat what is new, and gather where nothing speaks for a pixel yet."""
-        with self._current():
-            progress = self._advance(camera or self.scene.camera())
-            return self._compose(), progress
+        self._use()
+        progress = self._advance(camera or self.scene.camera())
+        return self._compose(), progress
 
     def _advance(self, camera: Camera) -> Progress:
         shadows = self._lit()
@@ -162,8 +153,12 @@ class Renderer:
         with self.timers("examine"):
             found = self.examine_pass(gbuffer, splats, settings.threshold, settings.seed)
             reach = (settings.radius_max or _REACH) / 100.0 * self.size[1] / self.examine_pass.side  # tiles
-            pattern = spacing(self._round, reach, int(np.count_nonzero(found.asking)))
-            sites = found.at(choose(found.asking, *pattern, settings.seed))
+            asking = int(np.count_nonzero(found.asking))
+            tiles = choose(found.asking, *spacing(self._round, reach, asking), settings.seed)
+            while asking and not len(tiles[0]):  # this round's fields of the chess board ask for nothing: the next ones
+                self._round += 1
+                tiles = choose(found.asking, *spacing(self._round, reach, asking), settings.seed)
+            sites = found.at(tiles)
         for start in range(0, len(sites), self.gather_pass.capacity):
             batch = sites[start : start + self.gather_pass.capacity]
             with self.timers("gather"):
@@ -184,7 +179,7 @@ class Renderer:
         with self.timers("gather" if warm_up else "examine"):
             if warm_up:
                 sites, values = paper.warm_up(seen, recorder, self.settings)
-                missing = 1.0
+                missing = float(seen.mask.any())
             else:
                 weight = pixels(splats.weight)[..., 0]
                 sites, values, missing = paper.traverse(seen, weight, recorder, camera, self.settings)
@@ -213,10 +208,8 @@ class Renderer:
         "seconds" among them is the wall time to full coverage, before direct light and composite. progress is called after
         each round. Ctrl-C ends the rounds: the last whole one counts, "interrupted" is True.
         """
-        with self._current():
-            return self._converge(camera or self.scene.camera(), progress)
-
-    def _converge(self, camera: Camera, progress: Callable[[Progress], None] | None) -> tuple[View, dict[str, Any]]:
+        self._use()
+        camera = camera or self.scene.camera()
         self.timers.clear()
         start = time.perf_counter()
         stats: dict[str, Any] = {"rounds": 0, "converged": False, "interrupted": False, "coverage": 0.0}
@@ -259,15 +252,14 @@ class Renderer:
             if progress is not None:
                 progress(now)
 
-        with self._current():
-            view, stats = self.converge(camera, watch if figures else progress)
-            frame = read(view, self.scene.sky, self.cache.read(), stats | self._statistics(view))
-            if not figures:
-                return frame
-            splats = {"first_samples": first[0] if first else self.splat_pass.target.read(0)}
-            splats["splat_buffer"] = self.splat_pass.target.read(0)
-            pictures = {name: frame.albedo / np.float32(np.pi) * sums[..., :3] for name, sums in splats.items()}
-            return replace(frame, figures=pictures | {"quad": figure.diagram(frame, view.camera, self.settings)})
+        view, stats = self.converge(camera, watch if figures else progress)
+        frame = read(view, self.scene.sky, self.cache.read(), stats | self._statistics(view))
+        if not figures:
+            return frame
+        splats = {"first_samples": first[0] if first else self.splat_pass.target.read(0)}
+        splats["splat_buffer"] = self.splat_pass.target.read(0)
+        pictures = {name: frame.albedo / np.float32(np.pi) * sums[..., :3] for name, sums in splats.items()}
+        return replace(frame, figures=pictures | {"quad": figure.diagram(frame, view.camera, self.settings)})
 
     def _statistics(self, view: View) -> dict[str, Any]:
         settings = self.settings
@@ -298,11 +290,10 @@ class Renderer:
         if self._owns_ctx:
             self.ctx.release()
             return
-        with self._current():
-            for holder in (self, *vars(self).values()):
-                for thing in vars(holder).values() if hasattr(holder, "__dict__") else ():
-                    if isinstance(thing, (Target, Program, Geometry, RecordCache, moderngl.Texture, moderngl.Buffer)):
-                        thing.release()
+        for holder in (self, *vars(self).values()):
+            for thing in vars(holder).values() if hasattr(holder, "__dict__") else ():
+                if isinstance(thing, (Target, Program, Geometry, RecordCache, moderngl.Texture, moderngl.Buffer)):
+                    thing.release()
 
     def __enter__(self) -> Renderer:
         return self

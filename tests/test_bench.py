@@ -60,7 +60,7 @@ def test_rows_take_the_first_round_for_the_first_samples() -> None:
     """Times add up over the rounds; a round splats first, and gathers at its end."""
     rounds = [(10, {"splat": 1.0, "gather": 5.0, "reduce": 2.0, "examine": 1.0}), (14, {"splat": 4.0, "gather": 8.0})]
     end = {"splat": 4.5, "gather": 9.0, "reduce": 3.0, "examine": 2.5, "direct": 7.0, "composite": 6.0}
-    rows = bench.Timing(1.0, 15, end, rounds).rows
+    rows = bench.Timing(1.0, 1.5, 15, end, rounds).rows
     assert rows == [(7.0, 10), (7.0, None), (3.0, 10), (2.5 + 4.0 + 1.0, 5), (0.5, 5), (6.0, None)]
     assert len(rows) == len(bench.ROWS)
 

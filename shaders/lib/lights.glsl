@@ -38,12 +38,14 @@ struct Projected
     vec3 plane;   // dotted with (texel, 1): the depth of the tangent plane, near/z in a perspective tile
     float own;    // near/z of the point
     float slack;  // times the plane's near/z: what may lie in front of it
+    float slope;  // by how much the stored depth may be off where it is steep
 };
 
 // 1 where the tap that is nearest to the receiver, `offset` texels away, sees the receiver's tangent plane, 0 in shadow.
 // The plane's depth is taken at the tap's own centre: a planar receiver never shadows itself, at any slope, so that the
 // bias need only cover what is not planar.
 const float BIAS = 0.1;       // texels of depth
+const float SNAP = 0.02;      // texels: how far a rasteriser may shift a triangle
 const float ROUNDING = 0.05;  // of the near plane: how far off its surface an interpolated position may lie
 
 float shadow_tap(Projected r, vec2 offset)
@@ -55,12 +57,12 @@ float shadow_tap(Projected r, vec2 offset)
     if (r.range > 0.0)
     {
         float texels = r.width / r.range, own = r.q.z;
-        return stored >= clamp(expected, own - 16.0 * texels, own + 16.0 * texels) - BIAS * texels - 1e-6 ? 1.0 : 0.0;
+        return stored >= clamp(expected, own - 99.0 * texels, own + 99.0 * texels) - r.slope - BIAS * texels - 1e-6 ? 1.0 : 0.0;
     }
 #endif
     // depth = 1 - near/z: what is stored is affine in 1/z, and so is a plane
     expected = clamp(expected, 0.5 * r.own, 2.0 * r.own);
-    return 1.0 - stored <= expected * r.slack + 2e-7 ? 1.0 : 0.0;
+    return 1.0 - stored <= expected * r.slack + r.slope + 2e-7 ? 1.0 : 0.0;
 }
 
 // A point light's tile that sees `d` = p - light, and d and g in its axes; passes/shadow.py has the same six.
@@ -127,6 +129,7 @@ float visibility(int i, Receiver r, int taps, vec2 rotation)
     vec3 m = parallel ? vec3(-t.m.xy / (abs(t.m.z) > 1e-6 ? t.m.z : 1e-6), 0.0) : t.m * (near / t.k);
     t.plane = vec3(m.xy * (2.0 / side), m.z - m.x - m.y);
     if (parallel) t.plane.z = t.q.z - dot(t.plane.xy, t.texel);
+    t.slope = SNAP * (abs(t.plane.x) + abs(t.plane.y));
     if (taps == 1) return shadow_tap(t, vec2(0.0));
     mat2 turn = mat2(rotation.x, rotation.y, -rotation.y, rotation.x);
     float lit = 0.0;
