@@ -72,7 +72,7 @@ class GBuffer:
 
     position: xyz world space at the pixel's centre, w depth along the view axis (0 where nothing is seen).
     normal: xyz shading normal turned to the camera, w the geometric normal's octahedral x.
-    albedo: rgb reflectance, w the geometric normal's octahedral y. emission: rgb emitted radiance.
+    albedo: rgb reflectance, w the geometric normal's octahedral y. emission: rgb emitted radiance, w the triangle's number.
     """
 
     position: Any
@@ -113,17 +113,22 @@ class SplatBuffer:
 
 @dataclass(frozen=True)
 class Sites:
-    """Where records are to be made, numpy float32: `position`, shading `normal` and `geometric` normal, each (N, 3)."""
+    """Where records are to be made, numpy float32: `position`, shading `normal` and `geometric` normal, each (N, 3).
+
+    triangle: (N,) the numbers of the triangles that they lie on, where known.
+    """
 
     position: np.ndarray
     normal: np.ndarray
     geometric: np.ndarray
+    triangle: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.position)
 
     def __getitem__(self, rows: slice | np.ndarray) -> Sites:
-        return Sites(self.position[rows], self.normal[rows], self.geometric[rows])
+        triangle = None if self.triangle is None else self.triangle[rows]
+        return Sites(self.position[rows], self.normal[rows], self.geometric[rows], triangle)
 
 
 @dataclass(frozen=True)

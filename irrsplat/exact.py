@@ -46,7 +46,8 @@ def gather(
     smooth = np.argwhere(_smooth(seen, _OFF * scene.diagonal))
     pixels = np.random.default_rng(0).permutation(smooth)[:count]
     at = tuple(pixels.T)
-    sites = Sites(seen.position[at], seen.normal[at], seen.geometric[at])
+    triangle = None if seen.triangle is None else seen.triangle[at]
+    sites = Sites(seen.position[at], seen.normal[at], seen.geometric[at], triangle)
     shadows = ShadowPass(ctx)(scene, geometry, shadow_size)
     look = GatherPass(ctx, "raster", SIDE, scene.diagonal, light_defines(scene), capacity=_BATCH)
     reduce, cache = ReducePass(ctx, gradients=False), RecordCache(ctx)

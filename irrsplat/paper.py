@@ -25,27 +25,31 @@ from irrsplat.settings import Settings
 
 @dataclass(frozen=True)
 class Seen:
-    """The g-buffer on the CPU, top row first: position, normal, geometric (H, W, 3) and mask (H, W), True where a surface is."""
+    """The g-buffer on the CPU, top row first: position, normal, geometric (H, W, 3), mask (H, W), True where a surface is,
+    and the number of the triangle (H, W) there, where known."""
 
     position: np.ndarray
     normal: np.ndarray
     geometric: np.ndarray
     mask: np.ndarray
+    triangle: np.ndarray | None = None
 
     def site(self, row: int, column: int) -> Sites:
         """The pixel as a place for one record."""
         at = (slice(row, row + 1), column)
-        return Sites(self.position[at], self.normal[at], self.geometric[at])
+        triangle = None if self.triangle is None else self.triangle[at]
+        return Sites(self.position[at], self.normal[at], self.geometric[at], triangle)
 
 
 def read_back(gbuffer: GBuffer) -> Seen:
     """Section 3.2: the visible points, their normals and materials are stored on the CPU."""
-    position, normal, albedo = (
+    position, normal, albedo, emission = (
         np.frombuffer(t.read(), "f4").reshape(t.height, t.width, 4)[::-1]
-        for t in (gbuffer.position, gbuffer.normal, gbuffer.albedo)
+        for t in (gbuffer.position, gbuffer.normal, gbuffer.albedo, gbuffer.emission)
     )
     mask = position[..., 3] > 0.0
-    return Seen(position[..., :3], normal[..., :3], octahedral_decode(normal[..., 3], albedo[..., 3]), mask)
+    triangle = np.where(mask, emission[..., 3], 0.0).astype(np.intp)
+    return Seen(position[..., :3], normal[..., :3], octahedral_decode(normal[..., 3], albedo[..., 3]), mask, triangle)
 
 
 class Recorder:
@@ -142,4 +146,5 @@ def _box(centre: np.ndarray, r: float, camera: Camera, width: int, height: int) 
 
 def _join(sites: list[Sites]) -> Sites:
     empty = np.zeros((0, 3), "f4")
-    return Sites(*(np.concatenate([empty, *(getattr(s, k) for s in sites)]) for k in ("position", "normal", "geometric")))
+    rows = (np.concatenate([empty, *(getattr(s, k) for s in sites)]) for k in ("position", "normal", "geometric"))
+    return Sites(*rows)  # nothing is gathered there again: the triangles do not matter any more

@@ -42,7 +42,7 @@ class Declaration:
             return "on|off"
         if self.kind == "choice":
             return "|".join(self.choices)
-        span = f"{self.low:g}..{self.high:g}" + (f" {self.unit}" if self.unit else "")
+        span = f"{self.low:.10g}..{self.high:.10g}" + (f" {self.unit}" if self.unit else "")
         return span + " or auto" if self.auto else span
 
     def parse(self, text: str) -> Any:

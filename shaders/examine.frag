@@ -2,6 +2,7 @@
 uniform sampler2D position;  // g-buffer
 uniform sampler2D normal;
 uniform sampler2D albedo;
+uniform sampler2D emission;
 uniform sampler2D weight;    // Σ of raw w, NOTHING_SEEN where nothing is seen
 uniform int stride;          // coprime to side²: the order in which a tile's pixels are looked at
 uniform float tolerance;     // Σw below which a pixel asks for a record
@@ -9,7 +10,7 @@ uniform int seed;
 
 layout(location = 0) out vec4 out_position;  // of the worst pixel; w: how many pixels of the tile ask
 layout(location = 1) out vec4 out_normal;    // its shading normal, geometric normal octahedral .x
-layout(location = 2) out vec4 out_rest;      // geometric normal octahedral .y, its Σw, pixels of the tile that see anything
+layout(location = 2) out vec4 out_rest;      // geometric normal octahedral .y, its Σw, pixels of the tile that see anything, triangle
 
 // A random number from a tile (Jarzynski and Olano 2020, "Hash Functions for GPU Rendering": pcg).
 uint random(uvec2 tile)
@@ -41,5 +42,5 @@ void main()
     ivec2 pixel = min(corner + ivec2(worst % side, worst / side), size - 1);
     out_position = vec4(texelFetch(position, pixel, 0).xyz, asking);
     out_normal = texelFetch(normal, pixel, 0);
-    out_rest = vec4(texelFetch(albedo, pixel, 0).w, least, seen, 0.0);
+    out_rest = vec4(texelFetch(albedo, pixel, 0).w, least, seen, texelFetch(emission, pixel, 0).w);
 }

@@ -14,7 +14,7 @@ uniform float far;      // metres, beyond the farthest corner of the scene
 layout(location = 0) out vec4 out_position;  // xyz, depth along the view axis (0: nothing seen)
 layout(location = 1) out vec4 out_normal;    // shading normal turned to the eye, geometric normal octahedral .x
 layout(location = 2) out vec4 out_albedo;    // reflectance, geometric normal octahedral .y
-layout(location = 3) out vec4 out_emission;
+layout(location = 3) out vec4 out_emission;  // emitted radiance, number of the triangle
 
 void main()
 {
@@ -26,7 +26,7 @@ void main()
     out_position = vec4(v_position, max(depth, 1e-30));
     out_normal = vec4(n, octahedral.x);
     out_albedo = vec4(v_albedo, octahedral.y);
-    out_emission = vec4(v_emission, 1.0);
+    out_emission = vec4(v_emission, float(gl_PrimitiveID));
     // linear depth: equally fine near and far, whatever the scene's size
     gl_FragDepth = depth / far;
 }

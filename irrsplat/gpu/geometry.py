@@ -18,6 +18,7 @@ class Geometry:
     vertices: (V, 12) float32 rows of position, normal, albedo, emission. faces: (F, 3) int32.
     The first `closed` faces belong to closed, outward wound meshes: `parts` names the ranges "all", "closed" and "open"
     as (first index, number of indices). planes: RGBA32F texture of the faces' planes, unit normal n and n·p, row by row.
+    centroids: (F, 3) float32 of the faces, kept on the CPU.
     """
 
     FORMAT = "3f 3f 3f 3f"
@@ -27,7 +28,9 @@ class Geometry:
         # OpenGL has no empty buffers: no geometry is one vertex and one index that no draw reaches
         self.vertices = ctx.buffer(np.ascontiguousarray(vertices if len(vertices) else np.zeros((1, 12)), "f4").tobytes())
         self.indices = ctx.buffer(np.ascontiguousarray(faces if len(faces) else np.zeros((1, 3)), "i4").tobytes())
-        self.planes = table_texture(ctx, _planes(vertices, faces))
+        corners = vertices[faces, :3]
+        self.planes = table_texture(ctx, _planes(corners.astype(float)))
+        self.centroids = corners.mean(1)
         total, split = 3 * len(faces), 3 * closed
         self.parts = {"all": (0, total), "closed": (0, split), "open": (split, total - split)}
 
@@ -43,12 +46,11 @@ class Geometry:
         self.planes.release()
 
 
-def _planes(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
-    """(R, C, 4): the triangles' planes, unit normal by their winding and distance from the origin, in rows of _COLUMNS."""
-    corners = vertices[faces, :3].astype(float)
+def _planes(corners: np.ndarray) -> np.ndarray:
+    """(R, C, 4): planes of triangles (F, 3, 3), unit normal by their winding and distance from the origin, by _COLUMNS."""
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
-    rows = max(-(-len(faces) // _COLUMNS), 1)
+    rows = max(-(-len(corners) // _COLUMNS), 1)
     table = np.zeros((rows * _COLUMNS, 4))
-    table[: len(faces)] = np.column_stack([normals, (normals * corners.mean(1)).sum(1)])
+    table[: len(corners)] = np.column_stack([normals, (normals * corners.mean(1)).sum(1)])
     return table.reshape(rows, _COLUMNS, 4)

@@ -22,13 +22,15 @@ _FEW = 256  # tiles; so few are asked for in one round
 
 @dataclass(frozen=True)
 class Examination:
-    """A round's finding, per tile (h, w): `asking` and `seen` pixels, and the worst served pixel as a site (h, w, 3)."""
+    """A round's finding, per tile (h, w): `asking` and `seen` pixels, and the worst served pixel as a site, (h, w, 3); triangle
+    (h, w) is its number."""
 
     asking: np.ndarray
     seen: np.ndarray
     position: np.ndarray
     normal: np.ndarray
     geometric: np.ndarray
+    triangle: np.ndarray
 
     @property
     def missing(self) -> float:
@@ -37,7 +39,7 @@ class Examination:
 
     def at(self, tiles: tuple[np.ndarray, np.ndarray]) -> Sites:
         """The sites of the given tiles (rows, columns)."""
-        return Sites(self.position[tiles], self.normal[tiles], self.geometric[tiles])
+        return Sites(self.position[tiles], self.normal[tiles], self.geometric[tiles], self.triangle[tiles])
 
 
 class ExaminePass:
@@ -56,6 +58,7 @@ class ExaminePass:
             position=gbuffer.position,
             normal=gbuffer.normal,
             albedo=gbuffer.albedo,
+            emission=gbuffer.emission,
             weight=splats.weight,
             stride=self.stride,
             tolerance=tolerance,
@@ -63,7 +66,8 @@ class ExaminePass:
         )
         position, normal, rest = (self.target.read(i) for i in range(3))
         geometric = octahedral_decode(normal[..., 3], rest[..., 0])
-        return Examination(position[..., 3], rest[..., 2], position[..., :3], normal[..., :3], geometric)
+        triangle = rest[..., 3].astype(np.intp)
+        return Examination(position[..., 3], rest[..., 2], position[..., :3], normal[..., :3], geometric, triangle)
 
 
 def _stride(count: int) -> int:

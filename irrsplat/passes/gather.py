@@ -61,7 +61,7 @@ class GatherPass:
         count = len(sites)
         frame = frames(sites.normal, first + np.arange(count), seed)
         self._write_frames(frame, sites)
-        self.instances.write(self._instances(frame, sites).astype("f4").tobytes())
+        self.instances.write(self._instances(frame, sites, self._eyes(geometry, sites)).astype("f4").tobytes())
         used = (0, 0, self.target.size[0], -(-count // self.columns) * self.cell[1])
         self.target.use(scissor=used)
         self.target.gl.clear(viewport=used)
@@ -85,10 +85,18 @@ class GatherPass:
         rows[3, :, :3] = np.einsum("nij,nj->ni", frame, sites.geometric)
         self.frames.write(rows.tobytes(), viewport=(0, 0, len(sites), 4))
 
-    def _instances(self, frame: np.ndarray, sites: Sites) -> np.ndarray:
+    def _eyes(self, geometry: Geometry, sites: Sites) -> np.ndarray:
+        """(N, 3): the offset above the surface, and as far into its triangle: a site on the very edge of a wall sees the wall."""
+        eyes = sites.position + self.offset * sites.geometric.astype(float)
+        if sites.triangle is None:
+            return eyes
+        inward = geometry.centroids[sites.triangle] - sites.position
+        length = np.linalg.norm(inward, axis=1, keepdims=True)
+        return eyes + inward * np.minimum(self.offset / np.maximum(length, 1e-30), 0.5)
+
+    def _instances(self, frame: np.ndarray, sites: Sites, eye: np.ndarray) -> np.ndarray:
         """(N·F, 28): face_x, face_y, face_w with their translation, face_cell, face_eye, face_right, face_up and face_ahead."""
         count = len(sites)
-        eye = sites.position.astype(float) + self.offset * sites.geometric
         rows = np.einsum("fij,njk->nfik", self.faces, frame)
         moved = -np.einsum("nfik,nk->nfi", rows, eye)
         corner = np.stack([np.arange(count) % self.columns, np.arange(count) // self.columns], axis=-1) * self.cell
