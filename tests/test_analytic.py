@@ -310,3 +310,19 @@ def test_a_record_in_a_corner_does_not_see_through_the_wall(ctx: moderngl.Contex
     assert E.max() <= (0.0 if away > 1e-4 * world.diagonal else 0.02), (
         f"{E.max():.2%} of the sky, {(E[:, 0] > 0).mean():.0%} see any"
     )
+
+
+def test_a_site_in_the_corner_line_sees_the_wall(ctx: moderngl.Context) -> None:
+    """On the floor of a furnace, exactly where a wall begins, that wall fills half of the sky: E = π·L_e there as everywhere.
+
+    Seen from the very line the wall is edge-on and vanishes; from within the floor's own triangle it does not.
+    """
+    world = scene(box((-1, -1, -1), (1, 1, 1), material(0.5, EMITTER), outward=False))
+    vertices, faces, _ = flatten(world)
+    corners = vertices[faces, :3]
+    on_line = ((corners[..., 0] == 1.0) & (corners[..., 1] == -1.0)).sum(1) == 2
+    floor_triangle = int(np.flatnonzero(on_line & (corners[..., 1] == -1.0).all(1))[0])
+    p = np.array([(1.0, -1.0, z) for z in (-0.5, 0.0, 0.5)])
+    bare = sites(p, UP)
+    known = Sites(bare.position, bare.normal, bare.geometric, np.full(3, floor_triangle))
+    assert np.allclose(gather(ctx, world, known).E, np.pi * np.array(EMITTER), rtol=5e-3)
