@@ -14,6 +14,8 @@ flat in vec3 v_ahead;
 
 layout(location = 0) out vec4 out_radiance;  // rgb W/(m² sr), a distance in metres (0: nothing hit, the sky)
 
+uniform float near;  // metres
+
 const float FARTHEST = 4.0;  // times the centre's depth, where a corner looks past the plane's horizon
 
 void main()
@@ -41,5 +43,5 @@ void main()
 
     Receiver receiver = Receiver(v_eye + away, shading_normal(v_normal, g), g);
     vec3 E = direct_irradiance(receiver, 1, vec2(1.0, 0.0));
-    out_radiance = vec4(v_emission + v_albedo * INV_PI * E, max(length(away), 1e-30));
+    out_radiance = vec4(v_emission + v_albedo * INV_PI * E, max(length(away), 0.05 * near));
 }
