@@ -69,6 +69,9 @@ class Renderer:
             raise InputError(
                 f"size {self.size[0]}x{self.size[1]} is beyond the limit here, {self.about['max_texture_size']} pixels a side"
             )
+        most = int(self.ctx.info["GL_MAX_FRAGMENT_UNIFORM_VECTORS"]) // 8 - 8  # eight rows of the light table a light
+        if len(scene.lights) > most:
+            raise InputError(f"the scene has {len(scene.lights)} lights, and this OpenGL takes {most}: leave some out")
         self.timers = Timers(self.ctx, self.about["software"], enabled=True)
         self.geometry = Geometry(self.ctx, *flatten(scene))
         self.cache = RecordCache(self.ctx)
@@ -94,6 +97,7 @@ class Renderer:
         self._on_cpu: paper.Seen | None = None  # the g-buffer as the paper's algorithm reads it back
         self._splatted = 0  # how many of the cache's records the splat buffer holds
         self._round = 0  # of this view
+        self._pattern = 0  # how far its sites have come from coarse to fine
 
     # ---- the frame -------------------------------------------------------------------------------------------------
 
@@ -133,8 +137,8 @@ class Renderer:
         if self._gbuffer is None or camera != self._camera:
             with self.timers("gbuffer"):
                 self._gbuffer = self.gbuffer_pass(self.scene, self.geometry, camera)
-            self._camera, self._direct, self._on_cpu, self._round = camera, None, None, 0
-            self._splatted = -1
+            self._camera, self._direct, self._on_cpu = camera, None, None
+            self._round, self._pattern, self._splatted = 0, 0, -1
         return self._gbuffer
 
     def _splat(self, gbuffer: GBuffer, camera: Camera) -> SplatBuffer:
@@ -154,10 +158,11 @@ class Renderer:
             found = self.examine_pass(gbuffer, splats, settings.threshold, settings.seed)
             reach = (settings.radius_max or _REACH) / 100.0 * self.size[1] / self.examine_pass.side  # tiles
             asking = int(np.count_nonzero(found.asking))
-            tiles = choose(found.asking, *spacing(self._round, reach, asking), settings.seed)
-            while asking and not len(tiles[0]):  # this round's fields of the chess board ask for nothing: the next ones
-                self._round += 1
-                tiles = choose(found.asking, *spacing(self._round, reach, asking), settings.seed)
+            tiles = choose(found.asking, *spacing(self._pattern, reach, asking), settings.seed)
+            while asking and not len(tiles[0]):  # these fields of the chess board ask for nothing: the next ones
+                self._pattern += 1
+                tiles = choose(found.asking, *spacing(self._pattern, reach, asking), settings.seed)
+            self._pattern += 1
             sites = found.at(tiles)
         for start in range(0, len(sites), self.gather_pass.capacity):
             batch = sites[start : start + self.gather_pass.capacity]

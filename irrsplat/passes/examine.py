@@ -84,17 +84,17 @@ def octahedral_decode(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-30)
 
 
-def spacing(round: int, reach: float, asking: int) -> tuple[int, int]:
-    """The spacing in tiles, and the colour of the chess board (-1: both), for a view's round 0, 1, 2, …
+def spacing(step: int, reach: float, asking: int) -> tuple[int, int]:
+    """The spacing in tiles, and the colour of the chess board (-1: both), for a view's step 0, 1, 2, …
 
-    From squares as wide as the farthest reach of a record (`reach`, in tiles) down to single tiles, two rounds each; where
+    From squares as wide as the farthest reach of a record (`reach`, in tiles) down to single tiles, two steps each; where
     few tiles are `asking`, as after a small move of the camera, at once.
     """
     if asking < _FEW:
-        return (2, -1) if round == 0 else (1, -1)
+        return (2, -1) if step == 0 else (1, -1)
     levels = max(int(math.log2(max(reach, 1.0))), 0)
-    level = round // 2
-    return (2 ** (levels - level), round % 2) if level < levels else (1, -1)
+    level = step // 2
+    return (2 ** (levels - level), step % 2) if level < levels else (1, -1)
 
 
 def choose(asking: np.ndarray, spacing: int, phase: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
