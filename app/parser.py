@@ -103,7 +103,7 @@ def _add_render(commands: Any) -> None:
     add("--preset", metavar="NAME", choices=tuple(PRESETS), default="default", help=f"{', '.join(PRESETS)} (default: default)")
     add("--buffers", metavar="NAME,…", help="only these buffers in .exr, .npz and folders (default: all)")
     add("--stats", metavar="FILE.json", help="write records, rounds, times and settings to this file")
-    group = parser.add_argument_group("camera", "what is not given comes from the scene's camera")
+    group = parser.add_argument_group("camera", "--eye and --target go together; --up and --fov come from the scene unless given")
     group.add_argument("--camera", metavar="NAME", help="a camera of the scene by its name (default: its first)")
     for flag, text in (("eye", "where it stands"), ("target", "the point that it looks at"), ("up", "what is up")):
         group.add_argument(f"--{flag}", nargs=3, type=number, metavar=("X", "Y", "Z"), help=f"{text}, world space")

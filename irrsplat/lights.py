@@ -1,6 +1,7 @@
 """The scene's lights as the shaders take them: a table of numbers, the tiles of their shadow maps, and what kinds there are.
 
-A point light, or a cone wider than 160°, has six tiles; a narrower cone and a directional light have one.
+A point light among the geometry, or a cone wider than 160°, has six tiles; a narrower cone, a light that stands outside and
+a directional light have one.
 """
 
 from __future__ import annotations
@@ -34,8 +35,21 @@ def _unit(v: np.ndarray) -> np.ndarray:
     return v / np.linalg.norm(v)
 
 
-def _is_cube(light: Light) -> bool:
-    return not light.directional and (light.spot_target is None or light.spot_cutoff > _WIDEST_CONE)
+def _single(light: Light, scene: Scene) -> tuple[np.ndarray, float] | None:
+    """Axis and half angle's tangent of the one perspective tile that shows all that the light reaches; None: it takes six."""
+    position = np.asarray(light.position, float)
+    if light.spot_target is not None and light.spot_cutoff <= _WIDEST_CONE:
+        return _unit(np.subtract(light.spot_target, position)), float(np.tan(np.radians(light.spot_cutoff)))
+    low, high = scene.bounds
+    if (position >= low).all() and (position <= high).all():
+        return None
+    # from outside, the corners of the bounding box bound all of it
+    axes = _axes(_unit(scene.bounds.mean(0) - position))
+    corners = (np.array(np.meshgrid(*scene.bounds.T)).reshape(3, -1).T - position) @ axes.T
+    if corners[:, 2].min() <= 0.0:
+        return None
+    tangent = float((np.abs(corners[:, :2]).max(1) / corners[:, 2]).max())
+    return (axes[2], 1.01 * tangent) if tangent <= np.tan(np.radians(_WIDEST_CONE)) else None
 
 
 def _is_square(light: Light) -> bool:
@@ -54,10 +68,8 @@ def _tiles(light: Light, scene: Scene, side: int) -> tuple[np.ndarray, float, fl
         rows[:2] *= scale
         rows[2] = (rows[2] + [0, 0, 0, radius]) / (2 * radius)
         return rows[None], scale, 2 * radius
-    axes, tangent = _CUBE, 1.0
-    if light.spot_target is not None and not _is_cube(light):
-        axes = _axes(_unit(np.subtract(light.spot_target, position)))[None]
-        tangent = np.tan(np.radians(light.spot_cutoff))
+    single = _single(light, scene)
+    axes, tangent = (_CUBE, 1.0) if single is None else (_axes(single[0])[None], single[1])
     scale = 1.0 / (tangent * grow)
     rows = np.concatenate([axes, -(axes @ position)[..., None]], axis=2)
     rows[:, :2] *= scale
@@ -104,7 +116,7 @@ def light_table(scene: Scene, side: int) -> LightTable:
 
 def light_defines(scene: Scene) -> dict[str, int]:
     """What shaders/lib/lights.glsl is compiled for: how many lights, and which kinds, so that no other costs anything."""
-    cubes = [_is_cube(light) for light in scene.lights]
+    cubes = [not light.directional and _single(light, scene) is None for light in scene.lights]
     return {
         "LIGHTS": len(scene.lights),
         "LIGHTS_WITH_CUBE": int(any(cubes)),

@@ -120,6 +120,8 @@ def check_writable(path: Pathlike, buffers: Sequence[str] | None = None) -> str:
             raise InputError(f"unknown buffer '{name}'; the buffers are {', '.join(BUFFERS)}")
     text = os.fspath(path)
     ending = os.path.splitext(text)[1].lower()
+    if "{frame" in text:
+        raise InputError("an output for many frames ({frame…}) is not built yet; give a plain name", text)
     if ending not in ENDINGS and (not ending or text.endswith(("/", os.sep)) or os.path.isdir(text)):
         _try_folder(text)
         return ""

@@ -5,6 +5,7 @@ This is the only place where the passes meet; read `Renderer.frame` first.
 
 from __future__ import annotations
 
+import operator
 import time
 from collections.abc import Callable
 from dataclasses import asdict, replace
@@ -37,6 +38,7 @@ from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import Settings, preset
 from irrsplat.view import Progress, View, pixels, read
 
+_IDLE = 8  # rounds without any gain in coverage after which nothing more is to be hoped for
 _REACH = 8.0  # percent of the image height by which the first sites lie apart where radii have no upper limit
 
 
@@ -58,6 +60,8 @@ class Renderer:
         ctx: moderngl.Context | None = None,
         **settings: Any,
     ) -> None:
+        if not isinstance(scene, Scene):
+            raise InputError(f"a Renderer takes a Scene, as irrsplat.load returns it, not {type(scene).__name__}")
         self.scene = scene
         self.settings: Settings = _preset(preset, **settings)
         self.preset = preset
@@ -106,10 +110,17 @@ class Renderer:
         if self._owns_ctx:
             self.ctx.__enter__()
 
-    def frame(self, camera: Camera | None = None) -> tuple[View, Progress]:
+    def _chosen(self, camera: Camera | str | None) -> Camera:
+        if isinstance(camera, Camera):
+            return camera
+        if camera is None or isinstance(camera, str):
+            return self.scene.camera(camera)
+        raise InputError(f"a camera is a Camera or the name of one of the scene's, not {type(camera).__name__}")
+
+    def frame(self, camera: Camera | str | None = None) -> tuple[View, Progress]:
         """One round: draw what the camera sees, splat what is new, and gather where nothing speaks for a pixel yet."""
         self._use()
-        progress = self._advance(camera or self.scene.camera())
+        progress = self._advance(self._chosen(camera))
         return self._compose(), progress
 
     def _advance(self, camera: Camera) -> Progress:
@@ -206,7 +217,7 @@ class Renderer:
     # ---- whole renders ---------------------------------------------------------------------------------------------
 
     def converge(
-        self, camera: Camera | None = None, progress: Callable[[Progress], None] | None = None
+        self, camera: Camera | str | None = None, progress: Callable[[Progress], None] | None = None
     ) -> tuple[View, dict[str, Any]]:
         """Rounds until the examination finds nothing, or `max_rounds`; returns the view and its statistics.
 
@@ -214,14 +225,15 @@ class Renderer:
         each round. Ctrl-C ends the rounds: the last whole one counts, "interrupted" is True.
         """
         self._use()
-        camera = camera or self.scene.camera()
+        camera = self._chosen(camera)
         self.timers.clear()
         start = time.perf_counter()
         stats: dict[str, Any] = {"rounds": 0, "converged": False, "interrupted": False, "coverage": 0.0}
-        whole = self.cache.count
+        whole, idle = self.cache.count, 0
         try:
-            while not stats["converged"] and stats["rounds"] < self.settings.max_rounds:
+            while not stats["converged"] and stats["rounds"] < self.settings.max_rounds and idle < _IDLE:
                 now = self._advance(camera)
+                idle = 0 if now.coverage > stats["coverage"] else idle + 1
                 whole = self.cache.count
                 stats["rounds"] += 1
                 stats["coverage"], stats["converged"] = now.coverage, now.new == 0
@@ -231,19 +243,25 @@ class Renderer:
             stats["interrupted"] = True
             self.cache.truncate(whole)
             self._splatted = -1
-        if not stats["converged"]:
-            self._splat(self._seen(camera), camera)  # what the last round gathered
+        if not stats["converged"]:  # what the last round gathered is still to be splatted
+            gbuffer = self._seen(camera)
+            splats = self._splat(gbuffer, camera)
+            if self.settings.bounces:
+                found = self.examine_pass(gbuffer, splats, self.settings.threshold, self.settings.seed)
+                stats["coverage"] = 1.0 - found.missing
         self.ctx.finish()
         stats |= {"records": self.cache.count, "seconds": time.perf_counter() - start}
         return self._compose(), stats
 
     def render(
         self,
-        camera: Camera | None = None,
+        camera: Camera | str | None = None,
         progress: Callable[[Progress], None] | None = None,
         figures: bool = False,
     ) -> Frame:
-        """The view from `camera` (default: the scene's), refined until every pixel is served, as numpy arrays.
+        """The view from `camera` (or the scene's of that name; default: its first), refined until every pixel is served.
+
+        Returns a Frame of numpy arrays that the caller owns.
 
         Records of earlier views are used again: only what is new is gathered. progress is called after each round with
         round, records, new and coverage (0..1). figures: fill Frame.figures with the paper's figures 1, 3 and 4 too.
@@ -308,7 +326,7 @@ class Renderer:
 
 
 def render(
-    scene: Scene, size: tuple[int, int] = (800, 800), camera: Camera | None = None, preset: str = "default", **settings: Any
+    scene: Scene, size: tuple[int, int] = (800, 800), camera: Camera | str | None = None, preset: str = "default", **settings: Any
 ) -> Frame:
     """One view of `scene`, headless, refined until every pixel is served; arguments and errors as `Renderer`."""
     with Renderer(scene, size, preset, **settings) as renderer:
@@ -320,7 +338,7 @@ _preset = preset  # Renderer's argument has the same name
 
 def _checked(size: tuple[int, int]) -> tuple[int, int]:
     try:
-        width, height = (int(n) for n in size)
+        width, height = (operator.index(n) for n in size)
     except (TypeError, ValueError):
         raise InputError(f"size takes two whole numbers, width and height, not {size!r}") from None
     if width < 1 or height < 1:

@@ -6,6 +6,7 @@ The command line's flags, the viewer's sliders, the README's table and the check
 from __future__ import annotations
 
 import math
+import numbers
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal
@@ -65,19 +66,22 @@ class Declaration:
 
     def check(self, value: Any) -> Any:
         """`value` as this setting's type; raises InputError where it is of another type or out of range."""
-        if self.auto and value == "auto":
+        if self.auto and isinstance(value, str) and value == "auto":
             return "auto"
+        if self.kind == "bool" and value in ("on", "off"):
+            return value == "on"
+        number = isinstance(value, numbers.Real) and not isinstance(value, bool)
         fits = {
             "bool": isinstance(value, bool),
             "choice": value in self.choices,
-            "int": isinstance(value, int) and not isinstance(value, bool),
-            "float": isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value),
+            "int": number and isinstance(value, numbers.Integral),
+            "float": number and math.isfinite(value),
         }[self.kind]
         if fits and self.low is not None and self.high is not None:
             fits = self.low <= value <= self.high
         if not fits:
             raise InputError(f"setting '{self.name}' takes {self.range}, not {value!r}")
-        return float(value) if self.kind == "float" else value
+        return float(value) if self.kind == "float" else int(value) if self.kind == "int" else value
 
 
 def _declare(default: Any, kind: str, stage: str, help: str, **rest: Any) -> Any:

@@ -11,6 +11,8 @@ uniform vec3 eye;
 uniform vec3 forward;   // unit, the view axis
 uniform float far;      // metres, beyond the farthest corner of the scene
 
+const float BACK = 2e-6;  // of the far distance
+
 layout(location = 0) out vec4 out_position;  // xyz, depth along the view axis (0: nothing seen)
 layout(location = 1) out vec4 out_normal;    // shading normal turned to the eye, geometric normal octahedral .x
 layout(location = 2) out vec4 out_albedo;    // reflectance, geometric normal octahedral .y
@@ -28,5 +30,6 @@ void main()
     out_albedo = vec4(v_albedo, octahedral.y);
     out_emission = vec4(v_emission, float(gl_PrimitiveID));
     // linear depth: equally fine near and far, whatever the scene's size
-    gl_FragDepth = depth / far;
+    // at a silhouette two triangles share an edge and a depth: the one that faces the eye is seen
+    gl_FragDepth = depth / far + (gl_FrontFacing ? 0.0 : BACK);
 }

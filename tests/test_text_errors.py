@@ -57,7 +57,8 @@ CAM = "cam 0 0 5  0 0 0  0 1 0\n"
         ("obj nope.obj\n", 1, "there is no file 'nope.obj'"),
         ("obj .\n", 1, "is a directory"),
         ("light nope.light\n", 1, "there is no file 'nope.light'"),
-        ("scale 1e30 1e30 1e30\nscale 1e30 1 1\nobj t.obj\n", 3, "32-bit"),
+        ("scale 1e30 1 1\n", 1, "beyond 1e+15"),
+        ("scale 1e14 1e14 1e14\nscale 1e14 1 1\nscale 1e14 1 1\nobj t.obj\n", 4, "32-bit"),
     ],
 )  # fmt: skip
 def test_a_malformed_scene_line_is_an_error_with_its_place(write, text, line, says):

@@ -35,6 +35,7 @@ def create(require: int = REQUIRED) -> moderngl.Context:
     """
     options: list[dict[str, Any]] = [{}]
     if sys.platform.startswith("linux"):
+        os.environ.setdefault("EGL_LOG_LEVEL", "fatal")  # Mesa's own warnings: an error here is one line, ours
         chosen = "GLCONTEXT_DEVICE_INDEX" in os.environ  # then glcontext reads it, and it is not ours to override
         options = [
             {"backend": "egl"} | ({} if chosen or i == 0 else {"device_index": i}) for i in range(1 if chosen else _DEVICES)

@@ -27,6 +27,8 @@ def load(source: str | os.PathLike[str]) -> Scene:
     Reads `.scene` text and, as geometry with diffuse colours, `.obj`, `.ply`, `.stl`, `.glb` and `.gltf`. World space is
     right-handed, in metres. Raises InputError, one line, for whatever is wrong with the file or the name.
     """
+    if not isinstance(source, (str, os.PathLike)):
+        raise InputError(f"load takes a path or the name of a bundled scene, not {type(source).__name__}")
     path = Path(source)
     try:
         exists, folder = path.exists(), path.is_dir()

@@ -47,6 +47,9 @@ def text_bytes(path: Path) -> bytes:
     return data
 
 
+GREATEST = 1e15  # its square, and light summed up from it, is still a float32
+
+
 def number(word: str) -> float:
     """The finite number that `word` spells; raises ValueError with the reason where it is none."""
     try:
@@ -57,6 +60,8 @@ def number(word: str) -> float:
         raise ValueError(f"{quote(word)} is not a number")
     if not math.isfinite(value):
         raise ValueError(f"{quote(word)} is not a finite number")
+    if abs(value) > GREATEST:
+        raise ValueError(f"{quote(word)} is beyond {GREATEST:g}, the greatest number that 32-bit floats can reckon with here")
     return value
 
 

@@ -133,7 +133,7 @@ float visibility(int i, Receiver r, int taps, vec2 rotation)
     if (taps == 1) return shadow_tap(t, vec2(0.0));
     mat2 turn = mat2(rotation.x, rotation.y, -rotation.y, rotation.x);
     float lit = 0.0;
-    for (int s = 0; s < taps; ++s) lit += shadow_tap(t, turn * ((vec2(s & 1, s >> 1) - 0.5) * 1.5));  // texels
+    for (int s = 0; s < taps; ++s) lit += shadow_tap(t, turn * (vec2(s & 1, s >> 1) - 0.5));  // texels
     return lit / float(taps);
 }
 
@@ -190,7 +190,7 @@ vec3 light_irradiance(int i, Receiver r)
         strength *= edge * (falloff.w > 0.0 ? pow(max(c, 0.0), falloff.w) : 1.0);
     }
 #endif
-    return color * cosine * strength;
+    return min(color * cosine * strength, vec3(1e30));  // a lamp may touch a surface
 }
 
 // Direct irradiance E in W/m², `taps` (1 or 4) shadow samples per light.
