@@ -11,7 +11,9 @@ uniform vec3 eye;
 uniform vec3 forward;   // unit, the view axis
 uniform float far;      // metres, beyond the farthest corner of the scene
 
-const float BACK = 2e-6;  // of the far distance
+uniform int closed;       // triangles below this number belong to closed meshes
+
+const float BACK = 1e-3;  // of the far distance
 
 layout(location = 0) out vec4 out_position;  // xyz, depth along the view axis (0: nothing seen)
 layout(location = 1) out vec4 out_normal;    // shading normal turned to the eye, geometric normal octahedral .x
@@ -22,7 +24,7 @@ void main()
 {
     float depth = dot(v_position - eye, forward);
     vec3 g = face_plane(gl_PrimitiveID).xyz;
-    g = dot(g, eye - v_position) < 0.0 ? -g : g;
+    g = gl_FrontFacing ? g : -g;  // turned to the eye, as the rasteriser sees it: a dot product is noise at a silhouette
     vec3 n = shading_normal(v_normal, g);
     vec2 octahedral = octahedral_encode(g);
     out_position = vec4(v_position, max(depth, 1e-30));
@@ -30,6 +32,6 @@ void main()
     out_albedo = vec4(v_albedo, octahedral.y);
     out_emission = vec4(v_emission, float(gl_PrimitiveID));
     // linear depth: equally fine near and far, whatever the scene's size
-    // at a silhouette two triangles share an edge and a depth: the one that faces the eye is seen
-    gl_FragDepth = depth / far + (gl_FrontFacing ? 0.0 : BACK);
+    // a closed mesh shows its inner side to nobody outside, but at its silhouette depth is noise: there the outer side is seen
+    gl_FragDepth = depth / far + (!gl_FrontFacing && gl_PrimitiveID < closed ? BACK : 0.0);
 }

@@ -120,8 +120,8 @@ class Program:
             ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
             ctx.blend_func = moderngl.ONE, moderngl.ONE
         ctx.polygon_offset = state.push  # type: ignore[assignment]
+        ctx.front_face = "ccw"  # gl_FrontFacing goes by it
         if state.cull:
-            ctx.front_face = "ccw"
             ctx.cull_face = state.cull
         if state.clamp:
             ctx.enable_direct(DEPTH_CLAMP)

@@ -37,6 +37,7 @@ class GBufferPass:
             eye=eye,
             forward=-camera.axes[2],
             far=far,
+            closed=geometry.parts["closed"][1] // 3,
             **geometry.uniforms,
         )
         return GBuffer(*self.target.textures)
