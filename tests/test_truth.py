@@ -129,3 +129,25 @@ def spots(reference: Reference, values: np.ndarray) -> np.ndarray:
         for dx in range(5):
             image[reference.pixels[:, 0] + dy, reference.pixels[:, 1] + dx] = values
     return image[2:-2, 2:-2]
+
+
+@pytest.mark.parametrize("name", ["curved", "door"])
+def test_no_normal_is_turned_inside_out(name: str) -> None:
+    """A pixel whose normal is opposite to those of all its neighbours would be a closed mesh seen from its inner side."""
+    frame = irrsplat.render(irrsplat.load(name), size=(SIZE, SIZE), bounces=0)
+    n = frame.normal
+    cosines = [(n[1:-1, 1:-1] * np.roll(n, shift, axis)[1:-1, 1:-1]).sum(-1) for axis in (0, 1) for shift in (1, -1)]
+    assert (np.max(cosines, axis=0) < -0.8).sum() == 0
+
+
+def test_no_light_seeps_along_the_corners_of_the_paper_s_box() -> None:
+    """The back wall just beside the left one, and the foot of that corner, lie in the left wall's shadow for the left lamp.
+
+    Every seen pixel there within a metre above the floor and 8 cm of the corner is lit by the right lamp at most, or by none.
+    """
+    scene = irrsplat.load("cornell-paper")
+    dark = replace(scene, lights=tuple(light for light in scene.lights if light.position[0] < 0.0))
+    frame = irrsplat.render(dark, size=(SIZE, SIZE), bounces=0)
+    x, y, z = np.moveaxis(frame.position, -1, 0)
+    beside = (np.abs(z + 5.0) < 1e-3) & (x < -4.92) & (y < -1.0) & np.isfinite(frame.depth)
+    assert beside.sum() > 20 and not frame.direct[beside].any()
