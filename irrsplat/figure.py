@@ -50,7 +50,7 @@ class Shown:
 
     @property
     def half_size(self) -> float:
-        """Half the quad's side in metres: r·d/√(d² − r²) bounds the silhouette (METHOD: the quad)."""
+        """Half the quad's side in metres: r·d/√(d² − r²) bounds the silhouette."""
         return self.r * self.d / math.sqrt(self.d**2 - self.r**2)
 
     @property

@@ -43,7 +43,7 @@ _REACH = 8.0  # percent of the image height by which the first sites lie apart w
 
 
 class Renderer:
-    """Renders views of one scene and keeps the irradiance records that they asked for (METHOD: the persistent cache).
+    """Renders views of one scene and keeps the irradiance records that they asked for.
 
     scene: what `irrsplat.load` returns. size: (width, height) in pixels. preset: a name of settings.PRESETS, and any
     setting by name on top of it. ctx: a moderngl context to use, which its owner makes current (default: a new one without a

@@ -93,7 +93,7 @@ def test_irradiance_vector(ctx: moderngl.Context, gathered: dict[int, Gathered],
 
 
 def test_translation_gradient(ctx: moderngl.Context, gathered: dict[int, Gathered]) -> None:
-    """∇E against central differences of the exact E: METHOD measured 13 to 36 % in such a scene; more texels, less error."""
+    """∇E against central differences of the exact E; more texels, less error."""
     p, n = places()
     truth = gradient(p, n)
     error = {side: relative(at_side(ctx, gathered, side).gradient[:, 0], truth) for side in (16, 32, 64)}
@@ -113,7 +113,7 @@ def test_translation_gradient_has_the_right_length(ctx: moderngl.Context, gather
 
 
 def test_gradient_against_differences_of_the_gather_itself(ctx: moderngl.Context) -> None:
-    """The same by 256² gathers 4 cm apart, in the surface's plane, as METHOD asks: the reference needs no formula."""
+    """The same by 256² gathers 4 cm apart, in the surface's plane: the reference needs no formula."""
     p, n = places(3)
     step, axes = 0.04, np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     around = np.concatenate([p + s * step * d for d in axes for s in (1.0, -1.0)])

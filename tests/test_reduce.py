@@ -51,7 +51,7 @@ def atlas_of(ctx: moderngl.Context, seen: np.ndarray, kind: str, side: int, fram
 
 
 def reduced(seen: np.ndarray, kind: str, side: int, frame: np.ndarray, geometric: np.ndarray) -> tuple[np.ndarray, ...]:
-    """E (N, 3), R (N,), M (N, channel, 3) and ∇E (N, channel, 3) as METHOD has them, in float64."""
+    """E (N, 3), R (N,), M (N, channel, 3) and ∇E (N, channel, 3) in float64."""
     table, edges = hemisphere_table(kind, side), edge_table(kind, side)
     height, width = table.shape[:2]
     below = np.einsum("nij,nj->ni", frame, geometric)  # the geometric normal in the record's frame

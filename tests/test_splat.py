@@ -89,7 +89,7 @@ def table(count: int = 200, seed: int = 1) -> Table:
 def splat(seen: View, records: Table, settings: Settings) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Sums (H, W, 4), weight (H, W), and the pixels where rounding may decide whether a record speaks.
 
-    Ward et al. 1988: w = 1/(|p-p_k|/R + √(1-n·n_k)), where w > 1/a; METHOD: finite, R at most E/|∇E| on luminance where there are
+    Ward et al. 1988: w = 1/(|p-p_k|/R + √(1-n·n_k)), where w > 1/a; finite, R at most E/|∇E| on luminance where there are
     gradients, then limited by the view; neither in front of the pixel's surface nor behind it by more than R/20.
     """
     sums, weight = np.zeros((*seen.depth.shape, 4)), np.zeros(seen.depth.shape)
@@ -164,7 +164,7 @@ def test_splatting_equals_numpy(ctx: moderngl.Context, name: str) -> None:
 
 
 def test_a_record_at_its_own_pixel_is_finite(ctx: moderngl.Context) -> None:
-    """e = 0 there; METHOD: w = 1/max(e, 10⁻³) = 1000."""
+    """e = 0 there, and w = 1/max(e, 10⁻³) = 1000."""
     seen = view()
     seen.depth[:] = 3.0
     records = table(1)

@@ -1,4 +1,4 @@
-// The weight of a record for a point; METHOD: kept finite by a least error of 10⁻³.
+// The weight of a record for a point, kept finite by a least error of 10⁻³.
 uniform float a;
 
 const float LEAST_ERROR = 1e-3;
