@@ -11,6 +11,7 @@ from PIL import Image
 from irrsplat.cutaway import Parallel, Surface, paint, surface
 from irrsplat.display import tonemap
 from irrsplat.output import Frame
+from irrsplat.passes.splat import splat_radius
 from irrsplat.pen import Pen, legend_height, write_legend
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
@@ -69,7 +70,7 @@ def diagram(frame: Frame, eye: Camera, settings: Settings) -> np.ndarray:
     record = pick(frame, eye, settings)
     if record is None or min(width, height) < LEAST:
         return tonemap(frame.image, frame.exposure)
-    seen = _lit_up(surface(frame, 2.0 * math.tan(math.radians(eye.fov) / 2.0) / height), record)
+    seen = _lit_up(surface(frame, eye.screen / height), record)
     axes = _beside(record, eye, seen)
     size = _SUPER * np.array([width, height])
     font = max(11.0, 0.031 * min(width, height)) * _SUPER
@@ -114,10 +115,7 @@ def pick(frame: Frame, eye: Camera, settings: Settings) -> Shown | None:
     column = np.clip((0.5 + 0.5 * x) * width, 0, width - 1).astype(int)
     row = np.clip((0.5 - 0.5 * y) * height, 0, height - 1).astype(int)
     hidden = np.abs(frame.depth[row, column] - z) > 0.02 * z
-    screen = 2.0 * tangent * d / 100.0  # one percent of the image height, in metres
-    r = np.maximum(settings.a * R, settings.radius_min * screen)
-    if settings.radius_max > 0.0:
-        r = np.minimum(r, settings.radius_max * screen)
+    r = splat_radius(R, d, eye, settings)
     size = np.minimum(r / d, 0.3)
     facing = np.einsum("ij,ij->i", apart, normal) / d
     lit = np.clip(0.5 - abs(tonemap(frame.image[row, column], frame.exposure).mean(axis=-1) - 0.5), 0.05, 0.3)

@@ -45,7 +45,7 @@ def _single(light: Light, scene: Scene) -> tuple[np.ndarray, float] | None:
         return None
     # from outside, the corners of the bounding box bound all of it
     axes = _axes(_unit(scene.bounds.mean(0) - position))
-    corners = (np.array(np.meshgrid(*scene.bounds.T)).reshape(3, -1).T - position) @ axes.T
+    corners = (scene.corners - position) @ axes.T
     if corners[:, 2].min() <= 0.0:
         return None
     tangent = float((np.abs(corners[:, :2]).max(1) / corners[:, 2]).max())

@@ -16,11 +16,13 @@ import numpy as np
 
 from irrsplat.buffers import GBuffer, ShadowMaps, Sites
 from irrsplat.gpu.geometry import Geometry
+from irrsplat.gpu.target import pixels
 from irrsplat.hemisphere import hemisphere_table
 from irrsplat.passes.examine import octahedral_decode
 from irrsplat.passes.gather import GatherPass
+from irrsplat.passes.splat import splat_radius
 from irrsplat.scene.model import Camera
-from irrsplat.settings import Settings
+from irrsplat.settings import IN_FRONT, LEAST_ERROR, Settings
 
 
 @dataclass(frozen=True)
@@ -43,10 +45,7 @@ class Seen:
 
 def read_back(gbuffer: GBuffer) -> Seen:
     """Section 3.2: the visible points, their normals and materials are stored on the CPU."""
-    position, normal, albedo, emission = (
-        np.frombuffer(t.read(), "f4").reshape(t.height, t.width, 4)[::-1]
-        for t in (gbuffer.position, gbuffer.normal, gbuffer.albedo, gbuffer.emission)
-    )
+    position, normal, albedo, emission = (pixels(t) for t in (gbuffer.position, gbuffer.normal, gbuffer.albedo, gbuffer.emission))
     mask = position[..., 3] > 0.0
     triangle = np.where(mask, emission[..., 3], 0.0).astype(np.intp)
     return Seen(position[..., :3], normal[..., :3], octahedral_decode(normal[..., 3], albedo[..., 3]), mask, triangle)
@@ -75,9 +74,9 @@ class Recorder:
 
 def warm_up(seen: Seen, record: Recorder, settings: Settings) -> tuple[Sites, np.ndarray]:
     """Step 1: records at visible pixels chosen at random; their sites and (N, 4) values E, R."""
-    pixels = np.argwhere(seen.mask)
-    chosen = np.random.default_rng(settings.seed).permutation(len(pixels))[: settings.warmup]
-    sites = [seen.site(row, column) for row, column in pixels[chosen]]
+    visible = np.argwhere(seen.mask)
+    chosen = np.random.default_rng(settings.seed).permutation(len(visible))[: settings.warmup]
+    sites = [seen.site(row, column) for row, column in visible[chosen]]
     return _join(sites), np.array([record(site) for site in sites], "f4").reshape(-1, 4)
 
 
@@ -111,18 +110,16 @@ def splat_weight(weight: np.ndarray, seen: Seen, site: Sites, R: float, camera: 
     height, width = weight.shape
     p_k, n_k, a = site.position[0], site.normal[0], np.float32(settings.a)
     d = float(np.linalg.norm(p_k - np.asarray(camera.eye)))
-    screen = 2.0 * math.tan(math.radians(camera.fov) / 2.0) / 100.0
-    r = max(settings.a * R, settings.radius_min * screen * d)
-    r = min(r, settings.radius_max * screen * d) if settings.radius_max > 0.0 else r
+    r = float(splat_radius(R, d, camera, settings))
     rows, columns = _box(p_k, r, camera, width, height)
     apart = seen.position[rows, columns] - p_k
     n = seen.normal[rows, columns]
     cosine = n @ n_k
     error = np.sqrt((apart * apart).sum(-1)) / np.float32(r / settings.a) + np.sqrt(np.maximum(0.0, 1.0 - cosine))
-    w = 1.0 / np.maximum(error, np.float32(1e-3))
+    w = 1.0 / np.maximum(error, np.float32(LEAST_ERROR))
     speaks = seen.mask[rows, columns] & (w > 1.0 / a)
     if settings.in_front:
-        speaks &= (cosine > 0.0) & (np.abs((apart * (n + n_k)).sum(-1)) * 0.5 <= 0.05 * r / settings.a)
+        speaks &= (cosine > 0.0) & (np.abs((apart * (n + n_k)).sum(-1)) * 0.5 <= IN_FRONT * r / settings.a)
     weight[rows, columns] += np.where(speaks, w, np.float32(0.0))
 
 
@@ -131,7 +128,7 @@ def _box(centre: np.ndarray, r: float, camera: Camera, width: int, height: int) 
     x, y, z = camera.axes @ (centre - np.asarray(camera.eye))
     if -z <= r:
         return slice(0, height), slice(0, width)
-    f = 0.5 * height / math.tan(math.radians(camera.fov) / 2.0)  # pixels
+    f = height / camera.screen  # pixels
 
     def span(lateral: float, size: int) -> tuple[int, int]:
         # the sphere's tangents in the plane of this axis and the view axis

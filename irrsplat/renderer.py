@@ -21,7 +21,7 @@ from irrsplat.errors import InputError
 from irrsplat.gpu import context
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.program import Program
-from irrsplat.gpu.target import Target
+from irrsplat.gpu.target import Target, pixels
 from irrsplat.gpu.timers import Timers
 from irrsplat.lights import light_defines
 from irrsplat.output import Frame
@@ -36,7 +36,7 @@ from irrsplat.passes.splat import SplatPass
 from irrsplat.scene.flat import flatten
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import Settings, preset
-from irrsplat.view import Progress, View, pixels, read
+from irrsplat.view import Progress, View, read
 
 _IDLE = 8  # rounds without any gain in coverage after which nothing more is to be hoped for
 _REACH = 8.0  # percent of the image height by which the first sites lie apart where radii have no upper limit
@@ -77,6 +77,7 @@ class Renderer:
         if len(scene.lights) > most:
             raise InputError(f"the scene has {len(scene.lights)} lights, and this OpenGL takes {most}: leave some out")
         self.timers = Timers(self.ctx, self.about["software"], enabled=True)
+        lights = light_defines(scene)
         self.geometry = Geometry(self.ctx, *flatten(scene))
         self.cache = RecordCache(self.ctx)
         self.shadow_pass = ShadowPass(self.ctx)
@@ -86,13 +87,13 @@ class Renderer:
             "plane" if self.settings.gather == "plane" else "raster",
             self.settings.gather_size,
             scene.diagonal,
-            light_defines(scene),
+            lights,
             capacity=1 if self.settings.placement == "scan" else None,  # the paper: one at a time
         )
         self.reduce_pass = ReducePass(self.ctx, self.settings.gradients)
         self.splat_pass = SplatPass(self.ctx, self.size, self.settings.gradients)
         self.examine_pass = ExaminePass(self.ctx, self.size)
-        self.direct_pass = DirectPass(self.ctx, self.size, light_defines(scene))
+        self.direct_pass = DirectPass(self.ctx, self.size, lights)
         self.composite_pass = CompositePass(self.ctx, self.size)
         self._shadows: ShadowMaps | None = None
         self._camera: Camera | None = None

@@ -15,6 +15,10 @@ from irrsplat.errors import InputError
 
 Auto = Literal["auto"]
 
+# of the weight, the same in shaders/lib/weight.glsl and on the CPU
+LEAST_ERROR = 1e-3  # w = 1/max(e, this) stays finite
+IN_FRONT = 0.05  # of R_k: how far in front of a pixel's surface, or behind it, a record may lie
+
 
 @dataclass(frozen=True)
 class Declaration:

@@ -9,6 +9,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.buffers import GBuffer, SplatBuffer
+from irrsplat.gpu.target import pixels
 from irrsplat.output import Frame
 from irrsplat.scene.model import Camera
 
@@ -36,11 +37,6 @@ class Progress:
     records: int
     new: int
     coverage: float
-
-
-def pixels(texture: moderngl.Texture) -> np.ndarray:
-    """A float texture as (H, W, C) float32, top row first, read only."""
-    return np.frombuffer(texture.read(), "f4").reshape(texture.height, texture.width, texture.components)[::-1]
 
 
 def read(view: View, sky: tuple[float, float, float], records: dict[str, np.ndarray], stats: dict[str, Any]) -> Frame:

@@ -4,7 +4,7 @@
 uniform sampler2D position;  // g-buffer
 uniform sampler2D normal;
 uniform bool cut;            // the paper's kernel: w as it is, cut off at 1/a
-uniform bool in_front;       // reject records in front of the pixel's surface
+uniform bool in_front;       // reject records in front of the pixel's surface, or behind it
 
 flat in vec4 v_record;
 flat in vec3 v_normal;

@@ -21,7 +21,7 @@ CLIP_DISTANCE0 = 0x3000
 class State:
     """All the fixed-function state of one draw; whatever is not named is off.
 
-    depth: "<=" or None. blend: "add" or None. cull: "front", "back" or None.
+    depth: "<" or None. blend: "add" or None. cull: "front", "back" or None.
     clamp: depth clamp, so that no near plane clips. clips: how many gl_ClipDistance planes are on.
     push: polygon offset as glPolygonOffset, (slopes, units).
     """

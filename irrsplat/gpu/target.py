@@ -33,6 +33,11 @@ def depth_texture(ctx: moderngl.Context, size: tuple[int, int]) -> moderngl.Text
     return texture
 
 
+def pixels(texture: moderngl.Texture) -> np.ndarray:
+    """A float texture as (H, W, C) float32, top row first, read only; C is 1 for a scalar texture too."""
+    return np.frombuffer(texture.read(), "f4").reshape(texture.height, texture.width, texture.components)[::-1]
+
+
 class Target:
     """A framebuffer that owns its textures: `textures` in the order of the shader's outputs, `depth` or None."""
 
@@ -67,9 +72,7 @@ class Target:
 
     def read(self, attachment: int = 0) -> np.ndarray:
         """The attachment as (H, W, C) float32, top row first; C is 1 for a scalar texture too."""
-        texture = self.textures[attachment]
-        data = np.frombuffer(texture.read(), "f4").reshape(self.size[1], self.size[0], texture.components)
-        return data[::-1]
+        return pixels(self.textures[attachment])
 
     def release(self) -> None:
         """Free the framebuffer and the textures that it made."""

@@ -66,7 +66,7 @@ class CompositePass:
             normal=gbuffer.normal,
             sums=splats.sums,
             smooth_radius=max(1, round(_SMOOTH * self.size[1])),
-            pixel_size=2.0 * math.tan(math.radians(camera.fov) / 2.0) / self.size[1],
+            pixel_size=camera.screen / self.size[1],
         )
         return self.smooth_target.textures[0]
 

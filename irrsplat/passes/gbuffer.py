@@ -25,9 +25,8 @@ class GBufferPass:
     def __call__(self, scene: Scene, geometry: Geometry, camera: Camera) -> GBuffer:
         """What `camera` sees; the textures are this pass's own, and hold until its next call."""
         width, height = self.target.size
-        corners = np.array(np.meshgrid(*scene.bounds.T)).reshape(3, -1).T
         eye = np.asarray(camera.eye, float)
-        far = 1.01 * float(np.linalg.norm(corners - eye, axis=1).max()) + 1e-3 * scene.diagonal
+        far = 1.01 * float(np.linalg.norm(scene.corners - eye, axis=1).max()) + 1e-3 * scene.diagonal
         self.marked.clear()  # depth 0 says that a pixel sees nothing: the other textures are not looked at there
         self.program(
             self.target,

@@ -2,22 +2,34 @@
 
 from __future__ import annotations
 
-import math
+from typing import Any
 
 import moderngl
+import numpy as np
 
 from irrsplat.buffers import NOTHING_SEEN, GBuffer, Records, SplatBuffer
 from irrsplat.gpu.program import Program, State
 from irrsplat.gpu.target import Target
 from irrsplat.scene.model import Camera
-from irrsplat.settings import Settings
+from irrsplat.settings import IN_FRONT, LEAST_ERROR, Settings
+
+
+def splat_radius(R: Any, distance: Any, camera: Camera, settings: Settings) -> np.ndarray:
+    """The radius a·R in metres within radius_min and radius_max, as splat.vert has it, but for what gradients take away.
+
+    R: harmonic mean distances R_k; distance: of the records from the eye; metres, any one shape.
+    """
+    percent = camera.screen * np.asarray(distance) / 100.0  # of the image height, in metres
+    r = np.maximum(settings.a * np.asarray(R), settings.radius_min * percent)
+    return np.minimum(r, settings.radius_max * percent) if settings.radius_max > 0.0 else r
 
 
 class SplatPass:
     """Adds records to a splat buffer of `size` (width, height), with their gradients or without."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], gradients: bool) -> None:
-        self.program = Program(ctx, "splat", defines={"GRADIENTS": int(gradients)})
+        defines = {"GRADIENTS": int(gradients), "LEAST_ERROR": LEAST_ERROR, "IN_FRONT": IN_FRONT}
+        self.program = Program(ctx, "splat", defines=defines)
         self.empty = Program(ctx, "splat_clear", "lib/fullscreen", {"NOTHING_SEEN": NOTHING_SEEN})
         self.target = Target(ctx, size, (4, 1))
 
@@ -28,7 +40,7 @@ class SplatPass:
     def __call__(self, records: Records, first: int, gbuffer: GBuffer, camera: Camera, settings: Settings) -> SplatBuffer:
         """Add the records from number `first` on, in their order; the sums are this pass's own textures."""
         width, height = self.target.size
-        screen = 2.0 * math.tan(math.radians(camera.fov) / 2.0)  # image height at distance 1
+        screen = camera.screen
         self.program(
             self.target,
             vertices=4,

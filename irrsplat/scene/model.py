@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -84,6 +85,11 @@ class Camera:
         if not sine > 1e-9 * max(float(np.linalg.norm(self.up)), 1e-300):
             raise InputError("the camera's up vector is parallel to its view; give another up")
 
+    @property
+    def screen(self) -> float:
+        """The height of the image at distance 1 from the eye, in metres."""
+        return 2.0 * math.tan(math.radians(self.fov) / 2.0)
+
     @cached_property
     def axes(self) -> Array:
         """(3, 3) rows: right, up and backward, unit, world space."""
@@ -134,6 +140,11 @@ class Scene:
         """(2, 3) float64: the least and greatest corner of the geometry; zeros where there is none."""
         corners = [c for m in self.meshes if len(m.positions) for c in (m.positions.min(0), m.positions.max(0))]
         return np.array([np.min(corners, 0), np.max(corners, 0)], float) if corners else np.zeros((2, 3))
+
+    @property
+    def corners(self) -> Array:
+        """(8, 3) float64: the corners of the bounding box."""
+        return np.array(np.meshgrid(*self.bounds.T)).reshape(3, -1).T
 
     @cached_property
     def diagonal(self) -> float:

@@ -1,4 +1,4 @@
-// Direct irradiance of the scene's delta lights, with their shadow maps; passes/shadow.py writes both textures.
+// Direct irradiance of the scene's delta lights, with their shadow maps; the table comes from lights.py, the maps from passes/shadow.py.
 #include "lib/constants.glsl"
 
 // LIGHTS is how many there are, the other LIGHTS_… whether any of them has what the name says: a branch that no light
@@ -65,7 +65,7 @@ float shadow_tap(Projected r, vec2 offset)
     return 1.0 - stored <= expected * r.slack + r.slope + 2e-7 ? 1.0 : 0.0;
 }
 
-// A point light's tile that sees `d` = p - light, and d and g in its axes; passes/shadow.py has the same six.
+// A point light's tile that sees `d` = p - light, and d and g in its axes; lights.py has the same six.
 void cube_tile(vec3 d, vec3 g, inout Projected t)
 {
     vec3 s = abs(d);

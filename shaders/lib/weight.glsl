@@ -1,8 +1,7 @@
-// The weight of a record for a point, kept finite by a least error of 10⁻³.
+// The weight of a record for a point, kept finite by a least error.
 uniform float a;
 
-const float LEAST_ERROR = 1e-3;
-const float IN_FRONT = 0.05;  // of R_k: how far in front of a pixel's surface, or behind it, a record may lie
+// LEAST_ERROR and IN_FRONT (of R_k: how far in front of a pixel's surface, or behind it, a record may lie) are settings.py's.
 
 // `apart` = p - p_k in metres, R in metres, unit normals n of the point and n_k of the record; 0 where it does not speak.
 float record_weight(vec3 apart, float R, vec3 n, vec3 n_k, bool in_front)
