@@ -12,7 +12,7 @@ from irrsplat.errors import InputError
 from irrsplat.settings import PRESETS, SETTINGS, Declaration, Settings
 
 DEFAULT_SCENE = "cornell"
-_STAGES = ("shadow", "gather", "splat", "examine", "composite")  # the order of the frame
+_STAGES = ("shadow", "gather", "splat", "examine", "composite", "view")  # the order of the frame
 
 
 class Parser(argparse.ArgumentParser):
@@ -54,7 +54,7 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
     args = build().parse_args(list(_spelled_out(argv)))
     if args.command == "render":
         args.values = {
-            name: _value(d, text) for name, d in SETTINGS.items() if (text := getattr(args, "set_" + name)) is not None
+            name: _value(d, text) for name, d in SETTINGS.items() if (text := getattr(args, "set_" + name, None)) is not None
         }
         _check_camera(args)
     return args

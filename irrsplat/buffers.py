@@ -139,7 +139,7 @@ class Atlas:
     table: RGBA32F texture of one cell, xyz direction in the record's frame (tangent, bitangent, normal), w cosθ·dω.
     edges: RGBA32F texture of two texels a texel, see hemisphere.edge_table.
     frames: RGBA32F texture; texels (i, 0..2) are record i's tangent, bitangent and normal, (i, 3) its geometric normal in
-    that frame.
+    that frame and, w, its number in the cache.
     count: the number of records. block: the texels that the first reduction step sums at once, as (width, height).
     """
 

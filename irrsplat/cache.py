@@ -6,6 +6,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.buffers import Records, Sites
+from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.target import float_texture
 
 _COLUMNS = 1024
@@ -13,14 +14,22 @@ _TEXTURES = 9  # position, normal, irradiance and radius, then the six of Record
 _ROWS = 4  # at first; doubled whenever they are full
 
 
-class RecordCache:
-    """Records in the order in which they were asked for: p and n are known here too, E and R on the GPU alone."""
+class RecordCache(Holder):
+    """Records in the order in which they were asked for: where they lie is known here too, E and R on the GPU alone.
+
+    A change of what records are gathered from makes all of them `stale`; they keep what they have until `renewed`.
+    """
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
         self.count = 0
         self._position = np.zeros((_ROWS * _COLUMNS, 4), "f4")
         self._normal = np.zeros_like(self._position)
+        self._geometric = np.zeros_like(self._position)
+        self._triangle = np.zeros(len(self._position), np.intp)
+        self._era = np.zeros(len(self._position), np.intp)  # in which each record was gathered
+        self._now = 0
+        self.edits = 0  # how often records that were there have changed or gone
         self._textures = [float_texture(ctx, (_COLUMNS, _ROWS)) for _ in range(_TEXTURES)]
 
     @property
@@ -38,6 +47,9 @@ class RecordCache:
         self._reserve(self.count)
         self._position[first : self.count, :3] = sites.position
         self._normal[first : self.count, :3] = sites.normal
+        self._geometric[first : self.count, :3] = sites.geometric
+        self._triangle[first : self.count] = -1 if sites.triangle is None else sites.triangle
+        self._era[first : self.count] = self._now
         low, high = first // _COLUMNS, -(-self.count // _COLUMNS)
         for texture, rows in zip(self._textures, (self._position, self._normal), strict=False):
             part = rows[low * _COLUMNS : high * _COLUMNS]
@@ -60,8 +72,10 @@ class RecordCache:
             return
         while count > rows * _COLUMNS:
             rows *= 2
-        grow = ((0, rows * _COLUMNS - len(self._position)), (0, 0))
-        self._position, self._normal = np.pad(self._position, grow), np.pad(self._normal, grow)
+        more = rows * _COLUMNS - len(self._position)
+        for name in ("_position", "_normal", "_geometric", "_triangle", "_era"):
+            array = getattr(self, name)
+            setattr(self, name, np.pad(array, ((0, more),) + ((0, 0),) * (array.ndim - 1)))
         old, self._textures = self._textures, [float_texture(self.ctx, (_COLUMNS, rows)) for _ in range(_TEXTURES)]
         for texture, was in zip(self._textures, old, strict=True):
             texture.write(was.read(), viewport=(0, 0, *was.size))
@@ -77,9 +91,32 @@ class RecordCache:
             "radius": last[:, 3].copy(),
         }
 
+    @property
+    def stale(self) -> np.ndarray:
+        """The numbers of the records whose light is no longer what it was when they were gathered, the stalest first."""
+        (numbers,) = np.nonzero(self._era[: self.count] < self._now)
+        return numbers[np.argsort(self._era[numbers], kind="stable")]
+
+    def expire(self) -> None:
+        """Make every record stale."""
+        self._now += 1
+
+    def renewed(self, numbers: np.ndarray) -> None:
+        """Say that the records of these numbers have been gathered again."""
+        self._era[numbers] = self._now
+        self.edits += 1
+
+    def sites(self, numbers: np.ndarray) -> Sites:
+        """Where the records of these numbers lie."""
+        triangle = self._triangle[numbers]
+        position, normal, geometric = (array[numbers, :3] for array in (self._position, self._normal, self._geometric))
+        return Sites(position, normal, geometric, triangle if (triangle >= 0).all() else None)
+
     def truncate(self, count: int) -> None:
         """Forget every record from number `count` on; 0 forgets all."""
-        self.count = min(count, self.count)
+        if count < self.count:
+            self.count = count
+            self.edits += 1
 
     def release(self) -> None:
         """Free the textures."""

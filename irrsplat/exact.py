@@ -54,8 +54,9 @@ def gather(
     start = time.perf_counter()
     while cache.count < len(sites) and time.perf_counter() - start < seconds:
         batch = sites[cache.count : cache.count + look.capacity]
-        atlas = look(geometry, shadows, batch, cache.count, 0)
-        reduce(atlas, cache.records, cache.append(batch), scene.sky, look.radii)
+        numbers = cache.count + np.arange(len(batch))
+        cache.append(batch)
+        reduce(look(geometry, shadows, batch, numbers, 0), cache.records, scene.sky, look.radii)
         ctx.finish()
     truth = Truth(pixels[: cache.count], cache.read()["irradiance"])
     cache.release()

@@ -10,6 +10,7 @@ bounding quad, and shadow maps drawn once.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,7 +18,6 @@ import numpy as np
 from irrsplat.buffers import GBuffer, ShadowMaps, Sites
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.target import pixels
-from irrsplat.hemisphere import hemisphere_table
 from irrsplat.passes.examine import octahedral_decode
 from irrsplat.passes.gather import GatherPass
 from irrsplat.passes.splat import splat_radius
@@ -52,32 +52,48 @@ def read_back(gbuffer: GBuffer) -> Seen:
 
 
 class Recorder:
-    """Section 3.4: makes one record, by a picture of the scene seen from it and a sum on the CPU."""
+    """Section 3.4: makes one record, by a picture of the scene seen from it and a sum on the CPU.
 
-    def __init__(self, gather: GatherPass, geometry: Geometry, shadows: ShadowMaps, sky: tuple[float, float, float]) -> None:
-        self.gather, self.geometry, self.shadows = gather, geometry, shadows
+    goes_on is asked after each; where it says no, `stopped` is True from then on, and who makes records makes no more.
+    """
+
+    def __init__(
+        self,
+        gather: GatherPass,
+        geometry: Geometry,
+        shadows: ShadowMaps,
+        sky: tuple[float, float, float],
+        goes_on: Callable[[], bool] = lambda: True,
+    ) -> None:
+        self.gather, self.geometry, self.shadows, self.goes_on = gather, geometry, shadows, goes_on
         self.sky = np.asarray(sky, "f4")
-        self.table = hemisphere_table(gather.kind, gather.side)
+        self.stopped = False
 
     def __call__(self, site: Sites) -> np.ndarray:
         """(4,): E = Σ L·ΔA/(1+x²+y²)² in W/m² and R_k, the harmonic mean distance in metres."""
-        atlas = self.gather(self.geometry, self.shadows, site, 0, 0)
+        atlas = self.gather(self.geometry, self.shadows, site, np.zeros(1), 0)
         width, height = atlas.cell
         seen = np.frombuffer(atlas.radiance.read(), "f4").reshape(height, width, 4)
-        share = self.table[..., 3]  # cosθ·dω, which on the plane at distance 1 is ΔA/(1+x²+y²)²
+        share = self.gather.share  # cosθ·dω, which on the plane at distance 1 is ΔA/(1+x²+y²)²
         hit = seen[..., 3] > 0.0
         E = np.einsum("ij,ijc->c", share, np.where(hit[..., None], seen[..., :3], self.sky))
         inverse = (share[hit] / seen[..., 3][hit]).sum()
         R = np.clip(share.sum() / max(inverse, 1e-30), *self.gather.radii)
+        self.stopped = not self.goes_on()
         return np.array([*E, R], "f4")
 
 
-def warm_up(seen: Seen, record: Recorder, settings: Settings) -> tuple[Sites, np.ndarray]:
-    """Step 1: records at visible pixels chosen at random; their sites and (N, 4) values E, R."""
+def warm_up(seen: Seen, record: Recorder, settings: Settings, first: int = 0) -> tuple[Sites, np.ndarray]:
+    """Step 1: records at visible pixels chosen at random; their sites and (N, 4) values E, R. first: so many are made already."""
     visible = np.argwhere(seen.mask)
-    chosen = np.random.default_rng(settings.seed).permutation(len(visible))[: settings.warmup]
-    sites = [seen.site(row, column) for row, column in visible[chosen]]
-    return _join(sites), np.array([record(site) for site in sites], "f4").reshape(-1, 4)
+    chosen = np.random.default_rng(settings.seed).permutation(len(visible))[first : settings.warmup]
+    sites, values = [], []
+    for row, column in visible[chosen]:
+        sites.append(seen.site(row, column))
+        values.append(record(sites[-1]))
+        if record.stopped:
+            break
+    return _join(sites), np.array(values, "f4").reshape(-1, 4)
 
 
 def traverse(
@@ -92,7 +108,7 @@ def traverse(
     missing = (seen.mask & (weight < settings.threshold)).sum() / max(seen.mask.sum(), 1)
     for row in range(len(weight)):
         column = 0
-        while True:
+        while not record.stopped:
             asking = seen.mask[row, column:] & (weight[row, column:] < settings.threshold)
             column += int(asking.argmax()) if asking.any() else len(asking)
             if column == weight.shape[1]:
@@ -143,5 +159,6 @@ def _box(centre: np.ndarray, r: float, camera: Camera, width: int, height: int) 
 
 def _join(sites: list[Sites]) -> Sites:
     empty = np.zeros((0, 3), "f4")
-    rows = (np.concatenate([empty, *(getattr(s, k) for s in sites)]) for k in ("position", "normal", "geometric"))
-    return Sites(*rows)  # nothing is gathered there again: the triangles do not matter any more
+    p, n, g = (np.concatenate([empty, *(getattr(s, k) for s in sites)]) for k in ("position", "normal", "geometric"))
+    known = [s.triangle for s in sites if s.triangle is not None]
+    return Sites(p, n, g, np.concatenate(known) if sites and len(known) == len(sites) else None)

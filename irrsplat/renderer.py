@@ -5,44 +5,40 @@ This is the only place where the passes meet; read `Renderer.frame` first.
 
 from __future__ import annotations
 
-import operator
 import time
-from collections.abc import Callable
-from dataclasses import asdict, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import moderngl
 import numpy as np
 
-from irrsplat import figure, paper
+from irrsplat import figure, limits
 from irrsplat.buffers import GBuffer, ShadowMaps, SplatBuffer
 from irrsplat.cache import RecordCache
 from irrsplat.errors import InputError
-from irrsplat.gpu import context
+from irrsplat.gpu import context, program
 from irrsplat.gpu.geometry import Geometry
-from irrsplat.gpu.program import Program
-from irrsplat.gpu.target import Target, pixels
+from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.timers import Timers
 from irrsplat.lights import light_defines
 from irrsplat.output import Frame
 from irrsplat.passes.composite import CompositePass
 from irrsplat.passes.direct import DirectPass
-from irrsplat.passes.examine import ExaminePass, choose, spacing
-from irrsplat.passes.gather import GatherPass
 from irrsplat.passes.gbuffer import GBufferPass
-from irrsplat.passes.reduce import ReducePass
 from irrsplat.passes.shadow import ShadowPass
 from irrsplat.passes.splat import SplatPass
+from irrsplat.placement import Budget, Placement
 from irrsplat.scene.flat import flatten
-from irrsplat.scene.model import Camera, Scene
+from irrsplat.scene.model import Camera, Light, Scene
 from irrsplat.settings import Settings, preset
-from irrsplat.view import Progress, View, read
+from irrsplat.view import Progress, View, read, statistics
 
 _IDLE = 8  # rounds without any gain in coverage after which nothing more is to be hoped for
-_REACH = 8.0  # percent of the image height by which the first sites lie apart where radii have no upper limit
+_RENEWAL = 0.6  # of the time for gathering that stale records may take where new ones are wanted too
 
 
-class Renderer:
+class Renderer(Holder):
     """Renders views of one scene and keeps the irradiance records that they asked for.
 
     scene: what `irrsplat.load` returns. size: (width, height) in pixels. preset: a name of settings.PRESETS, and any
@@ -65,44 +61,31 @@ class Renderer:
         self.scene = scene
         self.settings: Settings = _preset(preset, **settings)
         self.preset = preset
-        self.size = _checked(size)
+        self.size = limits.checked(size)
         self._owns_ctx = ctx is None
         self.ctx = ctx or context.create()
         self.about = context.describe(self.ctx)
-        if max(self.size) > self.about["max_texture_size"]:
-            raise InputError(
-                f"size {self.size[0]}x{self.size[1]} is beyond the limit here, {self.about['max_texture_size']} pixels a side"
-            )
-        most = int(self.ctx.info["GL_MAX_FRAGMENT_UNIFORM_VECTORS"]) // 8 - 8  # eight rows of the light table a light
-        if len(scene.lights) > most:
-            raise InputError(f"the scene has {len(scene.lights)} lights, and this OpenGL takes {most}: leave some out")
+        limits.check(self.ctx, self.size, scene.lights)
         self.timers = Timers(self.ctx, self.about["software"], enabled=True)
-        lights = light_defines(scene)
         self.geometry = Geometry(self.ctx, *flatten(scene))
         self.cache = RecordCache(self.ctx)
         self.shadow_pass = ShadowPass(self.ctx)
         self.gbuffer_pass = GBufferPass(self.ctx, self.size)
-        self.gather_pass = GatherPass(
-            self.ctx,
-            "plane" if self.settings.gather == "plane" else "raster",
-            self.settings.gather_size,
-            scene.diagonal,
-            lights,
-            capacity=1 if self.settings.placement == "scan" else None,  # the paper: one at a time
-        )
-        self.reduce_pass = ReducePass(self.ctx, self.settings.gradients)
         self.splat_pass = SplatPass(self.ctx, self.size, self.settings.gradients)
-        self.examine_pass = ExaminePass(self.ctx, self.size)
-        self.direct_pass = DirectPass(self.ctx, self.size, lights)
+        self.placement = Placement(self.ctx, scene, self.size, self.settings, self.geometry, self.cache, self.timers)
+        self.direct_pass = DirectPass(self.ctx, self.size, light_defines(scene))
         self.composite_pass = CompositePass(self.ctx, self.size)
-        self._shadows: ShadowMaps | None = None
-        self._camera: Camera | None = None
+        self._made_of: dict[str, tuple[Any, ...]] = {}  # what each stage's present result was made of
+        self.shadows: ShadowMaps | None = None  # the present ones
         self._gbuffer: GBuffer | None = None
         self._direct: moderngl.Texture | None = None
-        self._on_cpu: paper.Seen | None = None  # the g-buffer as the paper's algorithm reads it back
+        self._view: View | None = None
+        self._settled: tuple[Any, ...] | None = None  # the state of the splat buffer that asks for nothing
         self._splatted = 0  # how many of the cache's records the splat buffer holds
-        self._round = 0  # of this view
-        self._pattern = 0  # how far its sites have come from coarse to fine
+        self._round = 0  # whole ones of this view
+        self._coverage = 0.0  # at the present round's begin
+        self._idle = 0  # rounds that gained nothing
+        self._reserve = 0.0, 0.0  # seconds that splatting, and all that follows gathering, took in the last tick
 
     # ---- the frame -------------------------------------------------------------------------------------------------
 
@@ -111,109 +94,159 @@ class Renderer:
         if self._owns_ctx:
             self.ctx.__enter__()
 
-    def _chosen(self, camera: Camera | str | None) -> Camera:
-        if isinstance(camera, Camera):
-            return camera
-        if camera is None or isinstance(camera, str):
-            return self.scene.camera(camera)
-        raise InputError(f"a camera is a Camera or the name of one of the scene's, not {type(camera).__name__}")
+    def _other(self, stage: str, *made_of: Any) -> bool:
+        """Whether the stage's present result was made of anything else than this, and is to be made again."""
+        same = self._made_of.get(stage) == made_of
+        self._made_of[stage] = made_of
+        return not same
 
-    def frame(self, camera: Camera | str | None = None) -> tuple[View, Progress]:
-        """One round: draw what the camera sees, splat what is new, and gather where nothing speaks for a pixel yet."""
+    def frame(
+        self, camera: Camera | str | None = None, seconds: float | None = None, gather: bool = True
+    ) -> tuple[View, Progress]:
+        """One round: draw what the camera sees, splat what is new, and gather where nothing speaks for a pixel yet.
+
+        seconds: the wall time that all of it may take; what does not fit is gathered in the next call (None: a whole round).
+        gather: False leaves the cache as it is. What has not changed since the last call is not drawn again.
+        """
         self._use()
-        progress = self._advance(self._chosen(camera))
-        return self._compose(), progress
+        self.timers.clear()
+        budget = Budget(seconds)
+        progress = self._advance(self.scene.camera(camera), budget, gather)
+        start = time.perf_counter()
+        view = self._compose()
+        if budget.limited:
+            self.ctx.finish()
+            self._reserve = self._reserve[0], time.perf_counter() - start
+        return view, progress
 
-    def _advance(self, camera: Camera) -> Progress:
+    def _advance(self, camera: Camera, budget: Budget, gather: bool = True) -> Progress:
+        """All of a round but the picture."""
         shadows = self._lit()
         gbuffer = self._seen(camera)
+        bounces = self.settings.bounces > 0
+        renewed = 0
+        if gather and bounces:
+            share = 1.0 if self._coverage == 1.0 else _RENEWAL
+            renewed = self.placement.renew(shadows, camera, budget.part(share, sum(self._reserve)))
+        start = time.perf_counter()
         splats = self._splat(gbuffer, camera)
-        if self.settings.bounces == 0:
-            return Progress(self._round, 0, 0, 1.0)
-        if self.settings.placement == "scan":
-            new, missing = self._scan(gbuffer, splats, shadows, camera)
-        else:
-            new, missing = self._ask(gbuffer, splats, shadows)
-        self._round += 1
-        return Progress(self._round, self.cache.count, new, 1.0 - missing)
+        self._reserve = time.perf_counter() - start, self._reserve[1]
+        new = 0
+        if not bounces:
+            self._coverage = 1.0
+        elif not gather:
+            self._coverage = 1.0 - self.placement.missing(gbuffer, splats)
+        elif self._idle < _IDLE and (self._made_of["splat"], self._splatted, self.settings.threshold) != self._settled:
+            new = self._ask(gbuffer, splats, shadows, camera, budget)
+        stale = len(self.cache.stale) if bounces else 0
+        return Progress(self._round, self.cache.count, new, self._coverage, renewed, stale)
 
     def _lit(self) -> ShadowMaps:
-        """The shadow maps, drawn once: lights do not move."""
-        if self._shadows is None:
+        """The shadow maps, drawn again only for other lights."""
+        if self._other("shadow", self.scene.lights, self.settings.shadow_size) or self.shadows is None:
             with self.timers("shadow"):
-                self._shadows = self.shadow_pass(self.scene, self.geometry, self.settings.shadow_size)
-        return self._shadows
+                self.shadows = self.shadow_pass(self.scene, self.geometry, self.settings.shadow_size)
+        return self.shadows
 
     def _seen(self, camera: Camera) -> GBuffer:
         """The g-buffer, drawn again only for another camera."""
-        if self._gbuffer is None or camera != self._camera:
+        if self._other("gbuffer", camera, self.size) or self._gbuffer is None:
             with self.timers("gbuffer"):
                 self._gbuffer = self.gbuffer_pass(self.scene, self.geometry, camera)
-            self._camera, self._direct, self._on_cpu = camera, None, None
-            self._round, self._pattern, self._splatted = 0, 0, -1
+            self.placement.new_view()
+            self._round, self._coverage = 0, 0.0
         return self._gbuffer
 
     def _splat(self, gbuffer: GBuffer, camera: Camera) -> SplatBuffer:
         """The splat buffer with every record of the cache in it; the sums are additive, so that only new ones are drawn."""
         with self.timers("splat"):
-            if self._splatted < 0:
+            if self._other("splat", self._made_of["gbuffer"], self.settings.of("splat"), self.cache.edits):
                 self.splat_pass.clear(gbuffer)
-                self._splatted = 0
-            splats = self.splat_pass(self.cache.records, self._splatted, gbuffer, camera, self.settings)
+                self._splatted, self._idle = 0, 0
+            if self._splatted < self.cache.count:
+                self.splat_pass(self.cache.records, self._splatted, gbuffer, camera, self.settings)
         self._splatted = self.cache.count
-        return splats
+        return SplatBuffer(*self.splat_pass.target.textures)
 
-    def _ask(self, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps) -> tuple[int, float]:
-        """Examine the splat buffer and gather where it asks: how many records are new, and the share of pixels without."""
-        settings = self.settings
-        with self.timers("examine"):
-            found = self.examine_pass(gbuffer, splats, settings.threshold, settings.seed)
-            reach = (settings.radius_max or _REACH) / 100.0 * self.size[1] / self.examine_pass.side  # tiles
-            asking = int(np.count_nonzero(found.asking))
-            tiles = choose(found.asking, *spacing(self._pattern, reach, asking), settings.seed)
-            while asking and not len(tiles[0]):  # these fields of the chess board ask for nothing: the next ones
-                self._pattern += 1
-                tiles = choose(found.asking, *spacing(self._pattern, reach, asking), settings.seed)
-            self._pattern += 1
-            sites = found.at(tiles)
-        for start in range(0, len(sites), self.gather_pass.capacity):
-            batch = sites[start : start + self.gather_pass.capacity]
-            with self.timers("gather"):
-                atlas = self.gather_pass(self.geometry, shadows, batch, self.cache.count, settings.seed)
-            with self.timers("reduce"):
-                first = self.cache.append(batch)
-                self.reduce_pass(atlas, self.cache.records, first, self.scene.sky, self.gather_pass.radii)
-        return len(sites), found.missing
-
-    def _scan(self, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps, camera: Camera) -> tuple[int, float]:
-        """The same by the paper's own algorithm: random warm-up records, then a traversal in scan order on the CPU."""
-        if self._on_cpu is None:
-            with self.timers("gbuffer"):
-                self._on_cpu = paper.read_back(gbuffer)
-        seen = self._on_cpu
-        recorder = paper.Recorder(self.gather_pass, self.geometry, shadows, self.scene.sky)
-        warm_up = self.cache.count == 0 and self.settings.warmup > 0
-        with self.timers("gather" if warm_up else "examine"):
-            if warm_up:
-                sites, values = paper.warm_up(seen, recorder, self.settings)
-                missing = float(seen.mask.any())
-            else:
-                weight = pixels(splats.weight)[..., 0]
-                sites, values, missing = paper.traverse(seen, weight, recorder, camera, self.settings)
-        if len(sites):
-            self.cache.append(sites, values)
-        return len(sites), missing
+    def _ask(self, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps, camera: Camera, budget: Budget) -> int:
+        """Gather where the view lacks records, as far as the budget goes; how many are new."""
+        asked = self.placement.ask(gbuffer, splats, shadows, camera, budget.part(1.0, self._reserve[1]))
+        before, self._coverage = self._coverage, 1.0 - asked.missing
+        if asked.whole:
+            self._idle = 0 if self._coverage > before else self._idle + 1
+            self._round += 1
+            if not asked.new:
+                self._settled = self._made_of["splat"], self._splatted, self.settings.threshold
+        return asked.new
 
     def _compose(self) -> View:
         """The picture from what there is: direct light, normalised indirect light, their blend."""
-        assert self._camera is not None and self._gbuffer is not None
-        gbuffer, splats = self._gbuffer, SplatBuffer(*self.splat_pass.target.textures)
-        if self._direct is None:
+        (camera, _), gbuffer = self._made_of["gbuffer"], self._gbuffer
+        assert gbuffer is not None
+        splats = SplatBuffer(*self.splat_pass.target.textures)
+        if self._other("direct", self._made_of["gbuffer"], self._made_of["shadow"]) or self._direct is None:
             with self.timers("direct"):
                 self._direct = self.direct_pass(gbuffer, self._lit())
-        with self.timers("composite"):
-            image, sums = self.composite_pass(splats, self._direct, gbuffer, self.scene.sky, self._camera, self.settings)
-        return View(self._camera, gbuffer, self._direct, splats, sums, image)
+        made_of = self._made_of["direct"], self._made_of["splat"], self._splatted, self.settings.of("composite"), self.scene.sky
+        if self._other("composite", *made_of) or self._view is None:
+            with self.timers("composite"):
+                image, sums = self.composite_pass(splats, self._direct, gbuffer, self.scene.sky, camera, self.settings)
+            self._view = View(camera, gbuffer, self._direct, splats, sums, image)
+        return self._view
+
+    # ---- what changes ----------------------------------------------------------------------------------------------
+
+    def change(self, settings: Settings, preset: str = "") -> None:
+        """Go on with other settings (called `preset` in the stats): what depends on those that differ is made again.
+
+        Records are forgotten only where their places depend on one, and gathered again in place where their light does.
+        """
+        self._use()
+        if settings.gradients != self.settings.gradients:
+            self.splat_pass.release()
+            self.splat_pass = SplatPass(self.ctx, self.size, settings.gradients)
+        self.settings, self.preset = settings, preset or self.preset
+        self.placement.change(settings, self.scene)
+
+    def relight(self, lights: Sequence[Light]) -> None:
+        """Go on with other lights; records are gathered again in place. Raises InputError for too many of them."""
+        self._use()
+        limits.check(self.ctx, self.size, lights)
+        before, self.scene = self.scene, replace(self.scene, lights=tuple(lights))
+        if light_defines(before) != light_defines(self.scene):
+            self.direct_pass.release()
+            self.direct_pass = DirectPass(self.ctx, self.size, light_defines(self.scene))
+            self._direct = None
+        self.placement.change(self.settings, self.scene)
+
+    def resize(self, size: tuple[int, int]) -> None:
+        """Views are of another size (width, height) from now on; the records stay. Raises InputError for one that cannot be."""
+        self._use()
+        limits.check(self.ctx, limits.checked(size), self.scene.lights)
+        self.size = limits.checked(size)
+        for one in (self.gbuffer_pass, self.splat_pass, self.direct_pass, self.composite_pass):
+            one.release()
+        self.gbuffer_pass = GBufferPass(self.ctx, self.size)
+        self.splat_pass = SplatPass(self.ctx, self.size, self.settings.gradients)
+        self.direct_pass = DirectPass(self.ctx, self.size, light_defines(self.scene))
+        self.composite_pass = CompositePass(self.ctx, self.size)
+        self.placement.resize(self.size)
+        self._gbuffer = self._direct = self._view = None
+
+    def reload(self) -> None:
+        """Read the shaders' files again and draw with them; raises ShaderError, and goes on as before, where one is wrong."""
+        self._use()
+        program.reload(self.programs())
+        self.cache.expire()
+        self.forget(records=False)
+
+    def forget(self, records: bool = True, lights: bool = True) -> None:
+        """Draw every buffer of the view again next time; without the `records` made so far, and the `lights`' shadow maps."""
+        for stage in set(self._made_of) - (set() if lights else {"shadow"}):
+            del self._made_of[stage]
+        self._settled = None
+        if records:
+            self.cache.truncate(0)
 
     # ---- whole renders ---------------------------------------------------------------------------------------------
 
@@ -226,15 +259,14 @@ class Renderer:
         each round. Ctrl-C ends the rounds: the last whole one counts, "interrupted" is True.
         """
         self._use()
-        camera = self._chosen(camera)
+        camera = self.scene.camera(camera)
         self.timers.clear()
-        start = time.perf_counter()
+        self._idle, start = 0, time.perf_counter()
         stats: dict[str, Any] = {"rounds": 0, "converged": False, "interrupted": False, "coverage": 0.0}
-        whole, idle = self.cache.count, 0
+        whole, budget = self.cache.count, Budget(None)
         try:
-            while not stats["converged"] and stats["rounds"] < self.settings.max_rounds and idle < _IDLE:
-                now = self._advance(camera)
-                idle = 0 if now.coverage > stats["coverage"] else idle + 1
+            while not stats["converged"] and stats["rounds"] < self.settings.max_rounds and self._idle < _IDLE:
+                now = self._advance(camera, budget)
                 whole = self.cache.count
                 stats["rounds"] += 1
                 stats["coverage"], stats["converged"] = now.coverage, now.new == 0
@@ -243,13 +275,8 @@ class Renderer:
         except KeyboardInterrupt:
             stats["interrupted"] = True
             self.cache.truncate(whole)
-            self._splatted = -1
         if not stats["converged"]:  # what the last round gathered is still to be splatted
-            gbuffer = self._seen(camera)
-            splats = self._splat(gbuffer, camera)
-            if self.settings.bounces:
-                found = self.examine_pass(gbuffer, splats, self.settings.threshold, self.settings.seed)
-                stats["coverage"] = 1.0 - found.missing
+            stats["coverage"] = self._advance(camera, budget, gather=False).coverage
         self.ctx.finish()
         stats |= {"records": self.cache.count, "seconds": time.perf_counter() - start}
         return self._compose(), stats
@@ -287,37 +314,16 @@ class Renderer:
 
     def _statistics(self, view: View) -> dict[str, Any]:
         settings = self.settings
-        exposure = self.composite_pass.exposure(view.image) if settings.exposure == "auto" else float(settings.exposure)
-        return {
-            "stages_ms": self.timers.milliseconds(),
-            "clock": self.timers.clock,
-            "renderer": self.about["renderer"],
-            "version": self.about["version"],
-            "preset": self.preset,
-            "settings": asdict(settings),
-            "exposure": float(exposure),
-            "size": list(self.size),
-            "triangles": self.scene.triangles,
-            "scene": self.scene.name,
-        }
-
-    def forget(self, records: bool = True, lights: bool = True) -> None:
-        """Draw every buffer of the view again next time; without the `records` made so far, and the `lights`' shadow maps."""
-        self._gbuffer = self._camera = None
-        if lights:
-            self._shadows = None
-        if records:
-            self.cache.truncate(0)
+        exposure = self.composite_pass.exposure(view.image) if settings.exposure == "auto" else settings.exposure
+        times = {"stages_ms": self.timers.milliseconds(), "clock": self.timers.clock}
+        return times | statistics(self.about, self.scene, self.size, self.preset, settings, float(exposure))
 
     def release(self) -> None:
         """Free everything on the GPU, the context too where this renderer made it."""
         if self._owns_ctx:
             self.ctx.release()
-            return
-        for holder in (self, *vars(self).values()):
-            for thing in vars(holder).values() if hasattr(holder, "__dict__") else ():
-                if isinstance(thing, (Target, Program, Geometry, RecordCache, moderngl.Texture, moderngl.Buffer)):
-                    thing.release()
+        else:
+            super().release()
 
     def __enter__(self) -> Renderer:
         return self
@@ -335,13 +341,3 @@ def render(
 
 
 _preset = preset  # Renderer's argument has the same name
-
-
-def _checked(size: tuple[int, int]) -> tuple[int, int]:
-    try:
-        width, height = (operator.index(n) for n in size)
-    except (TypeError, ValueError):
-        raise InputError(f"size takes two whole numbers, width and height, not {size!r}") from None
-    if width < 1 or height < 1:
-        raise InputError(f"size must be at least 1x1 pixels, not {width}x{height}")
-    return width, height

@@ -149,6 +149,11 @@ class Settings:
         auto=True,
     )
 
+    budget: float = _declare(
+        90.0, "float", "view", "time of one tick of the viewer, gathering and drawing together; a render takes what it needs",
+        low=1, high=10_000, unit="ms",
+    )  # fmt: skip
+
     def __post_init__(self) -> None:
         for name, declaration in SETTINGS.items():
             object.__setattr__(self, name, declaration.check(getattr(self, name)))
@@ -157,6 +162,10 @@ class Settings:
     def threshold(self) -> float:
         """The Σw below which a pixel asks for a record (`tolerance`, its auto resolved)."""
         return 1.0 / self.a if self.tolerance == "auto" else float(self.tolerance)
+
+    def of(self, *stages: str) -> tuple[Any, ...]:
+        """The values of all the settings of these stages."""
+        return tuple(getattr(self, name) for name, d in SETTINGS.items() if d.stage in stages)
 
     def with_values(self, values: Mapping[str, Any]) -> Settings:
         """A copy with `values` (by setting name) in place; raises InputError for an unknown name or bad value."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 import moderngl
@@ -11,7 +11,8 @@ import numpy as np
 from irrsplat.buffers import GBuffer, SplatBuffer
 from irrsplat.gpu.target import pixels
 from irrsplat.output import Frame
-from irrsplat.scene.model import Camera
+from irrsplat.scene.model import Camera, Scene
+from irrsplat.settings import Settings
 
 
 @dataclass(frozen=True)
@@ -31,12 +32,20 @@ class View:
 
 @dataclass(frozen=True)
 class Progress:
-    """Where a render stands after a round: `records` in the cache, `new` among them, `coverage` of the seen pixels, 0..1."""
+    """Where a view stands after a tick: whole rounds so far, `records` in the cache, `new` among them, and `coverage` of the
+    seen pixels, 0..1, at the round's begin. renewed: old records gathered again; stale: how many still wait for that."""
 
     round: int
     records: int
     new: int
     coverage: float
+    renewed: int = 0
+    stale: int = 0
+
+    @property
+    def done(self) -> bool:
+        """Whether nothing is left to gather in this view."""
+        return not (self.new or self.renewed or self.stale) and self.coverage == 1.0
 
 
 def read(view: View, sky: tuple[float, float, float], records: dict[str, np.ndarray], stats: dict[str, Any]) -> Frame:
@@ -63,3 +72,19 @@ def read(view: View, sky: tuple[float, float, float], records: dict[str, np.ndar
         records_radius=records["radius"],
         stats=stats,
     )
+
+
+def statistics(
+    about: dict[str, Any], scene: Scene, size: tuple[int, int], preset: str, settings: Settings, exposure: float
+) -> dict[str, Any]:
+    """What a Frame's stats say of where, what and how: of the OpenGL context (`about`), scene and settings; exposure in stops."""
+    return {
+        "renderer": about["renderer"],
+        "version": about["version"],
+        "preset": preset,
+        "settings": asdict(settings),
+        "exposure": exposure,
+        "size": list(size),
+        "triangles": scene.triangles,
+        "scene": scene.name,
+    }

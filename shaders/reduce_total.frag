@@ -9,13 +9,12 @@ uniform sampler2D sums_g_r;
 uniform sampler2D sums_g_g;
 uniform sampler2D sums_g_b;
 #endif
-uniform sampler2D frames;    // texels (i, 0..2): record i's tangent, bitangent, normal
+uniform sampler2D frames;    // texels (i, 0..2): the batch's record i's tangent, bitangent, normal
 uniform ivec2 blocks;        // per cell
 uniform int columns;         // cells per row
-uniform int first;           // number of the batch's first record in the cache
-uniform int count;
-uniform int record_columns;
 uniform vec2 radii;          // metres: the least and the greatest radius there is
+
+flat in int v_index;         // in the batch
 
 layout(location = 0) out vec4 out_record;  // E in W/m², R_k in metres
 layout(location = 1) out vec4 out_m_r;     // M and ∇E of red, green and blue, world space
@@ -27,9 +26,7 @@ layout(location = 6) out vec4 out_g_b;
 
 void main()
 {
-    ivec2 texel = ivec2(gl_FragCoord.xy);
-    int i = texel.y * record_columns + texel.x - first;
-    if (i < 0 || i >= count) discard;
+    int i = v_index;
     ivec2 corner = ivec2(i % columns, i / columns) * blocks;
     vec4 total = vec4(0.0);
     float solid = 0.0;

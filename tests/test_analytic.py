@@ -177,7 +177,7 @@ def test_what_a_texel_sees_of_a_lit_plane(ctx: moderngl.Context, name: str, kind
     geometry, shadows = Geometry(ctx, *flatten(world)), ShadowPass(ctx)(world, Geometry(ctx, *flatten(world)), 256)
     gather = GatherPass(ctx, kind, 64, world.diagonal, light_defines(world))
     where = sites((0.1, 0.0, -0.2), UP)
-    atlas = gather(geometry, shadows, where, 0, 0)
+    atlas = gather(geometry, shadows, where, np.zeros(1), 0)
     width, height = atlas.cell
     seen = np.frombuffer(atlas.radiance.read(), "f4").reshape(atlas.radiance.height, -1, 4)[:height, :width]
     frame = np.frombuffer(atlas.frames.read(), "f4").reshape(4, -1, 4)[:3, 0, :3]
@@ -257,7 +257,7 @@ def test_many_records_at_once_equal_each_alone(ctx: moderngl.Context, kind: str)
     look = GatherPass(ctx, kind, 16, world.diagonal, light_defines(world), len(where))
 
     def cells(where: Sites, first: int) -> np.ndarray:
-        atlas = look(geometry, shadows, where, first, 0)
+        atlas = look(geometry, shadows, where, first + np.arange(len(where)), 0)
         (width, height), texels = atlas.cell, np.frombuffer(atlas.radiance.read(), "f4")
         tiled = texels.reshape(-1, height, atlas.columns, width, 4).swapaxes(1, 2)
         return tiled.reshape(-1, height, width, 4)[: len(where)]

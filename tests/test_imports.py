@@ -20,6 +20,7 @@ FLOORS = (
     ("irrsplat.app",),
     ("irrsplat",),  # the package's own front door, which hands out what lies below
     ("irrsplat.renderer",),
+    ("irrsplat.placement", "irrsplat.limits"),
     ("irrsplat.exact",),
     ("irrsplat.paper", "irrsplat.figure", "irrsplat.view"),
     ("irrsplat.cutaway",),

@@ -38,6 +38,8 @@ def view(seed: int = 0) -> tuple[paper.Seen, np.ndarray]:
 class Teller:
     """Stands in for the Recorder: E = 1, a radius that it is told, and it remembers where it was asked."""
 
+    stopped = False
+
     def __init__(self, radius: Any) -> None:
         self.radius, self.asked = radius, []  # type: ignore[var-annotated]
 

@@ -28,7 +28,15 @@ def cells(count: int, kind: str, side: int, seed: int) -> tuple[np.ndarray, np.n
     return seen.astype("f4"), table
 
 
-def atlas_of(ctx: moderngl.Context, seen: np.ndarray, kind: str, side: int, frame: np.ndarray, geometric: np.ndarray) -> Atlas:
+def atlas_of(
+    ctx: moderngl.Context,
+    seen: np.ndarray,
+    kind: str,
+    side: int,
+    frame: np.ndarray,
+    geometric: np.ndarray,
+    numbers: np.ndarray | None = None,
+) -> Atlas:
     """The cells laid out row by row, the way that the gather draws them; what no record owns is full of rubbish."""
     height, width = seen.shape[1:3]
     sheet = np.full((ROWS * height, COLUMNS * width, 4), 7e7, "f4")
@@ -38,6 +46,7 @@ def atlas_of(ctx: moderngl.Context, seen: np.ndarray, kind: str, side: int, fram
     rows = np.zeros((4, COLUMNS * ROWS, 4))
     rows[:3, : len(seen), :3] = frame.swapaxes(0, 1)
     rows[3, : len(seen), :3] = np.einsum("nij,nj->ni", frame, geometric)
+    rows[3, : len(seen), 3] = np.arange(len(seen)) if numbers is None else numbers
     return Atlas(
         table_texture(ctx, sheet),
         table_texture(ctx, hemisphere_table(kind, side)),
@@ -75,9 +84,9 @@ def reduced(seen: np.ndarray, kind: str, side: int, frame: np.ndarray, geometric
     return E, R, np.einsum("nck,nkj->ncj", M, frame), np.einsum("nck,nkj->ncj", gradient, frame)
 
 
-def reduce(ctx: moderngl.Context, atlas: Atlas, cache: RecordCache, first: int = 0, gradients: bool = True) -> None:
+def reduce(ctx: moderngl.Context, atlas: Atlas, cache: RecordCache, gradients: bool = True) -> None:
     """Run the pass, and leave no released framebuffer bound for the next test (see test_target.py)."""
-    ReducePass(ctx, gradients)(atlas, cache.records, first, SKY, RADII)
+    ReducePass(ctx, gradients)(atlas, cache.records, SKY, RADII)
     ctx.detect_framebuffer(0).use()
 
 
@@ -100,7 +109,8 @@ def test_reduction_equals_numpy(ctx: moderngl.Context, kind: str, side: int, fir
     if first:
         cache.append(sites(np.zeros((first, 3)), (0, 1, 0)), np.full((first, 4), 42.0, "f4"))
     cache.append(where)
-    reduce(ctx, atlas_of(ctx, seen, kind, side, frame, where.geometric), cache, first)
+    numbers = first + np.arange(count)
+    reduce(ctx, atlas_of(ctx, seen, kind, side, frame, where.geometric, numbers), cache)
 
     E, R, M, gradient = reduced(seen, kind, side, frame, where.geometric)
     found = cache.read()

@@ -183,9 +183,9 @@ def gather(
     reduce, cache = ReducePass(ctx, True), RecordCache(ctx)
     for start in range(0, len(where), look.capacity):
         batch = where[start : start + look.capacity]
-        atlas = look(geometry, shadows, batch, cache.count, 0)
-        first = cache.append(batch)
-        reduce(atlas, cache.records, first, world.sky, look.radii)
+        atlas = look(geometry, shadows, batch, cache.count + np.arange(len(batch)), 0)
+        cache.append(batch)
+        reduce(atlas, cache.records, world.sky, look.radii)
     textures = (cache.records.irradiance, *cache.records.vectors)
     last, *vectors = (np.frombuffer(t.read(), "f4").reshape(-1, 4)[: cache.count] for t in textures)
     columns = np.stack([v[:, :3] for v in vectors], 1)

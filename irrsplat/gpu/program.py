@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,9 +21,9 @@ CLIP_DISTANCE0 = 0x3000
 class State:
     """All the fixed-function state of one draw; whatever is not named is off.
 
-    depth: "<" or None. blend: "add" or None. cull: "front", "back" or None.
+    depth: "<" or None. blend: "add", "over" (by the fragment's alpha) or None. cull: "front", "back" or None.
     clamp: depth clamp, so that no near plane clips. clips: how many gl_ClipDistance planes are on.
-    push: polygon offset as glPolygonOffset, (slopes, units).
+    push: polygon offset as glPolygonOffset, (slopes, units). wire: the edges of triangles alone.
     """
 
     depth: str | None = None
@@ -32,6 +32,7 @@ class State:
     clamp: bool = False
     clips: int = 0
     push: tuple[float, float] = (0.0, 0.0)
+    wire: bool = False
 
 
 class Program:
@@ -45,20 +46,29 @@ class Program:
     ) -> None:
         self.ctx = ctx
         self.name = fragment
-        sources = [shaders.load(f"{vertex or fragment}.vert", defines), shaders.load(f"{fragment}.frag", defines)]
-        self.uniforms = {name: kind for source in sources for name, kind in source.uniforms.items()}
+        self._files = f"{vertex or fragment}.vert", f"{fragment}.frag"
+        self._defines = dict(defines or {})
+        self._arrays: dict[tuple[int, int], moderngl.VertexArray] = {}
+        self._take(*self._made())
+
+    def _made(self) -> tuple[dict[str, str], moderngl.Program]:
+        """The uniforms (name, type) and the linked program, from the files as they stand."""
+        sources = [shaders.load(file, self._defines) for file in self._files]
         try:
-            self.gl = ctx.program(vertex_shader=sources[0].text, fragment_shader=sources[1].text)
+            program = self.ctx.program(vertex_shader=sources[0].text, fragment_shader=sources[1].text)
         except moderngl.Error as error:
             log = str(error)
             guilty = sources[0] if "vertex_shader" in log.lower().replace(" ", "_") else sources[1]
             raise shaders.ShaderError(shaders.explain(log, guilty)) from error
+        return {name: kind for source in sources for name, kind in source.uniforms.items()}, program
+
+    def _take(self, uniforms: dict[str, str], program: moderngl.Program) -> None:
+        self.uniforms, self.gl = uniforms, program
         self.active = set(self.gl)
         samplers = [name for name, kind in self.uniforms.items() if "sampler" in kind]
         self.units = {name: unit for unit, name in enumerate(samplers)}
         for name in self.units.keys() & self.active:
             self.gl[name].value = self.units[name]  # type: ignore[union-attr]
-        self._arrays: dict[tuple[int, int], moderngl.VertexArray] = {}
         self._kept: list[Any] = []  # what the arrays were made of, so that no id is used twice
 
     def __call__(
@@ -71,13 +81,14 @@ class Program:
         instance_data: tuple[moderngl.Buffer, str, tuple[str, ...]] | None = None,
         part: str = "all",
         vertices: int = 3,
-        strip: bool = False,
+        mode: int = moderngl.TRIANGLES,
         viewport: tuple[int, int, int, int] | None = None,
         scissor: tuple[int, int, int, int] | None = None,
         **uniforms: Any,
     ) -> None:
         """Draw `geometry` (its `part`), or `vertices` numbered by gl_VertexID (default: the triangle that fills the target).
 
+        mode: what the numbered vertices make, such as moderngl.TRIANGLE_STRIP, LINES or POINTS.
         instance_data: a buffer, its moderngl format, and the attributes' names, advanced once per instance.
         viewport, scissor: (x, y, width, height) in pixels; default the whole target, and none.
         """
@@ -99,7 +110,6 @@ class Program:
         self._apply(state)
         array = self._array(geometry, instance_data)
         if geometry is None:
-            mode = moderngl.TRIANGLE_STRIP if strip else moderngl.TRIANGLES
             array.render(mode, vertices=vertices, instances=instances)
         else:
             first, count = geometry.parts[part]
@@ -118,7 +128,9 @@ class Program:
             ctx.depth_func = state.depth
         if state.blend:
             ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
-            ctx.blend_func = moderngl.ONE, moderngl.ONE
+            over = state.blend == "over"
+            ctx.blend_func = (moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA) if over else (moderngl.ONE, moderngl.ONE)
+        ctx.wireframe = state.wire
         ctx.polygon_offset = state.push  # type: ignore[assignment]
         ctx.front_face = "ccw"  # gl_FrontFacing goes by it
         if state.cull:
@@ -152,4 +164,25 @@ class Program:
         """Free the program and its vertex arrays."""
         for array in self._arrays.values():
             array.release()
+        self._arrays.clear()
         self.gl.release()
+
+
+def reload(programs: Iterable[Program]) -> None:
+    """Make all of them again from their files, or none: raises ShaderError for the first that does not compile, or whose
+    uniforms are no longer those that its caller gives, and they go on as they were."""
+    made: list[tuple[Program, dict[str, str], moderngl.Program]] = []
+    try:
+        for program in programs:
+            uniforms, gl = program._made()
+            made.append((program, uniforms, gl))
+            if uniforms.keys() != program.uniforms.keys():
+                changed = ", ".join(sorted(uniforms.keys() ^ program.uniforms.keys()))
+                raise shaders.ShaderError(f"{program.name}: the uniforms are others now ({changed}); start the program again")
+    except shaders.ShaderError:
+        for _, _, gl in made:
+            gl.release()
+        raise
+    for program, uniforms, gl in made:
+        program.release()
+        program._take(uniforms, gl)

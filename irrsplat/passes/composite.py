@@ -8,6 +8,7 @@ import moderngl
 
 from irrsplat.buffers import FILMIC, GBuffer, SplatBuffer
 from irrsplat.display import MID_GREY
+from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.target import Target
 from irrsplat.scene.model import Camera
@@ -17,7 +18,7 @@ _METER = 64  # blocks along each side of the image
 _SMOOTH = 0.01  # radius of the smoothing, of the image height
 
 
-class CompositePass:
+class CompositePass(Holder):
     """Makes irradiance, image and display picture of a view of `size` (width, height)."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:

@@ -7,11 +7,12 @@ from collections.abc import Mapping
 import moderngl
 
 from irrsplat.buffers import GBuffer, ShadowMaps
+from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.target import Target
 
 
-class DirectPass:
+class DirectPass(Holder):
     """Draws the direct outgoing radiance of a view of `size` (width, height)."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], lights: Mapping[str, int]) -> None:

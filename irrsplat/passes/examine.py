@@ -13,6 +13,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.buffers import NOTHING_SEEN, GBuffer, Sites, SplatBuffer
+from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.target import Target
 
@@ -42,7 +43,7 @@ class Examination:
         return Sites(self.position[tiles], self.normal[tiles], self.geometric[tiles], self.triangle[tiles])
 
 
-class ExaminePass:
+class ExaminePass(Holder):
     """Looks for pixels with too little weight in a view of `size` (width, height)."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
@@ -101,7 +102,7 @@ def choose(asking: np.ndarray, spacing: int, phase: int, seed: int) -> tuple[np.
     """At most one asking tile in every other square of `spacing` tiles: (rows, columns).
 
     The squares are taken like the fields of a chess board, `phase` 0 or 1 the colour (-1: both); of a square, a tile
-    drawn at random asks.
+    drawn at random asks. They come in random order, so that the first few are spread over the screen.
     """
     height, width = asking.shape
     rows, columns = np.nonzero(asking > 0)
@@ -112,4 +113,5 @@ def choose(asking: np.ndarray, spacing: int, phase: int, seed: int) -> tuple[np.
     order = np.random.default_rng((seed, spacing, phase + 1)).permutation(height * width)[rows * width + columns]
     pick = np.lexsort((order, squares))
     _, first = np.unique(squares[pick], return_index=True)
-    return rows[pick[first]], columns[pick[first]]
+    chosen = pick[first][np.argsort(order[pick[first]])]
+    return rows[chosen], columns[chosen]

@@ -10,6 +10,7 @@ import numpy as np
 
 from irrsplat.buffers import Atlas, ShadowMaps, Sites
 from irrsplat.gpu.geometry import Geometry
+from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.program import Program, State
 from irrsplat.gpu.target import Target, float_texture, table_texture
 from irrsplat.hemisphere import edge_table, faces, frames, hemisphere_table
@@ -20,7 +21,7 @@ _ATLAS_TEXELS = 3 << 20  # texels of an atlas at most, 64 MiB with its depth
 _FLOATS = 28  # per instance
 
 
-class GatherPass:
+class GatherPass(Holder):
     """Draws what records see: hemicubes or planes of `side` texels, for a scene of the given `diagonal` in metres.
 
     lights: light_defines of the scene. capacity: how many records one call takes at most (default: what a 64 MiB atlas holds).
@@ -41,6 +42,7 @@ class GatherPass:
         self.cells = cells * (self.side // 2)
         table = hemisphere_table(kind, self.side)
         self.cell = (table.shape[1], table.shape[0])
+        self.share = table[..., 3]  # cosθ·dω of every texel of a cell
         self.table = table_texture(ctx, table)
         self.edges = table_texture(ctx, edge_table(kind, self.side))
         self.program = Program(ctx, "gather", defines=lights)
@@ -53,14 +55,14 @@ class GatherPass:
         self.frames = float_texture(ctx, (self.capacity, 4))
         self.instances = ctx.buffer(reserve=self.capacity * len(self.faces) * _FLOATS * 4, dynamic=True)
 
-    def __call__(self, geometry: Geometry, shadows: ShadowMaps, sites: Sites, first: int, seed: int) -> Atlas:
-        """What records at `sites` (at most `capacity`) see, the first of them being number `first` of the cache."""
+    def __call__(self, geometry: Geometry, shadows: ShadowMaps, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
+        """What records at `sites` (at most `capacity`) see; `numbers` (N,) are theirs in the cache."""
         if self.target is None:
             rows = self.capacity // self.columns
             self.target = Target(self.ctx, (self.columns * self.cell[0], rows * self.cell[1]), (4,), depth=True)
         count = len(sites)
-        frame = frames(sites.normal, first + np.arange(count), seed)
-        self._write_frames(frame, sites)
+        frame = frames(sites.normal, numbers, seed)
+        self._write_frames(frame, sites, numbers)
         self.instances.write(self._instances(frame, sites, self._eyes(geometry, sites)).astype("f4").tobytes())
         used = (0, 0, self.target.size[0], -(-count // self.columns) * self.cell[1])
         self.target.use(scissor=used)
@@ -79,10 +81,11 @@ class GatherPass:
         block = (self.side // 4, self.side // 4)
         return Atlas(self.target.textures[0], self.table, self.edges, self.frames, count, self.columns, self.cell, block)
 
-    def _write_frames(self, frame: np.ndarray, sites: Sites) -> None:
+    def _write_frames(self, frame: np.ndarray, sites: Sites, numbers: np.ndarray) -> None:
         rows = np.zeros((4, len(sites), 4), "f4")
         rows[:3, :, :3] = frame.swapaxes(0, 1)
         rows[3, :, :3] = np.einsum("nij,nj->ni", frame, sites.geometric)
+        rows[3, :, 3] = numbers
         self.frames.write(rows.tobytes(), viewport=(0, 0, len(sites), 4))
 
     def _eyes(self, geometry: Geometry, sites: Sites) -> np.ndarray:

@@ -7,6 +7,7 @@ import numpy as np
 
 from irrsplat.buffers import GBuffer
 from irrsplat.gpu.geometry import Geometry
+from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.program import Program, State
 from irrsplat.gpu.target import Target
 from irrsplat.scene.model import Camera, Scene
@@ -14,7 +15,7 @@ from irrsplat.scene.model import Camera, Scene
 _NEAR = 1e-6  # of the far distance: only the matrix has it, nothing is clipped there
 
 
-class GBufferPass:
+class GBufferPass(Holder):
     """Draws the scene from the eye into four float textures of `size` (width, height)."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:

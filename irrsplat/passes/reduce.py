@@ -10,13 +10,14 @@ from typing import Any
 import moderngl
 
 from irrsplat.buffers import Atlas, Records
+from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.target import Target
 
 _SUMS = ("sums", "share", "sums_m_r", "sums_m_g", "sums_m_b", "sums_g_r", "sums_g_g", "sums_g_b")  # as reduce.frag has them
 
 
-class ReducePass:
+class ReducePass(Holder):
     """Sums the cells of an atlas, block by block and then record by record; `gradients`: M and ∇E too."""
 
     def __init__(self, ctx: moderngl.Context, gradients: bool) -> None:
@@ -24,14 +25,12 @@ class ReducePass:
         defines = {"GRADIENTS": int(gradients)}
         self.components = (4, 2, 4, 4, 4, 4, 4, 4) if gradients else (4, 2)
         self.blocks = Program(ctx, "reduce", "lib/fullscreen", defines)
-        self.total = Program(ctx, "reduce_total", "lib/fullscreen", defines)
+        self.total = Program(ctx, "reduce_total", defines=defines)
         self.target: Target | None = None
         self.out: Target | None = None  # the cache's own textures
 
-    def __call__(
-        self, atlas: Atlas, records: Records, first: int, sky: tuple[float, float, float], radii: tuple[float, float]
-    ) -> None:
-        """Write E, R, M and ∇E of the atlas's records into `records`, from number `first` on; R is kept within `radii`."""
+    def __call__(self, atlas: Atlas, records: Records, sky: tuple[float, float, float], radii: tuple[float, float]) -> None:
+        """Write E, R, M and ∇E of the atlas's records into `records`, each at its number; R is kept within `radii`."""
         size = atlas.radiance.width // atlas.block[0], atlas.radiance.height // atlas.block[1]
         if self.target is None or self.target.size != size:
             if self.target is not None:
@@ -51,20 +50,17 @@ class ReducePass:
             columns=atlas.columns,
             sky=sky,
         )
-        row = first // records.columns
-        rows = (first + atlas.count - 1) // records.columns + 1 - row
         sums: dict[str, Any] = dict(zip(_SUMS, self.target.textures, strict=False))
         if self.out is None or self.out.textures[0] is not records.irradiance:
             self.out = Target(self.ctx, records.irradiance.size, textures=[records.irradiance, *records.vectors])
         self.total(
             self.out,
-            scissor=(0, row, records.columns, rows),
+            vertices=atlas.count,
+            mode=moderngl.POINTS,
             **sums,
             frames=atlas.frames,
             blocks=per_cell,
             columns=atlas.columns,
-            first=first,
-            count=atlas.count,
-            record_columns=records.columns,
+            table=records.irradiance.size,
             radii=radii,
         )

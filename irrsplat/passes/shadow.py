@@ -7,6 +7,7 @@ import moderngl
 from irrsplat.buffers import ShadowMaps
 from irrsplat.errors import InputError
 from irrsplat.gpu.geometry import Geometry
+from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.program import Program, State
 from irrsplat.gpu.target import Target
 from irrsplat.lights import light_table
@@ -21,7 +22,7 @@ _DRAWS = (
 )
 
 
-class ShadowPass:
+class ShadowPass(Holder):
     """Draws the shadow maps of a scene's lights."""
 
     def __init__(self, ctx: moderngl.Context) -> None:

@@ -8,6 +8,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.buffers import NOTHING_SEEN, GBuffer, Records, SplatBuffer
+from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.program import Program, State
 from irrsplat.gpu.target import Target
 from irrsplat.scene.model import Camera
@@ -24,7 +25,7 @@ def splat_radius(R: Any, distance: Any, camera: Camera, settings: Settings) -> n
     return np.minimum(r, settings.radius_max * percent) if settings.radius_max > 0.0 else r
 
 
-class SplatPass:
+class SplatPass(Holder):
     """Adds records to a splat buffer of `size` (width, height), with their gradients or without."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], gradients: bool) -> None:
@@ -44,7 +45,7 @@ class SplatPass:
         self.program(
             self.target,
             vertices=4,
-            strip=True,
+            mode=moderngl.TRIANGLE_STRIP,
             instances=records.count - first,
             state=State(blend="add", clamp=True),
             **records.uniforms,

@@ -156,10 +156,14 @@ class Scene:
         """The number of triangles."""
         return sum(len(m.faces) for m in self.meshes)
 
-    def camera(self, name: str | None = None) -> Camera:
-        """The camera called `name` (None: the default one); raises InputError with the names there are."""
+    def camera(self, name: str | Camera | None = None) -> Camera:
+        """The camera called `name` (None: the default one; a Camera: itself); raises InputError with the names there are."""
         if name is None:
             return self.cameras[0]
+        if isinstance(name, Camera):
+            return name
+        if not isinstance(name, str):
+            raise InputError(f"a camera is a Camera or the name of one of the scene's, not {type(name).__name__}")
         for camera in self.cameras:
             if camera.name == name:
                 return camera

@@ -1,0 +1,32 @@
+"""What can be drawn at all: sizes and numbers of lights, checked before anything is made."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Sequence
+
+import moderngl
+
+from irrsplat.errors import InputError
+from irrsplat.scene.model import Light
+
+
+def checked(size: tuple[int, int]) -> tuple[int, int]:
+    """`size` as two whole numbers of pixels, width and height; raises InputError where it is none."""
+    try:
+        width, height = (operator.index(n) for n in size)
+    except (TypeError, ValueError):
+        raise InputError(f"size takes two whole numbers, width and height, not {size!r}") from None
+    if width < 1 or height < 1:
+        raise InputError(f"size must be at least 1x1 pixels, not {width}x{height}")
+    return width, height
+
+
+def check(ctx: moderngl.Context, size: tuple[int, int], lights: Sequence[Light]) -> None:
+    """Raises InputError where `ctx` takes no picture of this size, or not so many lights."""
+    limit = int(ctx.info["GL_MAX_TEXTURE_SIZE"])
+    if max(size) > limit:
+        raise InputError(f"size {size[0]}x{size[1]} is beyond the limit here, {limit} pixels a side")
+    most = int(ctx.info["GL_MAX_FRAGMENT_UNIFORM_VECTORS"]) // 8 - 8  # eight rows of the light table a light
+    if len(lights) > most:
+        raise InputError(f"the scene has {len(lights)} lights, and this OpenGL takes {most}: leave some out")

@@ -1,0 +1,239 @@
+"""Where records are made, and when: rounds of examination and gathering, as far as a tick's time goes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+
+from irrsplat import paper
+from irrsplat.buffers import Atlas, GBuffer, ShadowMaps, Sites, SplatBuffer
+from irrsplat.cache import RecordCache
+from irrsplat.gpu.geometry import Geometry
+from irrsplat.gpu.holder import Holder
+from irrsplat.gpu.target import pixels
+from irrsplat.gpu.timers import Timers
+from irrsplat.lights import light_defines
+from irrsplat.passes.examine import ExaminePass, choose, spacing
+from irrsplat.passes.gather import GatherPass
+from irrsplat.passes.reduce import ReducePass
+from irrsplat.scene.model import Camera, Scene
+from irrsplat.settings import Settings
+
+_REACH = 8.0  # percent of the image height by which the first sites lie apart where radii have no upper limit
+_SHARE = 0.1  # of a tick that gathering may take in any case, so that the picture refines however slow the rest is
+_ASKING = ("gather", "splat", "examine")  # the stages whose settings decide where records are asked for
+
+
+class Budget:
+    """The time of one tick: `Budget(0.09)` ends 90 ms from now; `Budget(None)` never does."""
+
+    def __init__(self, seconds: float | None) -> None:
+        self.seconds = seconds
+        self.end = float("inf") if seconds is None else time.perf_counter() + seconds
+
+    @property
+    def limited(self) -> bool:
+        """Whether there is an end at all."""
+        return self.seconds is not None
+
+    @property
+    def left(self) -> float:
+        """Seconds to the end; below 0 after it."""
+        return self.end - time.perf_counter()
+
+    def part(self, share: float, reserve: float) -> Budget:
+        """This `share` of what is left once `reserve` seconds are kept back, but at least _SHARE of the whole tick."""
+        if self.seconds is None:
+            return self
+        return Budget(max(share * (self.left - reserve), _SHARE * self.seconds))
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What came of a look at the splat buffer: the records made, the share of the seen pixels that asked for one, and whether
+    all sites of the round are gathered."""
+
+    new: int
+    missing: float
+    whole: bool
+
+
+class Placement(Holder):
+    """Examines what a view of `size` (width, height) lacks, and fills the `cache` by it."""
+
+    def __init__(
+        self,
+        ctx: moderngl.Context,
+        scene: Scene,
+        size: tuple[int, int],
+        settings: Settings,
+        geometry: Geometry,
+        cache: RecordCache,
+        timers: Timers,
+    ) -> None:
+        self.ctx, self.geometry, self.cache, self.timers = ctx, geometry, cache, timers
+        self.settings, self.scene, self.size = settings, scene, size
+        self.gather_pass = self._gather_pass()
+        self.reduce_pass = ReducePass(ctx, settings.gradients)
+        self.examine_pass = ExaminePass(ctx, size)
+        self.atlas: Atlas | None = None  # the last one gathered
+        self._cost: float | None = None  # seconds a record
+        self.new_view()
+
+    def _gather_pass(self) -> GatherPass:
+        kind = "plane" if self.settings.gather == "plane" else "raster"
+        one = 1 if self.settings.placement == "scan" else None  # the paper: one at a time
+        return GatherPass(self.ctx, kind, self.settings.gather_size, self.scene.diagonal, light_defines(self.scene), capacity=one)
+
+    # ---- what changes ----------------------------------------------------------------------------------------------
+
+    def new_view(self) -> None:
+        """Forget what was asked for and how far the sites have come from coarse to fine: the camera sees something else."""
+        self._queue: Sites | None = None  # of the present round, still to be gathered
+        self._missing = 0.0  # share of the pixels, at the round's begin
+        self._pattern = 0
+        self._seen: paper.Seen | None = None  # the g-buffer as the paper's algorithm reads it back
+        self._warmed = 0  # how many of its first samples are made
+
+    def change(self, settings: Settings, scene: Scene) -> None:
+        """Go on with other settings and lights; records that depend on what changed become stale, or are forgotten."""
+        old, self.settings = self.settings, settings
+        lights, self.scene = self.scene, scene
+        if _where(old) != _where(settings):
+            self.cache.truncate(0)
+        gathered = _how(old) != _how(settings)
+        if gathered or light_defines(lights) != light_defines(scene) or old.placement != settings.placement:
+            self.gather_pass.release()
+            self.gather_pass, self.atlas, self._cost = self._gather_pass(), None, None
+        if old.gradients != settings.gradients:
+            self.reduce_pass.release()
+            self.reduce_pass = ReducePass(self.ctx, settings.gradients)
+        more = settings.gradients and not old.gradients  # records gathered without them have none
+        if gathered or more or lights.lights != scene.lights or old.shadow_size != settings.shadow_size:
+            self.cache.expire()
+        if old.of(*_ASKING) != settings.of(*_ASKING):
+            self.new_view()
+
+    def resize(self, size: tuple[int, int]) -> None:
+        """Views are of another size from now on."""
+        self.size = size
+        self.examine_pass.release()
+        self.examine_pass = ExaminePass(self.ctx, size)
+        self.new_view()
+
+    # ---- rounds ----------------------------------------------------------------------------------------------------
+
+    def renew(self, shadows: ShadowMaps, camera: Camera, budget: Budget) -> int:
+        """Gather stale records again in place, those in view first; how many."""
+        numbers = self.cache.stale
+        if not len(numbers):
+            return 0
+        where = self.cache.sites(numbers)
+        order = np.argsort(~self._in_view(where.position, camera), kind="stable")
+        done = 0
+        for count in self._batches(len(numbers), budget):
+            chosen = order[done : done + count]
+            self._gather(shadows, where[chosen], numbers[chosen])
+            self.cache.renewed(numbers[chosen])
+            done += count
+        return done
+
+    def _in_view(self, points: np.ndarray, camera: Camera) -> np.ndarray:
+        """(N,) bool: which of the points (N, 3) lie in the view's pyramid."""
+        x, y, z = camera.axes @ (points - np.asarray(camera.eye)).T
+        half = 0.5 * camera.screen * -z
+        return (z < 0.0) & (np.abs(y) <= half) & (np.abs(x) <= half * self.size[0] / self.size[1])
+
+    def ask(self, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps, camera: Camera, budget: Budget) -> Asked:
+        """Gather where the examination of this view asks for records."""
+        if self.settings.placement == "scan":
+            return self._scan(gbuffer, splats, shadows, camera, budget)
+        if self._queue is None:
+            self._queue, self._missing = self._examine(gbuffer, splats)
+        done = 0
+        for count in self._batches(len(self._queue), budget):
+            batch = self._queue[done : done + count]
+            numbers = self.cache.append(batch) + np.arange(count)
+            self._gather(shadows, batch, numbers)
+            done += count
+        self._queue = self._queue[done:] if done < len(self._queue) else None
+        return Asked(done, self._missing, self._queue is None)
+
+    def missing(self, gbuffer: GBuffer, splats: SplatBuffer) -> float:
+        """The share of the seen pixels that ask for a record now; nothing is gathered."""
+        with self.timers("examine"):
+            return self.examine_pass(gbuffer, splats, self.settings.threshold, self.settings.seed).missing
+
+    def _examine(self, gbuffer: GBuffer, splats: SplatBuffer) -> tuple[Sites, float]:
+        settings = self.settings
+        with self.timers("examine"):
+            found = self.examine_pass(gbuffer, splats, settings.threshold, settings.seed)
+            reach = (settings.radius_max or _REACH) / 100.0 * self.size[1] / self.examine_pass.side  # tiles
+            asking = int(np.count_nonzero(found.asking))
+            tiles = choose(found.asking, *spacing(self._pattern, reach, asking), settings.seed)
+            while asking and not len(tiles[0]):  # these fields of the chess board ask for nothing: the next ones
+                self._pattern += 1
+                tiles = choose(found.asking, *spacing(self._pattern, reach, asking), settings.seed)
+            self._pattern += 1
+            return found.at(tiles), found.missing
+
+    def _scan(self, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps, camera: Camera, budget: Budget) -> Asked:
+        """The same by the paper's own algorithm: random warm-up records, then a traversal in scan order on the CPU."""
+        if self._seen is None:
+            with self.timers("gbuffer"):
+                self._seen = paper.read_back(gbuffer)
+            self._warmed = 0 if self.cache.count == 0 else self.settings.warmup
+        seen, settings = self._seen, self.settings
+        record = paper.Recorder(self.gather_pass, self.geometry, shadows, self.scene.sky, lambda: budget.left > 0.0)
+        warm_up = self._warmed < settings.warmup
+        with self.timers("gather" if warm_up else "examine"):
+            if warm_up:
+                sites, values = paper.warm_up(seen, record, settings, self._warmed)
+                missing = float(seen.mask.any())
+                self._warmed = self._warmed + len(sites) if record.stopped else settings.warmup
+            else:
+                weight = pixels(splats.weight)[..., 0]
+                sites, values, missing = paper.traverse(seen, weight, record, camera, settings)
+        if len(sites):
+            self.cache.append(sites, values)
+        return Asked(len(sites), missing, not record.stopped)
+
+    def _batches(self, wanted: int, budget: Budget) -> Iterator[int]:
+        """The sizes of the batches in which up to `wanted` records may be gathered before the budget ends, at least one record.
+
+        What a record costs is told by the batch before; the first of all is small.
+        """
+        done, last = 0, 0
+        while done < wanted:
+            count = min(wanted - done, self.gather_pass.capacity)
+            if budget.limited:
+                fits = int(budget.left / self._cost) if self._cost else 8
+                if fits < 1 and done:
+                    return
+                count = min(count, max(fits, 1), 4 * last + 64)
+            start = time.perf_counter()
+            yield count
+            if budget.limited:
+                self.ctx.finish()
+                self._cost = (time.perf_counter() - start) / count
+            done, last = done + count, count
+
+    def _gather(self, shadows: ShadowMaps, sites: Sites, numbers: np.ndarray) -> None:
+        with self.timers("gather"):
+            self.atlas = self.gather_pass(self.geometry, shadows, sites, numbers, self.settings.seed)
+        with self.timers("reduce"):
+            self.reduce_pass(self.atlas, self.cache.records, self.scene.sky, self.gather_pass.radii)
+
+
+def _where(settings: Settings) -> tuple[object, ...]:
+    """The settings by which records have the places that they have."""
+    return settings.seed, settings.placement, settings.warmup
+
+
+def _how(settings: Settings) -> tuple[object, ...]:
+    """The settings by which a record at its place says what it says."""
+    return "plane" if settings.gather == "plane" else "raster", settings.gather_size
