@@ -159,13 +159,17 @@ class Renderer(Holder):
 
     def _splat(self, gbuffer: GBuffer, camera: Camera) -> SplatBuffer:
         """The splat buffer with every record of the cache in it; the sums are additive, so that only new ones are drawn."""
-        with self.timers("splat"):
-            if self._other("splat", self._made_of["gbuffer"], self.settings.of("splat"), self.cache.edits):
-                self.splat_pass.clear(gbuffer)
-                self._splatted, self._idle = 0, 0
-            if self._splatted < self.cache.count:
-                self.splat_pass(self.cache.records, self._splatted, gbuffer, camera, self.settings)
-        self._splatted = self.cache.count
+        bounces = self.settings.bounces > 0
+        count = self.cache.count if bounces else 0
+        anew = self._other("splat", self._made_of["gbuffer"], self.settings.of("splat"), self.cache.edits, bounces)
+        if anew or self._splatted < count:
+            with self.timers("splat"):
+                if anew:
+                    self.splat_pass.clear(gbuffer)
+                    self._splatted, self._idle = 0, 0
+                if self._splatted < count:
+                    self.splat_pass(self.cache.records, self._splatted, gbuffer, camera, self.settings)
+        self._splatted = count
         return SplatBuffer(*self.splat_pass.target.textures)
 
     def _ask(self, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps, camera: Camera, budget: Budget) -> int:
@@ -187,8 +191,8 @@ class Renderer(Holder):
         if self._other("direct", self._made_of["gbuffer"], self._made_of["shadow"]) or self._direct is None:
             with self.timers("direct"):
                 self._direct = self.direct_pass(gbuffer, self._lit())
-        made_of = self._made_of["direct"], self._made_of["splat"], self._splatted, self.settings.of("composite"), self.scene.sky
-        if self._other("composite", *made_of) or self._view is None:
+        settings, state = self.settings, (self._made_of["direct"], self._made_of["splat"], self._splatted)
+        if self._other("composite", *state, settings.blend, settings.smooth) or self._view is None:
             with self.timers("composite"):
                 image, sums = self.composite_pass(splats, self._direct, gbuffer, self.scene.sky, camera, self.settings)
             self._view = View(camera, gbuffer, self._direct, splats, sums, image)
