@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from irrsplat.scene.model import Camera, Scene
 
 INTERRUPTED = 130
+_UNSERVED = "before every pixel was served; raise --max-rounds or --a"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -62,22 +63,30 @@ def _fail(message: str, status: int) -> int:
 def render(args: argparse.Namespace) -> int:
     """`irrsplat render`: a scene to files. Whatever can be checked before the work is checked before it."""
     from irrsplat import output, settings
+    from irrsplat.app import sequence
 
     settings.preset(args.preset, **args.values)
     buffers = None if args.buffers is None else [name.strip() for name in args.buffers.split(",")]
-    folders = [output.check_writable(path, buffers) == "" for path in args.output]
+    names = args.output if args.path is None else sequence.first_names(args)
+    folders = [output.check_writable(name, buffers) == "" for name in names]
     if args.stats is not None:
         output.check_file(args.stats)
 
     import irrsplat
 
     scene = irrsplat.load(args.scene)
+    planned = None if args.path is None else sequence.plan(args, scene)
     camera = _camera(args, scene)
     with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, **args.values) as renderer:
         for notice in scene.notices:
             _say(f"notice: {notice}")
         with _progress() as progress:
-            frame = renderer.render(camera, progress=progress, figures=any(folders))
+            if planned is not None:
+                done, whole = sequence.take(renderer, planned, buffers, any(folders), progress)
+            else:
+                frame = renderer.render(camera, progress=progress, figures=any(folders))
+    if planned is not None:
+        return _sequence(args, done, None if whole else f"{len(done)} of {len(planned.numbers)} frames were written")
     stats = frame.stats
     for path in args.output:
         frame.save(path, buffers)
@@ -86,7 +95,20 @@ def render(args: argparse.Namespace) -> int:
     if stats.get("interrupted"):
         return _fail(f"interrupted; the files hold what {stats.get('rounds', 0)} whole rounds gave", INTERRUPTED)
     if not stats.get("converged", True):
-        _say(f"notice: stopped after {stats.get('rounds')} rounds before every pixel was served; raise --max-rounds or --a")
+        _say(f"notice: stopped after {stats.get('rounds')} rounds {_UNSERVED}")
+    return 0
+
+
+def _sequence(args: argparse.Namespace, done: list[dict[str, Any]], interrupted: str | None) -> int:
+    """The end of a path: the stats of the frames that are `done`, and what is to be said. interrupted: how far it came."""
+    from irrsplat import output
+
+    if args.stats is not None:
+        output.write_text(args.stats, output.stats_json({"frames": done}) + "\n")
+    if interrupted is not None:
+        return _fail(f"interrupted; {interrupted}", INTERRUPTED)
+    if short := sum(not stats.get("converged", True) for stats in done):
+        _say(f"notice: {short} of {len(done)} frames stopped {_UNSERVED}")
     return 0
 
 
@@ -135,8 +157,11 @@ def _say(line: str) -> None:
 
 
 @contextmanager
-def _progress() -> Iterator[Callable[[Any], None] | None]:
-    """What is called after each round: a line that moves where stderr is a terminal, None where it is not."""
+def _progress() -> Iterator[Callable[..., None] | None]:
+    """What is called after each round: a line that moves where stderr is a terminal, None where it is not.
+
+    A `prefix` stands before the round where one is given.
+    """
     if not sys.stderr.isatty():
         yield None
         return
@@ -147,8 +172,8 @@ def _progress() -> Iterator[Callable[[Any], None] | None]:
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("round 0", total=1.0)
 
-        def show(state: Any) -> None:
-            words = f"round {state.round}: {state.records} records, coverage"
+        def show(state: Any, prefix: str = "") -> None:
+            words = f"{prefix}round {state.round}: {state.records} records, coverage"
             bar.update(task, completed=float(state.coverage), description=words)
 
         yield show

@@ -46,6 +46,17 @@ def pixels(text: str) -> int:
     return int(text)
 
 
+def frames(text: str) -> tuple[int, int | None]:
+    """Frames A:B of a path as (A, B), for argparse; half open as a Python slice, A: 0 and B: None where left out."""
+    match = re.fullmatch(r"(\d{0,9}):(\d{0,9})", text, re.ASCII)
+    if match is None:
+        raise argparse.ArgumentTypeError(f"expected A:B, the frames from A to before B, either may be left out, not '{text}'")
+    start, stop = int(match[1] or 0), int(match[2]) if match[2] else None
+    if stop is not None and start >= stop:
+        raise argparse.ArgumentTypeError(f"'{text}' holds no frame: B is not among them; give a B greater than A")
+    return start, stop
+
+
 def parse(argv: Sequence[str]) -> argparse.Namespace:
     """The checked command line: `command`, its arguments, and for render `values`, the settings given by flag.
 
@@ -90,14 +101,14 @@ def _add_render(commands: Any) -> None:
         help="render a scene to files",
         description="Render a scene, without a window, until no pixel asks for more records.",
         epilog="A flag wins over the preset. Exit status: 0 done; 2 the command line or a file is wrong; 1 anything else; "
-        "130 interrupted\n(the last completed round is written).",
+        "130 interrupted\n(the last completed round is written; of a path, the frames that were done).",
     )
     add = parser.add_argument
     add("scene", nargs="?", metavar="SCENE", default=DEFAULT_SCENE, help="a path, or a bundled scene's name (default: cornell)")
     add(
         "-o", "--output", metavar="OUT", action="append", required=True,
         help="may be repeated: .png (the picture), .exr (a float32 layer per buffer), .npz (all buffers, records and stats), "
-        "or a folder (a PNG per buffer, and the paper's figures)",
+        "or a folder (a PNG per buffer, and the paper's figures); with --path, {frame} or {frame:04d} in it is the number",
     )  # fmt: skip
     _add_size(parser)
     add("--preset", metavar="NAME", choices=tuple(PRESETS), default="default", help=f"{', '.join(PRESETS)} (default: default)")
@@ -108,6 +119,9 @@ def _add_render(commands: Any) -> None:
     for flag, text in (("eye", "where it stands"), ("target", "the point that it looks at"), ("up", "what is up")):
         group.add_argument(f"--{flag}", nargs=3, type=number, metavar=("X", "Y", "Z"), help=f"{text}, world space")
     group.add_argument("--fov", type=number, metavar="DEG", help="vertical field of view, between 0 and 180 degrees")
+    group = parser.add_argument_group("path", "a flight instead of one picture; records and the first frame's exposure are kept")
+    group.add_argument("--path", metavar="FILE", help="its cameras: a text file, looked for here, then in the scene's folder")
+    group.add_argument("--frames", type=frames, metavar="A:B", help="frames A to B - 1; either may be left out (default: all)")
     for stage in _STAGES:
         group = parser.add_argument_group(f"settings of {stage}")
         for declaration in SETTINGS.values():
@@ -159,6 +173,11 @@ def _check_camera(args: argparse.Namespace) -> None:
         raise InputError("--camera and --eye are two different cameras; give one of them")
     if args.fov is not None and not 0.0 < args.fov < 180.0:
         raise InputError(f"--fov lies between 0 and 180 degrees, not {args.fov:g}")
+    if args.frames is not None and args.path is None:
+        raise InputError("--frames chooses among the frames of a path; give --path as well")
+    for flag in ("eye", "camera"):
+        if args.path is not None and getattr(args, flag) is not None:
+            raise InputError(f"--path brings its own cameras; leave --path or --{flag} out")
 
 
 class _Version(argparse.Action):

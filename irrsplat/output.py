@@ -5,9 +5,11 @@ from __future__ import annotations
 import json
 import math
 import os
+import re
 import secrets
 import shutil
 import stat
+import string
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
@@ -25,6 +27,7 @@ Pathlike = str | os.PathLike[str]
 ENDINGS = (".png", ".exr", ".npz")
 RECORDS = ("records_position", "records_normal", "records_irradiance", "records_radius")
 BUFFERS = (*CHANNELS, *RECORDS)
+_NUMBER = re.compile(r"0?[0-9]{0,2}[dxXob]?")  # how {frame} may be spelled: two frames never have one name
 
 
 @dataclass(frozen=True)
@@ -121,7 +124,7 @@ def check_writable(path: Pathlike, buffers: Sequence[str] | None = None) -> str:
     text = os.fspath(path)
     ending = os.path.splitext(text)[1].lower()
     if "{frame" in text:
-        raise InputError("an output for many frames ({frame…}) is not built yet; give a plain name", text)
+        raise InputError("{frame} is for the frames of a path; give --path as well, or a plain name", text)
     if ending not in ENDINGS and (not ending or text.endswith(("/", os.sep)) or os.path.isdir(text)):
         _try_folder(text)
         return ""
@@ -131,6 +134,20 @@ def check_writable(path: Pathlike, buffers: Sequence[str] | None = None) -> str:
         raise InputError("none of the chosen buffers is an image, so there is nothing to write; choose another or .npz", text)
     check_file(text)
     return ending
+
+
+def numbered(pattern: str, frame: int) -> str:
+    """The output's name for one frame of a path: its number in place of each {frame}, {frame:4d}, {frame:04d}, {frame:x} ….
+
+    Raises InputError for any other field and for a brace that is not closed; {{ and }} are plain braces.
+    """
+    try:
+        for _, name, spec, conversion in string.Formatter().parse(pattern):
+            if name is not None and (name != "frame" or conversion or not _NUMBER.fullmatch(spec or "")):
+                raise ValueError
+        return pattern.format(frame=frame)
+    except ValueError:
+        raise InputError("the one field in an output's name is {frame}, or with digits such as {frame:04d}", pattern) from None
 
 
 def check_file(path: Pathlike) -> None:

@@ -46,7 +46,7 @@ def test_the_commands_run(
     assert cli.main(small(words)) == 0, capsys.readouterr().err
     for flag, name in pairwise(words):
         if flag in ("-o", "--stats", "--json"):
-            assert (tmp_path / name).exists()
+            assert (tmp_path / name.format(frame=0)).exists()
 
 
 def test_the_demo_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
