@@ -1,4 +1,4 @@
-"""The command line: `irrsplat render`, `info`, `doctor` and `bench`, with one line for whatever goes wrong."""
+"""The command line: `irrsplat view`, `render`, `info`, `doctor` and `bench`, with one line for whatever goes wrong."""
 
 from __future__ import annotations
 
@@ -112,6 +112,25 @@ def _sequence(args: argparse.Namespace, done: list[dict[str, Any]], interrupted:
     return 0
 
 
+def view(args: argparse.Namespace) -> int:
+    """`irrsplat view`: the window."""
+    import irrsplat
+    from irrsplat.app import memory
+
+    scene = irrsplat.load(args.scene)
+    camera = _camera(args, scene)
+    remembered, notices = memory.load()
+    if args.preset is not None:
+        remembered.preset, remembered.values = args.preset, {}
+    remembered.values |= args.values
+    from irrsplat.app import viewer
+
+    said = viewer.run(scene, args.scene, tuple(args.size) if args.size else None, remembered, camera, notices)
+    if said is not None:
+        _say(f"notice: {said}")
+    return 0
+
+
 def info(args: argparse.Namespace) -> int:
     """`irrsplat info`: what is in a scene, or the table of bundled ones."""
     from irrsplat.app import report
@@ -138,7 +157,13 @@ def bench(args: argparse.Namespace) -> int:
     return benchmark.run(args.scenes, tuple(args.size), args.json)
 
 
-_COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {"render": render, "info": info, "doctor": doctor, "bench": bench}
+_COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
+    "view": view,
+    "render": render,
+    "info": info,
+    "doctor": doctor,
+    "bench": bench,
+}
 
 
 def _camera(args: argparse.Namespace, scene: Scene) -> Camera:

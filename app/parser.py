@@ -58,12 +58,12 @@ def frames(text: str) -> tuple[int, int | None]:
 
 
 def parse(argv: Sequence[str]) -> argparse.Namespace:
-    """The checked command line: `command`, its arguments, and for render `values`, the settings given by flag.
+    """The checked command line: `command`, its arguments, and for render and view `values`, the settings given by flag.
 
     Raises InputError, one line, for what is wrong with it; SystemExit(0) after --help and --version.
     """
     args = build().parse_args(list(_spelled_out(argv)))
-    if args.command == "render":
+    if args.command in ("render", "view"):
         args.values = {
             name: _value(d, text) for name, d in SETTINGS.items() if (text := getattr(args, "set_" + name, None)) is not None
         }
@@ -76,6 +76,7 @@ def build() -> Parser:
     top = Parser(prog="irrsplat", description="Indirect light for diffuse scenes by irradiance cache splatting.")
     top.add_argument("--version", action=_Version, help="print the version and exit")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True, parser_class=Parser)
+    _add_view(commands)
     _add_render(commands)
 
     bench = commands.add_parser(
@@ -104,7 +105,7 @@ def _add_render(commands: Any) -> None:
         "130 interrupted\n(the last completed round is written; of a path, the frames that were done).",
     )
     add = parser.add_argument
-    add("scene", nargs="?", metavar="SCENE", default=DEFAULT_SCENE, help="a path, or a bundled scene's name (default: cornell)")
+    _add_scene(parser)
     add(
         "-o", "--output", metavar="OUT", action="append", required=True,
         help="may be repeated: .png (the picture), .exr (a float32 layer per buffer), .npz (all buffers, records and stats), "
@@ -114,14 +115,44 @@ def _add_render(commands: Any) -> None:
     add("--preset", metavar="NAME", choices=tuple(PRESETS), default="default", help=f"{', '.join(PRESETS)} (default: default)")
     add("--buffers", metavar="NAME,…", help="only these buffers in .exr, .npz and folders (default: all)")
     add("--stats", metavar="FILE.json", help="write records, rounds, times and settings to this file")
+    _add_camera(parser)
+    group = parser.add_argument_group("path", "a flight instead of one picture; records and the first frame's exposure are kept")
+    group.add_argument("--path", metavar="FILE", help="its cameras: a text file, looked for here, then in the scene's folder")
+    group.add_argument("--frames", type=frames, metavar="A:B", help="frames A to B - 1; either may be left out (default: all)")
+    _add_settings(parser)
+
+
+def _add_view(commands: Any) -> None:
+    parser = commands.add_parser(
+        "view",
+        help="fly through a scene in a window",
+        description="Open a window on a scene and fly through it; F1 there shows all keys.",
+        epilog="Window size, preset and settings are remembered from the last time; a flag wins, and --preset begins anew.",
+    )
+    _add_scene(parser)
+    parser.add_argument(
+        "--size", nargs=2, type=pixels, metavar=("W", "H"), help="window size (default: the last one, at first 1280 720)"
+    )
+    parser.add_argument("--preset", metavar="NAME", choices=tuple(PRESETS), help=f"{', '.join(PRESETS)} (default: the last one)")
+    _add_camera(parser)
+    _add_settings(parser)
+    parser.set_defaults(path=None, frames=None)
+
+
+def _add_scene(parser: argparse.ArgumentParser) -> None:
+    words = "a path, or a bundled scene's name (default: cornell)"
+    parser.add_argument("scene", nargs="?", metavar="SCENE", default=DEFAULT_SCENE, help=words)
+
+
+def _add_camera(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("camera", "--eye and --target go together; --up and --fov come from the scene unless given")
     group.add_argument("--camera", metavar="NAME", help="a camera of the scene by its name (default: its first)")
     for flag, text in (("eye", "where it stands"), ("target", "the point that it looks at"), ("up", "what is up")):
         group.add_argument(f"--{flag}", nargs=3, type=number, metavar=("X", "Y", "Z"), help=f"{text}, world space")
     group.add_argument("--fov", type=number, metavar="DEG", help="vertical field of view, between 0 and 180 degrees")
-    group = parser.add_argument_group("path", "a flight instead of one picture; records and the first frame's exposure are kept")
-    group.add_argument("--path", metavar="FILE", help="its cameras: a text file, looked for here, then in the scene's folder")
-    group.add_argument("--frames", type=frames, metavar="A:B", help="frames A to B - 1; either may be left out (default: all)")
+
+
+def _add_settings(parser: argparse.ArgumentParser) -> None:
     for stage in _STAGES:
         group = parser.add_argument_group(f"settings of {stage}")
         for declaration in SETTINGS.values():

@@ -106,7 +106,7 @@ class RecordCache(Holder):
         self._era[numbers] = self._now
         self.edits += 1
 
-    def sites(self, numbers: np.ndarray) -> Sites:
+    def sites(self, numbers: np.ndarray | slice) -> Sites:
         """Where the records of these numbers lie."""
         triangle = self._triangle[numbers]
         position, normal, geometric = (array[numbers, :3] for array in (self._position, self._normal, self._geometric))

@@ -51,6 +51,15 @@ def exposure_of(radiance: np.ndarray) -> float:
     return float(np.log2(MID_GREY) - np.log2(lit).mean()) if lit.size else 0.0
 
 
+def viridis(t: np.ndarray) -> np.ndarray:
+    """Numbers of any shape as (..., 3) display colours 0..1: dark blue at 0, yellow at 1, clipped there."""
+    t = np.clip(t, 0.0, 1.0)[..., None]
+    colour = np.zeros((*t.shape[:-1], 3))
+    for coefficient in _VIRIDIS[::-1]:  # Horner
+        colour = colour * t + coefficient
+    return np.clip(colour, 0.0, 1.0)
+
+
 def heat(values: np.ndarray, seen: np.ndarray | None = None) -> np.ndarray:
     """(H, W) scalars as (H, W, 3) display colours, dark blue to yellow from the 1st to the 99th percentile of the seen pixels,
     on a logarithmic scale where a few are far above the rest.
@@ -64,11 +73,7 @@ def heat(values: np.ndarray, seen: np.ndarray | None = None) -> np.ndarray:
     low, middle, high = np.percentile(values[seen], (1, 50, 99))
     if low >= 0.0 and high > 10.0 * middle > 0.0:  # a long tail, such as the weights': their logarithm shows more
         values, low, high = np.log(values + middle), np.log(low + middle), np.log(high + middle)
-    t = np.clip((values - low) / ((high - low) or 1.0), 0.0, 1.0)[..., None]
-    colour = np.zeros((*values.shape, 3))
-    for coefficient in _VIRIDIS[::-1]:  # Horner
-        colour = colour * t + coefficient
-    return np.where(seen[..., None], np.clip(colour, 0.0, 1.0), 0.0)
+    return np.where(seen[..., None], viridis((values - low) / ((high - low) or 1.0)), 0.0)
 
 
 def show(name: str, values: np.ndarray, exposure: float, seen: np.ndarray) -> np.ndarray:

@@ -142,6 +142,10 @@ class Placement(Holder):
             done += count
         return done
 
+    def count_in_view(self, camera: Camera) -> int:
+        """How many records lie in the view's pyramid, hidden ones too."""
+        return int(np.count_nonzero(self._in_view(self.cache.sites(slice(0, self.cache.count)).position, camera)))
+
     def _in_view(self, points: np.ndarray, camera: Camera) -> np.ndarray:
         """(N,) bool: which of the points (N, 3) lie in the view's pyramid."""
         x, y, z = camera.axes @ (points - np.asarray(camera.eye)).T

@@ -31,7 +31,8 @@ from irrsplat.passes.splat import SplatPass
 from irrsplat.placement import Budget, Placement
 from irrsplat.scene.flat import flatten
 from irrsplat.scene.model import Camera, Light, Scene
-from irrsplat.settings import Settings, preset
+from irrsplat.settings import Settings
+from irrsplat.settings import preset as settings_of
 from irrsplat.view import Progress, View, read, statistics
 
 _IDLE = 8  # rounds without any gain in coverage after which nothing more is to be hoped for
@@ -59,7 +60,7 @@ class Renderer(Holder):
         if not isinstance(scene, Scene):
             raise InputError(f"a Renderer takes a Scene, as irrsplat.load returns it, not {type(scene).__name__}")
         self.scene = scene
-        self.settings: Settings = _preset(preset, **settings)
+        self.settings: Settings = settings_of(preset, **settings)
         self.preset = preset
         self.size = limits.checked(size)
         self._owns_ctx = ctx is None
@@ -241,6 +242,10 @@ class Renderer(Holder):
         """Read the shaders' files again and draw with them; raises ShaderError, and goes on as before, where one is wrong."""
         self._use()
         program.reload(self.programs())
+        self.renew()
+
+    def renew(self) -> None:
+        """Draw everything again, and gather all records again in place."""
         self.cache.expire()
         self.forget(records=False)
 
@@ -308,7 +313,7 @@ class Renderer(Holder):
                 progress(now)
 
         view, stats = self.converge(camera, watch if figures else progress)
-        frame = read(view, self.scene.sky, self.cache.read(), stats | self._statistics(view))
+        frame = read(view, self.scene.sky, self.cache.read(), stats | self.stats(view))
         if not figures:
             return frame
         splats = {"first_samples": first[0] if first else self.splat_pass.target.read(0)}
@@ -316,7 +321,7 @@ class Renderer(Holder):
         pictures = {name: frame.albedo / np.float32(np.pi) * sums[..., :3] for name, sums in splats.items()}
         return replace(frame, figures=pictures | {"quad": figure.diagram(frame, view.camera, self.settings)})
 
-    def _statistics(self, view: View) -> dict[str, Any]:
+    def stats(self, view: View) -> dict[str, Any]:
         settings = self.settings
         exposure = self.composite_pass.exposure(view.image) if settings.exposure == "auto" else settings.exposure
         times = {"stages_ms": self.timers.milliseconds(), "clock": self.timers.clock}
@@ -342,6 +347,3 @@ def render(
     """One view of `scene`, headless, refined until every pixel is served; arguments and errors as `Renderer`."""
     with Renderer(scene, size, preset, **settings) as renderer:
         return renderer.render(camera)
-
-
-_preset = preset  # Renderer's argument has the same name

@@ -150,7 +150,7 @@ class Settings:
     )
 
     budget: float = _declare(
-        90.0, "float", "view", "time of one tick of the viewer, gathering and drawing together; a render takes what it needs",
+        80.0, "float", "view", "time of one tick of the viewer, gathering and drawing together; a render takes what it needs",
         low=1, high=10_000, unit="ms",
     )  # fmt: skip
 

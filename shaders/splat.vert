@@ -1,21 +1,10 @@
 // A record as a quad that bounds its sphere of influence on screen (Jones 2010, figure 1); an instance is a record.
-uniform sampler2D records_position;
-uniform sampler2D records_normal;
-uniform sampler2D records_irradiance;  // rgb E, a R_k
-uniform sampler2D records_m_r;         // irradiance vectors of red, green and blue
-uniform sampler2D records_m_g;
-uniform sampler2D records_m_b;
-uniform sampler2D records_g_r;         // translation gradients likewise
-uniform sampler2D records_g_g;
-uniform sampler2D records_g_b;
-uniform int record_columns;
+#include "lib/record.glsl"
+
 uniform int first;                     // number of the first record to splat
 uniform mat4 clip_from_world;
-uniform vec3 eye;
-#include "lib/weight.glsl"
 uniform bool in_front;                 // reject records in front of the pixel's surface, or behind it
 uniform float pixel;                   // size of a pixel at distance 1, in metres
-uniform vec2 reach;                    // least and greatest a·R in metres at distance 1 (0: no greatest)
 
 flat out vec4 v_record;                // p_k, R_k as clamped for this view
 flat out vec3 v_normal;
@@ -28,8 +17,7 @@ flat out vec3 v_irradiance;
 
 void main()
 {
-    int i = first + gl_InstanceID;
-    ivec2 texel = ivec2(i % record_columns, i / record_columns);
+    ivec2 texel = record_texel(first + gl_InstanceID);
     vec3 p = texelFetch(records_position, texel, 0).xyz;
     vec4 record = texelFetch(records_irradiance, texel, 0);
 
@@ -38,14 +26,10 @@ void main()
     float R = record.a;
 #if GRADIENTS
     v_m = mat3(texelFetch(records_m_r, texel, 0).xyz, texelFetch(records_m_g, texel, 0).xyz, texelFetch(records_m_b, texel, 0).xyz);
-    v_g = mat3(texelFetch(records_g_r, texel, 0).xyz, texelFetch(records_g_g, texel, 0).xyz, texelFetch(records_g_b, texel, 0).xyz);
-    // where light changes fast a record reaches less far: R <= E/|∇E| on luminance (Krivanek et al. 2006)
-    const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
-    float slope = length(v_g * LUMINANCE), E = dot(record.rgb, LUMINANCE);
-    R = slope * R > E ? E / slope : R;
+    v_g = record_gradient(texel);
+    R = gradient_limit(R, record.rgb, v_g);
 #endif
-    float r = max(a * R, reach.x * d);
-    if (reach.y > 0.0) r = min(r, reach.y * d);
+    float r = view_radius(R, d);
     v_record = vec4(p, r / a);
     v_normal = texelFetch(records_normal, texel, 0).xyz;
 #if GRADIENTS

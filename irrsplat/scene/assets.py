@@ -12,9 +12,10 @@ import re
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 import numpy as np
 
@@ -41,6 +42,7 @@ class Part:
     material: Material = Material()
     colors: Array | None = None
     name: str = ""
+    files: tuple[Path, ...] = ()  # that it was read from, apart from the main one
 
 
 def load_asset(path: Path) -> Scene:
@@ -68,7 +70,8 @@ def load_asset(path: Path) -> Scene:
         mesh, lost = _build(path, part)
         meshes.append(mesh)
         dropped += lost
-    return finish(path, meshes, (), (), None, Counter({str(path): dropped}), notices)
+    files = [file for part in parts for file in part.files]
+    return finish(path, meshes, (), (), None, Counter({str(path): dropped}), notices, files)
 
 
 def _build(path: Path, part: Part) -> Any:
@@ -113,6 +116,7 @@ def _obj(path: Path, notices: list[str]) -> list[Part]:
                 shape.corner_normals[which],
                 material=materials.get(name, Material()),
                 name=name or path.stem,
+                files=tuple(path.parent / library for library in shape.libraries),
             )
             parts.append(part)
     return parts
@@ -197,7 +201,9 @@ def _gltf(path: Path, notices: list[str]) -> list[Part]:
     if not document.tree.get("meshes"):
         return []
     scene = _trimesh(path, document.labelled(), ending)
-    return list(_placed(path, scene, document))
+    uris = [str(buffer.get("uri", "data:")) for buffer in document.tree.get("buffers", ())]
+    files = tuple(path.parent / unquote(uri) for uri in uris if not uri.startswith("data:"))
+    return [replace(part, files=files) for part in _placed(path, scene, document)]
 
 
 def _placed(path: Path, scene: Any, document: gltf.Document) -> Iterator[Part]:

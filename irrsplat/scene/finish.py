@@ -19,10 +19,12 @@ def finish(
     sky: tuple[float, float, float] | None,
     dropped: Mapping[str, int],
     remarks: Sequence[str] = (),
+    files: Sequence[Path] = (),
 ) -> Scene:
     """The Scene of these parts. `sky` None: none was asked for.
 
-    dropped: degenerate triangles left out, by file. remarks: notices so far.
+    dropped: degenerate triangles left out, by file. remarks: notices so far. files: what was read apart
+    from `path`.
     """
     notices = [*remarks]
     notices += [f"{file}: {count} degenerate triangle{'s' * (count > 1)} dropped" for file, count in dropped.items() if count]
@@ -31,6 +33,7 @@ def finish(
         sky = (1.0, 1.0, 1.0)
         notices.append(f"{path}: no light, no emission and no sky; a sky of radiance 1 1 1 stands in")
     scene = Scene(meshes, tuple(lights), tuple(cameras), sky or (0.0, 0.0, 0.0), path.stem, str(path), tuple(notices))
+    scene = replace(scene, files=tuple(dict.fromkeys(str(file) for file in (path, *files))))
     if not cameras:
         notices.append(f"{path}: no camera; one that sees the whole scene stands in")
         scene = replace(scene, cameras=(overview(scene),), notices=tuple(notices))

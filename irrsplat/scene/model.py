@@ -125,6 +125,7 @@ class Scene:
     """All that is lit and seen. `cameras[0]` is the default one; `sky` (3,) is a uniform environment radiance.
 
     notices: one-line remarks of the loader (degenerate triangles dropped, a sky invented, …), for a user to read.
+    files: the paths of all files that it was read from.
     """
 
     meshes: tuple[Mesh, ...]
@@ -134,6 +135,7 @@ class Scene:
     name: str = "scene"
     path: str = ""
     notices: tuple[str, ...] = ()
+    files: tuple[str, ...] = ()
 
     @cached_property
     def bounds(self) -> Array:

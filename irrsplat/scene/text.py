@@ -62,6 +62,7 @@ class _Reader:
     meshes: list[Mesh] = field(default_factory=list)
     shapes: dict[Path, Shape] = field(default_factory=dict)
     dropped: Counter[str] = field(default_factory=Counter)
+    files: list[Path] = field(default_factory=list)
 
     def scene(self, path: Path) -> Scene:
         if self.stack:
@@ -73,7 +74,7 @@ class _Reader:
                 cameras.append(Camera(eye, target, up, self.fov, name))
             except InputError as error:
                 raise line.error(str(error)) from None
-        return finish(path, self.meshes, self.lights, cameras, self.sky, self.dropped)
+        return finish(path, self.meshes, self.lights, cameras, self.sky, self.dropped, files=self.files)
 
     def _first(self, key: str, line: Line) -> None:
         if key in self.once:
@@ -101,7 +102,8 @@ class _Reader:
         self.fov = fov
 
     def _light(self, line: Line) -> None:
-        self.lights.append(load_light(line.file(USAGE["light"])))
+        self.files.append(line.file(USAGE["light"]))
+        self.lights.append(load_light(self.files[-1]))
 
     def _brdf(self, line: Line) -> None:
         kind = line.args[0] if line.args else ""
@@ -156,6 +158,7 @@ class _Reader:
         path = line.file(USAGE["obj"])
         if path not in self.shapes:
             self.shapes[path] = load_obj(path)
+            self.files.append(path)
         shape = self.shapes[path]
         try:
             mesh, dropped = build_mesh(

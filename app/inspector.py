@@ -1,0 +1,151 @@
+"""The record under the cursor: which one it is, what it holds, and the hemisphere that it saw."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+
+from irrsplat.app.overlay import Overlay
+from irrsplat.app.screen import texel
+from irrsplat.buffers import Records, ShadowMaps, Sites
+from irrsplat.gpu.geometry import Geometry
+from irrsplat.gpu.holder import Holder
+from irrsplat.gpu.target import Target
+from irrsplat.lights import light_defines
+from irrsplat.passes.gather import GatherPass
+from irrsplat.passes.splat import splat_radius
+from irrsplat.scene.model import Camera, Scene
+from irrsplat.settings import IN_FRONT, LEAST_ERROR, Settings
+from irrsplat.view import View
+
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], "f4")  # Rec. 709
+
+
+@dataclass(frozen=True)
+class Table:
+    """The records on the CPU, float32: position, normal, irradiance E in W/m² (N, 3), radius R_k in metres (N,).
+
+    gradient: (N, 3, 3) ∇E of red, green and blue in W/m³.
+    """
+
+    position: np.ndarray
+    normal: np.ndarray
+    irradiance: np.ndarray
+    radius: np.ndarray
+    gradient: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.radius)
+
+    def slope(self) -> np.ndarray:
+        """(N,) |∇E| of luminance in W/m³."""
+        return np.linalg.norm(np.einsum("ncx,c->nx", self.gradient, _LUMINANCE), axis=1)
+
+    def reach(self, camera: Camera, settings: Settings) -> np.ndarray:
+        """(N,) the radii a·R in metres with every limit that this view and the settings put on them, as splat.vert has them."""
+        R = self.radius
+        if settings.gradients:  # R <= E/|∇E|
+            slope, E = self.slope(), self.irradiance @ _LUMINANCE
+            R = np.where(slope * R > E, E / np.where(slope > 0.0, slope, 1.0), R)
+        return splat_radius(R, np.linalg.norm(self.position - np.asarray(camera.eye), axis=1), camera, settings)
+
+    def weights(self, p: np.ndarray, n: np.ndarray, camera: Camera, settings: Settings) -> np.ndarray:
+        """(N,) every record's raw w at a point p with unit normal n, (3,) each; 0 where it does not speak for it."""
+        R = self.reach(camera, settings) / settings.a
+        apart, cosine = p - self.position, self.normal @ n
+        error = np.linalg.norm(apart, axis=1) / np.maximum(R, 1e-30) + np.sqrt(np.maximum(0.0, 1.0 - cosine))
+        w = 1.0 / np.maximum(error, LEAST_ERROR)
+        speaks = w > 1.0 / settings.a
+        if settings.in_front:
+            speaks &= (cosine > 0.0) & (np.abs((apart * (n + self.normal)).sum(1)) * 0.5 <= IN_FRONT * R)
+        return np.where(speaks, w, 0.0)
+
+
+def read(records: Records) -> Table:
+    """Copy the records from the GPU; it waits for what is being drawn: once a click, or whenever the cache has changed."""
+
+    def rows(texture: moderngl.Texture) -> np.ndarray:
+        return np.frombuffer(texture.read(), "f4").reshape(-1, 4)[: records.count]
+
+    last = rows(records.irradiance)
+    gradient = np.stack([rows(texture)[:, :3] for texture in records.vectors[3:]], axis=1)
+    return Table(rows(records.position)[:, :3], rows(records.normal)[:, :3], last[:, :3], last[:, 3], gradient)
+
+
+def pick(table: Table, view: View, settings: Settings, x: int, y: int) -> int | None:
+    """The number of the record that weighs most at pixel (x, y) of the view, (0, 0) the upper left one; None: there is none."""
+    position = view.gbuffer.position
+    if not len(table) or not (0 <= x < position.width and 0 <= y < position.height):
+        return None
+    here = texel(position, x, y)
+    if here[3] == 0.0:
+        return None
+    w = table.weights(here[:3], texel(view.gbuffer.normal, x, y)[:3], view.camera, settings)
+    best = int(np.argmax(w))
+    return best if w[best] > 0.0 else None
+
+
+def describe(number: int, table: Table, view: View, settings: Settings) -> list[tuple[str, str]]:
+    """What record `number` holds, a label and a text each, with units."""
+    E, R = table.irradiance[number], float(table.radius[number])
+    reach = float(table.reach(view.camera, settings)[number])
+    lines = [
+        ("record", f"{number} of {len(table)}"),
+        ("position", " ".join(f"{v:.3f}" for v in table.position[number]) + " m"),
+        ("normal", " ".join(f"{v:.3f}" for v in table.normal[number])),
+        ("irradiance", " ".join(f"{v:.3g}" for v in E) + " W/m²"),
+        ("luminance", f"{float(E @ _LUMINANCE):.3g} W/m²"),
+        ("R", f"{R:.3g} m"),
+        ("a·R", f"{settings.a * R:.3g} m, here {reach:.3g} m"),
+    ]
+    if settings.gradients:
+        lines.append(("|∇E|", f"{float(table.slope()[number]):.3g} W/m³"))
+    return lines
+
+
+class Inspector(Holder):
+    """Gathers single records again, to show what they see."""
+
+    def __init__(self, ctx: moderngl.Context) -> None:
+        self.ctx = ctx
+        self.overlay = Overlay(ctx)
+        self.gather_pass: GatherPass | None = None
+        self.target: Target | None = None
+        self.picture: moderngl.Texture | None = None
+        self._made_for: tuple[object, ...] = ()
+
+    def hemisphere(
+        self,
+        number: int,
+        site: Sites,
+        geometry: Geometry,
+        shadows: ShadowMaps,
+        *,
+        scene: Scene,
+        settings: Settings,
+        exposure: float,
+    ) -> moderngl.Texture:
+        """What record `number`, which lies at the one `site`, sees: its cell of the atlas as it is, exposed by `exposure` stops.
+
+        The texture is RGBA8, bottom row first, this object's own, and holds until the next call.
+        """
+        kind, lights = "plane" if settings.gather == "plane" else "raster", light_defines(scene)
+        made_for = kind, settings.gather_size, scene.diagonal, lights
+        if self.gather_pass is None or made_for != self._made_for:
+            self.release_cell()
+            self.gather_pass = GatherPass(self.ctx, kind, settings.gather_size, scene.diagonal, lights, capacity=1)
+            self.picture = self.ctx.texture(self.gather_pass.cell, 4)
+            self.target = Target(self.ctx, self.gather_pass.cell, textures=[self.picture])
+            self._made_for = made_for
+        assert self.target is not None and self.picture is not None
+        atlas = self.gather_pass(geometry, shadows, site, np.array([number]), settings.seed)
+        self.overlay.atlas(self.target, atlas, 2.0**exposure, scene.sky)
+        return self.picture
+
+    def release_cell(self) -> None:
+        """Free what was made for the last scene and settings."""
+        for thing in (self.gather_pass, self.target, self.picture):
+            if thing is not None:
+                thing.release()

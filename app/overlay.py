@@ -1,0 +1,189 @@
+"""Any buffer of a view on the screen: the picture, what it is made of, and what the records are asked for and see."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from irrsplat.app.legend import SHOWINGS, depth_range, light_tiles, shadow_range, weight_range
+from irrsplat.app.screen import Programs, Region, clear, colours, scale, texel
+from irrsplat.buffers import FILMIC, NOTHING_SEEN, Atlas, ShadowMaps
+from irrsplat.gpu.holder import Holder
+from irrsplat.gpu.target import Target
+from irrsplat.scene.model import Scene
+from irrsplat.settings import Settings
+from irrsplat.view import View
+
+_WAYS = ("radiance", "irradiance", "indirect", "unit", "range", "heat", "weight", "asking")  # blocks of overlay_buffer.frag
+_GROUND = (0.11, 0.11, 0.12)  # around tiles and cells
+_GAP = 2.0  # pixels between them
+
+
+class Overlay(Holder):
+    """Draws what SHOWINGS names into targets of any size, best of the view's own."""
+
+    def __init__(self, ctx: moderngl.Context) -> None:
+        self.ctx = ctx
+        self.program = Programs(ctx)
+        self.colours = colours(ctx)
+
+    def draw(
+        self,
+        target: Target,
+        name: str,
+        view: View,
+        *,
+        settings: Settings,
+        scene: Scene,
+        exposure: float,
+        shadows: ShadowMaps | None = None,
+        atlas: Atlas | None = None,
+        region: Region | None = None,
+    ) -> None:
+        """Draw the showing `name` of `view`, exposed by `exposure` stops, in `region` of the target alone (None: all of it).
+
+        shadows and atlas are needed by the showings of these names; without them there is nothing but their ground.
+        """
+        gain = 2.0**exposure
+        how = SHOWINGS[name].how
+        if how == "shadow":
+            clear(target, _GROUND, region)
+            if shadows is not None:
+                self._shadows(target, shadows, scene, region)
+        elif how == "atlas":
+            clear(target, _GROUND, region)
+            if atlas is not None:
+                self.atlas(target, atlas, gain, scene.sky, region)
+        else:
+            program = self.program(
+                "overlay_buffer", **{way.upper(): int(way == how) for way in _WAYS}, **FILMIC.defines, NOTHING_SEEN=NOTHING_SEEN
+            )
+            program(
+                target,
+                scissor=region,
+                position=view.gbuffer.position,
+                scale=scale(target, view.gbuffer),
+                colours=self.colours,
+                **_arguments(name, how, view, settings, scene, gain),
+            )
+
+    def _shadows(self, target: Target, shadows: ShadowMaps, scene: Scene, region: Region | None) -> None:
+        side, columns, near = shadows.layout
+        tiles = light_tiles(shadows)
+        across, pixels, left, top = _grid(len(tiles), (side, side), target.size)
+        low, high = shadow_range(scene, shadows)
+        size = max(int(side * pixels), 1)
+        for i, tile in enumerate(tiles):
+            x = round(left + (i % across) * (side * pixels + _GAP))
+            y = round(top - (i // across) * (side * pixels + _GAP)) - size
+            part = _common((x, y, size, size), region)
+            if part is None:
+                continue
+            self.program("overlay_shadow")(
+                target,
+                scissor=part,
+                shadow_depth=shadows.depth,
+                corner=(i % columns * side, i // columns * side),
+                place=(x, y, side / size),
+                near=0.0 if tile.thickness else near,
+                thickness=tile.thickness,
+                low=low,
+                high=high,
+                colours=self.colours,
+            )
+
+    def atlas(
+        self,
+        target: Target,
+        atlas: Atlas,
+        gain: float,
+        sky: tuple[float, float, float],
+        region: Region | None = None,
+    ) -> None:
+        """Draw the cells of the atlas as large as they fit, radiance times `gain`; a texel that hits nothing shows the sky."""
+        across, pixels, left, top = _grid(atlas.count, atlas.cell, target.size)
+        self.program("overlay_atlas", **FILMIC.defines)(
+            target,
+            scissor=region,
+            radiance=atlas.radiance,
+            cell=atlas.cell,
+            columns=atlas.columns,
+            count=atlas.count,
+            place=(left, top, 1.0 / pixels, _GAP),
+            across=across,
+            gain=gain,
+            sky=sky,
+            ground=_GROUND,
+        )
+
+    def value(self, name: str, view: View, x: int, y: int) -> np.ndarray | None:
+        """The showing `name` at pixel (x, y) of the view, (0, 0) the upper left one: its 1 or 3 numbers in its unit.
+
+        None where there are none: outside, where nothing is seen, and for what is not a buffer of the view. One texel of
+        each texture concerned is read.
+        """
+        position = view.gbuffer.position
+        if not (0 <= x < position.width and 0 <= y < position.height) or SHOWINGS[name].how in ("shadow", "atlas"):
+            return None
+        if name == "image":
+            return texel(view.image, x, y)[:3]
+        here = texel(position, x, y)
+        if here[3] == 0.0:
+            return np.array([np.inf], "f4") if name == "depth" else None
+        if name in ("position", "depth"):
+            return here[:3] if name == "position" else here[3:]
+        if name in ("weight", "asking"):
+            return texel(view.splats.weight, x, y)
+        if name == "direct":
+            return texel(view.direct, x, y)[:3]
+        if name in ("indirect", "irradiance"):
+            sums = texel(view.sums, x, y)
+            irradiance = sums[:3] / (sums[3] if sums[3] > 0.0 else np.float32(1.0))
+            return irradiance if name == "irradiance" else irradiance * texel(view.gbuffer.albedo, x, y)[:3] / np.float32(np.pi)
+        return texel(getattr(view.gbuffer, name), x, y)[:3]
+
+
+def _arguments(name: str, how: str, view: View, settings: Settings, scene: Scene, gain: float) -> dict[str, Any]:
+    """The uniforms of one block of overlay_buffer.frag."""
+    g = view.gbuffer
+    if how == "radiance":
+        values = g.emission if name == "emission" else getattr(view, name)
+        return {"values": values, "gain": gain, "unseen": (0.0, 0.0, 0.0) if name == "direct" else scene.sky}
+    if how == "irradiance":
+        return {"values": view.sums, "gain": gain}
+    if how == "indirect":
+        return {"values": view.sums, "albedo": g.albedo, "gain": gain}
+    if how == "unit":
+        return {"values": g.albedo}
+    if how == "range":
+        low, high = scene.bounds if name == "position" else np.array([[-1.0] * 3, [1.0] * 3])
+        return {"values": getattr(g, name), "low": low, "high": np.where(high > low, high, low + 1.0)}
+    if how == "heat":
+        low, high = depth_range(scene, view.camera)
+        return {"values": g.position, "low": low, "high": high}
+    if how == "weight":
+        low, high = weight_range(settings)
+        return {"values": view.splats.weight, "low": low, "high": high, "threshold": settings.threshold}
+    return {"values": view.splats.weight, "image": view.image, "gain": gain, "threshold": settings.threshold}
+
+
+def _grid(count: int, cell: tuple[float, float], size: tuple[int, int]) -> tuple[int, float, float, float]:
+    """How `count` cells of `cell` texels fill a target best: cells per row, pixels per texel, and the upper left corner."""
+    across = np.arange(1, max(count, 1) + 1)
+    down = -(-max(count, 1) // across)
+    pixels = np.minimum((size[0] - _GAP * (across - 1)) / (across * cell[0]), (size[1] - _GAP * (down - 1)) / (down * cell[1]))
+    best = int(np.argmax(pixels))
+    scale = max(float(pixels[best]), 1.0 / max(cell))
+    width, height = (n[best] * (c * scale + _GAP) - _GAP for n, c in ((across, cell[0]), (down, cell[1])))
+    return int(across[best]), scale, (size[0] - width) / 2.0, size[1] - (size[1] - height) / 2.0
+
+
+def _common(a: Region, b: Region | None) -> Region | None:
+    """Where both regions are; None for nowhere."""
+    if b is None:
+        return a
+    low = max(a[0], b[0]), max(a[1], b[1])
+    high = min(a[0] + a[2], b[0] + b[2]), min(a[1] + a[3], b[1] + b[3])
+    return (*low, high[0] - low[0], high[1] - low[1]) if high[0] > low[0] and high[1] > low[1] else None

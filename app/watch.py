@@ -1,0 +1,43 @@
+"""Watches a few files for changes, by looking at them now and then."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Sequence
+
+_EVERY = 0.5  # seconds
+_STILL = 0.2  # seconds that a file must have been left alone: an editor may write in several steps
+
+
+class Watch:
+    """Of `files` (paths), those that are missing now count as changed when they appear."""
+
+    def __init__(self, files: Sequence[str]) -> None:
+        self._files = tuple(files)
+        self._known = self._state()
+        self._next = time.monotonic() + _EVERY
+
+    def _state(self) -> tuple[tuple[int, int] | None, ...]:
+        """Time of the last change and size of each file, None for a missing one."""
+
+        def one(path: str) -> tuple[int, int] | None:
+            try:
+                found = os.stat(path)
+            except OSError:
+                return None
+            return found.st_mtime_ns, found.st_size
+
+        return tuple(one(path) for path in self._files)
+
+    def changed(self) -> bool:
+        """Whether a file has another time or size than at the last change told; looked up twice a second at most."""
+        if time.monotonic() < self._next:
+            return False
+        self._next = time.monotonic() + _EVERY
+        state = self._state()
+        fresh = [f for f, k in zip(state, self._known, strict=True) if f != k]
+        if not fresh or any(f is None or time.time() - f[0] * 1e-9 < _STILL for f in fresh):
+            return False  # nothing, or somebody is at it
+        self._known = state
+        return True
