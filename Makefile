@@ -1,11 +1,14 @@
-# The two commands of the README, and the pictures in it. Everything they need is set up in .venv by .ci/setup.
-.PHONY: demo test figures clean
+# The commands of the README, and the pictures in it. Everything they need is set up in .venv by .ci/setup.
+.PHONY: demo view test figures clean
 
 demo: .venv/.ready
 	mkdir -p out
 	.venv/bin/irrsplat render cornell-paper -o out/figures/ --stats out/figures.json
 	.venv/bin/irrsplat render cornell -o out/cornell.png
 	@echo "See out/figures/ (the paper's figures 1 to 6, and every buffer) and out/cornell.png"
+
+view: .venv/.ready
+	.venv/bin/irrsplat view
 
 test: .venv/.ready-dev
 	.venv/bin/ruff check .

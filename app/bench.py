@@ -113,9 +113,35 @@ def run(scenes: Sequence[str], size: tuple[int, int], json_path: str | None) -> 
         print("\n".join(_cases(runs[first:], pictures[first:])))
         print()
         print("\n".join(_stages(scene.name, rows, runs[first].clock)))
+        print()
+        flown = _flown(scene, (size[0], max(1, round(0.75 * size[0]))), runs[first].clock)
+        for result in flown:
+            runs.append(result)
+            pictures.append(result.seconds)
     if json_path is not None:
         write_text(json_path, json.dumps({"machine": machine, "runs": [asdict(r) for r in runs]}, indent=2) + "\n")
     return 0
+
+
+def _flown(scene: Scene, size: tuple[int, int], clock: str) -> list[Run]:
+    """The flight through the window: prints its table; two runs a case, the middle frame and the worst one."""
+    from irrsplat.app import flythrough
+
+    print(f"{scene.name}, flight of {flythrough.FRAMES} frames, {size[0]}x{size[1]}")
+    print(flythrough.LEGEND)
+    rows = [("flight", "median ms", "worst ms", "fps", "new records", "records", "first picture s")]
+    runs: list[Run] = []
+    for flown in flythrough.fly(scene, size, flythrough.FRAMES):
+        _say("")
+        cells = f"{flown.median:.0f}", f"{flown.worst:.0f}", f"{1e3 / flown.median:.0f}", str(flown.new), str(flown.records)
+        rows.append((flown.case, *cells, f"{flown.first:.2f}"))
+        for word, ms in (("", flown.median), (" worst", flown.worst)):
+            case = f"flight {flown.case}{word}"
+            runs.append(Run(scene.name, "default", list(size), case, 1e-3 * ms, flown.records, None, flown.stages, clock))
+        _say(f"{scene.name}: filling the cache, then the second flight")
+    _say("")
+    print("\n".join(_table(rows, left=1)))
+    return runs
 
 
 def measure(renderer: Any) -> Iterator[tuple[Run, Timing]]:

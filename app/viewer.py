@@ -49,10 +49,11 @@ class Viewer(Controls, moderngl_window.WindowConfig):
         self.copy = Program(wnd.ctx, "overlay_copy", "lib/fullscreen")
         self.canvas = self._canvas(wnd.buffer_size)
         self.inspected: Inspected | None = None
-        self._drawn: tuple[Any, ...] = ()  # what the canvas shows
+        self._drawn: tuple[Any, ...] = ()  # what the canvas shows, by value
+        self._shown: list[Any] = []  # and by identity: the same texture may hold something new
         self._rest = 0.0  # seconds that all but the core's tick takes
         shaders = Holder()
-        vars(shaders).update(copy=self.copy, gui=self.gui._program)
+        vars(shaders).update(copy=self.copy, gui=self.gui.program)
         self.desk.others = (shaders,)
         self.desktop.listen(self.on_drop, self.on_focus, self.on_scale)
         for notice in scene.notices:
@@ -108,10 +109,12 @@ class Viewer(Controls, moderngl_window.WindowConfig):
         """Draw the picture, where it is not what was drawn last."""
         session, start = self.desk.session, time.perf_counter()
         look = session.look
-        about = [(r.settings, r.shadows, r.placement.atlas, r.cache.count, r.cache.edits) for r in session.active]
-        state = (*session.views, about, asdict(look), session.exposure, session.held, look.inspect and cursor)
-        if state != self._drawn:
-            self._drawn = state
+        handles = [*session.views, *(thing for r in session.active for thing in (r.shadows, r.placement.atlas))]
+        about = [(r.settings, r.cache.count, r.cache.edits) for r in session.active]
+        state = about, asdict(look), session.exposure, session.held, look.inspect and cursor, self.canvas
+        same = len(handles) == len(self._shown) and all(a is b for a, b in zip(handles, self._shown, strict=True))
+        if state != self._drawn or not same:
+            self._drawn, self._shown = state, handles
             self.inspected = session.draw(self.canvas, cursor)
         self._timed("display", start)
 
@@ -169,12 +172,15 @@ class Viewer(Controls, moderngl_window.WindowConfig):
             self.wnd.render(self.timer.time, dt)
             if not self.wnd.is_closing:
                 self.wnd.swap_buffers()
-                if self.desk.session.at_rest and not self.held and not self.looking:
+                still = self.desk.session.at_rest and not self.held and not self.looking
+                if still or not all(self.wnd.buffer_size):
                     self.desktop.wait(_REST)
 
-    def close(self) -> str | None:
+    def close(self, remember: bool = True) -> str | None:
         """Keep what is to be remembered, and free everything but the window; None, or why it could not be kept."""
-        said = self.desk.remember(None if self.wnd.fullscreen else self.wnd.size, self.wnd.fullscreen)
+        said = None
+        if remember:
+            said = self.desk.remember(None if self.wnd.fullscreen else self.wnd.size, self.wnd.fullscreen)
         self.desk.session.release()
         self.canvas.textures[0].release()
         for thing in (self.canvas, self.copy, self.gui):

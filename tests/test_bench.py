@@ -11,29 +11,35 @@ import pytest
 
 import irrsplat
 from irrsplat import exact
-from irrsplat.app import bench, cli
+from irrsplat.app import bench, cli, flythrough
 from irrsplat.hemisphere import hemisphere_table
 from irrsplat.scene.model import Camera
 
+FLIGHTS = ("filling", "filling worst", "warm", "warm worst")
 KEYS = {"scene", "preset", "size", "case", "seconds", "records", "rmse", "stages_ms", "clock"}
 
 
 def test_json_and_tables(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bench, "REPETITIONS", 1)
     monkeypatch.setattr(exact, "SIDE", 32)
+    monkeypatch.setattr(flythrough, "FRAMES", 8)
     assert cli.main(["bench", "cornell-paper", "furnace", "--size", "32", "28", "--json", str(tmp_path / "b.json")]) == 0
     written = json.loads((tmp_path / "b.json").read_text())
     assert set(written) == {"machine", "runs"}
     assert written["machine"]["renderer"] and isinstance(written["machine"]["cpus"], int)
     cases = [(r["scene"], r["preset"], r["case"]) for r in written["runs"]]
-    expected = [(s, p, c) for s in ("cornell-paper", "furnace") for p in bench.PRESETS for c in ("empty", "warm", "moved")]
+    expected = []
+    for scene in ("cornell-paper", "furnace"):
+        expected += [(scene, preset, case) for preset in bench.PRESETS for case in ("empty", "warm", "moved")]
+        expected += [(scene, "default", f"flight {case}") for case in FLIGHTS]
     assert cases == expected
     for run in written["runs"]:
         assert set(run) == KEYS
-        assert run["size"] == [32, 28] and run["clock"] in ("gpu", "wall")
+        flight = run["case"].startswith("flight")
+        assert run["size"] == ([32, 24] if flight else [32, 28]) and run["clock"] in ("gpu", "wall")
         assert isinstance(run["records"], int) and run["records"] > 0
         assert run["seconds"] > 0.0
-        assert {"splat", "examine", "direct", "composite"} <= set(run["stages_ms"])
+        assert {"splat", "composite", "display" if flight else "direct"} <= set(run["stages_ms"])
         assert all(ms >= 0.0 for ms in run["stages_ms"].values())
         assert (run["rmse"] is None) == (run["case"] != "empty")
     of = {(r["scene"], r["preset"], r["case"]): r for r in written["runs"]}
@@ -47,7 +53,15 @@ def test_json_and_tables(tmp_path: Path, capsys: pytest.CaptureFixture[str], mon
     assert of["furnace", "default", "empty"]["rmse"] < 0.01, "E is π everywhere"
     assert of["furnace", "paper", "empty"]["rmse"] == pytest.approx(1.0 - 0.945, abs=0.01), "a 150° plane sees .945 of it"
 
+    for scene in ("cornell-paper", "furnace"):
+        for case in ("filling", "warm"):
+            middle, worst = of[scene, "default", f"flight {case}"], of[scene, "default", f"flight {case} worst"]
+            assert 0.0 < middle["seconds"] <= worst["seconds"]
+
     out = capsys.readouterr().out
+    for line, most in (("filling", 1e9), ("warm", 0)):
+        cells = next(words for words in map(str.split, out.splitlines()) if words[:1] == [line] and len(words) == 7)
+        assert 0 <= int(cells[4]) <= most and float(cells[6]) > 0.0, "the flight's table: new records, first picture"
     for name, ms, _ in bench.ROWS:
         assert any(line.startswith(name) and f"{ms:.2f}" in line for line in out.splitlines()), f"{name} is missing"
     for preset in bench.PRESETS:
