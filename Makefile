@@ -20,6 +20,7 @@ test: .venv/.ready-dev
 figures: .venv/.ready
 	.venv/bin/python docs/readme.py
 	.venv/bin/python docs/figures.py
+	.venv/bin/python docs/screens.py
 
 .venv/.ready: pyproject.toml .ci/setup
 	sh .ci/setup

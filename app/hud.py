@@ -26,6 +26,7 @@ _PLAIN = (
 _RED, _AMBER = (0.75, 0.2, 0.15, 0.92), (0.98, 0.67, 0.30, 1.0)
 _MARGIN = 8.0
 _LEGEND = 340.0  # width of its text, at most
+_NUMBERS = 212.0  # width of their window, at least: what is to be clicked stays where it is while the lines change
 
 
 class Hud:
@@ -36,6 +37,8 @@ class Hud:
         self.frames: deque[float] = deque(maxlen=FRAMES)  # milliseconds from picture to picture
         self.ticks: deque[float] = deque(maxlen=FRAMES)  # milliseconds of work
         self.legend_height = 0.0  # window coordinates that the legend took
+        self.numbers_size = (0.0, 0.0)
+        self._record_height = 0.0
         self.extra: dict[str, float] = {}  # milliseconds of what is not the core's, by name
 
     def numbers(self, scale: float, clock: str) -> None:
@@ -46,6 +49,7 @@ class Hud:
         view = imgui.get_main_viewport()
         imgui.set_next_window_pos((view.size.x - _MARGIN, 30.0 * scale), imgui.Cond_.always, (1.0, 0.0))
         imgui.set_next_window_bg_alpha(0.72)
+        imgui.set_next_window_size_constraints((_NUMBERS * scale, 0.0), (view.size.x, view.size.y))
         imgui.begin("numbers", None, _PLAIN)
         recent = list(self.frames)[-20:]
         mean = sum(recent) / max(len(recent), 1)
@@ -54,6 +58,7 @@ class Hud:
         most = max(max(self.frames, default=0.0), 100.0)
         plot = np.array(self.ticks, "f4") if self.ticks else np.zeros(1, "f4")
         imgui.plot_lines("##ticks", plot, 0, f"0..{most:.0f} ms", 0.0, most, (190.0 * scale, 40.0 * scale))
+        self._buttons()
         if imgui.begin_table("stages", 2, imgui.TableFlags_.sizing_stretch_prop, (190.0 * scale, 0.0)):
             for stage, ms in {**session.ms, **self.extra}.items():
                 imgui.table_next_row()
@@ -71,7 +76,8 @@ class Hud:
             imgui.text(f"{renderer.placement.count_in_view(session.camera)} in view, coverage {100.0 * progress.coverage:.1f} %")
             if progress.stale:
                 imgui.text_colored(_AMBER, f"{progress.stale} to be gathered again")
-        self._buttons()
+        took = imgui.get_window_size()
+        self.numbers_size = (took.x, took.y)
         imgui.end()
 
     def _buttons(self) -> None:
@@ -143,7 +149,11 @@ class Hud:
         if found is None:
             return
         view = imgui.get_main_viewport()
-        imgui.set_next_window_pos((view.size.x - _MARGIN, view.size.y - _MARGIN), imgui.Cond_.always, (1.0, 1.0))
+        # below the numbers where there is room, else beside them
+        width, height = self.numbers_size if self.desk.panels.hud else (0.0, 0.0)
+        meets = 30.0 * scale + height + self._record_height + 2.0 * _MARGIN > view.size.y
+        right = view.size.x - _MARGIN - (width + _MARGIN if meets else 0.0)
+        imgui.set_next_window_pos((right, view.size.y - _MARGIN), imgui.Cond_.always, (1.0, 1.0))
         imgui.set_next_window_bg_alpha(0.8)
         imgui.begin("record", None, _PLAIN | imgui.WindowFlags_.no_inputs)
         if imgui.begin_table("numbers of the record", 2, imgui.TableFlags_.sizing_fixed_fit):
@@ -154,8 +164,9 @@ class Hud:
                 imgui.table_next_column()
                 imgui.text(text)
             imgui.end_table()
-        width = 210.0 * scale
+        width = 170.0 * scale
         self.gui.image(found.picture, (width, width * found.picture.height / found.picture.width))
+        self._record_height = imgui.get_window_height()
         imgui.text_disabled("what it sees" + ("; held" if self.desk.session.held is not None else "; a click holds it"))
         imgui.end()
 

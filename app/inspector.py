@@ -101,7 +101,7 @@ def describe(number: int, table: Table, view: View, settings: Settings) -> list[
         ("a·R", f"{settings.a * R:.3g} m, here {reach:.3g} m"),
     ]
     if settings.gradients:
-        lines.append(("|∇E|", f"{float(table.slope()[number]):.3g} W/m³"))
+        lines.append(("|grad E|", f"{float(table.slope()[number]):.3g} W/m³"))
     return lines
 
 

@@ -16,6 +16,7 @@ from irrsplat.app.markers import By, Markers
 from irrsplat.app.overlay import Overlay
 from irrsplat.app.screen import Region, clear
 from irrsplat.app.tape import Tape
+from irrsplat.errors import IrrsplatError
 from irrsplat.gpu import program
 from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.target import Target
@@ -89,7 +90,7 @@ class Session(Holder):
         self._metered: tuple[View | None, float] = None, 0.0
         self.tape = Tape()
         self._stepping = False
-        self.held: int | None = None  # the record that a click holds
+        self.held: tuple[int, int] | None = None  # the side and the number of the record that a click holds
         self._tables: dict[int, tuple[tuple[int, int], inspector.Table]] = {}
 
     # ---- a tick ----------------------------------------------------------------------------------------------------
@@ -107,7 +108,7 @@ class Session(Holder):
     @property
     def at_rest(self) -> bool:
         """Whether another tick would show the same."""
-        done = all(p.done or (self.look.frozen and p.new == 0) for p in self.progress)
+        done = not self.ms or all(p.done or (self.look.frozen and p.new == 0) for p in self.progress)
         settled = bool(self.views) and done and abs(self.exposure - self._metered[1]) <= _SETTLED
         return settled and not self._stepping and self.tape.at_rest
 
@@ -116,7 +117,7 @@ class Session(Holder):
         last = self.tape.tick(dt, self.camera)
         if last is not None:
             self.flight.go(last)
-        rounds, renderers = [p.round for p in self.progress], self.active
+        renderers = self.active
         self.views, self.progress, self.ms = [], [], {}
         for renderer in renderers:
             gather = self._stepping or not self.look.frozen
@@ -125,8 +126,7 @@ class Session(Holder):
             self.progress.append(progress)
             for stage, ms in renderer.timers.milliseconds().items():
                 self.ms[stage] = self.ms.get(stage, 0.0) + ms
-        if [p.round for p in self.progress] != rounds or all(p.new == 0 for p in self.progress):
-            self._stepping = False
+        self._stepping = self._stepping and not all(p.whole for p in self.progress)
         self._expose(dt)
 
     def _expose(self, dt: float) -> None:
@@ -197,9 +197,10 @@ class Session(Holder):
         return found
 
     def _inspect(self, screen: Target, cursor: tuple[int, int] | None) -> Inspected | None:
-        side = self.side_at(cursor[0]) if cursor is not None else 0
+        held = self.held
+        side = held[0] if held is not None else self.side_at(cursor[0]) if cursor is not None else 0
         renderer, view = self.of(side)
-        table, number = self.table(renderer), self.held
+        table, number = self.table(renderer), held[1] if held is not None else None
         if number is None and cursor is not None:
             number = inspector.pick(table, view, renderer.settings, *cursor)
         if number is None or number >= len(table) or renderer.shadows is None:
@@ -222,8 +223,10 @@ class Session(Holder):
 
     def hold(self, cursor: tuple[int, int]) -> None:
         """Hold the record under the cursor, or let go of the one that is held."""
-        renderer, view = self.of(self.side_at(cursor[0]))
-        self.held = inspector.pick(self.table(renderer), view, renderer.settings, *cursor) if self.held is None else None
+        side, was = self.side_at(cursor[0]), self.held
+        renderer, view = self.of(side)
+        number = inspector.pick(self.table(renderer), view, renderer.settings, *cursor) if was is None else None
+        self.held = None if number is None else (side, number)
 
     def point_at(self, cursor: tuple[int, int]) -> tuple[float, float, float] | None:
         """The world point seen at the cursor; None where there is none."""
@@ -236,15 +239,22 @@ class Session(Holder):
 
     def change(self, side: int, **values: Any) -> None:
         """Change settings of a side; those of _KEPT hold for both. Raises InputError for what cannot be."""
-        for i, renderer in enumerate(self.renderers):
-            mine = {k: v for k, v in values.items() if k in _KEPT or renderer is self._on(side) or i == side}
+        for renderer in self.renderers:
+            mine = {k: v for k, v in values.items() if k in _KEPT or renderer is self._on(side)}
             if mine:
                 renderer.change(renderer.settings.with_values(mine))
+        self._let_go()
 
     def use(self, side: int, name: str) -> None:
         """Set a side to the preset `name`."""
         renderer = self._on(side)
         renderer.change(preset(name, **{key: getattr(renderer.settings, key) for key in _KEPT}), name)
+        self._let_go()
+
+    def _let_go(self) -> None:
+        """Hold a record no longer that is gone."""
+        if self.held is not None and self.held[1] >= self._on(self.held[0]).cache.count:
+            self.held = None
 
     def _on(self, side: int) -> Renderer:
         return self.active[min(side, len(self.active) - 1)]
@@ -280,16 +290,25 @@ class Session(Holder):
         self.size = size
 
     def open(self, scene: Scene, keep_camera: bool = False) -> None:
-        """Show another scene with the same settings, from its own first camera or from where one is."""
-        made = [Renderer(scene, self.size, r.preset, ctx=self.ctx, **overrides(r.preset, r.settings)) for r in self.renderers]
+        """Show another scene with the same settings, from its own first camera; or from where one is, with tape and speed."""
+        made: list[Renderer] = []
+        try:
+            for r in self.renderers:
+                made.append(Renderer(scene, self.size, r.preset, ctx=self.ctx, **overrides(r.preset, r.settings)))
+        except IrrsplatError:
+            for renderer in made:
+                renderer.release()
+            raise
         for renderer in self.renderers:
             renderer.release()
         self.renderers, self.scene = made, scene
-        camera, self.flight = self.flight.camera, Flight(scene.camera(), scene.diagonal)
+        flown, self.flight = self.flight, Flight(scene.camera(), scene.diagonal)
         if keep_camera:
-            self.flight.go(camera)
+            self.flight.go(flown.camera)
+            self.flight.speed = flown.speed
+        else:
+            self.tape = Tape()
         self.views, self.progress, self.held, self._tables = [], [], None, {}
-        self.tape = Tape()
 
     def reload_shaders(self, *others: Holder) -> None:
         """Read all shaders again, those of `others` too; raises ShaderError, and all goes on as before, where one is wrong."""

@@ -1,10 +1,11 @@
-"""Fills the README's tables from settings.py and buffers.py: `python docs/readme.py`; a test holds them current."""
+"""Fills the README's tables from settings.py, buffers.py and keys.py: `python docs/readme.py`; a test holds them current."""
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
 
+from irrsplat.app.keys import FLYING, GROUPS
 from irrsplat.buffers import CHANNELS
 from irrsplat.settings import PRESETS, SETTINGS
 
@@ -45,9 +46,18 @@ def buffers() -> str:
     return table(("name", "shape", "unit", "what"), rows)
 
 
+def keys() -> str:
+    """A row per key of the viewer, those of the buffers in one."""
+    rows = [(f"{held}", help) for held, help in FLYING]
+    shown = " ".join(f"`{key.shown}`" for key in GROUPS["buffers"])
+    rows.append((shown, ", ".join(key.help for key in GROUPS["buffers"])))
+    rows += [(f"`{key.shown}`", key.help) for name, group in GROUPS.items() if name != "buffers" for key in group]
+    return table(("key", "what"), rows)
+
+
 def filled(text: str) -> str:
     """`text` with each marked table made anew."""
-    for name, make in (("buffers", buffers), ("settings", settings), ("presets", presets)):
+    for name, make in (("buffers", buffers), ("settings", settings), ("presets", presets), ("keys", keys)):
         start = f"<!-- {name}: made by docs/readme.py -->\n"
         text, count = re.subn(
             f"({re.escape(start)}).*?(<!-- end -->)", lambda m, make=make: m[1] + make() + m[2], text, flags=re.S

@@ -28,7 +28,7 @@ from irrsplat.passes.direct import DirectPass
 from irrsplat.passes.gbuffer import GBufferPass
 from irrsplat.passes.shadow import ShadowPass
 from irrsplat.passes.splat import SplatPass
-from irrsplat.placement import Budget, Placement
+from irrsplat.placement import Asked, Budget, Placement
 from irrsplat.scene.flat import flatten
 from irrsplat.scene.model import Camera, Light, Scene
 from irrsplat.settings import Settings
@@ -132,15 +132,15 @@ class Renderer(Holder):
         start = time.perf_counter()
         splats = self._splat(gbuffer, camera)
         self._reserve = time.perf_counter() - start, self._reserve[1]
-        new = 0
+        asked = Asked(0, 0.0, True)
         if not bounces:
             self._coverage = 1.0
         elif not gather:
             self._coverage = 1.0 - self.placement.missing(gbuffer, splats)
         elif self._idle < _IDLE and (self._made_of["splat"], self._splatted, self.settings.threshold) != self._settled:
-            new = self._ask(gbuffer, splats, shadows, camera, budget)
+            asked = self._ask(gbuffer, splats, shadows, camera, budget)
         stale = len(self.cache.stale) if bounces else 0
-        return Progress(self._round, self.cache.count, new, self._coverage, renewed, stale)
+        return Progress(self._round, self.cache.count, asked.new, self._coverage, renewed, stale, asked.whole)
 
     def _lit(self) -> ShadowMaps:
         """The shadow maps, drawn again only for other lights."""
@@ -173,8 +173,8 @@ class Renderer(Holder):
         self._splatted = count
         return SplatBuffer(*self.splat_pass.target.textures)
 
-    def _ask(self, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps, camera: Camera, budget: Budget) -> int:
-        """Gather where the view lacks records, as far as the budget goes; how many are new."""
+    def _ask(self, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps, camera: Camera, budget: Budget) -> Asked:
+        """Gather where the view lacks records, as far as the budget goes."""
         asked = self.placement.ask(gbuffer, splats, shadows, camera, budget.part(1.0, self._reserve[1]))
         before, self._coverage = self._coverage, 1.0 - asked.missing
         if asked.whole:
@@ -182,7 +182,7 @@ class Renderer(Holder):
             self._round += 1
             if not asked.new:
                 self._settled = self._made_of["splat"], self._splatted, self.settings.threshold
-        return asked.new
+        return asked
 
     def _compose(self) -> View:
         """The picture from what there is: direct light, normalised indirect light, their blend."""

@@ -33,7 +33,8 @@ class View:
 @dataclass(frozen=True)
 class Progress:
     """Where a view stands after a tick: whole rounds so far, `records` in the cache, `new` among them, and `coverage` of the
-    seen pixels, 0..1, at the round's begin. renewed: old records gathered again; stale: how many still wait for that."""
+    seen pixels, 0..1, at the round's begin. renewed: old records gathered again; stale: how many still wait for that.
+    whole: False while sites of a round are left over for the next tick."""
 
     round: int
     records: int
@@ -41,11 +42,12 @@ class Progress:
     coverage: float
     renewed: int = 0
     stale: int = 0
+    whole: bool = True
 
     @property
     def done(self) -> bool:
         """Whether nothing is left to gather in this view."""
-        return not (self.new or self.renewed or self.stale) and self.coverage == 1.0
+        return self.whole and not (self.new or self.renewed or self.stale) and self.coverage == 1.0
 
 
 def read(view: View, sky: tuple[float, float, float], records: dict[str, np.ndarray], stats: dict[str, Any]) -> Frame:

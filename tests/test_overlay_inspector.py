@@ -90,9 +90,9 @@ def test_what_is_said_of_a_record(cornell: Cornell, ctx: moderngl.Context) -> No
     assert [float(v) for v in said["position"].split()[:3]] == pytest.approx(table.position[17], abs=1e-3)
     assert [float(v) for v in said["irradiance"].split()[:3]] == pytest.approx(table.irradiance[17], rel=0.01)
     assert float(said["R"].split()[0]) == pytest.approx(table.radius[17], rel=0.01)
-    assert "W/m³" in said["|∇E|"] and "W/m²" in said["irradiance"]
+    assert "W/m³" in said["|grad E|"] and "W/m²" in said["irradiance"]
     flat = renderer.settings.with_values({"gradients": False})
-    assert "|∇E|" not in dict(inspector.describe(17, table, view, flat))
+    assert "|grad E|" not in dict(inspector.describe(17, table, view, flat))
 
 
 # ---- the hemisphere ---------------------------------------------------------------------------------------------------

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from irrsplat.app import cli
+from irrsplat.app import cli, flythrough, viewer
+from irrsplat.app.window import open_window
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -19,12 +20,12 @@ IRRSPLAT = [line for line in COMMANDS if line.startswith("irrsplat ")]
 
 def small(words: list[str]) -> list[str]:
     """The same command with a small picture: this is about the command, not about its result."""
-    if words[0] not in ("render", "bench"):
+    if words[0] not in ("view", "render", "bench"):
         return words
     if "--size" in words:
         i = words.index("--size")
         words = words[:i] + words[i + 3 :]
-    quick = ["--gather-size", "8", "--warmup", "20"] if words[0] == "render" else []
+    quick = [] if words[0] == "bench" else ["--gather-size", "8", "--warmup", "20"]
     return [*words, "--size", "24", "24", *quick]
 
 
@@ -42,8 +43,15 @@ def test_the_commands_run(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("IRRSPLAT_CONFIG", str(tmp_path / "config"))
+    # a window in memory that closes after some frames (tests/test_window.py opens a real one)
+    monkeypatch.setattr(viewer, "open_window", lambda size: open_window(size, headless=True))
+    monkeypatch.setattr(viewer.Viewer, "loop", lambda self: [self.frame(0.1) for _ in range(5)])
+    monkeypatch.setattr(flythrough, "FRAMES", 5)
     words = shlex.split(command)[1:]
     assert cli.main(small(words)) == 0, capsys.readouterr().err
+    if words[0] == "view":
+        assert (tmp_path / "config" / "viewer.json").is_file()
     for flag, name in pairwise(words):
         if flag in ("-o", "--stats", "--json"):
             assert (tmp_path / name.format(frame=0)).exists()

@@ -1,0 +1,119 @@
+"""Takes the README's pictures of the viewer again, in docs/images: the default view, every buffer, overlays, split views."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+import irrsplat
+from irrsplat.app.legend import SHOWINGS
+from irrsplat.app.memory import Memory
+from irrsplat.app.viewer import Viewer
+from irrsplat.app.window import open_window
+from irrsplat.scene.model import Camera
+
+IMAGES = Path(__file__).resolve().parent / "images"
+LARGE, SMALL = (960, 600), (400, 300)  # pixels
+LIMIT = 200_000  # bytes a picture
+DT = 1.0 / 30.0
+
+
+def settled(viewer: Viewer) -> None:
+    """Frames until nothing changes any more, messages gone."""
+    for _ in range(3000):
+        viewer.frame(DT)
+        if viewer.desk.session.at_rest:
+            break
+    viewer.desk.messages.clear()
+    for _ in range(3):  # windows take their size from the frame before
+        viewer.frame(DT)
+
+
+def keep(viewer: Viewer, name: str) -> None:
+    """Store what the window shows as docs/images/`name`.png, with fewer colours where it would be over the limit."""
+    settled(viewer)
+    width, height = viewer.wnd.buffer_size
+    pixels = np.frombuffer(viewer.wnd.fbo.read(components=3), "u1").reshape(height, width, 3)[::-1]
+    target, picture = IMAGES / f"{name}.png", Image.fromarray(pixels.copy())
+    picture.save(target, optimize=True)
+    for colours in (256, 128):
+        if target.stat().st_size > LIMIT:
+            picture.quantize(colours, dither=Image.Dither.FLOYDSTEINBERG).save(target, optimize=True)
+    assert target.stat().st_size <= LIMIT, f"{target} has {target.stat().st_size} bytes"
+    print(f"{target.name}: {target.stat().st_size // 1000} kB")
+
+
+def show(scene: str, size: tuple[int, int], take: Callable[[Viewer], None], camera: Camera | None = None) -> None:
+    """Open a window in memory on a bundled scene, and take pictures of it."""
+    wnd = open_window(size, headless=True)
+    viewer = Viewer(wnd, irrsplat.load(scene), scene, Memory(), camera)
+    take(viewer)
+    viewer.close(remember=False)
+    wnd.destroy()
+
+
+def whole(viewer: Viewer) -> None:
+    """The window as it opens, records over it, and both kinds of split view."""
+    desk, look = viewer.desk, viewer.desk.session.look
+    keep(viewer, "view")
+    desk.panels.settings = False
+    look.buffers[0], look.discs, look.points, look.inspect = "irradiance", True, True, True
+    viewer.mouse = (0.36 * LARGE[0], 0.3 * LARGE[1])
+    viewer.gui.mouse_position(*viewer.mouse)
+    keep(viewer, "view_records")
+    look.discs = look.points = look.inspect = False
+    look.buffers[0] = "image"
+    viewer.on_mouse_position_event(-1, -1, 0, 0)
+    desk.session.split("buffers")
+    look.buffers[1] = "weight"
+    keep(viewer, "view_split_buffers")
+    look.buffers[0] = "irradiance"
+    desk.session.split("presets")
+    desk.panels.hud = False
+    keep(viewer, "view_split_presets")
+
+
+def buffers(viewer: Viewer) -> None:
+    """Every buffer, by itself with its legend."""
+    desk = viewer.desk
+    desk.panels.settings = desk.panels.hud = False
+    settled(viewer)
+    for name in SHOWINGS:
+        if name == "asking":  # something must be left to ask for: two rounds only
+            desk.clear()
+            for _ in range(2):
+                desk.step()
+                settled(viewer)
+        if name != "emission":
+            desk.session.look.buffers[0] = name
+            keep(viewer, f"view_{name}")
+        if name == "asking":
+            desk.toggle("frozen")
+
+
+def sky(viewer: Viewer) -> None:
+    """What shines by itself: in this scene, the sky."""
+    desk = viewer.desk
+    desk.session.change(0, bounces=0)
+    desk.panels.settings = desk.panels.hud = False
+    desk.session.look.buffers[0] = "emission"
+    keep(viewer, "view_emission")
+
+
+def main() -> None:
+    """Take them all."""
+    IMAGES.mkdir(exist_ok=True)
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["IRRSPLAT_CONFIG"] = folder  # nobody's bookmarks
+        show("cornell", LARGE, whole)
+        show("curved", SMALL, buffers)
+        show("atrium", SMALL, sky)
+
+
+if __name__ == "__main__":
+    main()
