@@ -15,6 +15,8 @@ LEFT, RIGHT = 1, 2  # mouse buttons, as moderngl-window numbers them
 _GRIP = 6.0  # window coordinates to both sides of the divider
 _CLICK = 3.0  # window coordinates that a click may move
 _PACE = 4.0  # Shift is so much faster, Ctrl so much slower
+_FLYING = "WASDEQ"
+_RIGHT_CTRL = 345  # glfw's number; moderngl-window has no name for it
 
 
 class Controls:
@@ -31,7 +33,7 @@ class Controls:
         self.looking = self.dividing = False
         self.pivot: tuple[float, float, float] | None = None  # of an orbit under way
         self.travelled = 0.0  # since a button went down
-        self._skip = 0  # motions that are none: the mouse was just captured
+        self._skip = False  # the next motion is none: the mouse was just captured
 
     @property
     def pointer(self) -> tuple[int, int] | None:
@@ -48,7 +50,9 @@ class Controls:
             float(names.__dict__[plus] in self.held) - float(names.__dict__[minus] in self.held)
             for plus, minus in (("D", "A"), ("E", "Q"), ("W", "S"))
         )
-        if (right or up or ahead) and not self.gui.wants_keyboard:
+        if self.gui.wants_keyboard:
+            self.held.clear()  # what is typed from now on is the interface's, until a key is pressed anew
+        elif right or up or ahead:
             self.desk.stop()
             self.desk.session.flight.move(right, up, ahead, dt, self.pace)
 
@@ -59,7 +63,7 @@ class Controls:
 
     def _capture(self, on: bool) -> None:
         if self.looking != on:
-            self.looking, self._skip = on, 1
+            self.looking = self._skip = on
             self.wnd.mouse_exclusivity = on
 
     def _on_divider(self, x: float) -> bool:
@@ -70,21 +74,27 @@ class Controls:
 
     def on_key_event(self, key: Any, action: Any, modifiers: KeyModifiers) -> None:
         """A key went down or up."""
-        names = self.wnd.keys
-        self.pace = _PACE if modifiers.shift else 1.0 / _PACE if modifiers.ctrl else 1.0
-        if action == names.ACTION_RELEASE:
+        names, down = self.wnd.keys, action != self.wnd.keys.ACTION_RELEASE
+        # the modifiers that come with such a key's own event may be those before it (X11), or after it
+        shift = down if key in (names.LEFT_SHIFT, names.RIGHT_SHIFT) else modifiers.shift
+        ctrl = down if key in (names.LEFT_CTRL, _RIGHT_CTRL) else modifiers.ctrl
+        self.pace = _PACE if shift else 1.0 / _PACE if ctrl else 1.0
+        if not down:
             self.held.discard(key)
-        self.gui.key(key, action != names.ACTION_RELEASE, names)
+        self.gui.key(key, down, names)
         if action != names.ACTION_PRESS:
             return
-        found = keys.action(names, key, bool(modifiers.ctrl))
         if key == names.ESCAPE:
             self._capture(False)
-        if self.gui.wants_keyboard and key != names.ESCAPE:
+        elif self.gui.wants_keyboard:
             return
+        flying = self.looking or any(getattr(names, name) in self.held for name in _FLYING)
         self.held.add(key)
-        if found is not None:
+        found = keys.action(names, key, bool(ctrl))
+        if found is not None and not (ctrl and flying and found.name in _FLYING):  # Ctrl+Q: slowly down, or quit
             self.desk.press(found)
+            if found.action == "open_dialog":
+                self.held.clear()
 
     def on_unicode_char_entered(self, char: str) -> None:
         """Text was typed."""
@@ -101,10 +111,9 @@ class Controls:
     def _moved(self, x: float, y: float, dx: float, dy: float) -> None:
         session = self.desk.session
         if self.looking:
-            if self._skip:  # the first motion of a captured mouse is a jump
-                self._skip -= 1
-                return
-            session.flight.look(dx, dy, self._per_pixel)
+            if not self._skip:  # the first motion of a captured mouse is a jump
+                session.flight.look(dx, dy, self._per_pixel)
+            self._skip = False
             return
         self.mouse = (x, y)
         self.gui.mouse_position(x, y)
@@ -116,6 +125,8 @@ class Controls:
 
     def on_mouse_press_event(self, x: int, y: int, button: int) -> None:
         """A mouse button went down."""
+        if self.looking:  # a captured mouse points at nothing
+            return
         self.mouse = (x, y)
         self.gui.mouse_position(x, y)
         self.gui.mouse_button(button, True)
@@ -151,7 +162,7 @@ class Controls:
         session = self.desk.session
         if self.looking:
             session.flight.change_speed(y_offset)
-            self.desk.say(f"speed {session.flight.speed:.3g} m/s")
+            self.desk.say(f"speed {session.flight.speed:.3g} m/s", topic="speed")
         elif self.gui.wants_mouse:
             self.gui.scroll(x_offset, y_offset)
         else:
@@ -166,6 +177,7 @@ class Controls:
     def on_focus(self, focused: bool) -> None:
         """The window gained or lost the keyboard: what is held then is let go of."""
         self.held.clear()
+        self.pace, self.pivot, self.dividing = 1.0, None, False
         self.gui.focus(focused)
         if not focused:
             self._capture(False)

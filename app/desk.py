@@ -42,11 +42,12 @@ class Panels:
 
 @dataclass(frozen=True)
 class Message:
-    """A line for the user; `error` ones stay until they are mended or closed."""
+    """A line for the user; `error` ones stay until they are mended or closed, a new one of the same topic takes its place."""
 
     text: str
     until: float
     error: bool = False
+    topic: str = ""
 
 
 @dataclass
@@ -100,11 +101,11 @@ class Desk:
 
     # ---- messages and memory ---------------------------------------------------------------------------------------
 
-    def say(self, text: object, error: bool = False) -> None:
-        """Show a line for a moment; an error until it is closed."""
+    def say(self, text: object, error: bool = False, topic: str = "") -> None:
+        """Show a line for a moment, instead of the last one of its `topic`; an error until it is closed."""
         line = " ".join(str(text).split())
-        self.messages = [m for m in self.messages if m.text != line][-4:]
-        self.messages.append(Message(line, time.monotonic() + _SHOWN, error))
+        self.messages = [m for m in self.messages if m.text != line and (not topic or m.topic != topic)][-4:]
+        self.messages.append(Message(line, time.monotonic() + _SHOWN, error, topic))
 
     def tidy(self) -> None:
         """Drop the messages whose time is over."""
@@ -147,7 +148,7 @@ class Desk:
     def show(self, name: str) -> None:
         """Show a buffer on the side at hand."""
         self.session.look.buffers[self.side if self.session.look.split != "off" else 0] = name
-        self.say(SHOWINGS[name].title)
+        self.say(SHOWINGS[name].title, topic="show")
 
     def toggle(self, name: str) -> None:
         """Turn an overlay or a panel on or off."""
@@ -220,7 +221,7 @@ class Desk:
         """Stop playing, let go of a record, close the sheet."""
         self.stop()
         self.session.held = None
-        self.panels.help = self.panels.open = self.panels.hidden = False
+        self.panels.help = self.panels.open = False
 
     def step(self) -> None:
         """Freeze, and gather one round."""
@@ -234,13 +235,13 @@ class Desk:
         """The next way to split the view."""
         way = SPLITS[(SPLITS.index(self.session.look.split) + 1) % len(SPLITS)]
         self.session.split(way)
-        self.say({"off": "one picture", "buffers": "two buffers", "presets": "two presets"}[way])
+        self.say({"off": "one picture", "buffers": "two buffers", "presets": "two presets"}[way], topic="split")
 
     def swap_preset(self) -> None:
         """Between the paper's algorithm and ours, on the side at hand."""
         name = "default" if self.session.settings(self.side)[0] == "paper" else "paper"
         self.session.use(self.side, name)
-        self.say(f"preset {name}")
+        self.say(f"preset {name}", topic="preset")
 
     def darker(self) -> None:
         """Half a stop less."""
@@ -253,12 +254,12 @@ class Desk:
     def _expose(self, step: float) -> None:
         now = self.session.exposure if np.isfinite(self.session.exposure) else 0.0
         self.session.change(self.side, exposure=float(np.clip(round(2.0 * (now + step)) / 2.0, -64.0, 64.0)))
-        self.say(f"exposure {self.session.settings(self.side)[1].exposure:+.1f} stops")
+        self.say(f"exposure {self.session.settings(self.side)[1].exposure:+.1f} stops", topic="exposure")
 
     def auto_exposure(self) -> None:
         """The exposure follows the picture."""
         self.session.change(self.side, exposure="auto")
-        self.say("exposure auto")
+        self.say("exposure auto", topic="exposure")
 
     def fullscreen(self) -> None:
         """Fullscreen or not."""

@@ -53,10 +53,9 @@ class Gui:
 
     def __init__(self, ctx: moderngl.Context, scale: float = 1.0) -> None:
         self.ctx = ctx
-        self._program = Program(ctx, "gui")
+        self.program = Program(ctx, "gui")
         self._vertices, self._indices = (ctx.buffer(reserve=1 << 16, dynamic=True) for _ in range(2))
-        content = [(self._vertices, "2f 2f 4f1", "in_position", "in_uv", "in_color")]
-        self._array = ctx.vertex_array(self._program.gl, content, self._indices, index_element_size=4)
+        self._array = self._vertex_array()
         self._textures: dict[int, moderngl.Texture] = {}  # by OpenGL's number: imgui's own, kept until it lets go of them
         self._pictures: dict[int, moderngl.Texture] = {}  # the caller's, for this frame
         self._pixels = (0, 0)
@@ -80,6 +79,10 @@ class Gui:
             for name in names.split():
                 self._style.set_color_(imgui.Col_[name], color)
         self.resize_scale(scale)
+
+    def _vertex_array(self) -> moderngl.VertexArray:
+        content = [(self._vertices, "2f 2f 4f1", "in_position", "in_uv", "in_color")]
+        return self.ctx.vertex_array(self.program.gl, content, self._indices, index_element_size=4, skip_errors=True)
 
     def resize_scale(self, scale: float) -> None:
         """Make text and widgets `scale` times as large as on a plain monitor; between frames."""
@@ -117,7 +120,10 @@ class Gui:
             for buffer, content in ((self._vertices, vertices), (self._indices, indices)):
                 buffer.orphan(max(buffer.size, 1 << (content.nbytes - 1).bit_length()))  # what still draws from it goes on
                 buffer.write(content)
-            self._program.gl["window"].value = (*data.display_pos, *data.display_size)  # type: ignore[union-attr]
+            if self._array.program is not self.program.gl:  # its shaders were read again
+                self._array.release()
+                self._array = self._vertex_array()
+            self.program.gl["window"].value = (*data.display_pos, *data.display_size)  # type: ignore[union-attr]
             framebuffer.viewport = (0, 0, *self._pixels)
             framebuffer.use()
             self.ctx.enable_only(moderngl.BLEND)
@@ -159,8 +165,11 @@ class Gui:
         self._io.add_input_characters_utf8(text)
 
     def mouse_position(self, x: float, y: float) -> None:
-        """The mouse is at (x, y), window coordinates from the top left corner."""
+        """The mouse is at (x, y), window coordinates from the top left corner; `wants_mouse` knows it at once."""
         self._io.add_mouse_pos_event(x, y)
+        imgui.set_current_context(self._context)
+        if imgui.get_frame_count():  # before the first frame there is nothing to point at
+            imgui.internal.update_hovered_window_and_capture_flags(imgui.ImVec2(x, y))
 
     def mouse_button(self, button: int, pressed: bool) -> None:
         """A mouse button went down or up: 1 left, 2 right, 3 middle, as moderngl-window numbers them."""
@@ -177,7 +186,7 @@ class Gui:
 
     @property
     def wants_mouse(self) -> bool:
-        """Whether the mouse is for the interface, as of the last `begin`: leave the camera alone."""
+        """Whether the mouse is for the interface, as the windows were at the last `begin`: leave the camera alone."""
         return self._io.want_capture_mouse
 
     @property
@@ -187,7 +196,7 @@ class Gui:
 
     def release(self) -> None:
         """Free the imgui context and every OpenGL object; the Gui is not used after it."""
-        owned: list[Any] = [self._array, self._vertices, self._indices, self._program, *self._textures.values()]
+        owned: list[Any] = [self._array, self._vertices, self._indices, self.program, *self._textures.values()]
         for thing in owned:
             thing.release()
         imgui.destroy_context(self._context)

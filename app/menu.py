@@ -135,15 +135,18 @@ class Menu:
         imgui.set_next_window_pos(view.get_center(), imgui.Cond_.always, (0.5, 0.5))
         imgui.set_next_window_size_constraints((0.0, 0.0), (view.size.x - 8.0, view.size.y - 8.0))
         flags = imgui.WindowFlags_.always_auto_resize | imgui.WindowFlags_.no_collapse
+        imgui.set_next_window_bg_alpha(0.97)
         shown, desk.panels.help = imgui.begin("keys", True, flags)
         if shown:
             imgui.push_font(None, _SHEET_FONT)
+            imgui.push_style_var(imgui.StyleVar_.cell_padding, (4.0, 1.0))
             if imgui.begin_table("sheet", 2, imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.pad_outer_x):
                 for names in (("flying", "camera", "cache", "picture", "overlays"), ("buffers", "window")):
                     imgui.table_next_column()
                     for name in names:
                         _table(name, FLYING if name == "flying" else tuple((k.shown, k.help) for k in GROUPS[name]))
                 imgui.end_table()
+            imgui.pop_style_var()
             imgui.pop_font()
         imgui.end()
 

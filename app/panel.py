@@ -128,7 +128,7 @@ class Panel:
             moved, draft = imgui.slider_float(label, float(draft), float(low or 0), float(high or 0), "%.3g" + unit, flags)
         if not moved and d.name not in self._drafts:
             return value
-        draft = min(max(draft, d.low or 0), d.high or 0)
+        draft = min(max(float(f"{draft:.6g}") if d.kind == "float" else draft, d.low or 0), d.high or 0)  # imgui's are float32
         if d.stage not in ("shadow", "gather"):
             return draft
         self._drafts[d.name] = draft  # what all records are gathered from: not at every pixel of the way
@@ -177,7 +177,7 @@ class Panel:
             if moved and tuple(aim) != tuple(lamp.light.position):
                 lamp.light, changed = replace(lamp.light, spot_target=(aim[0], aim[1], aim[2])), True
         imgui.set_next_item_width(width)
-        most = max(*light.color, 1e-30)
+        most = max(*desk.loaded(desk.lamp).light.color, 1e-30)  # so that black is a way back, too
         moved, tint = imgui.color_edit3("colour", [c / most for c in light.color], imgui.ColorEditFlags_.float)
         if moved:
             lamp.light, changed = replace(lamp.light, color=(tint[0] * most, tint[1] * most, tint[2] * most)), True

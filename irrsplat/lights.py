@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from irrsplat.errors import InputError
 from irrsplat.scene.model import Light, Scene
 
 # right, up, forward of the cube faces +x -x +y -y +z -z, in the order that lib/lights.glsl counts them;
@@ -112,6 +113,15 @@ def light_table(scene: Scene, side: int) -> LightTable:
         tiles += list(matrices)
         nears += [0.0 if light.directional else near] * len(matrices)
     return LightTable(table.reshape(-1, 4), np.array(tiles).reshape(-1, 3, 4), np.array(nears))
+
+
+def sheet(count: int, side: int, limit: int) -> tuple[int, int]:
+    """Columns and rows in which `count` tiles of `side` texels fit into a texture of `limit` a side; InputError: they do not."""
+    columns = min(max(count, 1), 8, max(limit // side, 1))
+    rows = -(-max(count, 1) // columns)
+    if side * max(columns, rows) > limit:
+        raise InputError(f"the lights need {count} shadow tiles of {side} texels, more than fit here: lower --shadow-size")
+    return columns, rows
 
 
 def light_defines(scene: Scene) -> dict[str, int]:

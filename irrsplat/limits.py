@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Sequence
 
 import moderngl
 
 from irrsplat.errors import InputError
-from irrsplat.scene.model import Light
+from irrsplat.lights import light_table, sheet
+from irrsplat.scene.model import Scene
 
 
 def checked(size: tuple[int, int]) -> tuple[int, int]:
@@ -22,11 +22,12 @@ def checked(size: tuple[int, int]) -> tuple[int, int]:
     return width, height
 
 
-def check(ctx: moderngl.Context, size: tuple[int, int], lights: Sequence[Light]) -> None:
-    """Raises InputError where `ctx` takes no picture of this size, or not so many lights."""
+def check(ctx: moderngl.Context, size: tuple[int, int], scene: Scene, shadow_size: int) -> None:
+    """Raises InputError where `ctx` takes no picture of this size, or not so many lights with shadow tiles of so many texels."""
     limit = int(ctx.info["GL_MAX_TEXTURE_SIZE"])
     if max(size) > limit:
         raise InputError(f"size {size[0]}x{size[1]} is beyond the limit here, {limit} pixels a side")
     most = int(ctx.info["GL_MAX_FRAGMENT_UNIFORM_VECTORS"]) // 8 - 8  # eight rows of the light table a light
-    if len(lights) > most:
-        raise InputError(f"the scene has {len(lights)} lights, and this OpenGL takes {most}: leave some out")
+    if len(scene.lights) > most:
+        raise InputError(f"the scene has {len(scene.lights)} lights, and this OpenGL takes {most}: leave some out")
+    sheet(len(light_table(scene, shadow_size).tiles), shadow_size, limit)

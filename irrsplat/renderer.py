@@ -66,7 +66,7 @@ class Renderer(Holder):
         self._owns_ctx = ctx is None
         self.ctx = ctx or context.create()
         self.about = context.describe(self.ctx)
-        limits.check(self.ctx, self.size, scene.lights)
+        limits.check(self.ctx, self.size, scene, self.settings.shadow_size)
         self.timers = Timers(self.ctx, self.about["software"], enabled=True)
         self.geometry = Geometry(self.ctx, *flatten(scene))
         self.cache = RecordCache(self.ctx)
@@ -78,7 +78,7 @@ class Renderer(Holder):
         self.composite_pass = CompositePass(self.ctx, self.size)
         self._made_of: dict[str, tuple[Any, ...]] = {}  # what each stage's present result was made of
         self.shadows: ShadowMaps | None = None  # the present ones
-        self._gbuffer: GBuffer | None = None
+        self._gbuffer: Any = None  # a GBuffer
         self._direct: moderngl.Texture | None = None
         self._view: View | None = None
         self._settled: tuple[Any, ...] | None = None  # the state of the splat buffer that asks for nothing
@@ -136,7 +136,8 @@ class Renderer(Holder):
         if not bounces:
             self._coverage = 1.0
         elif not gather:
-            self._coverage = 1.0 - self.placement.missing(gbuffer, splats)
+            if self._other("looked at", self._made_of["splat"], self._splatted, self.settings.threshold):
+                self._coverage = 1.0 - self.placement.missing(gbuffer, splats)
         elif self._idle < _IDLE and (self._made_of["splat"], self._splatted, self.settings.threshold) != self._settled:
             asked = self._ask(gbuffer, splats, shadows, camera, budget)
         stale = len(self.cache.stale) if bounces else 0
@@ -187,7 +188,6 @@ class Renderer(Holder):
     def _compose(self) -> View:
         """The picture from what there is: direct light, normalised indirect light, their blend."""
         (camera, _), gbuffer = self._made_of["gbuffer"], self._gbuffer
-        assert gbuffer is not None
         splats = SplatBuffer(*self.splat_pass.target.textures)
         if self._other("direct", self._made_of["gbuffer"], self._made_of["shadow"]) or self._direct is None:
             with self.timers("direct"):
@@ -202,11 +202,10 @@ class Renderer(Holder):
     # ---- what changes ----------------------------------------------------------------------------------------------
 
     def change(self, settings: Settings, preset: str = "") -> None:
-        """Go on with other settings (called `preset` in the stats): what depends on those that differ is made again.
-
-        Records are forgotten only where their places depend on one, and gathered again in place where their light does.
-        """
+        """Go on with other settings (called `preset` in the stats): what depends on those that differ is made again, records in
+        place; they are forgotten only where their places depend on one. Raises InputError for what OpenGL does not take here."""
         self._use()
+        limits.check(self.ctx, self.size, self.scene, settings.shadow_size)
         if settings.gradients != self.settings.gradients:
             self.splat_pass.release()
             self.splat_pass = SplatPass(self.ctx, self.size, settings.gradients)
@@ -216,8 +215,9 @@ class Renderer(Holder):
     def relight(self, lights: Sequence[Light]) -> None:
         """Go on with other lights; records are gathered again in place. Raises InputError for too many of them."""
         self._use()
-        limits.check(self.ctx, self.size, lights)
-        before, self.scene = self.scene, replace(self.scene, lights=tuple(lights))
+        before, scene = self.scene, replace(self.scene, lights=tuple(lights))
+        limits.check(self.ctx, self.size, scene, self.settings.shadow_size)
+        self.scene = scene
         if light_defines(before) != light_defines(self.scene):
             self.direct_pass.release()
             self.direct_pass = DirectPass(self.ctx, self.size, light_defines(self.scene))
@@ -227,8 +227,9 @@ class Renderer(Holder):
     def resize(self, size: tuple[int, int]) -> None:
         """Views are of another size (width, height) from now on; the records stay. Raises InputError for one that cannot be."""
         self._use()
-        limits.check(self.ctx, limits.checked(size), self.scene.lights)
-        self.size = limits.checked(size)
+        size = limits.checked(size)
+        limits.check(self.ctx, size, self.scene, self.settings.shadow_size)
+        self.size = size
         for one in (self.gbuffer_pass, self.splat_pass, self.direct_pass, self.composite_pass):
             one.release()
         self.gbuffer_pass = GBufferPass(self.ctx, self.size)
@@ -251,8 +252,7 @@ class Renderer(Holder):
 
     def forget(self, records: bool = True, lights: bool = True) -> None:
         """Draw every buffer of the view again next time; without the `records` made so far, and the `lights`' shadow maps."""
-        for stage in set(self._made_of) - (set() if lights else {"shadow"}):
-            del self._made_of[stage]
+        self._made_of = {stage: key for stage, key in self._made_of.items() if stage == "shadow" and not lights}
         self._settled = None
         if records:
             self.cache.truncate(0)
@@ -322,10 +322,10 @@ class Renderer(Holder):
         return replace(frame, figures=pictures | {"quad": figure.diagram(frame, view.camera, self.settings)})
 
     def stats(self, view: View) -> dict[str, Any]:
-        settings = self.settings
-        exposure = self.composite_pass.exposure(view.image) if settings.exposure == "auto" else settings.exposure
+        exposure = self.settings.exposure
+        stops = self.composite_pass.exposure(view.image) if exposure == "auto" else float(exposure)
         times = {"stages_ms": self.timers.milliseconds(), "clock": self.timers.clock}
-        return times | statistics(self.about, self.scene, self.size, self.preset, settings, float(exposure))
+        return times | statistics(self.about, self.scene, self.size, self.preset, self.settings, stops)
 
     def release(self) -> None:
         """Free everything on the GPU, the context too where this renderer made it."""

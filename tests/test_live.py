@@ -282,3 +282,25 @@ def test_nothing_is_left_on_the_gpu(ctx: moderngl.Context, monkeypatch: pytest.M
     assert alive > 60
     left = [thing for thing in made if not isinstance(thing.mglo, moderngl.InvalidObject)]
     assert not left, f"{len(left)} of {len(made)}: {left[:5]}"
+
+
+def test_too_many_shadow_tiles_are_refused_before_anything_changes(renderer: Renderer) -> None:
+    many = tuple(lamp((0.05 * i, 0.6, 0.2)) for i in range(-9, 10))
+    before = renderer.settings
+    renderer.relight(many)
+    side = 4096 * 4096 // int(renderer.ctx.info["GL_MAX_TEXTURE_SIZE"])  # 114 tiles of this are too many, whatever the limit
+    with pytest.raises(InputError, match="shadow tiles.*--shadow-size"):
+        renderer.change(replace(before, shadow_size=max(side, 4096)))
+    assert renderer.settings == before and renderer.frame()[1].records > 0
+    renderer.change(replace(before, shadow_size=16))
+    with pytest.raises(InputError, match="lights"):
+        renderer.relight(many * 1000)
+    assert len(renderer.scene.lights) == len(many)
+
+
+def test_a_frozen_view_is_looked_at_once(renderer: Renderer) -> None:
+    away = Camera((0.0, 0.0, 0.95), (0.9, -0.1, 0.4), fov=60.0)
+    first = renderer.frame(away, gather=False)[1]
+    assert "examine" in renderer.timers.milliseconds()
+    again = renderer.frame(away, gather=False)[1]
+    assert renderer.timers.milliseconds() == {} and again == first

@@ -5,12 +5,11 @@ from __future__ import annotations
 import moderngl
 
 from irrsplat.buffers import ShadowMaps
-from irrsplat.errors import InputError
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.program import Program, State
 from irrsplat.gpu.target import Target
-from irrsplat.lights import light_table
+from irrsplat.lights import light_table, sheet
 from irrsplat.scene.model import Scene
 
 # Front faces are culled, the paper's cure for acne, where the far side of a closed mesh stands for them. That alone leaks
@@ -33,11 +32,7 @@ class ShadowPass(Holder):
     def __call__(self, scene: Scene, geometry: Geometry, side: int) -> ShadowMaps:
         """Every light's tiles, `side` texels square, and the table that lib/lights.glsl reads; InputError for too many lights."""
         lights = light_table(scene, side)
-        limit = int(self.ctx.info["GL_MAX_TEXTURE_SIZE"])
-        columns = min(max(len(lights.tiles), 1), 8, max(limit // side, 1))
-        lines = -(-max(len(lights.tiles), 1) // columns)
-        if side * max(columns, lines) > limit:
-            raise InputError(f"{len(scene.lights)} lights need {len(lights.tiles)} shadow tiles of {side}: lower --shadow-size")
+        columns, lines = sheet(len(lights.tiles), side, int(self.ctx.info["GL_MAX_TEXTURE_SIZE"]))
         if self.target is not None:
             self.target.release()
         self.target = Target(self.ctx, (side * columns, side * lines), depth=True)

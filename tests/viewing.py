@@ -1,0 +1,341 @@
+"""The viewer in a window in memory, and hands on it: keys, mouse and text as they come from a user, frames in between."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from imgui_bundle import imgui
+from moderngl_window.context.base import KeyModifiers
+
+import irrsplat
+from irrsplat.app import memory
+from irrsplat.app.desk import Desk, Panels
+from irrsplat.app.keys import GROUPS, KEYS
+from irrsplat.app.session import Look, Session
+from irrsplat.app.tape import Tape
+from irrsplat.app.viewer import Viewer
+from irrsplat.app.window import open_window
+from irrsplat.settings import preset
+
+SIZE = (320, 240)
+FAST: dict[str, Any] = {"gather_size": 8, "shadow_size": 64, "radius_min": 2.0, "radius_max": 20.0, "exposure": 1.0}
+LEFT, RIGHT = 1, 2
+ROOM = """cam 0 0 2.6  0 0 0  0 1 0
+cam corner 0.5 0.3 0.6  -0.6 -0.4 -0.6  0 1 0
+proj 50 1 0.1 100
+light lamp.light
+brdf diffuse 0.8 0.7 0.6 1
+obj walls.obj
+brdf diffuse 0.7 0.1 0.1 1
+obj left.obj
+brdf diffuse 0.2 0.6 0.8 1
+push
+trans 0.2 -0.6 -0.2
+rotate 20 0 1 0
+scale 0.4 0.4 0.4
+obj box.obj
+pop
+"""
+LAMP = "position 0.3 0.6 0.2 1\nintensity 3 3 3\n"
+_CORNERS = "".join(f"v {x} {y} {z}\n" for x in (-1, 1) for y in (-1, 1) for z in (-1, 1))  # 1 + 4·(x>0) + 2·(y>0) + (z>0)
+OBJECTS = {
+    "walls.obj": _CORNERS + "f 1 5 6 2\nf 3 4 8 7\nf 1 3 7 5\nf 5 7 8 6\n",  # floor, ceiling, back, right; open in front
+    "left.obj": _CORNERS + "f 1 2 4 3\n",
+    "box.obj": _CORNERS + "f 1 5 6 2\nf 3 4 8 7\nf 1 3 7 5\nf 5 7 8 6\nf 1 2 4 3\nf 2 6 8 4\n",
+}
+
+
+def write_room(folder: Path) -> Path:
+    """An open room of 2 m with one lamp and a box in it, as files in `folder`; the .scene."""
+    for name, text in {**OBJECTS, "lamp.light": LAMP, "room.scene": ROOM}.items():
+        (folder / name).write_text(text)
+    return folder / "room.scene"
+
+
+@dataclass(frozen=True)
+class Widget:
+    """What a widget is, as imgui calls it, and where it lies without the label beside it.
+
+    box: left, top, right, bottom in window coordinates.
+    """
+
+    kind: str
+    label: str
+    box: tuple[float, float, float, float]
+
+    def at(self, along: float = 0.5) -> tuple[float, float]:
+        """A point of it, `along` 0..1 from left to right."""
+        left, top, right, bottom = self.box
+        return left + along * (right - left), 0.5 * (top + bottom)
+
+
+class Driver:
+    """A Viewer, and what a user does with it. Every frame is checked for OpenGL errors."""
+
+    def __init__(self, viewer: Viewer) -> None:
+        self.viewer, self.wnd = viewer, viewer.wnd
+        self.size = self.wnd.size
+        self.modifiers = KeyModifiers()
+        self.widgets: list[Widget] = []  # of the last frame
+
+    @property
+    def desk(self) -> Desk:
+        return self.viewer.desk
+
+    @property
+    def session(self) -> Session:
+        return self.viewer.desk.session
+
+    @property
+    def said(self) -> str:
+        """All messages on show."""
+        return "\n".join(m.text for m in self.desk.messages)
+
+    # ---- time and pictures ---------------------------------------------------------------------------------------
+
+    def frame(self, count: int = 1, dt: float = 0.05) -> None:
+        for _ in range(count):
+            self.widgets.clear()
+            self.viewer.frame(dt)
+            error = self.viewer.ctx.error
+            assert error == "GL_NO_ERROR", error
+
+    def settle(self, most: int = 400) -> None:
+        """Frames until nothing is left to do, and one more, which shows it."""
+        for _ in range(most):
+            self.frame()
+            if self.session.at_rest:
+                return self.frame()
+        pytest.fail(f"not at rest after {most} frames: {self.session.progress}")
+
+    def window(self) -> np.ndarray:
+        """What the window shows: (H, W, 3) uint8, top row first."""
+        width, height = self.wnd.buffer_size
+        return np.frombuffer(self.wnd.fbo.read(components=3, alignment=1), "u1").reshape(height, width, 3)[::-1].copy()
+
+    def canvas(self) -> np.ndarray:
+        """What lies under the interface, likewise."""
+        texture = self.viewer.canvas.textures[0]
+        return np.frombuffer(texture.read(), "u1").reshape(texture.height, texture.width, 4)[::-1, :, :3].copy()
+
+    def resize(self, size: tuple[int, int]) -> None:
+        """The window has another size; (0, 0): it is minimised."""
+        if all(size) and size != self.wnd.size:
+            self.viewer.ctx.detect_framebuffer(0).use()  # the window frees its own, which is bound
+            self.wnd.size = size
+            self.wnd.use()
+        self.wnd._buffer_width, self.wnd._buffer_height = size  # which the window in memory forgets
+
+    # ---- keys ----------------------------------------------------------------------------------------------------
+
+    def down(self, name: str) -> None:
+        """A key goes down; as on X11, a modifier's own event comes with the modifiers before it."""
+        self.viewer.on_key_event(getattr(self.wnd.keys, name), self.wnd.keys.ACTION_PRESS, self.modifiers)
+        self._modify(name, True)
+
+    def up(self, name: str) -> None:
+        """A key goes up."""
+        self.viewer.on_key_event(getattr(self.wnd.keys, name), self.wnd.keys.ACTION_RELEASE, self.modifiers)
+        self._modify(name, False)
+
+    def _modify(self, name: str, on: bool) -> None:
+        if name.endswith("_SHIFT"):
+            self.modifiers.shift = on
+        if name.endswith("_CTRL"):
+            self.modifiers.ctrl = on
+
+    def press(self, name: str, ctrl: bool = False) -> None:
+        """A key goes down and up, and a frame passes."""
+        if ctrl:
+            self.down("LEFT_CTRL")
+        self.down(name)
+        self.up(name)
+        if ctrl:
+            self.up("LEFT_CTRL")
+        self.frame()
+
+    def type(self, text: str) -> None:
+        """Text is typed."""
+        for char in text:
+            self.viewer.on_unicode_char_entered(char)
+        self.frame(2)
+
+    # ---- mouse ---------------------------------------------------------------------------------------------------
+
+    def move(self, x: float, y: float, dx: float = 0.0, dy: float = 0.0) -> None:
+        """The mouse comes to (x, y), or, captured, moves by (dx, dy)."""
+        was = self.viewer.mouse
+        if not (dx or dy):
+            dx, dy = x - was[0], y - was[1]
+        self.viewer.on_mouse_drag_event(x, y, dx, dy)  # type: ignore[arg-type]  # glfw's are floats, too
+
+    def button(self, down: bool, button: int = LEFT) -> None:
+        x, y = self.viewer.mouse
+        act = self.viewer.on_mouse_press_event if down else self.viewer.on_mouse_release_event
+        act(x, y, button)  # type: ignore[arg-type]
+
+    def click(self, x: float, y: float, button: int = LEFT) -> None:
+        """A click at a place, slow enough for the interface to follow."""
+        self.drag((x, y), (x, y), button)
+
+    def drag(self, start: tuple[float, float], end: tuple[float, float], button: int = LEFT) -> None:
+        """Down at `start`, moved to `end` in four steps, up."""
+        self.move(*start)
+        self.frame(2)
+        self.button(True, button)
+        self.frame()
+        for i in range(1, 5) if end != start else ():
+            self.move(*(a + (b - a) * i / 4 for a, b in zip(start, end, strict=True)))
+            self.frame()
+        self.button(False, button)
+        self.frame(2)
+
+    # ---- the interface -------------------------------------------------------------------------------------------
+
+    def find(self, label: str, beside: str = "", header: bool = False) -> Widget:
+        """The last frame's widget of that label; of several, the one in the same line as `beside`. header: one to unfold."""
+        found = [w for w in self.widgets if w.label.split("##")[0] == label and header == (w.kind == "collapsing_header")]
+        if beside:
+            line = self.find(beside).at()[1]
+            found = [w for w in found if abs(w.at()[1] - line) < 4.0]
+        assert found, f"no {label!r} among {[w.label for w in self.widgets]}"
+        return found[0]
+
+    def choose(self, *labels: str) -> None:
+        """Click on one label after the other, through menus, lists and buttons."""
+        for label in labels:
+            self.click(*self.find(label).at())
+
+    def enter(self, widget: Widget, text: str) -> None:
+        """Type a value into a slider: Ctrl+click, all of it anew, Enter."""
+        self.down("LEFT_CTRL")
+        self.click(*widget.at())
+        self.press("A")
+        self.up("LEFT_CTRL")
+        self.type(text)
+        self.press("ENTER")
+        self.frame(2)
+
+    def reset(self) -> None:
+        """As at first: look, panels, camera, settings, lamps; nothing under the mouse, and at rest."""
+        desk, session = self.desk, self.session
+        self.resize(self.size)
+        self.viewer.on_focus(True)
+        self.modifiers = KeyModifiers()
+        self.viewer.on_mouse_release_event(0, 0, LEFT)
+        self.viewer.on_mouse_release_event(0, 0, RIGHT)
+        session.split("off")
+        desk.panels, desk.side, desk.messages, desk.shot = Panels(settings=False, hud=False), 0, [], ""
+        session.look, session.held, session.tape = Look(), None, Tape()
+        desk.bookmarks, desk.wants_fullscreen, desk.quitting = [], False, False
+        speed = session.scene.diagonal / 6.0
+        session.flight.speed = speed
+        session.flight.home()
+        for renderer in session.renderers:
+            renderer.change(preset("default", **FAST), "default")
+        desk.lamps = [desk.loaded(i) for i in range(len(desk.lamps))]
+        if [lamp.shone for lamp in desk.lamps] != list(session.scene.lights):
+            desk.relight()
+        self.move(self.wnd.width - 20.0, self.wnd.height - 20.0)
+        self.settle()
+
+
+_WIDGETS = ("slider_float", "slider_int", "checkbox", "combo", "begin_combo", "small_button", "button", "radio_button")
+_WIDGETS += ("menu_item", "begin_menu", "selectable", "collapsing_header", "drag_float3", "color_edit3", "input_text")
+
+
+@contextmanager
+def watched(driver: Driver) -> Iterator[None]:
+    """While this lasts, the driver sees where the widgets of its viewer lie."""
+    plain = {name: getattr(imgui, name) for name in _WIDGETS}
+
+    def watch(name: str, make: Callable[..., Any]) -> Callable[..., Any]:
+        def widget(label: str, *args: Any, **options: Any) -> Any:
+            result = make(label, *args, **options)
+            if name in ("begin_menu", "begin_combo") and result:  # then the last item is another window's
+                return result
+            low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+            right = high.x
+            if name in ("slider_float", "slider_int", "combo", "begin_combo", "drag_float3", "color_edit3"):
+                right -= imgui.calc_text_size(label).x + imgui.get_style().item_inner_spacing.x
+            driver.widgets.append(Widget(name, label, (low.x, low.y, right, high.y)))
+            return result
+
+        return widget
+
+    for name, make in plain.items():
+        setattr(imgui, name, watch(name, make))
+    try:
+        yield
+    finally:
+        for name, make in plain.items():
+            setattr(imgui, name, make)
+
+
+@contextmanager
+def viewing(
+    source: str | Path, size: tuple[int, int] = SIZE, remembered: memory.Memory | None = None, **settings: Any
+) -> Iterator[Driver]:
+    """A viewer of the scene at `source`, with settings for fast pictures; closed in the end, nothing remembered."""
+    if remembered is None:
+        remembered = memory.Memory(values={**FAST, **settings}, ui={"panels": {"settings": False, "hud": False}})
+    wnd = open_window(size, headless=True)
+    viewer = Viewer(wnd, irrsplat.load(source), str(source), remembered)
+    driver = Driver(viewer)
+    with watched(driver):
+        yield driver
+    with wnd.ctx:
+        viewer.close(remember=False)
+        assert wnd.ctx.error == "GL_NO_ERROR"
+    wnd.ctx.release()
+
+
+def fresh(driver: Driver, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Driver]:
+    """The driver as at first and at rest, its context current; it remembers and writes in `folder`."""
+    monkeypatch.setenv("IRRSPLAT_CONFIG", str(folder / "config"))
+    monkeypatch.chdir(folder)
+    with driver.wnd.ctx:
+        driver.reset()
+        yield driver
+
+
+# ---- keys and their cases ------------------------------------------------------------------------------------------------
+
+
+def push(driver: Driver, shown: str) -> None:
+    """Press the key that a user reads as `shown`."""
+    found = next(k for k in KEYS if k.shown == shown)
+    driver.press(found.name, found.ctrl)
+
+
+Case = Callable[[Driver, str], None]
+
+
+class Cases:
+    """For every key of these groups a check that takes the driver and the key's shown name."""
+
+    def __init__(self, *groups: str) -> None:
+        self.groups = groups
+        self.keys = [k.shown for group in groups for k in GROUPS[group]]
+        self.made: dict[str, Case] = {}
+
+    def case(self, *keys: str) -> Callable[[Case], Case]:
+        """Says which keys a check is of."""
+
+        def add(check: Case) -> Case:
+            assert not self.made.keys() & set(keys)
+            self.made.update(dict.fromkeys(keys, check))
+            return check
+
+        return add
+
+    def check(self) -> None:
+        """No key without a check, and none of the same name as another."""
+        assert sorted(self.made) == sorted(self.keys)
+        assert len({k.shown for k in KEYS}) == len({(k.name, k.ctrl) for k in KEYS}) == len(KEYS)
