@@ -1,4 +1,4 @@
-"""The command line: `irrsplat view`, `render`, `info`, `doctor` and `bench`, with one line for whatever goes wrong."""
+"""The command line: `irrsplat view`, `render`, `info`, `doctor`, `bench` and `verify`, with one line for whatever goes wrong."""
 
 from __future__ import annotations
 
@@ -157,12 +157,27 @@ def bench(args: argparse.Namespace) -> int:
     return benchmark.run(args.scenes, tuple(args.size), args.json)
 
 
+def verify(args: argparse.Namespace) -> int:
+    """`irrsplat verify`: the errors against a path tracer."""
+    from irrsplat import settings
+    from irrsplat.app import verify as verification
+
+    settings.preset(args.preset, **args.values)
+    verification.check(args)
+
+    import irrsplat
+
+    scene = irrsplat.load(args.scene)
+    return verification.run(scene, _camera(args, scene), args)
+
+
 _COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "view": view,
     "render": render,
     "info": info,
     "doctor": doctor,
     "bench": bench,
+    "verify": verify,
 }
 
 

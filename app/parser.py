@@ -46,6 +46,13 @@ def pixels(text: str) -> int:
     return int(text)
 
 
+def samples(text: str) -> int:
+    """A number of samples, for argparse."""
+    if not re.fullmatch(r"\d{1,9}", text, re.ASCII) or int(text) < 2:
+        raise argparse.ArgumentTypeError(f"expected a whole number of samples, at least 2, not '{text}'")
+    return int(text)
+
+
 def frames(text: str) -> tuple[int, int | None]:
     """Frames A:B of a path as (A, B), for argparse; half open as a Python slice, A: 0 and B: None where left out."""
     match = re.fullmatch(r"(\d{0,9}):(\d{0,9})", text, re.ASCII)
@@ -58,12 +65,12 @@ def frames(text: str) -> tuple[int, int | None]:
 
 
 def parse(argv: Sequence[str]) -> argparse.Namespace:
-    """The checked command line: `command`, its arguments, and for render and view `values`, the settings given by flag.
+    """The checked command line: `command`, its arguments, and for render, view and verify `values`, the settings given by flag.
 
     Raises InputError, one line, for what is wrong with it; SystemExit(0) after --help and --version.
     """
     args = build().parse_args(list(_spelled_out(argv)))
-    if args.command in ("render", "view"):
+    if args.command in ("render", "view", "verify"):
         args.values = {
             name: _value(d, text) for name, d in SETTINGS.items() if (text := getattr(args, "set_" + name, None)) is not None
         }
@@ -93,6 +100,7 @@ def build() -> Parser:
         help="what OpenGL there is here, and what mends it",
         description="Say what OpenGL there is here, and what mends it.",
     )
+    _add_verify(commands)
     return top
 
 
@@ -139,6 +147,32 @@ def _add_view(commands: Any) -> None:
     parser.set_defaults(path=None, frames=None)
 
 
+def _add_verify(commands: Any) -> None:
+    parser = commands.add_parser(
+        "verify",
+        help="hold a rendering against a path tracer",
+        description="Render a scene and tell how far its indirect light is from a path tracer's.",
+        epilog="Needs the extra: pip install 'irrsplat[reference]'. The truth of a view is traced once and kept in the user's\n"
+        "cache folder, or in the one that IRRSPLAT_CACHE names.",
+    )
+    _add_scene(parser)
+    add = parser.add_argument
+    _add_size(parser, 200)
+    add("--samples", type=samples, default=2048, metavar="N", help="rays of each kind a pixel, at least (default: 2048)")
+    add(
+        "--truth", choices=("trace", "gather"), default="trace",
+        help="trace: by Mitsuba; gather: the renderer's own fine gather at 1000 pixels, without the extra (default: trace)",
+    )  # fmt: skip
+    add("--preset", metavar="NAME", choices=tuple(PRESETS), default="default", help=f"{', '.join(PRESETS)} (default: default)")
+    add(
+        "-o", "--output", metavar="OUT",
+        help="truth, picture and error: side by side in a .png, or one file each in a folder (no ending)",
+    )  # fmt: skip
+    _add_camera(parser)
+    _add_settings(parser)
+    parser.set_defaults(path=None, frames=None)
+
+
 def _add_scene(parser: argparse.ArgumentParser) -> None:
     words = "a path, or a bundled scene's name (default: cornell)"
     parser.add_argument("scene", nargs="?", metavar="SCENE", default=DEFAULT_SCENE, help=words)
@@ -160,10 +194,9 @@ def _add_settings(parser: argparse.ArgumentParser) -> None:
                 _add_setting(group, declaration)
 
 
-def _add_size(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--size", nargs=2, type=pixels, default=[800, 800], metavar=("W", "H"), help="image size in pixels (default: 800 800)"
-    )
+def _add_size(parser: argparse.ArgumentParser, side: int = 800) -> None:
+    words = f"image size in pixels (default: {side} {side})"
+    parser.add_argument("--size", nargs=2, type=pixels, default=[side, side], metavar=("W", "H"), help=words)
 
 
 def _add_setting(group: Any, declaration: Declaration) -> None:

@@ -39,8 +39,6 @@ def refused(place: Path, capsys: pytest.CaptureFixture[str]) -> Callable[..., st
     [
         ([], "COMMAND"),
         (["paint"], "paint"),
-        (["view"], "view"),  # not built yet, so not offered
-        (["verify"], "verify"),
         (["--nonsense"], "COMMAND"),
         (["render"], "-o/--output"),
         (["render", "plain.scene"], "-o/--output"),

@@ -21,6 +21,7 @@ FLOORS = (
     ("irrsplat",),  # the package's own front door, which hands out what lies below
     ("irrsplat.renderer",),
     ("irrsplat.placement", "irrsplat.limits"),
+    ("irrsplat.reference",),
     ("irrsplat.exact",),
     ("irrsplat.paper", "irrsplat.figure", "irrsplat.view"),
     ("irrsplat.cutaway",),

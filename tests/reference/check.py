@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from irrsplat.reference.tracer import Tracer, choose_variant, image, look, mi
 from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
-from tests.reference.make import image, look
-from tests.reference.tracer import Tracer, choose_variant, mi
 
 SPP = 4096  # of Mitsuba's path, four times over
 STRATA = 16  # each pixel is seen through STRATA² points
@@ -112,10 +111,10 @@ def against_path(name: str, light: Light, emitter: dict[str, Any]) -> None:
     random = np.random.default_rng(0)
     for stratum in np.ndindex(STRATA, STRATA):
         dy, dx = (np.reshape(stratum, (2, 1, 1)) + random.random((2, SIDE, SIDE))) / STRATA
-        hit = look(tracer, CAMERA, SIDE, dx, dy)
-        p, n, g = (image(v, SIDE).reshape(-1, 3) for v in (hit.p, hit.n, hit.g))
+        hit = look(tracer, CAMERA, (SIDE, SIDE), dx, dy)
+        p, n, g = (image(v, (SIDE, SIDE)).reshape(-1, 3) for v in (hit.p, hit.n, hit.g))
         E = tracer.irradiance(p, n, g, 8, int(random.integers(1, 20_000))).reshape(SIDE, SIDE, 3)
-        ours += np.where(image(hit.valid, SIDE)[..., None], image(hit.albedo, SIDE) / np.pi * E, 0.0) / STRATA**2
+        ours += np.where(image(hit.valid, (SIDE, SIDE))[..., None], image(hit.albedo, (SIDE, SIDE)) / np.pi * E, 0.0) / STRATA**2
     print(
         f"{name:30} against path: mean {ours.mean() / theirs.mean() - 1:+.2%}, "
         f"RMS {np.sqrt(np.mean((ours - theirs) ** 2)) / theirs.mean():.2%}, of which path's own noise {noise:.2%}"

@@ -1,5 +1,6 @@
 """An independent truth: one-bounce irradiance and direct light by ray tracing, with Mitsuba 3 finding the intersections.
 
+Importing this needs the extra `reference`.
 Everything radiometric is written out here (lights, spots, two-sided Lambertian surfaces), so that lights of the OpenGL
 kind, which Mitsuba lacks, have a truth as well, and so that a fault of the renderer is not repeated by shared code.
 
@@ -20,14 +21,15 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
-from irrsplat.scene.model import Light, Scene
+from irrsplat.errors import IrrsplatError
+from irrsplat.scene.model import Camera, Light, Scene
 
 TINY = 1e-30  # keeps divisors from 0
 LANES = 1 << 20  # samples in flight at once; bounds the memory
 
 
 def choose_variant() -> str:
-    """Set a vectorised Mitsuba variant (the GPU's or LLVM's) and return its name; SystemExit says what is missing."""
+    """Set a vectorised Mitsuba variant (the GPU's or LLVM's) and return its name; IrrsplatError says what is missing."""
     for variant in ("cuda_ad_rgb", "llvm_ad_rgb"):
         try:
             mi.set_variant(variant)
@@ -35,7 +37,9 @@ def choose_variant() -> str:
             return variant
         except Exception:  # Dr.Jit raises bare exceptions where a driver or LLVM is missing
             continue
-    raise SystemExit("reference: Mitsuba needs LLVM 19 (Debian: libllvm19, or DRJIT_LIBLLVM_PATH set to the library) or CUDA")
+    raise IrrsplatError(
+        "Mitsuba finds neither LLVM 19 nor CUDA; install libllvm19 (Debian, Ubuntu), or let DRJIT_LIBLLVM_PATH name the library"
+    )
 
 
 @dataclass(frozen=True)
@@ -224,6 +228,31 @@ class Tracer:
             inside = dr.dot(mi.Vector3f(axis(light)), -to_light) >= edge * d
         p_light = dr.select(inside & (dr.dot(g, to_light) > 0.0), density * dr.dot(g, to_light) / (d * d * d), 0.0)
         return dr.select(r > 0.0, p_ray, 0.0), dr.select(d > 0.0, p_light, 0.0)
+
+
+def camera_rays(camera: Camera, size: tuple[int, int], dx: Any = 0.5, dy: Any = 0.5) -> np.ndarray:
+    """(W·H, 3) unit directions, row by row from the top, through the point (dx, dy) of every pixel (0.5: its centre).
+
+    size: (W, H). dx, dy: 0..1 to the right and downward, one number or (H, W).
+    """
+    width, height = size
+    row, column = np.indices((height, width))
+    slope = np.tan(np.radians(camera.fov) / 2.0)
+    x = ((column + dx) / width * 2.0 - 1.0) * slope * (width / height)
+    y = (1.0 - (row + dy) / height * 2.0) * slope
+    world = np.stack([x, y, -np.ones_like(x)], axis=-1).reshape(-1, 3) @ camera.axes
+    return world / np.linalg.norm(world, axis=1, keepdims=True)
+
+
+def look(tracer: Tracer, camera: Camera, size: tuple[int, int], dx: Any = 0.5, dy: Any = 0.5) -> Hit:
+    """What the camera sees through one point of every pixel, as camera_rays has it; one lane per pixel."""
+    return tracer.hit(mi.Point3f(*camera.eye), mi.Vector3f(camera_rays(camera, size, dx, dy).T))
+
+
+def image(values: Any, size: tuple[int, int]) -> np.ndarray:
+    """(H, W, …) array of what lies in W·H lanes."""
+    array, (width, height) = np.array(values), size
+    return array.T.reshape(height, width, -1) if array.ndim == 2 else array.reshape(height, width)
 
 
 def cosine_hemisphere(u: Any) -> Any:

@@ -1,0 +1,201 @@
+"""The path-traced truth of a view, read from the cache folder where it was traced before, and a frame's errors against it."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+import secrets
+import zipfile
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from irrsplat.errors import InputError, IrrsplatError
+from irrsplat.output import Frame
+from irrsplat.reference import process
+from irrsplat.scene.model import Camera, Scene
+
+VERSION = 1  # of what is traced and how; older files in the cache are not read
+MOST_SAMPLES = 131_072  # what is in flight at once fits into memory
+NOTHING = "the camera sees no smooth surface, so there is nothing to compare; give another camera or a larger size"
+OUTLIER = 0.3  # of the mean: an error beyond it is one that anybody sees
+
+
+@dataclass(frozen=True)
+class Traced:
+    """The truth of a view of W×H pixels, top row first, float32.
+
+    halves: (2, H, W, 3) indirect irradiance of one bounce in W/m², by two independent halves of the samples. direct: (H, W, 3)
+    ρ/π·E_direct, emission: (H, W, 3) of the surface or the sky, in W/(m² sr). albedo: (H, W, 3). The rest are (H, W) bool:
+    seen: there is a surface. valid: and the surface is smooth in the 3×3 pixels around: irradiance is compared there.
+    clear: and no shadow's edge is near: direct light is compared there.
+    """
+
+    halves: np.ndarray
+    direct: np.ndarray
+    albedo: np.ndarray
+    emission: np.ndarray
+    seen: np.ndarray
+    valid: np.ndarray
+    clear: np.ndarray
+
+    @property
+    def irradiance(self) -> np.ndarray:
+        """(H, W, 3) indirect irradiance, by all samples."""
+        return self.halves.mean(axis=0)
+
+    @property
+    def picture(self) -> np.ndarray:
+        """(H, W, 3) radiance: direct, indirect and emitted light together."""
+        return self.direct + self.albedo / np.float32(np.pi) * self.irradiance + self.emission
+
+    @property
+    def noise(self) -> float | None:
+        """The standard error of `irradiance` over its mean, RMS over the valid pixels, as its halves tell."""
+        # the halves are independent and alike, so their mean has half the variance of one: that of half their difference
+        E, difference = self.irradiance[self.valid].astype(float), np.diff(self.halves[:, self.valid].astype(float), axis=0)
+        return float(np.sqrt(np.mean(difference**2)) / 2.0 / E.mean()) if E.any() else None
+
+
+def errors(E: np.ndarray, E_ref: np.ndarray) -> dict[str, float | None]:
+    """How far irradiance E (N, 3) is from the truth E_ref (N, 3), both in W/m²; None where there is no light to be off from.
+
+    `rmse`: √mean((E−E_ref)²)/mean(E_ref), over pixels and channels. `bias`: mean(E)/mean(E_ref) − 1. `outliers`: share of the
+    pixels where any channel is off by more than 30 % of the mean.
+    """
+    E_ref = E_ref.astype(float)
+    error, mean = E - E_ref, E_ref.mean()
+    if not mean:
+        return {"rmse": None, "bias": None, "outliers": None}
+    return {
+        "rmse": float(np.sqrt(np.mean(error**2)) / mean),
+        "bias": float(error.mean() / mean),
+        "outliers": float(np.mean(np.abs(error).max(axis=1) > OUTLIER * mean)),
+    }
+
+
+def compare(frame: Frame, truth: Traced) -> dict[str, float | None]:
+    """The `errors` of a frame's irradiance in the valid pixels, and `direct`: the relative RMSE of its direct light in the
+    clear ones. Raises InputError where no pixel is valid, or the sizes differ.
+    """
+    if frame.irradiance.shape != truth.direct.shape:
+        raise InputError(f"the frame is of shape {frame.irradiance.shape}, but the truth of shape {truth.direct.shape}")
+    if not truth.valid.any():
+        raise InputError(NOTHING)
+    L_ref = truth.direct[truth.clear].astype(float)
+    off = frame.direct[truth.clear] - L_ref
+    direct = float(np.sqrt(np.mean(off**2)) / L_ref.mean()) if L_ref.any() else None
+    return errors(frame.irradiance[truth.valid], truth.irradiance[truth.valid]) | {"direct": direct}
+
+
+def side_of(samples: int) -> int:
+    """The side of the stratified grid of each half: 2·side² samples are at least `samples`; InputError beyond 2..131072."""
+    if not 2 <= samples <= MOST_SAMPLES:
+        raise InputError(f"samples lie between 2 and {MOST_SAMPLES}, not {samples}")
+    return math.isqrt((samples + 1) // 2 - 1) + 1
+
+
+def traced(
+    scene: Scene,
+    camera: Camera,
+    size: tuple[int, int],
+    samples: int = 2048,
+    progress: Callable[[float], object] | None = None,
+    notice: Callable[[str], object] | None = None,
+) -> Traced:
+    """The truth of a view of size (W, H), traced with `samples` rays of each kind per pixel, or read from the cache folder.
+
+    progress: called with the share done while it is traced. notice: called with a line where a file of the cache is damaged
+    or cannot be written. Raises InputError for a scene without surfaces, IrrsplatError where nothing can be traced here.
+    """
+    side = side_of(samples)
+    if not scene.triangles:
+        raise InputError("the scene has no surfaces, so there is nothing to trace")
+    notice = notice or (lambda line: None)
+    path, key = None, key_of(scene, camera, size, side)
+    try:
+        path = folder() / f"truth-{key}.npz"
+        if (truth := _read(path, size)) is not None:
+            return truth
+    except _DAMAGE:
+        notice(f"{path}: damaged; the truth is traced again")
+    except IrrsplatError as error:
+        notice(str(error))
+    truth = Traced(**process.trace(scene, camera, size, side, progress))
+    try:
+        if path is not None:
+            _write(path, truth)
+    except OSError as error:
+        notice(f"{path}: cannot keep the truth for the next time: {error.strerror or error}")
+    return truth
+
+
+# ---- the cache folder ----------------------------------------------------------------------------------------------------
+
+_DAMAGE = (OSError, ValueError, KeyError, EOFError, TypeError, NotImplementedError, zipfile.BadZipFile, zlib.error)
+
+
+def folder() -> Path:
+    """Where truths are kept: what IRRSPLAT_CACHE names, else the user's cache folder; IrrsplatError where none is."""
+    if named := os.environ.get("IRRSPLAT_CACHE"):
+        return Path(named)
+    import platformdirs
+
+    found = platformdirs.user_cache_path("irrsplat", appauthor=False)
+    if not found.is_absolute():
+        raise IrrsplatError("there is no home folder to keep the truth in; name a folder in IRRSPLAT_CACHE")
+    return found
+
+
+def key_of(scene: Scene, camera: Camera, size: tuple[int, int], side: int) -> str:
+    """A hash of all that the truth of a view depends on; names do not count, every bit of a number does."""
+    digest = hashlib.sha256()
+
+    def add(*values: Any) -> None:
+        for value in values:
+            array = np.asarray(value, np.float64)
+            digest.update(f"{array.shape}".encode())
+            digest.update((array + 0.0).tobytes())  # −0 is 0
+
+    add(VERSION, size, side, scene.sky, camera.eye, camera.target, camera.up, camera.fov)
+    for mesh in scene.meshes:
+        add(mesh.positions, mesh.normals, mesh.faces, mesh.material.emission)
+        add(mesh.material.albedo if mesh.colors is None else mesh.colors)
+    for light in scene.lights:
+        add(light.position, light.color, light.directional, light.physical, light.attenuation)
+        add(light.spot_target or (), light.spot_cutoff, light.spot_inner, light.spot_exponent)
+    return digest.hexdigest()[:24]
+
+
+def _read(path: Path, size: tuple[int, int]) -> Traced | None:
+    """The truth in a file, None where there is no file; raises one of _DAMAGE for a file that is not as `_write` left it."""
+    try:
+        with np.load(path, allow_pickle=False) as data:  # zip's check sums tell of every bit that has changed
+            truth = Traced(**{field.name: data[field.name] for field in fields(Traced)})
+    except FileNotFoundError:
+        return None
+    pixels = size[1], size[0]
+    for field in fields(Traced):
+        array = getattr(truth, field.name)
+        flag = field.name in ("seen", "valid", "clear")
+        shape = pixels if flag else (2, *pixels, 3) if field.name == "halves" else (*pixels, 3)
+        if array.shape != shape or array.dtype != (bool if flag else np.float32) or not np.isfinite(array).all():
+            raise ValueError(f"'{field.name}' is not what irrsplat writes")
+    return truth
+
+
+def _write(path: Path, truth: Traced) -> None:
+    """Keep `truth`, whole or not at all."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    part = path.with_name(f".{path.name}-{secrets.token_hex(6)}.part")
+    try:
+        with open(part, "xb") as file:
+            np.savez_compressed(file, **{field.name: getattr(truth, field.name) for field in fields(Traced)})
+        os.replace(part, path)
+    finally:
+        part.unlink(missing_ok=True)
