@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -16,6 +17,7 @@ from irrsplat.gpu.target import Target
 from irrsplat.lights import light_defines
 from irrsplat.passes.gather import GatherPass
 from irrsplat.passes.splat import splat_radius
+from irrsplat.passes.trace import TracePass, Tree
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import IN_FRONT, LEAST_ERROR, Settings
 from irrsplat.view import View
@@ -111,7 +113,7 @@ class Inspector(Holder):
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
         self.overlay = Overlay(ctx)
-        self.gather_pass: GatherPass | None = None
+        self.gather_pass: Any = None  # a GatherPass or TracePass
         self.target: Target | None = None
         self.picture: moderngl.Texture | None = None
         self._made_for: tuple[object, ...] = ()
@@ -120,7 +122,7 @@ class Inspector(Holder):
         self,
         number: int,
         site: Sites,
-        geometry: Geometry,
+        world: Geometry | Tree,
         shadows: ShadowMaps,
         *,
         scene: Scene,
@@ -129,18 +131,23 @@ class Inspector(Holder):
     ) -> moderngl.Texture:
         """What record `number`, which lies at the one `site`, sees: its cell of the atlas as it is, exposed by `exposure` stops.
 
+        world: what the settings' gather looks at, as Placement.world.
+
         The texture is RGBA8, bottom row first, this object's own, and holds until the next call.
         """
-        kind, lights = "plane" if settings.gather == "plane" else "raster", light_defines(scene)
+        kind, lights = settings.gather_kind(scene.triangles), light_defines(scene)
         made_for = kind, settings.gather_size, scene.diagonal, lights
         if self.gather_pass is None or made_for != self._made_for:
             self.release_cell()
-            self.gather_pass = GatherPass(self.ctx, kind, settings.gather_size, scene.diagonal, lights, capacity=1)
+            if kind == "trace":
+                self.gather_pass = TracePass(self.ctx, settings.gather_size, scene.diagonal, lights, capacity=1)
+            else:
+                self.gather_pass = GatherPass(self.ctx, kind, settings.gather_size, scene.diagonal, lights, capacity=1)
             self.picture = self.ctx.texture(self.gather_pass.cell, 4)
             self.target = Target(self.ctx, self.gather_pass.cell, textures=[self.picture])
             self._made_for = made_for
         assert self.target is not None and self.picture is not None
-        atlas = self.gather_pass(geometry, shadows, site, np.array([number]), settings.seed)
+        atlas = self.gather_pass(world, shadows, site, np.array([number]), settings.seed)
         self.overlay.atlas(self.target, atlas, 2.0**exposure, scene.sky)
         return self.picture
 

@@ -210,7 +210,7 @@ class Session(Holder):
         served = self.markers.serves(screen, view, records, number, settings=settings, region=region)
         site = renderer.cache.sites(slice(number, number + 1))
         picture = self.inspector.hemisphere(
-            number, site, renderer.geometry, renderer.shadows, scene=self.scene, settings=settings, exposure=self.exposure
+            number, site, renderer.placement.world, renderer.shadows, scene=self.scene, settings=settings, exposure=self.exposure
         )
         return Inspected(number, side, inspector.describe(number, table, view, settings), picture, served)
 

@@ -12,14 +12,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from irrsplat.buffers import GBuffer, ShadowMaps, Sites
-from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.target import pixels
 from irrsplat.passes.examine import octahedral_decode
-from irrsplat.passes.gather import GatherPass
 from irrsplat.passes.splat import splat_radius
 from irrsplat.scene.model import Camera
 from irrsplat.settings import IN_FRONT, LEAST_ERROR, Settings
@@ -54,13 +53,14 @@ def read_back(gbuffer: GBuffer) -> Seen:
 class Recorder:
     """Section 3.4: makes one record, by a picture of the scene seen from it and a sum on the CPU.
 
-    goes_on is asked after each; where it says no, `stopped` is True from then on, and who makes records makes no more.
+    gather: a GatherPass and the `geometry` that it draws, or a TracePass and its Tree. goes_on is asked after each record; where
+    it says no, `stopped` is True from then on, and who makes records makes no more.
     """
 
     def __init__(
         self,
-        gather: GatherPass,
-        geometry: Geometry,
+        gather: Any,
+        geometry: Any,
         shadows: ShadowMaps,
         sky: tuple[float, float, float],
         goes_on: Callable[[], bool] = lambda: True,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -20,6 +21,8 @@ from irrsplat.lights import light_defines
 from irrsplat.passes.examine import ExaminePass, choose, spacing
 from irrsplat.passes.gather import GatherPass
 from irrsplat.passes.reduce import ReducePass
+from irrsplat.passes.trace import TracePass, Tree
+from irrsplat.scene.flat import flatten
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import Settings
 
@@ -77,6 +80,7 @@ class Placement(Holder):
     ) -> None:
         self.ctx, self.geometry, self.cache, self.timers = ctx, geometry, cache, timers
         self.settings, self.scene, self.size = settings, scene, size
+        self.tree: Tree | None = None  # made when rays are first wanted
         self.gather_pass = self._gather_pass()
         self.reduce_pass = ReducePass(ctx, settings.gradients)
         self.examine_pass = ExaminePass(ctx, size)
@@ -84,10 +88,19 @@ class Placement(Holder):
         self._cost: float | None = None  # seconds a record
         self.new_view()
 
-    def _gather_pass(self) -> GatherPass:
-        kind = "plane" if self.settings.gather == "plane" else "raster"
+    def _gather_pass(self) -> GatherPass | TracePass:
+        kind = self.settings.gather_kind(self.scene.triangles)
         one = 1 if self.settings.placement == "scan" else None  # the paper: one at a time
-        return GatherPass(self.ctx, kind, self.settings.gather_size, self.scene.diagonal, light_defines(self.scene), capacity=one)
+        size, diagonal, lights = self.settings.gather_size, self.scene.diagonal, light_defines(self.scene)
+        if kind == "trace":
+            self.tree = self.tree or Tree(self.ctx, *flatten(self.scene)[:2])
+            return TracePass(self.ctx, size, diagonal, lights, capacity=one)
+        return GatherPass(self.ctx, kind, size, diagonal, lights, capacity=one)
+
+    @property
+    def world(self) -> Any:
+        """What the gather looks at: the tree that rays go through, or the geometry that is drawn."""
+        return self.tree if isinstance(self.gather_pass, TracePass) else self.geometry
 
     # ---- what changes ----------------------------------------------------------------------------------------------
 
@@ -105,7 +118,7 @@ class Placement(Holder):
         lights, self.scene = self.scene, scene
         if _where(old) != _where(settings):
             self.cache.truncate(0)
-        gathered = _how(old) != _how(settings)
+        gathered = self._how(old) != self._how(settings)
         if gathered or light_defines(lights) != light_defines(scene) or old.placement != settings.placement:
             self.gather_pass.release()
             self.gather_pass, self.atlas, self._cost = self._gather_pass(), None, None
@@ -192,7 +205,7 @@ class Placement(Holder):
                 self._seen = paper.read_back(gbuffer)
             self._warmed = 0 if self.cache.count == 0 else self.settings.warmup
         seen, settings = self._seen, self.settings
-        record = paper.Recorder(self.gather_pass, self.geometry, shadows, self.scene.sky, lambda: budget.left > 0.0)
+        record = paper.Recorder(self.gather_pass, self.world, shadows, self.scene.sky, lambda: budget.left > 0.0)
         warm_up = self._warmed < settings.warmup
         with self.timers("gather" if warm_up else "examine"):
             if warm_up:
@@ -205,6 +218,10 @@ class Placement(Holder):
         if len(sites):
             self.cache.append(sites, values)
         return Asked(len(sites), missing, not record.stopped)
+
+    def _how(self, settings: Settings) -> tuple[object, ...]:
+        """What a record at its place says, and how well, goes by these."""
+        return settings.gather_kind(self.scene.triangles), settings.gather_size
 
     def _batches(self, wanted: int, budget: Budget) -> Iterator[int]:
         """The sizes of the batches in which up to `wanted` records may be gathered before the budget ends, at least one record.
@@ -228,7 +245,7 @@ class Placement(Holder):
 
     def _gather(self, shadows: ShadowMaps, sites: Sites, numbers: np.ndarray) -> None:
         with self.timers("gather"):
-            self.atlas = self.gather_pass(self.geometry, shadows, sites, numbers, self.settings.seed)
+            self.atlas = self.gather_pass(self.world, shadows, sites, numbers, self.settings.seed)
         with self.timers("reduce"):
             self.reduce_pass(self.atlas, self.cache.records, self.scene.sky, self.gather_pass.radii)
 
@@ -236,8 +253,3 @@ class Placement(Holder):
 def _where(settings: Settings) -> tuple[object, ...]:
     """The settings by which records have the places that they have."""
     return settings.seed, settings.placement, settings.warmup
-
-
-def _how(settings: Settings) -> tuple[object, ...]:
-    """The settings by which a record at its place says what it says."""
-    return "plane" if settings.gather == "plane" else "raster", settings.gather_size

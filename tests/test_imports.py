@@ -28,7 +28,7 @@ FLOORS = (
     ("irrsplat.passes", "irrsplat.output"),
     ("irrsplat.cache", "irrsplat.lights"),
     ("irrsplat.scene", "irrsplat.gpu"),
-    ("irrsplat.display", "irrsplat.pen", "irrsplat.hemisphere"),
+    ("irrsplat.display", "irrsplat.pen", "irrsplat.hemisphere", "irrsplat.strata", "irrsplat.vantage"),
     ("irrsplat.buffers",),
     ("irrsplat.settings",),
     ("irrsplat.errors", "irrsplat.resources"),

@@ -138,7 +138,7 @@ def test_a_setting_invalidates_exactly_what_depends_on_it(renderer: Renderer, na
     assert not progress.stale
 
 
-@pytest.mark.parametrize(("name", "value"), [("gather_size", 16), ("shadow_size", 128), ("gather", "plane")])
+@pytest.mark.parametrize(("name", "value"), [("gather_size", 16), ("shadow_size", 128), ("gather", "plane"), ("gather", "trace")])
 def test_changed_settings_come_to_the_records_of_a_fresh_renderer(renderer: Renderer, name: str, value: Any) -> None:
     """Records that were there are gathered again where they are, as a renderer that began with these settings would."""
     count = renderer.cache.count

@@ -14,8 +14,8 @@ from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.program import Program, State
 from irrsplat.gpu.target import Target, float_texture, table_texture
 from irrsplat.hemisphere import edge_table, faces, frames, hemisphere_table
+from irrsplat.vantage import OFFSET, eyes, frame_rows
 
-OFFSET = 1e-4  # of the scene's diagonal: how far a record looks from above its surface, and its near plane
 _ATLAS_TEXELS = 3 << 20  # texels of an atlas at most, 64 MiB with its depth
 
 _FLOATS = 28  # per instance
@@ -62,8 +62,9 @@ class GatherPass(Holder):
             self.target = Target(self.ctx, (self.columns * self.cell[0], rows * self.cell[1]), (4,), depth=True)
         count = len(sites)
         frame = frames(sites.normal, numbers, seed)
-        self._write_frames(frame, sites, numbers)
-        self.instances.write(self._instances(frame, sites, self._eyes(geometry, sites)).astype("f4").tobytes())
+        self.frames.write(frame_rows(frame, sites, numbers).tobytes(), viewport=(0, 0, count, 4))
+        eye = eyes(sites, geometry.centroids, self.offset)
+        self.instances.write(self._instances(frame, eye).astype("f4").tobytes())
         used = (0, 0, self.target.size[0], -(-count // self.columns) * self.cell[1])
         self.target.use(scissor=used)
         self.target.gl.clear(viewport=used)
@@ -81,25 +82,9 @@ class GatherPass(Holder):
         block = (self.side // 4, self.side // 4)
         return Atlas(self.target.textures[0], self.table, self.edges, self.frames, count, self.columns, self.cell, block)
 
-    def _write_frames(self, frame: np.ndarray, sites: Sites, numbers: np.ndarray) -> None:
-        rows = np.zeros((4, len(sites), 4), "f4")
-        rows[:3, :, :3] = frame.swapaxes(0, 1)
-        rows[3, :, :3] = np.einsum("nij,nj->ni", frame, sites.geometric)
-        rows[3, :, 3] = numbers
-        self.frames.write(rows.tobytes(), viewport=(0, 0, len(sites), 4))
-
-    def _eyes(self, geometry: Geometry, sites: Sites) -> np.ndarray:
-        """(N, 3): the offset above the surface, and as far into its triangle: a site on the very edge of a wall sees the wall."""
-        eyes = sites.position + self.offset * sites.geometric.astype(float)
-        if sites.triangle is None:
-            return eyes
-        inward = geometry.centroids[sites.triangle] - sites.position
-        length = np.linalg.norm(inward, axis=1, keepdims=True)
-        return eyes + inward * np.minimum(self.offset / np.maximum(length, 1e-30), 0.5)
-
-    def _instances(self, frame: np.ndarray, sites: Sites, eye: np.ndarray) -> np.ndarray:
+    def _instances(self, frame: np.ndarray, eye: np.ndarray) -> np.ndarray:
         """(N·F, 28): face_x, face_y, face_w with their translation, face_cell, face_eye, face_right, face_up and face_ahead."""
-        count = len(sites)
+        count = len(eye)
         rows = np.einsum("fij,njk->nfik", self.faces, frame)
         moved = -np.einsum("nfik,nk->nfi", rows, eye)
         corner = np.stack([np.arange(count) % self.columns, np.arange(count) // self.columns], axis=-1) * self.cell

@@ -1,0 +1,59 @@
+"""The hemisphere that a record's rays sample, cut into strata of equal share: M elevations by N azimuths, E = π/(MN)·ΣL.
+
+A cell has a row for each elevation, the zenith's first, and a column for each azimuth. The tables have the form of those in
+hemisphere.py, so that one reduction serves both gathers.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def shape(side: int) -> tuple[int, int]:
+    """Elevations M and azimuths N of side² rays: strata are about as wide as they are high where N is π·M (Ward and Heckbert
+    1992)."""
+    return side // 2, 2 * side
+
+
+def _edges(side: int) -> tuple[np.ndarray, np.ndarray]:
+    """θ (M + 1,) and φ (N + 1,) in radians where one stratum ends and the next begins: equal steps in sin²θ and in φ."""
+    m, n = shape(side)
+    return np.arcsin(np.sqrt(np.arange(m + 1) / m)), 2.0 * np.pi * np.arange(n + 1) / n
+
+
+def stratum_table(side: int) -> np.ndarray:
+    """(M, N, 4) float64: each stratum's mean direction in the record's frame, unit, and the cosθ·dω that it stands for, π/(MN).
+
+    The direction is that of ∫ω·dω over the stratum, as in hemisphere_table: ∫sin²θ dθ = (θ - sinθ·cosθ)/2 along the surface,
+    ∫sinθ·cosθ dθ = sin²θ/2 along the normal. A ray goes through the middle in sin²θ and φ, which is another by second order.
+    """
+    theta, phi = _edges(side)
+    table = np.empty((len(theta) - 1, len(phi) - 1, 4))
+    along = np.diff(0.5 * (theta - np.sin(theta) * np.cos(theta)))[:, None]
+    table[..., 0] = along * np.diff(np.sin(phi))
+    table[..., 1] = along * -np.diff(np.cos(phi))
+    table[..., 2] = table[..., 3] = np.pi / table[..., 0].size
+    table[..., :3] /= np.linalg.norm(table[..., :3], axis=-1, keepdims=True)
+    return table
+
+
+def stratum_edges(side: int) -> np.ndarray:
+    """(M, 2N, 4) float64: at (y, 2x + j) stratum (x, y)'s edge to the next azimuth (j = 0) or elevation (j = 1).
+
+    In the form of hemisphere.edge_table, with which ∇E = Σ (L_b - L_a)·xyz/min(r_a, r_b) is the translation gradient of Ward
+    and Heckbert (1992), equation 3: along û_k, the azimuth's middle, cos²θ·sinθ·2π/N for an edge between elevations, and along
+    v̂_k, an edge's own azimuth turned by a right angle, the difference of sinθ between its ends. xyz is ∫cosθ·m dl with m
+    across the edge, so that it says what a step along the normal does, too: -sin²θ·cosθ·2π/N.
+    """
+    theta, phi = _edges(side)
+    m, n = len(theta) - 1, len(phi) - 1
+    y, x = np.indices((m, n))
+    middle, after = 0.5 * (phi[:-1] + phi[1:]), phi[1:]
+    out = np.zeros((m, n, 2, 4))
+    out[:, :, 0, :2] = np.diff(np.sin(theta))[:, None, None] * np.stack([-np.sin(after), np.cos(after)], axis=-1)
+    out[:, :, 0, 3] = 4096 * y + (x + 1) % n
+    s, c = np.sin(theta[1:-1])[:, None], np.cos(theta[1:-1])[:, None]
+    ring = np.stack(np.broadcast_arrays(c * c * s * np.cos(middle), c * c * s * np.sin(middle), -s * s * c), axis=-1)
+    out[:-1, :, 1, :3] = 2.0 * np.pi / n * ring
+    out[:, :, 1, 3] = 4096 * np.minimum(y + 1, m - 1) + x  # the last elevation ends at the horizon: no neighbour
+    return out.reshape(m, 2 * n, 4)

@@ -1,0 +1,62 @@
+// The nearest triangle along a ray: a walk through scene/bvh.py's tree without a stack.
+
+uniform usampler2D bvh_nodes;    // a texel a node, in rows of 1024: box and link, as Bvh.nodes has them
+uniform sampler2D bvh_triangles; // three texels a triangle, leaf by leaf, in rows of 1024 of them: a corner, its vertex's number
+uniform int bvh_count;           // nodes of one octant
+uniform vec3 bvh_start;          // metres: grid coordinate 0 of the boxes
+uniform vec3 bvh_step;           // metres a step
+
+struct Hit
+{
+    float t;      // metres along the unit direction; FARTHEST_HIT: nothing
+    vec3 share;   // of the three corners, barycentric
+    int triangle; // its place in the order of the leaves
+};
+
+const float FARTHEST_HIT = 1e30;
+
+vec4 bvh_corner(int triangle, int corner)
+{
+    return texelFetch(bvh_triangles, ivec2(3 * (triangle & 1023) + corner, triangle >> 10), 0);
+}
+
+// The nearest hit of the ray from o in the unit direction d that is farther than `nearest` metres.
+// Software renderers run what an `if` holds for all rays as soon as one has to, but a loop only as often as one needs it:
+// so boxes are a loop of their own that ends at a leaf, and rays wait there for each other (Aila and Laine 2009).
+Hit bvh_closest(vec3 o, vec3 d, float nearest)
+{
+    Hit hit = Hit(FARTHEST_HIT, vec3(0.0), 0);
+    vec3 inverse = bvh_step / mix(d, vec3(1e-20), lessThan(abs(d), vec3(1e-20)));
+    vec3 from = (o - bvh_start) / bvh_step;
+    int octant = (d.x < 0.0 ? 1 : 0) + (d.y < 0.0 ? 2 : 0) + (d.z < 0.0 ? 4 : 0);
+    int node = octant * bvh_count, end = node + bvh_count;
+    while (node < end)
+    {
+        int leaf = 0;
+        while (leaf == 0 && node < end)
+        {
+            uvec4 n = texelFetch(bvh_nodes, ivec2(node & 1023, node >> 10), 0);
+            vec3 t0 = (vec3(n.x & 0xFFFFu, n.x >> 16, n.y & 0xFFFFu) - from) * inverse;
+            vec3 t1 = (vec3(n.y >> 16, n.z & 0xFFFFu, n.z >> 16) - from) * inverse;
+            bool inside = max(max(t0.x, t0.y), max(t0.z, 0.0)) <= min(min(t1.x, t1.y), min(t1.z, hit.t));
+            bool inner = int(n.w) >= 0;
+            node = inside || !inner ? node + 1 : int(n.w);
+            leaf = inside && !inner ? int(n.w) : 0;
+        }
+        int triangle = (leaf & 0x7FFFFFFF) >> 2, last = leaf == 0 ? -1 : triangle + (leaf & 3);
+        while (triangle <= last)
+        {
+            // The volumes that the ray spans with the three edges: both triangles at an edge find the same one, of opposite
+            // sign, so that no ray passes between them (Davis et al. 1997 call these Plucker coordinates).
+            vec3 a = bvh_corner(triangle, 0).xyz - o, b = bvh_corner(triangle, 1).xyz - o, c = bvh_corner(triangle, 2).xyz - o;
+            vec3 share = vec3(dot(d, cross(c - b, c + b)), dot(d, cross(a - c, a + c)), dot(d, cross(b - a, b + a)));
+            vec3 n = cross(b - a, c - a);
+            float t = dot(n, a) / dot(n, d);
+            bool through = min(share.x, min(share.y, share.z)) >= 0.0 || max(share.x, max(share.y, share.z)) <= 0.0;
+            if (through && t > nearest && t < hit.t) hit = Hit(t, share, triangle);
+            ++triangle;
+        }
+    }
+    hit.share /= hit.share.x + hit.share.y + hit.share.z;
+    return hit;
+}
