@@ -80,7 +80,7 @@ class Timing:
             (ms(early, "gather", "reduce"), first),
             (ms(end, "direct"), None),
             (ms(second, "splat") - ms(early, "splat"), first),
-            (ms(end, "examine", "gather", "reduce") - ms(early, "gather", "reduce"), new),
+            (ms(end, "examine", "gather", "reduce", "adapt") - ms(early, "gather", "reduce"), new),
             (ms(end, "splat") - ms(second, "splat"), new),
             (ms(end, "composite"), None),
         ]

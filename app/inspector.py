@@ -29,7 +29,7 @@ _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], "f4")  # Rec. 709
 class Table:
     """The records on the CPU, float32: position, normal, irradiance E in W/m² (N, 3), radius R_k in metres (N,).
 
-    gradient: (N, 3, 3) ∇E of red, green and blue in W/m³.
+    gradient: (N, 3, 3) ∇E of red, green and blue in W/m³. limit: (N,) what R may be at most, in metres.
     """
 
     position: np.ndarray
@@ -37,6 +37,7 @@ class Table:
     irradiance: np.ndarray
     radius: np.ndarray
     gradient: np.ndarray
+    limit: np.ndarray
 
     def __len__(self) -> int:
         return len(self.radius)
@@ -51,6 +52,7 @@ class Table:
         if settings.gradients:  # R <= E/|∇E|
             slope, E = self.slope(), self.irradiance @ _LUMINANCE
             R = np.where(slope * R > E, E / np.where(slope > 0.0, slope, 1.0), R)
+        R = np.minimum(R, self.limit)
         return splat_radius(R, np.linalg.norm(self.position - np.asarray(camera.eye), axis=1), camera, settings)
 
     def weights(self, p: np.ndarray, n: np.ndarray, camera: Camera, settings: Settings) -> np.ndarray:
@@ -73,7 +75,8 @@ def read(records: Records) -> Table:
 
     last = rows(records.irradiance)
     gradient = np.stack([rows(texture)[:, :3] for texture in records.vectors[3:]], axis=1)
-    return Table(rows(records.position)[:, :3], rows(records.normal)[:, :3], last[:, :3], last[:, 3], gradient)
+    limit = np.frombuffer(records.limit.read(), "f4")[: records.count]
+    return Table(rows(records.position)[:, :3], rows(records.normal)[:, :3], last[:, :3], last[:, 3], gradient, limit)
 
 
 def pick(table: Table, view: View, settings: Settings, x: int, y: int) -> int | None:

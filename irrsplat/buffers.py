@@ -158,6 +158,7 @@ class Records:
     """The cache on the GPU, RGBA32F textures of `columns` texels a row; record i is texel (i % columns, i // columns).
 
     position: xyz world. normal: xyz world. irradiance: rgb E in W/m², w R_k in metres. count: how many there are.
+    limit: R32F, what R may be at most in metres (see passes/adapt.py).
     vectors: of red, green and blue the irradiance vectors M = ∫L·ω·dω (E = n·M), then of each the gradient ∇E in W/m³.
     """
 
@@ -167,15 +168,17 @@ class Records:
     vectors: tuple[Any, ...]
     count: int
     columns: int
+    limit: Any
 
     @property
     def uniforms(self) -> dict[str, Any]:
-        """The uniforms with which shaders/splat.vert reads them."""
+        """The uniforms with which shaders/lib/record.glsl reads them."""
         names = ("records_m_r", "records_m_g", "records_m_b", "records_g_r", "records_g_g", "records_g_b")
         return {
             "records_position": self.position,
             "records_normal": self.normal,
             "records_irradiance": self.irradiance,
+            "records_limit": self.limit,
             "record_columns": self.columns,
             **dict(zip(names, self.vectors, strict=True)),
         }

@@ -29,14 +29,17 @@ class RecordCache(Holder):
         self._triangle = np.zeros(len(self._position), np.intp)
         self._era = np.zeros(len(self._position), np.intp)  # in which each record was gathered
         self._now = 0
+        self.renewals = 0  # how often records have been gathered again
         self.edits = 0  # how often records that were there have changed or gone
         self._textures = [float_texture(ctx, (_COLUMNS, _ROWS)) for _ in range(_TEXTURES)]
+        self._limit = float_texture(ctx, (_COLUMNS, _ROWS), 1)
+        self.unlimit()
 
     @property
     def records(self) -> Records:
         """The textures as they stand; valid until the next `append`."""
         position, normal, irradiance, *vectors = self._textures
-        return Records(position, normal, irradiance, tuple(vectors), self.count, _COLUMNS)
+        return Records(position, normal, irradiance, tuple(vectors), self.count, _COLUMNS, self._limit)
 
     def append(self, sites: Sites, values: np.ndarray | None = None) -> int:
         """Add records at `sites`; returns the first one's number.
@@ -80,6 +83,10 @@ class RecordCache(Holder):
         for texture, was in zip(self._textures, old, strict=True):
             texture.write(was.read(), viewport=(0, 0, *was.size))
             was.release()
+        was, self._limit = self._limit, float_texture(self.ctx, (_COLUMNS, rows), 1)
+        self.unlimit()
+        self._limit.write(was.read(), viewport=(0, 0, *was.size))
+        was.release()
 
     def read(self) -> dict[str, np.ndarray]:
         """The records as numpy arrays: `position`, `normal`, `irradiance` (N, 3) and `radius` (N,), float32."""
@@ -90,6 +97,10 @@ class RecordCache(Holder):
             "irradiance": last[:, :3].copy(),
             "radius": last[:, 3].copy(),
         }
+
+    def unlimit(self) -> None:
+        """Let every record reach as far as its own R_k, those to come too."""
+        self._limit.write(np.full(self._limit.width * self._limit.height, 1e30, "f4").tobytes())
 
     @property
     def stale(self) -> np.ndarray:
@@ -104,6 +115,7 @@ class RecordCache(Holder):
     def renewed(self, numbers: np.ndarray) -> None:
         """Say that the records of these numbers have been gathered again."""
         self._era[numbers] = self._now
+        self.renewals += 1
         self.edits += 1
 
     def sites(self, numbers: np.ndarray | slice) -> Sites:
@@ -120,5 +132,5 @@ class RecordCache(Holder):
 
     def release(self) -> None:
         """Free the textures."""
-        for texture in self._textures:
+        for texture in (*self._textures, self._limit):
             texture.release()

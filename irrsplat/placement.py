@@ -18,6 +18,7 @@ from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.target import pixels
 from irrsplat.gpu.timers import Timers
 from irrsplat.lights import light_defines
+from irrsplat.passes.adapt import AdaptPass
 from irrsplat.passes.examine import ExaminePass, choose, spacing
 from irrsplat.passes.gather import GatherPass
 from irrsplat.passes.reduce import ReducePass
@@ -84,6 +85,8 @@ class Placement(Holder):
         self.gather_pass = self._gather_pass()
         self.reduce_pass = ReducePass(ctx, settings.gradients)
         self.examine_pass = ExaminePass(ctx, size)
+        self.adapt_pass = AdaptPass(ctx, settings.gradients)
+        self._adapted: tuple[int, object] = 0, None  # how many records, and by what
         self.atlas: Atlas | None = None  # the last one gathered
         self._cost: float | None = None  # seconds a record
         self.new_view()
@@ -125,6 +128,8 @@ class Placement(Holder):
         if old.gradients != settings.gradients:
             self.reduce_pass.release()
             self.reduce_pass = ReducePass(self.ctx, settings.gradients)
+            self.adapt_pass.release()
+            self.adapt_pass = AdaptPass(self.ctx, settings.gradients)
         more = settings.gradients and not old.gradients  # records gathered without them have none
         if gathered or more or lights.lights != scene.lights or old.shadow_size != settings.shadow_size:
             self.cache.expire()
@@ -158,6 +163,27 @@ class Placement(Holder):
     def count_in_view(self, camera: Camera) -> int:
         """How many records lie in the view's pyramid, hidden ones too."""
         return int(np.count_nonzero(self._in_view(self.cache.sites(slice(0, self.cache.count)).position, camera)))
+
+    def adapt(self) -> None:
+        """Hold the records that are new, or all where their light or the settings have changed, against each other.
+
+        Not while some are stale: they would contradict those that are renewed, and mean nothing by it.
+        """
+        settings, cache = self.settings, self.cache
+        if len(cache.stale):
+            return
+        by = settings.a, settings.adapt, settings.gradients, cache.renewals
+        count, before = self._adapted
+        first = min(count, cache.count) if by == before else 0
+        self._adapted = cache.count, by
+        if by == before and first == cache.count:
+            return
+        with self.timers("adapt"):
+            if settings.adapt > 0.0 and cache.count:
+                self.adapt_pass(cache.records, first, settings)
+            elif by != before:
+                cache.unlimit()
+            cache.edits += first > 0 and settings.adapt > 0.0  # old ones may reach less far now
 
     def _in_view(self, points: np.ndarray, camera: Camera) -> np.ndarray:
         """(N,) bool: which of the points (N, 3) lie in the view's pyramid."""

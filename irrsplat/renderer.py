@@ -124,12 +124,12 @@ class Renderer(Holder):
         """All of a round but the picture."""
         shadows = self._lit()
         gbuffer = self._seen(camera)
-        bounces = self.settings.bounces > 0
-        renewed = 0
+        bounces, renewed = self.settings.bounces > 0, 0
         if gather and bounces:
             share = 1.0 if self._coverage == 1.0 else _RENEWAL
             renewed = self.placement.renew(shadows, camera, budget.part(share, sum(self._reserve)))
         start = time.perf_counter()
+        self.placement.adapt()
         splats = self._splat(gbuffer, camera)
         self._reserve = time.perf_counter() - start, self._reserve[1]
         asked = Asked(0, 0.0, True)
@@ -156,7 +156,7 @@ class Renderer(Holder):
             with self.timers("gbuffer"):
                 self._gbuffer = self.gbuffer_pass(self.scene, self.geometry, camera)
             self.placement.new_view()
-            self._round, self._coverage = 0, 0.0
+            self._round, self._coverage, self._idle = 0, 0.0, 0
         return self._gbuffer
 
     def _splat(self, gbuffer: GBuffer, camera: Camera) -> SplatBuffer:
@@ -168,7 +168,7 @@ class Renderer(Holder):
             with self.timers("splat"):
                 if anew:
                     self.splat_pass.clear(gbuffer)
-                    self._splatted, self._idle = 0, 0
+                    self._splatted = 0
                 if self._splatted < count:
                     self.splat_pass(self.cache.records, self._splatted, gbuffer, camera, self.settings)
         self._splatted = count
@@ -209,7 +209,7 @@ class Renderer(Holder):
         if settings.gradients != self.settings.gradients:
             self.splat_pass.release()
             self.splat_pass = SplatPass(self.ctx, self.size, settings.gradients)
-        self.settings, self.preset = settings, preset or self.preset
+        self.settings, self.preset, self._idle = settings, preset or self.preset, 0
         self.placement.change(settings, self.scene)
 
     def relight(self, lights: Sequence[Light]) -> None:
@@ -217,7 +217,7 @@ class Renderer(Holder):
         self._use()
         before, scene = self.scene, replace(self.scene, lights=tuple(lights))
         limits.check(self.ctx, self.size, scene, self.settings.shadow_size)
-        self.scene = scene
+        self.scene, self._idle = scene, 0
         if light_defines(before) != light_defines(self.scene):
             self.direct_pass.release()
             self.direct_pass = DirectPass(self.ctx, self.size, light_defines(self.scene))

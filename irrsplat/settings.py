@@ -129,11 +129,15 @@ class Settings:
     in_front: bool = _declare(
         True, "bool", "splat", "a record in front of a pixel's surface, or behind it, does not speak for it"
     )
+    adapt: float = _declare(
+        0.5, "float", "splat", "how far records may contradict each other, of their light, before they reach less far; 0: off",
+        low=0, high=10,
+    )  # fmt: skip
     radius_min: float = _declare(
         0.5, "float", "splat", "least radius a·R of a splat on screen, in percent of the image height", low=0, high=50, unit="%"
     )
     radius_max: float = _declare(
-        5.0, "float", "splat", "greatest radius a·R of a splat on screen, in percent of the image height; 0 is no limit",
+        6.0, "float", "splat", "greatest radius a·R of a splat on screen, in percent of the image height; 0 is no limit",
         low=0, high=100, unit="%",
     )  # fmt: skip
     tolerance: float | Auto = _declare(  # "auto" is resolved by `threshold`
@@ -204,6 +208,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "in_front": False,
         "gradients": False,
         "a": 0.1,
+        "adapt": 0.0,
         "radius_min": 0.0,
         "radius_max": 0.0,
     },

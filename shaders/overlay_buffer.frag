@@ -1,4 +1,5 @@
-// A buffer of the view as a picture. Of the blocks below, one for every way of showing, one define keeps one.
+// A buffer of the view as a picture. Of the blocks below, one for every way of showing, one define keeps one; SQUARES is what two
+// of them share.
 #include "lib/constants.glsl"
 #include "lib/display.glsl"
 #include "overlay_colours.glsl"
@@ -19,14 +20,42 @@ vec3 picture(ivec2 pixel, float depth)
 }
 #endif
 
+#if SQUARES
+uniform int stride;    // pixels of the view, in x and in y, per texel
+uniform ivec2 margin;  // pixels by which the texels overlap the view to the left and below
+
+ivec2 cell_of(ivec2 pixel)
+{
+    return (pixel + margin) / stride;
+}
+#endif
+
 #if IRRADIANCE
 uniform float gain;
 
 // as a white surface would send it out, so that it compares with the picture
 vec3 picture(ivec2 pixel, float depth)
 {
-    vec4 s = texelFetch(values, pixel, 0);
+    vec4 s = texelFetch(values, cell_of(pixel), 0);
     return s.a > 0.0 ? display(s.rgb / s.a * INV_PI * gain) : vec3(0.0);
+}
+#endif
+
+#if ERROR
+uniform sampler2D truth;  // irradiance, a texel for the pixel in the middle of stride x stride ones; a: there is a surface
+uniform float full;       // W/m2: the error in full colour
+uniform vec3 bright;      // colours of too much light, too little, and of no surface
+uniform vec3 dark;
+uniform vec3 unseen;
+
+vec3 picture(ivec2 pixel, float depth)
+{
+    ivec2 cell = cell_of(pixel);
+    ivec2 middle = clamp(cell * stride + stride / 2 - margin, ivec2(0), textureSize(values, 0) - 1);
+    vec4 s = texelFetch(values, middle, 0), t = texelFetch(truth, cell, 0);
+    if (t.a == 0.0) return unseen;
+    float error = dot(s.rgb / (s.a > 0.0 ? s.a : 1.0) - t.rgb, vec3(1.0 / 3.0)) / full;
+    return mix(vec3(1.0), error > 0.0 ? bright : dark, min(abs(error), 1.0));
 }
 #endif
 

@@ -1,5 +1,5 @@
 // What the markers of records share: an instance is a record, coloured by its radius or its age.
-#include "lib/record.glsl"
+#include "lib/reach.glsl"
 #include "overlay_colours.glsl"
 
 uniform mat4 clip_from_world;

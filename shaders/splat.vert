@@ -1,5 +1,5 @@
 // A record as a quad that bounds its sphere of influence on screen (Jones 2010, figure 1); an instance is a record.
-#include "lib/record.glsl"
+#include "lib/reach.glsl"
 
 uniform int first;                     // number of the first record to splat
 uniform mat4 clip_from_world;
@@ -29,6 +29,7 @@ void main()
     v_g = record_gradient(texel);
     R = gradient_limit(R, record.rgb, v_g);
 #endif
+    R = min(R, texelFetch(records_limit, texel, 0).r);
     float r = view_radius(R, d);
     v_record = vec4(p, r / a);
     v_normal = texelFetch(records_normal, texel, 0).xyz;

@@ -36,7 +36,7 @@ class View:
 
 @dataclass(frozen=True)
 class Table:
-    """Records: p and n (N, 3), E (N, 3), R (N,), M and ∇E (N, channel, 3)."""
+    """Records: p and n (N, 3), E (N, 3), R (N,), M and ∇E (N, channel, 3), and what R may be at most (N,)."""
 
     p: np.ndarray
     n: np.ndarray
@@ -44,6 +44,7 @@ class Table:
     R: np.ndarray
     M: np.ndarray
     gradient: np.ndarray
+    limit: np.ndarray
 
     def records(self, ctx: moderngl.Context) -> Records:
         count = len(self.p)
@@ -54,8 +55,9 @@ class Table:
             whole[:count, :3], whole[:count, 3] = rgb, w
             return table_texture(ctx, whole.reshape(rows, COLUMNS, 4))
 
+        limit = texture(np.repeat(self.limit[:, None], 3, axis=1))
         vectors = [texture(v[:, i]) for v in (self.M, self.gradient) for i in range(3)]
-        return Records(texture(self.p), texture(self.n), texture(self.E, self.R), tuple(vectors), count, COLUMNS)
+        return Records(texture(self.p), texture(self.n), texture(self.E, self.R), tuple(vectors), count, COLUMNS, limit)
 
 
 def unit(v: np.ndarray) -> np.ndarray:
@@ -83,6 +85,7 @@ def table(count: int = 200, seed: int = 1) -> Table:
         R[:4] = 3.0, 8.0, 9.0, 12.0
     values = [p, unit(np.array([0.0, 0.0, 1.0]) + 0.1 * rng.normal(size=(count, 3))), rng.uniform(0, 3, (count, 3)), R]
     values += [rng.normal(size=(count, 3, 3)), 0.5 * rng.normal(size=(count, 3, 3))]
+    values.append(np.where(rng.random(count) < 0.3, rng.uniform(0.05, 1.0, count), 1e30))
     return Table(*(v.astype("f4").astype(float) for v in values))
 
 
@@ -96,10 +99,11 @@ def splat(seen: View, records: Table, settings: Settings) -> tuple[np.ndarray, n
     unsure = np.zeros(seen.depth.shape, bool)
     screen = 2.0 * np.tan(np.radians(CAMERA.fov) / 2.0) / 100.0
     a = settings.a
-    for p_k, n_k, E_k, R_k, M, gradient in zip(*vars(records).values(), strict=True):
+    for p_k, n_k, E_k, R_k, M, gradient, limit in zip(*vars(records).values(), strict=True):
         d = np.linalg.norm(np.asarray(CAMERA.eye) - p_k)
         if settings.gradients:
             R_k = min(R_k, E_k @ LUMINANCE / np.linalg.norm(LUMINANCE @ gradient))
+        R_k = min(R_k, limit)
         r = max(a * R_k, settings.radius_min * screen * d)
         if settings.radius_max > 0.0:
             r = min(r, settings.radius_max * screen * d)

@@ -240,7 +240,10 @@ def test_a_scene_without_surfaces_cannot_be_traced(tracer: SimpleNamespace) -> N
 
 @pytest.fixture
 def child(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], list[Any]]:
-    """Runs a script in the path tracer's place, which has read its job as `job`; returns the shares done, then the answer."""
+    """Runs a script in the path tracer's place, which has read its job as `job`; returns the shares done, then the answer.
+
+    Each share once, and not the 0 before there is any: how often they are told is a matter of time.
+    """
 
     def run(script: str) -> list[Any]:
         monkeypatch.setattr(process, "require", lambda: None)
@@ -248,7 +251,7 @@ def child(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], list[Any]]:
         monkeypatch.setattr(process, "_MAIN", head + script)
         scene, shares = irrsplat.load("cornell"), []
         answer = process.trace(scene, scene.cameras[0], (6, 4), 3, shares.append)
-        return [*shares, answer]
+        return [*(share for share in dict.fromkeys(shares) if share), answer]
 
     return run
 

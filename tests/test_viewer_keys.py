@@ -16,7 +16,7 @@ from irrsplat.app.parser import parse
 from irrsplat.app.session import overrides
 from irrsplat.scene import load
 from irrsplat.scene.path import load_path
-from tests.viewing import FAST, Cases, Driver, fresh, push, viewing, write_room
+from tests.viewing import FAST, Cases, Driver, Tracer, fresh, push, viewing, write_room
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +65,10 @@ def test_a_number_shows_its_buffer(driver: Driver, found: Key) -> None:
     assert driver.said == SHOWINGS[str(found.argument)].title
 
 
-def test_the_buffers_are_all_different_pictures(driver: Driver) -> None:
+def test_the_buffers_are_all_different_pictures(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
+    tracer = Tracer(monkeypatch)
+    driver.desk.trace()
+    tracer.finish(driver)
     pictures = {}
     for name in SHOWINGS:
         driver.desk.show(name)
@@ -324,3 +327,21 @@ def swap_preset(driver: Driver, shown: str) -> None:
         preset, settings = driver.session.settings(0)
         assert preset == name
         assert overrides(name, settings).keys() <= {"exposure", "budget"} and settings.exposure == FAST["exposure"]
+
+
+@case("Y")
+def trace(driver: Driver, shown: str) -> None:
+    """Again while it traces: it stops. Else, a while later, the truth of this view is there, and is not traced again."""
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        tracer, truths = Tracer(monkeypatch), driver.session.truths
+        push(driver, shown)
+        assert truths.share is not None
+        push(driver, shown)
+        assert truths.share is None and "stopped" in driver.said
+        push(driver, shown)
+        tracer.finish(driver)
+        (truth,) = truths.kept
+        assert truth.camera == driver.session.camera and truth.size == driver.wnd.buffer_size
+        count = len(tracer.calls)
+        push(driver, shown)
+        assert truths.share is None and len(tracer.calls) == count and truths.kept == [truth] and "already" in driver.said

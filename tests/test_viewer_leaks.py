@@ -23,6 +23,7 @@ SECONDS, DT = 60.0, 1.0 / 20.0
 CREATORS = ("texture", "depth_texture", "buffer", "framebuffer", "program", "vertex_array")
 SIZES = ((96, 72), (64, 96), (128, 64), (96, 72))
 LEFT_OUT = {"quit", "fullscreen", "reload", "screenshot", "screenshot_bare", "record", "bookmark", "open_dialog"}  # see `rare`
+LEFT_OUT |= {"trace"}  # for minutes, or not at all: tests/test_viewer_truth.py
 
 
 class Watch:

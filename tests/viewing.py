@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Event
 from typing import Any
 
 import numpy as np
@@ -21,6 +23,8 @@ from irrsplat.app.session import Look, Session
 from irrsplat.app.tape import Tape
 from irrsplat.app.viewer import Viewer
 from irrsplat.app.window import open_window
+from irrsplat.reference import process
+from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import preset
 
 SIZE = (320, 240)
@@ -233,6 +237,7 @@ class Driver:
         session.split("off")
         desk.panels, desk.side, desk.messages, desk.shot = Panels(settings=False, hud=False), 0, [], ""
         session.look, session.held, session.tape = Look(), None, Tape()
+        session.truths.release()
         desk.bookmarks, desk.wants_fullscreen, desk.quitting = [], False, False
         speed = session.scene.diagonal / 6.0
         session.flight.speed = speed
@@ -299,10 +304,50 @@ def viewing(
 def fresh(driver: Driver, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Driver]:
     """The driver as at first and at rest, its context current; it remembers and writes in `folder`."""
     monkeypatch.setenv("IRRSPLAT_CONFIG", str(folder / "config"))
+    monkeypatch.setenv("IRRSPLAT_CACHE", str(folder / "cache"))
     monkeypatch.chdir(folder)
     with driver.wnd.ctx:
         driver.reset()
         yield driver
+
+
+class Tracer:
+    """Stands in for the path tracer while it lasts: at work until `go` is set, then of a made-up irradiance.
+
+    calls: the cameras and sizes that it was asked for, in order.
+    """
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.go = Event()
+        self.calls: list[tuple[Camera, tuple[int, int]]] = []
+        monkeypatch.setattr(process, "trace", self.trace)
+
+    def trace(
+        self, scene: Scene, camera: Camera, size: tuple[int, int], side: int, progress: Callable[[float], object]
+    ) -> dict[str, np.ndarray]:
+        self.calls.append((camera, size))
+        while not self.go.wait(0.01):
+            progress(0.25)
+        return self.make(size)
+
+    @staticmethod
+    def make(size: tuple[int, int]) -> dict[str, np.ndarray]:
+        """Every pixel another irradiance, up to 2 W/m²; every fifth is no surface."""
+        chance = np.random.default_rng(5)
+        shape = size[1], size[0]
+        grey, seen = np.full((*shape, 3), 0.5, "f4"), chance.random(shape) < 0.8
+        halves = (chance.uniform(0.0, 2.0, (2, *shape, 3)) * seen[..., None]).astype("f4")
+        return {"halves": halves, "direct": grey, "albedo": grey, "emission": grey, "seen": seen, "valid": seen, "clear": seen}
+
+    def finish(self, driver: Driver) -> None:
+        """Let it end, and wait until the viewer has taken the truth."""
+        self.go.set()
+        for _ in range(400):
+            driver.frame()
+            if driver.session.truths.share is None:
+                return driver.frame()
+            time.sleep(0.01)
+        pytest.fail("no truth after 400 frames")
 
 
 # ---- keys and their cases ------------------------------------------------------------------------------------------------

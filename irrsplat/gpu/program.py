@@ -21,7 +21,7 @@ CLIP_DISTANCE0 = 0x3000
 class State:
     """All the fixed-function state of one draw; whatever is not named is off.
 
-    depth: "<" or None. blend: "add", "over" (by the fragment's alpha) or None. cull: "front", "back" or None.
+    depth: "<" or None. blend: "add", "over" (by the fragment's alpha), "min" or None. cull: "front", "back" or None.
     clamp: depth clamp, so that no near plane clips. clips: how many gl_ClipDistance planes are on.
     push: polygon offset as glPolygonOffset, (slopes, units). wire: the edges of triangles alone.
     """
@@ -127,7 +127,7 @@ class Program:
         if state.depth:
             ctx.depth_func = state.depth
         if state.blend:
-            ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
+            ctx.blend_equation = moderngl.MIN if state.blend == "min" else moderngl.FUNC_ADD  # type: ignore[assignment]
             over = state.blend == "over"
             ctx.blend_func = (moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA) if over else (moderngl.ONE, moderngl.ONE)
         ctx.wireframe = state.wire

@@ -5,10 +5,12 @@ from __future__ import annotations
 import importlib.util
 import os
 import pickle
+import queue
 import signal
 import subprocess
 import sys
 import tempfile
+import threading
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
@@ -19,6 +21,7 @@ from irrsplat.errors import IrrsplatError
 from irrsplat.scene.model import Camera, Scene
 
 _MAIN = "from irrsplat.reference.view import main; main()"
+_BEAT = 0.1  # seconds between two calls of `progress`, at most
 INSTALL = "pip install 'irrsplat[reference]'"
 
 
@@ -31,8 +34,9 @@ def require() -> None:
 def trace(
     scene: Scene, camera: Camera, size: tuple[int, int], side: int, progress: Callable[[float], object] | None = None
 ) -> dict[str, np.ndarray]:
-    """What `irrsplat.reference.view.trace` returns, from another process; progress is called with the share done, 0..1.
+    """What `irrsplat.reference.view.trace` returns, from another process.
 
+    progress: called with the share done, 0..1, several times a second; whatever it raises ends the process, and is raised here.
     Raises IrrsplatError, one line, where Mitsuba or LLVM is missing, and where the process fails.
     """
     require()
@@ -66,15 +70,26 @@ def trace(
 
 def _answer(stream: Any, progress: Callable[[float], object] | None) -> tuple[str | None, Any]:
     """The last message of the process; (None, None) where it ended without one."""
+    messages: queue.SimpleQueue[tuple[str | None, Any]] = queue.SimpleQueue()
+
+    def read() -> None:
+        with suppress(EOFError, pickle.UnpicklingError):
+            kind = "progress"
+            while kind == "progress":
+                kind, value = pickle.load(stream)
+                messages.put((kind, value))
+        messages.put((None, None))
+
+    threading.Thread(target=read, name="answers", daemon=True).start()
+    share = 0.0
     while True:
-        try:
-            kind, value = pickle.load(stream)
-        except (EOFError, pickle.UnpicklingError):
-            return None, None
-        if kind != "progress":
-            return kind, value
+        with suppress(queue.Empty):
+            kind, value = messages.get(timeout=_BEAT)
+            if kind != "progress":
+                return kind, value
+            share = value
         if progress is not None:
-            progress(value)
+            progress(share)
 
 
 def _obituary(status: int, said: Any) -> str:

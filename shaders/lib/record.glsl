@@ -1,6 +1,4 @@
-// A record as the cache keeps it, found by its number, and how far it reaches in this view.
-#include "lib/weight.glsl"
-
+// A record as the cache keeps it, found by its number.
 uniform sampler2D records_position;
 uniform sampler2D records_normal;
 uniform sampler2D records_irradiance;  // rgb E, a R_k
@@ -10,9 +8,8 @@ uniform sampler2D records_m_b;
 uniform sampler2D records_g_r;         // translation gradients likewise
 uniform sampler2D records_g_g;
 uniform sampler2D records_g_b;
+uniform sampler2D records_limit;       // what R_k may be at most, so that a record does not contradict others
 uniform int record_columns;
-uniform vec3 eye;
-uniform vec2 reach;                    // least and greatest a·R in metres at distance 1 (0: no greatest)
 
 ivec2 record_texel(int i)
 {
@@ -30,21 +27,4 @@ float gradient_limit(float R, vec3 irradiance, mat3 gradient)
     const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
     float slope = length(gradient * LUMINANCE), E = dot(irradiance, LUMINANCE);
     return slope * R > E ? E / slope : R;
-}
-
-// The radius a·R in metres within what the view allows, `d` metres from the eye.
-float view_radius(float R, float d)
-{
-    float r = max(a * R, reach.x * d);
-    return reach.y > 0.0 ? min(r, reach.y * d) : r;
-}
-
-// The same for the record at `texel`, all limits together.
-float record_radius(ivec2 texel, float d)
-{
-    vec4 record = texelFetch(records_irradiance, texel, 0);
-#if GRADIENTS
-    record.a = gradient_limit(record.a, record.rgb, record_gradient(texel));
-#endif
-    return view_radius(record.a, d);
 }

@@ -1,0 +1,47 @@
+"""Adaptive radii: a record reaches less far where it contradicts another (after Krivanek et al. 2006, "adaptive caching").
+
+What a record says of another's place, by its gradients, is held against what was gathered there. Their difference, relative to
+the brighter of the two, is taken to grow with the square of the distance, so that a·R is limited to where it comes to `adapt`.
+"""
+
+from __future__ import annotations
+
+import moderngl
+
+from irrsplat.buffers import Records
+from irrsplat.gpu.holder import Holder
+from irrsplat.gpu.program import Program, State
+from irrsplat.gpu.target import Target
+from irrsplat.settings import IN_FRONT, Settings
+
+
+class AdaptPass(Holder):
+    """Writes the limits of records' radii into the cache."""
+
+    def __init__(self, ctx: moderngl.Context, gradients: bool) -> None:
+        self.ctx = ctx
+        self.program = Program(ctx, "adapt", "lib/fullscreen", {"GRADIENTS": int(gradients), "IN_FRONT": IN_FRONT})
+        self.out: Target | None = None  # the cache's own texture
+
+    def __call__(self, records: Records, first: int, settings: Settings) -> None:
+        """Limit the records from number `first` on by all others, and those before it by them."""
+        if self.out is None or self.out.textures[0] is not records.limit:
+            self.out = Target(self.ctx, records.limit.size, textures=[records.limit])
+        everything, new, old = (0, records.count), (first, records.count), (0, first)
+        for targets, others, state in ((new, everything, State()), (old, new, State(blend="min"))):
+            if targets[0] == targets[1]:
+                continue
+            row = targets[0] // records.columns
+            rows = (targets[1] - 1) // records.columns + 1 - row
+            left = targets[0] % records.columns if rows == 1 else 0
+            right = (targets[1] - 1) % records.columns + 1 if rows == 1 else records.columns
+            self.program(
+                self.out,
+                state=state,
+                scissor=(left, row, right - left, rows),
+                **{name: value for name, value in records.uniforms.items() if name in self.program.uniforms},
+                a=settings.a,
+                adapt=settings.adapt,
+                targets=targets,
+                others=others,
+            )
