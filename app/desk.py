@@ -243,6 +243,10 @@ class Desk:
         self.session.use(self.side, name)
         self.say(f"preset {name}", topic="preset")
 
+    def trace(self) -> None:
+        """Trace the truth of the view in the background, or stop that."""
+        self.say(self.session.truths.toggle(self.session.scene, self.session.camera, self.session.size), topic="truth")
+
     def darker(self) -> None:
         """Half a stop less."""
         self._expose(-0.5)
@@ -313,6 +317,10 @@ class Desk:
         """Load the scene again where one of its files has changed."""
         if self.watch.changed() and self.trying(lambda: self._load(self.source, keep_camera=True)):
             self.say("the scene has changed, and is read again")
+
+    def look_after_truth(self) -> None:
+        """Take the truth that was traced meanwhile."""
+        self.trying(lambda: self.session.truths.collect(self.session.scene, self.say))
 
     def loaded(self, number: int) -> Lamp:
         """A lamp as the scene's file has it."""

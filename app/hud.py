@@ -10,7 +10,7 @@ from imgui_bundle import imgui
 from irrsplat.app.desk import Desk
 from irrsplat.app.gui import Gui
 from irrsplat.app.keys import KEYS
-from irrsplat.app.legend import SHOWINGS, Legend, legend
+from irrsplat.app.legend import SHOWINGS, TRUTHS, Legend, legend
 from irrsplat.app.markers import radius_legend
 from irrsplat.app.session import Inspected
 
@@ -95,6 +95,12 @@ class Hud:
             imgui.text_colored(_AMBER, "recording (R ends it)")
         if desk.session.tape.playing is not None:
             imgui.text_colored(_AMBER, "playing (P stops it)")
+        self._tracing()
+
+    def _tracing(self) -> None:
+        share = self.desk.session.truths.share
+        if share is not None:
+            imgui.text_colored(_AMBER, f"tracing, {100.0 * share:.0f} % (Y stops it)")
 
     # ---- legend ----------------------------------------------------------------------------------------------------
 
@@ -126,6 +132,7 @@ class Hud:
         preset = f"  preset {renderer.preset}" if session.look.split == "presets" else ""
         imgui.text(showing.title + preset)
         settings, look = renderer.settings, session.look
+        truth = session.truths.of(session.scene, view.camera, session.size)
         found = legend(
             name,
             settings=settings,
@@ -133,12 +140,15 @@ class Hud:
             camera=view.camera,
             exposure=session.exposure,
             shadows=renderer.shadows,
+            truth=truth,
         )
         _scale(found, scale)
+        if showing.how in TRUTHS:
+            self._tracing()
         if look.points or look.discs or look.normals:
             by = "age" if look.by_age else "radius"
             _scale(radius_legend(settings, session.scene, by, renderer.cache.count), scale)  # type: ignore[arg-type]
-        value = session.overlay.value(name, view, *cursor) if cursor is not None else None
+        value = session.overlay.value(name, view, *cursor, truth) if cursor is not None else None
         if value is not None:
             imgui.text(" ".join(f"{v:.4g}" for v in value) + f" {showing.unit if showing.unit != '1' else ''}")
 

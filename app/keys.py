@@ -66,6 +66,7 @@ PICTURE = (
     Key("BACKSLASH", "auto_exposure", "exposure by itself again"),
     Key("TAB", "split", "split view: off, two buffers, two presets"),
     Key("M", "swap_preset", "from this preset to paper and back"),
+    Key("Y", "trace", "path-trace the truth of this view; again: stop"),
 )
 WINDOW = (
     Key("F1", "toggle", "this sheet", "help"),

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from irrsplat.app.truth import Truth
+from irrsplat.app.verify import BRIGHT, DARK, FULL
 from irrsplat.buffers import CHANNELS, ShadowMaps
 from irrsplat.display import viridis
 from irrsplat.scene.model import Camera, Scene
@@ -30,11 +32,16 @@ _OTHERS = (
     Showing("asking", "asking", "", "where the examination asks for records: Σw is below the tolerance", "asking"),
     Showing("shadow", "shadow maps", "m", "every light's shadow maps: distance from the light along each one's axis", "shadow"),
     Showing("atlas", "gather atlas", "W/(m² sr)", "what the records of the last batch saw, a hemisphere each", "atlas"),
+    Showing("reference", "reference", "W/m²", "the path-traced truth of irradiance", "reference"),
+    Showing("error", "error", "W/m²", "irradiance minus its path-traced truth", "error"),
 )
 _FIRST = ("image", "direct", "indirect", "irradiance", "weight", "position", "normal", "albedo", "depth")  # the keys 1 to 9
-_ORDER = (*_FIRST, "asking", "shadow", "atlas", "emission")
+_ORDER = (*_FIRST, "asking", "shadow", "atlas", "emission", "reference", "error")
 _ALL = {c.name: Showing(c.name, c.name, c.unit, c.help, _HOW.get(c.name, c.show)) for c in CHANNELS.values()}
 _ALL |= {s.name: s for s in _OTHERS}
+
+TRUTHS = ("reference", "error")  # the ways to show what must be traced first
+NO_TRUTH = "no truth of this view yet: Y traces it"
 
 SHOWINGS: dict[str, Showing] = {name: _ALL[name] for name in _ORDER}
 
@@ -56,7 +63,14 @@ class Legend:
 
 
 def legend(
-    name: str, *, settings: Settings, scene: Scene, camera: Camera, exposure: float, shadows: ShadowMaps | None = None
+    name: str,
+    *,
+    settings: Settings,
+    scene: Scene,
+    camera: Camera,
+    exposure: float,
+    shadows: ShadowMaps | None = None,
+    truth: Truth | None = None,
 ) -> Legend:
     """The legend of the showing `name`, drawn with these arguments; exposure in stops."""
     showing = SHOWINGS[name]
@@ -69,6 +83,12 @@ def legend(
             return Legend("", "", "", None, "no light casts shadows here")
         low, high = shadow_range(scene, shadows)
         return Legend(f"{low:.3g}", f"{high:.3g}", showing.unit, scale, "distance from the light; black: nothing there")
+    if showing.how in TRUTHS and truth is None:
+        return Legend("", "", "", None, NO_TRUTH)
+    if showing.how == "error" and truth is not None:
+        text = f"mean of the channels; in full colour at {100.0 * FULL:g} % of the truth's mean; grey: no surface"
+        colours = signed(np.linspace(-1.0, 1.0, 64))
+        return Legend(f"{-truth.full:.3g}", f"{truth.full:.3g}", showing.unit, colours, f"{text}; {truth.about}")
     if showing.how == "weight":
         low, high = weight_range(settings)
         threshold = settings.threshold
@@ -85,7 +105,15 @@ def legend(
     if name == "albedo":
         return Legend("0", "1", "", None, "reflectance, sRGB encoded")
     text = f"{showing.unit}, exposed by {exposure:+.1f} stops"
-    return Legend("", "", showing.unit, None, text + (", as a white surface sends it out" if name == "irradiance" else ""))
+    if name in ("irradiance", "reference"):
+        text += ", as a white surface sends it out"
+    return Legend("", "", showing.unit, None, text + (f"; {truth.about}" if name == "reference" and truth is not None else ""))
+
+
+def signed(share: np.ndarray) -> np.ndarray:
+    """Errors of any shape, in shares of the one shown in full colour, as (..., 3) display colours 0..1: those of verify's."""
+    end = np.where(share[..., None] > 0.0, np.array(BRIGHT), np.array(DARK)) / 255.0
+    return 1.0 + np.clip(np.abs(share), 0.0, 1.0)[..., None] * (end - 1.0)
 
 
 def weight_range(settings: Settings) -> tuple[float, float]:

@@ -117,6 +117,7 @@ class Menu:
                 if imgui.menu_item(f"{showing.title}##{side}", shown, look.buffers[side] == name)[0]:
                     look.buffers[side] = name
                 imgui.set_item_tooltip(showing.help)
+        self._key("trace")
         imgui.separator_text("split")
         for way in SPLITS:
             if imgui.menu_item(_SPLIT_WORDS[way], "", look.split == way)[0]:

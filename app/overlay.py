@@ -7,8 +7,10 @@ from typing import Any
 import moderngl
 import numpy as np
 
-from irrsplat.app.legend import SHOWINGS, depth_range, light_tiles, shadow_range, weight_range
+from irrsplat.app.legend import SHOWINGS, TRUTHS, depth_range, light_tiles, shadow_range, weight_range
 from irrsplat.app.screen import Programs, Region, clear, colours, scale, texel
+from irrsplat.app.truth import Lattice, Truth
+from irrsplat.app.verify import BRIGHT, DARK, GREY
 from irrsplat.buffers import FILMIC, NOTHING_SEEN, Atlas, ShadowMaps
 from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.target import Target
@@ -16,9 +18,11 @@ from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
 from irrsplat.view import View
 
-_WAYS = ("radiance", "irradiance", "indirect", "unit", "range", "heat", "weight", "asking")  # blocks of overlay_buffer.frag
+# blocks of overlay_buffer.frag
+_WAYS = ("radiance", "irradiance", "indirect", "unit", "range", "heat", "weight", "asking", "error")
 _GROUND = (0.11, 0.11, 0.12)  # around tiles and cells
 _GAP = 2.0  # pixels between them
+_EVERY = Lattice(1, (0, 0), (0, 0))  # a buffer of the view has a texel for every pixel
 
 
 class Overlay(Holder):
@@ -40,11 +44,13 @@ class Overlay(Holder):
         exposure: float,
         shadows: ShadowMaps | None = None,
         atlas: Atlas | None = None,
+        truth: Truth | None = None,
         region: Region | None = None,
     ) -> None:
         """Draw the showing `name` of `view`, exposed by `exposure` stops, in `region` of the target alone (None: all of it).
 
-        shadows and atlas are needed by the showings of these names; without them there is nothing but their ground.
+        shadows and atlas are needed by the showings of these names; without them there is nothing but their ground. Without
+        the truth of this very view, what is shown of it is the picture, dim and grey.
         """
         gain = 2.0**exposure
         how = SHOWINGS[name].how
@@ -57,16 +63,16 @@ class Overlay(Holder):
             if atlas is not None:
                 self.atlas(target, atlas, gain, scene.sky, region)
         else:
-            program = self.program(
-                "overlay_buffer", **{way.upper(): int(way == how) for way in _WAYS}, **FILMIC.defines, NOTHING_SEEN=NOTHING_SEEN
-            )
+            how = _block(how, truth)
+            ways = {way.upper(): int(way == how) for way in _WAYS} | {"SQUARES": int(how in ("irradiance", "error"))}
+            program = self.program("overlay_buffer", **ways, **FILMIC.defines, NOTHING_SEEN=NOTHING_SEEN)
             program(
                 target,
                 scissor=region,
                 position=view.gbuffer.position,
                 scale=scale(target, view.gbuffer),
                 colours=self.colours,
-                **_arguments(name, how, view, settings, scene, gain),
+                **_arguments(name, how, view, settings, scene, gain, truth),
             )
 
     def _shadows(self, target: Target, shadows: ShadowMaps, scene: Scene, region: Region | None) -> None:
@@ -118,15 +124,17 @@ class Overlay(Holder):
             ground=_GROUND,
         )
 
-    def value(self, name: str, view: View, x: int, y: int) -> np.ndarray | None:
+    def value(self, name: str, view: View, x: int, y: int, truth: Truth | None = None) -> np.ndarray | None:
         """The showing `name` at pixel (x, y) of the view, (0, 0) the upper left one: its 1 or 3 numbers in its unit.
 
-        None where there are none: outside, where nothing is seen, and for what is not a buffer of the view. One texel of
-        each texture concerned is read.
+        None where there are none: outside, where nothing is seen, for what is not a buffer of the view, and without the
+        `truth` of it that reference and error need. One texel of each texture concerned is read.
         """
         position = view.gbuffer.position
         if not (0 <= x < position.width and 0 <= y < position.height) or SHOWINGS[name].how in ("shadow", "atlas"):
             return None
+        if name in TRUTHS:
+            return None if truth is None else _truth_value(name, view, truth, x, y)
         if name == "image":
             return texel(view.image, x, y)[:3]
         here = texel(position, x, y)
@@ -139,20 +147,50 @@ class Overlay(Holder):
         if name == "direct":
             return texel(view.direct, x, y)[:3]
         if name in ("indirect", "irradiance"):
-            sums = texel(view.sums, x, y)
-            irradiance = sums[:3] / (sums[3] if sums[3] > 0.0 else np.float32(1.0))
+            irradiance = _irradiance(view, x, y)
             return irradiance if name == "irradiance" else irradiance * texel(view.gbuffer.albedo, x, y)[:3] / np.float32(np.pi)
         return texel(getattr(view.gbuffer, name), x, y)[:3]
 
 
-def _arguments(name: str, how: str, view: View, settings: Settings, scene: Scene, gain: float) -> dict[str, Any]:
+def _block(how: str, truth: Truth | None) -> str:
+    """The block of overlay_buffer.frag that draws this way of showing: without a truth, the dim picture where nothing asks."""
+    if how not in TRUTHS:
+        return how
+    return "asking" if truth is None else "irradiance" if how == "reference" else how
+
+
+def _irradiance(view: View, x: int, y: int) -> np.ndarray:
+    sums = texel(view.sums, x, y)
+    quotient: np.ndarray = sums[:3] / (sums[3] if sums[3] > 0.0 else np.float32(1.0))
+    return quotient
+
+
+def _truth_value(name: str, view: View, truth: Truth, x: int, y: int) -> np.ndarray | None:
+    """The truth of the square about a pixel, or the error in its middle, the mean of the channels."""
+    cell = truth.lattice.cell(x, y)
+    found = texel(truth.values, *cell)
+    if found[3] == 0.0:
+        return None
+    if name == "reference":
+        return found[:3]
+    return np.mean(_irradiance(view, *truth.lattice.middle(cell, truth.size)) - found[:3], keepdims=True)
+
+
+def _arguments(
+    name: str, how: str, view: View, settings: Settings, scene: Scene, gain: float, truth: Truth | None
+) -> dict[str, Any]:
     """The uniforms of one block of overlay_buffer.frag."""
     g = view.gbuffer
     if how == "radiance":
         values = g.emission if name == "emission" else getattr(view, name)
         return {"values": values, "gain": gain, "unseen": (0.0, 0.0, 0.0) if name == "direct" else scene.sky}
     if how == "irradiance":
-        return {"values": view.sums, "gain": gain}
+        values, lattice = (truth.values, truth.lattice) if name in TRUTHS and truth is not None else (view.sums, _EVERY)
+        return {"values": values, "gain": gain, "stride": lattice.stride, "margin": lattice.margin}
+    if how == "error" and truth is not None:
+        ends = {end: np.array(colour) / 255.0 for end, colour in (("bright", BRIGHT), ("dark", DARK), ("unseen", GREY))}
+        place = {"stride": truth.lattice.stride, "margin": truth.lattice.margin}
+        return {"values": view.sums, "truth": truth.values, "full": truth.full, **ends, **place}
     if how == "indirect":
         return {"values": view.sums, "albedo": g.albedo, "gain": gain}
     if how == "unit":
@@ -166,7 +204,8 @@ def _arguments(name: str, how: str, view: View, settings: Settings, scene: Scene
     if how == "weight":
         low, high = weight_range(settings)
         return {"values": view.splats.weight, "low": low, "high": high, "threshold": settings.threshold}
-    return {"values": view.splats.weight, "image": view.image, "gain": gain, "threshold": settings.threshold}
+    threshold = settings.threshold if name == "asking" else -1.0  # which no weight is below
+    return {"values": view.splats.weight, "image": view.image, "gain": gain, "threshold": threshold}
 
 
 def _grid(count: int, cell: tuple[float, float], size: tuple[int, int]) -> tuple[int, float, float, float]:

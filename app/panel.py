@@ -14,6 +14,7 @@ WIDTH = 268.0  # of the panels, window coordinates at scale 1
 _WIDGET = 128.0
 # where a slider goes, of ranges that are far wider than what is used; other values are typed (Ctrl+click)
 _SPANS: dict[str, tuple[float, float]] = {
+    "adapt": (0.0, 2.0),
     "seed": (0, 100),
     "radius_min": (0.0, 5.0),
     "radius_max": (0.0, 20.0),

@@ -16,6 +16,7 @@ from irrsplat.app.markers import By, Markers
 from irrsplat.app.overlay import Overlay
 from irrsplat.app.screen import Region, clear
 from irrsplat.app.tape import Tape
+from irrsplat.app.truth import Truths
 from irrsplat.errors import IrrsplatError
 from irrsplat.gpu import program
 from irrsplat.gpu.holder import Holder
@@ -88,7 +89,7 @@ class Session(Holder):
         self.ms: dict[str, float] = {}  # of the last tick by stage
         self.exposure = math.nan  # stops, as shown on both sides
         self._metered: tuple[View | None, float] = None, 0.0
-        self.tape = Tape()
+        self.tape, self.truths = Tape(), Truths(ctx)
         self._stepping = False
         self.held: tuple[int, int] | None = None  # the side and the number of the record that a click holds
         self._tables: dict[int, tuple[tuple[int, int], inspector.Table]] = {}
@@ -180,6 +181,7 @@ class Session(Holder):
                 exposure=self.exposure,
                 shadows=renderer.shadows,
                 atlas=renderer.placement.atlas,
+                truth=self.truths.of(self.scene, view.camera, self.size),
                 region=region,
             )
             if SHOWINGS[name].how in ("shadow", "atlas"):

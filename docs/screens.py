@@ -11,7 +11,7 @@ import numpy as np
 from PIL import Image
 
 import irrsplat
-from irrsplat.app.legend import SHOWINGS
+from irrsplat.app.legend import SHOWINGS, TRUTHS
 from irrsplat.app.memory import Memory
 from irrsplat.app.viewer import Viewer
 from irrsplat.app.window import open_window
@@ -79,11 +79,11 @@ def whole(viewer: Viewer) -> None:
 
 
 def buffers(viewer: Viewer) -> None:
-    """Every buffer, by itself with its legend."""
+    """Every buffer, by itself with its legend; but for those that need a path tracer."""
     desk = viewer.desk
     desk.panels.settings = desk.panels.hud = False
     settled(viewer)
-    for name in SHOWINGS:
+    for name in (name for name in SHOWINGS if name not in TRUTHS):
         if name == "asking":  # something must be left to ask for: two rounds only
             desk.clear()
             for _ in range(2):

@@ -26,6 +26,7 @@ CHANGES: dict[str, tuple[str | None, Any]] = {
     "gather_size": ("12", 12),
     "gradients": (None, False),
     "a": ("0.8", 0.8),
+    "adapt": ("1.5", 1.5),
     "kernel": ("cut", "cut"),
     "in_front": (None, False),
     "radius_min": ("3.5", 3.5),

@@ -186,7 +186,7 @@ def test_no_frame_waits_for_a_truth(driver: Driver, tracer: Tracer, monkeypatch:
         time.sleep(0.005)
     assert driver.session.truths.share == 0.25 and here(driver) is None
     said = words(driver, monkeypatch)
-    assert said.count("tracing the truth, 25 % (Y stops it)") == 2 and NO_TRUTH in said
+    assert said.count("tracing, 25 % (Y stops it)") == 2 and NO_TRUTH in said
     before = driver.canvas()
     tracer.finish(driver)
     said = words(driver, monkeypatch)
