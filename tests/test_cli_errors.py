@@ -61,7 +61,7 @@ def refused(place: Path, capsys: pytest.CaptureFixture[str]) -> Callable[..., st
         ([*RENDER, "--a"], "expected one argument"),
         ([*RENDER, "--blend", "1.5"], "0..1"),
         ([*RENDER, "--tolerance", "often"], "auto"),
-        ([*RENDER, "--gather", "trace"], "auto|plane|raster"),
+        ([*RENDER, "--gather", "photons"], "auto|plane|raster|trace"),
         ([*RENDER, "--smooth=maybe"], "on|off"),
         ([*RENDER, "--bounces", "2"], "only 0 and 1 are built yet"),
         ([*RENDER, "--bounces", "all"], "only 0 and 1 are built yet"),

@@ -193,7 +193,7 @@ def test_what_is_dropped_is_said(place: Path) -> None:
     save(FULL)
     data = json.loads((place / "viewer.json").read_text())
     data |= {"preset": "gone", "later": 1, "size": [0, 100], "fullscreen": "yes", "recent": ["relative.obj", "/kept.obj", 7]}
-    data["values"] = {"a": 99, "splines": 3, "seed": 7, "bounces": True, "gather": "trace"}
+    data["values"] = {"a": 99, "splines": 3, "seed": 7, "bounces": True, "gather": "photons"}
     (place / "viewer.json").write_text(json.dumps(data))
     back, notices = load()
     assert back == Memory(ui=FULL.ui, values={"seed": 7}, recent=["/kept.obj"])
