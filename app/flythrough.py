@@ -15,7 +15,6 @@ from irrsplat.scene.path import Path, load_path
 
 FRAMES = 150
 DT = 1.0 / 30.0  # seconds that each frame stands for
-PATIENCE = 60.0  # seconds that filling the cache up between the two flights may take
 LEGEND = """\
 frames of the viewer's window with its interface, flown by a script; ms of wall clock from frame to frame
 filling: from an empty cache; warm: the same flight once everything along it has been gathered\
@@ -72,7 +71,7 @@ def _moved(camera: Camera, ahead: float, degrees: float) -> Camera:
     )
 
 
-def fly(scene: Scene, size: tuple[int, int], frames: int = FRAMES, patience: float = PATIENCE) -> Iterator[Flown]:
+def fly(scene: Scene, size: tuple[int, int], frames: int = FRAMES) -> Iterator[Flown]:
     """Both flights through `scene`, in a window of `size`; the user's folder is not touched. Raises what the viewer raises."""
     from irrsplat.app.memory import Memory
     from irrsplat.app.viewer import Viewer
@@ -89,7 +88,8 @@ def fly(scene: Scene, size: tuple[int, int], frames: int = FRAMES, patience: flo
             first = time.perf_counter() - start
             viewer.desk.clear()
             yield _flight("filling", first, viewer, cameras)
-            _fill(viewer, cameras, patience)
+            for camera in cameras:
+                viewer.desk.session.renderers[0].converge(camera)
             yield _flight("warm", first, viewer, cameras)
         finally:
             viewer.close(remember=False)
@@ -116,12 +116,3 @@ def _flight(case: str, first: float, viewer: Any, cameras: Sequence[Camera]) -> 
         for stage, took in {**session.ms, **viewer.hud.extra}.items():
             stages[stage] = stages.get(stage, 0.0) + took / len(cameras)
     return Flown(case, first, np.array(ms), stages, new, viewer.desk.session.progress[0].records)
-
-
-def _fill(viewer: Any, cameras: Sequence[Camera], patience: float) -> None:
-    """Stay at every camera until nothing is left to gather, or the patience ends."""
-    end = time.perf_counter() + patience
-    for camera in cameras:
-        _frame(viewer, camera)
-        while not all(p.done for p in viewer.desk.session.progress) and time.perf_counter() < end:
-            _frame(viewer, camera)
