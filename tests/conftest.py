@@ -17,6 +17,7 @@ from irrsplat.buffers import CHANNELS
 from irrsplat.gpu import context
 from irrsplat.output import Frame
 from irrsplat.scene import Scene, load
+from tests.viewing import Driver, fresh, viewing, write_room
 
 PLAIN = """cam 0 0 5 0 0 0 0 1 0
 proj 40 1 0.1 100
@@ -64,6 +65,19 @@ def no_gl_errors(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     for one in contexts:
         look(one)
     assert set(found) <= {"GL_NO_ERROR"}, f"this test left OpenGL errors: {found}"
+
+
+@pytest.fixture(scope="module")
+def one(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Driver]:
+    """A viewer of a small room, shared by the tests of a module."""
+    with viewing(write_room(tmp_path_factory.mktemp("room"))) as made:
+        yield made
+
+
+@pytest.fixture
+def driver(one: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Driver]:
+    """The same as at first, at rest; it remembers and writes in `tmp_path`."""
+    yield from fresh(one, tmp_path, monkeypatch)
 
 
 class FakeRenderer:

@@ -17,22 +17,10 @@ from irrsplat import resources
 from irrsplat.errors import InputError
 from irrsplat.gpu import shaders
 from irrsplat.scene import load
-from tests.viewing import ROOM, Driver, fresh, push, viewing, write_room
+from tests.viewing import ROOM, Driver, push, write_room
 
 _SAVES = itertools.count()
 PATH = "frames 31\ncam 0 0 2.6  0 0 0  0 1 0\ncam 0.5 0.2 1.6  0 0 0  0 1 0\n"
-
-
-@pytest.fixture(scope="module")
-def one(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Driver]:
-    with viewing(write_room(tmp_path_factory.mktemp("room"))) as driver:
-        yield driver
-
-
-@pytest.fixture
-def driver(one: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Driver]:
-    """The viewer as at first, at rest; it remembers and writes in `tmp_path`."""
-    yield from fresh(one, tmp_path, monkeypatch)
 
 
 @pytest.fixture

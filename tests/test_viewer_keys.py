@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -16,20 +15,7 @@ from irrsplat.app.parser import parse
 from irrsplat.app.session import overrides
 from irrsplat.scene import load
 from irrsplat.scene.path import load_path
-from tests.viewing import FAST, Cases, Driver, Tracer, fresh, push, viewing, write_room
-
-
-@pytest.fixture(scope="module")
-def one(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Driver]:
-    with viewing(write_room(tmp_path_factory.mktemp("room"))) as driver:
-        yield driver
-
-
-@pytest.fixture
-def driver(one: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Driver]:
-    """The viewer as at first, at rest; it remembers and writes in `tmp_path`."""
-    yield from fresh(one, tmp_path, monkeypatch)
-
+from tests.viewing import FAST, Cases, Driver, Tracer, push
 
 CASES = Cases("camera", "overlays", "cache", "picture")
 case = CASES.case

@@ -2,29 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from irrsplat.scene.model import Camera
-from tests.viewing import LEFT, RIGHT, SIZE, Driver, fresh, push, viewing, write_room
+from tests.viewing import LEFT, RIGHT, SIZE, Driver, push
 
 WALL = (60.0, 100.0)  # window coordinates, of something seen
 DT = 0.05
-
-
-@pytest.fixture(scope="module")
-def one(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Driver]:
-    with viewing(write_room(tmp_path_factory.mktemp("room"))) as driver:
-        yield driver
-
-
-@pytest.fixture
-def driver(one: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Driver]:
-    """The viewer as at first, at rest."""
-    yield from fresh(one, tmp_path, monkeypatch)
 
 
 def gone(driver: Driver, since: Camera) -> np.ndarray:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib.util
 import os
 import time
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,19 +24,7 @@ from irrsplat.output import Frame
 from irrsplat.reference import process
 from irrsplat.reference.traced import Traced, errors
 from irrsplat.scene.model import Camera
-from tests.viewing import SIZE, Driver, Tracer, fresh, push, viewing, write_room
-
-
-@pytest.fixture(scope="module")
-def one(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Driver]:
-    with viewing(write_room(tmp_path_factory.mktemp("room"))) as driver:
-        yield driver
-
-
-@pytest.fixture
-def driver(one: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Driver]:
-    """The viewer as at first, at rest; it remembers, writes and keeps truths in `tmp_path`."""
-    yield from fresh(one, tmp_path, monkeypatch)
+from tests.viewing import SIZE, Driver, Tracer, push
 
 
 @pytest.fixture

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -16,22 +15,10 @@ from PIL import Image
 from irrsplat.app import memory
 from irrsplat.app.viewer import Viewer
 from irrsplat.buffers import CHANNELS
-from tests.viewing import FAST, SIZE, Cases, Driver, fresh, push, viewing, write_room
+from tests.viewing import FAST, SIZE, Cases, Driver, push, viewing, write_room
 
 CASES = Cases("window")
 case = CASES.case
-
-
-@pytest.fixture(scope="module")
-def one(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Driver]:
-    with viewing(write_room(tmp_path_factory.mktemp("room"))) as driver:
-        yield driver
-
-
-@pytest.fixture
-def driver(one: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Driver]:
-    """The viewer as at first, at rest; it remembers and writes in `tmp_path`."""
-    yield from fresh(one, tmp_path, monkeypatch)
 
 
 def test_every_key_has_its_case() -> None:
