@@ -15,6 +15,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from irrsplat.app import parser
+from irrsplat.app.terminal import progress, say
 from irrsplat.errors import InputError, IrrsplatError
 
 if TYPE_CHECKING:
@@ -79,12 +80,12 @@ def render(args: argparse.Namespace) -> int:
     camera = _camera(args, scene)
     with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, **args.values) as renderer:
         for notice in scene.notices:
-            _say(f"notice: {notice}")
-        with _progress() as progress:
+            say(f"notice: {notice}")
+        with _progress() as watch:
             if planned is not None:
-                done, whole = sequence.take(renderer, planned, buffers, any(folders), progress)
+                done, whole = sequence.take(renderer, planned, buffers, any(folders), watch)
             else:
-                frame = renderer.render(camera, progress=progress, figures=any(folders))
+                frame = renderer.render(camera, progress=watch, figures=any(folders))
     if planned is not None:
         return _sequence(args, done, None if whole else f"{len(done)} of {len(planned.numbers)} frames were written")
     stats = frame.stats
@@ -95,7 +96,7 @@ def render(args: argparse.Namespace) -> int:
     if stats.get("interrupted"):
         return _fail(f"interrupted; the files hold what {stats.get('rounds', 0)} whole rounds gave", INTERRUPTED)
     if not stats.get("converged", True):
-        _say(f"notice: stopped after {stats.get('rounds')} rounds {_UNSERVED}")
+        say(f"notice: stopped after {stats.get('rounds')} rounds {_UNSERVED}")
     return 0
 
 
@@ -108,7 +109,7 @@ def _sequence(args: argparse.Namespace, done: list[dict[str, Any]], interrupted:
     if interrupted is not None:
         return _fail(f"interrupted; {interrupted}", INTERRUPTED)
     if short := sum(not stats.get("converged", True) for stats in done):
-        _say(f"notice: {short} of {len(done)} frames stopped {_UNSERVED}")
+        say(f"notice: {short} of {len(done)} frames stopped {_UNSERVED}")
     return 0
 
 
@@ -127,7 +128,7 @@ def view(args: argparse.Namespace) -> int:
 
     said = viewer.run(scene, args.scene, tuple(args.size) if args.size else None, remembered, camera, notices)
     if said is not None:
-        _say(f"notice: {said}")
+        say(f"notice: {said}")
     return 0
 
 
@@ -192,31 +193,16 @@ def _camera(args: argparse.Namespace, scene: Scene) -> Camera:
     return replace(camera, **given) if given else camera
 
 
-def _say(line: str) -> None:
-    print(" ".join(line.split()), file=sys.stderr, flush=True)
-
-
 @contextmanager
 def _progress() -> Iterator[Callable[..., None] | None]:
-    """What is called after each round: a line that moves where stderr is a terminal, None where it is not.
-
-    A `prefix` stands before the round where one is given.
-    """
-    if not sys.stderr.isatty():
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
-
-    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("round 0", total=1.0)
+    """What is called after each round, on a terminal; None elsewhere. A `prefix` stands before the round where one is given."""
+    with progress() as line:
 
         def show(state: Any, prefix: str = "") -> None:
-            words = f"{prefix}round {state.round}: {state.records} records, coverage"
-            bar.update(task, completed=float(state.coverage), description=words)
+            if line is not None:
+                line(state.coverage, f"{prefix}round {state.round}: {state.records} records, coverage")
 
-        yield show
+        yield None if line is None else show
 
 
 @contextmanager

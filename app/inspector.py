@@ -15,9 +15,9 @@ from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.target import Target
 from irrsplat.lights import light_defines
-from irrsplat.passes.gather import GatherPass
 from irrsplat.passes.splat import splat_radius
-from irrsplat.passes.trace import TracePass, Tree
+from irrsplat.passes.trace import Tree
+from irrsplat.placement import gather_pass
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import IN_FRONT, LEAST_ERROR, Settings
 from irrsplat.view import View
@@ -138,14 +138,10 @@ class Inspector(Holder):
 
         The texture is RGBA8, bottom row first, this object's own, and holds until the next call.
         """
-        kind, lights = settings.gather_kind(scene.triangles), light_defines(scene)
-        made_for = kind, settings.gather_size, scene.diagonal, lights
+        made_for = settings.gather_kind(scene.triangles), settings.gather_size, scene.diagonal, light_defines(scene)
         if self.gather_pass is None or made_for != self._made_for:
             self.release_cell()
-            if kind == "trace":
-                self.gather_pass = TracePass(self.ctx, settings.gather_size, scene.diagonal, lights, capacity=1)
-            else:
-                self.gather_pass = GatherPass(self.ctx, kind, settings.gather_size, scene.diagonal, lights, capacity=1)
+            self.gather_pass = gather_pass(self.ctx, scene, settings, capacity=1)
             self.picture = self.ctx.texture(self.gather_pass.cell, 4)
             self.target = Target(self.ctx, self.gather_pass.cell, textures=[self.picture])
             self._made_for = made_for

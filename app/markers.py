@@ -16,8 +16,9 @@ from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.program import Program, State
 from irrsplat.gpu.target import Target
+from irrsplat.passes.splat import reach_uniforms, weight_defines
 from irrsplat.scene.model import Scene
-from irrsplat.settings import IN_FRONT, LEAST_ERROR, Settings
+from irrsplat.settings import Settings
 from irrsplat.view import View
 
 By = Literal["radius", "age"]
@@ -52,7 +53,7 @@ class Markers(Holder):
         region: Region | None = None,
     ) -> None:
         """Every record as a dot of constant size, coloured by its radius a·R_k or by its age."""
-        program = self.program("overlay_points", "overlay_points", **_defines(settings))
+        program = self.program("overlay_points", "overlay_points", **weight_defines(settings.gradients))
         self._draw(program, target, view, records, settings, scene, by, region, radius=_RADIUS)
 
     def discs(
@@ -68,7 +69,7 @@ class Markers(Holder):
     ) -> None:
         """Every record's circle of radius a·R, as it reaches in this view, in its tangent plane."""
         segments = _segments(target.size[1], settings)
-        program = self.program("overlay_discs", "overlay_discs", **_defines(settings))
+        program = self.program("overlay_discs", "overlay_discs", **weight_defines(settings.gradients))
         self._draw(
             program,
             target,
@@ -95,7 +96,7 @@ class Markers(Holder):
         region: Region | None = None,
     ) -> None:
         """Every record's normal, a line of constant length on screen but for its slant."""
-        program = self.program("overlay_normals", "overlay_normals", **_defines(settings))
+        program = self.program("overlay_normals", "overlay_normals", **weight_defines(settings.gradients))
         self._draw(program, target, view, records, settings, scene, by, region, width=_WIDTH, rise=_RISE * view.camera.screen)
 
     def _draw(
@@ -115,7 +116,7 @@ class Markers(Holder):
         uniforms = {
             **records.uniforms,
             **view_uniforms(target, view.gbuffer, view.camera),
-            **_reach(view, settings),
+            **reach_uniforms(view.camera, settings),
             "colours": self.colours,
             "size": target.size,
             "by_age": by == "age",
@@ -154,11 +155,11 @@ class Markers(Holder):
         """Tint the pixels that record `number` speaks for; how many they are, of the target's and in `region`."""
         if not 0 <= number < records.count:
             return 0
-        program = self.program("overlay_serves", "splat", **_defines(settings))
+        program = self.program("overlay_serves", "splat", **weight_defines(settings.gradients))
         uniforms = {
             **records.uniforms,
             **view_uniforms(target, view.gbuffer, view.camera),
-            **_reach(view, settings),
+            **reach_uniforms(view.camera, settings),
             "first": number,
             "in_front": settings.in_front,
             "tint": _SERVED,
@@ -194,17 +195,3 @@ def _segments(height: int, settings: Settings) -> int:
     which is half a pixel for n = π·√r."""
     r = (settings.radius_max or 50.0) / 100.0 * height
     return min(max(math.ceil(math.pi * math.sqrt(r)), 12), 64)
-
-
-def _defines(settings: Settings) -> dict[str, object]:
-    return {"GRADIENTS": int(settings.gradients), "LEAST_ERROR": LEAST_ERROR, "IN_FRONT": IN_FRONT}
-
-
-def _reach(view: View, settings: Settings) -> dict[str, Any]:
-    """What shaders/lib/record.glsl takes apart from the records, as passes/splat.py gives it."""
-    screen = view.camera.screen
-    return {
-        "eye": view.camera.eye,
-        "a": settings.a,
-        "reach": (settings.radius_min / 100.0 * screen, settings.radius_max / 100.0 * screen),
-    }

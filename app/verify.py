@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import os
-import sys
 import time
 from argparse import Namespace
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from irrsplat import output
+from irrsplat.app.terminal import progress, say
 from irrsplat.display import tonemap
 from irrsplat.errors import InputError, IrrsplatError
 from irrsplat.reference.process import INSTALL
@@ -41,7 +39,7 @@ def run(scene: Scene, camera: Camera, args: Namespace) -> int:
     import irrsplat
 
     for notice in scene.notices:
-        _say(f"notice: {notice}")
+        say(f"notice: {notice}")
     with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, **args.values) as renderer:
         by_trace = args.truth == "trace"
         frame, rows = (_against_trace if by_trace else _against_gather)(renderer, scene, camera, args)
@@ -49,7 +47,7 @@ def run(scene: Scene, camera: Camera, args: Namespace) -> int:
     if stats.get("interrupted"):
         raise KeyboardInterrupt
     if not stats.get("converged", True):
-        _say(f"notice: stopped after {stats.get('rounds')} rounds before every pixel was served; raise --max-rounds or --a")
+        say(f"notice: stopped after {stats.get('rounds')} rounds before every pixel was served; raise --max-rounds or --a")
     width, height = args.size
     truth = "path-traced truth" if by_trace else "a fine gather without interpolation"
     print(f"{scene.name}, {width} x {height}, preset {args.preset}, one indirect bounce, against {truth}")
@@ -74,16 +72,21 @@ def check(args: Namespace) -> None:
     output.check_writable(args.output)
 
 
+def _silent(share: float, words: str) -> None:
+    """Progress where nobody watches."""
+
+
 def _against_trace(renderer: Renderer, scene: Scene, camera: Camera, args: Namespace) -> tuple[Frame, list[Row]]:
     start, (width, height) = time.perf_counter(), args.size
     was_traced: list[float] = []
-    with _progress() as progress:
+    with progress() as told:
+        tell = told or _silent
 
         def show(share: float) -> None:
             was_traced[:] = [share]
-            progress(share, "tracing the truth")
+            tell(share, "tracing the truth")
 
-        said = lambda line: _say(f"notice: {line}")  # noqa: E731
+        said = lambda line: say(f"notice: {line}")  # noqa: E731
         try:
             truth = traced(scene, camera, (width, height), args.samples, show, said)
         except InputError:
@@ -93,7 +96,7 @@ def _against_trace(renderer: Renderer, scene: Scene, camera: Camera, args: Names
         seconds = time.perf_counter() - start
         if not truth.valid.any():
             raise InputError(NOTHING)
-        frame = renderer.render(camera, progress=lambda now: progress(now.coverage, f"rendering: {now.records} records"))
+        frame = renderer.render(camera, progress=lambda now: tell(now.coverage, f"rendering: {now.records} records"))
     found = compare(frame, truth)
     shown = tonemap(truth.picture, frame.exposure), tonemap(frame.direct + frame.indirect + frame.emission, frame.exposure)
     flip = _flip(*shown)
@@ -110,7 +113,7 @@ def _against_trace(renderer: Renderer, scene: Scene, camera: Camera, args: Names
     if args.output is not None and not frame.stats.get("interrupted"):
         _write(args.output, shown, signed_error(frame.irradiance, truth), None if flip is None else flip[0])
     if flip is None:
-        _say(f"notice: FLIP is left out; run: {INSTALL}")
+        say(f"notice: FLIP is left out; run: {INSTALL}")
     return frame, rows
 
 
@@ -118,8 +121,9 @@ def _against_gather(renderer: Renderer, scene: Scene, camera: Camera, args: Name
     """The renderer's own fine gather at random pixels as the truth: it tells of placement and interpolation alone."""
     from irrsplat import exact, paper
 
-    with _progress() as progress:
-        frame = renderer.render(camera, progress=lambda now: progress(now.coverage, f"rendering: {now.records} records"))
+    with progress() as told:
+        tell = told or _silent
+        frame = renderer.render(camera, progress=lambda now: tell(now.coverage, f"rendering: {now.records} records"))
     view, _ = renderer.frame(camera, gather=False)
     seen = paper.read_back(view.gbuffer)
     size = renderer.settings.shadow_size
@@ -207,25 +211,3 @@ def _with_legend(picture: np.ndarray) -> np.ndarray:
     image.paste(Image.fromarray(np.round(picture * 255.0).astype(np.uint8)))
     write_legend(image, height, font, lines)
     return np.asarray(image) / 255.0
-
-
-# ---- the terminal --------------------------------------------------------------------------------------------------------
-
-
-def _say(line: str) -> None:
-    print(" ".join(line.split()), file=sys.stderr, flush=True)
-
-
-@contextmanager
-def _progress() -> Iterator[Callable[[float, str], None]]:
-    """What is called with the share done and words: a line that moves where stderr is a terminal, else nothing."""
-    if not sys.stderr.isatty():
-        yield lambda share, words: None
-        return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
-
-    columns: Any = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=1.0)
-        yield lambda share, words: bar.update(task, completed=float(share), description=words)

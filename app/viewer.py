@@ -98,13 +98,11 @@ class Viewer(Controls, moderngl_window.WindowConfig):
         if desk.quitting:
             self.wnd.is_closing = True
 
-    def _timed(self, name: str, start: float) -> float:
-        """Note the milliseconds since `start` under `name`, on a software renderer with all drawing done; the time now."""
+    def _timed(self, name: str, start: float) -> None:
+        """Note the milliseconds since `start` under `name`, on a software renderer with all drawing done."""
         if self.desk.session.renderers[0].about["software"]:
             self.ctx.finish()
-        now = time.perf_counter()
-        self.hud.extra[name] = 1e3 * (now - start)
-        return now
+        self.hud.extra[name] = 1e3 * (time.perf_counter() - start)
 
     def _paint(self, cursor: tuple[int, int] | None) -> None:
         """Draw the picture, where it is not what was drawn last."""

@@ -66,6 +66,14 @@ class Asked:
     whole: bool
 
 
+def gather_pass(ctx: moderngl.Context, scene: Scene, settings: Settings, capacity: int | None = None) -> GatherPass | TracePass:
+    """The pass that gathers as `settings` say in `scene`, at most `capacity` records at once (None: as many as are worth it)."""
+    kind, lights = settings.gather_kind(scene.triangles), light_defines(scene)
+    if kind == "trace":
+        return TracePass(ctx, settings.gather_size, scene.diagonal, lights, capacity)
+    return GatherPass(ctx, kind, settings.gather_size, scene.diagonal, lights, capacity)
+
+
 class Placement(Holder):
     """Examines what a view of `size` (width, height) lacks, and fills the `cache` by it."""
 
@@ -92,13 +100,11 @@ class Placement(Holder):
         self.new_view()
 
     def _gather_pass(self) -> GatherPass | TracePass:
-        kind = self.settings.gather_kind(self.scene.triangles)
         one = 1 if self.settings.placement == "scan" else None  # the paper: one at a time
-        size, diagonal, lights = self.settings.gather_size, self.scene.diagonal, light_defines(self.scene)
-        if kind == "trace":
+        made = gather_pass(self.ctx, self.scene, self.settings, capacity=one)
+        if isinstance(made, TracePass):
             self.tree = self.tree or Tree(self.ctx, *flatten(self.scene)[:2])
-            return TracePass(self.ctx, size, diagonal, lights, capacity=one)
-        return GatherPass(self.ctx, kind, size, diagonal, lights, capacity=one)
+        return made
 
     @property
     def world(self) -> Any:
@@ -183,7 +189,9 @@ class Placement(Holder):
                 self.adapt_pass(cache.records, first, settings)
             elif by != before:
                 cache.unlimit()
-            cache.edits += first > 0 and settings.adapt > 0.0  # old ones may reach less far now
+            else:
+                return
+            cache.edits += 1  # old ones may reach less far now, or farther
 
     def _in_view(self, points: np.ndarray, camera: Camera) -> np.ndarray:
         """(N,) bool: which of the points (N, 3) lie in the view's pyramid."""

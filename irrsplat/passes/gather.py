@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 
 import moderngl
@@ -14,9 +13,7 @@ from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.program import Program, State
 from irrsplat.gpu.target import Target, float_texture, table_texture
 from irrsplat.hemisphere import edge_table, faces, frames, hemisphere_table
-from irrsplat.vantage import OFFSET, eyes, frame_rows
-
-_ATLAS_TEXELS = 3 << 20  # texels of an atlas at most, 64 MiB with its depth
+from irrsplat.vantage import OFFSET, atlas_grid, eyes, frame_rows
 
 _FLOATS = 28  # per instance
 
@@ -46,11 +43,7 @@ class GatherPass(Holder):
         self.table = table_texture(ctx, table)
         self.edges = table_texture(ctx, edge_table(kind, self.side))
         self.program = Program(ctx, "gather", defines=lights)
-        limit = int(ctx.info["GL_MAX_TEXTURE_SIZE"])
-        texels = self.cell[0] * self.cell[1]
-        wanted = min(capacity or max(1, _ATLAS_TEXELS // texels), limit)
-        self.columns = max(1, min(math.isqrt(wanted), limit // self.cell[0]))
-        self.capacity = self.columns * max(1, min(wanted // self.columns, limit // self.cell[1]))
+        self.columns, self.capacity = atlas_grid(self.cell, capacity, int(ctx.info["GL_MAX_TEXTURE_SIZE"]))
         self.target: Target | None = None
         self.frames = float_texture(ctx, (self.capacity, 4))
         self.instances = ctx.buffer(reserve=self.capacity * len(self.faces) * _FLOATS * 4, dynamic=True)

@@ -25,12 +25,26 @@ def splat_radius(R: Any, distance: Any, camera: Camera, settings: Settings) -> n
     return np.minimum(r, settings.radius_max * percent) if settings.radius_max > 0.0 else r
 
 
+def weight_defines(gradients: bool) -> dict[str, object]:
+    """What shaders/lib/weight.glsl and record.glsl are compiled for."""
+    return {"GRADIENTS": int(gradients), "LEAST_ERROR": LEAST_ERROR, "IN_FRONT": IN_FRONT}
+
+
+def reach_uniforms(camera: Camera, settings: Settings) -> dict[str, Any]:
+    """The uniforms of shaders/lib/reach.glsl apart from the records'."""
+    screen = camera.screen
+    return {
+        "eye": camera.eye,
+        "a": settings.a,
+        "reach": (settings.radius_min / 100.0 * screen, settings.radius_max / 100.0 * screen),
+    }
+
+
 class SplatPass(Holder):
     """Adds records to a splat buffer of `size` (width, height), with their gradients or without."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], gradients: bool) -> None:
-        defines = {"GRADIENTS": int(gradients), "LEAST_ERROR": LEAST_ERROR, "IN_FRONT": IN_FRONT}
-        self.program = Program(ctx, "splat", defines=defines)
+        self.program = Program(ctx, "splat", defines=weight_defines(gradients))
         self.empty = Program(ctx, "splat_clear", "lib/fullscreen", {"NOTHING_SEEN": NOTHING_SEEN})
         self.target = Target(ctx, size, (4, 1))
 
@@ -41,7 +55,6 @@ class SplatPass(Holder):
     def __call__(self, records: Records, first: int, gbuffer: GBuffer, camera: Camera, settings: Settings) -> SplatBuffer:
         """Add the records from number `first` on, in their order; the sums are this pass's own textures."""
         width, height = self.target.size
-        screen = camera.screen
         self.program(
             self.target,
             vertices=4,
@@ -51,10 +64,8 @@ class SplatPass(Holder):
             **records.uniforms,
             first=first,
             clip_from_world=camera.clip_from_view(width / height, 1e-3, 1e3) @ camera.view_from_world,
-            eye=camera.eye,
-            a=settings.a,
-            pixel=screen / height,
-            reach=(settings.radius_min / 100.0 * screen, settings.radius_max / 100.0 * screen),
+            **reach_uniforms(camera, settings),
+            pixel=camera.screen / height,
             position=gbuffer.position,
             normal=gbuffer.normal,
             cut=settings.kernel == "cut",

@@ -5,7 +5,6 @@ A fragment is a ray. What it brings goes into the same kind of atlas as a raster
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -20,9 +19,8 @@ from irrsplat.gpu.target import Target, float_texture, table_texture
 from irrsplat.hemisphere import frames
 from irrsplat.scene.bvh import build
 from irrsplat.strata import stratum_edges, stratum_table
-from irrsplat.vantage import OFFSET, eyes, frame_rows
+from irrsplat.vantage import OFFSET, atlas_grid, eyes, frame_rows
 
-_ATLAS_TEXELS = 3 << 20  # texels of an atlas at most, 48 MiB
 _COLUMNS = 1024  # nodes, triangles or vertices per row of their tables, as the shaders have it
 
 
@@ -93,18 +91,15 @@ class TracePass(Holder):
         self.table = table_texture(ctx, table)
         self.edges = table_texture(ctx, stratum_edges(self.side))
         self.program = Program(ctx, "trace", "lib/fullscreen", defines=lights)
-        limit = int(ctx.info["GL_MAX_TEXTURE_SIZE"])
-        wanted = min(capacity or max(1, _ATLAS_TEXELS // table[..., 0].size), limit)
-        self.columns = max(1, min(math.isqrt(wanted), limit // self.cell[0]))
-        self.capacity = self.columns * max(1, min(wanted // self.columns, limit // self.cell[1]))
+        self.columns, self.capacity = atlas_grid(self.cell, capacity, int(ctx.info["GL_MAX_TEXTURE_SIZE"]))
         self.target: Target | None = None
         self.frames = float_texture(ctx, (self.capacity, 5))
 
     def __call__(self, tree: Tree, shadows: ShadowMaps, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
         """What records at `sites` (at most `capacity`) see; `numbers` (N,) are theirs in the cache."""
         if self.target is None:
-            rows = self.capacity // self.columns
-            self.target = Target(self.ctx, (self.columns * self.cell[0], rows * self.cell[1]), (4,))
+            down = self.capacity // self.columns
+            self.target = Target(self.ctx, (self.columns * self.cell[0], down * self.cell[1]), (4,))
         count = len(sites)
         rows = np.zeros((5, count, 4), "f4")
         rows[:4] = frame_rows(frames(sites.normal, numbers, seed), sites, numbers)
