@@ -29,7 +29,9 @@ _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], "f4")  # Rec. 709
 class Table:
     """The records on the CPU, float32: position, normal, irradiance E in W/m² (N, 3), radius R_k in metres (N,).
 
-    gradient: (N, 3, 3) ∇E of red, green and blue in W/m³. limit: (N,) what R may be at most, in metres.
+    gradient: (N, 3, 3) ∇E of red, green and blue in W/m³. axis: (N, 3) unit, along which the light bends least, 0 where that is not
+    known. bend: (N, 2) second derivatives along it and across it over the light itself, 1/m². limit: (N,) the share of its radii
+    that a record may reach at most.
     """
 
     position: np.ndarray
@@ -37,6 +39,8 @@ class Table:
     irradiance: np.ndarray
     radius: np.ndarray
     gradient: np.ndarray
+    axis: np.ndarray
+    bend: np.ndarray
     limit: np.ndarray
 
     def __len__(self) -> int:
@@ -47,23 +51,30 @@ class Table:
         return np.linalg.norm(np.einsum("ncx,c->nx", self.gradient, _LUMINANCE), axis=1)
 
     def reach(self, camera: Camera, settings: Settings) -> np.ndarray:
-        """(N,) the radii a·R in metres with every limit that this view and the settings put on them, as splat.vert has them."""
+        """(N, 2) the radii a·R in metres along `axis` and across it, with every limit that this view and the settings put on them,
+        as splat.vert has them."""
         R = self.radius
         if settings.gradients:  # R <= E/|∇E|
             slope, E = self.slope(), self.irradiance @ _LUMINANCE
             R = np.where(slope * R > E, E / np.where(slope > 0.0, slope, 1.0), R)
-        R = np.minimum(R, self.limit)
-        return splat_radius(R, np.linalg.norm(self.position - np.asarray(camera.eye), axis=1), camera, settings)
+        radii = np.stack([R, R], axis=1)
+        if settings.gradients and settings.radius == "hessian":
+            bends = self.axis.any(axis=1)
+            radii[bends] = np.sqrt(2.0 / np.abs(self.bend[bends]))
+        distance = np.linalg.norm(self.position - np.asarray(camera.eye), axis=1)
+        return splat_radius(radii * self.limit[:, None], distance[:, None], camera, settings)
 
     def weights(self, p: np.ndarray, n: np.ndarray, camera: Camera, settings: Settings) -> np.ndarray:
         """(N,) every record's raw w at a point p with unit normal n, (3,) each; 0 where it does not speak for it."""
         R = self.reach(camera, settings) / settings.a
         apart, cosine = p - self.position, self.normal @ n
-        error = np.linalg.norm(apart, axis=1) / np.maximum(R, 1e-30) + np.sqrt(np.maximum(0.0, 1.0 - cosine))
+        along = (apart * self.axis).sum(1)
+        distance = np.stack([along, np.sqrt(np.maximum((apart**2).sum(1) - along**2, 0.0))], axis=1) / np.maximum(R, 1e-30)
+        error = np.linalg.norm(distance, axis=1) + np.sqrt(np.maximum(0.0, 1.0 - cosine))
         w = 1.0 / np.maximum(error, LEAST_ERROR)
         speaks = w > 1.0 / settings.a
         if settings.in_front:
-            speaks &= (cosine > 0.0) & (np.abs((apart * (n + self.normal)).sum(1)) * 0.5 <= IN_FRONT * R)
+            speaks &= (cosine > 0.0) & (np.abs((apart * (n + self.normal)).sum(1)) * 0.5 <= IN_FRONT * R[:, 1])
         return np.where(speaks, w, 0.0)
 
 
@@ -74,9 +85,11 @@ def read(records: Records) -> Table:
         return np.frombuffer(texture.read(), "f4").reshape(-1, 4)[: records.count]
 
     last = rows(records.irradiance)
-    gradient = np.stack([rows(texture)[:, :3] for texture in records.vectors[3:]], axis=1)
+    vectors = [rows(texture) for texture in records.vectors]
+    gradient, rest = np.stack([v[:, :3] for v in vectors[3:]], axis=1), np.stack([v[:, 3] for v in vectors], axis=1)
     limit = np.frombuffer(records.limit.read(), "f4")[: records.count]
-    return Table(rows(records.position)[:, :3], rows(records.normal)[:, :3], last[:, :3], last[:, 3], gradient, limit)
+    position, normal = rows(records.position)[:, :3], rows(records.normal)[:, :3]
+    return Table(position, normal, last[:, :3], last[:, 3], gradient, rest[:, :3], rest[:, 3:5], limit)
 
 
 def pick(table: Table, view: View, settings: Settings, x: int, y: int) -> int | None:
@@ -95,7 +108,7 @@ def pick(table: Table, view: View, settings: Settings, x: int, y: int) -> int | 
 def describe(number: int, table: Table, view: View, settings: Settings) -> list[tuple[str, str]]:
     """What record `number` holds, a label and a text each, with units."""
     E, R = table.irradiance[number], float(table.radius[number])
-    reach = float(table.reach(view.camera, settings)[number])
+    along, across = table.reach(view.camera, settings)[number]
     lines = [
         ("record", f"{number} of {len(table)}"),
         ("position", " ".join(f"{v:.3f}" for v in table.position[number]) + " m"),
@@ -103,10 +116,12 @@ def describe(number: int, table: Table, view: View, settings: Settings) -> list[
         ("irradiance", " ".join(f"{v:.3g}" for v in E) + " W/m²"),
         ("luminance", f"{float(E @ _LUMINANCE):.3g} W/m²"),
         ("R", f"{R:.3g} m"),
-        ("a·R", f"{settings.a * R:.3g} m, here {reach:.3g} m"),
+        ("a·R", f"{settings.a * R:.3g} m, here {along:.3g} by {across:.3g} m"),
     ]
     if settings.gradients:
         lines.append(("|grad E|", f"{float(table.slope()[number]):.3g} W/m³"))
+    if table.axis[number].any():
+        lines.append(("bend", " and ".join(f"{v:.3g}" for v in table.bend[number]) + " of E per m²"))
     return lines
 
 

@@ -16,9 +16,9 @@ from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.program import Program, State
 from irrsplat.gpu.target import Target
-from irrsplat.passes.splat import reach_uniforms, weight_defines
+from irrsplat.passes.splat import reach_uniforms
 from irrsplat.scene.model import Scene
-from irrsplat.settings import Settings
+from irrsplat.settings import Settings, weight_defines
 from irrsplat.view import View
 
 By = Literal["radius", "age"]
@@ -67,7 +67,7 @@ class Markers(Holder):
         by: By = "radius",
         region: Region | None = None,
     ) -> None:
-        """Every record's circle of radius a·R, as it reaches in this view, in its tangent plane."""
+        """Every record's ellipse of radii a·R, as it reaches in this view, in its tangent plane."""
         segments = _segments(target.size[1], settings)
         program = self.program("overlay_discs", "overlay_discs", **weight_defines(settings.gradients))
         self._draw(

@@ -136,6 +136,7 @@ class Atlas:
     """What a batch of records sees, a cell each: row-major cells of `cell` (width, height) texels, `columns` per row.
 
     radiance: RGBA32F texture, rgb W/(m² sr), a distance in metres (0 where nothing was hit).
+    planes: RGBA32F texture, the plane of what was hit: 1/distance in the unit direction w is xyz·w, 1/m (0 where nothing was).
     table: RGBA32F texture of one cell, xyz direction in the record's frame (tangent, bitangent, normal), w cosθ·dω.
     edges: RGBA32F texture of two texels a texel, see hemisphere.edge_table.
     frames: RGBA32F texture; texels (i, 0..2) are record i's tangent, bitangent and normal, (i, 3) its geometric normal in
@@ -144,6 +145,7 @@ class Atlas:
     """
 
     radiance: Any
+    planes: Any
     table: Any
     edges: Any
     frames: Any
@@ -158,8 +160,10 @@ class Records:
     """The cache on the GPU, RGBA32F textures of `columns` texels a row; record i is texel (i % columns, i // columns).
 
     position: xyz world. normal: xyz world. irradiance: rgb E in W/m², w R_k in metres. count: how many there are.
-    limit: R32F, what R may be at most in metres (see passes/adapt.py).
-    vectors: of red, green and blue the irradiance vectors M = ∫L·ω·dω (E = n·M), then of each the gradient ∇E in W/m³.
+    limit: R32F, the share of its radii that a record may reach at most (see passes/adapt.py).
+    vectors: of red, green and blue the irradiance vectors M = ∫L·ω·dω (E = n·M), then of each the gradient ∇E in W/m³. Their w,
+    in this order: the unit axis in the tangent plane along which the light bends least (0: not known), and the second derivatives
+    of luminance along it and across it over the luminance itself, 1/m².
     """
 
     position: Any

@@ -99,8 +99,8 @@ class RecordCache(Holder):
         }
 
     def unlimit(self) -> None:
-        """Let every record reach as far as its own R_k, those to come too."""
-        self._limit.write(np.full(self._limit.width * self._limit.height, 1e30, "f4").tobytes())
+        """Let every record reach as far as its own R, those to come too."""
+        self._limit.write(np.ones(self._limit.width * self._limit.height, "f4").tobytes())
 
     @property
     def stale(self) -> np.ndarray:

@@ -29,6 +29,7 @@ from irrsplat.settings import Settings
 
 _REACH = 8.0  # percent of the image height by which the first sites lie apart where radii have no upper limit
 _SHARE = 0.1  # of a tick that gathering may take in any case, so that the picture refines however slow the rest is
+_ADAPTED_BY = ("a", "adapt", "neighbours", "gradients", "second_order", "radius")  # settings that limits of radii depend on
 _ASKING = ("gather", "splat", "examine")  # the stages whose settings decide where records are asked for
 
 
@@ -93,7 +94,7 @@ class Placement(Holder):
         self.gather_pass = self._gather_pass()
         self.reduce_pass = ReducePass(ctx, settings.gradients)
         self.examine_pass = ExaminePass(ctx, size)
-        self.adapt_pass = AdaptPass(ctx, settings.gradients)
+        self.adapt_pass = AdaptPass(ctx, settings.gradients, settings.neighbours)
         self._adapted: tuple[int, object] = 0, None  # how many records, and by what
         self.atlas: Atlas | None = None  # the last one gathered
         self._cost: float | None = None  # seconds a record
@@ -134,8 +135,9 @@ class Placement(Holder):
         if old.gradients != settings.gradients:
             self.reduce_pass.release()
             self.reduce_pass = ReducePass(self.ctx, settings.gradients)
+        if (old.gradients, old.neighbours) != (settings.gradients, settings.neighbours):
             self.adapt_pass.release()
-            self.adapt_pass = AdaptPass(self.ctx, settings.gradients)
+            self.adapt_pass = AdaptPass(self.ctx, settings.gradients, settings.neighbours)
         more = settings.gradients and not old.gradients  # records gathered without them have none
         if gathered or more or lights.lights != scene.lights or old.shadow_size != settings.shadow_size:
             self.cache.expire()
@@ -178,14 +180,14 @@ class Placement(Holder):
         settings, cache = self.settings, self.cache
         if len(cache.stale):
             return
-        by = settings.a, settings.adapt, settings.gradients, cache.renewals
+        by = *(getattr(settings, name) for name in _ADAPTED_BY), cache.renewals
         count, before = self._adapted
         first = min(count, cache.count) if by == before else 0
         self._adapted = cache.count, by
         if by == before and first == cache.count:
             return
         with self.timers("adapt"):
-            if settings.adapt > 0.0 and cache.count:
+            if (settings.adapt > 0.0 or settings.neighbours) and cache.count:
                 self.adapt_pass(cache.records, first, settings)
             elif by != before:
                 cache.unlimit()

@@ -17,7 +17,7 @@ Auto = Literal["auto"]
 
 # of the weight, the same in shaders/lib/weight.glsl and on the CPU
 LEAST_ERROR = 1e-3  # w = 1/max(e, this) stays finite
-IN_FRONT = 0.05  # of R_k: how far in front of a pixel's surface, or behind it, a record may lie
+IN_FRONT = 0.05  # of R: how far in front of a pixel's surface, or behind it, a record may lie
 
 # triangles: rasters of a hemicube cost in proportion to them, rays hardly; measured on llvmpipe, 64² rays cost 1.7 times what a
 # hemicube of 64 costs at 30 triangles, and 0.42 times at 4 thousand
@@ -96,6 +96,11 @@ def _declare(default: Any, kind: str, stage: str, help: str, **rest: Any) -> Any
     return field(default=default, metadata={"kind": kind, "stage": stage, "help": help, **rest})
 
 
+def weight_defines(gradients: bool) -> dict[str, object]:
+    """What shaders/lib/weight.glsl and record.glsl are compiled for."""
+    return {"GRADIENTS": int(gradients), "LEAST_ERROR": LEAST_ERROR, "IN_FRONT": IN_FRONT}
+
+
 @dataclass(frozen=True)
 class Settings:
     """One complete, checked set of parameters; `replace` or `with_values` makes another."""
@@ -121,7 +126,12 @@ class Settings:
         unit="pixels",
     )
     gradients: bool = _declare(True, "bool", "splat", "records say how irradiance changes with place and normal around them")
-    a: float = _declare(0.5, "float", "splat", "a record reaches a·R_k: smaller is more records and less error", low=0.01, high=2)
+    second_order: bool = _declare(True, "bool", "splat", "records say how their gradients change around them as well")
+    radius: str = _declare(
+        "hessian", "choice", "splat", "what R is: the harmonic mean distance to what a record sees, the same all around; or two "
+        "radii, along and across, by the second derivatives of its light", choices=("harmonic", "hessian"),
+    )  # fmt: skip
+    a: float = _declare(0.5, "float", "splat", "a record reaches a·R: smaller is more records and less error", low=0.01, high=2)
     kernel: str = _declare(
         "smooth", "choice", "splat", "weight of a record: the paper's, cut off at 1/a, or one that falls to zero there",
         choices=("smooth", "cut"),
@@ -130,14 +140,17 @@ class Settings:
         True, "bool", "splat", "a record in front of a pixel's surface, or behind it, does not speak for it"
     )
     adapt: float = _declare(
-        0.5, "float", "splat", "how far records may contradict each other, of their light, before they reach less far; 0: off",
+        0.3, "float", "splat", "how far records may contradict each other, of their light, before they reach less far; 0: off",
         low=0, high=10,
     )  # fmt: skip
+    neighbours: bool = _declare(
+        False, "bool", "splat", "radii of neighbours differ by no more than their distance: what is near to one is near to the other"
+    )
     radius_min: float = _declare(
         0.5, "float", "splat", "least radius a·R of a splat on screen, in percent of the image height", low=0, high=50, unit="%"
     )
     radius_max: float = _declare(
-        6.0, "float", "splat", "greatest radius a·R of a splat on screen, in percent of the image height; 0 is no limit",
+        7.0, "float", "splat", "greatest radius a·R of a splat on screen, in percent of the image height; 0 is no limit",
         low=0, high=100, unit="%",
     )  # fmt: skip
     tolerance: float | Auto = _declare(  # "auto" is resolved by `threshold`
@@ -207,6 +220,8 @@ PRESETS: dict[str, dict[str, Any]] = {
         "kernel": "cut",
         "in_front": False,
         "gradients": False,
+        "second_order": False,
+        "radius": "harmonic",
         "a": 0.1,
         "adapt": 0.0,
         "radius_min": 0.0,

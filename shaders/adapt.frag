@@ -1,7 +1,8 @@
-// How far a record may reach without contradicting others: the limit of its R_k. A fragment is a record.
+// How far a record may reach without contradicting others: the share of its radii. A fragment is a record.
+#include "lib/weight.glsl"
 #include "lib/record.glsl"
 
-uniform float a;
+uniform bool second_order;
 uniform float adapt;   // relative difference that is allowed where a record's reach ends
 uniform ivec2 targets; // numbers of the first record that is limited, and of the one after the last
 uniform ivec2 others;  // of those that it is held against
@@ -10,39 +11,46 @@ layout(location = 0) out float out_limit;
 
 // IN_FRONT is settings.py's; records whose normals differ more than this are no witnesses of each other
 const float ALIKE = 0.7;
-const float NOTHING = 1e30;
+// in reaches: what lies beyond the rim tells of it as well, since between the two there may be a place that only one serves
+const float FAR = 2.0;
 
 void main()
 {
-    const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
     int i = int(gl_FragCoord.y) * record_columns + int(gl_FragCoord.x);
     bool wanted = i >= targets.x && i < targets.y;
     ivec2 texel = ivec2(gl_FragCoord.xy);
     vec3 p = texelFetch(records_position, texel, 0).xyz, n = texelFetch(records_normal, texel, 0).xyz;
     vec4 record = texelFetch(records_irradiance, texel, 0);
-    float Y = dot(record.rgb, LUMINANCE), R = record.a;
+    float Y = dot(record.rgb, LUMINANCE);
     vec3 M = n * Y, gradient = vec3(0.0);
+    Ellipse ellipse = record_ellipse(texel);
+    vec2 R = vec2(ellipse.along, ellipse.across), bends = vec2(0.0);
 #if GRADIENTS
     mat3 m = mat3(texelFetch(records_m_r, texel, 0).xyz, texelFetch(records_m_g, texel, 0).xyz, texelFetch(records_m_b, texel, 0).xyz);
-    mat3 g = record_gradient(texel);
     M = m * LUMINANCE;
-    gradient = g * LUMINANCE;
-    R = gradient_limit(R, record.rgb, g);
+    gradient = record_gradient(texel) * LUMINANCE;
+    Bend bend = record_bend(texel);
+    bends = second_order && bend.axis != vec3(0.0) ? vec2(bend.along, bend.across) : bends;
 #endif
-    float limit = NOTHING;
+    float limit = 1.0;
     for (int j = others.x; j < (wanted ? others.y : 0); ++j)
     {
         ivec2 other = record_texel(j);
         vec3 apart = texelFetch(records_position, other, 0).xyz - p;
-        float d = length(apart);
-        if (d >= a * R || d <= 0.0) continue;
+        float at = record_distance(apart, ellipse.axis, R);
+        if (at >= FAR * a || at <= 0.0) continue;
         vec3 n_j = texelFetch(records_normal, other, 0).xyz;
-        if (dot(n, n_j) < ALIKE || abs(dot(apart, n + n_j)) * 0.5 > IN_FRONT * R) continue;
+        if (dot(n, n_j) < ALIKE || abs(dot(apart, n + n_j)) * 0.5 > IN_FRONT * R.y) continue;
+        vec4 theirs = texelFetch(records_irradiance, other, 0);
+#if NEIGHBOURS
+        // radii that differ by more than the distance: what is near to the one is as near to the other (Krivanek et al. 2006)
+        limit = min(limit, (theirs.a + length(apart)) / record.a);
+#endif
         // what it says of the other's place, against what the other found there; the error grows with the square of the distance
-        float Y_j = dot(texelFetch(records_irradiance, other, 0).rgb, LUMINANCE);
-        float said = max(dot(M, n_j) + dot(gradient, apart), 0.0);
+        float Y_j = dot(theirs.rgb, LUMINANCE);
+        float said = record_says(vec3(dot(M, n_j)), vec3(dot(gradient, apart)), apart, n, ellipse.axis, bends).x;
         float off = abs(said - Y_j) / max(max(Y, Y_j), 1e-20);
-        limit = min(limit, off > 0.0 ? d / a * sqrt(adapt / off) : NOTHING);
+        limit = off * at * at > 0.0 ? min(limit, at / a * sqrt(adapt / off)) : limit;
     }
     if (!wanted) discard;
     out_limit = limit;

@@ -13,6 +13,7 @@ flat in vec3 v_up;
 flat in vec3 v_ahead;
 
 layout(location = 0) out vec4 out_radiance;  // rgb W/(m² sr), a distance in metres (0: nothing hit, the sky)
+layout(location = 1) out vec4 out_plane;     // of what is hit: 1/distance in the unit direction w is dot(xyz, w), metres⁻¹
 
 uniform float near;  // metres
 
@@ -44,4 +45,5 @@ void main()
     Receiver receiver = Receiver(v_eye + away, shading_normal(v_normal, g), g);
     vec3 E = direct_irradiance(receiver, 1, vec2(1.0, 0.0));
     out_radiance = vec4(v_emission + v_albedo * INV_PI * E, max(length(away), 0.05 * near));
+    out_plane = vec4(g / min(k, -0.05 * near), 0.0);
 }

@@ -1,11 +1,11 @@
-// A circle in its record's colour with dark sides, where it is not hidden.
+// An ellipse in its record's colour with dark sides, where it is not hidden.
 #include "overlay_line.glsl"
 
 uniform sampler2D position;  // g-buffer; w depth along the view axis, 0 where nothing is seen
 uniform float pixel;         // size of a pixel at distance 1, in metres
 uniform vec2 scale;          // pixels of the view per pixel of the target
 
-flat in vec4 v_disc;         // its normal, turned to the eye, and its radius in metres
+flat in vec4 v_disc;         // its normal, turned to the eye, and its greater radius in metres
 in vec3 v_position;
 
 // On a curved surface a tangent disc dips into it: so much of its radius may lie behind what is seen.

@@ -7,8 +7,10 @@ uniform bool in_front;
 uniform vec2 scale;          // pixels of the view per pixel of the target
 uniform vec3 tint;
 
-flat in vec4 v_record;
+flat in vec3 v_place;
 flat in vec3 v_normal;
+flat in vec3 v_axis;
+flat in vec2 v_radii;
 
 layout(location = 0) out vec4 out_color;
 
@@ -17,7 +19,7 @@ void main()
     ivec2 pixel = ivec2(gl_FragCoord.xy * scale);
     vec4 p = texelFetch(position, pixel, 0);
     if (p.w == 0.0) discard;
-    float w = record_weight(p.xyz - v_record.xyz, v_record.w, texelFetch(normal, pixel, 0).xyz, v_normal, in_front);
+    float w = record_weight(p.xyz - v_place, v_axis, v_radii, texelFetch(normal, pixel, 0).xyz, v_normal, in_front);
     if (w <= 1.0 / a) discard;
     out_color = vec4(tint, mix(0.85, 0.4, 1.0 / (a * w)));
 }

@@ -1,5 +1,6 @@
 // First step of the reduction: the sums over one block of a record's cell.
 uniform sampler2D radiance;  // the atlas: rgb radiance, a distance (0: nothing hit)
+uniform sampler2D planes;    // of what is seen there: dot(xyz, w) is 1/distance in the unit direction w (0: nothing hit)
 uniform sampler2D table;     // one cell: direction in the record's frame, cosθ·dω
 uniform sampler2D edges;     // two texels a texel: the edges to its right and upper neighbours, and which those are
 uniform sampler2D frames;    // texel (i, 3): record i's geometric normal in its frame
@@ -11,7 +12,8 @@ uniform vec3 sky;            // radiance where nothing was hit
 layout(location = 0) out vec4 out_sums;   // Σ L·cosθ·dω, Σ cosθ·dω / r
 layout(location = 1) out vec2 out_share;  // Σ cosθ·dω
 #if GRADIENTS
-layout(location = 2) out vec4 out_m_r;    // Σ L·ω·dω of red, green and blue, in the record's frame
+layout(location = 2) out vec4 out_m_r;    // Σ L·ω·dω of red, green and blue, in the record's frame; w: the luminance's
+                                          // second derivatives xx, xy, yy there
 layout(location = 3) out vec4 out_m_g;
 layout(location = 4) out vec4 out_m_b;
 layout(location = 5) out vec4 out_g_r;    // ∇E of red, green and blue, in the record's frame
@@ -26,6 +28,8 @@ vec4 seen(ivec2 corner, ivec2 texel)
     return s.a > 0.0 ? vec4(s.rgb, 1.0 / s.a) : vec4(sky, 0.0);
 }
 
+const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
+
 void main()
 {
     ivec2 first = ivec2(gl_FragCoord.xy) * block;
@@ -35,6 +39,10 @@ void main()
     out_share = vec2(0.0);
 #if GRADIENTS
     mat3 M = mat3(0.0), G = mat3(0.0);
+    int record = place.y * columns + place.x;
+    mat3 frame = mat3(texelFetch(frames, ivec2(record, 0), 0).xyz, texelFetch(frames, ivec2(record, 1), 0).xyz,
+                      texelFetch(frames, ivec2(record, 2), 0).xyz);
+    vec3 H = vec3(0.0);
 #endif
     for (int y = inside.y; y < inside.y + block.y; ++y)
         for (int x = inside.x; x < inside.x + block.x; ++x)
@@ -50,15 +58,24 @@ void main()
             {
                 vec4 edge = texelFetch(edges, ivec2(2 * x + j, y), 0);
                 float row = floor(edge.w / 4096.0);  // no neighbour: the texel itself, and a difference of 0
-                vec4 L_b = seen(corner, ivec2(edge.w - 4096.0 * row, row));
-                G += outerProduct(edge.xyz * max(L.a, L_b.a), L_b.rgb - L.rgb);
+                ivec2 b = ivec2(edge.w - 4096.0 * row, row);
+                vec4 L_b = seen(corner, b);
+                vec3 w = normalize(direction.xyz + texelFetch(table, b, 0).xyz), w_world = frame * w;
+                // how near the nearer of the two is where they meet: seen at a low angle, much farther than in the texel's middle
+                float nearer = max(dot(texelFetch(planes, corner + ivec2(x, y), 0).xyz, w_world),
+                                   dot(texelFetch(planes, corner + b, 0).xyz, w_world));
+                nearer = clamp(nearer, 0.0, max(L.a, L_b.a));
+                G += outerProduct(edge.xyz * nearer, L_b.rgb - L.rgb);
+                // an edge slides by δ/r, and as it comes nearer, faster: the gradient's own derivative (symmetric, as a Hessian is)
+                H += 4.0 * nearer * nearer * dot(L_b.rgb - L.rgb, LUMINANCE)
+                     * vec3(edge.x * w.x, 0.5 * (edge.x * w.y + edge.y * w.x), edge.y * w.y);
             }
 #endif
         }
 #if GRADIENTS
-    out_m_r = vec4(M[0], 0.0);
-    out_m_g = vec4(M[1], 0.0);
-    out_m_b = vec4(M[2], 0.0);
+    out_m_r = vec4(M[0], H.x);
+    out_m_g = vec4(M[1], H.y);
+    out_m_b = vec4(M[2], H.z);
     out_g_r = vec4(G[0], 0.0);
     out_g_g = vec4(G[1], 0.0);
     out_g_b = vec4(G[2], 0.0);

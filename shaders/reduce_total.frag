@@ -17,12 +17,14 @@ uniform vec2 radii;          // metres: the least and the greatest radius there 
 flat in int v_index;         // in the batch
 
 layout(location = 0) out vec4 out_record;  // E in W/m², R_k in metres
-layout(location = 1) out vec4 out_m_r;     // M and ∇E of red, green and blue, world space
+layout(location = 1) out vec4 out_m_r;     // M and ∇E of red, green and blue, world space; w: the bend, as lib/record.glsl has it
 layout(location = 2) out vec4 out_m_g;
 layout(location = 3) out vec4 out_m_b;
 layout(location = 4) out vec4 out_g_r;
 layout(location = 5) out vec4 out_g_g;
 layout(location = 6) out vec4 out_g_b;
+
+const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
 
 void main()
 {
@@ -31,6 +33,8 @@ void main()
     vec4 total = vec4(0.0);
     float solid = 0.0;
     mat3 M = mat3(0.0), G = mat3(0.0);
+    vec3 H = vec3(0.0), axis = vec3(0.0);
+    vec2 bend = vec2(0.0);
     for (int y = 0; y < blocks.y; ++y)
         for (int x = 0; x < blocks.x; ++x)
         {
@@ -38,7 +42,9 @@ void main()
             total += texelFetch(sums, at, 0);
             solid += texelFetch(share, at, 0).x;
 #if GRADIENTS
-            M += mat3(texelFetch(sums_m_r, at, 0).xyz, texelFetch(sums_m_g, at, 0).xyz, texelFetch(sums_m_b, at, 0).xyz);
+            vec4 r = texelFetch(sums_m_r, at, 0), g = texelFetch(sums_m_g, at, 0), b = texelFetch(sums_m_b, at, 0);
+            M += mat3(r.xyz, g.xyz, b.xyz);
+            H += vec3(r.w, g.w, b.w);
             G += mat3(texelFetch(sums_g_r, at, 0).xyz, texelFetch(sums_g_g, at, 0).xyz, texelFetch(sums_g_b, at, 0).xyz);
 #endif
         }
@@ -49,13 +55,21 @@ void main()
     mat3 world = mat3(texelFetch(frames, ivec2(i, 0), 0).xyz, texelFetch(frames, ivec2(i, 1), 0).xyz, normal);
     M = world * M;
     G = world * G;
+    // the Hessian's eigenvalues, and the axis of the lesser of them
+    float middle = 0.5 * (H.x + H.z), apart = length(vec2(0.5 * (H.x - H.z), H.y));
+    float lesser = middle < 0.0 ? middle + apart : middle - apart, greater = 2.0 * middle - lesser;
+    vec2 along = abs(H.x - lesser) > abs(H.z - lesser) ? vec2(H.y, lesser - H.x) : vec2(lesser - H.z, H.y);
+    axis = world * vec3(dot(along, along) > 0.0 ? normalize(along) : vec2(1.0, 0.0), 0.0);
+    bend = vec2(lesser, greater) / max(dot(total.rgb, LUMINANCE), 1e-20);
+    // as radii, √(2/|bend|), within what there is
+    bend = mix(vec2(1.0), vec2(-1.0), lessThan(bend, vec2(0.0))) * clamp(abs(bend), 2.0 / (radii.y * radii.y), 2.0 / (radii.x * radii.x));
 #else
     M = outerProduct(normal, total.rgb);  // E = n_k·M, whatever the pixel's normal
 #endif
-    out_m_r = vec4(M[0], 0.0);
-    out_m_g = vec4(M[1], 0.0);
-    out_m_b = vec4(M[2], 0.0);
-    out_g_r = vec4(G[0], 0.0);
-    out_g_g = vec4(G[1], 0.0);
+    out_m_r = vec4(M[0], axis.x);
+    out_m_g = vec4(M[1], axis.y);
+    out_m_b = vec4(M[2], axis.z);
+    out_g_r = vec4(G[0], bend.x);
+    out_g_g = vec4(G[1], bend.y);
     out_g_b = vec4(G[2], 0.0);
 }

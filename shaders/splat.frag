@@ -6,9 +6,12 @@ uniform sampler2D normal;
 uniform bool cut;            // the paper's kernel: w as it is, cut off at 1/a
 uniform bool in_front;       // reject records in front of the pixel's surface, or behind it
 
-flat in vec4 v_record;
+flat in vec3 v_place;
 flat in vec3 v_normal;
+flat in vec3 v_axis;
+flat in vec2 v_radii;
 #if GRADIENTS
+flat in vec2 v_bend;
 flat in mat3 v_m;
 flat in mat3 v_g;
 #else
@@ -22,18 +25,15 @@ void main()
 {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     vec4 p = texelFetch(position, pixel, 0);
-    vec3 apart = p.xyz - v_record.xyz;
-    float limit = a * v_record.w;
-    if (p.w == 0.0 || dot(apart, apart) >= limit * limit) discard;
-    vec3 n = texelFetch(normal, pixel, 0).xyz;
-    float w = record_weight(apart, v_record.w, n, v_normal, in_front);
+    if (p.w == 0.0) discard;
+    vec3 apart = p.xyz - v_place, n = texelFetch(normal, pixel, 0).xyz;
+    float w = record_weight(apart, v_axis, v_radii, n, v_normal, in_front);
     if (w <= 1.0 / a) discard;
     // w - 1/a reaches zero at the rim, so that no circle shows; the paper's own kernel stops short of that
     float k = cut ? w : w - 1.0 / a;
 #if GRADIENTS
     // E = n·M + (p - p_k)·∇E: the irradiance vector turns with the normal, the gradient moves with the point
-    vec3 E = n * v_m;
-    E = clamp(E + apart * v_g, vec3(0.0), max(2.0 * E, 0.0));  // no extrapolation below black or beyond twice itself
+    vec3 E = record_says(n * v_m, apart * v_g, apart, v_normal, v_axis, v_bend);
 #else
     vec3 E = v_irradiance;
 #endif

@@ -5,10 +5,14 @@ uniform int first;                     // number of the first record to splat
 uniform mat4 clip_from_world;
 uniform bool in_front;                 // reject records in front of the pixel's surface, or behind it
 uniform float pixel;                   // size of a pixel at distance 1, in metres
+uniform bool second_order;             // records know how their gradients change
 
-flat out vec4 v_record;                // p_k, R_k as clamped for this view
+flat out vec3 v_place;                 // p_k
 flat out vec3 v_normal;
+flat out vec3 v_axis;                  // of the ellipse that it reaches
+flat out vec2 v_radii;                 // R along it and across it, as clamped for this view
 #if GRADIENTS
+flat out vec2 v_bend;
 flat out mat3 v_m;
 flat out mat3 v_g;
 #else
@@ -23,18 +27,18 @@ void main()
 
     vec3 to_eye = eye - p;
     float d = length(to_eye);
-    float R = record.a;
-#if GRADIENTS
-    v_m = mat3(texelFetch(records_m_r, texel, 0).xyz, texelFetch(records_m_g, texel, 0).xyz, texelFetch(records_m_b, texel, 0).xyz);
-    v_g = record_gradient(texel);
-    R = gradient_limit(R, record.rgb, v_g);
-#endif
-    R = min(R, texelFetch(records_limit, texel, 0).r);
-    float r = view_radius(R, d);
-    v_record = vec4(p, r / a);
+    float trust;
+    Ellipse ellipse = record_reach(texel, d, trust);
+    float r = ellipse.along;
+    v_place = p;
+    v_axis = ellipse.axis;
+    v_radii = vec2(ellipse.along, ellipse.across) / a;
     v_normal = texelFetch(records_normal, texel, 0).xyz;
 #if GRADIENTS
-    v_g *= min(1.0, a * R / r);  // a gradient holds for R alone, not for what the least radius added
+    v_m = mat3(texelFetch(records_m_r, texel, 0).xyz, texelFetch(records_m_g, texel, 0).xyz, texelFetch(records_m_b, texel, 0).xyz);
+    Bend bend = record_bend(texel);
+    v_g = record_gradient(texel) * trust;  // derivatives hold for R alone, not for what the least radius added
+    v_bend = second_order && bend.axis != vec3(0.0) ? vec2(bend.along, bend.across) * trust * trust : vec2(0.0);
 #else
     v_irradiance = record.rgb;
 #endif
@@ -52,12 +56,19 @@ void main()
     vec2 half_size = vec2(r * d / sqrt(d * d - r * r));
     if (in_front)
     {
-        // Then only a slab of the sphere can be served. With x = |p - p_k|/R, y = √(1 - n·n_k) and x + y < a, |(p - p_k)·n_k|
-        // is at most (IN_FRONT + x·y/√2)·R, x·y at most a²/4: the quad turns along the slab and shrinks to it.
-        float thickness = r * (IN_FRONT / a + 0.177 * a), cosine = abs(dot(v_normal, axis)), sine = sqrt(max(0.0, 1.0 - cosine * cosine));
-        float nearer = r * sine + thickness * cosine;
-        if (sine > 1e-3) u = normalize(cross(axis, v_normal));
-        if (nearer < d) half_size.y = min(half_size.y, (r * cosine + thickness * sine) * d / (d - nearer));
+        // Then only a slab of the ellipsoid can be served. With x = |p - p_k|/R, y = √(1 - n·n_k) and x + y < a, |(p - p_k)·n_k|
+        // is at most (IN_FRONT + x·y/√2)·R, x·y at most a²/4: the quad turns as the ellipse lies on screen, and shrinks to it.
+        float thickness = IN_FRONT / a * ellipse.across + 0.177 * a * r;
+        vec3 along = ellipse.along * ellipse.axis, across = ellipse.across * cross(v_normal, ellipse.axis), v = cross(axis, u);
+        mat2 seen = mat2(dot(along, u), dot(across, u), dot(along, v), dot(across, v));
+        float turn = 0.5 * atan(2.0 * dot(seen[0], seen[1]), dot(seen[0], seen[0]) - dot(seen[1], seen[1]) + 1e-30);
+        u = cos(turn) * u + sin(turn) * v;
+        v = cross(axis, u);
+        vec3 extent;
+        extent.x = length(vec2(dot(along, u), dot(across, u))) + thickness * abs(dot(v_normal, u));
+        extent.y = length(vec2(dot(along, v), dot(across, v))) + thickness * abs(dot(v_normal, v));
+        extent.z = length(vec2(dot(along, axis), dot(across, axis))) + thickness * abs(dot(v_normal, axis));
+        if (extent.z < d) half_size = min(half_size, extent.xy * d / (d - extent.z));
     }
     vec3 v = cross(axis, u);
     half_size = max(half_size, pixel * d);  // a quad between pixel centres would be lost

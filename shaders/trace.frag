@@ -11,6 +11,7 @@ uniform int columns;         // cells per row
 uniform float near;          // metres
 
 layout(location = 0) out vec4 out_radiance;  // rgb W/(m² sr), a distance in metres (0: nothing hit, the sky)
+layout(location = 1) out vec4 out_plane;     // of what is hit: 1/distance in the unit direction w is dot(xyz, w), metres⁻¹
 
 const float FARTHEST = 4.0;  // times the ray's length, where a corner looks past the plane's horizon
 const int PARTS = 4;         // of a stratum
@@ -72,4 +73,5 @@ void main()
     }
     vec3 L = blend(at, hit.share, 2) + blend(at, hit.share, 1) * INV_PI * E;
     out_radiance = hit.t < FARTHEST_HIT ? vec4(L, max(hit.t, 0.05 * near)) : vec4(0.0);
+    out_plane = hit.t < FARTHEST_HIT ? vec4(g / min(k, -0.05 * near), 0.0) : vec4(0.0);
 }

@@ -1,6 +1,6 @@
 """Adaptive radii: a record reaches less far where it contradicts another (after Krivanek et al. 2006, "adaptive caching").
 
-What a record says of another's place, by its gradients, is held against what was gathered there. Their difference, relative to
+What a record says of another's place, by its derivatives, is held against what was gathered there. Their difference, relative to
 the brighter of the two, is taken to grow with the square of the distance, so that a·R is limited to where it comes to `adapt`.
 """
 
@@ -12,15 +12,17 @@ from irrsplat.buffers import Records
 from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.program import Program, State
 from irrsplat.gpu.target import Target
-from irrsplat.settings import IN_FRONT, Settings
+from irrsplat.settings import Settings, weight_defines
+
+_NEVER = 1e30  # a difference that no two records have
 
 
 class AdaptPass(Holder):
-    """Writes the limits of records' radii into the cache."""
+    """Writes the limits of records' radii into the cache; neighbours: they may not differ by more than the records' distance."""
 
-    def __init__(self, ctx: moderngl.Context, gradients: bool) -> None:
+    def __init__(self, ctx: moderngl.Context, gradients: bool, neighbours: bool) -> None:
         self.ctx = ctx
-        self.program = Program(ctx, "adapt", "lib/fullscreen", {"GRADIENTS": int(gradients), "IN_FRONT": IN_FRONT})
+        self.program = Program(ctx, "adapt", "lib/fullscreen", weight_defines(gradients) | {"NEIGHBOURS": int(neighbours)})
         self.out: Target | None = None  # the cache's own texture
 
     def __call__(self, records: Records, first: int, settings: Settings) -> None:
@@ -41,7 +43,9 @@ class AdaptPass(Holder):
                 scissor=(left, row, right - left, rows),
                 **{name: value for name, value in records.uniforms.items() if name in self.program.uniforms},
                 a=settings.a,
-                adapt=settings.adapt,
+                hessian=settings.radius == "hessian",
+                second_order=settings.second_order,
+                adapt=settings.adapt or _NEVER,
                 targets=targets,
                 others=others,
             )

@@ -52,7 +52,7 @@ class GatherPass(Holder):
         """What records at `sites` (at most `capacity`) see; `numbers` (N,) are theirs in the cache."""
         if self.target is None:
             rows = self.capacity // self.columns
-            self.target = Target(self.ctx, (self.columns * self.cell[0], rows * self.cell[1]), (4,), depth=True)
+            self.target = Target(self.ctx, (self.columns * self.cell[0], rows * self.cell[1]), (4, 4), depth=True)
         count = len(sites)
         frame = frames(sites.normal, numbers, seed)
         self.frames.write(frame_rows(frame, sites, numbers).tobytes(), viewport=(0, 0, count, 4))
@@ -73,7 +73,7 @@ class GatherPass(Holder):
             **shadows.uniforms,
         )
         block = (self.side // 4, self.side // 4)
-        return Atlas(self.target.textures[0], self.table, self.edges, self.frames, count, self.columns, self.cell, block)
+        return Atlas(*self.target.textures, self.table, self.edges, self.frames, count, self.columns, self.cell, block)
 
     def _instances(self, frame: np.ndarray, eye: np.ndarray) -> np.ndarray:
         """(N·F, 28): face_x, face_y, face_w with their translation, face_cell, face_eye, face_right, face_up and face_ahead."""

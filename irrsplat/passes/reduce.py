@@ -43,6 +43,7 @@ class ReducePass(Holder):
             scissor=used,
             radiance=atlas.radiance,
             table=atlas.table,
+            planes=atlas.planes,
             edges=atlas.edges,
             frames=atlas.frames,
             cell=atlas.cell,

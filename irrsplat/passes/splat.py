@@ -12,22 +12,17 @@ from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.program import Program, State
 from irrsplat.gpu.target import Target
 from irrsplat.scene.model import Camera
-from irrsplat.settings import IN_FRONT, LEAST_ERROR, Settings
+from irrsplat.settings import Settings, weight_defines
 
 
 def splat_radius(R: Any, distance: Any, camera: Camera, settings: Settings) -> np.ndarray:
-    """The radius a·R in metres within radius_min and radius_max, as splat.vert has it, but for what gradients take away.
+    """The radius a·R in metres within radius_min and radius_max, as splat.vert has it.
 
-    R: harmonic mean distances R_k; distance: of the records from the eye; metres, any one shape.
+    R: what a record reaches by itself; distance: of the records from the eye; metres, any one shape.
     """
     percent = camera.screen * np.asarray(distance) / 100.0  # of the image height, in metres
     r = np.maximum(settings.a * np.asarray(R), settings.radius_min * percent)
     return np.minimum(r, settings.radius_max * percent) if settings.radius_max > 0.0 else r
-
-
-def weight_defines(gradients: bool) -> dict[str, object]:
-    """What shaders/lib/weight.glsl and record.glsl are compiled for."""
-    return {"GRADIENTS": int(gradients), "LEAST_ERROR": LEAST_ERROR, "IN_FRONT": IN_FRONT}
 
 
 def reach_uniforms(camera: Camera, settings: Settings) -> dict[str, Any]:
@@ -36,6 +31,7 @@ def reach_uniforms(camera: Camera, settings: Settings) -> dict[str, Any]:
     return {
         "eye": camera.eye,
         "a": settings.a,
+        "hessian": settings.radius == "hessian",
         "reach": (settings.radius_min / 100.0 * screen, settings.radius_max / 100.0 * screen),
     }
 
@@ -70,5 +66,6 @@ class SplatPass(Holder):
             normal=gbuffer.normal,
             cut=settings.kernel == "cut",
             in_front=settings.in_front,
+            second_order=settings.second_order,
         )
         return SplatBuffer(*self.target.textures)

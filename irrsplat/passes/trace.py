@@ -99,7 +99,7 @@ class TracePass(Holder):
         """What records at `sites` (at most `capacity`) see; `numbers` (N,) are theirs in the cache."""
         if self.target is None:
             down = self.capacity // self.columns
-            self.target = Target(self.ctx, (self.columns * self.cell[0], down * self.cell[1]), (4,))
+            self.target = Target(self.ctx, (self.columns * self.cell[0], down * self.cell[1]), (4, 4))
         count = len(sites)
         rows = np.zeros((5, count, 4), "f4")
         rows[:4] = frame_rows(frames(sites.normal, numbers, seed), sites, numbers)
@@ -120,4 +120,4 @@ class TracePass(Holder):
                     **shadows.uniforms,
                 )
         block = (self.side // 4, self.side // 4)
-        return Atlas(self.target.textures[0], self.table, self.edges, self.frames, count, self.columns, self.cell, block)
+        return Atlas(*self.target.textures, self.table, self.edges, self.frames, count, self.columns, self.cell, block)

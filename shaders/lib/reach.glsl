@@ -12,12 +12,13 @@ float view_radius(float R, float d)
     return reach.y > 0.0 ? min(r, reach.y * d) : r;
 }
 
-// The same for the record at `texel`, all limits together.
-float record_radius(ivec2 texel, float d)
+// The same for both radii of the record at `texel`, all limits together; `trust`: the share of its radii that the record itself
+// stands for, where the least radius added to them.
+Ellipse record_reach(ivec2 texel, float d, out float trust)
 {
-    vec4 record = texelFetch(records_irradiance, texel, 0);
-#if GRADIENTS
-    record.a = gradient_limit(record.a, record.rgb, record_gradient(texel));
-#endif
-    return view_radius(min(record.a, texelFetch(records_limit, texel, 0).r), d);
+    Ellipse own = record_ellipse(texel);
+    float limit = texelFetch(records_limit, texel, 0).r;
+    Ellipse here = Ellipse(own.axis, view_radius(own.along * limit, d), view_radius(own.across * limit, d));
+    trust = min(1.0, a * own.across * limit / here.across);
+    return here;
 }

@@ -2,14 +2,33 @@
 uniform sampler2D records_position;
 uniform sampler2D records_normal;
 uniform sampler2D records_irradiance;  // rgb E, a R_k
-uniform sampler2D records_m_r;         // irradiance vectors of red, green and blue
+uniform sampler2D records_m_r;         // irradiance vectors of red, green and blue; w: x, y and z of the bend's axis
 uniform sampler2D records_m_g;
 uniform sampler2D records_m_b;
-uniform sampler2D records_g_r;         // translation gradients likewise
+uniform sampler2D records_g_r;         // translation gradients likewise; w: the bend along its axis, and across it
 uniform sampler2D records_g_g;
 uniform sampler2D records_g_b;
-uniform sampler2D records_limit;       // what R_k may be at most, so that a record does not contradict others
+uniform sampler2D records_limit;       // share of its radii at most, so that a record does not contradict others
 uniform int record_columns;
+uniform bool hessian;                  // radii by second derivatives, else by the harmonic mean distance
+
+const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
+
+// Second derivatives of a record's light in its tangent plane, as shares of the light itself: luminance decides.
+struct Bend
+{
+    vec3 axis;     // unit, along which it bends least; 0 where it is not known
+    float along;   // 1/m²
+    float across;
+};
+
+// Where a record's error comes to the same size: an ellipse in its tangent plane.
+struct Ellipse
+{
+    vec3 axis;     // unit, along which it reaches farthest
+    float along;   // metres
+    float across;
+};
 
 ivec2 record_texel(int i)
 {
@@ -21,10 +40,25 @@ mat3 record_gradient(ivec2 texel)
     return mat3(texelFetch(records_g_r, texel, 0).xyz, texelFetch(records_g_g, texel, 0).xyz, texelFetch(records_g_b, texel, 0).xyz);
 }
 
-// R_k where light changes fast, in metres: R <= E/|∇E| on luminance (Krivanek et al. 2006).
-float gradient_limit(float R, vec3 irradiance, mat3 gradient)
+Bend record_bend(ivec2 texel)
 {
-    const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
-    float slope = length(gradient * LUMINANCE), E = dot(irradiance, LUMINANCE);
-    return slope * R > E ? E / slope : R;
+    vec3 axis = vec3(texelFetch(records_m_r, texel, 0).w, texelFetch(records_m_g, texel, 0).w, texelFetch(records_m_b, texel, 0).w);
+    return Bend(axis, texelFetch(records_g_r, texel, 0).w, texelFetch(records_g_g, texel, 0).w);
+}
+
+// How far the record at `texel` speaks for others as far as itself can tell, in R: a·R is where what it leaves out, ½·|bend|·d²,
+// comes to a² of its light (after Schwarzhaupt, Jensen and Jarosz 2012); or R_k, where light changes fast E/|∇E| (Krivanek 2006).
+Ellipse record_ellipse(ivec2 texel)
+{
+    vec4 record = texelFetch(records_irradiance, texel, 0);
+    vec3 n = texelFetch(records_normal, texel, 0).xyz;
+    vec3 aside = normalize(abs(n.y) < 0.9 ? vec3(n.z, 0.0, -n.x) : vec3(0.0, -n.z, n.y));
+    float R = record.a;
+#if GRADIENTS
+    Bend bend = record_bend(texel);
+    if (hessian && bend.axis != vec3(0.0)) return Ellipse(bend.axis, sqrt(2.0 / abs(bend.along)), sqrt(2.0 / abs(bend.across)));
+    float slope = length(record_gradient(texel) * LUMINANCE), E = dot(record.rgb, LUMINANCE);
+    R = slope * R > E ? E / slope : R;
+#endif
+    return Ellipse(aside, R, R);
 }
