@@ -29,9 +29,9 @@ _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], "f4")  # Rec. 709
 class Table:
     """The records on the CPU, float32: position, normal, irradiance E in W/m² (N, 3), radius R_k in metres (N,).
 
-    gradient: (N, 3, 3) ∇E of red, green and blue in W/m³. axis: (N, 3) unit, along which the light bends least, 0 where that is not
-    known. bend: (N, 2) second derivatives along it and across it over the light itself, 1/m². limit: (N,) the share of its radii
-    that a record may reach at most.
+    gradient: (N, 3, 3) ∇E of red, green and blue in W/m³. axis: (N, 3) unit, along which the light bends least, 0 where that is
+    not known. bend: (N, 2) second derivatives along it and across it over the light itself, 1/m². limit: (N,) the share of its
+    radii that a record may reach at most.
     """
 
     position: np.ndarray
@@ -51,8 +51,8 @@ class Table:
         return np.linalg.norm(np.einsum("ncx,c->nx", self.gradient, _LUMINANCE), axis=1)
 
     def reach(self, camera: Camera, settings: Settings) -> np.ndarray:
-        """(N, 2) the radii a·R in metres along `axis` and across it, with every limit that this view and the settings put on them,
-        as splat.vert has them."""
+        """(N, 2) the radii a·R in metres along `axis` and across it, with all limits of this view and the settings, as splat.vert
+        has them."""
         R = self.radius
         if settings.gradients:  # R <= E/|∇E|
             slope, E = self.slope(), self.irradiance @ _LUMINANCE

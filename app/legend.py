@@ -29,7 +29,7 @@ class Showing:
 
 _HOW = {"indirect": "indirect", "irradiance": "irradiance", "weight": "weight", "normal": "range"}
 _OTHERS = (
-    Showing("asking", "asking", "", "where the examination asks for records: Σw is below the tolerance", "asking"),
+    Showing("asking", "asking", "", "where the examination asks for records", "asking"),
     Showing("shadow", "shadow maps", "m", "every light's shadow maps: distance from the light along each one's axis", "shadow"),
     Showing("atlas", "gather atlas", "W/(m² sr)", "what the records of the last batch saw, a hemisphere each", "atlas"),
     Showing("reference", "reference", "W/m²", "the path-traced truth of irradiance", "reference"),
@@ -96,7 +96,8 @@ def legend(
         text = f"logarithmic; the line is the tolerance {threshold:.3g}, black on the side that asks for records"
         return Legend(f"{low:.3g}", f"{high:.3g}", "", scale, text, mark)
     if showing.how == "asking":
-        return Legend("", "", "", None, f"orange: pixels with Σw below {settings.threshold:.3g}")
+        doubted = f", or whose records differ by {100.0 * settings.spread:.3g} %" if settings.spread else ""
+        return Legend("", "", "", None, f"orange: pixels with Σw below {settings.threshold:.3g}{doubted}")
     if name == "normal":
         return Legend("-1", "1", "", None, "x y z as red, green, blue")
     if name == "position":

@@ -204,8 +204,9 @@ def _arguments(
     if how == "weight":
         low, high = weight_range(settings)
         return {"values": view.splats.weight, "low": low, "high": high, "threshold": settings.threshold}
-    threshold = settings.threshold if name == "asking" else -1.0  # which no weight is below
-    return {"values": view.splats.weight, "image": view.image, "gain": gain, "threshold": threshold}
+    tolerance = settings.threshold if name == "asking" else -1.0  # which no weight is below
+    asking = {"sums": view.splats.sums, "tolerance": tolerance, "spread": settings.spread}
+    return {"values": view.splats.weight, "image": view.image, "gain": gain, **asking}
 
 
 def _grid(count: int, cell: tuple[float, float], size: tuple[int, int]) -> tuple[int, float, float, float]:

@@ -105,7 +105,8 @@ class ShadowMaps:
 
 @dataclass(frozen=True)
 class SplatBuffer:
-    """The sums that splatting leaves: `sums` RGBA32F (Σ k·E, Σ k) and `weight` R32F (Σ of raw w, or NOTHING_SEEN)."""
+    """The sums that splatting leaves: `sums` RGBA32F (Σ k·E, Σ k) and `weight` RG32F (Σ of raw w, or NOTHING_SEEN; Σ k·Y² of
+    the luminances Y of the E, which tells how far the records contradict each other)."""
 
     sums: Any
     weight: Any

@@ -219,12 +219,12 @@ class Placement(Holder):
     def missing(self, gbuffer: GBuffer, splats: SplatBuffer) -> float:
         """The share of the seen pixels that ask for a record now; nothing is gathered."""
         with self.timers("examine"):
-            return self.examine_pass(gbuffer, splats, self.settings.threshold, self.settings.seed).missing
+            return self.examine_pass(gbuffer, splats, self.settings).missing
 
     def _examine(self, gbuffer: GBuffer, splats: SplatBuffer) -> tuple[Sites, float]:
         settings = self.settings
         with self.timers("examine"):
-            found = self.examine_pass(gbuffer, splats, settings.threshold, settings.seed)
+            found = self.examine_pass(gbuffer, splats, settings)
             reach = (settings.radius_max or _REACH) / 100.0 * self.size[1] / self.examine_pass.side  # tiles
             asking = int(np.count_nonzero(found.asking))
             tiles = choose(found.asking, *spacing(self._pattern, reach, asking), settings.seed)

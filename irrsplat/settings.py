@@ -131,7 +131,7 @@ class Settings:
         "hessian", "choice", "splat", "what R is: the harmonic mean distance to what a record sees, the same all around; or two "
         "radii, along and across, by the second derivatives of its light", choices=("harmonic", "hessian"),
     )  # fmt: skip
-    a: float = _declare(0.5, "float", "splat", "a record reaches a·R: smaller is more records and less error", low=0.01, high=2)
+    a: float = _declare(0.6, "float", "splat", "a record reaches a·R: smaller is more records and less error", low=0.01, high=2)
     kernel: str = _declare(
         "smooth", "choice", "splat", "weight of a record: the paper's, cut off at 1/a, or one that falls to zero there",
         choices=("smooth", "cut"),
@@ -140,11 +140,14 @@ class Settings:
         True, "bool", "splat", "a record in front of a pixel's surface, or behind it, does not speak for it"
     )
     adapt: float = _declare(
-        0.3, "float", "splat", "how far records may contradict each other, of their light, before they reach less far; 0: off",
+        0.35, "float", "splat", "how far records may contradict each other, of their light, before they reach less far; 0: off",
         low=0, high=10,
     )  # fmt: skip
     neighbours: bool = _declare(
-        False, "bool", "splat", "radii of neighbours differ by no more than their distance: what is near to one is near to the other"
+        False,
+        "bool",
+        "splat",
+        "radii of neighbours differ by no more than their distance: what is near to one is near to the other",
     )
     radius_min: float = _declare(
         0.5, "float", "splat", "least radius a·R of a splat on screen, in percent of the image height", low=0, high=50, unit="%"
@@ -156,6 +159,10 @@ class Settings:
     tolerance: float | Auto = _declare(  # "auto" is resolved by `threshold`
         "auto", "float", "examine", "a pixel asks for a record where Σw is below this; auto is 1/a", low=0, high=1e6, auto=True
     )
+    spread: float = _declare(
+        0.3, "float", "examine", "a pixel also asks where its records contradict each other by more than this, standard deviation "
+        "over mean of what they say; 0: off", low=0, high=10,
+    )  # fmt: skip
     placement: str = _declare(
         "tiles", "choice", "examine", "who asks for records: tiles, coarse to fine, or the paper's random warm-up and scan order",
         choices=("tiles", "scan"),
@@ -224,6 +231,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "radius": "harmonic",
         "a": 0.1,
         "adapt": 0.0,
+        "spread": 0.0,
         "radius_min": 0.0,
         "radius_max": 0.0,
     },

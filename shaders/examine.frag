@@ -1,16 +1,18 @@
 // Where records are missing: of each tile of the screen, the pixel that is served worst (Jones 2010, section 2.3).
+#include "lib/asking.glsl"
+
 uniform sampler2D position;  // g-buffer
 uniform sampler2D normal;
 uniform sampler2D albedo;
 uniform sampler2D emission;
-uniform sampler2D weight;    // Σ of raw w, NOTHING_SEEN where nothing is seen
+uniform sampler2D sums;      // Σ k·E, Σ k
+uniform sampler2D weight;    // Σ of raw w, NOTHING_SEEN where nothing is seen; Σ k·Y²
 uniform int stride;          // coprime to side²: the order in which a tile's pixels are looked at
-uniform float tolerance;     // Σw below which a pixel asks for a record
 uniform int seed;
 
 layout(location = 0) out vec4 out_position;  // of the worst pixel; w: how many pixels of the tile ask
 layout(location = 1) out vec4 out_normal;    // its shading normal, geometric normal octahedral .x
-layout(location = 2) out vec4 out_rest;      // geometric normal octahedral .y, its Σw, pixels of the tile that see anything, triangle
+layout(location = 2) out vec4 out_rest;      // geometric normal octahedral .y, its Σw as it counts, pixels of the tile that see anything, triangle
 
 // A random number from a tile (Jarzynski and Olano 2020, "Hash Functions for GPU Rendering": pcg).
 uint random(uvec2 tile)
@@ -33,7 +35,8 @@ void main()
         i += stride;
         i = i >= count ? i - count : i;
         ivec2 pixel = corner + ivec2(i % side, i / side);
-        float w = all(lessThan(pixel, size)) ? texelFetch(weight, pixel, 0).r : NOTHING_SEEN;
+        bool there = all(lessThan(pixel, size));
+        float w = there ? counted_weight(texelFetch(weight, pixel, 0).rg, texelFetch(sums, pixel, 0)) : NOTHING_SEEN;
         seen += w < NOTHING_SEEN ? 1.0 : 0.0;
         asking += w < tolerance ? 1.0 : 0.0;
         worst = w < least ? i : worst;

@@ -122,14 +122,16 @@ vec3 picture(ivec2 pixel, float depth)
 #endif
 
 #if ASKING
+#include "lib/asking.glsl"
+
 uniform sampler2D image;
+uniform sampler2D sums;
 uniform float gain;
-uniform float threshold;
 
 // over the picture, which is dim and grey
 vec3 picture(ivec2 pixel, float depth)
 {
-    if (texelFetch(values, pixel, 0).r < threshold) return vec3(1.0, 0.45, 0.05);
+    if (counted_weight(texelFetch(values, pixel, 0).rg, texelFetch(sums, pixel, 0)) < tolerance) return vec3(1.0, 0.45, 0.05);
     return vec3(0.45 * dot(display(texelFetch(image, pixel, 0).rgb * gain), vec3(0.2126, 0.7152, 0.0722)));
 }
 #endif

@@ -1,4 +1,6 @@
 // First step of the reduction: the sums over one block of a record's cell.
+#include "lib/constants.glsl"
+
 uniform sampler2D radiance;  // the atlas: rgb radiance, a distance (0: nothing hit)
 uniform sampler2D planes;    // of what is seen there: dot(xyz, w) is 1/distance in the unit direction w (0: nothing hit)
 uniform sampler2D table;     // one cell: direction in the record's frame, cosθ·dω
@@ -27,8 +29,6 @@ vec4 seen(ivec2 corner, ivec2 texel)
     vec4 s = texelFetch(radiance, corner + texel, 0);
     return s.a > 0.0 ? vec4(s.rgb, 1.0 / s.a) : vec4(sky, 0.0);
 }
-
-const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
 
 void main()
 {

@@ -1,4 +1,6 @@
 // Last step of the reduction: a record's blocks become its irradiance, its harmonic mean distance and its gradients.
+#include "lib/constants.glsl"
+
 uniform sampler2D sums;
 uniform sampler2D share;
 #if GRADIENTS
@@ -23,8 +25,6 @@ layout(location = 3) out vec4 out_m_b;
 layout(location = 4) out vec4 out_g_r;
 layout(location = 5) out vec4 out_g_g;
 layout(location = 6) out vec4 out_g_b;
-
-const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
 
 void main()
 {

@@ -19,7 +19,7 @@ flat in vec3 v_irradiance;
 #endif
 
 layout(location = 0) out vec4 out_sums;     // k·E, k
-layout(location = 1) out float out_weight;  // w
+layout(location = 1) out vec2 out_weight;   // w, and k·Y², Y being the luminance of E
 
 void main()
 {
@@ -38,5 +38,6 @@ void main()
     vec3 E = v_irradiance;
 #endif
     out_sums = k * vec4(E, 1.0);
-    out_weight = w;
+    float Y = dot(E, LUMINANCE);
+    out_weight = vec2(w, k * Y * Y);
 }

@@ -2,10 +2,10 @@
 uniform sampler2D position;  // g-buffer
 
 layout(location = 0) out vec4 out_sums;
-layout(location = 1) out float out_weight;
+layout(location = 1) out vec2 out_weight;
 
 void main()
 {
     out_sums = vec4(0.0);
-    out_weight = texelFetch(position, ivec2(gl_FragCoord.xy), 0).w > 0.0 ? 0.0 : NOTHING_SEEN;
+    out_weight = vec2(texelFetch(position, ivec2(gl_FragCoord.xy), 0).w > 0.0 ? 0.0 : NOTHING_SEEN, 0.0);
 }

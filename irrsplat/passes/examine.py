@@ -1,4 +1,5 @@
-"""The examination: finds pixels that no record speaks for, and chooses where to make records (Jones 2010, section 2.3).
+"""The examination: finds pixels that no record speaks for, or that records do not agree about, and chooses where to make records
+(Jones 2010, section 2.3).
 
 The screen is cut into tiles of a hundredth of its height, whose worst served pixels come back as one small table; from
 that, sites are chosen coarse to fine, so that those of one round lie apart.
@@ -16,6 +17,7 @@ from irrsplat.buffers import NOTHING_SEEN, GBuffer, Sites, SplatBuffer
 from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.target import Target
+from irrsplat.settings import Settings
 
 _TILES = 100  # along the image's height
 _FEW = 256  # tiles; so few are asked for in one round
@@ -44,7 +46,7 @@ class Examination:
 
 
 class ExaminePass(Holder):
-    """Looks for pixels with too little weight in a view of `size` (width, height)."""
+    """Looks for pixels that ask for a record in a view of `size` (width, height)."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.side = max(2, size[1] // _TILES)  # pixels
@@ -52,8 +54,8 @@ class ExaminePass(Holder):
         self.program = Program(ctx, "examine", "lib/fullscreen", {"NOTHING_SEEN": NOTHING_SEEN, "SIDE": self.side})
         self.target = Target(ctx, (-(-size[0] // self.side), -(-size[1] // self.side)), (4, 4, 4))
 
-    def __call__(self, gbuffer: GBuffer, splats: SplatBuffer, tolerance: float, seed: int) -> Examination:
-        """Every tile's count of pixels whose Σw is below `tolerance`, and the worst of them."""
+    def __call__(self, gbuffer: GBuffer, splats: SplatBuffer, settings: Settings) -> Examination:
+        """Every tile's count of pixels that ask, by `tolerance` and `spread`, and the worst served of them."""
         self.program(
             self.target,
             position=gbuffer.position,
@@ -61,9 +63,11 @@ class ExaminePass(Holder):
             albedo=gbuffer.albedo,
             emission=gbuffer.emission,
             weight=splats.weight,
+            sums=splats.sums,
+            spread=settings.spread,
             stride=self.stride,
-            tolerance=tolerance,
-            seed=seed,
+            tolerance=settings.threshold,
+            seed=settings.seed,
         )
         position, normal, rest = (self.target.read(i) for i in range(3))
         geometric = octahedral_decode(normal[..., 3], rest[..., 0])

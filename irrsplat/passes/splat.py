@@ -42,7 +42,7 @@ class SplatPass(Holder):
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], gradients: bool) -> None:
         self.program = Program(ctx, "splat", defines=weight_defines(gradients))
         self.empty = Program(ctx, "splat_clear", "lib/fullscreen", {"NOTHING_SEEN": NOTHING_SEEN})
-        self.target = Target(ctx, size, (4, 1))
+        self.target = Target(ctx, size, (4, 2))
 
     def clear(self, gbuffer: GBuffer) -> None:
         """Start again from no records; the weight is NOTHING_SEEN where the g-buffer sees nothing."""

@@ -1,4 +1,6 @@
 // A record as the cache keeps it, found by its number.
+#include "lib/constants.glsl"
+
 uniform sampler2D records_position;
 uniform sampler2D records_normal;
 uniform sampler2D records_irradiance;  // rgb E, a R_k
@@ -11,8 +13,6 @@ uniform sampler2D records_g_b;
 uniform sampler2D records_limit;       // share of its radii at most, so that a record does not contradict others
 uniform int record_columns;
 uniform bool hessian;                  // radii by second derivatives, else by the harmonic mean distance
-
-const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
 
 // Second derivatives of a record's light in its tangent plane, as shares of the light itself: luminance decides.
 struct Bend

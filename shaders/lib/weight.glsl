@@ -1,4 +1,6 @@
 // The weight of a record for a point, kept finite by a least error.
+#include "lib/constants.glsl"
+
 uniform float a;
 
 // LEAST_ERROR and IN_FRONT (of R_k: how far in front of a pixel's surface, or behind it, a record may lie) are settings.py's.
