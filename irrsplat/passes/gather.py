@@ -73,7 +73,8 @@ class GatherPass(Holder):
             **shadows.uniforms,
         )
         block = (self.side // 4, self.side // 4)
-        return Atlas(*self.target.textures, self.table, self.edges, self.frames, count, self.columns, self.cell, block)
+        radiance, planes = self.target.textures
+        return Atlas(radiance, planes, self.table, self.edges, self.frames, count, self.columns, self.cell, block)
 
     def _instances(self, frame: np.ndarray, eye: np.ndarray) -> np.ndarray:
         """(N·F, 28): face_x, face_y, face_w with their translation, face_cell, face_eye, face_right, face_up and face_ahead."""

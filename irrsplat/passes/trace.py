@@ -120,4 +120,5 @@ class TracePass(Holder):
                     **shadows.uniforms,
                 )
         block = (self.side // 4, self.side // 4)
-        return Atlas(*self.target.textures, self.table, self.edges, self.frames, count, self.columns, self.cell, block)
+        radiance, planes = self.target.textures
+        return Atlas(radiance, planes, self.table, self.edges, self.frames, count, self.columns, self.cell, block)
