@@ -50,12 +50,22 @@ def scaled(name: str, given: dict[str, Any], factor: float) -> dict[str, Any]:
     for key, value in found.items():
         low, high = SETTINGS[key].low, SETTINGS[key].high
         assert low is not None and high is not None
-        found[key] = min(max(value, low if key in AGAINST_A else 0.0), high)
+        found[key] = min(max(value, low), high)
     return found | given
 
 
 def run(scene: Scene, camera: Camera, args: Namespace, heading: str) -> None:
     """Measure the curve of the preset and, beside any other, that of `paper`; print both, and plot them where `-o` says so."""
+    curves = measured(scene, camera, args)
+    print(heading)
+    for name, found in curves.items():
+        print("\n".join(["", *columns(rows(name, found), left=1), f"  {steepness(found)}"]))
+    if args.output is not None:
+        output.write_picture(args.output, plot(curves, heading))
+
+
+def measured(scene: Scene, camera: Camera, args: Namespace) -> dict[str, list[Measured]]:
+    """The points of each preset's curve by its name."""
     names = list(dict.fromkeys((args.preset, "paper")))
     plan = [(name, values) for name in names for values in points(name, args.values)]
     curves: dict[str, list[Measured]] = {name: [] for name in names}
@@ -68,35 +78,29 @@ def run(scene: Scene, camera: Camera, args: Namespace, heading: str) -> None:
                 tell((k + share) / len(plan), f"{k + 1} of {len(plan)}: {words}")
 
             curves[name].append(measure(name, values, show))
-    print(heading)
-    for name, found in curves.items():
-        print("\n".join(table(name, found)))
-    if args.output is not None:
-        output.write_picture(args.output, plot(curves, heading))
+    return curves
 
 
-def table(name: str, found: Sequence[Measured]) -> list[str]:
-    """The lines of one curve: a row per point, and its slope."""
-    rows = [(f"preset {name}", "a", "gather", "records", "RMSE", "slope", "bias", "off by > 30 %", "seconds")]
+def rows(name: str, found: Sequence[Measured]) -> list[tuple[str, ...]]:
+    """The cells of one curve's table, its head first, then a row per point."""
+    made: list[tuple[str, ...]] = [
+        (f"preset {name}", "a", "gather", "records", "RMSE", "slope", "bias", "off by > 30 %", "seconds")
+    ]
     for before, point in zip((None, *found), found, strict=False):
         settings = preset(name, **point.values)
         step = None if before is None else slope((before, point))
-        rows.append(
-            (
-                "",
-                f"{settings.a:.3g}",
-                f"{settings.gather_size}",
-                f"{point.records:,}",
-                percent(point.rmse),
-                "" if step is None else f"{step:.2f}",
-                percent(point.bias, "+"),
-                percent(point.outliers),
-                f"{point.seconds:.1f}",
-            )
-        )
+        errors = percent(point.rmse), "" if step is None else f"{step:.2f}", percent(point.bias, "+"), percent(point.outliers)
+        sizes = f"{settings.a:.3g}", f"{settings.gather_size}", f"{point.records:,}"
+        made.append(("", *sizes, *errors, f"{point.seconds:.1f}"))
+    return made
+
+
+def steepness(found: Sequence[Measured]) -> str:
+    """A curve's slope in a sentence."""
     whole = slope(found)
-    words = "" if whole is None else f"the error goes with the records to the power of {whole:.2f} (least squares of logarithms)"
-    return ["", *columns(rows, left=1), *([f"  {words}"] if words else [])]
+    if whole is None:
+        return "no slope: there is no light, or all points have as many records"
+    return f"the error goes with the records to the power of {whole:.2f} (least squares of logarithms)"
 
 
 def slope(found: Sequence[Measured]) -> float | None:
@@ -127,7 +131,7 @@ def plot(curves: dict[str, list[Measured]], heading: str) -> np.ndarray:
 
     lines = []
     for (name, found), colour in zip(curves.items(), _COLOURS, strict=False):
-        at, steepness = np.exp(logarithms(found)), slope(found)
-        words = f"preset {name}" + ("" if steepness is None else f", slope {steepness:.2f}".replace("-", "−"))
+        at, whole = np.exp(logarithms(found)), slope(found)
+        words = f"preset {name}" + ("" if whole is None else f", slope {whole:.2f}".replace("-", "−"))
         lines.append(Line(words, at[:, 0], 100.0 * at[:, 1], colour))
     return loglog(lines, heading, "records", "relative RMSE of irradiance, %")

@@ -22,7 +22,7 @@ TECHNIQUES: tuple[tuple[str, dict[str, Any]], ...] = (
     ("weights cut off at 1/a", {"kernel": "cut"}),
     ("records in front speak as well", {"in_front": False}),
     ("one plane of 150°, not the hemisphere", {"gather": "plane"}),
-    ("half the gather's resolution", {"gather_size": 32}),
+    ("a gather of 32²", {"gather_size": 32}),
     ("the paper's placement", {"placement": "scan"}),
     ("the picture smoothed", {"smooth": True}),
 )
@@ -40,9 +40,12 @@ def run(scene: Scene, camera: Camera, args: Namespace, heading: str) -> None:
     print("\n".join(columns(rows(*measured(scene, camera, args)), left=1)))
 
 
-def measured(scene: Scene, camera: Camera, args: Namespace) -> tuple[list[tuple[str, Measured]], list[Measured]]:
-    """The renderings that the table's rows are of, by name, and the curve of the method as a whole."""
-    steps = len(TECHNIQUES) + len(BESIDE) + 2
+def measured(
+    scene: Scene, camera: Camera, args: Namespace, chosen: Sequence[tuple[str, dict[str, Any]]] = TECHNIQUES
+) -> tuple[list[tuple[str, Measured]], list[Measured]]:
+    """The renderings that the table's rows are of, by name, those of the `chosen` techniques between the first and the last;
+    and the curve of the method as a whole."""
+    steps = len(chosen) + len(BESIDE) + 2
     done: list[Measured] = []
     with progress() as told:
         tell = told or silent
@@ -55,7 +58,7 @@ def measured(scene: Scene, camera: Camera, args: Namespace) -> tuple[list[tuple[
         whole = render(args.preset, args.values)
         curve = [whole, *(render(args.preset, scaled(args.preset, args.values, factor)) for factor in BESIDE)]
         found = [("everything on", whole)]
-        found += [(name, render(args.preset, args.values | values)) for name, values in TECHNIQUES]
+        found += [(name, render(args.preset, args.values | values)) for name, values in chosen]
         if args.preset != "paper":
             found.append(("preset paper, as many records", paper(render, whole.records, args.values)))
     return found, curve

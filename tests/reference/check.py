@@ -9,7 +9,7 @@ import numpy as np
 from irrsplat.reference.tracer import Tracer, choose_variant, image, look, mi
 from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
 
-SPP = 1024  # of Mitsuba's path, four times over
+SPP = 4096  # of Mitsuba's path, four times over
 STRATA = 16  # each pixel is seen through STRATA² points
 SIDE = 32  # pixels of the images that are compared
 CAMERA = Camera(eye=(0.0, 0.0, 3.4), target=(0.0, 0.0, 0.0), fov=40.0)
