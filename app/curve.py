@@ -132,6 +132,6 @@ def plot(curves: dict[str, list[Measured]], heading: str) -> np.ndarray:
     lines = []
     for (name, found), colour in zip(curves.items(), _COLOURS, strict=False):
         at, whole = np.exp(logarithms(found)), slope(found)
-        words = f"preset {name}" + ("" if whole is None else f", slope {whole:.2f}".replace("-", "−"))
+        words = f"preset {name}" + ("" if whole is None else f", slope {whole:.2f}")
         lines.append(Line(words, at[:, 0], 100.0 * at[:, 1], colour))
     return loglog(lines, heading, "records", "relative RMSE of irradiance, %")

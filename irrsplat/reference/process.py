@@ -78,7 +78,7 @@ def _answer(stream: Any, progress: Callable[[float], object] | None) -> tuple[st
     messages: queue.SimpleQueue[tuple[str | None, Any]] = queue.SimpleQueue()
 
     def read() -> None:
-        with suppress(EOFError, pickle.UnpicklingError):
+        with suppress(EOFError, pickle.UnpicklingError, ValueError):  # ValueError: who waited has closed the stream
             kind = "progress"
             while kind == "progress":
                 kind, value = pickle.load(stream)
