@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from irrsplat.app.parser import version
+from irrsplat.app.terminal import columns
 from irrsplat.scene.model import Camera, Scene
 
 DEFAULT_SCENES = ("cornell-paper",)
@@ -140,7 +141,7 @@ def _flown(scene: Scene, size: tuple[int, int], clock: str) -> list[Run]:
             runs.append(Run(scene.name, "default", list(size), case, 1e-3 * ms, flown.records, None, flown.stages, clock))
         _say(f"{scene.name}: filling the cache, then the second flight")
     _say("")
-    print("\n".join(_table(rows, left=1)))
+    print("\n".join(columns(rows, left=1)))
     return runs
 
 
@@ -234,7 +235,7 @@ def _cases(runs: Sequence[Run], pictures: Sequence[float]) -> Iterator[str]:
     for r, picture in zip(runs, pictures, strict=True):
         rmse = "-" if r.rmse is None else f"{r.rmse:.1%}"
         rows.append((r.scene, r.preset, r.case, f"{r.seconds:.3f}", f"{picture:.3f}", str(r.records), rmse))
-    yield from _table(rows, left=3)
+    yield from columns(rows, left=3)
     seconds = {(r.preset, r.case): r.seconds for r in runs}
     yield f"from empty, default is {seconds['paper', 'empty'] / seconds['default', 'empty']:.1f} times faster than paper"
     for case, words in (("moved", f"turned by {TURN:g}°"), ("warm", "the same view")):
@@ -248,19 +249,11 @@ def _stages(scene: str, ours: dict[str, list[tuple[float, int | None]]], clock: 
     rows: list[tuple[str, ...]] = [("stage", "published", *PRESETS)]
     for i, (name, ms, records) in enumerate(ROWS):
         rows.append((name, _cell(ms, records), *(_cell(*ours[preset][i]) for preset in PRESETS)))
-    yield from _table(rows, left=1)
+    yield from columns(rows, left=1)
 
 
 def _cell(ms: float, records: int | None) -> str:
     return f"{ms:.2f}" + (f" ({records:4d})" if records is not None else " " * 7)
-
-
-def _table(rows: Sequence[Sequence[str]], left: int) -> Iterator[str]:
-    """Columns in line, the first `left` of them to the left."""
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    for row in rows:
-        cells = (c.ljust(w) if i < left else c.rjust(w) for i, (c, w) in enumerate(zip(row, widths, strict=True)))
-        yield "  ".join(cells).rstrip()
 
 
 def _machine(about: dict[str, Any]) -> dict[str, Any]:

@@ -245,7 +245,8 @@ class Desk:
 
     def trace(self) -> None:
         """Trace the truth of the view in the background, or stop that."""
-        self.say(self.session.truths.toggle(self.session.scene, self.session.camera, self.session.size), topic="truth")
+        on = self.session
+        self.say(on.truths.toggle(on.scene, on.camera, on.size, on.settings(self.side)[1].bounces), topic="truth")
 
     def darker(self) -> None:
         """Half a stop less."""

@@ -132,7 +132,7 @@ class Hud:
         preset = f"  preset {renderer.preset}" if session.look.split == "presets" else ""
         imgui.text(showing.title + preset)
         settings, look = renderer.settings, session.look
-        truth = session.truths.of(session.scene, view.camera, session.size)
+        truth = session.truths.of(session.scene, view.camera, session.size, settings.bounces)
         found = legend(
             name,
             settings=settings,

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from irrsplat.app.errormap import BRIGHT, DARK, FULL
 from irrsplat.app.truth import Truth
-from irrsplat.app.verify import BRIGHT, DARK, FULL
 from irrsplat.buffers import CHANNELS, ShadowMaps
 from irrsplat.display import viridis
 from irrsplat.scene.model import Camera, Scene

@@ -7,10 +7,10 @@ from typing import Any
 import moderngl
 import numpy as np
 
+from irrsplat.app.errormap import BRIGHT, DARK, GREY
 from irrsplat.app.legend import SHOWINGS, TRUTHS, depth_range, light_tiles, shadow_range, weight_range
 from irrsplat.app.screen import Programs, Region, clear, colours, scale, texel
 from irrsplat.app.truth import Lattice, Truth
-from irrsplat.app.verify import BRIGHT, DARK, GREY
 from irrsplat.buffers import FILMIC, NOTHING_SEEN, Atlas, ShadowMaps
 from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.target import Target

@@ -163,10 +163,13 @@ def _add_verify(commands: Any) -> None:
         "--truth", choices=("trace", "gather"), default="trace",
         help="trace: by Mitsuba; gather: the renderer's own fine gather at 1000 pixels, without the extra (default: trace)",
     )  # fmt: skip
+    series = parser.add_mutually_exclusive_group()
+    series.add_argument("--curve", action="store_true", help="error against the number of records, for several a, beside paper's")
+    series.add_argument("--techniques", action="store_true", help="error with each technique switched off, and as published")
     add("--preset", metavar="NAME", choices=tuple(PRESETS), default="default", help=f"{', '.join(PRESETS)} (default: default)")
     add(
         "-o", "--output", metavar="OUT",
-        help="truth, picture and error: side by side in a .png, or one file each in a folder (no ending)",
+        help="truth, picture and error: side by side in a .png, or one file each in a folder (no ending); with --curve, its plot",
     )  # fmt: skip
     _add_camera(parser)
     _add_settings(parser)

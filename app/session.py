@@ -181,7 +181,7 @@ class Session(Holder):
                 exposure=self.exposure,
                 shadows=renderer.shadows,
                 atlas=renderer.placement.atlas,
-                truth=self.truths.of(self.scene, view.camera, self.size),
+                truth=self.truths.of(self.scene, view.camera, self.size, settings.bounces),
                 region=region,
             )
             if SHOWINGS[name].how in ("shadow", "atlas"):

@@ -1,9 +1,9 @@
-"""What is said on stderr beside errors: notices, a line each, and a progress line where it is a terminal."""
+"""What a terminal is told: notices and a progress line on stderr, beside errors; and columns of a table."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -11,6 +11,14 @@ from typing import Any
 def say(line: str) -> None:
     """Print one line to stderr."""
     print(" ".join(line.split()), file=sys.stderr, flush=True)
+
+
+def columns(rows: Sequence[Sequence[str]], left: int) -> Iterator[str]:
+    """Lines of columns, the first `left` of them set to the left, the others to the right."""
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    for row in rows:
+        cells = (c.ljust(w) if i < left else c.rjust(w) for i, (c, w) in enumerate(zip(row, widths, strict=True)))
+        yield "  ".join(cells).rstrip()
 
 
 @contextmanager

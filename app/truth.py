@@ -10,10 +10,10 @@ from threading import Event, Thread
 import moderngl
 import numpy as np
 
-from irrsplat.app.verify import FULL
+from irrsplat.app.errormap import FULL
 from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.target import table_texture
-from irrsplat.reference.traced import Traced, traced
+from irrsplat.reference.traced import Traced, in_words, traced
 from irrsplat.scene.model import Camera, Scene
 
 SAMPLES = 512  # of each kind per pixel
@@ -65,23 +65,25 @@ class Lattice:
 class Truth:
     """The truth of one view on the GPU.
 
-    values: RGBA32F texture of a texel per square of the lattice, bottom row first: rgb indirect irradiance of one bounce in
-    W/m², a 1 where there is a surface, else 0. full: the error that is shown in full colour, W/m². about: how it was traced.
+    values: RGBA32F texture of a texel per square of the lattice, bottom row first: rgb indirect irradiance of so many `bounces`
+    in W/m², a 1 where there is a surface, else 0. full: the error shown in full colour, W/m². about: how it was traced.
     """
 
     scene: Scene
     camera: Camera
     size: tuple[int, int]
+    bounces: int | str
     lattice: Lattice
     values: moderngl.Texture
     full: float
     about: str
 
-    def is_of(self, scene: Scene, camera: Camera, size: tuple[int, int]) -> bool:
-        """Whether this is what `camera` sees of `scene` as it is lit now, in a picture of `size`; names do not count."""
+    def is_of(self, scene: Scene, camera: Camera, size: tuple[int, int], bounces: int | str) -> bool:
+        """Whether this is what `camera` sees of `scene` as it is lit now, by so many bounces, in a picture of `size`; names do
+        not count."""
         mine, other = ((c.eye, c.target, c.up, c.fov) for c in (self.camera, camera))
         lit = (self.scene.lights, self.scene.sky) == (scene.lights, scene.sky)
-        return self.scene.meshes is scene.meshes and lit and self.size == size and mine == other
+        return self.scene.meshes is scene.meshes and lit and (self.size, self.bounces) == (size, bounces) and mine == other
 
 
 class _Stopped(Exception):
@@ -91,9 +93,9 @@ class _Stopped(Exception):
 class _Work(Thread):
     """Traces one view. When it has ended, `found` or `error` is set, or neither where it was stopped."""
 
-    def __init__(self, scene: Scene, camera: Camera, size: tuple[int, int]) -> None:
+    def __init__(self, scene: Scene, camera: Camera, size: tuple[int, int], bounces: int | str) -> None:
         super().__init__(name="truth", daemon=True)
-        self.scene, self.camera, self.size = scene, camera, size
+        self.scene, self.camera, self.size, self.bounces = scene, camera, size, bounces
         self.lattice = Lattice.of(size)
         self.share = 0.0  # done
         self.notices: list[str] = []
@@ -105,7 +107,8 @@ class _Work(Thread):
         """Trace; the main thread raises what goes wrong."""
         try:
             camera = self.lattice.camera(self.camera, self.size)
-            self.found = traced(self.scene, camera, self.lattice.count, SAMPLES, self._progress, self.notices.append)
+            count, say = self.lattice.count, self.notices.append
+            self.found = traced(self.scene, camera, count, self.bounces, SAMPLES, self._progress, say)
         except _Stopped:
             pass
         except Exception as error:
@@ -131,18 +134,18 @@ class Truths(Holder):
         """How much of a truth is traced, 0..1; None while none is."""
         return None if self._work is None else self._work.share
 
-    def of(self, scene: Scene, camera: Camera, size: tuple[int, int]) -> Truth | None:
+    def of(self, scene: Scene, camera: Camera, size: tuple[int, int], bounces: int | str) -> Truth | None:
         """The truth of this view, if it is here."""
-        return next((truth for truth in self.kept if truth.is_of(scene, camera, size)), None)
+        return next((truth for truth in self.kept if truth.is_of(scene, camera, size, bounces)), None)
 
-    def toggle(self, scene: Scene, camera: Camera, size: tuple[int, int]) -> str:
+    def toggle(self, scene: Scene, camera: Camera, size: tuple[int, int], bounces: int | str) -> str:
         """Begin to trace this view, or stop what is being traced; a line that says which."""
         if self._work is not None:
             self.stop()
             return "tracing is stopped"
-        if self.of(scene, camera, size) is not None:
+        if self.of(scene, camera, size, bounces) is not None:
             return "the truth of this view is here already"
-        self._work = _Work(scene, camera, size)
+        self._work = _Work(scene, camera, size, bounces)
         self._threads = [thread for thread in self._threads if thread.is_alive()] + [self._work]
         self._work.start()
         return "tracing the truth of this view"
@@ -186,9 +189,10 @@ class Truths(Holder):
         mean = float(E[compared].mean()) if compared.any() else 0.0
         n = work.lattice.stride
         about = f"{SAMPLES} samples a pixel" if n == 1 else f"{SAMPLES} samples in the middle of every {n} x {n} pixels"
+        about = f"{in_words(work.bounces)}, {about}"
         if found.valid.any() and found.noise is not None:
             about += f", noise {100.0 * found.noise:.2g} %"
-        return Truth(work.scene, work.camera, work.size, work.lattice, values, FULL * (mean or 1.0), about)
+        return Truth(work.scene, work.camera, work.size, work.bounces, work.lattice, values, FULL * (mean or 1.0), about)
 
     def release(self) -> None:
         """Stop tracing, and free all that is kept."""

@@ -109,7 +109,7 @@ class Viewer(Controls, moderngl_window.WindowConfig):
         session, start = self.desk.session, time.perf_counter()
         look = session.look
         handles = [*session.views, *(thing for r in session.active for thing in (r.shadows, r.placement.atlas))]
-        handles.append(session.truths.of(session.scene, session.camera, session.size))
+        handles += [session.truths.of(session.scene, session.camera, session.size, r.settings.bounces) for r in session.active]
         about = [(r.settings, r.cache.count, r.cache.edits) for r in session.active]
         state = about, asdict(look), session.exposure, session.held, look.inspect and cursor, self.canvas
         same = len(handles) == len(self._shown) and all(a is b for a, b in zip(handles, self._shown, strict=True))

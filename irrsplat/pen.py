@@ -75,7 +75,7 @@ class Pen:
 
     def label(self, words: str, at: np.ndarray, direction: Point, colour: Colour) -> None:
         """Words beside the point `at`, off in a direction (x, y), kept inside the image."""
-        width, height = _width(words, self.font), self.font * 1.2
+        width, height = width_of(words, self.font), self.font * 1.2
         off = np.asarray(direction, float)
         off = off / max(float(np.linalg.norm(off)), 1e-9)
         middle = at + off * (5.0 * self.unit + np.array([width, height]) / 2.0)
@@ -96,7 +96,7 @@ def legend_height(font: float, lines: Sequence[object]) -> int:
 
 def write_legend(image: Image.Image, top: int, font: float, lines: Sequence[tuple[Colour, str]]) -> None:
     """Lines of text from `top` on, a patch of its colour before each; smaller where they would be too long."""
-    widest = max(_width(words, font) for _, words in lines)
+    widest = max(width_of(words, font) for _, words in lines)
     small = font * min(1.0, (image.width - 2.8 * font) / widest)
     pen = Pen(image, small)
     pen.draw.rectangle([0, top, image.width, image.height], (255, 255, 255))
@@ -111,7 +111,8 @@ def _font(size: float) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
     return ImageFont.load_default(max(size, 4.0))
 
 
-def _width(words: str, size: float) -> float:
+def width_of(words: str, size: float) -> float:
+    """The pixels that words take, set in that size."""
     canvas = ImageDraw.Draw(Image.new("RGB", (1, 1)))
     return _set(canvas, 0.0, 0.0, words, size, (0, 0, 0), 0)
 

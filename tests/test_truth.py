@@ -53,19 +53,26 @@ def test_reference_belongs_to_the_scene(name: str) -> None:
 def test_reference_is_sound(name: str) -> None:
     """Its halves agree within 1 %, it is small, and what must hold in every scene does."""
     reference = load_reference(name)
-    assert reference.agreement <= 0.01
+    assert reference.agreement <= 0.01 and reference.agreement_all <= 0.01
     assert (FOLDER / f"{name}.npz").stat().st_size <= 150_000
     assert np.allclose(np.linalg.norm(reference.normal, axis=1), 1.0, atol=2e-3)
     assert ((reference.pixels >= 0) & (reference.pixels < SIZE)).all()
     assert (reference.irradiance >= 0.0).all()
+    # further bounces only add; noise may hide how much
+    off = reference.noise.astype(float) + reference.noise_all
+    assert (reference.irradiance_all >= reference.irradiance - 4.0 * np.maximum(off, off.mean())).all()
+    assert reference.irradiance_all.mean() > 1.05 * reference.irradiance.mean()
     assert (reference.edge[reference.direct.max(axis=1) > 0.0] > 3).any() or not reference.direct.any()
 
 
 def test_furnace_reference_is_analytic() -> None:
-    """In a closed box of surfaces that emit L_e = 1 every direction brings 1, so that E_1 = π."""
+    """In a closed box of surfaces that emit L_e = 1 every direction brings 1, so that E_1 = π; of all bounces, π·L_e/(1 - ρ)."""
     scene, reference = irrsplat.load("furnace"), load_reference("furnace")
     assert {m.material.emission for m in scene.meshes} == {(1.0, 1.0, 1.0)}
     assert np.allclose(reference.irradiance, np.pi, rtol=1e-4)
+    assert {m.material.albedo for m in scene.meshes} == {(0.5, 0.5, 0.5)}
+    assert np.allclose(reference.irradiance_all, 2.0 * np.pi, rtol=0.01)
+    assert abs(reference.irradiance_all.mean() / (2.0 * np.pi) - 1.0) < 1e-4
 
 
 def test_compare_measures_what_it_says() -> None:
@@ -73,6 +80,7 @@ def test_compare_measures_what_it_says() -> None:
     reference = load_reference("cornell")
     perfect = picture(reference, 1.0)
     assert all(value == 0.0 for value in compare(perfect, reference).values())
+    assert all(value == 0.0 for value in compare(picture(reference, 1.0, "all"), reference, "all").values())
     found = compare(picture(reference, 1.1), reference)
     E = reference.irradiance.astype(float)
     assert found["bias"] == pytest.approx(0.1, rel=1e-3)
@@ -96,23 +104,24 @@ def test_scene_hash_sees_every_part() -> None:
     assert scene_hash(replace(scene, name="other", path="elsewhere")) == scene_hash(scene)
 
 
-def picture(reference: Reference, factor: float) -> Any:
-    """An image that holds the truth times `factor`, as far as it is known."""
+def picture(reference: Reference, factor: float, bounces: int | str = 1) -> Any:
+    """An image that holds the truth of so many bounces times `factor`, as far as it is known."""
+    known = {"irradiance": reference.of(bounces)[0], "direct": reference.direct, "position": reference.position}
     channels = {}
     for name, scale in {"irradiance": factor, "direct": factor, "position": 1.0}.items():
         channels[name] = np.zeros((SIZE, SIZE, 3), np.float32)
-        channels[name][tuple(reference.pixels.T)] = np.float32(scale) * getattr(reference, name)
+        channels[name][tuple(reference.pixels.T)] = np.float32(scale) * known[name]
     return SimpleNamespace(**channels)
 
 
-def keep(name: str, frame: Any, reference: Reference) -> None:
+def keep(name: str, frame: Any, reference: Reference, bounces: int | str = 1) -> None:
     """Leave picture, truth and difference (red: too bright, blue: too dark, white: off by half the mean) in tests/failures.
 
     The truth is known at some pixels only: each is shown as a spot of 5×5.
     """
     FAILURES.mkdir(exist_ok=True)
     for what in ("irradiance", "direct"):
-        image, truth = getattr(frame, what), getattr(reference, what)
+        image, truth = getattr(frame, what), reference.of(bounces)[0] if what == "irradiance" else reference.direct
         white = max(float(np.percentile(truth, 98)), 1e-9)
         error = (image[tuple(reference.pixels.T)] - truth).mean(axis=1) / max(float(truth.mean()), 1e-9) * 2.0
         signed = np.stack([error, np.abs(error) - 1.0, -error], axis=1)

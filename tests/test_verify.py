@@ -16,15 +16,15 @@ import pytest
 from PIL import Image
 
 import irrsplat
-from irrsplat.app import cli, verify
+from irrsplat.app import cli, errormap, measure, verify
 from irrsplat.errors import InputError, IrrsplatError
 from irrsplat.reference import process
-from irrsplat.reference.traced import Traced, compare, folder, key_of, side_of, traced
+from irrsplat.reference.traced import MOST_BOUNCES, Traced, compare, folder, key_of, side_of, traced
 from irrsplat.scene.model import Camera, Light, Material, Scene
 from tests.truth import SIZE, load_reference
 from tests.truth import compare as compare_pixels
 
-VERIFY = ["verify", "plain.scene", "--size", "6", "4", "--samples", "8"]
+VERIFY = ["verify", "plain.scene", "--size", "6", "4", "--samples", "8", "--bounces", "1"]
 
 
 @pytest.fixture(autouse=True)
@@ -48,8 +48,10 @@ def tracer(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
     """Stands in for the path tracer: `calls` holds what it was asked, `make` makes what it answers."""
     it = SimpleNamespace(calls=[], make=plain)
 
-    def trace(scene: Scene, camera: Camera, size: tuple[int, int], side: int, progress: Any = None) -> dict[str, np.ndarray]:
-        it.calls.append((scene, camera, size, side))
+    def trace(
+        scene: Scene, camera: Camera, size: tuple[int, int], side: int, bounces: int, progress: Any = None
+    ) -> dict[str, np.ndarray]:
+        it.calls.append((scene, camera, size, side, bounces))
         if progress is not None:
             progress(1.0)
         return it.make(*size)
@@ -110,11 +112,11 @@ def test_the_colours_of_an_error() -> None:
     """0 is white, +20 % of the mean and more red, −10 % half way from white to blue; where nothing is seen it is grey."""
     truth = Traced(**plain(4, 1, E=1.0) | {"seen": np.array([[True, True, True, False]])})
     E = np.ones((1, 4, 3), np.float32) * np.array([1.0, 1.5, 0.9, 9.0], np.float32)[None, :, None]
-    white, red, pale, grey = verify.signed_error(E, truth)[0] * 255.0
+    white, red, pale, grey = errormap.signed_error(E, truth)[0] * 255.0
     assert np.allclose(white, 255.0, atol=0.01)
-    assert np.allclose(red, verify.BRIGHT, atol=0.01)
-    assert np.allclose(pale, (255.0 + np.array(verify.DARK)) / 2.0, atol=0.01)
-    assert np.allclose(grey, verify.GREY, atol=0.01)
+    assert np.allclose(red, errormap.BRIGHT, atol=0.01)
+    assert np.allclose(pale, (255.0 + np.array(errormap.DARK)) / 2.0, atol=0.01)
+    assert np.allclose(grey, errormap.GREY, atol=0.01)
 
 
 # ---- the cache folder ----------------------------------------------------------------------------------------------------
@@ -122,9 +124,9 @@ def test_the_colours_of_an_error() -> None:
 
 def test_a_view_is_traced_once(tracer: SimpleNamespace, cache: Path) -> None:
     scene = irrsplat.load("cornell")
-    first = traced(scene, scene.cameras[0], (6, 4), 8)
-    again = traced(irrsplat.load("cornell"), scene.cameras[0], (6, 4), 7)  # 7 samples are 2·2², as 8 are
-    assert [call[2:] for call in tracer.calls] == [((6, 4), 2)]
+    first = traced(scene, scene.cameras[0], (6, 4), 3, 8)
+    again = traced(irrsplat.load("cornell"), scene.cameras[0], (6, 4), 3, 7)  # 7 samples are 2·2², as 8 are
+    assert [call[2:] for call in tracer.calls] == [((6, 4), 2, 3)]
     for name, array in vars(first).items():
         assert np.array_equal(array, getattr(again, name)) and array.dtype == getattr(again, name).dtype
     assert len(list(cache.iterdir())) == 1  # and no part of a file
@@ -154,15 +156,18 @@ def test_the_key_sees_all_that_the_truth_depends_on() -> None:
         replace(scene, lights=(replace(spot, spot_inner=30.0),)),
         replace(scene, lights=(replace(spot, spot_exponent=2.0),)),
     ]
-    keys = {key_of(it, camera, (6, 4), 2) for it in scenes}
+    keys = {key_of(it, camera, (6, 4), 2, 1) for it in scenes}
     keys |= {
-        key_of(scene, replace(camera, fov=50.0), (6, 4), 2),
-        key_of(scene, camera, (4, 6), 2),
-        key_of(scene, camera, (6, 4), 3),
+        key_of(scene, replace(camera, fov=50.0), (6, 4), 2, 1),
+        key_of(scene, camera, (4, 6), 2, 1),
+        key_of(scene, camera, (6, 4), 3, 1),
+        key_of(scene, camera, (6, 4), 2, 2),
+        key_of(scene, camera, (6, 4), 2, "all"),
     }
-    assert len(keys) == len(scenes) + 3
+    assert len(keys) == len(scenes) + 5
+    assert key_of(scene, camera, (6, 4), 2, MOST_BOUNCES) == key_of(scene, camera, (6, 4), 2, "all")
     renamed = replace(scene, name="other", path="elsewhere", notices=("x",))
-    assert key_of(renamed, replace(camera, name="other"), (6, 4), 2) == key_of(scene, camera, (6, 4), 2)
+    assert key_of(renamed, replace(camera, name="other"), (6, 4), 2, 1) == key_of(scene, camera, (6, 4), 2, 1)
 
 
 def _flip_a_bit(data: bytes) -> bytes:
@@ -179,25 +184,25 @@ def _flip_a_bit(data: bytes) -> bytes:
 )
 def test_a_damaged_file_is_traced_again(tracer: SimpleNamespace, cache: Path, damage: Callable[[bytes], bytes]) -> None:
     scene, said = irrsplat.load("cornell"), []
-    traced(scene, scene.cameras[0], (40, 30), 8)
+    traced(scene, scene.cameras[0], (40, 30), 1, 8)
     (path,) = cache.iterdir()
     path.write_bytes(damage(path.read_bytes()))
-    traced(scene, scene.cameras[0], (40, 30), 8, notice=said.append)
+    traced(scene, scene.cameras[0], (40, 30), 1, 8, notice=said.append)
     assert len(tracer.calls) == 2
     assert said == [f"{path}: damaged; the truth is traced again"]
-    traced(scene, scene.cameras[0], (40, 30), 8, notice=said.append)  # it is whole again
+    traced(scene, scene.cameras[0], (40, 30), 1, 8, notice=said.append)  # it is whole again
     assert (len(tracer.calls), len(said)) == (2, 1)
 
 
 def test_a_file_with_other_arrays_is_damaged(tracer: SimpleNamespace, cache: Path) -> None:
     scene, said = irrsplat.load("cornell"), []
-    traced(scene, scene.cameras[0], (6, 4), 8)
+    traced(scene, scene.cameras[0], (6, 4), 1, 8)
     (path,) = cache.iterdir()
     bad = plain(6, 4)["halves"].copy()
     bad[0, 0, 0, 0] = np.nan
     for change in ({"valid": np.ones((9, 9), bool)}, {"halves": bad}, {"seen": np.ones((4, 6), np.float32)}):
         np.savez(path, **plain(6, 4) | change)
-        traced(scene, scene.cameras[0], (6, 4), 8, notice=said.append)
+        traced(scene, scene.cameras[0], (6, 4), 1, 8, notice=said.append)
     assert (len(tracer.calls), len(said)) == (4, 3)
 
 
@@ -210,11 +215,11 @@ def test_a_folder_that_takes_nothing_is_a_notice(tracer: SimpleNamespace, cache:
 
     with monkeypatch.context() as patch:
         patch.setattr(np, "savez_compressed", full)
-        traced(scene, scene.cameras[0], (6, 4), 8, notice=said.append)
+        traced(scene, scene.cameras[0], (6, 4), 1, 8, notice=said.append)
     assert list(cache.iterdir()) == []
     cache.rmdir()
     cache.write_text("a file where the folder should be")
-    traced(scene, scene.cameras[0], (6, 4), 8, notice=said.append)
+    traced(scene, scene.cameras[0], (6, 4), 1, 8, notice=said.append)
     assert len(tracer.calls) == 2
     assert "No space left on device" in said[0] and all(str(cache) in line for line in said)
 
@@ -231,7 +236,7 @@ def test_the_folder_is_the_users_unless_named(monkeypatch: pytest.MonkeyPatch, t
 def test_a_scene_without_surfaces_cannot_be_traced(tracer: SimpleNamespace) -> None:
     camera = Camera((0, 0, 1), (0, 0, 0))
     with pytest.raises(InputError, match="no surfaces"):
-        traced(Scene((), (), (camera,)), camera, (6, 4))
+        traced(Scene((), (), (camera,)), camera, (6, 4), 1)
     assert not tracer.calls
 
 
@@ -250,7 +255,7 @@ def child(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], list[Any]]:
         head = "import os, pickle, sys; job = pickle.load(sys.stdin.buffer)\ndef say(*it): pickle.dump(it, sys.stdout.buffer)\n"
         monkeypatch.setattr(process, "_MAIN", head + script)
         scene, shares = irrsplat.load("cornell"), []
-        answer = process.trace(scene, scene.cameras[0], (6, 4), 3, shares.append)
+        answer = process.trace(scene, scene.cameras[0], (6, 4), 3, 2, shares.append)
         return [*(share for share in dict.fromkeys(shares) if share), answer]
 
     return run
@@ -259,7 +264,7 @@ def child(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], list[Any]]:
 def test_the_process_gets_the_view_and_answers(child: Any, capfd: pytest.CaptureFixture[str]) -> None:
     script = "say('progress', 0.5); print('noise', file=sys.stderr); say('done', (job[0].triangles, job[1].fov, job[2:]))"
     scene = irrsplat.load("cornell")
-    assert child(script) == [0.5, (scene.triangles, scene.cameras[0].fov, ((6, 4), 3))]
+    assert child(script) == [0.5, (scene.triangles, scene.cameras[0].fov, ((6, 4), 3, 2))]
     assert capfd.readouterr() == ("", "")  # what its libraries print is kept from the user
 
 
@@ -289,7 +294,7 @@ def test_without_mitsuba_it_says_what_to_install(
     assert cli.main([*VERIFY, "-o", "a.png"]) == 1
     out, err = capsys.readouterr()
     assert out == "" and err.count("\n") == 1
-    assert "pip install 'irrsplat[reference]'" in err and "--truth gather" in err
+    assert "pip install 'irrsplat[reference]'" in err and "--truth gather --bounces 1" in err
     assert not (place / "a.png").exists()
 
 
@@ -311,16 +316,40 @@ def test_the_table(fake: Any, tracer: SimpleNamespace, place: Path, capsys: pyte
     assert found["pixels compared"] == "20"
     assert found["records"] == "1,234"
     assert (found["relative RMSE"], found["bias of the mean"]) == ("25.00 %", "+25.00 %")
-    assert found["noise of the truth"] == "2.00 %"
+    assert (found["noise of the truth"], found["RMSE without it"]) == ("2.00 %", "24.92 %")  # 25² = 2² + 24.92²
     assert found["off by > 30 %"] == "0.00 %"
     assert found["direct light RMSE"] == "100.00 %"
     assert found["truth"] == "8"
     assert "traced in" in out
-    assert (fake.asked.size, fake.asked.preset, fake.asked.settings) == ((6, 4), "preview", {"a": 0.3})
+    assert (fake.asked.size, fake.asked.preset, fake.asked.settings) == ((6, 4), "preview", {"bounces": 1, "a": 0.3})
     assert cli.main(VERIFY) == 0
     assert "traced before and kept" in capsys.readouterr().out
     assert len(tracer.calls) == 1
     assert list(place.glob("*.png")) == []
+
+
+@pytest.mark.parametrize(("bounces", "traced_as", "said"), [(2, 2, "2 bounces"), ("all", MOST_BOUNCES, "all bounces")])
+def test_more_bounces(
+    fake: Any,
+    tracer: SimpleNamespace,
+    place: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    bounces: int | str,
+    traced_as: int,
+    said: str,
+) -> None:
+    """The truth is of the settings' bounces, whether or not they are given by flag; a fine gather knows one of them only."""
+    words = [word for word in VERIFY if word not in ("--bounces", "1")]
+    assert cli.main(VERIFY) == 0
+    for module in (verify, measure):
+        monkeypatch.setattr(module, "preset", lambda *_, **__: SimpleNamespace(bounces=bounces))
+    assert cli.main(words) == cli.main(words) == 0
+    assert f"preset default, {said}, against path-traced truth" in capsys.readouterr().out
+    assert [call[-1] for call in tracer.calls] == [1, traced_as]
+    assert cli.main([*words, "--truth", "gather"]) == 2
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1 and "--bounces 1" in err and f"not {bounces}" in err
 
 
 def test_pixels_far_off_are_counted(fake: Any, tracer: SimpleNamespace, place: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -353,7 +382,7 @@ def test_pictures(fake: Any, tracer: SimpleNamespace, place: Path, monkeypatch: 
     assert np.array_equal(np.asarray(Image.open(place / "shown/truth.png")), np.round(truth * 255.0))
     error = np.asarray(Image.open(place / "shown/error.png"))
     assert error.shape[0] > 4 and error.shape[1:] == (6, 3)  # the legend is below
-    assert (error[:4] == verify.BRIGHT).all()  # too bright by 25 %
+    assert (error[:4] == errormap.BRIGHT).all()  # too bright by 25 %
     assert cli.main([*VERIFY, "-o", "strip.png"]) == 0
     strip = np.asarray(Image.open(place / "strip.png"))
     assert strip.shape[1] == 18
@@ -384,13 +413,17 @@ def test_without_flip_its_line_is_left_out(
         (["--eye", "0", "0", "1"], "--target"),
         (["--a", "99"], "0.01..2"),
         (["--buffers", "depth"], "--buffers"),
+        (["--curve", "--a", "0.3"], "--a"),
+        (["--curve", "--techniques"], "--techniques"),
+        (["--curve", "-o", "folder"], "folder"),
+        (["--techniques", "-o", "a.png"], "-o"),
     ],
 )
 def test_wrong_command_lines(
     fake: Any, tracer: SimpleNamespace, place: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: str
 ) -> None:
     before = sorted(place.iterdir())
-    assert cli.main(["verify", "plain.scene", *words]) == 2
+    assert cli.main(["verify", "plain.scene", *([] if "--bounces" in words else ["--bounces", "1"]), *words]) == 2
     out, err = capsys.readouterr()
     assert out == "" and err.count("\n") == 1 and said in err
     assert not tracer.calls and sorted(place.iterdir()) == before
@@ -417,83 +450,9 @@ def test_interrupted_and_unconverged_renderings(
 
 def test_the_truth_of_a_fine_gather(capsys: pytest.CaptureFixture[str]) -> None:
     """In the closed furnace each record and each pixel of the truth is π·L_e = π, by the same rasters."""
-    assert cli.main(["verify", "furnace", "--size", "16", "12", "--truth", "gather", "--gather-size", "8"]) == 0
+    assert cli.main(["verify", "furnace", "--size", "16", "12", "--truth", "gather", "--gather-size", "8", "--bounces", "1"]) == 0
     out, _ = capsys.readouterr()
     assert "against a fine gather" in out and "3.142 W/m² where 3.142 is true" in out
     found = rows(out)
     assert float(found["relative RMSE"].split()[0]) <= 0.2
     assert int(found["pixels compared"]) > 20
-
-
-# ---- the path tracer itself ----------------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def mitsuba() -> Any:
-    """The module of the tracer, in a variant that runs here."""
-    pytest.importorskip("mitsuba")
-    from irrsplat.reference import tracer
-
-    try:
-        tracer.choose_variant()
-    except IrrsplatError as error:
-        pytest.skip(str(error))
-    return tracer
-
-
-def test_the_furnace_is_traced(mitsuba: Any) -> None:
-    """E = π·L_e = π, whatever the directions, so not even noise is left."""
-    scene = irrsplat.load("furnace")
-    truth = traced(scene, scene.cameras[0], (24, 16), 32)
-    assert truth.valid.any() and truth.seen.all()
-    assert np.allclose(truth.irradiance[truth.valid], np.pi, rtol=1e-4)
-    assert not truth.direct.any()
-
-
-def test_a_traced_view_is_that_of_the_references(mitsuba: Any) -> None:
-    """Pixel i of 80 has its centre where pixel 5i + 2 of 400 has: (i + ½)/80 = (5i + 2 + ½)/400."""
-    scene, reference = irrsplat.load("cornell"), load_reference("cornell")
-    truth = traced(scene, scene.cameras[0], (80, 80), 2048)
-    common = (reference.pixels % 5 == 2).all(axis=1)
-    at = tuple(reference.pixels[common].T // 5)
-    E, E_ref = truth.irradiance[at].astype(float), reference.irradiance[common].astype(float)
-    noise = truth.noise
-    assert common.sum() > 50 and noise is not None and noise < 0.02
-    # 3·(the two noises together) for the RMS over so many pixels; the mean is known better by the root of their number
-    off = np.hypot(noise, reference.agreement / 2.0)
-    assert np.sqrt(np.mean((E - E_ref) ** 2)) / E_ref.mean() <= 3.0 * off
-    assert abs(E.mean() / E_ref.mean() - 1.0) <= 4.0 * off / np.sqrt(common.sum())
-    clear = common & (reference.edge > 3)
-    assert np.allclose(truth.direct[tuple(reference.pixels[clear].T // 5)], reference.direct[clear], rtol=2e-3, atol=1e-5)
-
-
-def test_the_same_pixels_traced_apart(mitsuba: Any) -> None:
-    """The tracer at some of the reference's own pixels, with other random numbers: they differ by noise alone."""
-    scene, reference = irrsplat.load("cornell"), load_reference("cornell")
-    tracer = mitsuba.Tracer(scene)
-    hit = mitsuba.look(tracer, scene.cameras[0], (SIZE, SIZE))
-    at = tuple(reference.pixels[::10].T)
-    p, n, g = (mitsuba.image(v, (SIZE, SIZE))[at] for v in (hit.p, hit.n, hit.g))
-    assert np.allclose(p, reference.position[::10], atol=1e-4 * scene.diagonal)
-    halves = [tracer.irradiance(p, n, g, 48, seed) for seed in (901, 902)]
-    E, E_ref = np.mean(halves, axis=0), reference.irradiance[::10].astype(float)
-    noise = np.hypot(np.sqrt(np.mean((halves[0] - halves[1]) ** 2)) / 2.0 / E.mean(), reference.agreement / 2.0)
-    assert np.sqrt(np.mean((E - E_ref) ** 2)) / E_ref.mean() <= 2.0 * noise <= 0.03
-
-
-def test_a_wide_view_has_a_square_one_in_its_middle(mitsuba: Any) -> None:
-    """The field of view is vertical, so that twice the width adds a quarter of the columns on either side."""
-    camera = irrsplat.load("cornell").cameras[0]
-    wide = mitsuba.camera_rays(camera, (48, 24)).reshape(24, 48, 3)
-    assert np.allclose(wide[:, 12:36], mitsuba.camera_rays(camera, (24, 24)).reshape(24, 24, 3), atol=1e-12)
-
-
-def test_the_command_on_a_real_scene(mitsuba: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The renderer sees what the tracer sees: direct light agrees, and the irradiance within what the default promises."""
-    assert cli.main(["verify", "cornell", "--size", "64", "64", "--samples", "512", "-o", str(tmp_path / "out")]) == 0
-    out, _ = capsys.readouterr()
-    found = {name: float(value.split()[0].replace(",", "")) for name, value in rows(out).items()}
-    assert found["relative RMSE"] <= 8.0 and abs(found["bias of the mean"]) <= 2.0
-    assert found["direct light RMSE"] <= 1.0
-    assert found["noise of the truth"] <= 3.0
-    assert (tmp_path / "out/error.png").is_file()

@@ -14,15 +14,15 @@ from imgui_bundle import imgui
 
 import irrsplat
 from irrsplat.app import truth as module
+from irrsplat.app.errormap import FULL, signed_error
 from irrsplat.app.legend import NO_TRUTH, TRUTHS, legend, signed
 from irrsplat.app.session import Session
 from irrsplat.app.truth import HEIGHT, KEPT, Lattice, Truth
-from irrsplat.app.verify import FULL, signed_error
 from irrsplat.display import show
 from irrsplat.gpu import context
 from irrsplat.output import Frame
 from irrsplat.reference import process
-from irrsplat.reference.traced import Traced, errors
+from irrsplat.reference.traced import Traced, errors, in_words, vertices
 from irrsplat.scene.model import Camera
 from tests.viewing import SIZE, Driver, Tracer, push
 
@@ -43,7 +43,8 @@ def traced_truth(driver: Driver, tracer: Tracer) -> Truth:
 
 def here(driver: Driver) -> Truth | None:
     """The truth of the view on show."""
-    return driver.session.truths.of(driver.session.scene, driver.session.camera, driver.session.size)
+    on = driver.session
+    return on.truths.of(on.scene, on.camera, on.size, on.settings(0)[1].bounces)
 
 
 def words(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> str:
@@ -142,7 +143,8 @@ def test_the_legend_s_scale_is_that_of_verify(driver: Driver, tracer: Tracer) ->
     assert made.colours is not None and np.allclose(made.colours, signed_error(E, Traced(**flat))[0], atol=1e-6)
     assert np.allclose(signed(np.array([-7.0, 0.0, 7.0])), [made.colours[0], [1.0, 1.0, 1.0], made.colours[-1]])
     for name in TRUTHS:
-        assert "512 samples" in legend(name, **about, truth=truth).text  # type: ignore[arg-type]
+        bounces = in_words(session.settings(0)[1].bounces)
+        assert f"{bounces}, 512 samples" in legend(name, **about, truth=truth).text  # type: ignore[arg-type]
         assert "noise" in legend(name, **about, truth=truth).text  # type: ignore[arg-type]
     assert "+1.5 stops" in legend("reference", **about, truth=truth).text  # type: ignore[arg-type]
 
@@ -212,6 +214,21 @@ def test_it_is_the_truth_of_one_view(driver: Driver, tracer: Tracer) -> None:
     assert session.truths.kept == [], "the scene may be another one"
 
 
+def test_it_is_the_truth_of_so_many_bounces(driver: Driver, tracer: Tracer, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those of the picture: with another number of them it is stale, and Y traces another; both are kept."""
+    first = driver.session.settings(0)[1].bounces
+    truth = traced_truth(driver, tracer)
+    driver.session.change(0, bounces=0)
+    driver.desk.show("reference")
+    driver.frame()
+    assert here(driver) is None and NO_TRUTH in words(driver, monkeypatch)
+    other = traced_truth(driver, tracer)
+    assert other is not truth and "0 bounces" in other.about
+    driver.session.change(0, bounces=first)
+    driver.frame()
+    assert here(driver) is truth and [call[2] for call in tracer.calls] == [vertices(first), 0]
+
+
 def test_flying_on_while_it_is_traced(driver: Driver, tracer: Tracer) -> None:
     """The truth is that of the view where the key was pressed."""
     home = driver.session.camera
@@ -220,7 +237,7 @@ def test_flying_on_while_it_is_traced(driver: Driver, tracer: Tracer) -> None:
     tracer.finish(driver)
     assert here(driver) is None
     driver.desk.go(home)
-    assert here(driver) is not None and [camera for camera, _ in tracer.calls] == [home]
+    assert here(driver) is not None and [call[0] for call in tracer.calls] == [home]
 
 
 def test_the_last_few_are_kept_and_the_others_freed(driver: Driver, tracer: Tracer) -> None:
@@ -300,11 +317,12 @@ def test_the_truth_of_cornell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
         session = Session(context.shared(), irrsplat.load("cornell"), (121, 117))
         while not session.at_rest:
             session.tick(0.1, 1.0)
-        session.truths.toggle(session.scene, session.camera, session.size)
+        bounces = session.settings(0)[1].bounces
+        session.truths.toggle(session.scene, session.camera, session.size, bounces)
         (thread,) = session.truths._threads
         thread.join(120.0)
         session.truths.collect(session.scene, print)
-        truth = session.truths.of(session.scene, session.camera, session.size)
+        truth = session.truths.of(session.scene, session.camera, session.size, bounces)
         assert truth is not None and thread.found is not None and truth.lattice.stride == 3
         off = [_rmse(session.frame(), truth, thread.found, shift) for shift in (0, 4)]
         session.release()

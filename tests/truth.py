@@ -28,6 +28,7 @@ class Reference:
     camera. irradiance: (N, 3) one-bounce indirect irradiance in W/m². direct: (N, 3) ρ/π·E_direct in W/(m² sr).
     edge: (N,) distance in pixels to the nearest edge of a shadow, a cone or a surface. noise: (N, 3) standard error of
     irradiance in W/m². agreement: relative RMS difference of two independent halves. samples: rays of each kind per pixel.
+    irradiance_all, noise_all, agreement_all, samples_all: the same of all bounces.
     """
 
     scene: str
@@ -43,13 +44,21 @@ class Reference:
     direct: np.ndarray
     edge: np.ndarray
     noise: np.ndarray
+    irradiance_all: np.ndarray
+    noise_all: np.ndarray
+    agreement_all: float
+    samples_all: int
+
+    def of(self, bounces: int | str) -> tuple[np.ndarray, float]:
+        """Irradiance (N, 3) and the agreement of its halves, of 1 or of "all" bounces."""
+        return {1: (self.irradiance, self.agreement), "all": (self.irradiance_all, self.agreement_all)}[bounces]
 
 
 def load_reference(scene_name: str) -> Reference:
     """The reference data of a bundled scene; FileNotFoundError where none has been made."""
     with np.load(FOLDER / f"{scene_name}.npz") as data:
         values = {k: data[k] if data[k].ndim else data[k].item() for k in data.files}
-    for name in ("position", "normal", "irradiance", "direct", "noise"):
+    for name in ("position", "normal", "irradiance", "direct", "noise", "irradiance_all", "noise_all"):
         values[name] = values[name].astype(np.float32)
     values["pixels"] = values["pixels"].astype(np.intp)
     return Reference(**values)
@@ -97,8 +106,8 @@ def camera_numbers(camera: Camera) -> np.ndarray:
     return np.array([*camera.eye, *camera.target, *camera.up, camera.fov], np.float64)
 
 
-def compare(frame: Any, reference: Reference) -> dict[str, float]:
-    """How far a SIZE×SIZE frame is from the truth.
+def compare(frame: Any, reference: Reference, bounces: int | str = 1) -> dict[str, float]:
+    """How far a SIZE×SIZE frame is from the truth of 1 or "all" `bounces`.
 
     `rmse`: √mean((E−E_ref)²)/mean(E_ref), over pixels and channels. `bias`: mean(E)/mean(E_ref) − 1. `outliers`: share of
     pixels where any channel is off by more than 30 % of the mean. `direct_rms`, `direct_max`: error of direct over its
@@ -108,7 +117,7 @@ def compare(frame: Any, reference: Reference) -> dict[str, float]:
     row, column = reference.pixels.T
     if frame.irradiance.shape[:2] != (SIZE, SIZE):
         raise ValueError(f"references are for {SIZE}×{SIZE} images, not {frame.irradiance.shape[1]}×{frame.irradiance.shape[0]}")
-    E_ref = reference.irradiance.astype(np.float64)
+    E_ref = reference.of(bounces)[0].astype(np.float64)
     error = frame.irradiance[row, column] - E_ref
     clear = reference.edge > FAR_FROM_EDGES
     L_ref = reference.direct[clear].astype(np.float64)

@@ -314,18 +314,18 @@ def fresh(driver: Driver, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iter
 class Tracer:
     """Stands in for the path tracer while it lasts: at work until `go` is set, then of a made-up irradiance.
 
-    calls: the cameras and sizes that it was asked for, in order.
+    calls: the cameras, sizes and bounces that it was asked for, in order.
     """
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.go = Event()
-        self.calls: list[tuple[Camera, tuple[int, int]]] = []
+        self.calls: list[tuple[Camera, tuple[int, int], int]] = []
         monkeypatch.setattr(process, "trace", self.trace)
 
     def trace(
-        self, scene: Scene, camera: Camera, size: tuple[int, int], side: int, progress: Callable[[float], object]
+        self, scene: Scene, camera: Camera, size: tuple[int, int], side: int, bounces: int, progress: Callable[[float], object]
     ) -> dict[str, np.ndarray]:
-        self.calls.append((camera, size))
+        self.calls.append((camera, size, bounces))
         while not self.go.wait(0.01):
             progress(0.25)
         return self.make(size)

@@ -32,7 +32,12 @@ def require() -> None:
 
 
 def trace(
-    scene: Scene, camera: Camera, size: tuple[int, int], side: int, progress: Callable[[float], object] | None = None
+    scene: Scene,
+    camera: Camera,
+    size: tuple[int, int],
+    side: int,
+    bounces: int,
+    progress: Callable[[float], object] | None = None,
 ) -> dict[str, np.ndarray]:
     """What `irrsplat.reference.view.trace` returns, from another process.
 
@@ -49,7 +54,7 @@ def trace(
         assert process.stdin is not None and process.stdout is not None
         try:
             with suppress(BrokenPipeError):  # it ended before it had read all: that shows in its answer
-                pickle.dump((scene, camera, size, side), process.stdin)
+                pickle.dump((scene, camera, size, side, bounces), process.stdin)
                 process.stdin.close()
             kind, value = _answer(process.stdout, progress)
             if kind is None:
@@ -73,7 +78,7 @@ def _answer(stream: Any, progress: Callable[[float], object] | None) -> tuple[st
     messages: queue.SimpleQueue[tuple[str | None, Any]] = queue.SimpleQueue()
 
     def read() -> None:
-        with suppress(EOFError, pickle.UnpicklingError):
+        with suppress(EOFError, pickle.UnpicklingError, ValueError):  # ValueError: who waited has closed the stream
             kind = "progress"
             while kind == "progress":
                 kind, value = pickle.load(stream)

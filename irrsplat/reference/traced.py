@@ -20,7 +20,8 @@ from irrsplat.output import Frame
 from irrsplat.reference import process
 from irrsplat.scene.model import Camera, Scene
 
-VERSION = 1  # of what is traced and how; older files in the cache are not read
+VERSION = 2  # of what is traced and how; older files in the cache are not read
+MOST_BOUNCES = 64  # "all" of them: what a surface of reflectance ρ adds after so many is ρ^64 of what the first one adds
 MOST_SAMPLES = 131_072  # what is in flight at once fits into memory
 NOTHING = "the camera sees no smooth surface, so there is nothing to compare; give another camera or a larger size"
 OUTLIER = 0.3  # of the mean: an error beyond it is one that anybody sees
@@ -30,8 +31,8 @@ OUTLIER = 0.3  # of the mean: an error beyond it is one that anybody sees
 class Traced:
     """The truth of a view of W×H pixels, top row first, float32.
 
-    halves: (2, H, W, 3) indirect irradiance of one bounce in W/m², by two independent halves of the samples. direct: (H, W, 3)
-    ρ/π·E_direct, emission: (H, W, 3) of the surface or the sky, in W/(m² sr). albedo: (H, W, 3). The rest are (H, W) bool:
+    halves: (2, H, W, 3) indirect irradiance in W/m², by two independent halves of the samples. direct: (H, W, 3) ρ/π·E_direct,
+    emission: (H, W, 3) of the surface or the sky, in W/(m² sr). albedo: (H, W, 3). The rest are (H, W) bool:
     seen: there is a surface. valid: and the surface is smooth in the 3×3 pixels around: irradiance is compared there.
     clear: and no shadow's edge is near: direct light is compared there.
     """
@@ -80,8 +81,8 @@ def errors(E: np.ndarray, E_ref: np.ndarray) -> dict[str, float | None]:
 
 
 def compare(frame: Frame, truth: Traced) -> dict[str, float | None]:
-    """The `errors` of a frame's irradiance in the valid pixels, and `direct`: the relative RMSE of its direct light in the
-    clear ones. Raises InputError where no pixel is valid, or the sizes differ.
+    """The `errors` of a frame's irradiance in the valid pixels; `net`: the `rmse` without the truth's own noise; and `direct`:
+    the relative RMSE of its direct light in the clear ones. Raises InputError where no pixel is valid, or the sizes differ.
     """
     if frame.irradiance.shape != truth.direct.shape:
         raise InputError(f"the frame is of shape {frame.irradiance.shape}, but the truth of shape {truth.direct.shape}")
@@ -90,7 +91,10 @@ def compare(frame: Frame, truth: Traced) -> dict[str, float | None]:
     L_ref = truth.direct[truth.clear].astype(float)
     off = frame.direct[truth.clear] - L_ref
     direct = float(np.sqrt(np.mean(off**2)) / L_ref.mean()) if L_ref.any() else None
-    return errors(frame.irradiance[truth.valid], truth.irradiance[truth.valid]) | {"direct": direct}
+    found = errors(frame.irradiance[truth.valid], truth.irradiance[truth.valid])
+    rmse, noise = found["rmse"], truth.noise
+    net = None if rmse is None or noise is None else math.sqrt(max(rmse**2 - noise**2, 0.0))
+    return found | {"net": net, "direct": direct}
 
 
 def side_of(samples: int) -> int:
@@ -100,24 +104,36 @@ def side_of(samples: int) -> int:
     return math.isqrt((samples + 1) // 2 - 1) + 1
 
 
+def vertices(bounces: int | str) -> int:
+    """How many bounces of light are traced for the setting `bounces`: that number itself, or for "all" MOST_BOUNCES."""
+    return MOST_BOUNCES if isinstance(bounces, str) else bounces
+
+
+def in_words(bounces: int | str) -> str:
+    """The setting `bounces` in a sentence, such as "one indirect bounce"."""
+    return "all bounces" if isinstance(bounces, str) else "one indirect bounce" if bounces == 1 else f"{bounces} bounces"
+
+
 def traced(
     scene: Scene,
     camera: Camera,
     size: tuple[int, int],
+    bounces: int | str,
     samples: int = 2048,
     progress: Callable[[float], object] | None = None,
     notice: Callable[[str], object] | None = None,
 ) -> Traced:
     """The truth of a view of size (W, H), traced with `samples` rays of each kind per pixel, or read from the cache folder.
 
-    progress: called with the share done while it is traced. notice: called with a line where a file of the cache is damaged
-    or cannot be written. Raises InputError for a scene without surfaces, IrrsplatError where nothing can be traced here.
+    bounces: of indirect light, a number or "all". progress: called with the share done while it is traced. notice: called with
+    a line where a file of the cache is damaged or cannot be written. Raises InputError for a scene without surfaces,
+    IrrsplatError where nothing can be traced here.
     """
     side = side_of(samples)
     if not scene.triangles:
         raise InputError("the scene has no surfaces, so there is nothing to trace")
     notice = notice or (lambda line: None)
-    path, key = None, key_of(scene, camera, size, side)
+    path, key = None, key_of(scene, camera, size, side, bounces)
     try:
         path = folder() / f"truth-{key}.npz"
         if (truth := _read(path, size)) is not None:
@@ -126,7 +142,7 @@ def traced(
         notice(f"{path}: damaged; the truth is traced again")
     except IrrsplatError as error:
         notice(str(error))
-    truth = Traced(**process.trace(scene, camera, size, side, progress))
+    truth = Traced(**process.trace(scene, camera, size, side, vertices(bounces), progress))
     try:
         if path is not None:
             _write(path, truth)
@@ -152,7 +168,7 @@ def folder() -> Path:
     return found
 
 
-def key_of(scene: Scene, camera: Camera, size: tuple[int, int], side: int) -> str:
+def key_of(scene: Scene, camera: Camera, size: tuple[int, int], side: int, bounces: int | str) -> str:
     """A hash of all that the truth of a view depends on; names do not count, every bit of a number does."""
     digest = hashlib.sha256()
 
@@ -162,7 +178,7 @@ def key_of(scene: Scene, camera: Camera, size: tuple[int, int], side: int) -> st
             digest.update(f"{array.shape}".encode())
             digest.update((array + 0.0).tobytes())  # −0 is 0
 
-    add(VERSION, size, side, scene.sky, camera.eye, camera.target, camera.up, camera.fov)
+    add(VERSION, size, side, vertices(bounces), scene.sky, camera.eye, camera.target, camera.up, camera.fov)
     for mesh in scene.meshes:
         add(mesh.positions, mesh.normals, mesh.faces, mesh.material.emission)
         add(mesh.material.albedo if mesh.colors is None else mesh.colors)

@@ -24,9 +24,10 @@ _PART = 1 << 22  # samples between two reports of progress
 
 
 def trace(
-    scene: Scene, camera: Camera, size: tuple[int, int], side: int, report: Callable[[float], object]
+    scene: Scene, camera: Camera, size: tuple[int, int], side: int, bounces: int, report: Callable[[float], object]
 ) -> dict[str, np.ndarray]:
-    """The arrays of a `Traced` view of W×H pixels, side² samples of each kind per pixel and half; report: the share done."""
+    """The arrays of a `Traced` view of W×H pixels, irradiance of so many `bounces`, side² samples of each kind per pixel and
+    half; report: called with the share done."""
     width, height = size
     tracer = Tracer(scene)
     hit = look(tracer, camera, size)
@@ -42,7 +43,7 @@ def trace(
     found: list[list[np.ndarray]] = [[], []]
     for k, part in enumerate(parts):
         for half in range(2):
-            found[half].append(tracer.irradiance(p[part], n[part], g[part], side, seed=2 * k + half + 1))
+            found[half].append(tracer.irradiance(p[part], n[part], g[part], side, 2 * k + half + 1, bounces))
         report((k + 1) / len(parts))
     for half in range(2):
         halves[half][seen] = np.concatenate(found[half]) if parts else 0.0
@@ -129,8 +130,8 @@ def main() -> None:
             answers.flush()
 
         try:
-            scene, camera, size, side = pickle.load(sys.stdin.buffer)
+            scene, camera, size, side, bounces = pickle.load(sys.stdin.buffer)
             choose_variant()
-            say("done", trace(scene, camera, size, side, lambda share: say("progress", share)))
+            say("done", trace(scene, camera, size, side, bounces, lambda share: say("progress", share)))
         except IrrsplatError as error:
             say("error", str(error))

@@ -50,12 +50,14 @@ def cornell(light: Light) -> Scene:
 
 def analytic() -> None:
     """Furnace, light over a plane, sky beside a wall, and one bounce from a small lit patch, each with its derivation."""
-    # Closed furnace: L_e everywhere and no other light, so E_1 = π·L_e.
+    # Closed furnace: L_e everywhere and no other light, so E_1 = π·L_e, and E_N = π·L_e·(1 + ρ + … + ρ^(N−1)).
     glow = Material((0.5, 0.5, 0.5), (1.0, 2.0, 3.0))
     furnace = Tracer(Scene(tuple(box((-1, -1, -1), (1, 1, 1), {"all": glow})), (), (CAMERA,)))
     points = np.array([[0.3, -1.0, 0.2], [0.999, -1.0, 0.999]], np.float32)
     up = np.array([[0.0, 1.0, 0.0]] * 2, np.float32)
-    report("furnace: E_1 = π·L_e", furnace.irradiance(points, up, up, 32, 1), np.pi * np.array([[1.0, 2.0, 3.0]] * 2))
+    for bounces in (1, 2, 64):
+        E = furnace.irradiance(points, up, up, 32, 1, bounces)
+        report(f"furnace, {bounces} bounces", E, np.pi * (2.0 - 0.5 ** (bounces - 1)) * np.array([[1.0, 2.0, 3.0]] * 2))
 
     # Point light at height 1 over a plane: L = ρ/π·I·cosθ/d², with cosθ = 1/d and d² = 1 + x².
     plane = quad((-5, 0, 5), (10, 0, 0), (0, 0, -10), Material((0.5, 0.5, 0.5)))
@@ -89,8 +91,8 @@ def analytic() -> None:
     report("patch lit from close by", E[:, :1], np.array([[expected]]))
 
 
-def against_path(name: str, light: Light, emitter: dict[str, Any]) -> None:
-    """One bounce as Mitsuba's `path` sees it, max_depth 3 less 2, against ρ/π·E_1 on the same small image.
+def against_path(name: str, light: Light, emitter: dict[str, Any], bounces: int) -> None:
+    """Indirect light as Mitsuba's `path` sees it, max_depth `bounces` + 2 less 2, against ρ/π·E on the same small image.
 
     Mitsuba's part runs in its scalar variant, so that nothing but the scene is shared; several seeds tell its own noise.
     """
@@ -99,7 +101,7 @@ def against_path(name: str, light: Light, emitter: dict[str, Any]) -> None:
     world = mi.load_dict(description(scene, emitter))
     images = []
     for seed in range(4):
-        integrators = [mi.load_dict({"type": "path", "max_depth": depth, "rr_depth": 9}) for depth in (3, 2)]
+        integrators = [mi.load_dict({"type": "path", "max_depth": depth, "rr_depth": 99}) for depth in (bounces + 2, 2)]
         bright, dark = (mi.render(world, integrator=i, spp=SPP, seed=mi.UInt32(seed)) for i in integrators)
         images.append(np.array(bright) - np.array(dark))
     theirs = np.mean(images, axis=0)
@@ -113,10 +115,10 @@ def against_path(name: str, light: Light, emitter: dict[str, Any]) -> None:
         dy, dx = (np.reshape(stratum, (2, 1, 1)) + random.random((2, SIDE, SIDE))) / STRATA
         hit = look(tracer, CAMERA, (SIDE, SIDE), dx, dy)
         p, n, g = (image(v, (SIDE, SIDE)).reshape(-1, 3) for v in (hit.p, hit.n, hit.g))
-        E = tracer.irradiance(p, n, g, 8, int(random.integers(1, 20_000))).reshape(SIDE, SIDE, 3)
+        E = tracer.irradiance(p, n, g, 8, int(random.integers(1, 20_000)), bounces).reshape(SIDE, SIDE, 3)
         ours += np.where(image(hit.valid, (SIDE, SIDE))[..., None], image(hit.albedo, (SIDE, SIDE)) / np.pi * E, 0.0) / STRATA**2
     print(
-        f"{name:30} against path: mean {ours.mean() / theirs.mean() - 1:+.2%}, "
+        f"{name:30} {bounces} bounces against path: mean {ours.mean() / theirs.mean() - 1:+.2%}, "
         f"RMS {np.sqrt(np.mean((ours - theirs) ** 2)) / theirs.mean():.2%}, of which path's own noise {noise:.2%}"
     )
 
@@ -151,7 +153,6 @@ def main() -> None:
     analytic()
     position, target = (0.3, 0.4, 0.5), (-0.2, -1.0, 0.0)
     point = {"type": "point", "position": list(position), "intensity": {"type": "rgb", "value": [1.0, 2.0, 3.0]}}
-    against_path("point light", Light(position, (1.0, 2.0, 3.0), physical=True), point)
     mi.set_variant("scalar_rgb")
     spot = {
         "type": "spot",
@@ -160,11 +161,13 @@ def main() -> None:
         "cutoff_angle": 40.0,
         "beam_width": 25.0,
     }
-    light = Light(position, (1.0, 2.0, 3.0), physical=True, spot_target=target, spot_cutoff=40.0, spot_inner=25.0)
-    against_path("spot with a soft edge", light, spot)
     sun = {"type": "directional", "direction": [-0.3, -0.5, -1.0], "irradiance": {"type": "rgb", "value": [1.0, 2.0, 3.0]}}
     strength = (1.0 / np.pi, 2.0 / np.pi, 3.0 / np.pi)  # OpenGL's: E = π·diffuse·cosθ
-    against_path("directional light", Light((0.3, 0.5, 1.0), strength, directional=True), sun)
+    cone = Light(position, (1.0, 2.0, 3.0), physical=True, spot_target=target, spot_cutoff=40.0, spot_inner=25.0)
+    for bounces in (1, 3):
+        against_path("point light", Light(position, (1.0, 2.0, 3.0), physical=True), point, bounces)
+        against_path("spot with a soft edge", cone, spot, bounces)
+        against_path("directional light", Light((0.3, 0.5, 1.0), strength, directional=True), sun, bounces)
 
 
 if __name__ == "__main__":

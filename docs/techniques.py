@@ -1,0 +1,56 @@
+"""Measures the tables and the plot of docs/techniques.md: `python docs/techniques.py` (needs the extra `reference`)."""
+
+from __future__ import annotations
+
+import re
+import sys
+from pathlib import Path
+
+import irrsplat
+from irrsplat.app import curve, parser, techniques
+from irrsplat.app.measure import percent
+from irrsplat.app.verify import heading
+from irrsplat.output import write_picture
+
+PAGE = Path(__file__).resolve().parent / "techniques.md"
+FULL = ("cornell", "door")  # with a row per technique
+SCENES = ("cornell", "cornell-paper", "curved", "door", "atrium")
+WORDS = ("--size", "400", "400", "--samples", "512")
+
+
+def table(rows: list[tuple[str, ...]]) -> str:
+    """A Markdown table of rows, the head first; all but the first column to the right."""
+    lines = [rows[0], ("---", *("---:" for _ in rows[0][1:])), *rows[1:]]
+    return "".join("| " + " | ".join(line) + " |\n" for line in lines)
+
+
+def main() -> None:
+    """Measure all, then write the page and its picture."""
+    made = {"techniques": "", "paper": "", "curve": ""}
+    against: list[tuple[str, ...]] = [("scene", "records", "RMSE", "records of paper", "its RMSE", "times")]
+    for name in SCENES:
+        print(name, file=sys.stderr)
+        args, scene = parser.parse(["verify", name, *WORDS]), irrsplat.load(name)
+        chosen = techniques.TECHNIQUES if name in FULL else ()
+        found, line = techniques.measured(scene, scene.camera(), args, chosen)
+        if chosen:
+            made["techniques"] += f"\n{heading(scene, args)}:\n\n{table(techniques.rows(found, line))}"
+        (_, ours), (_, paper) = found[0], found[-1]
+        assert ours.rmse and paper.rmse
+        pair = f"{ours.records:,}", percent(ours.rmse), f"{paper.records:,}", percent(paper.rmse)
+        against.append((f"`{name}`", *pair, f"{paper.rmse / ours.rmse:.1f}"))
+        if name == FULL[0]:
+            curves = curve.measured(scene, scene.camera(), args)
+            for preset, points in curves.items():
+                made["curve"] += f"\n{table(curve.rows(preset, points))}\nHere {curve.steepness(points)}.\n"
+            write_picture(PAGE.parent / "images" / "curve.png", curve.plot(curves, heading(scene, args)))
+    made["paper"] = "\n" + table(against)
+    text = PAGE.read_text(encoding="utf-8")
+    for key, value in made.items():
+        start = f"<!-- {key}: made by docs/techniques.py -->\n"
+        text = re.sub(f"({re.escape(start)}).*?(<!-- end -->)", lambda m, value=value: m[1] + value + m[2], text, flags=re.S)
+    PAGE.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
