@@ -160,8 +160,8 @@ class Settings:
         "auto", "float", "examine", "a pixel asks for a record where Σw is below this; auto is 1/a", low=0, high=1e6, auto=True
     )
     spread: float = _declare(
-        0.3, "float", "examine", "a pixel also asks where its records contradict each other by more than this, standard deviation "
-        "over mean of what they say; 0: off", low=0, high=10,
+        0.3, "float", "examine", "a pixel also asks where its records contradict each other by more than this: deviation over "
+        "mean of what they say; 0: off", low=0, high=10,
     )  # fmt: skip
     placement: str = _declare(
         "tiles", "choice", "examine", "who asks for records: tiles, coarse to fine, or the paper's random warm-up and scan order",
