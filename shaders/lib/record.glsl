@@ -56,7 +56,11 @@ Ellipse record_ellipse(ivec2 texel)
     float R = record.a;
 #if GRADIENTS
     Bend bend = record_bend(texel);
-    if (hessian && bend.axis != vec3(0.0)) return Ellipse(bend.axis, sqrt(2.0 / abs(bend.along)), sqrt(2.0 / abs(bend.across)));
+    if (bend.axis != vec3(0.0))
+    {
+        if (hessian) return Ellipse(bend.axis, sqrt(2.0 / abs(bend.along)), sqrt(2.0 / abs(bend.across)));
+        aside = bend.axis;  // which the bends belong to, in a circle too
+    }
     float slope = length(record_gradient(texel) * LUMINANCE), E = dot(record.rgb, LUMINANCE);
     R = slope * R > E ? E / slope : R;
 #endif
