@@ -30,8 +30,8 @@ class Table:
     """The records on the CPU, float32: position, normal, irradiance E in W/m² (N, 3), radius R_k in metres (N,).
 
     gradient: (N, 3, 3) ∇E of red, green and blue in W/m³. axis: (N, 3) unit, along which the light bends least, 0 where that is
-    not known. bend: (N, 2) second derivatives along it and across it over the light itself, 1/m². limit: (N,) the share of its
-    radii that a record may reach at most.
+    not known. bend: (N, 2) second derivatives along it and across it over the light itself, 1/m². farthest: (N,) the greatest
+    radius that these may come to, in metres. limit: (N,) the share of its radii that a record may reach at most.
     """
 
     position: np.ndarray
@@ -41,6 +41,7 @@ class Table:
     gradient: np.ndarray
     axis: np.ndarray
     bend: np.ndarray
+    farthest: np.ndarray
     limit: np.ndarray
 
     def __len__(self) -> int:
@@ -60,7 +61,7 @@ class Table:
         radii = np.stack([R, R], axis=1)
         if settings.gradients and settings.radius == "hessian":
             bends = self.axis.any(axis=1)
-            radii[bends] = np.sqrt(2.0 / np.abs(self.bend[bends]))
+            radii[bends] = np.minimum(np.sqrt(2.0 / np.maximum(np.abs(self.bend[bends]), 1e-30)), self.farthest[bends, None])
         distance = np.linalg.norm(self.position - np.asarray(camera.eye), axis=1)
         return splat_radius(radii * self.limit[:, None], distance[:, None], camera, settings)
 
@@ -89,7 +90,7 @@ def read(records: Records) -> Table:
     gradient, rest = np.stack([v[:, :3] for v in vectors[3:]], axis=1), np.stack([v[:, 3] for v in vectors], axis=1)
     limit = np.frombuffer(records.limit.read(), "f4")[: records.count]
     position, normal = rows(records.position)[:, :3], rows(records.normal)[:, :3]
-    return Table(position, normal, last[:, :3], last[:, 3], gradient, rest[:, :3], rest[:, 3:5], limit)
+    return Table(position, normal, last[:, :3], last[:, 3], gradient, rest[:, :3], rest[:, 3:5], rest[:, 5], limit)
 
 
 def pick(table: Table, view: View, settings: Settings, x: int, y: int) -> int | None:

@@ -143,7 +143,7 @@ class Overlay(Holder):
         if name in ("position", "depth"):
             return here[:3] if name == "position" else here[3:]
         if name in ("weight", "asking"):
-            return texel(view.splats.weight, x, y)
+            return texel(view.splats.weight, x, y)[:1]
         if name == "direct":
             return texel(view.direct, x, y)[:3]
         if name in ("indirect", "irradiance"):

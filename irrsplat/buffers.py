@@ -163,8 +163,8 @@ class Records:
     position: xyz world. normal: xyz world. irradiance: rgb E in W/m², w R_k in metres. count: how many there are.
     limit: R32F, the share of its radii that a record may reach at most (see passes/adapt.py).
     vectors: of red, green and blue the irradiance vectors M = ∫L·ω·dω (E = n·M), then of each the gradient ∇E in W/m³. Their w,
-    in this order: the unit axis in the tangent plane along which the light bends least (0: not known), and the second derivatives
-    of luminance along it and across it over the luminance itself, 1/m².
+    in this order: the unit axis in the tangent plane along which the light bends least (0: not known), the second derivatives of
+    luminance along it and across it over the luminance itself, 1/m², and the greatest radius there is in metres.
     """
 
     position: Any

@@ -136,9 +136,9 @@ class Renderer(Holder):
         if not bounces:
             self._coverage = 1.0
         elif not gather:
-            if self._other("looked at", self._made_of["splat"], self._splatted, self.settings.of("examine")):
+            if self._other("looked at", self._made_of["splat"], self._splatted, self.settings.asking):
                 self._coverage = 1.0 - self.placement.missing(gbuffer, splats)
-        elif self._idle < _IDLE and (self._made_of["splat"], self._splatted, self.settings.of("examine")) != self._settled:
+        elif self._idle < _IDLE and (self._made_of["splat"], self._splatted, self.settings.asking) != self._settled:
             asked = self._ask(gbuffer, splats, shadows, camera, budget)
         stale = len(self.cache.stale) if bounces else 0
         return Progress(self._round, self.cache.count, asked.new, self._coverage, renewed, stale, asked.whole)
@@ -182,7 +182,7 @@ class Renderer(Holder):
             self._idle = 0 if self._coverage > before else self._idle + 1
             self._round += 1
             if not asked.new:
-                self._settled = self._made_of["splat"], self._splatted, self.settings.of("examine")
+                self._settled = self._made_of["splat"], self._splatted, self.settings.asking
         return asked
 
     def _compose(self) -> View:

@@ -194,6 +194,11 @@ class Settings:
             object.__setattr__(self, name, declaration.check(getattr(self, name)))
 
     @property
+    def asking(self) -> tuple[float, float]:
+        """What decides which pixels ask for a record: `threshold` and `spread`."""
+        return self.threshold, self.spread
+
+    @property
     def threshold(self) -> float:
         """The Σw below which a pixel asks for a record (`tolerance`, its auto resolved)."""
         return 1.0 / self.a if self.tolerance == "auto" else float(self.tolerance)

@@ -63,7 +63,7 @@ def read(view: View, sky: tuple[float, float, float], records: dict[str, np.ndar
         indirect=albedo * irradiance / np.float32(np.pi),
         irradiance=irradiance,
         emission=np.where(seen, emission, np.asarray(sky, "f4")),
-        weight=np.where(seen, pixels(view.splats.weight), np.float32(0.0))[..., 0],
+        weight=np.where(seen[..., 0], pixels(view.splats.weight)[..., 0], np.float32(0.0)),
         position=position,
         normal=normal,
         albedo=albedo,

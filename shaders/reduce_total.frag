@@ -35,6 +35,7 @@ void main()
     mat3 M = mat3(0.0), G = mat3(0.0);
     vec3 H = vec3(0.0), axis = vec3(0.0);
     vec2 bend = vec2(0.0);
+    float farthest = 0.0;
     for (int y = 0; y < blocks.y; ++y)
         for (int x = 0; x < blocks.x; ++x)
         {
@@ -61,8 +62,9 @@ void main()
     vec2 along = abs(H.x - lesser) > abs(H.z - lesser) ? vec2(H.y, lesser - H.x) : vec2(lesser - H.z, H.y);
     axis = world * vec3(dot(along, along) > 0.0 ? normalize(along) : vec2(1.0, 0.0), 0.0);
     bend = vec2(lesser, greater) / max(dot(total.rgb, LUMINANCE), 1e-20);
-    // as radii, √(2/|bend|), within what there is
-    bend = mix(vec2(1.0), vec2(-1.0), lessThan(bend, vec2(0.0))) * clamp(abs(bend), 2.0 / (radii.y * radii.y), 2.0 / (radii.x * radii.x));
+    // as radii, √(2/|bend|), no less than there is
+    bend = clamp(bend, vec2(-2.0 / (radii.x * radii.x)), vec2(2.0 / (radii.x * radii.x)));
+    farthest = radii.y;
 #else
     M = outerProduct(normal, total.rgb);  // E = n_k·M, whatever the pixel's normal
 #endif
@@ -71,5 +73,5 @@ void main()
     out_m_b = vec4(M[2], axis.z);
     out_g_r = vec4(G[0], bend.x);
     out_g_g = vec4(G[1], bend.y);
-    out_g_b = vec4(G[2], 0.0);
+    out_g_b = vec4(G[2], farthest);
 }

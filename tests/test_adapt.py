@@ -36,13 +36,14 @@ class Made:
         self.axis = np.where(rng.random(count) < 0.2, 0.0, 1.0)[:, None] * aside / np.linalg.norm(aside, axis=1, keepdims=True)
         radii = rng.uniform(0.1, 1.0, count)[:, None] * np.stack([rng.uniform(1.0, 5.0, count), np.ones(count)], 1)
         self.bend = rng.choice([-1.0, 1.0], (count, 2)) * 2.0 / radii**2 * self.axis.any(1)[:, None]
+        self.farthest = rng.uniform(0.3, 3.0, count)
         self.ctx = ctx
 
     def limits(self, settings: Settings, *parts: int) -> np.ndarray:
         """What the pass leaves, the records coming in parts that end at the given counts, and at last all."""
         cache = RecordCache(self.ctx)
         cache.append(sites(self.p, self.n), np.column_stack([self.E, self.R]))
-        rest = np.column_stack([self.axis, self.bend, np.zeros(len(self.R))])
+        rest = np.column_stack([self.axis, self.bend, self.farthest])
         for i, values in enumerate([*np.moveaxis(self.M, 1, 0), *np.moveaxis(self.gradient, 1, 0)]):
             cache._put(3 + i, 0, np.column_stack([values, rest[:, i]]))
         cache.unlimit()
@@ -69,7 +70,7 @@ def truth(made: Made, settings: Settings) -> np.ndarray:
         M, gradient = (np.einsum("ncx,c->nx", v, LUMINANCE) for v in (made.M, made.gradient))
         radii = np.minimum(radii, (Y / np.linalg.norm(gradient, axis=1))[:, None])
         if settings.radius == "hessian":
-            radii[known] = np.sqrt(2.0 / np.abs(made.bend[known]))
+            radii[known] = np.minimum(np.sqrt(2.0 / np.abs(made.bend[known])), made.farthest[known, None])
         if settings.second_order:
             bend = made.bend
     apart = made.p[None] - made.p[:, None]
@@ -133,7 +134,7 @@ def of_field(ctx: moderngl.Context, slope: np.ndarray, second: np.ndarray) -> Ma
     made.E = np.repeat((5.0 + made.p @ slope + 0.5 * (made.p**2) @ second)[:, None], 3, axis=1)
     made.M = made.n[:, None, :] * made.E[..., None]
     made.gradient = np.repeat((slope + made.p * second)[:, None], 3, axis=1)
-    made.axis[:] = 1.0, 0.0, 0.0
+    made.axis[:], made.farthest[:] = (1.0, 0.0, 0.0), 20.0
     made.bend = second[[0, 2]] / made.E[:, :1]
     return made
 

@@ -102,13 +102,17 @@ CHANGES: list[tuple[str, Any, set[str]]] = [
     ("gather", "plane", RENEW),
     ("gather_size", 16, RENEW),
     ("gradients", False, RENEW),  # without R <= E/|∇E| other radii: not SPLAT alone where pixels then ask
+    ("second_order", False, SPLAT),
+    ("radius", "harmonic", SPLAT),
     ("a", 0.8, SPLAT),
     ("adapt", 0.1, SPLAT),
     ("kernel", "cut", SPLAT),
     ("in_front", False, SPLAT),
+    ("neighbours", True, SPLAT),
     ("radius_min", 2.0, SPLAT),
     ("radius_max", 10.0, SPLAT),
     ("tolerance", 0.5, {"examine"}),
+    ("spread", 0.9, {"examine"}),
     ("placement", "scan", SPLAT | {"gather", "gbuffer"}),  # the paper reads the g-buffer back
     ("warmup", 10, RENEW),
     ("max_rounds", 5, set()),

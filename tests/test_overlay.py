@@ -16,7 +16,7 @@ from irrsplat.app.screen import Screen, clear
 from irrsplat.buffers import CHANNELS, Atlas
 from irrsplat.display import exposure_of, show, tonemap, viridis
 from irrsplat.gpu import context
-from irrsplat.gpu.target import Target, table_texture
+from irrsplat.gpu.target import Target, pixels, table_texture
 from irrsplat.output import Frame
 from irrsplat.renderer import Renderer
 from irrsplat.scene.model import Light, Scene
@@ -156,8 +156,16 @@ def test_a_silhouette_is_no_contour(ctx: moderngl.Context, target: Target) -> No
 
 
 def test_asking_marks_exactly_the_pixels_that_ask(cornell: Shown, target: Target) -> None:
-    """The rest is grey: only what asks has a colour."""
-    asks = (cornell.frame.weight < cornell.renderer.settings.threshold) & np.isfinite(cornell.frame.depth)
+    """The rest is grey: only what asks has a colour, of too little weight or of records that contradict each other."""
+    settings = cornell.renderer.settings
+    weight, squares = np.moveaxis(pixels(cornell.view.splats.weight)[..., :2].astype(float), -1, 0)
+    sums = pixels(cornell.view.splats.sums).astype(float)
+    k = np.maximum(sums[..., 3], 1e-20)
+    mean = sums[..., :3] @ (0.2126, 0.7152, 0.0722) / k
+    contradict = np.sqrt(np.maximum(squares / k - mean**2, 0.0)) > settings.spread * mean
+    few = weight < settings.threshold
+    asks = (few | (contradict & (weight < 3.0 * settings.threshold))) & np.isfinite(cornell.frame.depth)
+    assert (asks & ~few).any() and (asks & few).any()
     picture = cornell.draw(target, "asking")
     coloured = np.ptp(picture, axis=-1) > 0.1
     assert np.array_equal(coloured, asks)
@@ -267,7 +275,7 @@ def test_the_atlas_shows_its_cells_from_the_upper_left(cornell: Shown, ctx: mode
         radiance[y, x] = 0.0  # one texel hits nothing
     sky = (0.25, 0.5, 1.0)
     table = table_texture(ctx, radiance)
-    atlas = Atlas(table, None, None, None, 3, 2, (4, 3), (1, 1))
+    atlas = Atlas(table, None, None, None, None, 3, 2, (4, 3), (1, 1))
     target = Target(ctx, (124, 30), (4,))
     Overlay(ctx).atlas(target, atlas, 2.0, sky)
     picture = target.read()[..., :3]

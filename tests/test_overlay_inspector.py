@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 import moderngl
@@ -69,8 +70,10 @@ def test_the_record_that_weighs_most_is_picked(cornell: Cornell, ctx: moderngl.C
         w = table.weights(frame.position[y, x], frame.normal[y, x], view.camera, settings)
         number = inspector.pick(table, view, settings, int(x), int(y))
         assert number == int(np.argmax(w))
-        near = np.linalg.norm(table.position - frame.position[y, x], axis=1)
-        assert near[number] <= table.reach(view.camera, settings)[number], "and the pixel lies within its radius"
+        apart, axis = frame.position[y, x] - table.position[number], table.axis[number]
+        along, across = table.reach(view.camera, settings)[number]
+        aside = apart - (apart @ axis) * axis
+        assert (apart @ axis / along) ** 2 + (aside @ aside) / across**2 <= 1.0, "and the pixel lies within its ellipse"
     for y, x in [*rng.permutation(lacking)[:10], *np.argwhere(~np.isfinite(frame.depth))[:3]]:
         assert inspector.pick(table, view, settings, int(x), int(y)) is None
     assert inspector.pick(table, view, settings, -1, 0) is None and inspector.pick(table, view, settings, 0, SIZE[1]) is None
@@ -91,6 +94,9 @@ def test_what_is_said_of_a_record(cornell: Cornell, ctx: moderngl.Context) -> No
     assert [float(v) for v in said["irradiance"].split()[:3]] == pytest.approx(table.irradiance[17], rel=0.01)
     assert float(said["R"].split()[0]) == pytest.approx(table.radius[17], rel=0.01)
     assert "W/m³" in said["|grad E|"] and "W/m²" in said["irradiance"]
+    assert [float(v) for v in re.findall(r"-?[\d.]+(?:e[+-]\d+)?", said["bend"])[:2]] == pytest.approx(table.bend[17], rel=0.01)
+    along, across = table.reach(view.camera, renderer.settings)[17]
+    assert said["a·R"].endswith(f"here {along:.3g} by {across:.3g} m") and along >= across > 0.0
     flat = renderer.settings.with_values({"gradients": False})
     assert "|grad E|" not in dict(inspector.describe(17, table, view, flat))
 

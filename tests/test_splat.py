@@ -38,7 +38,8 @@ class View:
 @dataclass(frozen=True)
 class Table:
     """Records: p and n (N, 3), E (N, 3), R (N,), M and ∇E (N, channel, 3), the share of their radii that they may reach (N,), and
-    the axis along which they bend least (N, 3), 0 where it is not known, with the bends along and across it (N, 2)."""
+    the axis along which they bend least (N, 3), 0 where it is not known, with the bends along and across it (N, 2) and the
+    greatest radius that they may come to (N,)."""
 
     p: np.ndarray
     n: np.ndarray
@@ -49,6 +50,7 @@ class Table:
     limit: np.ndarray
     axis: np.ndarray
     bend: np.ndarray
+    farthest: np.ndarray
 
     def records(self, ctx: moderngl.Context) -> Records:
         count = len(self.p)
@@ -60,8 +62,9 @@ class Table:
             return table_texture(ctx, whole.reshape(rows, COLUMNS, 4))
 
         limit = texture(np.repeat(self.limit[:, None], 3, axis=1))
-        first = [texture(self.M[:, i], self.axis[:, i]) for i in range(3)]
-        vectors = [*first, *(texture(self.gradient[:, i], self.bend[:, i] if i < 2 else 0.0) for i in range(3))]
+        rest = np.column_stack([self.axis, self.bend, self.farthest])
+        both = np.concatenate([self.M, self.gradient], axis=1)
+        vectors = [texture(both[:, i], rest[:, i]) for i in range(6)]
         return Records(texture(self.p), texture(self.n), texture(self.E, self.R), tuple(vectors), count, COLUMNS, limit)
 
 
@@ -112,26 +115,28 @@ def table(count: int = 200, seed: int = 1, on: View | None = None) -> Table:
     values.append(known[:, None] * unit(np.cross(n, rng.normal(size=(count, 3)))))
     radii = R[:, None] * np.stack([rng.uniform(1.0, 8.0, count) ** 0.5, rng.uniform(1.0, 8.0, count) ** -0.5], 1)
     values.append(known[:, None] * rng.choice([-2.0, 2.0], (count, 2)) / radii**2)
+    values.append(np.where(rng.random(count) < 0.2, R, 100.0))
     return Table(*(v.astype("f4").astype(float) for v in values))
 
 
 def splat(seen: View, records: Table, settings: Settings) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Sums (H, W, 4), weight (H, W, 2), and the pixels where rounding may decide what a record says.
 
-    Ward et al. 1988: w = 1/(|p-p_k|/R + √(1-n·n_k)), where w > 1/a, |p-p_k|/R being taken along and across an axis, by
-    R = √(2/|bend|); else R at most E/|∇E| on luminance where there are gradients. Finite, limited by the share that is allowed and by the
-    view; neither in front of the pixel's surface nor behind it by more than R/20. The second weight is Σ k·Y².
+    Ward et al. 1988: w = 1/(|p-p_k|/R + √(1-n·n_k)), where w > 1/a, |p-p_k|/R being taken along and across an axis,
+    R = √(2/|bend|) or the greatest there is; else R at most E/|∇E| on luminance where there are gradients. Finite, limited by the
+    share that is allowed and by the view; neither in front of the pixel's surface nor behind it by more than R/20.
+    The second weight is Σ k·Y².
     """
     sums, weight = np.zeros((*seen.depth.shape, 4)), np.zeros((*seen.depth.shape, 2))
     unsure = np.zeros(seen.depth.shape, bool)
     screen = 2.0 * np.tan(np.radians(CAMERA.fov) / 2.0) / 100.0
     a = settings.a
-    for p_k, n_k, E_k, R_k, M, gradient, limit, axis, bend in zip(*vars(records).values(), strict=True):
+    for p_k, n_k, E_k, R_k, M, gradient, limit, axis, bend, most in zip(*vars(records).values(), strict=True):
         d = np.linalg.norm(np.asarray(CAMERA.eye) - p_k)
         known = settings.gradients and axis.any()
         own = np.array([R_k, R_k])
         if known and settings.radius == "hessian":
-            own = np.sqrt(2.0 / np.abs(bend))
+            own = np.minimum(np.sqrt(2.0 / np.maximum(np.abs(bend), 1e-30)), most)
         elif settings.gradients:
             own = np.minimum(own, E_k @ LUMINANCE / np.linalg.norm(LUMINANCE @ gradient))
         r = np.maximum(a * own * limit, settings.radius_min * screen * d)
@@ -273,7 +278,8 @@ def test_a_quadratic_field_is_said_exactly(ctx: moderngl.Context, second_order: 
 def test_records_of_black_say_black(ctx: moderngl.Context) -> None:
     """E = 0, no derivatives and radii as great as there are: 0, and no NaN."""
     seen, records = view(), table(3)
-    records.E[:], records.M[:], records.gradient[:], records.bend[:] = 0.0, 0.0, 0.0, 2.0 / 4.0**2
+    records.E[:], records.M[:], records.gradient[:] = 0.0, 0.0, 0.0
+    records.bend[:], records.farthest[:] = 0.0, 4.0
     for settings in (BASE, VARIANTS["harmonic"], VARIANTS["without gradients"]):
         sums, weight = drawn(ctx, seen, records, settings)
         assert not sums[..., :3].any() and np.isfinite(sums).all() and np.isfinite(weight).all()

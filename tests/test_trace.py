@@ -33,7 +33,7 @@ from tests.test_analytic import (
     room,
 )
 from tests.truth import load_reference
-from tests.worlds import Gathered, box, floor, lamp, material, quad, scene, sites
+from tests.worlds import Gathered, box, floor, gathered, lamp, material, quad, scene, sites
 
 # ---- tables -----------------------------------------------------------------------------------------------------------
 
@@ -124,7 +124,7 @@ class Lit:
         self.shadows = self.shadow(world, self.geometry, shadow)
 
     def gather(self, where: Sites, side: int, kind: str = "trace", capacity: int = 64) -> Gathered:
-        """E, R, M and ∇E of records at `where`."""
+        """What records at `where` are."""
         known = self.world.diagonal, light_defines(self.world), capacity
         look = TracePass(self.ctx, side, *known) if kind == "trace" else GatherPass(self.ctx, kind, side, *known)
         reduce, cache = ReducePass(self.ctx, True), RecordCache(self.ctx)
@@ -135,14 +135,12 @@ class Lit:
             args = self.shadows, batch, at, 0
             atlas = look(self.tree, *args) if isinstance(look, TracePass) else look(self.geometry, *args)
             reduce(atlas, cache.records, self.world.sky, look.radii)
-        textures = (cache.records.irradiance, *cache.records.vectors)
-        last, *vectors = (np.frombuffer(t.read(), "f4").reshape(-1, 4)[: cache.count] for t in textures)
-        columns = np.stack([v[:, :3] for v in vectors], 1)
+        found = gathered(cache)
         self.ctx.detect_framebuffer(0).use()  # what comes next must not find a released framebuffer bound
         for thing in (look, reduce.target, cache):
             if thing is not None:
                 thing.release()
-        return Gathered(last[:, :3], last[:, 3], columns[:, :3], columns[:, 3:])
+        return found
 
 
 def traced(ctx: moderngl.Context, world: Scene, where: Sites, side: int = 32) -> Gathered:

@@ -151,12 +151,22 @@ def encode(v: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Gathered:
-    """N records: E (N, 3), R (N,), M and ∇E (N, 3 channels, 3)."""
+    """N records: E (N, 3), R (N,), M and ∇E (N, 3 channels, 3), the axis (N, 3) along which they bend least, the bends (N, 2)."""
 
     E: np.ndarray
     R: np.ndarray
     M: np.ndarray
     gradient: np.ndarray
+    axis: np.ndarray
+    bend: np.ndarray
+
+
+def gathered(cache: RecordCache) -> Gathered:
+    """What a cache holds, read from the GPU."""
+    textures = (cache.records.irradiance, *cache.records.vectors)
+    last, *vectors = (np.frombuffer(t.read(), "f4").reshape(-1, 4)[: cache.count] for t in textures)
+    columns, rest = np.stack([v[:, :3] for v in vectors], 1), np.stack([v[:, 3] for v in vectors], 1)
+    return Gathered(last[:, :3], last[:, 3], columns[:, :3], columns[:, 3:], rest[:, :3], rest[:, 3:5])
 
 
 def sites(position: Any, normal: Any, geometric: Any = None) -> Sites:
@@ -186,15 +196,13 @@ def gather(
         atlas = look(geometry, shadows, batch, cache.count + np.arange(len(batch)), 0)
         cache.append(batch)
         reduce(atlas, cache.records, world.sky, look.radii)
-    textures = (cache.records.irradiance, *cache.records.vectors)
-    last, *vectors = (np.frombuffer(t.read(), "f4").reshape(-1, 4)[: cache.count] for t in textures)
-    columns = np.stack([v[:, :3] for v in vectors], 1)
+    found = gathered(cache)
     # what comes next must not find a released framebuffer bound, see test_target.py
     ctx.detect_framebuffer(0).use()
     for target in (lit.target, look.target, reduce.target, cache, geometry):
         if target is not None:
             target.release()
-    return Gathered(last[:, :3], last[:, 3], columns[:, :3], columns[:, 3:])
+    return found
 
 
 # ---- Lambert's formula ------------------------------------------------------------------------------------------------

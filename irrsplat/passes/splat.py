@@ -26,12 +26,13 @@ def splat_radius(R: Any, distance: Any, camera: Camera, settings: Settings) -> n
 
 
 def reach_uniforms(camera: Camera, settings: Settings) -> dict[str, Any]:
-    """The uniforms of shaders/lib/reach.glsl apart from the records'."""
+    """The uniforms of shaders/lib/reach.glsl apart from the records', and of splat.vert what the settings say."""
     screen = camera.screen
     return {
         "eye": camera.eye,
         "a": settings.a,
         "hessian": settings.radius == "hessian",
+        "second_order": settings.second_order,
         "reach": (settings.radius_min / 100.0 * screen, settings.radius_max / 100.0 * screen),
     }
 
@@ -66,6 +67,5 @@ class SplatPass(Holder):
             normal=gbuffer.normal,
             cut=settings.kernel == "cut",
             in_front=settings.in_front,
-            second_order=settings.second_order,
         )
         return SplatBuffer(*self.target.textures)

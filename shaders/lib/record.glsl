@@ -7,7 +7,7 @@ uniform sampler2D records_irradiance;  // rgb E, a R_k
 uniform sampler2D records_m_r;         // irradiance vectors of red, green and blue; w: x, y and z of the bend's axis
 uniform sampler2D records_m_g;
 uniform sampler2D records_m_b;
-uniform sampler2D records_g_r;         // translation gradients likewise; w: the bend along its axis, and across it
+uniform sampler2D records_g_r;         // translation gradients likewise; w: the bend along its axis, across it, and the greatest radius
 uniform sampler2D records_g_g;
 uniform sampler2D records_g_b;
 uniform sampler2D records_limit;       // share of its radii at most, so that a record does not contradict others
@@ -58,7 +58,9 @@ Ellipse record_ellipse(ivec2 texel)
     Bend bend = record_bend(texel);
     if (bend.axis != vec3(0.0))
     {
-        if (hessian) return Ellipse(bend.axis, sqrt(2.0 / abs(bend.along)), sqrt(2.0 / abs(bend.across)));
+        vec2 radii = sqrt(2.0 / max(abs(vec2(bend.along, bend.across)), 1e-30));
+        radii = min(radii, texelFetch(records_g_b, texel, 0).w);
+        if (hessian) return Ellipse(bend.axis, radii.x, radii.y);
         aside = bend.axis;  // which the bends belong to, in a circle too
     }
     float slope = length(record_gradient(texel) * LUMINANCE), E = dot(record.rgb, LUMINANCE);
