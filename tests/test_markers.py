@@ -172,8 +172,13 @@ def test_no_dot_hides_in_a_curved_surface(ctx: moderngl.Context, stage: Callable
 
 def circle(p: np.ndarray, r: float, count: int = 4000) -> np.ndarray:
     """Points of the circle of radius r about p in the plane of the floor."""
-    angle = np.linspace(0, 2 * np.pi, count, endpoint=False)
-    return p + r * np.stack([np.cos(angle), np.zeros(count), np.sin(angle)], -1)
+    return ellipse(p, np.array([r, 0.0, 0.0]), np.array([0.0, 0.0, r]), count)
+
+
+def ellipse(p: np.ndarray, along: np.ndarray, across: np.ndarray, count: int = 4000) -> np.ndarray:
+    """Points of the ellipse of these half axes about p."""
+    angle = np.linspace(0, 2 * np.pi, count, endpoint=False)[:, None]
+    return p + np.cos(angle) * along + np.sin(angle) * across
 
 
 @pytest.mark.parametrize(
@@ -239,6 +244,30 @@ def test_a_disc_reaches_less_far_where_light_changes_fast(ctx: moderngl.Context,
         assert lit.any()
 
 
+@pytest.mark.parametrize("camera", [OBLIQUE, GRAZING], ids=["oblique", "grazing"])
+def test_a_disc_of_a_record_that_knows_how_it_bends_is_an_ellipse(
+    ctx: moderngl.Context, stage: Callable[..., Stage], camera: Camera
+) -> None:
+    """Of a·√(2/|bend|) along its axis and across it, the share that is allowed of both; a circle of R_k by `radius` harmonic."""
+    world, p = stage(worlds.floor(4.0), camera=camera), np.array([0.2, 0.0, 0.3])
+    axis, radii, share = np.array([0.8, 0.0, 0.6]), np.array([2.0, 0.5]), 0.75
+    made = records(ctx, p, R=0.9)
+
+    def row(values: list[float]) -> moderngl.Texture:
+        return table_texture(ctx, np.full((1, made.columns, 4), values))
+
+    ends = [*axis, 2.0 / radii[0] ** 2, -2.0 / radii[1] ** 2, 100.0]
+    made = replace(made, vectors=tuple(row([0.0, 0.0, 0.0, end]) for end in ends), limit=row([share] * 4))
+    along, across = FREE.a * share * radii[:, None] * np.stack([axis, np.cross((0, 1, 0), axis)])
+    rounds = {"hessian": ellipse(p, along, across), "harmonic": circle(p, FREE.a * share * 0.9)}
+    for radius, around in rounds.items():
+        _, lit = world.marks("discs", made, replace(FREE, radius=radius))
+        at = project(camera, around)
+        assert distance_to(at, lit).max() < 2.3 + 0.5, radius
+        inside = at[(at >= 0.0).all(-1) & (at < SIZE).all(-1)]
+        assert grown(lit)[texels(inside)].all()
+
+
 def test_a_normal_rises_from_its_record(ctx: moderngl.Context, stage: Callable[..., Stage]) -> None:
     """By 3 % of the image's height at the record's distance, straight up from the floor: no pixel is lit far from that line."""
     world, p = stage(worlds.floor()), np.array([0.3, 0.0, 0.2])
@@ -281,21 +310,23 @@ def test_the_wireframe_is_the_visible_edges(stage: Callable[..., Stage]) -> None
 
 def served(frame: irrsplat.Frame, records: Records, number: int, camera: Camera, settings: Settings) -> np.ndarray:
     """(2, H, W): the pixels that a record speaks for, by Ward et al. 1988's w > 1/a, and those where rounding decides."""
-    p, n, e, *g = (
+    p, n, *v = (
         np.frombuffer(t.read(), "f4").reshape(-1, 4)[number].astype(float)
-        for t in (records.position, records.normal, records.irradiance, *records.vectors[3:])
+        for t in (records.position, records.normal, *records.vectors)
     )
-    luminance = np.array([0.2126, 0.7152, 0.0722])
-    slope = np.linalg.norm(sum(y * gradient[:3] for y, gradient in zip(luminance, g, strict=True)))
-    R = min(e[3], e[:3] @ luminance / slope) if settings.gradients else e[3]
+    axis, bend = np.array([m[3] for m in v[:3]]), np.array([g[3] for g in v[3:5]])
+    share = np.frombuffer(records.limit.read(), "f4")[number]
     percent = 2.0 * np.tan(np.radians(camera.fov) / 2.0) * np.linalg.norm(p[:3] - camera.eye) / 100.0
-    R = min(max(settings.a * R, settings.radius_min * percent), settings.radius_max * percent) / settings.a
+    radii = np.minimum(np.sqrt(2.0 / np.abs(bend)), v[5][3]) * share
+    R = np.clip(settings.a * radii, settings.radius_min * percent, settings.radius_max * percent) / settings.a
     apart, cosine = frame.position - p[:3], frame.normal @ n[:3]
-    w = 1.0 / np.maximum(np.linalg.norm(apart, axis=-1) / R + np.sqrt(np.maximum(0.0, 1.0 - cosine)), 1e-3)
-    front = 0.05 * R - np.abs((apart * (frame.normal + n[:3])).sum(-1)) / 2.0
+    along = apart @ axis
+    distance = np.sqrt((along / R[0]) ** 2 + ((apart**2).sum(-1) - along**2) / R[1] ** 2)
+    w = 1.0 / np.maximum(distance + np.sqrt(np.maximum(0.0, 1.0 - cosine)), 1e-3)
+    front = 0.05 * R[1] - np.abs((apart * (frame.normal + n[:3])).sum(-1)) / 2.0
     seen = np.isfinite(frame.depth)
     # 1 - n·n_k of float32 normals is off by some 1e-7, its root by some 3e-4
-    unsure = seen & ((np.abs(w * settings.a - 1.0) < 2e-3) | (np.abs(front) < 1e-4 * R))
+    unsure = seen & ((np.abs(w * settings.a - 1.0) < 2e-3) | (np.abs(front) < 1e-4 * R[1]))
     return np.stack([seen & (w > 1.0 / settings.a) & (front >= 0.0) & (cosine > 0.0), unsure])
 
 
