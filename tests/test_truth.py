@@ -1,8 +1,7 @@
 """The renderer against path-traced truth: what the project promises for its default preset, on 400×400 pixels.
 
-The limits leave little room: an ideal gather with the paper's weights and a radius kept between 1.5 and 20 pixels has an
-error of 6.4 % with 1760 records on a box like `cornell` and of 14 % with 1570 on a scene like `door`; what is more than
-that is the gather's. References are made by tests/reference/make.py, their samples checked by tests/reference/check.py.
+For comparison: an ideal gather with the paper's weights and a radius kept between 1.5 and 20 pixels has an error of 6.4 % with
+1760 records on a box like `cornell` and of 14 % with 1570 on a scene like `door`. References are made by tests/reference/make.py, their samples checked by tests/reference/check.py.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ MADE = sorted(path.stem for path in FOLDER.glob("*.npz"))
 
 @pytest.mark.parametrize(
     ("name", "rmse", "records"),
-    [("cornell", 0.08, 2000), ("door", 0.15, 2000), ("curved", 0.10, 2500)],
+    [("cornell", 0.035, 1000), ("door", 0.08, 1600), ("curved", 0.05, 2000), ("atrium", 0.06, 3000)],
 )
 def test_default_preset_is_near_the_truth(name: str, rmse: float, records: int) -> None:
     reference = load_reference(name)
@@ -33,7 +32,7 @@ def test_default_preset_is_near_the_truth(name: str, rmse: float, records: int) 
     found = compare(frame, reference)
     wrong = [
         f"{what} {found[what]:+.2%}, allowed {limit:.1%}"
-        for what, limit in {"rmse": rmse, "bias": 0.02, "direct_rms": 0.02, "misplaced": 0.002}.items()
+        for what, limit in {"rmse": rmse, "bias": 0.01, "direct_rms": 0.02, "misplaced": 0.002}.items()
         if not abs(found[what]) <= limit
     ]
     if not frame.stats["records"] <= records:
@@ -41,6 +40,17 @@ def test_default_preset_is_near_the_truth(name: str, rmse: float, records: int) 
     if wrong:
         keep(name, frame, reference)
     assert not wrong, f"{name}: {'; '.join(wrong)} (all: {found}; pictures in {FAILURES})"
+
+
+@pytest.mark.parametrize(("name", "gain"), [("cornell", 0.75), ("curved", 0.5)])
+def test_second_derivatives_are_worth_their_while(name: str, gain: float) -> None:
+    """Nearer to the truth, with no more records, than circles of harmonic mean distance and first order with the same machinery."""
+    scene, reference = irrsplat.load(name), load_reference(name)
+    plain = {"radius": "harmonic", "second_order": False, "spread": 0.0, "adapt": 0.5, "a": 0.5, "radius_max": 6.0}
+    frames = [irrsplat.render(scene, (SIZE, SIZE), **settings) for settings in ({}, plain)]
+    ours, theirs = (compare(frame, reference)["rmse"] for frame in frames)
+    assert ours <= gain * theirs, (ours, theirs)
+    assert frames[0].stats["records"] <= frames[1].stats["records"]
 
 
 @pytest.mark.parametrize("name", MADE)
