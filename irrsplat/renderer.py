@@ -193,9 +193,10 @@ class Renderer(Holder):
             with self.timers("direct"):
                 self._direct = self.direct_pass(gbuffer, self._lit())
         settings, state = self.settings, (self._made_of["direct"], self._made_of["splat"], self._splatted)
-        if self._other("composite", *state, settings.blend, settings.smooth) or self._view is None:
+        filling = self._coverage < 1.0 and settings.bounces > 0
+        if self._other("composite", *state, settings.of("composite"), filling) or self._view is None:
             with self.timers("composite"):
-                image, sums = self.composite_pass(splats, self._direct, gbuffer, self.scene.sky, camera, self.settings)
+                image, sums = self.composite_pass(splats, self._direct, gbuffer, self.scene.sky, camera, settings, filling)
             self._view = View(camera, gbuffer, self._direct, splats, sums, image)
         return self._view
 

@@ -172,6 +172,9 @@ class Settings:
     blend: float = _declare(
         0.5, "float", "composite", "0 is direct light only, ½ the physical sum, 1 indirect only", low=0, high=1
     )
+    overture: bool = _declare(
+        True, "bool", "composite", "while a view fills, pixels that no record speaks for yet borrow the light of those around"
+    )
     smooth: bool = _declare(False, "bool", "composite", "smooth the indirect light along surfaces, the paper's second cure")
     exposure: float | Auto = _declare(
         "auto",
@@ -232,6 +235,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "a": 0.1,
         "adapt": 0.0,
         "spread": 0.0,
+        "overture": False,
         "radius_min": 0.0,
         "radius_max": 0.0,
     },
