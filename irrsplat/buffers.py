@@ -165,12 +165,15 @@ class Records:
     vectors: of red, green and blue the irradiance vectors M = ∫L·ω·dω (E = n·M), then of each the gradient ∇E in W/m³. Their w,
     in this order: the unit axis in the tangent plane along which the light bends least (0: not known), and the second derivatives
     of luminance along it and across it over the luminance itself, 1/m².
+    walls: two walls that stand on the record's surface, xy and zw, by coordinates along that axis and across it, 1/m: beyond one is
+    where (p - p_k)·wall > 1 (0: none).
     """
 
     position: Any
     normal: Any
     irradiance: Any
     vectors: tuple[Any, ...]
+    walls: Any
     count: int
     columns: int
     limit: Any
@@ -183,6 +186,7 @@ class Records:
             "records_position": self.position,
             "records_normal": self.normal,
             "records_irradiance": self.irradiance,
+            "records_walls": self.walls,
             "records_limit": self.limit,
             "record_columns": self.columns,
             **dict(zip(names, self.vectors, strict=True)),

@@ -10,7 +10,7 @@ from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.target import float_texture
 
 _COLUMNS = 1024
-_TEXTURES = 9  # position, normal, irradiance and radius, then the six of Records.vectors
+_TEXTURES = 10  # position, normal, irradiance and radius, the six of Records.vectors, walls
 _ROWS = 4  # at first; doubled whenever they are full
 
 
@@ -38,8 +38,8 @@ class RecordCache(Holder):
     @property
     def records(self) -> Records:
         """The textures as they stand; valid until the next `append`."""
-        position, normal, irradiance, *vectors = self._textures
-        return Records(position, normal, irradiance, tuple(vectors), self.count, _COLUMNS, self._limit)
+        position, normal, irradiance, *vectors, walls = self._textures
+        return Records(position, normal, irradiance, tuple(vectors), walls, self.count, _COLUMNS, self._limit)
 
     def append(self, sites: Sites, values: np.ndarray | None = None) -> int:
         """Add records at `sites`; returns the first one's number.
@@ -62,6 +62,7 @@ class RecordCache(Holder):
             for i in range(3):  # a record without directions: M = E·n_k, no gradient
                 self._put(3 + i, first, np.pad(sites.normal * values[:, i : i + 1], ((0, 0), (0, 1))))
                 self._put(6 + i, first, np.zeros_like(values))
+            self._put(9, first, np.zeros_like(values))
         return first
 
     def _put(self, texture: int, first: int, values: np.ndarray) -> None:

@@ -29,7 +29,15 @@ from irrsplat.settings import Settings
 
 _REACH = 8.0  # percent of the image height by which the first sites lie apart where radii have no upper limit
 _SHARE = 0.1  # of a tick that gathering may take in any case, so that the picture refines however slow the rest is
-_ADAPTED_BY = ("a", "adapt", "neighbours", "gradients", "second_order", "radius")  # settings that limits of radii depend on
+_ADAPTED_BY = (
+    "a",
+    "adapt",
+    "neighbours",
+    "gradients",
+    "second_order",
+    "radius",
+    "walls",
+)  # settings that limits of radii depend on
 _ASKING = ("gather", "splat", "examine")  # the stages whose settings decide where records are asked for
 
 

@@ -139,6 +139,7 @@ class Settings:
     in_front: bool = _declare(
         True, "bool", "splat", "a record in front of a pixel's surface, or behind it, does not speak for it"
     )
+    walls: bool = _declare(True, "bool", "splat", "a record says nothing beyond the two nearest walls that stand on its surface")
     adapt: float = _declare(
         0.35, "float", "splat", "how far records may contradict each other, of their light, before they reach less far; 0: off",
         low=0, high=10,
@@ -229,6 +230,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "placement": "scan",
         "kernel": "cut",
         "in_front": False,
+        "walls": False,
         "gradients": False,
         "second_order": False,
         "radius": "harmonic",

@@ -67,5 +67,6 @@ class SplatPass(Holder):
             cut=settings.kernel == "cut",
             in_front=settings.in_front,
             second_order=settings.second_order,
+            walls=settings.walls,
         )
         return SplatBuffer(*self.target.textures)

@@ -10,6 +10,8 @@ uniform sampler2D records_m_b;
 uniform sampler2D records_g_r;         // translation gradients likewise; w: the bend along its axis, and across it
 uniform sampler2D records_g_g;
 uniform sampler2D records_g_b;
+uniform sampler2D records_walls;       // the two nearest walls that stand on its surface, each by its coordinates along the bend's
+                                       // axis and across it: beyond one is where dot(p - p_k, wall) > 1
 uniform sampler2D records_limit;       // share of its radii at most, so that a record does not contradict others
 uniform int record_columns;
 uniform bool hessian;                  // radii by second derivatives, else by the harmonic mean distance
