@@ -56,7 +56,7 @@ class GatherPass(Holder):
         count = len(sites)
         frame = frames(sites.normal, numbers, seed)
         self.frames.write(frame_rows(frame, sites, numbers).tobytes(), viewport=(0, 0, count, 4))
-        eye = eyes(sites, geometry.centroids, self.offset)
+        eye = eyes(sites, geometry.corners, self.offset)
         self.instances.write(self._instances(frame, eye).astype("f4").tobytes())
         used = (0, 0, self.target.size[0], -(-count // self.columns) * self.cell[1])
         self.target.use(scissor=used)

@@ -37,7 +37,7 @@ class Tree(Holder):
         limit = int(ctx.info["GL_MAX_TEXTURE_SIZE"])
         if max(bvh.nodes[..., 0].size, len(vertices), len(faces)) > _COLUMNS * limit or limit < 3 * _COLUMNS:
             raise InputError(f"{len(faces)} triangles are too many to trace here: use --gather raster")
-        self.centroids = corners.mean(1)
+        self.corners = corners
         self.count = bvh.nodes.shape[1]
         self.grid = bvh.grid
         nodes = _rows(bvh.nodes.reshape(-1, 1, 4))
@@ -103,7 +103,7 @@ class TracePass(Holder):
         count = len(sites)
         rows = np.zeros((5, count, 4), "f4")
         rows[:4] = frame_rows(frames(sites.normal, numbers, seed), sites, numbers)
-        rows[4, :, :3] = eyes(sites, tree.centroids, self.offset)
+        rows[4, :, :3] = eyes(sites, tree.corners, self.offset)
         self.frames.write(rows.tobytes(), viewport=(0, 0, count, 5))
         lines, rest = divmod(count, self.columns)
         width, height = self.cell
