@@ -205,3 +205,21 @@ def test_no_extrapolation_below_black_or_beyond_twice(ctx: moderngl.Context) -> 
     E = sums[..., :3][sums[..., 3] > 0] / sums[..., 3:][sums[..., 3] > 0]
     assert len(E) > 50
     assert E.min() >= 0.0 and E.max() <= 2.0 + 1e-4
+
+
+def test_a_gradient_is_bounded_where_the_radius_was_raised(ctx: moderngl.Context) -> None:
+    """A record of a·R = 1 cm that the view raises to 70 cm: at its new rim E differs by what its gradient says of 1 cm."""
+    seen, records = view(), table(1)
+    records.p[0], records.n[0], records.R[0], records.limit[0] = seen.position[14, 18], (0, 0, 1), 0.02, 1e30
+    records.E[0], records.M[0], records.gradient[0] = 1e6, (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
+    records.gradient[0, :, 0] = 20.0  # per metre
+    flat = View(
+        seen.position * (1.0, 1.0, 0.0) + records.p[0] * (0.0, 0.0, 1.0),
+        np.broadcast_to((0.0, 0.0, 1.0), seen.normal.shape),
+        seen.depth,
+    )
+    flat.depth[:] = 3.0
+    sums, _ = drawn(ctx, flat, records, replace(BASE, radius_min=25.0))
+    E = sums[..., 0][sums[..., 3] > 0] / sums[..., 3][sums[..., 3] > 0]
+    assert len(E) > 100
+    assert 0.1 < np.abs(E - 1.0).max() <= 20.0 * 0.01
