@@ -49,13 +49,6 @@ DARK = {
 }
 
 
-THIN = pytest.mark.xfail(
-    strict=True,
-    reason="a record near a thin wall reaches through it: E in the dark up to 103..155 % of the lit room's mean, mean 0.3 %",
-)
-
-
-@THIN
 @pytest.mark.parametrize(
     ("how", "wall", "views"),
     [
@@ -197,7 +190,6 @@ def test_neither_light_nor_rims_where_things_meet(ctx: moderngl.Context, name: s
     assert abs(off.mean()) < 0.02 and wrong <= 0.01 and off.max() < 0.35 and off.min() > -0.35, measured
 
 
-@THIN
 @pytest.mark.parametrize("views", ["near", "random"])
 def test_a_drape_keeps_light_out(ctx: moderngl.Context, views: str) -> None:
     """A wavy sheet without thickness hangs in the room's middle: in the half without light E is what is gathered there, next to
