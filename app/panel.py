@@ -103,8 +103,8 @@ class Panel:
             i = imgui.combo(label, d.choices.index(value), list(d.choices))[1]
             return d.choices[i]
         width = _WIDGET * scale
-        if d.auto:
-            flipped, automatic = imgui.checkbox("auto", value == "auto")
+        if d.word:
+            flipped, automatic = imgui.checkbox(d.word, value == d.word)
             imgui.set_item_tooltip("chosen by itself")
             imgui.same_line()
             width -= imgui.get_item_rect_size().x + imgui.get_style().item_spacing.x

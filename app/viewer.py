@@ -18,10 +18,10 @@ from irrsplat.app.controls import Controls
 from irrsplat.app.desk import Desk
 from irrsplat.app.gui import Gui
 from irrsplat.app.hud import Hud
+from irrsplat.app.inspector import Inspected
 from irrsplat.app.menu import Menu
 from irrsplat.app.panel import Panel
 from irrsplat.app.screen import Screen
-from irrsplat.app.session import Inspected
 from irrsplat.app.window import TITLE, Desktop, open_window
 from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.program import Program
