@@ -38,6 +38,8 @@ MOST = 4096  # sites
 _ROUNDS = 4  # in which members that do not see their site find others
 _BATCH = 128  # sites gathered at once, at most
 _SKY, _DARK = 0, 1  # the numbers of the values of all that sees nothing but the sky, and of what no light reaches
+_ANY = 3  # as shaders/lib/surface_cache.glsl has it
+_CHANCES = 4  # sites that a member tries of those that face otherwise
 _FIRST = 0.6  # of MOST: sites at first, before those are made that members who do not see theirs need
 _VOXEL = 0.7  # of the spacing: how near members of one site lie
 _LEAST = 0.02  # of the spacing squared: what is smaller gets a site of its own only where there are some left
@@ -200,19 +202,24 @@ class SurfaceCache(Holder):
             seen[asking] = yield from self._sees(some, left[asking], best[whose[asking]])
             value[left[seen]] = len(sites) + whose[seen]
             left, sites = left[~seen], np.concatenate([sites, best])
+        known = sites[_DARK + 1 :]
+        member, site = clusters.others(some, names, left, known, _CHANCES)
+        seen = yield from self._sees(some, left[member], known[site])
+        value[left[member[seen][::-1]]] = _DARK + 1 + site[seen][::-1]  # of several the first is written last
         return value, sites
 
     def _cells(self, cut: Lattice, some: clusters.Members, value: np.ndarray) -> Any:
-        """(C, 2, 4) the table of cells, where 1 stands behind the numbers of the values if the corners do not all see each other:
-        then something stands on the cell. A generator that returns it."""
+        """(C, 2, 4) the table of cells: numbers of values, and which corners do not see each other, as surface_cache.glsl has it: then
+        something stands on the cell. A generator that returns it."""
         table = np.zeros((cut.cells, 2, 4), np.float32)
         for side, cells in enumerate(table.swapaxes(0, 1)):
             ends = cut.corners + side * len(cut.face)
             cells[:, :3] = value[ends]
             unlike = np.flatnonzero((value[ends] != value[ends[:, :1]]).any(1))
+            free = np.ones((len(unlike), 3), bool)  # of each corner the edge across
             for k in range(3):
-                free = yield from self._sees(some, ends[unlike, k], ends[unlike, (k + 1) % 3])
-                cells[unlike[~free], 3] = 1.0
+                free[:, k] = yield from self._sees(some, ends[unlike, k - 2], ends[unlike, k - 1])
+            cells[unlike, 3] = np.where(free.all(1), 0, np.where(free.sum(1) == 1, 1 + np.argmax(free, axis=1), 1 + _ANY))
         return table
 
     def _sees(self, some: clusters.Members, a: np.ndarray, b: np.ndarray) -> Any:

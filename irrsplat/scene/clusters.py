@@ -14,6 +14,8 @@ from irrsplat.scene.lattice import Lattice
 from irrsplat.scene.model import Scene
 
 _TURN = np.linalg.qr(np.array([[1.0, 0.37, -0.21], [-0.29, 1.0, 0.43], [0.31, -0.47, 1.0]]))[0]  # any: away from the axes
+_NEAR = 32  # sites of a voxel that are looked at
+_ALIKE = 0.3  # cosine: what faces more differently is lit by something else
 _BENT = 1.2  # times as high as tangents meet: how far a way between two members keeps from what bulges between them
 
 
@@ -92,6 +94,26 @@ def choose(keys: np.ndarray, position: np.ndarray, area: np.ndarray, least: floa
     number = np.full(len(counts), -1)
     number[kept] = np.arange(len(kept))
     return chosen[kept], number[cluster]
+
+
+def others(some: Members, keys: np.ndarray, left: np.ndarray, sites: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
+    """Which of the `sites` may stand in for members `left` that see none of theirs: those in the same voxel that face best alike.
+
+    Both are numbers of members. Returns pairs of places (N,) in left and in sites, `most` for one of left at most, the best first.
+    """
+    voxels = keys[sites] >> 5
+    order = np.argsort(voxels, kind="stable")
+    first, last = (np.searchsorted(voxels[order], keys[left] >> 5, side) for side in ("left", "right"))
+    count = np.minimum(last - first, _NEAR)
+    member = np.repeat(np.arange(len(left)), count)
+    site = order[first[member] + np.arange(len(member)) - np.repeat(np.cumsum(count) - count, count)]
+    alike = (some.normal[left[member]] * some.normal[sites[site]]).sum(1)
+    best = np.lexsort((-alike, member))
+    best = best[alike[best] > _ALIKE]
+    member, site = member[best], site[best]
+    begin = np.flatnonzero(np.diff(member, prepend=-1))
+    rank = np.arange(len(member)) - np.repeat(begin, np.diff(begin, append=len(member)))
+    return member[rank < most], site[rank < most]
 
 
 def ways(some: Members, a: np.ndarray, b: np.ndarray) -> np.ndarray:

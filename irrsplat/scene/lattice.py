@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 _MOST = 1 << 17  # cells at most, beyond one for every triangle
+_SMALL = 0.2  # of the spacing: a triangle that is smaller has one point for all of its corners
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ def lattice(vertices: np.ndarray, faces: np.ndarray, spacing: float, inset: floa
 
     face = np.repeat(np.arange(len(faces)), n * n)
     i, j = _corners(np.arange(len(face)) - first[face], n[face])
-    small = longest[face] <= 0.5 * spacing
+    small = longest[face] <= _SMALL * spacing
     u, v = i / n[face][:, None], j / n[face][:, None]  # of the edges, (C, 3)
     u[small], v[small] = u[small].mean(1, keepdims=True), v[small].mean(1, keepdims=True)
 
