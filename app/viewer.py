@@ -109,6 +109,7 @@ class Viewer(Controls, moderngl_window.WindowConfig):
         session, start = self.desk.session, time.perf_counter()
         look = session.look
         handles = [*session.views, *(thing for r in session.active for thing in (r.shadows, r.placement.atlas))]
+        handles += [r.placement.surface.result for r in session.active if r.placement.surface is not None]
         handles.append(session.truths.of(session.scene, session.camera, session.size))
         about = [(r.settings, r.cache.count, r.cache.edits) for r in session.active]
         state = about, asdict(look), session.exposure, session.held, look.inspect and cursor, self.canvas

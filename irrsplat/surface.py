@@ -93,7 +93,7 @@ class SurfaceCache(Holder):
         """How much of the making is done, 0..1."""
         if self.whole or not self.records.count:
             return float(self.whole) or 0.5 * self._share
-        return 0.5 + 0.5 * (1.0 - len(self.records.stale) / self.records.count)
+        return 0.5 + 0.49 * (1.0 - len(self.records.stale) / self.records.count)
 
     def view(self, gbuffer: GBuffer) -> moderngl.Texture:
         """What the cache says of every pixel, as SurfacePass has it; valid until the next call."""
@@ -190,7 +190,7 @@ class SurfaceCache(Holder):
     def _share_out(self, cut: Lattice, some: clusters.Members, area: np.ndarray, spacing: float) -> Any:
         """The number of each member's value, -1: none, and which members are the sites; a generator that returns them."""
         value, names = self._given(cut, some), clusters.keys(some, _VOXEL * spacing)
-        left, sites = np.flatnonzero(value < 0), np.zeros(_DARK + 1, np.intp)
+        left, sites = np.flatnonzero(value < 0), np.zeros(_DARK + 1 if len(some) else 0, np.intp)
         for number in range(_ROUNDS):
             least = _LEAST * spacing**2 if number < _ROUNDS - 1 else 0.0
             best, whose = clusters.choose(names[left], some.position[left], area[left], least, MOST - len(sites))
@@ -209,8 +209,8 @@ class SurfaceCache(Holder):
         return value, sites
 
     def _cells(self, cut: Lattice, some: clusters.Members, value: np.ndarray) -> Any:
-        """(C, 2, 4) the table of cells: numbers of values, and which corners do not see each other, as surface_cache.glsl has it: then
-        something stands on the cell. A generator that returns it."""
+        """(C, 2, 4) the table of cells, as surface_cache.glsl has it: numbers of values, and which corners do not see each other,
+        because something stands on the cell. A generator that returns it."""
         table = np.zeros((cut.cells, 2, 4), np.float32)
         for side, cells in enumerate(table.swapaxes(0, 1)):
             ends = cut.corners + side * len(cut.face)
@@ -264,7 +264,7 @@ class SurfaceCache(Holder):
         settings = self.settings
         if self._bouncing is None:
             E_1 = self.records.read()["irradiance"]
-            E_1[_SKY], E_1[_DARK] = np.pi * np.asarray(self.scene.sky), 0.0
+            E_1[: _DARK + 1] = np.pi * np.outer([1.0, 0.0], self.scene.sky)[: len(E_1)]  # _SKY, _DARK
             transport = self.transport if settings.most_bounces > 2 else None
             self._bouncing = bounces(E_1, transport, self._area, settings.most_bounces, settings.bounces == "all")
         made = next(self._bouncing)

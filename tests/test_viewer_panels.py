@@ -95,7 +95,7 @@ def test_a_widget_changes_its_setting_alone_and_the_arrow_takes_it_back(panel: D
     """Typed by Ctrl+click, chosen from a list or clicked; the camera stays."""
     typed, expected = CHANGES[name]
     old, camera = panel.session.settings(0)[1], panel.session.camera
-    if SETTINGS[name].auto and value(panel, name) == "auto":
+    if SETTINGS[name].word and value(panel, name) == SETTINGS[name].word:
         panel.click(*panel.find("auto", beside=label(name)).at())
         assert value(panel, name) == pytest.approx(old.threshold if name == "tolerance" else panel.session.exposure, abs=1e-3)
     widget = panel.find(label(name))

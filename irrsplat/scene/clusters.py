@@ -99,7 +99,7 @@ def choose(keys: np.ndarray, position: np.ndarray, area: np.ndarray, least: floa
 def others(some: Members, keys: np.ndarray, left: np.ndarray, sites: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
     """Which of the `sites` may stand in for members `left` that see none of theirs: those in the same voxel that face best alike.
 
-    Both are numbers of members. Returns pairs of places (N,) in left and in sites, `most` for one of left at most, the best first.
+    Both are numbers of members. Returns pairs of places (N,) in left and in sites, the best first, at most `most` of each left.
     """
     voxels = keys[sites] >> 5
     order = np.argsort(voxels, kind="stable")
