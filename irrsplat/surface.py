@@ -62,6 +62,7 @@ class SurfaceCache(Holder):
         self.whole = False  # whether that is what settings and lights ask for
         self._preparing: Iterator[float] | None = None
         self._share = 0.0  # of the preparation
+        self._sealed = clusters.sealed(scene)
         self.lattice: Lattice | None = None
         self.transport: Transport | None = None
         self._area, self._unknown = np.zeros(1), np.zeros(1, bool)  # m² of each site; whether its row in `transport` is missing
@@ -111,7 +112,9 @@ class SurfaceCache(Holder):
             self.look = self._look()
         if old.seed != settings.seed or old.shadow_size != settings.shadow_size or lights.lights != scene.lights:
             self.expire()
-        if old.seed != settings.seed:
+        if not np.array_equal(self._sealed, clusters.sealed(scene)):  # a lamp went in somewhere, or out
+            self._sealed, self.lattice, self._preparing = clusters.sealed(scene), None, None
+        if old.seed != settings.seed or self.lattice is None:
             self.transport = None
         if old.bounces != settings.bounces:
             self._bouncing, self.whole = None, False
@@ -163,7 +166,7 @@ class SurfaceCache(Holder):
         self.leaves = table_texture(self.ctx, listed(cut.table[self.tree.order]))
         self.cells = table_texture(self.ctx, listed(cells))
         self.values = table_texture(self.ctx, np.zeros((MOST // COLUMNS, COLUMNS, 4)))
-        self.lattice = cut
+        self.lattice, self.result = cut, None
 
     def _cut(self) -> tuple[Lattice, float]:
         """The lattice, and its spacing in metres: by the surfaces' area, or wider where too many sites would come of it."""
@@ -184,7 +187,7 @@ class SurfaceCache(Holder):
     def _given(self, cut: Lattice, some: clusters.Members) -> np.ndarray:
         """(M,) the numbers of the members' values where they are known beforehand, else -1."""
         value = np.where(clusters.outside(some, self.scene.bounds), _SKY, -1)
-        value[len(cut.face) + np.flatnonzero(clusters.sealed(self.scene)[cut.face])] = _DARK
+        value[len(cut.face) + np.flatnonzero(self._sealed[cut.face])] = _DARK
         return value
 
     def _share_out(self, cut: Lattice, some: clusters.Members, area: np.ndarray, spacing: float) -> Any:

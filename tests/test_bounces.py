@@ -259,6 +259,27 @@ def test_other_lights_need_no_other_transport(ctx: moderngl.Context) -> None:
 
 
 @pytest.mark.usefixtures("few")
+def test_a_lamp_goes_into_a_box_and_comes_out_again(ctx: moderngl.Context) -> None:
+    """The box's inside needs no sites while it is dark; when a lamp is in it, it is lit."""
+    world = scene(box((-1, -1, -1), (1, 1, 1), material(0.5), outward=False), box((-0.4, -0.4, -0.4), (0.4, 0.4, 0.4)))
+    places = (0.0, 0.8, 0.0), (0.0, 0.0, 0.0), (0.0, 0.8, 0.0)
+    counts = []
+    with made(ctx, replace(world, lights=(lamp(places[0]),))) as renderer:
+        for place in places:
+            lit = replace(world, lights=(lamp(place),))
+            if counts:
+                renderer.relight(lit.lights)
+                advance(renderer)
+            assert renderer.placement.surface is not None
+            counts.append(len(renderer.placement.surface.sites))
+            with made(ctx, lit) as other:
+                assert np.array_equal(values(renderer), values(other))
+            within = gathered(renderer, sites([[0.399, 0.1, 0.0], [0.999, 0.1, 0.0]], (-1, 0, 0)))
+            assert (within.max(1) > 0.01).tolist() == [place == places[1], place != places[1]]
+    assert counts[0] == counts[2] < counts[1]
+
+
+@pytest.mark.usefixtures("few")
 def test_ticks_of_little_time_come_to_the_same(ctx: moderngl.Context) -> None:
     with Renderer(room(), SIZE, ctx=ctx, **ALL) as small, made(ctx, room(), gather_size=8) as whole:
         shares = []
