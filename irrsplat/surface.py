@@ -149,8 +149,7 @@ class SurfaceCache(Holder):
 
     def _prepare(self) -> Iterator[float]:
         """Choose the sites and make the tables that find them; yields the share that is done, now and then."""
-        cut, spacing = self._cut()
-        yield 0.1
+        cut, spacing = yield from self._cut()
         some, area = clusters.members(cut, self.offset), np.tile(cut.area, 2)
         value, sites = yield from self._share_out(cut, some, area, spacing)
         yield 0.7
@@ -168,18 +167,22 @@ class SurfaceCache(Holder):
         self.values = table_texture(self.ctx, np.zeros((MOST // COLUMNS, COLUMNS, 4)))
         self.lattice, self.result = cut, None
 
-    def _cut(self) -> tuple[Lattice, float]:
-        """The lattice, and its spacing in metres: by the surfaces' area, or wider where too many sites would come of it."""
+    def _cut(self) -> Any:
+        """The lattice, and its spacing in metres: by the surfaces' area, or wider where too many sites would come of it.
+
+        A generator that returns them."""
         vertices, faces, _ = flatten(self.scene)
         a, b, c = vertices[faces, :3].astype(float).swapaxes(0, 1)
         area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
         spacing = float(np.sqrt(2.0 * area / POINTS)) or 1.0  # a lattice of right-angled triangles has two points per spacing²
         while True:
             cut = lattice(vertices, faces, spacing, self.offset)
+            yield 0.05
             some = clusters.members(cut, self.offset)
             left = np.flatnonzero(self._given(cut, some) < 0)
             names, area = clusters.keys(some, _VOXEL * spacing)[left], np.tile(cut.area, 2)[left]
             best, _ = clusters.choose(names, some.position[left], area, _LEAST * spacing**2, len(names))
+            yield 0.05
             if len(best) <= _FIRST * MOST:
                 return cut, spacing
             spacing *= 1.05 * float(np.sqrt(len(best) / (_FIRST * MOST)))

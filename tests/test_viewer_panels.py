@@ -161,6 +161,17 @@ def test_auto_and_back(panel: Driver) -> None:
     assert value(panel, "exposure") == pytest.approx(shown, abs=2e-3)
 
 
+def test_all_bounces_and_as_many_as_they_were(panel: Driver) -> None:
+    """Switched off, it stays at the number that was made."""
+    panel.click(*panel.find("all", beside="bounces").at(0.1))
+    assert value(panel, "bounces") == "all"
+    panel.settle()
+    made = panel.session.frame().stats["bounces"]
+    assert 2 < made < 64
+    panel.click(*panel.find("all", beside="bounces").at(0.1))
+    assert value(panel, "bounces") == made
+
+
 @pytest.mark.parametrize("name", PRESETS)
 def test_presets_are_in_the_list_and_in_the_menu(panel: Driver, name: str) -> None:
     panel.session.look.frozen = True
