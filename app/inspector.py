@@ -10,7 +10,7 @@ import numpy as np
 
 from irrsplat.app.overlay import Overlay
 from irrsplat.app.screen import texel
-from irrsplat.buffers import Records, ShadowMaps, Sites
+from irrsplat.buffers import HitLight, Records, ShadowMaps, Sites
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.target import Target
@@ -78,6 +78,17 @@ class Table:
         return np.where(speaks, w, 0.0)
 
 
+@dataclass(frozen=True)
+class Inspected:
+    """A record on show: what it holds, a label and a text each, the hemisphere that it sees, and how many pixels it serves."""
+
+    number: int
+    side: int
+    lines: list[tuple[str, str]]
+    picture: moderngl.Texture
+    served: int
+
+
 def read(records: Records) -> Table:
     """Copy the records from the GPU; it waits for what is being drawn: once a click, or whenever the cache has changed."""
 
@@ -141,7 +152,7 @@ class Inspector(Holder):
         number: int,
         site: Sites,
         world: Geometry | Tree,
-        shadows: ShadowMaps,
+        light: ShadowMaps | HitLight,
         *,
         scene: Scene,
         settings: Settings,
@@ -149,11 +160,12 @@ class Inspector(Holder):
     ) -> moderngl.Texture:
         """What record `number`, which lies at the one `site`, sees: its cell of the atlas as it is, exposed by `exposure` stops.
 
-        world: what the settings' gather looks at, as Placement.world.
+        world, light: what the settings' gather looks at, and what lights that, as Placement has them.
 
         The texture is RGBA8, bottom row first, this object's own, and holds until the next call.
         """
-        made_for = settings.gather_kind(scene.triangles), settings.gather_size, scene.diagonal, light_defines(scene)
+        kind, more = settings.gather_kind(scene.triangles), settings.most_bounces > 1
+        made_for = kind, more, settings.gather_size, scene.diagonal, light_defines(scene)
         if self.gather_pass is None or made_for != self._made_for:
             self.release_cell()
             self.gather_pass = gather_pass(self.ctx, scene, settings, capacity=1)
@@ -161,7 +173,7 @@ class Inspector(Holder):
             self.target = Target(self.ctx, self.gather_pass.cell, textures=[self.picture])
             self._made_for = made_for
         assert self.target is not None and self.picture is not None
-        atlas = self.gather_pass(world, shadows, site, np.array([number]), settings.seed)
+        atlas = self.gather_pass(world, light, site, np.array([number]), settings.seed)
         self.overlay.atlas(self.target, atlas, 2.0**exposure, scene.sky)
         return self.picture
 

@@ -5,6 +5,7 @@ EXR layers, NPZ keys, overlays and the documentation are made from `CHANNELS`.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -101,6 +102,20 @@ class ShadowMaps:
             "shadow_depth": self.depth,
             "shadow_layout": self.layout,
         }
+
+
+@dataclass(frozen=True)
+class HitLight:
+    """What lights the surfaces that a gather sees: the lamps, with their shadow maps, and from the second bounce on the surface
+    cache, as the uniforms of shaders/lib/surface_cache.glsl and lib/bvh.glsl."""
+
+    shadows: ShadowMaps
+    surface: Mapping[str, Any]
+
+    @property
+    def uniforms(self) -> dict[str, Any]:
+        """The uniforms of both."""
+        return {**self.shadows.uniforms, **self.surface}
 
 
 @dataclass(frozen=True)

@@ -99,6 +99,7 @@ CHANGES: list[tuple[str, Any, set[str]]] = [
     ("shadow_size", 128, RENEW | {"shadow", "direct"}),
     ("seed", 5, RENEW),
     ("bounces", 0, {"splat", "composite"}),
+    ("bounces", 2, RENEW | {"surface"}),
     ("gather", "plane", RENEW),
     ("gather_size", 16, RENEW),
     ("gradients", False, RENEW),  # without R <= E/|∇E| other radii: not SPLAT alone where pixels then ask

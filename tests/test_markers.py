@@ -300,7 +300,7 @@ def served(frame: irrsplat.Frame, records: Records, number: int, camera: Camera,
 
 
 def test_what_a_record_serves_is_tinted_and_counted(ctx: moderngl.Context) -> None:
-    with Renderer(irrsplat.load("cornell"), SIZE, ctx=ctx, gather_size=16, shadow_size=128) as renderer:
+    with Renderer(irrsplat.load("cornell"), SIZE, ctx=ctx, bounces=1, gather_size=16, shadow_size=128) as renderer:
         for _ in range(3):
             view, _ = renderer.frame()
         frame = read(view, renderer.scene.sky, renderer.cache.read(), {})
