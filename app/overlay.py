@@ -228,7 +228,7 @@ def _arguments(
         low, high = weight_range(settings)
         return {"values": view.splats.weight, "low": low, "high": high, "threshold": settings.threshold}
     tolerance = settings.threshold if name == "asking" else -1.0  # which no weight is below
-    asking = {"sums": view.splats.sums, "tolerance": tolerance, "spread": settings.spread}
+    asking = {"sums": view.splats.sums, "tolerance": tolerance, "spread": settings.spread, "dark": view.splats.dark}
     return {"values": view.splats.weight, "image": view.image, "gain": gain, **asking}
 
 

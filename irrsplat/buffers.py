@@ -121,10 +121,11 @@ class HitLight:
 @dataclass(frozen=True)
 class SplatBuffer:
     """The sums that splatting leaves: `sums` RGBA32F (Σ k·E, Σ k) and `weight` RG32F (Σ of raw w, or NOTHING_SEEN; Σ k·Y² of
-    the luminances Y of the E, which tells how far the records contradict each other)."""
+    the luminances Y of the E, which tells how far the records contradict each other). `dark`: as in Records."""
 
     sums: Any
     weight: Any
+    dark: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -180,8 +181,8 @@ class Records:
     vectors: of red, green and blue the irradiance vectors M = ∫L·ω·dω (E = n·M), then of each the gradient ∇E in W/m³. Their w,
     in this order: the unit axis in the tangent plane along which the light bends least (0: not known), and the second derivatives
     of luminance along it and across it over the luminance itself, 1/m².
-    walls: two walls that stand on the record's surface, xy and zw, by coordinates along that axis and across it, 1/m: beyond one is
-    where (p - p_k)·wall > 1 (0: none).
+    walls: two walls that stand on the record's surface, xy and zw, by coordinates along that axis and across it, 1/m: beyond one
+    is where (p - p_k)·wall > 1 (0: none). dark: W/m², a luminance below which errors count as if it were that.
     """
 
     position: Any
@@ -192,6 +193,7 @@ class Records:
     count: int
     columns: int
     limit: Any
+    dark: float = 0.0
 
     @property
     def uniforms(self) -> dict[str, Any]:
@@ -204,5 +206,6 @@ class Records:
             "records_walls": self.walls,
             "records_limit": self.limit,
             "record_columns": self.columns,
+            "dark": self.dark,
             **dict(zip(names, self.vectors, strict=True)),
         }

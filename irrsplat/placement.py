@@ -73,6 +73,7 @@ class Placement(Holder):
         self.examine_pass = ExaminePass(ctx, size)
         self.adapt_pass = AdaptPass(ctx, settings.gradients, settings.neighbours)
         self._adapted: tuple[int, object] = 0, None  # how many records, and by what
+        self._gauged = 0, 0  # of how many records, and how often gathered again, the cache has the gauge
         self.atlas: Atlas | None = None  # the last one gathered
         self._pace = Pace(ctx)
         self.new_view()
@@ -210,7 +211,10 @@ class Placement(Holder):
         settings, cache = self.settings, self.cache
         if len(cache.stale):
             return
-        by = *(getattr(settings, name) for name in _ADAPTED_BY), cache.renewals
+        if settings.gradients and (cache.count, cache.renewals) != self._gauged:
+            self._gauged = cache.count, cache.renewals
+            cache.gauge()
+        by = *(getattr(settings, name) for name in _ADAPTED_BY), cache.renewals, cache.dark
         count, before = self._adapted
         first = min(count, cache.count) if by == before else 0
         self._adapted = cache.count, by

@@ -178,7 +178,7 @@ class Renderer(Holder):
                 if self._splatted < count:
                     self.splat_pass(self.cache.records, self._splatted, gbuffer, camera, self.settings)
         self._splatted = count
-        return SplatBuffer(*self.splat_pass.target.textures)
+        return self.splat_pass.sums(self.cache.dark)
 
     def _ask(self, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps, camera: Camera, budget: Budget) -> Asked:
         """Gather where the view lacks records, as far as the budget goes."""
@@ -194,7 +194,7 @@ class Renderer(Holder):
     def _compose(self) -> View:
         """The picture from what there is: direct light, normalised indirect light, their blend."""
         (camera, _), gbuffer = self._made_of["gbuffer"], self._gbuffer
-        splats = SplatBuffer(*self.splat_pass.target.textures)
+        splats = self.splat_pass.sums(self.cache.dark)
         if self._other("direct", self._made_of["gbuffer"], self._made_of["shadow"]) or self._direct is None:
             with self.timers("direct"):
                 self._direct = self.direct_pass(gbuffer, self._lit())
@@ -344,11 +344,3 @@ class Renderer(Holder):
 
     def __exit__(self, *_: object) -> None:
         self.release()
-
-
-def render(
-    scene: Scene, size: tuple[int, int] = (800, 800), camera: Camera | str | None = None, preset: str = "default", **settings: Any
-) -> Frame:
-    """One view of `scene`, headless, refined until every pixel is served; arguments and errors as `Renderer`."""
-    with Renderer(scene, size, preset, **settings) as renderer:
-        return renderer.render(camera)

@@ -54,7 +54,7 @@ void main()
         // what it says of the other's place, against what the other found there; the error grows with the square of the distance
         float Y_j = dot(theirs.rgb, LUMINANCE);
         float said = record_says(vec3(dot(M, n_j)), vec3(dot(gradient, apart)), apart, n, ellipse.axis, bends).x;
-        float off = abs(said - Y_j) / max(max(Y, Y_j), 1e-20);
+        float off = abs(said - Y_j) / max(max(Y, Y_j), max(dark, 1e-20));
         limit = off * at * at > 0.0 ? min(limit, at / a * sqrt(adapt / off)) : limit;
     }
     if (!wanted) discard;

@@ -19,6 +19,7 @@ FLOORS = (
     ("irrsplat.__main__",),
     ("irrsplat.app",),
     ("irrsplat",),  # the package's own front door, which hands out what lies below
+    ("irrsplat.headless",),
     ("irrsplat.renderer",),
     ("irrsplat.placement", "irrsplat.limits"),
     ("irrsplat.surface",),

@@ -69,4 +69,9 @@ class SplatPass(Holder):
             second_order=settings.second_order,
             walls=settings.walls,
         )
-        return SplatBuffer(*self.target.textures)
+        return self.sums(records.dark)
+
+    def sums(self, dark: float) -> SplatBuffer:
+        """What has been added up so far, this pass's own textures; dark: as in Records."""
+        sums, weight = self.target.textures
+        return SplatBuffer(sums, weight, dark)

@@ -14,6 +14,7 @@ uniform sampler2D records_walls;       // the two nearest walls that stand on it
                                        // axis and across it: beyond one is where dot(p - p_k, wall) > 1
 uniform sampler2D records_limit;       // share of its radii at most, so that a record does not contradict others
 uniform int record_columns;
+uniform float dark;                    // W/m²: what is darker than this may be off by as much of this as light is of itself
 uniform bool hessian;                  // radii by second derivatives, else by the harmonic mean distance
 
 // Second derivatives of a record's light in its tangent plane, as shares of the light itself: luminance decides.
@@ -58,8 +59,10 @@ Ellipse record_ellipse(ivec2 texel)
     float R = record.a;
 #if GRADIENTS
     Bend bend = record_bend(texel);
-    if (hessian && bend.axis != vec3(0.0)) return Ellipse(bend.axis, sqrt(2.0 / abs(bend.along)), sqrt(2.0 / abs(bend.across)));
-    float slope = length(record_gradient(texel) * LUMINANCE), E = dot(record.rgb, LUMINANCE);
+    float slope = length(record_gradient(texel) * LUMINANCE), Y = dot(record.rgb, LUMINANCE), E = max(Y, dark);
+    float square = 2.0 * E / max(Y, 1e-20);
+    if (hessian && bend.axis != vec3(0.0))
+        return Ellipse(bend.axis, sqrt(square / abs(bend.along)), sqrt(square / abs(bend.across)));
     R = slope * R > E ? E / slope : R;
 #endif
     return Ellipse(aside, R, R);
