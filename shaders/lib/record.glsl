@@ -60,9 +60,12 @@ Ellipse record_ellipse(ivec2 texel)
 #if GRADIENTS
     Bend bend = record_bend(texel);
     float slope = length(record_gradient(texel) * LUMINANCE), Y = dot(record.rgb, LUMINANCE), E = max(Y, dark);
-    float square = 2.0 * E / max(Y, 1e-20);
-    if (hessian && bend.axis != vec3(0.0))
-        return Ellipse(bend.axis, sqrt(square / abs(bend.along)), sqrt(square / abs(bend.across)));
+    if (bend.axis != vec3(0.0))
+    {
+        float square = 2.0 * E / max(Y, 1e-20);
+        if (hessian) return Ellipse(bend.axis, sqrt(square / abs(bend.along)), sqrt(square / abs(bend.across)));
+        aside = bend.axis;  // which the bends and walls belong to, in a circle too
+    }
     R = slope * R > E ? E / slope : R;
 #endif
     return Ellipse(aside, R, R);
