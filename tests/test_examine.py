@@ -114,9 +114,7 @@ def test_nothing_asks_where_all_is_served(ctx: moderngl.Context) -> None:
 
 
 @pytest.mark.parametrize(("other", "weight", "asks"), [(1.3, 1.2, False), (2.0, 1.2, True), (2.0, 3.1, False), (0.0, 1.2, True)])
-def test_a_pixel_whose_records_contradict_each_other_asks(
-    ctx: moderngl.Context, other: float, weight: float, asks: bool
-) -> None:
+def test_a_pixel_whose_records_contradict_each_other_asks(ctx: moderngl.Context, other: float, weight: float, asks: bool) -> None:
     """Two records of like weight say 1 and `other`: deviation over mean is |1 - other|/(1 + other), allowed is 0.3. Near a record,
     by three tolerances of weight, that does not count."""
     data = made_up((20, 20), 2)
