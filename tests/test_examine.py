@@ -31,8 +31,8 @@ def made_up(size: tuple[int, int], seed: int) -> dict[str, np.ndarray]:
 
 
 def counted(data: dict[str, np.ndarray], spread: float) -> np.ndarray:
-    """(H, W) Σw, or where that is below three tolerances and the luminances deviate from their mean by more than `spread` of it, so
-    much less than the tolerance."""
+    """(H, W) Σw, or where that is below three tolerances and the luminances deviate from their mean by more than `spread` of it,
+    so much less than the tolerance."""
     weight, sums, squares = (data[name].astype("f4").astype(float) for name in ("weight", "sums", "squares"))
     k = np.maximum(sums[..., 3], 1e-20)
     mean = sums[..., :3] @ LUMINANCE / k
@@ -75,7 +75,7 @@ def test_examination_equals_numpy(ctx: moderngl.Context, size: tuple[int, int], 
     assert found.missing == pytest.approx(asks.sum() / max(surface.sum(), 1))
     if spread and asks.size > 1000:
         doubted = asks & (data["weight"] >= TOLERANCE)
-        assert 0.02 < doubted.sum() / asks.sum() and (surface & ~asks).any()
+        assert doubted.sum() / asks.sum() > 0.02 and (surface & ~asks).any()
 
     least = tiles(np.where(asks, weight, np.inf), side, np.inf).min(-1)
     names = map(tuple, data["position"].astype("f4").reshape(-1, 3))
@@ -115,8 +115,8 @@ def test_nothing_asks_where_all_is_served(ctx: moderngl.Context) -> None:
 
 @pytest.mark.parametrize(("other", "weight", "asks"), [(1.3, 1.2, False), (2.0, 1.2, True), (2.0, 3.1, False), (0.0, 1.2, True)])
 def test_a_pixel_whose_records_contradict_each_other_asks(ctx: moderngl.Context, other: float, weight: float, asks: bool) -> None:
-    """Two records of like weight say 1 and `other`: deviation over mean is |1 - other|/(1 + other), allowed is 0.3. Near a record,
-    by three tolerances of weight, that does not count."""
+    """Two records of like weight say 1 and `other`: deviation over mean is |1 - other|/(1 + other), allowed is 0.3. Near a
+    record, by three tolerances of weight, that does not count."""
     data = made_up((20, 20), 2)
     data["depth"][:], data["weight"][:] = 1.0, weight * TOLERANCE
     data["sums"][:] = [0.7 * (1.0 + other)] * 3 + [1.4]

@@ -119,8 +119,8 @@ def splat(seen: View, records: Table, settings: Settings) -> tuple[np.ndarray, n
     """Sums (H, W, 4), weight (H, W, 2), and the pixels where rounding may decide what a record says.
 
     Ward et al. 1988: w = 1/(|p-p_k|/R + √(1-n·n_k)), where w > 1/a, |p-p_k|/R being taken along and across an axis, by
-    R = √(2/|bend|); else R at most E/|∇E| on luminance where there are gradients. Finite, limited by the share that is allowed and by the
-    view; neither in front of the pixel's surface nor behind it by more than R/20. The second weight is Σ k·Y².
+    R = √(2/|bend|); else R at most E/|∇E| on luminance where there are gradients. Finite, limited by the share that is allowed
+    and by the view; neither in front of the pixel's surface nor behind it by more than R/20. The second weight is Σ k·Y².
     """
     sums, weight = np.zeros((*seen.depth.shape, 4)), np.zeros((*seen.depth.shape, 2))
     unsure = np.zeros(seen.depth.shape, bool)
