@@ -26,6 +26,7 @@ TURN = 5.0  # degrees, of the case "moved"
 LEGEND = """\
 seconds: wall clock from the loaded scene and compiled shaders to full coverage (every pixel has its records); median of up to 3
 picture: the same to the finished picture on the GPU, with direct light and the final pass; not read back
+one bounce of indirect light, as the paper has it; the flights are the viewer's own, with all of them
 cases: empty, nothing is known; warm, the same view drawn anew with the records kept; moved, the camera turned by 5° with them
 rmse: of irradiance from empty, relative to its mean, at some hundred smooth pixels with a gather of their own each\
 """
@@ -100,7 +101,7 @@ def run(scenes: Sequence[str], size: tuple[int, int], json_path: str | None) -> 
         first = len(runs)
         rows: dict[str, list[tuple[float, int | None]]] = {}
         for preset in PRESETS:
-            with irrsplat.Renderer(scene, size=size, preset=preset) as renderer:
+            with irrsplat.Renderer(scene, size=size, preset=preset, bounces=1) as renderer:
                 if not machine:
                     machine = _machine(renderer.about)
                     print(f"{size[0]}x{size[1]} on {machine['renderer']}, {machine['cpus']} CPUs")

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 # A preset's curve: its a is replaced by each of A, and what else limits the error or the records goes with it. A record that
 # reaches half as far is held to half the contradiction, and sees twice as finely, so that neither limit is the gather's.
 A = (1.1, 0.8, 0.6, 0.5, 0.4, 0.3, 0.25)
-WITH_A = ("radius_min", "radius_max", "adapt")
+WITH_A = ("radius_min", "radius_max", "adapt", "spread")
 AGAINST_A = ("gather_size",)
 # The published algorithm has nothing but a, and the random records before its traversal, which are the least that it makes.
 PAPER: tuple[dict[str, Any], ...] = (

@@ -116,7 +116,7 @@ class Desk:
         renderer, look = self.session.renderers[0], self.session.look
         self.memory.size, self.memory.fullscreen = size or self.memory.size, fullscreen
         self.memory.preset, self.memory.values = renderer.preset, overrides(renderer.preset, renderer.settings)
-        kept = {f: getattr(look, f) for f in ("points", "discs", "normals", "by_age", "wire")}
+        kept = {f: getattr(look, f) for f in ("points", "discs", "normals", "by_age", "sites", "wire")}
         panels = {k: v for k, v in asdict(self.panels).items() if k not in ("help", "open", "hidden")}
         self.memory.ui = {"look": kept, "panels": panels}
         return memory.save(self.memory)

@@ -86,6 +86,8 @@ def fly(scene: Scene, size: tuple[int, int], frames: int = FRAMES) -> Iterator[F
         try:
             _frame(viewer, cameras[0])
             first = time.perf_counter() - start
+            while viewer.desk.session.progress[0].surface < 1.0:
+                _frame(viewer, cameras[0])
             viewer.desk.clear()
             yield _flight("filling", first, viewer, cameras)
             for camera in cameras:

@@ -9,10 +9,10 @@ from imgui_bundle import imgui
 
 from irrsplat.app.desk import Desk
 from irrsplat.app.gui import Gui
+from irrsplat.app.inspector import Inspected
 from irrsplat.app.keys import KEYS
 from irrsplat.app.legend import SHOWINGS, TRUTHS, Legend, legend
 from irrsplat.app.markers import radius_legend
-from irrsplat.app.session import Inspected
 
 FRAMES = 120  # in the plot
 _PLAIN = (
@@ -74,6 +74,8 @@ class Hud:
             who = f"{('left', 'right')[side]}: " if len(session.progress) > 1 else ""
             imgui.text(f"{who}{progress.records} records, {progress.new} new")
             imgui.text(f"{renderer.placement.count_in_view(session.camera)} in view, coverage {100.0 * progress.coverage:.1f} %")
+            if progress.surface < 1.0:
+                imgui.text_colored(_AMBER, f"surface cache {100.0 * progress.surface:.0f} %")
             if progress.stale:
                 imgui.text_colored(_AMBER, f"{progress.stale} to be gathered again")
         took = imgui.get_window_size()
@@ -133,6 +135,7 @@ class Hud:
         imgui.text(showing.title + preset)
         settings, look = renderer.settings, session.look
         truth = session.truths.of(session.scene, view.camera, session.size, settings.bounces)
+        surface = renderer.placement.surface_seen(view.gbuffer) if name == "surface" else None
         found = legend(
             name,
             settings=settings,
@@ -141,6 +144,7 @@ class Hud:
             exposure=session.exposure,
             shadows=renderer.shadows,
             truth=truth,
+            surface=surface,
         )
         _scale(found, scale)
         if showing.how in TRUTHS:
@@ -148,7 +152,7 @@ class Hud:
         if look.points or look.discs or look.normals:
             by = "age" if look.by_age else "radius"
             _scale(radius_legend(settings, session.scene, by, renderer.cache.count), scale)  # type: ignore[arg-type]
-        value = session.overlay.value(name, view, *cursor, truth) if cursor is not None else None
+        value = session.overlay.value(name, view, *cursor, truth, surface) if cursor is not None else None
         if value is not None:
             imgui.text(" ".join(f"{v:.4g}" for v in value) + f" {showing.unit if showing.unit != '1' else ''}")
 

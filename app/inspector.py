@@ -10,7 +10,7 @@ import numpy as np
 
 from irrsplat.app.overlay import Overlay
 from irrsplat.app.screen import texel
-from irrsplat.buffers import Records, ShadowMaps, Sites
+from irrsplat.buffers import HitLight, Records, ShadowMaps, Sites
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.target import Target
@@ -32,6 +32,7 @@ class Table:
     gradient: (N, 3, 3) ∇E of red, green and blue in W/m³. axis: (N, 3) unit, along which the light bends least, 0 where that is
     not known. bend: (N, 2) second derivatives along it and across it over the light itself, 1/m². farthest: (N,) the greatest
     radius that these may come to, in metres. limit: (N,) the share of its radii that a record may reach at most.
+    walls: (N, 2, 2) and dark: as buffers.Records has them.
     """
 
     position: np.ndarray
@@ -43,6 +44,8 @@ class Table:
     bend: np.ndarray
     farthest: np.ndarray
     limit: np.ndarray
+    walls: np.ndarray
+    dark: float = 0.0
 
     def __len__(self) -> int:
         return len(self.radius)
@@ -56,12 +59,14 @@ class Table:
         has them."""
         R = self.radius
         if settings.gradients:  # R <= E/|∇E|
-            slope, E = self.slope(), self.irradiance @ _LUMINANCE
+            slope, Y = self.slope(), self.irradiance @ _LUMINANCE
+            E = np.maximum(Y, self.dark)
             R = np.where(slope * R > E, E / np.where(slope > 0.0, slope, 1.0), R)
         radii = np.stack([R, R], axis=1)
         if settings.gradients and settings.radius == "hessian":
             bends = self.axis.any(axis=1)
-            radii[bends] = np.minimum(np.sqrt(2.0 / np.maximum(np.abs(self.bend[bends]), 1e-30)), self.farthest[bends, None])
+            bend = np.maximum(np.abs(self.bend), 1e-30) * (np.maximum(Y, 1e-20) / np.maximum(E, 1e-20))[:, None]
+            radii[bends] = np.minimum(np.sqrt(2.0 / bend), self.farthest[:, None])[bends]
         distance = np.linalg.norm(self.position - np.asarray(camera.eye), axis=1)
         return splat_radius(radii * self.limit[:, None], distance[:, None], camera, settings)
 
@@ -76,7 +81,21 @@ class Table:
         speaks = w > 1.0 / settings.a
         if settings.in_front:
             speaks &= (cosine > 0.0) & (np.abs((apart * (n + self.normal)).sum(1)) * 0.5 <= IN_FRONT * R[:, 1])
+        if settings.gradients and settings.walls:
+            place = np.stack([along, (apart * np.cross(self.normal, self.axis)).sum(1)], axis=1)
+            speaks &= ((place[:, None] * self.walls).sum(2) <= 1.0).all(1)
         return np.where(speaks, w, 0.0)
+
+
+@dataclass(frozen=True)
+class Inspected:
+    """A record on show: what it holds, a label and a text each, the hemisphere that it sees, and how many pixels it serves."""
+
+    number: int
+    side: int
+    lines: list[tuple[str, str]]
+    picture: moderngl.Texture
+    served: int
 
 
 def read(records: Records) -> Table:
@@ -90,7 +109,8 @@ def read(records: Records) -> Table:
     gradient, rest = np.stack([v[:, :3] for v in vectors[3:]], axis=1), np.stack([v[:, 3] for v in vectors], axis=1)
     limit = np.frombuffer(records.limit.read(), "f4")[: records.count]
     position, normal = rows(records.position)[:, :3], rows(records.normal)[:, :3]
-    return Table(position, normal, last[:, :3], last[:, 3], gradient, rest[:, :3], rest[:, 3:5], rest[:, 5], limit)
+    bends, walls = (rest[:, :3], rest[:, 3:5], rest[:, 5]), rows(records.walls).reshape(-1, 2, 2)
+    return Table(position, normal, last[:, :3], last[:, 3], gradient, *bends, limit, walls, records.dark)
 
 
 def pick(table: Table, view: View, settings: Settings, x: int, y: int) -> int | None:
@@ -142,7 +162,7 @@ class Inspector(Holder):
         number: int,
         site: Sites,
         world: Geometry | Tree,
-        shadows: ShadowMaps,
+        light: ShadowMaps | HitLight,
         *,
         scene: Scene,
         settings: Settings,
@@ -150,11 +170,12 @@ class Inspector(Holder):
     ) -> moderngl.Texture:
         """What record `number`, which lies at the one `site`, sees: its cell of the atlas as it is, exposed by `exposure` stops.
 
-        world: what the settings' gather looks at, as Placement.world.
+        world, light: what the settings' gather looks at, and what lights that, as Placement has them.
 
         The texture is RGBA8, bottom row first, this object's own, and holds until the next call.
         """
-        made_for = settings.gather_kind(scene.triangles), settings.gather_size, scene.diagonal, light_defines(scene)
+        kind, more = settings.gather_kind(scene.triangles), settings.most_bounces > 1
+        made_for = kind, more, settings.gather_size, scene.diagonal, light_defines(scene)
         if self.gather_pass is None or made_for != self._made_for:
             self.release_cell()
             self.gather_pass = gather_pass(self.ctx, scene, settings, capacity=1)
@@ -162,7 +183,7 @@ class Inspector(Holder):
             self.target = Target(self.ctx, self.gather_pass.cell, textures=[self.picture])
             self._made_for = made_for
         assert self.target is not None and self.picture is not None
-        atlas = self.gather_pass(world, shadows, site, np.array([number]), settings.seed)
+        atlas = self.gather_pass(world, light, site, np.array([number]), settings.seed)
         self.overlay.atlas(self.target, atlas, 2.0**exposure, scene.sky)
         return self.picture
 

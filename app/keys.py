@@ -52,6 +52,7 @@ OVERLAYS = (
     Key("X", "toggle", "record discs: how far each reaches", "discs"),
     Key("V", "toggle", "record normals", "normals"),
     Key("G", "toggle", "colour records by age instead of by radius", "by_age"),
+    Key("L", "toggle", "points of the surface cache", "sites"),
     Key("T", "toggle", "wireframe", "wire"),
     Key("I", "toggle", "the record under the cursor; a click holds it", "inspect"),
 )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import moderngl
 import numpy as np
 
 from irrsplat.app.errormap import BRIGHT, DARK, FULL
@@ -32,16 +33,18 @@ _OTHERS = (
     Showing("asking", "asking", "", "where the examination asks for records", "asking"),
     Showing("shadow", "shadow maps", "m", "every light's shadow maps: distance from the light along each one's axis", "shadow"),
     Showing("atlas", "gather atlas", "W/(m² sr)", "what the records of the last batch saw, a hemisphere each", "atlas"),
+    Showing("surface", "surface cache", "W/m²", "irradiance of all bounces but the last, as gathers look it up", "surface"),
     Showing("reference", "reference", "W/m²", "the path-traced truth of irradiance", "reference"),
     Showing("error", "error", "W/m²", "irradiance minus its path-traced truth", "error"),
 )
 _FIRST = ("image", "direct", "indirect", "irradiance", "weight", "position", "normal", "albedo", "depth")  # the keys 1 to 9
-_ORDER = (*_FIRST, "asking", "shadow", "atlas", "emission", "reference", "error")
+_ORDER = (*_FIRST, "asking", "shadow", "atlas", "emission", "surface", "reference", "error")
 _ALL = {c.name: Showing(c.name, c.name, c.unit, c.help, _HOW.get(c.name, c.show)) for c in CHANNELS.values()}
 _ALL |= {s.name: s for s in _OTHERS}
 
 TRUTHS = ("reference", "error")  # the ways to show what must be traced first
 NO_TRUTH = "no truth of this view yet: Y traces it"
+NO_SURFACE = "no surface cache: it is made for more than one bounce"
 
 SHOWINGS: dict[str, Showing] = {name: _ALL[name] for name in _ORDER}
 
@@ -71,6 +74,7 @@ def legend(
     exposure: float,
     shadows: ShadowMaps | None = None,
     truth: Truth | None = None,
+    surface: moderngl.Texture | None = None,
 ) -> Legend:
     """The legend of the showing `name`, drawn with these arguments; exposure in stops."""
     showing = SHOWINGS[name]
@@ -83,6 +87,8 @@ def legend(
             return Legend("", "", "", None, "no light casts shadows here")
         low, high = shadow_range(scene, shadows)
         return Legend(f"{low:.3g}", f"{high:.3g}", showing.unit, scale, "distance from the light; black: nothing there")
+    if showing.how == "surface" and surface is None:
+        return Legend("", "", "", None, NO_SURFACE)
     if showing.how in TRUTHS and truth is None:
         return Legend("", "", "", None, NO_TRUTH)
     if showing.how == "error" and truth is not None:
@@ -106,7 +112,7 @@ def legend(
     if name == "albedo":
         return Legend("0", "1", "", None, "reflectance, sRGB encoded")
     text = f"{showing.unit}, exposed by {exposure:+.1f} stops"
-    if name in ("irradiance", "reference"):
+    if name in ("irradiance", "surface", "reference"):
         text += ", as a white surface sends it out"
     return Legend("", "", showing.unit, None, text + (f"; {truth.about}" if name == "reference" and truth is not None else ""))
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from irrsplat.app.legend import Legend
 from irrsplat.app.screen import Programs, Region, colours, view_uniforms
-from irrsplat.buffers import Records
+from irrsplat.buffers import FILMIC, Records
 from irrsplat.display import viridis
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.holder import Holder
@@ -19,6 +19,7 @@ from irrsplat.gpu.target import Target
 from irrsplat.passes.splat import reach_uniforms
 from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings, weight_defines
+from irrsplat.surface import SurfaceCache
 from irrsplat.view import View
 
 By = Literal["radius", "age"]
@@ -133,6 +134,36 @@ class Markers(Holder):
                 scissor=region,
                 **{name: uniforms[name] for name in program.uniforms},
             )
+
+    def sites(
+        self, target: Target, view: View, surface: SurfaceCache | None, *, exposure: float, region: Region | None = None
+    ) -> None:
+        """Every site of the surface cache that faces the camera, as a dot in the colour that a white surface has there."""
+        if surface is None or not len(surface.sites):
+            return
+        program = self.program("overlay_points", "overlay_sites", **FILMIC.defines)
+        records = surface.records.records
+        uniforms = {
+            **view_uniforms(target, view.gbuffer, view.camera),
+            "records_position": records.position,
+            "records_normal": records.normal,
+            "surface_values": surface.values,
+            "first": records.count - len(surface.sites),
+            "record_columns": records.columns,
+            "eye": view.camera.eye,
+            "size": target.size,
+            "gain": 2.0**exposure,
+            "radius": _RADIUS,
+        }
+        program(
+            target,
+            mode=moderngl.TRIANGLE_STRIP,
+            vertices=4,
+            instances=len(surface.sites),
+            state=_OVER,
+            scissor=region,
+            **{name: uniforms[name] for name in program.uniforms},
+        )
 
     def wireframe(self, target: Target, view: View, geometry: Geometry, *, region: Region | None = None) -> None:
         """The edges of the scene's triangles, thin and half transparent."""

@@ -41,6 +41,7 @@ class Menu:
             for overlay in ("points", "discs", "normals", "by_age"):
                 self._key("toggle", overlay)
             imgui.separator()
+            self._key("toggle", "sites")
             self._key("toggle", "wire")
             self._key("toggle", "inspect")
             imgui.end_menu()

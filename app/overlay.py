@@ -44,13 +44,14 @@ class Overlay(Holder):
         exposure: float,
         shadows: ShadowMaps | None = None,
         atlas: Atlas | None = None,
+        surface: moderngl.Texture | None = None,
         truth: Truth | None = None,
         region: Region | None = None,
     ) -> None:
         """Draw the showing `name` of `view`, exposed by `exposure` stops, in `region` of the target alone (None: all of it).
 
-        shadows and atlas are needed by the showings of these names; without them there is nothing but their ground. Without
-        the truth of this very view, what is shown of it is the picture, dim and grey.
+        shadows, atlas and surface (Placement.surface_seen) are needed by the showings of these names; without them there is
+        nothing but their ground. Without the truth of this very view, what is shown of it is the picture, dim and grey.
         """
         gain = 2.0**exposure
         how = SHOWINGS[name].how
@@ -62,6 +63,8 @@ class Overlay(Holder):
             clear(target, _GROUND, region)
             if atlas is not None:
                 self.atlas(target, atlas, gain, scene.sky, region)
+        elif how == "surface" and surface is None:
+            clear(target, _GROUND, region)
         else:
             how = _block(how, truth)
             ways = {way.upper(): int(way == how) for way in _WAYS} | {"SQUARES": int(how in ("irradiance", "error"))}
@@ -72,7 +75,7 @@ class Overlay(Holder):
                 position=view.gbuffer.position,
                 scale=scale(target, view.gbuffer),
                 colours=self.colours,
-                **_arguments(name, how, view, settings, scene, gain, truth),
+                **_arguments(name, how, view, settings, scene, gain, truth, surface),
             )
 
     def _shadows(self, target: Target, shadows: ShadowMaps, scene: Scene, region: Region | None) -> None:
@@ -124,11 +127,19 @@ class Overlay(Holder):
             ground=_GROUND,
         )
 
-    def value(self, name: str, view: View, x: int, y: int, truth: Truth | None = None) -> np.ndarray | None:
+    def value(
+        self,
+        name: str,
+        view: View,
+        x: int,
+        y: int,
+        truth: Truth | None = None,
+        surface: moderngl.Texture | None = None,
+    ) -> np.ndarray | None:
         """The showing `name` at pixel (x, y) of the view, (0, 0) the upper left one: its 1 or 3 numbers in its unit.
 
         None where there are none: outside, where nothing is seen, for what is not a buffer of the view, and without the
-        `truth` of it that reference and error need. One texel of each texture concerned is read.
+        `truth` of it that reference and error need, or the `surface` cache's view. One texel of each texture concerned is read.
         """
         position = view.gbuffer.position
         if not (0 <= x < position.width and 0 <= y < position.height) or SHOWINGS[name].how in ("shadow", "atlas"):
@@ -144,6 +155,8 @@ class Overlay(Holder):
             return here[:3] if name == "position" else here[3:]
         if name in ("weight", "asking"):
             return texel(view.splats.weight, x, y)[:1]
+        if name == "surface":
+            return None if surface is None else texel(surface, x, y)[:3]
         if name == "direct":
             return texel(view.direct, x, y)[:3]
         if name in ("indirect", "irradiance"):
@@ -154,6 +167,8 @@ class Overlay(Holder):
 
 def _block(how: str, truth: Truth | None) -> str:
     """The block of overlay_buffer.frag that draws this way of showing: without a truth, the dim picture where nothing asks."""
+    if how == "surface":
+        return "irradiance"
     if how not in TRUTHS:
         return how
     return "asking" if truth is None else "irradiance" if how == "reference" else how
@@ -177,7 +192,14 @@ def _truth_value(name: str, view: View, truth: Truth, x: int, y: int) -> np.ndar
 
 
 def _arguments(
-    name: str, how: str, view: View, settings: Settings, scene: Scene, gain: float, truth: Truth | None
+    name: str,
+    how: str,
+    view: View,
+    settings: Settings,
+    scene: Scene,
+    gain: float,
+    truth: Truth | None,
+    surface: moderngl.Texture | None,
 ) -> dict[str, Any]:
     """The uniforms of one block of overlay_buffer.frag."""
     g = view.gbuffer
@@ -186,6 +208,7 @@ def _arguments(
         return {"values": values, "gain": gain, "unseen": (0.0, 0.0, 0.0) if name == "direct" else scene.sky}
     if how == "irradiance":
         values, lattice = (truth.values, truth.lattice) if name in TRUTHS and truth is not None else (view.sums, _EVERY)
+        values = surface if name == "surface" else values
         return {"values": values, "gain": gain, "stride": lattice.stride, "margin": lattice.margin}
     if how == "error" and truth is not None:
         ends = {end: np.array(colour) / 255.0 for end, colour in (("bright", BRIGHT), ("dark", DARK), ("unseen", GREY))}
@@ -205,7 +228,7 @@ def _arguments(
         low, high = weight_range(settings)
         return {"values": view.splats.weight, "low": low, "high": high, "threshold": settings.threshold}
     tolerance = settings.threshold if name == "asking" else -1.0  # which no weight is below
-    asking = {"sums": view.splats.sums, "tolerance": tolerance, "spread": settings.spread}
+    asking = {"sums": view.splats.sums, "tolerance": tolerance, "spread": settings.spread, "dark": view.splats.dark}
     return {"values": view.splats.weight, "image": view.image, "gain": gain, **asking}
 
 

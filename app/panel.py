@@ -16,6 +16,7 @@ _WIDGET = 128.0
 _SPANS: dict[str, tuple[float, float]] = {
     "adapt": (0.0, 2.0),
     "seed": (0, 100),
+    "bounces": (0, 16),
     "radius_min": (0.0, 5.0),
     "radius_max": (0.0, 20.0),
     "tolerance": (0.0, 100.0),
@@ -103,15 +104,14 @@ class Panel:
             i = imgui.combo(label, d.choices.index(value), list(d.choices))[1]
             return d.choices[i]
         width = _WIDGET * scale
-        if d.auto:
-            flipped, automatic = imgui.checkbox("auto", value == "auto")
+        if d.word:
+            flipped, automatic = imgui.checkbox(d.word, value == d.word)
             imgui.set_item_tooltip("chosen by itself")
             imgui.same_line()
             width -= imgui.get_item_rect_size().x + imgui.get_style().item_spacing.x
-            _, settings = self.desk.session.settings(self.desk.side)
-            resolved = {"tolerance": settings.threshold, "exposure": self.desk.session.exposure}[d.name]
+            resolved = self._resolved(d)
             if flipped:
-                return "auto" if automatic else round(resolved, 3)
+                return d.word if automatic else round(resolved, 3)
             if automatic:
                 imgui.set_next_item_width(width)
                 imgui.begin_disabled()
@@ -136,6 +136,14 @@ class Panel:
         if imgui.is_item_active():
             return value
         return self._drafts.pop(d.name)
+
+    def _resolved(self, d: Declaration) -> float:
+        """What a setting's word stands for at the moment."""
+        session = self.desk.session
+        _, settings = session.settings(self.desk.side)
+        if d.name == "bounces":
+            return int(session.active[min(self.desk.side, len(session.active) - 1)].placement.bounces(settings)["bounces"])
+        return settings.threshold if d.name == "tolerance" else session.exposure
 
     # ---- lights ----------------------------------------------------------------------------------------------------
 

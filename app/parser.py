@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from typing import Any, NoReturn
 
 from irrsplat.errors import InputError
-from irrsplat.settings import PRESETS, SETTINGS, Declaration, Settings
+from irrsplat.settings import PRESETS, SETTINGS, Declaration
 
 DEFAULT_SCENE = "cornell"
 _STAGES = ("shadow", "gather", "splat", "examine", "composite", "view")  # the order of the frame
@@ -72,7 +72,7 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
     args = build().parse_args(list(_spelled_out(argv)))
     if args.command in ("render", "view", "verify"):
         args.values = {
-            name: _value(d, text) for name, d in SETTINGS.items() if (text := getattr(args, "set_" + name, None)) is not None
+            name: d.parse(text) for name, d in SETTINGS.items() if (text := getattr(args, "set_" + name, None)) is not None
         }
         _check_camera(args)
     return args
@@ -222,12 +222,6 @@ def _spelled_out(argv: Sequence[str]) -> Iterator[str]:
         following = argv[i + 1].lower() if i + 1 < len(argv) else ""
         if word in switches and following not in ("on", "off"):
             yield "on"
-
-
-def _value(declaration: Declaration, text: str) -> Any:
-    if declaration.name == "bounces" and (text == "all" or (text.isdecimal() and int(text) > Settings.bounces)):
-        raise InputError(f"--bounces {text}: only 0 and 1 are built yet; give one of them")
-    return declaration.parse(text)
 
 
 def _check_camera(args: argparse.Namespace) -> None:

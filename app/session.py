@@ -46,20 +46,10 @@ class Look:
     discs: bool = False
     normals: bool = False
     by_age: bool = False
+    sites: bool = False
     wire: bool = False
     inspect: bool = False
     frozen: bool = False
-
-
-@dataclass(frozen=True)
-class Inspected:
-    """A record on show: what it holds, a label and a text each, the hemisphere that it sees, and how many pixels it serves."""
-
-    number: int
-    side: int
-    lines: list[tuple[str, str]]
-    picture: moderngl.Texture
-    served: int
 
 
 class Session(Holder):
@@ -165,7 +155,7 @@ class Session(Holder):
         i = side if len(self.views) == 2 and self.look.split == "presets" else 0
         return self.renderers[i], self.views[i]
 
-    def draw(self, screen: Target, cursor: tuple[int, int] | None = None) -> Inspected | None:
+    def draw(self, screen: Target, cursor: tuple[int, int] | None = None) -> inspector.Inspected | None:
         """Draw both sides with what lies over them; the record under `cursor` (pixels, from the top left), if that is on show."""
         look = self.look
         by: By = "age" if look.by_age else "radius"
@@ -181,6 +171,7 @@ class Session(Holder):
                 exposure=self.exposure,
                 shadows=renderer.shadows,
                 atlas=renderer.placement.atlas,
+                surface=renderer.placement.surface_seen(view.gbuffer) if name == "surface" else None,
                 truth=self.truths.of(self.scene, view.camera, self.size, settings.bounces),
                 region=region,
             )
@@ -192,13 +183,15 @@ class Session(Holder):
             for wanted, draw in marks:
                 if wanted:
                     draw(screen, view, renderer.cache.records, settings=settings, scene=self.scene, by=by, region=region)
+            if look.sites:
+                self.markers.sites(screen, view, renderer.placement.surface, exposure=self.exposure, region=region)
         found = self._inspect(screen, cursor) if look.inspect else None
         for side, region in list(self.sides())[1:]:
             assert region is not None and side
             clear(screen, (1.0, 1.0, 1.0), (region[0] - 1, 0, 2, region[3]))
         return found
 
-    def _inspect(self, screen: Target, cursor: tuple[int, int] | None) -> Inspected | None:
+    def _inspect(self, screen: Target, cursor: tuple[int, int] | None) -> inspector.Inspected | None:
         held = self.held
         side = held[0] if held is not None else self.side_at(cursor[0]) if cursor is not None else 0
         renderer, view = self.of(side)
@@ -211,10 +204,11 @@ class Session(Holder):
         region = dict(self.sides())[side]
         served = self.markers.serves(screen, view, records, number, settings=settings, region=region)
         site = renderer.cache.sites(slice(number, number + 1))
+        world, light = renderer.placement.world, renderer.placement.light(renderer.shadows)
         picture = self.inspector.hemisphere(
-            number, site, renderer.placement.world, renderer.shadows, scene=self.scene, settings=settings, exposure=self.exposure
+            number, site, world, light, scene=self.scene, settings=settings, exposure=self.exposure
         )
-        return Inspected(number, side, inspector.describe(number, table, view, settings), picture, served)
+        return inspector.Inspected(number, side, inspector.describe(number, table, view, settings), picture, served)
 
     def table(self, renderer: Renderer) -> inspector.Table:
         """The renderer's records on the CPU, read again where they have changed."""

@@ -16,8 +16,13 @@ if TYPE_CHECKING:
 
 # what is changed against the preset, in words and in settings
 TECHNIQUES: tuple[tuple[str, dict[str, Any]], ...] = (
-    ("without gradients", {"gradients": False}),
-    ("without adaptive radii", {"adapt": 0.0}),
+    ("without gradients, and all that needs them", {"gradients": False}),
+    ("gradients, but no second order", {"second_order": False}),
+    ("radii by distance, not by the Hessian", {"radius": "harmonic"}),
+    ("without radii that adapt", {"adapt": 0.0}),
+    ("no records where others contradict each other", {"spread": 0.0}),
+    ("without walls", {"walls": False}),
+    ("neighbour clamping as well", {"neighbours": True}),
     ("without limits of the radius", {"radius_min": 0.0, "radius_max": 0.0}),
     ("weights cut off at 1/a", {"kernel": "cut"}),
     ("records in front speak as well", {"in_front": False}),

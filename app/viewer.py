@@ -18,10 +18,10 @@ from irrsplat.app.controls import Controls
 from irrsplat.app.desk import Desk
 from irrsplat.app.gui import Gui
 from irrsplat.app.hud import Hud
+from irrsplat.app.inspector import Inspected
 from irrsplat.app.menu import Menu
 from irrsplat.app.panel import Panel
 from irrsplat.app.screen import Screen
-from irrsplat.app.session import Inspected
 from irrsplat.app.window import TITLE, Desktop, open_window
 from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.program import Program
@@ -109,6 +109,7 @@ class Viewer(Controls, moderngl_window.WindowConfig):
         session, start = self.desk.session, time.perf_counter()
         look = session.look
         handles = [*session.views, *(thing for r in session.active for thing in (r.shadows, r.placement.atlas))]
+        handles += [r.placement.surface.result for r in session.active if r.placement.surface is not None]
         handles += [session.truths.of(session.scene, session.camera, session.size, r.settings.bounces) for r in session.active]
         about = [(r.settings, r.cache.count, r.cache.edits) for r in session.active]
         state = about, asdict(look), session.exposure, session.held, look.inspect and cursor, self.canvas

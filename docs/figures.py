@@ -1,4 +1,4 @@
-"""Makes the README's pictures again, in docs/images: the paper's figures 1 to 6, and the bundled scenes that it shows."""
+"""Makes the README's pictures again, in docs/images: the paper's figures 1 to 6, some bundled scenes, slopes of irradiance."""
 
 from __future__ import annotations
 
@@ -7,9 +7,12 @@ import tempfile
 import time
 from pathlib import Path
 
+import numpy as np
 from PIL import Image
 
 import irrsplat
+from irrsplat.display import srgb
+from irrsplat.output import Frame
 
 ROOT = Path(__file__).resolve().parent.parent
 IMAGES = ROOT / "docs" / "images"
@@ -35,13 +38,43 @@ def shown() -> tuple[list[str], list[str]]:
     """What the README shows: the file names of the paper's figures, and the names of bundled scenes."""
     names = re.findall(r"\(docs/images/([\w-]+)\.png\)", (ROOT / "README.md").read_text(encoding="utf-8"))
     figures = [f"{name}.png" for name in names if name.startswith("figure")]
-    return figures, [name for name in names if not name.startswith(("figure", "view"))]
+    return figures, [name for name in names if not name.startswith(("figure", "view", "rims"))]
+
+
+def slope(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
+    """|∇E| (H, W) of the irradiance's luminance along the surface, W/m³, and where (H, W): not at edges of surfaces.
+
+    By central differences on screen: with ∂p and ∂E of a step in x and in y, ∇E = g·∂p where g solves (∂p·∂pᵀ)·g = ∂E.
+    """
+    E = frame.irradiance @ np.array([0.2126, 0.7152, 0.0722], "f4")  # Rec. 709
+    (E_y, E_x), (p_y, p_x, _) = np.gradient(E), np.gradient(frame.position)
+    xx, xy, yy = (p_x * p_x).sum(-1), (p_x * p_y).sum(-1), (p_y * p_y).sum(-1)
+    squared = (yy * E_x**2 - 2.0 * xy * E_x * E_y + xx * E_y**2) / np.maximum(xx * yy - xy**2, 1e-30)
+    off = np.abs(np.stack([(step * frame.normal).sum(-1) for step in (p_x, p_y)])).max(0)
+    turn = np.abs(np.stack(np.gradient(frame.normal, axis=(0, 1)))).max((0, -1))
+    even = np.isfinite(frame.depth) & (turn < 0.1) & (off < 0.2 * np.sqrt(np.maximum(xx, yy)))
+    return np.sqrt(np.maximum(squared, 0.0)), even
+
+
+def rims(scene: str) -> None:
+    """Store the slope of the paper's irradiance and of ours, on one scale, as docs/images/rims_….png: a rim is a line."""
+    found = {}
+    for preset in ("default", "paper"):
+        found[preset] = slope(irrsplat.render(irrsplat.load(scene), (SIDE, SIDE), preset=preset, bounces=1))
+    values, even = found["default"]
+    white = np.percentile(values[even], 98)
+    for preset, (values, even) in found.items():
+        target = IMAGES / f"rims_{preset}.png"
+        Image.fromarray((255.0 * srgb(np.where(even, values / white, 0.0)) + 0.5).astype(np.uint8)).save(target, optimize=True)
+        assert target.stat().st_size <= LIMIT, f"{target} has {target.stat().st_size} bytes"
+        print(f"{target.name}: {target.stat().st_size // 1000} kB")
 
 
 def main() -> None:
     """Render and store everything."""
     IMAGES.mkdir(exist_ok=True)
     figures, scenes = shown()
+    rims("cornell")
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for scene in [PAPER, *scenes]:

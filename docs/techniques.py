@@ -15,7 +15,7 @@ from irrsplat.output import write_picture
 PAGE = Path(__file__).resolve().parent / "techniques.md"
 FULL = ("cornell", "door")  # with a row per technique
 SCENES = ("cornell", "cornell-paper", "curved", "door", "atrium")
-WORDS = ("--size", "400", "400", "--samples", "512")
+WORDS = ("--size", "400", "400", "--samples", "512", "--bounces", "1")
 
 
 def table(rows: list[tuple[str, ...]]) -> str:

@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from irrsplat.errors import GLError, InputError, IrrsplatError
+    from irrsplat.headless import render
     from irrsplat.output import Frame
-    from irrsplat.renderer import Renderer, render
+    from irrsplat.renderer import Renderer
     from irrsplat.scene import load
     from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
     from irrsplat.settings import Settings, preset
@@ -36,8 +37,9 @@ __all__ = [
 
 _NAMES = {  # module: what it gives, as in the imports above
     "irrsplat.errors": ("GLError", "InputError", "IrrsplatError"),
+    "irrsplat.headless": ("render",),
     "irrsplat.output": ("Frame",),
-    "irrsplat.renderer": ("Renderer", "render"),
+    "irrsplat.renderer": ("Renderer",),
     "irrsplat.scene": ("load",),
     "irrsplat.scene.model": ("Camera", "Light", "Material", "Mesh", "Scene"),
     "irrsplat.settings": ("Settings", "preset"),

@@ -5,6 +5,7 @@ EXR layers, NPZ keys, overlays and the documentation are made from `CHANNELS`.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -104,12 +105,27 @@ class ShadowMaps:
 
 
 @dataclass(frozen=True)
+class HitLight:
+    """What lights the surfaces that a gather sees: the lamps, with their shadow maps, and from the second bounce on the surface
+    cache, as the uniforms of shaders/lib/surface_cache.glsl and lib/bvh.glsl."""
+
+    shadows: ShadowMaps
+    surface: Mapping[str, Any]
+
+    @property
+    def uniforms(self) -> dict[str, Any]:
+        """The uniforms of both."""
+        return {**self.shadows.uniforms, **self.surface}
+
+
+@dataclass(frozen=True)
 class SplatBuffer:
     """The sums that splatting leaves: `sums` RGBA32F (Σ k·E, Σ k) and `weight` RG32F (Σ of raw w, or NOTHING_SEEN; Σ k·Y² of
-    the luminances Y of the E, which tells how far the records contradict each other)."""
+    the luminances Y of the E, which tells how far the records contradict each other). `dark`: as in Records."""
 
     sums: Any
     weight: Any
+    dark: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -165,15 +181,19 @@ class Records:
     vectors: of red, green and blue the irradiance vectors M = ∫L·ω·dω (E = n·M), then of each the gradient ∇E in W/m³. Their w,
     in this order: the unit axis in the tangent plane along which the light bends least (0: not known), the second derivatives of
     luminance along it and across it over the luminance itself, 1/m², and the greatest radius there is in metres.
+    walls: two walls that stand on the record's surface, xy and zw, by coordinates along that axis and across it, 1/m: beyond one
+    is where (p - p_k)·wall > 1 (0: none). dark: W/m², a luminance below which errors count as if it were that.
     """
 
     position: Any
     normal: Any
     irradiance: Any
     vectors: tuple[Any, ...]
+    walls: Any
     count: int
     columns: int
     limit: Any
+    dark: float = 0.0
 
     @property
     def uniforms(self) -> dict[str, Any]:
@@ -183,7 +203,9 @@ class Records:
             "records_position": self.position,
             "records_normal": self.normal,
             "records_irradiance": self.irradiance,
+            "records_walls": self.walls,
             "records_limit": self.limit,
             "record_columns": self.columns,
+            "dark": self.dark,
             **dict(zip(names, self.vectors, strict=True)),
         }

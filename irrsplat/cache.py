@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import moderngl
 import numpy as np
 
@@ -9,8 +11,10 @@ from irrsplat.buffers import Records, Sites
 from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.target import float_texture
 
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # Rec. 709
+_DARK = 0.02  # of the records' mean luminance
 _COLUMNS = 1024
-_TEXTURES = 9  # position, normal, irradiance and radius, then the six of Records.vectors
+_TEXTURES = 10  # position, normal, irradiance and radius, the six of Records.vectors, walls
 _ROWS = 4  # at first; doubled whenever they are full
 
 
@@ -31,6 +35,7 @@ class RecordCache(Holder):
         self._now = 0
         self.renewals = 0  # how often records have been gathered again
         self.edits = 0  # how often records that were there have changed or gone
+        self.dark = 0.0  # W/m², see `gauge`
         self._textures = [float_texture(ctx, (_COLUMNS, _ROWS)) for _ in range(_TEXTURES)]
         self._limit = float_texture(ctx, (_COLUMNS, _ROWS), 1)
         self.unlimit()
@@ -38,8 +43,8 @@ class RecordCache(Holder):
     @property
     def records(self) -> Records:
         """The textures as they stand; valid until the next `append`."""
-        position, normal, irradiance, *vectors = self._textures
-        return Records(position, normal, irradiance, tuple(vectors), self.count, _COLUMNS, self._limit)
+        position, normal, irradiance, *vectors, walls = self._textures
+        return Records(position, normal, irradiance, tuple(vectors), walls, self.count, _COLUMNS, self._limit, self.dark)
 
     def append(self, sites: Sites, values: np.ndarray | None = None) -> int:
         """Add records at `sites`; returns the first one's number.
@@ -62,6 +67,7 @@ class RecordCache(Holder):
             for i in range(3):  # a record without directions: M = E·n_k, no gradient
                 self._put(3 + i, first, np.pad(sites.normal * values[:, i : i + 1], ((0, 0), (0, 1))))
                 self._put(6 + i, first, np.zeros_like(values))
+            self._put(9, first, np.zeros_like(values))
         return first
 
     def _put(self, texture: int, first: int, values: np.ndarray) -> None:
@@ -97,6 +103,17 @@ class RecordCache(Holder):
             "irradiance": last[:, :3].copy(),
             "radius": last[:, 3].copy(),
         }
+
+    def gauge(self) -> None:
+        """Set `dark` by the records that there are: a share of their mean luminance, in steps, so that it seldom changes.
+
+        Without it a room that no light enters would be filled with records that differ by nothing but noise.
+        """
+        mean = float((self.read()["irradiance"] @ LUMINANCE).mean()) if self.count else 0.0
+        dark = 2.0 ** math.floor(math.log2(_DARK * mean)) if mean > 0.0 else 0.0
+        if dark != self.dark:
+            self.dark = dark
+            self.edits += 1
 
     def unlimit(self) -> None:
         """Let every record reach as far as its own R, those to come too."""

@@ -43,8 +43,8 @@ def gather(
     ctx: moderngl.Context, scene: Scene, geometry: Geometry, seen: Seen, shadow_size: int, count: int = 500, seconds: float = 10.0
 ) -> Truth:
     """The truth at `count` of the smooth pixels of `seen`, drawn at random, or at as many as `seconds` allow."""
-    smooth = np.argwhere(_smooth(seen, _OFF * scene.diagonal))
-    pixels = np.random.default_rng(0).permutation(smooth)[:count]
+    candidates = np.argwhere(smooth(seen, _OFF * scene.diagonal))
+    pixels = np.random.default_rng(0).permutation(candidates)[:count]
     at = tuple(pixels.T)
     triangle = None if seen.triangle is None else seen.triangle[at]
     sites = Sites(seen.position[at], seen.normal[at], seen.geometric[at], triangle)
@@ -63,7 +63,7 @@ def gather(
     return truth
 
 
-def _smooth(seen: Seen, off: float) -> np.ndarray:
+def smooth(seen: Seen, off: float) -> np.ndarray:
     """(H, W), True where all of a pixel's 3×3 neighbours have its normal, nearly, and lie near its tangent plane."""
     smooth = np.zeros_like(seen.mask)
     inner = (slice(1, -1), slice(1, -1))

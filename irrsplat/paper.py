@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from irrsplat.buffers import GBuffer, ShadowMaps, Sites
+from irrsplat.buffers import GBuffer, HitLight, ShadowMaps, Sites
 from irrsplat.gpu.target import pixels
 from irrsplat.passes.examine import octahedral_decode
 from irrsplat.passes.splat import splat_radius
@@ -61,17 +61,17 @@ class Recorder:
         self,
         gather: Any,
         geometry: Any,
-        shadows: ShadowMaps,
+        light: ShadowMaps | HitLight,
         sky: tuple[float, float, float],
         goes_on: Callable[[], bool] = lambda: True,
     ) -> None:
-        self.gather, self.geometry, self.shadows, self.goes_on = gather, geometry, shadows, goes_on
+        self.gather, self.geometry, self.light, self.goes_on = gather, geometry, light, goes_on
         self.sky = np.asarray(sky, "f4")
         self.stopped = False
 
     def __call__(self, site: Sites) -> np.ndarray:
         """(4,): E = Σ L·ΔA/(1+x²+y²)² in W/m² and R_k, the harmonic mean distance in metres."""
-        atlas = self.gather(self.geometry, self.shadows, site, np.zeros(1), 0)
+        atlas = self.gather(self.geometry, self.light, site, np.zeros(1), 0)
         width, height = atlas.cell
         seen = np.frombuffer(atlas.radiance.read(), "f4").reshape(height, width, 4)
         share = self.gather.share  # cosθ·dω, which on the plane at distance 1 is ΔA/(1+x²+y²)²

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import moderngl
 import numpy as np
 
 from irrsplat import paper
-from irrsplat.buffers import Atlas, GBuffer, ShadowMaps, Sites, SplatBuffer
+from irrsplat.budget import Budget, Pace
+from irrsplat.buffers import Atlas, GBuffer, HitLight, ShadowMaps, Sites, SplatBuffer
 from irrsplat.cache import RecordCache
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.holder import Holder
@@ -26,35 +25,12 @@ from irrsplat.passes.trace import TracePass, Tree
 from irrsplat.scene.flat import flatten
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import Settings
+from irrsplat.surface import SurfaceCache
 
 _REACH = 8.0  # percent of the image height by which the first sites lie apart where radii have no upper limit
-_SHARE = 0.1  # of a tick that gathering may take in any case, so that the picture refines however slow the rest is
-_ADAPTED_BY = ("a", "adapt", "neighbours", "gradients", "second_order", "radius")  # settings that limits of radii depend on
+# settings that limits of radii depend on
+_ADAPTED_BY = ("a", "adapt", "neighbours", "gradients", "second_order", "radius", "walls")
 _ASKING = ("gather", "splat", "examine")  # the stages whose settings decide where records are asked for
-
-
-class Budget:
-    """The time of one tick: `Budget(0.09)` ends 90 ms from now; `Budget(None)` never does."""
-
-    def __init__(self, seconds: float | None) -> None:
-        self.seconds = seconds
-        self.end = float("inf") if seconds is None else time.perf_counter() + seconds
-
-    @property
-    def limited(self) -> bool:
-        """Whether there is an end at all."""
-        return self.seconds is not None
-
-    @property
-    def left(self) -> float:
-        """Seconds to the end; below 0 after it."""
-        return self.end - time.perf_counter()
-
-    def part(self, share: float, reserve: float) -> Budget:
-        """This `share` of what is left once `reserve` seconds are kept back, but at least _SHARE of the whole tick."""
-        if self.seconds is None:
-            return self
-        return Budget(max(share * (self.left - reserve), _SHARE * self.seconds))
 
 
 @dataclass(frozen=True)
@@ -69,10 +45,10 @@ class Asked:
 
 def gather_pass(ctx: moderngl.Context, scene: Scene, settings: Settings, capacity: int | None = None) -> GatherPass | TracePass:
     """The pass that gathers as `settings` say in `scene`, at most `capacity` records at once (None: as many as are worth it)."""
-    kind, lights = settings.gather_kind(scene.triangles), light_defines(scene)
+    kind, lights, more = settings.gather_kind(scene.triangles), light_defines(scene), settings.most_bounces > 1
     if kind == "trace":
-        return TracePass(ctx, settings.gather_size, scene.diagonal, lights, capacity)
-    return GatherPass(ctx, kind, settings.gather_size, scene.diagonal, lights, capacity)
+        return TracePass(ctx, settings.gather_size, scene.diagonal, lights, capacity, surface=more)
+    return GatherPass(ctx, kind, settings.gather_size, scene.diagonal, lights, capacity, surface=more)
 
 
 class Placement(Holder):
@@ -91,26 +67,36 @@ class Placement(Holder):
         self.ctx, self.geometry, self.cache, self.timers = ctx, geometry, cache, timers
         self.settings, self.scene, self.size = settings, scene, size
         self.tree: Tree | None = None  # made when rays are first wanted
+        self.surface: SurfaceCache | None = None  # made when a second bounce is first wanted
         self.gather_pass = self._gather_pass()
         self.reduce_pass = ReducePass(ctx, settings.gradients)
         self.examine_pass = ExaminePass(ctx, size)
         self.adapt_pass = AdaptPass(ctx, settings.gradients, settings.neighbours)
         self._adapted: tuple[int, object] = 0, None  # how many records, and by what
+        self._gauged = 0, 0  # of how many records, and how often gathered again, the cache has the gauge
         self.atlas: Atlas | None = None  # the last one gathered
-        self._cost: float | None = None  # seconds a record
+        self._pace = Pace(ctx)
         self.new_view()
 
     def _gather_pass(self) -> GatherPass | TracePass:
         one = 1 if self.settings.placement == "scan" else None  # the paper: one at a time
         made = gather_pass(self.ctx, self.scene, self.settings, capacity=one)
-        if isinstance(made, TracePass):
+        if isinstance(made, TracePass) or self.settings.most_bounces > 1:
             self.tree = self.tree or Tree(self.ctx, *flatten(self.scene)[:2])
+        if self.settings.most_bounces > 1 and self.surface is None and self.tree is not None:
+            self.surface = SurfaceCache(self.ctx, self.scene, self.settings, self.tree, self.timers)
         return made
 
     @property
     def world(self) -> Any:
         """What the gather looks at: the tree that rays go through, or the geometry that is drawn."""
         return self.tree if isinstance(self.gather_pass, TracePass) else self.geometry
+
+    def light(self, shadows: ShadowMaps) -> ShadowMaps | HitLight:
+        """What lights the surfaces that the gather sees."""
+        if self.surface is None or self.settings.most_bounces < 2:
+            return shadows
+        return HitLight(shadows, self.surface.uniforms(leaves=isinstance(self.gather_pass, TracePass)))
 
     # ---- what changes ----------------------------------------------------------------------------------------------
 
@@ -123,15 +109,22 @@ class Placement(Holder):
         self._warmed = 0  # how many of its first samples are made
 
     def change(self, settings: Settings, scene: Scene) -> None:
-        """Go on with other settings and lights; records that depend on what changed become stale, or are forgotten."""
-        old, self.settings = self.settings, settings
+        """Go on with other settings and lights; records that depend on what changed become stale, or are forgotten.
+
+        Without bounces nothing is gathered, and whatever there is is kept for when there are as many again.
+        """
+        old = self.settings
+        settings = settings if settings.most_bounces else replace(settings, bounces=old.bounces)
+        self.settings = settings
         lights, self.scene = self.scene, scene
         if _where(old) != _where(settings):
             self.cache.truncate(0)
+        if self.surface is not None:
+            self.surface.change(settings, scene)
         gathered = self._how(old) != self._how(settings)
         if gathered or light_defines(lights) != light_defines(scene) or old.placement != settings.placement:
             self.gather_pass.release()
-            self.gather_pass, self.atlas, self._cost = self._gather_pass(), None, None
+            self.gather_pass, self.atlas, self._pace = self._gather_pass(), None, Pace(self.ctx)
         if old.gradients != settings.gradients:
             self.reduce_pass.release()
             self.reduce_pass = ReducePass(self.ctx, settings.gradients)
@@ -153,6 +146,44 @@ class Placement(Holder):
 
     # ---- rounds ----------------------------------------------------------------------------------------------------
 
+    def bounce(self, shadows: ShadowMaps, budget: Budget) -> bool:
+        """Go on with the surface cache where more than one bounce is wanted; whether records may be gathered by it meanwhile.
+
+        Once its values are others, all records are stale. Those that it had before lights changed are better than none, and then
+        it takes half of the time.
+        """
+        if self.surface is None or self.settings.most_bounces < 2:
+            return True
+        ready = self.surface.result is not None
+        if self.surface.advance(shadows, budget.part(0.5, 0.0) if ready else budget):
+            self.cache.expire()
+        return self.surface.result is not None
+
+    @property
+    def bounced(self) -> float:
+        """How much of the surface cache is made, 0..1; 1 where none is wanted."""
+        return 1.0 if self.surface is None or self.settings.most_bounces < 2 else self.surface.share
+
+    def surface_seen(self, gbuffer: GBuffer) -> moderngl.Texture | None:
+        """What the surface cache says of every pixel, as SurfacePass has it; None where there is none (yet)."""
+        if self.surface is None or self.surface.result is None or self.settings.most_bounces < 2:
+            return None
+        return self.surface.view(gbuffer)
+
+    def bounces(self, settings: Settings) -> dict[str, Any]:
+        """How many bounces there are, for the statistics; and, where all are wanted, whether hardly anything is still to come."""
+        everything, most = settings.bounces == "all", settings.most_bounces
+        made = self.surface.result if self.surface is not None and most > 1 else None
+        if made is None:
+            return {"bounces": min(most, 1), "bounces_converged": False if everything else None}
+        return {"bounces": made.bounces, "bounces_converged": made.settled if everything else None}
+
+    def expire(self) -> None:
+        """Gather everything again."""
+        self.cache.expire()
+        if self.surface is not None:
+            self.surface.expire()
+
     def renew(self, shadows: ShadowMaps, camera: Camera, budget: Budget) -> int:
         """Gather stale records again in place, those in view first; how many."""
         numbers = self.cache.stale
@@ -161,7 +192,7 @@ class Placement(Holder):
         where = self.cache.sites(numbers)
         order = np.argsort(~self._in_view(where.position, camera), kind="stable")
         done = 0
-        for count in self._batches(len(numbers), budget):
+        for count in self._pace.batches(len(numbers), self.gather_pass.capacity, budget):
             chosen = order[done : done + count]
             self._gather(shadows, where[chosen], numbers[chosen])
             self.cache.renewed(numbers[chosen])
@@ -180,7 +211,10 @@ class Placement(Holder):
         settings, cache = self.settings, self.cache
         if len(cache.stale):
             return
-        by = *(getattr(settings, name) for name in _ADAPTED_BY), cache.renewals
+        if settings.gradients and (cache.count, cache.renewals) != self._gauged:
+            self._gauged = cache.count, cache.renewals
+            cache.gauge()
+        by = *(getattr(settings, name) for name in _ADAPTED_BY), cache.renewals, cache.dark
         count, before = self._adapted
         first = min(count, cache.count) if by == before else 0
         self._adapted = cache.count, by
@@ -208,7 +242,7 @@ class Placement(Holder):
         if self._queue is None:
             self._queue, self._missing = self._examine(gbuffer, splats)
         done = 0
-        for count in self._batches(len(self._queue), budget):
+        for count in self._pace.batches(len(self._queue), self.gather_pass.capacity, budget):
             batch = self._queue[done : done + count]
             numbers = self.cache.append(batch) + np.arange(count)
             self._gather(shadows, batch, numbers)
@@ -241,7 +275,7 @@ class Placement(Holder):
                 self._seen = paper.read_back(gbuffer)
             self._warmed = 0 if self.cache.count == 0 else self.settings.warmup
         seen, settings = self._seen, self.settings
-        record = paper.Recorder(self.gather_pass, self.world, shadows, self.scene.sky, lambda: budget.left > 0.0)
+        record = paper.Recorder(self.gather_pass, self.world, self.light(shadows), self.scene.sky, lambda: budget.left > 0.0)
         warm_up = self._warmed < settings.warmup
         with self.timers("gather" if warm_up else "examine"):
             if warm_up:
@@ -257,31 +291,11 @@ class Placement(Holder):
 
     def _how(self, settings: Settings) -> tuple[object, ...]:
         """What a record at its place says, and how well, goes by these."""
-        return settings.gather_kind(self.scene.triangles), settings.gather_size
-
-    def _batches(self, wanted: int, budget: Budget) -> Iterator[int]:
-        """The sizes of the batches in which up to `wanted` records may be gathered before the budget ends, at least one record.
-
-        What a record costs is told by the batch before; the first of all is small.
-        """
-        done, last = 0, 0
-        while done < wanted:
-            count = min(wanted - done, self.gather_pass.capacity)
-            if budget.limited:
-                fits = int(budget.left / self._cost) if self._cost else 8
-                if fits < 1 and done:
-                    return
-                count = min(count, max(fits, 1), 4 * last + 64)
-            start = time.perf_counter()
-            yield count
-            if budget.limited:
-                self.ctx.finish()
-                self._cost = (time.perf_counter() - start) / count
-            done, last = done + count, count
+        return settings.gather_kind(self.scene.triangles), settings.gather_size, settings.most_bounces > 1
 
     def _gather(self, shadows: ShadowMaps, sites: Sites, numbers: np.ndarray) -> None:
         with self.timers("gather"):
-            self.atlas = self.gather_pass(self.world, shadows, sites, numbers, self.settings.seed)
+            self.atlas = self.gather_pass(self.world, self.light(shadows), sites, numbers, self.settings.seed)
         with self.timers("reduce"):
             self.reduce_pass(self.atlas, self.cache.records, self.scene.sky, self.gather_pass.radii)
 

@@ -14,6 +14,7 @@ import moderngl
 import numpy as np
 
 from irrsplat import figure, limits
+from irrsplat.budget import Budget
 from irrsplat.buffers import GBuffer, ShadowMaps, SplatBuffer
 from irrsplat.cache import RecordCache
 from irrsplat.errors import InputError
@@ -28,7 +29,7 @@ from irrsplat.passes.direct import DirectPass
 from irrsplat.passes.gbuffer import GBufferPass
 from irrsplat.passes.shadow import ShadowPass
 from irrsplat.passes.splat import SplatPass
-from irrsplat.placement import Asked, Budget, Placement
+from irrsplat.placement import Asked, Placement
 from irrsplat.scene.flat import flatten
 from irrsplat.scene.model import Camera, Light, Scene
 from irrsplat.settings import Settings
@@ -124,8 +125,9 @@ class Renderer(Holder):
         """All of a round but the picture."""
         shadows = self._lit()
         gbuffer = self._seen(camera)
-        bounces, renewed = self.settings.bounces > 0, 0
-        if gather and bounces:
+        bounces, renewed = self.settings.most_bounces > 0, 0
+        ready = gather and bounces and self.placement.bounce(shadows, budget.part(1.0, sum(self._reserve)))
+        if ready:
             share = 1.0 if self._coverage == 1.0 else _RENEWAL
             renewed = self.placement.renew(shadows, camera, budget.part(share, sum(self._reserve)))
         start = time.perf_counter()
@@ -138,10 +140,10 @@ class Renderer(Holder):
         elif not gather:
             if self._other("looked at", self._made_of["splat"], self._splatted, self.settings.asking):
                 self._coverage = 1.0 - self.placement.missing(gbuffer, splats)
-        elif self._idle < _IDLE and (self._made_of["splat"], self._splatted, self.settings.asking) != self._settled:
+        elif ready and self._idle < _IDLE and (self._made_of["splat"], self._splatted, self.settings.asking) != self._settled:
             asked = self._ask(gbuffer, splats, shadows, camera, budget)
-        stale = len(self.cache.stale) if bounces else 0
-        return Progress(self._round, self.cache.count, asked.new, self._coverage, renewed, stale, asked.whole)
+        stale, made = (len(self.cache.stale), self.placement.bounced) if bounces else (0, 1.0)
+        return Progress(self._round, self.cache.count, asked.new, self._coverage, renewed, stale, asked.whole, made)
 
     def _lit(self) -> ShadowMaps:
         """The shadow maps, drawn again only for other lights."""
@@ -161,7 +163,7 @@ class Renderer(Holder):
 
     def _splat(self, gbuffer: GBuffer, camera: Camera) -> SplatBuffer:
         """The splat buffer with every record of the cache in it; the sums are additive, so that only new ones are drawn."""
-        bounces = self.settings.bounces > 0
+        bounces = self.settings.most_bounces > 0
         count = self.cache.count if bounces else 0
         anew = self._other("splat", self._made_of["gbuffer"], self.settings.of("splat"), self.cache.edits, bounces)
         if anew or self._splatted < count:
@@ -172,7 +174,7 @@ class Renderer(Holder):
                 if self._splatted < count:
                     self.splat_pass(self.cache.records, self._splatted, gbuffer, camera, self.settings)
         self._splatted = count
-        return SplatBuffer(*self.splat_pass.target.textures)
+        return self.splat_pass.sums(self.cache.dark)
 
     def _ask(self, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps, camera: Camera, budget: Budget) -> Asked:
         """Gather where the view lacks records, as far as the budget goes."""
@@ -188,14 +190,15 @@ class Renderer(Holder):
     def _compose(self) -> View:
         """The picture from what there is: direct light, normalised indirect light, their blend."""
         (camera, _), gbuffer = self._made_of["gbuffer"], self._gbuffer
-        splats = SplatBuffer(*self.splat_pass.target.textures)
+        splats = self.splat_pass.sums(self.cache.dark)
         if self._other("direct", self._made_of["gbuffer"], self._made_of["shadow"]) or self._direct is None:
             with self.timers("direct"):
                 self._direct = self.direct_pass(gbuffer, self._lit())
         settings, state = self.settings, (self._made_of["direct"], self._made_of["splat"], self._splatted)
-        if self._other("composite", *state, settings.blend, settings.smooth) or self._view is None:
+        filling = self._coverage < 1.0 and settings.most_bounces > 0
+        if self._other("composite", *state, settings.of("composite"), filling) or self._view is None:
             with self.timers("composite"):
-                image, sums = self.composite_pass(splats, self._direct, gbuffer, self.scene.sky, camera, self.settings)
+                image, sums = self.composite_pass(splats, self._direct, gbuffer, self.scene.sky, camera, settings, filling)
             self._view = View(camera, gbuffer, self._direct, splats, sums, image)
         return self._view
 
@@ -247,7 +250,7 @@ class Renderer(Holder):
 
     def renew(self) -> None:
         """Draw everything again, and gather all records again in place."""
-        self.cache.expire()
+        self.placement.expire()
         self.forget(records=False)
 
     def forget(self, records: bool = True, lights: bool = True) -> None:
@@ -298,10 +301,8 @@ class Renderer(Holder):
     ) -> Frame:
         """The view from `camera` (or the scene's of that name; default: its first), refined until every pixel is served.
 
-        Returns a Frame of numpy arrays that the caller owns.
-
-        Records of earlier views are used again: only what is new is gathered. progress is called after each round with
-        round, records, new and coverage (0..1). figures: fill Frame.figures with the paper's figures 1, 3 and 4 too.
+        Returns a Frame of numpy arrays that the caller owns. Records of earlier views are used again: only what is new is
+        gathered. progress is called after each round. figures: fill Frame.figures with the paper's figures 1, 3 and 4 too.
         Ctrl-C ends the rounds early: stats["converged"] is False then.
         """
         first: list[np.ndarray] = []
@@ -322,10 +323,10 @@ class Renderer(Holder):
         return replace(frame, figures=pictures | {"quad": figure.diagram(frame, view.camera, self.settings)})
 
     def stats(self, view: View) -> dict[str, Any]:
-        exposure = self.settings.exposure
+        exposure, settings = self.settings.exposure, self.settings
         stops = self.composite_pass.exposure(view.image) if exposure == "auto" else float(exposure)
-        times = {"stages_ms": self.timers.milliseconds(), "clock": self.timers.clock}
-        return times | statistics(self.about, self.scene, self.size, self.preset, self.settings, stops)
+        made = {"stages_ms": self.timers.milliseconds(), "clock": self.timers.clock, **self.placement.bounces(settings)}
+        return made | statistics(self.about, self.scene, self.size, self.preset, settings, stops)
 
     def release(self) -> None:
         """Free everything on the GPU, the context too where this renderer made it."""
@@ -339,11 +340,3 @@ class Renderer(Holder):
 
     def __exit__(self, *_: object) -> None:
         self.release()
-
-
-def render(
-    scene: Scene, size: tuple[int, int] = (800, 800), camera: Camera | str | None = None, preset: str = "default", **settings: Any
-) -> Frame:
-    """One view of `scene`, headless, refined until every pixel is served; arguments and errors as `Renderer`."""
-    with Renderer(scene, size, preset, **settings) as renderer:
-        return renderer.render(camera)

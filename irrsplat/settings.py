@@ -14,19 +14,24 @@ from typing import Any, Literal
 from irrsplat.errors import InputError
 
 Auto = Literal["auto"]
+All = Literal["all"]
 
 # of the weight, the same in shaders/lib/weight.glsl and on the CPU
 LEAST_ERROR = 1e-3  # w = 1/max(e, this) stays finite
 IN_FRONT = 0.05  # of R: how far in front of a pixel's surface, or behind it, a record may lie
 
 # triangles: rasters of a hemicube cost in proportion to them, rays hardly; measured on llvmpipe, 64² rays cost 1.7 times what a
-# hemicube of 64 costs at 30 triangles, and 0.42 times at 4 thousand
+# hemicube of 64 costs at 30 triangles, and 0.42 times at 4 thousand. With the surface cache it is 0.55 times at 30: rasters look
+# up what others hide, too
 _RASTER = 1000
 
 
 @dataclass(frozen=True)
 class Declaration:
-    """What is known of one setting apart from its value; `kind` is float, int, bool or choice."""
+    """What is known of one setting apart from its value.
+
+    kind: float, int, bool or choice. word: what may be given in place of a number, if anything.
+    """
 
     name: str
     kind: str
@@ -36,7 +41,7 @@ class Declaration:
     low: float | None = None
     high: float | None = None
     unit: str = ""
-    auto: bool = False
+    word: str = ""
     choices: tuple[str, ...] = ()
 
     @property
@@ -52,13 +57,13 @@ class Declaration:
         if self.kind == "choice":
             return "|".join(self.choices)
         span = f"{self.low:.10g}..{self.high:.10g}" + (f" {self.unit}" if self.unit else "")
-        return span + " or auto" if self.auto else span
+        return f"{span} or {self.word}" if self.word else span
 
     def parse(self, text: str) -> Any:
         """The value that `text` stands for; raises InputError with the legal range where it stands for none."""
         word = text.strip().lower()
-        if self.auto and word == "auto":
-            return "auto"
+        if self.word and word == self.word:
+            return word
         if self.kind == "bool":
             if word in ("on", "off"):
                 return word == "on"
@@ -74,8 +79,8 @@ class Declaration:
 
     def check(self, value: Any) -> Any:
         """`value` as this setting's type; raises InputError where it is of another type or out of range."""
-        if self.auto and isinstance(value, str) and value == "auto":
-            return "auto"
+        if self.word and isinstance(value, str) and value == self.word:
+            return value
         if self.kind == "bool" and value in ("on", "off"):
             return value == "on"
         number = isinstance(value, numbers.Real) and not isinstance(value, bool)
@@ -110,10 +115,18 @@ class Settings:
         1024, "int", "shadow", "side of one shadow map tile; a point light has six", low=16, high=4096, unit="texels"
     )
     seed: int = _declare(0, "int", "gather", "seed of all that is random; equal seeds, equal bits", low=0, high=2**31 - 1)
-    bounces: int = _declare(1, "int", "gather", "indirect bounces; 0 is direct light only", low=0, high=1)
+    bounces: int | All = _declare(
+        "all",
+        "int",
+        "gather",
+        "indirect bounces; 0 is direct light only, all as many as are worth it",
+        low=0,
+        high=64,
+        word="all",
+    )
     gather: str = _declare(
         "auto", "choice", "gather", "how a record sees the scene: one 150° plane, a hemicube of rasters, or traced rays; "
-        "auto: rasters in small scenes, rays in others",
+        "auto: rays, but rasters for a single bounce in a small scene",
         choices=("auto", "plane", "raster", "trace"),
     )  # fmt: skip
     gather_size: int = _declare(
@@ -139,8 +152,9 @@ class Settings:
     in_front: bool = _declare(
         True, "bool", "splat", "a record in front of a pixel's surface, or behind it, does not speak for it"
     )
+    walls: bool = _declare(True, "bool", "splat", "a record says nothing beyond the two nearest walls that stand on its surface")
     adapt: float = _declare(
-        0.35, "float", "splat", "how far records may contradict each other, of their light, before they reach less far; 0: off",
+        0.4, "float", "splat", "how far records may contradict each other, of their light, before they reach less far; 0: off",
         low=0, high=10,
     )  # fmt: skip
     neighbours: bool = _declare(
@@ -157,7 +171,7 @@ class Settings:
         low=0, high=100, unit="%",
     )  # fmt: skip
     tolerance: float | Auto = _declare(  # "auto" is resolved by `threshold`
-        "auto", "float", "examine", "a pixel asks for a record where Σw is below this; auto is 1/a", low=0, high=1e6, auto=True
+        "auto", "float", "examine", "a pixel asks for a record where Σw is below this; auto is 1/a", low=0, high=1e6, word="auto"
     )
     spread: float = _declare(
         0.3, "float", "examine", "a pixel also asks where its records contradict each other by more than this: deviation over "
@@ -172,6 +186,9 @@ class Settings:
     blend: float = _declare(
         0.5, "float", "composite", "0 is direct light only, ½ the physical sum, 1 indirect only", low=0, high=1
     )
+    overture: bool = _declare(
+        True, "bool", "composite", "while a view fills, pixels that no record speaks for yet borrow the light of those around"
+    )
     smooth: bool = _declare(False, "bool", "composite", "smooth the indirect light along surfaces, the paper's second cure")
     exposure: float | Auto = _declare(
         "auto",
@@ -181,7 +198,7 @@ class Settings:
         low=-64,
         high=64,
         unit="stops",
-        auto=True,
+        word="auto",
     )
 
     budget: float = _declare(
@@ -203,11 +220,16 @@ class Settings:
         """The Σw below which a pixel asks for a record (`tolerance`, its auto resolved)."""
         return 1.0 / self.a if self.tolerance == "auto" else float(self.tolerance)
 
+    @property
+    def most_bounces(self) -> int:
+        """The indirect bounces that are made at most (`bounces`, all resolved)."""
+        return int(SETTINGS["bounces"].high or 0) if self.bounces == "all" else int(self.bounces)
+
     def gather_kind(self, triangles: int) -> str:
         """How records are gathered in a scene of so many triangles: "plane", "raster" or "trace" (`gather`, auto resolved)."""
         if self.gather != "auto":
             return self.gather
-        return "raster" if triangles <= _RASTER else "trace"
+        return "raster" if triangles <= _RASTER and self.most_bounces < 2 else "trace"
 
     def of(self, *stages: str) -> tuple[Any, ...]:
         """The values of all the settings of these stages."""
@@ -226,17 +248,20 @@ SETTINGS: dict[str, Declaration] = {f.name: Declaration(name=f.name, default=f.d
 PRESETS: dict[str, dict[str, Any]] = {
     "default": {},
     "paper": {
+        "bounces": 1,
         "gather": "plane",
         "gather_size": 64,
         "placement": "scan",
         "kernel": "cut",
         "in_front": False,
+        "walls": False,
         "gradients": False,
         "second_order": False,
         "radius": "harmonic",
         "a": 0.1,
         "adapt": 0.0,
         "spread": 0.0,
+        "overture": False,
         "radius_min": 0.0,
         "radius_max": 0.0,
     },

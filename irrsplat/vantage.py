@@ -12,17 +12,23 @@ OFFSET = 1e-4  # of the scene's diagonal: how far a record looks from above its 
 _TEXELS = 3 << 20  # of an atlas at most, 48 MiB, or 64 with a depth buffer
 
 
-def eyes(sites: Sites, centroids: np.ndarray, offset: float) -> np.ndarray:
-    """(N, 3): `offset` metres above the surface, and as far into its triangle: a site on the very edge of a wall sees the wall.
+def eyes(sites: Sites, corners: np.ndarray, offset: float) -> np.ndarray:
+    """(N, 3): `offset` metres above the surface, and as far from its triangle's edges: a site on the very edge of a wall sees it.
 
-    centroids: (F, 3) of the scene's triangles.
+    corners: (F, 3, 3) of the scene's triangles. A site that is that far from the edges stays where it is, since towards the
+    middle of a large triangle it might come through a sheet that stands on it.
     """
     above = sites.position + offset * sites.geometric.astype(float)
     if sites.triangle is None:
         return above
-    inward = centroids[sites.triangle] - sites.position
-    length = np.linalg.norm(inward, axis=1, keepdims=True)
-    return above + inward * np.minimum(offset / np.maximum(length, 1e-30), 0.5)
+    triangle = corners[sites.triangle].astype(float)
+    sides = np.roll(triangle, -1, axis=1) - triangle
+    across = np.cross(sites.position[:, None] - triangle, sides)
+    apart = np.linalg.norm(across, axis=-1) / np.maximum(np.linalg.norm(sides, axis=-1), 1e-30)  # from each edge
+    inward = triangle.mean(1) - sites.position
+    length = np.linalg.norm(inward, axis=1)
+    share = np.clip(offset - apart.min(1), 0.0, 0.5 * length) / np.maximum(length, 1e-30)
+    return above + inward * share[:, None]
 
 
 def frame_rows(frame: np.ndarray, sites: Sites, numbers: np.ndarray) -> np.ndarray:

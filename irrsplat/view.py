@@ -34,7 +34,7 @@ class View:
 class Progress:
     """Where a view stands after a tick: whole rounds so far, `records` in the cache, `new` among them, and `coverage` of the
     seen pixels, 0..1, at the round's begin. renewed: old records gathered again; stale: how many still wait for that.
-    whole: False while sites of a round are left over for the next tick."""
+    whole: False while sites of a round are left over for the next tick. surface: how much of the surface cache is made, 0..1."""
 
     round: int
     records: int
@@ -43,11 +43,13 @@ class Progress:
     renewed: int = 0
     stale: int = 0
     whole: bool = True
+    surface: float = 1.0
 
     @property
     def done(self) -> bool:
         """Whether nothing is left to gather in this view."""
-        return self.whole and not (self.new or self.renewed or self.stale) and self.coverage == 1.0
+        made = self.whole and self.surface == 1.0
+        return made and not (self.new or self.renewed or self.stale) and self.coverage == 1.0
 
 
 def read(view: View, sky: tuple[float, float, float], records: dict[str, np.ndarray], stats: dict[str, Any]) -> Frame:

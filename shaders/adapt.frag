@@ -3,6 +3,7 @@
 #include "lib/record.glsl"
 
 uniform bool second_order;
+uniform bool walls;
 uniform float adapt;   // relative difference that is allowed where a record's reach ends
 uniform ivec2 targets; // numbers of the first record that is limited, and of the one after the last
 uniform ivec2 others;  // of those that it is held against
@@ -32,13 +33,17 @@ void main()
     Bend bend = record_bend(texel);
     bends = second_order && bend.axis != vec3(0.0) ? vec2(bend.along, bend.across) : bends;
 #endif
+    vec4 beyond = vec4(0.0);
+#if GRADIENTS
+    beyond = walls ? texelFetch(records_walls, texel, 0) : beyond;
+#endif
     float limit = 1.0;
     for (int j = others.x; j < (wanted ? others.y : 0); ++j)
     {
         ivec2 other = record_texel(j);
         vec3 apart = texelFetch(records_position, other, 0).xyz - p;
         float at = record_distance(apart, ellipse.axis, R);
-        if (at >= FAR * a || at <= 0.0) continue;
+        if (at >= FAR * a || at <= 0.0 || record_beyond(apart, ellipse.axis, n, beyond)) continue;
         vec3 n_j = texelFetch(records_normal, other, 0).xyz;
         if (dot(n, n_j) < ALIKE || abs(dot(apart, n + n_j)) * 0.5 > IN_FRONT * R.y) continue;
         vec4 theirs = texelFetch(records_irradiance, other, 0);
@@ -49,7 +54,7 @@ void main()
         // what it says of the other's place, against what the other found there; the error grows with the square of the distance
         float Y_j = dot(theirs.rgb, LUMINANCE);
         float said = record_says(vec3(dot(M, n_j)), vec3(dot(gradient, apart)), apart, n, ellipse.axis, bends).x;
-        float off = abs(said - Y_j) / max(max(Y, Y_j), 1e-20);
+        float off = abs(said - Y_j) / max(max(Y, Y_j), max(dark, 1e-20));
         limit = off * at * at > 0.0 ? min(limit, at / a * sqrt(adapt / off)) : limit;
     }
     if (!wanted) discard;

@@ -2,6 +2,9 @@
 #define FOOTPRINT
 #include "lib/lights.glsl"
 #include "lib/surface.glsl"
+#if SURFACE
+#include "lib/surface_cache.glsl"
+#endif
 
 in vec3 v_normal;
 in vec3 v_albedo;
@@ -44,6 +47,9 @@ void main()
 
     Receiver receiver = Receiver(v_eye + away, shading_normal(v_normal, g), g);
     vec3 E = direct_irradiance(receiver, 1, vec2(1.0, 0.0));
+#if SURFACE
+    E += surface_irradiance(gl_PrimitiveID, receiver.p, g);
+#endif
     out_radiance = vec4(v_emission + v_albedo * INV_PI * E, max(length(away), 0.05 * near));
     out_plane = vec4(g / min(k, -0.05 * near), 0.0);
 }

@@ -12,6 +12,7 @@ flat in vec3 v_axis;
 flat in vec2 v_radii;
 #if GRADIENTS
 flat in vec2 v_bend;
+flat in vec4 v_walls;
 flat in mat3 v_m;
 flat in mat3 v_g;
 #else
@@ -27,6 +28,9 @@ void main()
     vec4 p = texelFetch(position, pixel, 0);
     if (p.w == 0.0) discard;
     vec3 apart = p.xyz - v_place, n = texelFetch(normal, pixel, 0).xyz;
+#if GRADIENTS
+    if (record_beyond(apart, v_axis, v_normal, v_walls)) discard;
+#endif
     float w = record_weight(apart, v_axis, v_radii, n, v_normal, in_front);
     if (w <= 1.0 / a) discard;
     // w - 1/a reaches zero at the rim, so that no circle shows; the paper's own kernel stops short of that

@@ -5,6 +5,7 @@ uniform int first;                     // number of the first record to splat
 uniform mat4 clip_from_world;
 uniform bool in_front;                 // reject records in front of the pixel's surface, or behind it
 uniform float pixel;                   // size of a pixel at distance 1, in metres
+uniform bool walls;                    // it says nothing beyond the walls that stand on its surface
 uniform bool second_order;             // records know how their gradients change
 
 flat out vec3 v_place;                 // p_k
@@ -13,6 +14,7 @@ flat out vec3 v_axis;                  // of the ellipse that it reaches
 flat out vec2 v_radii;                 // R along it and across it, as clamped for this view
 #if GRADIENTS
 flat out vec2 v_bend;
+flat out vec4 v_walls;                 // 0: none
 flat out mat3 v_m;
 flat out mat3 v_g;
 #else
@@ -36,6 +38,7 @@ void main()
     v_normal = texelFetch(records_normal, texel, 0).xyz;
 #if GRADIENTS
     v_m = mat3(texelFetch(records_m_r, texel, 0).xyz, texelFetch(records_m_g, texel, 0).xyz, texelFetch(records_m_b, texel, 0).xyz);
+    v_walls = walls ? texelFetch(records_walls, texel, 0) : vec4(0.0);
     Bend bend = record_bend(texel);
     v_g = record_gradient(texel) * trust;  // derivatives hold for R alone, not for what the least radius added
     v_bend = second_order && bend.axis != vec3(0.0) ? vec2(bend.along, bend.across) * trust * trust : vec2(0.0);

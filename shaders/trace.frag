@@ -3,6 +3,9 @@
 #include "lib/lights.glsl"
 #include "lib/normals.glsl"
 #include "lib/bvh.glsl"
+#if SURFACE
+#include "lib/surface_cache.glsl"
+#endif
 
 uniform sampler2D looks;     // three texels a vertex, in rows of 1024 of them: shading normal, albedo, emission
 uniform sampler2D frames;    // texels (i, 0..2): record i's tangent, bitangent and normal, (i, 4): where it looks from
@@ -12,6 +15,10 @@ uniform float near;          // metres
 
 layout(location = 0) out vec4 out_radiance;  // rgb W/(m² sr), a distance in metres (0: nothing hit, the sky)
 layout(location = 1) out vec4 out_plane;     // of what is hit: 1/distance in the unit direction w is dot(xyz, w), metres⁻¹
+#if HITS
+layout(location = 2) out vec4 out_values;  // numbers of the three values of the surface cache at the hit, weight of the first
+layout(location = 3) out vec4 out_albedo;  // reflectance there, weight of the second; the third's is the rest
+#endif
 
 const float FARTHEST = 4.0;  // times the ray's length, where a corner looks past the plane's horizon
 const int PARTS = 4;         // of a stratum
@@ -71,7 +78,17 @@ void main()
         }
         if (sum.r + sum.g + sum.b > 0.0) E += sum / float(PARTS) * visibility(light, receiver, 1, vec2(1.0, 0.0));
     }
-    vec3 L = blend(at, hit.share, 2) + blend(at, hit.share, 1) * INV_PI * E;
+    vec3 albedo = blend(at, hit.share, 1);
+#if HITS
+    // HITS goes with SURFACE
+    Look look = surface_look(hit.triangle, receiver.p, g);
+    bool lit = hit.t < FARTHEST_HIT && look.weights.x + look.weights.y + look.weights.z > 0.0;
+    out_values = lit ? vec4(look.values, look.weights.x) : vec4(-1.0, -1.0, -1.0, 0.0);
+    out_albedo = lit ? vec4(albedo, look.weights.y) : vec4(0.0);
+#elif SURFACE
+    E += surface_irradiance(hit.triangle, receiver.p, g);
+#endif
+    vec3 L = blend(at, hit.share, 2) + albedo * INV_PI * E;
     out_radiance = hit.t < FARTHEST_HIT ? vec4(L, max(hit.t, 0.05 * near)) : vec4(0.0);
     out_plane = hit.t < FARTHEST_HIT ? vec4(g / min(k, -0.05 * near), 0.0) : vec4(0.0);
 }

@@ -126,4 +126,4 @@ def test_smooth_leaves_out_edges_steps_and_the_sky() -> None:
     expected[:, 5:7] = False
     expected[1:4, 1:4] = False
     seen = SimpleNamespace(position=position, normal=normal, mask=mask)
-    assert np.array_equal(exact._smooth(seen, 0.5), expected)
+    assert np.array_equal(exact.smooth(seen, 0.5), expected)

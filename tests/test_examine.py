@@ -30,19 +30,24 @@ def made_up(size: tuple[int, int], seed: int) -> dict[str, np.ndarray]:
     return surface | {"weight": weight, "sums": sums, "squares": squares}
 
 
-def counted(data: dict[str, np.ndarray], spread: float) -> np.ndarray:
+def counted(data: dict[str, np.ndarray], spread: float, dark: float = 0.0) -> np.ndarray:
     """(H, W) Σw, or where that is below three tolerances and the luminances deviate from their mean by more than `spread` of
-    it, so much less than the tolerance."""
+    it, or of what is dark, so much less than the tolerance."""
     weight, sums, squares = (data[name].astype("f4").astype(float) for name in ("weight", "sums", "squares"))
     k = np.maximum(sums[..., 3], 1e-20)
     mean = sums[..., :3] @ LUMINANCE / k
     off = np.sqrt(np.maximum(squares / k - mean**2, 0.0))
     doubted = (weight < 3.0 * TOLERANCE) & (off > 0.0) & (spread > 0.0)
-    return np.where(doubted, np.minimum(weight, TOLERANCE * spread * mean / np.maximum(off, 1e-20)), weight)
+    return np.where(doubted, np.minimum(weight, TOLERANCE * spread * np.maximum(mean, dark) / np.maximum(off, 1e-20)), weight)
 
 
 def examine(
-    ctx: moderngl.Context, size: tuple[int, int], data: dict[str, np.ndarray], seed: int = 0, spread: float = 0.0
+    ctx: moderngl.Context,
+    size: tuple[int, int],
+    data: dict[str, np.ndarray],
+    seed: int = 0,
+    spread: float = 0.0,
+    dark: float = 0.0,
 ) -> tuple[Examination, int]:
     gbuffer = gbuffer_of(ctx, data["position"], data["normal"], data["depth"], geometric=data["geometric"])
     weight, sums, there = float_texture(ctx, size, 2), float_texture(ctx, size, 4), data["depth"] > 0.0
@@ -51,7 +56,7 @@ def examine(
     sums.write(np.where(there[..., None], data["sums"], 0.0)[::-1].astype("f4").tobytes())
     examination = ExaminePass(ctx, size)
     settings = Settings(tolerance=TOLERANCE, spread=spread, seed=seed)
-    return examination(gbuffer, SplatBuffer(sums, weight), settings), examination.side
+    return examination(gbuffer, SplatBuffer(sums, weight, dark), settings), examination.side
 
 
 def tiles(values: np.ndarray, side: int, fill: float) -> np.ndarray:
@@ -63,12 +68,12 @@ def tiles(values: np.ndarray, side: int, fill: float) -> np.ndarray:
     return blocks.reshape(*blocks.shape[:2], -1)[::-1]
 
 
-@pytest.mark.parametrize("spread", [0.0, 0.2, 0.5])
+@pytest.mark.parametrize(("spread", "dark"), [(0.0, 0.0), (0.2, 0.0), (0.2, 0.7), (0.5, 0.0)])
 @pytest.mark.parametrize("size", [(1, 1), (7, 5), (33, 41), (200, 310), (90, 530)])
-def test_examination_equals_numpy(ctx: moderngl.Context, size: tuple[int, int], spread: float) -> None:
+def test_examination_equals_numpy(ctx: moderngl.Context, size: tuple[int, int], spread: float, dark: float) -> None:
     data = made_up(size, seed=size[0])
-    found, side = examine(ctx, size, data, spread=spread)
-    weight, surface = counted(data, spread), data["depth"] > 0.0
+    found, side = examine(ctx, size, data, spread=spread, dark=dark)
+    weight, surface = counted(data, spread, dark), data["depth"] > 0.0
     asks = surface & (weight < np.float32(TOLERANCE))
     assert np.array_equal(found.asking, tiles(asks, side, 0).sum(-1))
     assert np.array_equal(found.seen, tiles(surface, side, 0).sum(-1))

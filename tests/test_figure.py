@@ -22,7 +22,7 @@ SIZE = (200, 180)
 @cache
 def rendered(name: str) -> tuple[Frame, Camera, Settings]:
     scene = irrsplat.load(name)
-    with irrsplat.Renderer(scene, size=SIZE, gather_size=8, shadow_size=128) as renderer:
+    with irrsplat.Renderer(scene, size=SIZE, bounces=1, gather_size=8, shadow_size=128) as renderer:
         return renderer.render(), scene.camera(), renderer.settings
 
 
@@ -110,7 +110,7 @@ def test_the_plain_picture_where_there_is_nothing_to_show() -> None:
 )
 def test_every_view_has_a_figure(size: tuple[int, int], camera: dict, settings: dict) -> None:
     scene = irrsplat.load("furnace")
-    with irrsplat.Renderer(scene, size=size, gather_size=8, shadow_size=64, **settings) as renderer:
+    with irrsplat.Renderer(scene, size=size, **{"bounces": 1, "gather_size": 8, "shadow_size": 64, **settings}) as renderer:
         frame = renderer.render(replace(scene.camera(), **camera), figures=True)
     assert frame.figures["quad"].shape == (size[1], size[0], 3)
     assert np.isfinite(frame.figures["quad"]).all()

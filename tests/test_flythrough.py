@@ -40,7 +40,7 @@ def test_a_loop_costs_no_accuracy(name: str) -> None:
         cameras = [path.camera(t) for t in np.linspace(0, path.frames - 1, 8)]
     else:
         cameras = [turned(first, degrees) for degrees in (8, 20, -10, -20)]
-    with irrsplat.Renderer(scene, (FULL, FULL)) as renderer:
+    with irrsplat.Renderer(scene, (FULL, FULL), bounces=1) as renderer:
         fresh = compare(renderer.render(), reference)["rmse"]
         for camera in cameras:
             renderer.render(camera)

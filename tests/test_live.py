@@ -99,6 +99,7 @@ CHANGES: list[tuple[str, Any, set[str]]] = [
     ("shadow_size", 128, RENEW | {"shadow", "direct"}),
     ("seed", 5, RENEW),
     ("bounces", 0, {"splat", "composite"}),
+    ("bounces", 2, RENEW | {"surface"}),
     ("gather", "plane", RENEW),
     ("gather_size", 16, RENEW),
     ("gradients", False, RENEW),  # without R <= E/|∇E| other radii: not SPLAT alone where pixels then ask
@@ -108,6 +109,7 @@ CHANGES: list[tuple[str, Any, set[str]]] = [
     ("adapt", 0.1, SPLAT),
     ("kernel", "cut", SPLAT),
     ("in_front", False, SPLAT),
+    ("walls", False, SPLAT),
     ("neighbours", True, SPLAT),
     ("radius_min", 2.0, SPLAT),
     ("radius_max", 10.0, SPLAT),

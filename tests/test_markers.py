@@ -310,28 +310,31 @@ def test_the_wireframe_is_the_visible_edges(stage: Callable[..., Stage]) -> None
 
 def served(frame: irrsplat.Frame, records: Records, number: int, camera: Camera, settings: Settings) -> np.ndarray:
     """(2, H, W): the pixels that a record speaks for, by Ward et al. 1988's w > 1/a, and those where rounding decides."""
-    p, n, *v = (
+    p, n, *v, walls, e = (
         np.frombuffer(t.read(), "f4").reshape(-1, 4)[number].astype(float)
-        for t in (records.position, records.normal, *records.vectors)
+        for t in (records.position, records.normal, *records.vectors, records.walls, records.irradiance)
     )
     axis, bend = np.array([m[3] for m in v[:3]]), np.array([g[3] for g in v[3:5]])
     share = np.frombuffer(records.limit.read(), "f4")[number]
     percent = 2.0 * np.tan(np.radians(camera.fov) / 2.0) * np.linalg.norm(p[:3] - camera.eye) / 100.0
-    radii = np.minimum(np.sqrt(2.0 / np.abs(bend)), v[5][3]) * share
+    Y = e[:3] @ (0.2126, 0.7152, 0.0722)
+    radii = np.minimum(np.sqrt(2.0 * max(Y, records.dark) / Y / np.abs(bend)), v[5][3]) * share
     R = np.clip(settings.a * radii, settings.radius_min * percent, settings.radius_max * percent) / settings.a
     apart, cosine = frame.position - p[:3], frame.normal @ n[:3]
     along = apart @ axis
     distance = np.sqrt((along / R[0]) ** 2 + ((apart**2).sum(-1) - along**2) / R[1] ** 2)
     w = 1.0 / np.maximum(distance + np.sqrt(np.maximum(0.0, 1.0 - cosine)), 1e-3)
+    place = np.stack([along, apart @ np.cross(n[:3], axis)], -1)
+    beyond = np.maximum(place @ walls[:2], place @ walls[2:])
     front = 0.05 * R[1] - np.abs((apart * (frame.normal + n[:3])).sum(-1)) / 2.0
     seen = np.isfinite(frame.depth)
     # 1 - n·n_k of float32 normals is off by some 1e-7, its root by some 3e-4
-    unsure = seen & ((np.abs(w * settings.a - 1.0) < 2e-3) | (np.abs(front) < 1e-4 * R[1]))
-    return np.stack([seen & (w > 1.0 / settings.a) & (front >= 0.0) & (cosine > 0.0), unsure])
+    unsure = seen & ((np.abs(w * settings.a - 1.0) < 2e-3) | (np.abs(front) < 1e-4 * R[1]) | (np.abs(beyond - 1.0) < 1e-4))
+    return np.stack([seen & (w > 1.0 / settings.a) & (front >= 0.0) & (cosine > 0.0) & (beyond <= 1.0), unsure])
 
 
 def test_what_a_record_serves_is_tinted_and_counted(ctx: moderngl.Context) -> None:
-    with Renderer(irrsplat.load("cornell"), SIZE, ctx=ctx, gather_size=16, shadow_size=128) as renderer:
+    with Renderer(irrsplat.load("cornell"), SIZE, ctx=ctx, bounces=1, gather_size=16, shadow_size=128) as renderer:
         for _ in range(3):
             view, _ = renderer.frame()
         frame = read(view, renderer.scene.sky, renderer.cache.read(), {})

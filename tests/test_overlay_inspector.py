@@ -27,7 +27,7 @@ INSIDE = Camera((0.0, 0.3, 0.8), (0.0, -0.5, -0.5))
 def cornell() -> Iterator[tuple[Renderer, View, Table, irrsplat.Frame]]:
     """A view after two rounds: every record is splatted but the last round's."""
     with context.shared():
-        renderer = Renderer(irrsplat.load("cornell"), SIZE, ctx=context.shared(), gather_size=16, shadow_size=128)
+        renderer = Renderer(irrsplat.load("cornell"), SIZE, ctx=context.shared(), bounces=1, gather_size=16, shadow_size=128)
         renderer.frame()
         renderer.frame()
         view, _ = renderer.frame(gather=False)
@@ -124,7 +124,7 @@ def test_where_nothing_is_hit_there_is_the_sky(ctx: moderngl.Context) -> None:
 
 def hemispheres(ctx: moderngl.Context, world: Scene, kind: str) -> np.ndarray:
     """What a record on the floor of `world` sees, exposed by -1 stops."""
-    with Renderer(world, SIZE, ctx=ctx, gather=kind, gather_size=16, placement="tiles") as renderer:
+    with Renderer(world, SIZE, ctx=ctx, bounces=1, gather=kind, gather_size=16, placement="tiles") as renderer:
         renderer.frame()
         where, number = renderer.cache.sites(np.array([3])), 3
         assert renderer.shadows is not None

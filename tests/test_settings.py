@@ -59,6 +59,7 @@ def test_words_that_are_values() -> None:
     assert SETTINGS["a"].parse("0.3") == 0.3
     assert SETTINGS["seed"].parse("7") == 7
     assert SETTINGS["tolerance"].parse("AUTO") == "auto"
+    assert (SETTINGS["bounces"].parse("All"), SETTINGS["bounces"].parse("3")) == ("all", 3)
     assert SETTINGS["smooth"].parse("on") is True
     assert SETTINGS["gather"].parse("plane") == "plane"
 
@@ -72,6 +73,13 @@ def test_presets_are_legal_and_overrides_win(name: str) -> None:
 def test_auto_tolerance_is_one_over_a() -> None:
     assert preset(a=0.25).threshold == 4.0
     assert preset(a=0.25, tolerance=9).threshold == 9.0
+
+
+def test_all_bounces_are_as_many_as_the_range_has() -> None:
+    assert [preset(bounces=n).most_bounces for n in (0, 1, 7, "all")] == [0, 1, 7, 64]
+    assert preset().bounces == "all" and preset("paper").bounces == 1
+    with pytest.raises(InputError, match=r"'bounces' takes 0..64 or all, not 'auto'"):
+        preset(bounces="auto")
 
 
 def test_unknown_names() -> None:

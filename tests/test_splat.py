@@ -20,6 +20,7 @@ SIZE = (37, 29)
 CAMERA = Camera((0.3, 0.2, 3.0), (0.0, 0.0, 0.0), (0.1, 1.0, 0.0), 50.0)
 COLUMNS = 8
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # Rec. 709
+DARK = 0.6  # W/m²: what is darker may be off by a share of this
 BASE = Settings(a=0.5, radius_min=0.0, radius_max=0.0)
 
 
@@ -39,7 +40,7 @@ class View:
 class Table:
     """Records: p and n (N, 3), E (N, 3), R (N,), M and ∇E (N, channel, 3), the share of their radii that they may reach (N,), and
     the axis along which they bend least (N, 3), 0 where it is not known, with the bends along and across it (N, 2) and the
-    greatest radius that they may come to (N,)."""
+    greatest radius that they may come to (N,). walls: (N, 4) two each, 0 for none, by coordinates along that axis and across."""
 
     p: np.ndarray
     n: np.ndarray
@@ -51,6 +52,7 @@ class Table:
     axis: np.ndarray
     bend: np.ndarray
     farthest: np.ndarray
+    walls: np.ndarray
 
     def records(self, ctx: moderngl.Context) -> Records:
         count = len(self.p)
@@ -65,7 +67,10 @@ class Table:
         rest = np.column_stack([self.axis, self.bend, self.farthest])
         both = np.concatenate([self.M, self.gradient], axis=1)
         vectors = [texture(both[:, i], rest[:, i]) for i in range(6)]
-        return Records(texture(self.p), texture(self.n), texture(self.E, self.R), tuple(vectors), count, COLUMNS, limit)
+        walls = texture(self.walls[:, :3], self.walls[:, 3])
+        return Records(
+            texture(self.p), texture(self.n), texture(self.E, self.R), tuple(vectors), walls, count, COLUMNS, limit, DARK
+        )
 
 
 def unit(v: np.ndarray) -> np.ndarray:
@@ -116,6 +121,9 @@ def table(count: int = 200, seed: int = 1, on: View | None = None) -> Table:
     radii = R[:, None] * np.stack([rng.uniform(1.0, 8.0, count) ** 0.5, rng.uniform(1.0, 8.0, count) ** -0.5], 1)
     values.append(known[:, None] * rng.choice([-2.0, 2.0], (count, 2)) / radii**2)
     values.append(np.where(rng.random(count) < 0.2, R, 100.0))
+    angle, distance = rng.uniform(0.0, 2.0 * np.pi, (count, 2)), R[:, None] * rng.uniform(0.02, 0.3, (count, 2))
+    some = known & (rng.random(count) < 0.6) & (count > 1)
+    values.append((np.stack([np.cos(angle), np.sin(angle)], -1) / distance[..., None] * some[:, None, None]).reshape(count, 4))
     return Table(*(v.astype("f4").astype(float) for v in values))
 
 
@@ -125,20 +133,21 @@ def splat(seen: View, records: Table, settings: Settings) -> tuple[np.ndarray, n
     Ward et al. 1988: w = 1/(|p-p_k|/R + √(1-n·n_k)), where w > 1/a, |p-p_k|/R being taken along and across an axis,
     R = √(2/|bend|) or the greatest there is; else R at most E/|∇E| on luminance where there are gradients. Finite, limited by the
     share that is allowed and by the view; neither in front of the pixel's surface nor behind it by more than R/20.
-    The second weight is Σ k·Y².
+    Nothing beyond a wall is spoken for. The second weight is Σ k·Y².
     """
     sums, weight = np.zeros((*seen.depth.shape, 4)), np.zeros((*seen.depth.shape, 2))
     unsure = np.zeros(seen.depth.shape, bool)
     screen = 2.0 * np.tan(np.radians(CAMERA.fov) / 2.0) / 100.0
     a = settings.a
-    for p_k, n_k, E_k, R_k, M, gradient, limit, axis, bend, most in zip(*vars(records).values(), strict=True):
+    for p_k, n_k, E_k, R_k, M, gradient, limit, axis, bend, most, walls in zip(*vars(records).values(), strict=True):
         d = np.linalg.norm(np.asarray(CAMERA.eye) - p_k)
         known = settings.gradients and axis.any()
         own = np.array([R_k, R_k])
         if known and settings.radius == "hessian":
-            own = np.minimum(np.sqrt(2.0 / np.maximum(np.abs(bend), 1e-30)), most)
+            share = max(E_k @ LUMINANCE, DARK) / max(E_k @ LUMINANCE, 1e-20)
+            own = np.minimum(np.sqrt(2.0 * share / np.maximum(np.abs(bend), 1e-30)), most)
         elif settings.gradients:
-            own = np.minimum(own, E_k @ LUMINANCE / np.linalg.norm(LUMINANCE @ gradient))
+            own = np.minimum(own, max(E_k @ LUMINANCE, DARK) / np.maximum(np.linalg.norm(LUMINANCE @ gradient), 1e-30))
         r = np.maximum(a * own * limit, settings.radius_min * screen * d)
         if settings.radius_max > 0.0:
             r = np.minimum(r, settings.radius_max * screen * d)
@@ -157,6 +166,11 @@ def splat(seen: View, records: Table, settings: Settings) -> tuple[np.ndarray, n
         if settings.in_front:
             speaks &= (cosine > 0.0) & (front >= 0.0)
             near |= (np.abs(front) < 1e-5) | (np.abs(cosine) < 1e-5)
+        if settings.gradients and settings.walls:
+            place = np.stack([along, apart @ np.cross(n_k, axis)], -1)
+            beyond = np.maximum(place @ walls[:2], place @ walls[2:])
+            near |= speaks & (np.abs(beyond - 1.0) < 1e-4)
+            speaks &= beyond <= 1.0
         unsure |= near & (seen.depth > 0.0)
         k = np.where(speaks, w if settings.kernel == "cut" else w - 1.0 / a, 0.0)
         E: np.ndarray = np.broadcast_to(E_k, seen.position.shape)
@@ -192,6 +206,7 @@ VARIANTS = {
     "harmonic": replace(BASE, radius="harmonic"),
     "first order": replace(BASE, second_order=False),
     "harmonic, first order": replace(BASE, radius="harmonic", second_order=False),
+    "no walls": replace(BASE, walls=False),
     "paper": replace(BASE, gradients=False, second_order=False, radius="harmonic", kernel="cut", in_front=False, a=0.3),
     "large a": replace(BASE, a=1.5),
     "least radius": replace(BASE, radius_min=12.0),
@@ -226,7 +241,7 @@ def test_no_quad_cuts_an_ellipse(ctx: moderngl.Context, surface: Callable[[], Vi
     seen, served = surface(), 0
     records = table(80, seed=5, on=seen)
     narrow = np.random.default_rng(6).uniform(0.1, 0.8, 80)
-    records.bend[:] = 2.0 / (narrow[:, None] * (stretch, 1.0)) ** 2
+    records.bend[:], records.walls[:] = 2.0 / (narrow[:, None] * (stretch, 1.0)) ** 2, 0.0
     for i in range(4, 80):
         one = Table(*(v[i : i + 1] for v in vars(records).values()))
         _, weight, unsure = splat(seen, one, BASE)
@@ -279,7 +294,7 @@ def test_records_of_black_say_black(ctx: moderngl.Context) -> None:
     """E = 0, no derivatives and radii as great as there are: 0, and no NaN."""
     seen, records = view(), table(3)
     records.E[:], records.M[:], records.gradient[:] = 0.0, 0.0, 0.0
-    records.bend[:], records.farthest[:] = 0.0, 4.0
+    records.bend[:], records.farthest[:], records.walls[:] = 0.0, 4.0, 0.0
     for settings in (BASE, VARIANTS["harmonic"], VARIANTS["without gradients"]):
         sums, weight = drawn(ctx, seen, records, settings)
         assert not sums[..., :3].any() and np.isfinite(sums).all() and np.isfinite(weight).all()
@@ -324,3 +339,22 @@ def test_no_extrapolation_below_black_or_beyond_twice(ctx: moderngl.Context) -> 
     E = sums[..., :3][sums[..., 3] > 0] / sums[..., 3:][sums[..., 3] > 0]
     assert len(E) > 50
     assert E.min() >= 0.0 and E.max() <= 2.0 + 1e-4
+
+
+def test_a_gradient_is_bounded_where_the_radius_was_raised(ctx: moderngl.Context) -> None:
+    """A record of a·R = 1 cm that the view raises to 70 cm: at its new rim E differs by what its gradient says of 1 cm."""
+    seen, records = view(), table(1)
+    records.p[0], records.n[0], records.limit[0] = seen.position[14, 18], (0, 0, 1), 1.0
+    records.axis[0], records.bend[0] = (1, 0, 0), 2.0 / 0.02**2
+    records.E[0], records.M[0], records.gradient[0] = 1e6, (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
+    records.gradient[0, :, 0] = 20.0  # per metre
+    flat = View(
+        seen.position * (1.0, 1.0, 0.0) + records.p[0] * (0.0, 0.0, 1.0),
+        np.broadcast_to((0.0, 0.0, 1.0), seen.normal.shape),
+        seen.depth,
+    )
+    flat.depth[:] = 3.0
+    sums, _ = drawn(ctx, flat, records, replace(BASE, radius_min=25.0, second_order=False))
+    E = sums[..., 0][sums[..., 3] > 0] / sums[..., 3][sums[..., 3] > 0]
+    assert len(E) > 100
+    assert 0.1 < np.abs(E - 1.0).max() <= 20.0 * 0.01

@@ -182,6 +182,15 @@ def overlay(driver: Driver, shown: str) -> None:
     assert changed(driver, shown) == 0.0, "there the records are nowhere"
 
 
+@case("L")
+def sites(driver: Driver, shown: str) -> None:
+    """Dots where the surface cache has its sites; for a single bounce there are none."""
+    assert changed(driver, shown) == 0.0
+    driver.session.change(0, bounces=2)
+    driver.settle()
+    assert 0.1 < changed(driver, shown) < 0.95
+
+
 @case("G")
 def by_age(driver: Driver, shown: str) -> None:
     """Other colours of the same dots."""

@@ -31,6 +31,7 @@ CHANGES: dict[str, tuple[str | None, Any]] = {
     "adapt": ("1.5", 1.5),
     "kernel": ("cut", "cut"),
     "in_front": (None, False),
+    "walls": (None, False),
     "neighbours": (None, True),
     "radius_min": ("3.5", 3.5),
     "radius_max": ("60", 60.0),  # beyond the slider's span, which is for dragging only
@@ -99,7 +100,7 @@ def test_a_widget_changes_its_setting_alone_and_the_arrow_takes_it_back(panel: D
     """Typed by Ctrl+click, chosen from a list or clicked; the camera stays."""
     typed, expected = CHANGES[name]
     old, camera = panel.session.settings(0)[1], panel.session.camera
-    if SETTINGS[name].auto and value(panel, name) == "auto":
+    if SETTINGS[name].word and value(panel, name) == SETTINGS[name].word:
         panel.click(*panel.find("auto", beside=label(name)).at())
         assert value(panel, name) == pytest.approx(old.threshold if name == "tolerance" else panel.session.exposure, abs=1e-3)
     widget = panel.find(label(name))
@@ -163,6 +164,17 @@ def test_auto_and_back(panel: Driver) -> None:
     shown = panel.session.exposure
     panel.click(*panel.find("auto", beside="exposure").at(0.1))
     assert value(panel, "exposure") == pytest.approx(shown, abs=2e-3)
+
+
+def test_all_bounces_and_as_many_as_they_were(panel: Driver) -> None:
+    """Switched off, it stays at the number that was made."""
+    panel.click(*panel.find("all", beside="bounces").at(0.1))
+    assert value(panel, "bounces") == "all"
+    panel.settle()
+    made = panel.session.frame().stats["bounces"]
+    assert 2 < made < 64
+    panel.click(*panel.find("all", beside="bounces").at(0.1))
+    assert value(panel, "bounces") == made
 
 
 @pytest.mark.parametrize("name", PRESETS)

@@ -28,7 +28,14 @@ from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import preset
 
 SIZE = (320, 240)
-FAST: dict[str, Any] = {"gather_size": 8, "shadow_size": 64, "radius_min": 2.0, "radius_max": 20.0, "exposure": 1.0}
+FAST: dict[str, Any] = {
+    "bounces": 1,
+    "gather_size": 8,
+    "shadow_size": 64,
+    "radius_min": 2.0,
+    "radius_max": 20.0,
+    "exposure": 1.0,
+}
 LEFT, RIGHT = 1, 2
 ROOM = """cam 0 0 2.6  0 0 0  0 1 0
 cam corner 0.5 0.3 0.6  -0.6 -0.4 -0.6  0 1 0

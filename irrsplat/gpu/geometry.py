@@ -18,7 +18,7 @@ class Geometry:
     vertices: (V, 12) float32 rows of position, normal, albedo, emission. faces: (F, 3) int32.
     The first `closed` faces belong to closed, outward wound meshes: `parts` names the ranges "all", "closed" and "open"
     as (first index, number of indices). planes: RGBA32F texture of the faces' planes, unit normal n and n·p, row by row.
-    centroids: (F, 3) float32 of the faces, kept on the CPU.
+    corners: (F, 3, 3) float32 of the faces, kept on the CPU.
     """
 
     FORMAT = "3f 3f 3f 3f"
@@ -30,7 +30,7 @@ class Geometry:
         self.indices = ctx.buffer(np.ascontiguousarray(faces if len(faces) else np.zeros((1, 3)), "i4").tobytes())
         corners = vertices[faces, :3]
         self.planes = table_texture(ctx, _planes(corners.astype(float)))
-        self.centroids = corners.mean(1)
+        self.corners = corners
         total, split = 3 * len(faces), 3 * closed
         self.parts = {"all": (0, total), "closed": (0, split), "open": (split, total - split)}
 

@@ -7,6 +7,17 @@ from collections.abc import Sequence
 import moderngl
 import numpy as np
 
+COLUMNS = 1024  # things per row of the tables that shaders find by number
+
+
+def listed(things: np.ndarray) -> np.ndarray:
+    """Things (N, T, 4) of T texels each as rows of COLUMNS of them, at least one row: (R, COLUMNS·T, 4)."""
+    count, texels = things.shape[:2]
+    lines = max(-(-count // COLUMNS), 1)
+    table = np.zeros((lines * COLUMNS, texels, 4), things.dtype)
+    table[:count] = things
+    return table.reshape(lines, COLUMNS * texels, 4)
+
 
 def float_texture(ctx: moderngl.Context, size: tuple[int, int], components: int = 4) -> moderngl.Texture:
     """A float32 texture of `size` (width, height), read by texelFetch: no filter, no repeat."""

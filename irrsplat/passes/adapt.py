@@ -45,6 +45,7 @@ class AdaptPass(Holder):
                 a=settings.a,
                 hessian=settings.radius == "hessian",
                 second_order=settings.second_order,
+                walls=settings.walls,
                 adapt=settings.adapt or _NEVER,
                 targets=targets,
                 others=others,

@@ -23,11 +23,13 @@ class CompositePass(Holder):
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.size = size
+        self.overture = Program(ctx, "composite_overture", "lib/fullscreen")
         self.smooth = Program(ctx, "composite_smooth", "lib/fullscreen")
         self.blend = Program(ctx, "composite", "lib/fullscreen")
         self.meter = Program(ctx, "composite_meter", "lib/fullscreen")
         self.display = Program(ctx, "composite_display", "lib/fullscreen", FILMIC.defines)
         self.target = Target(ctx, size, (4,))
+        self.overture_target: Target | None = None
         self.smooth_target: Target | None = None
         self.meter_block = (-(-size[0] // _METER), -(-size[1] // _METER))
         self.meter_target = Target(ctx, (-(-size[0] // self.meter_block[0]), -(-size[1] // self.meter_block[1])), (2,))
@@ -40,13 +42,16 @@ class CompositePass(Holder):
         sky: tuple[float, float, float],
         camera: Camera,
         settings: Settings,
+        filling: bool = False,
     ) -> tuple[moderngl.Texture, moderngl.Texture]:
-        """The image before exposure, and the sums (Σ k·E, Σ k) whose quotient is E, smoothed where the settings ask for it.
+        """The image before exposure, and the sums (Σ k·E, Σ k) whose quotient is E, smoothed where the settings ask for it; while
+        the view is `filling`, holes borrow from around them.
 
         Direct and indirect light have the weights min(1, 2(1-b)) and min(1, 2b); emission and sky are whole.
         """
         blend = settings.blend
-        sums = self._smoothed(splats, gbuffer, camera) if settings.smooth else splats.sums
+        sums = self._filled(splats.sums, gbuffer) if filling and settings.overture else splats.sums
+        sums = self._smoothed(sums, gbuffer, camera) if settings.smooth else sums
         self.blend(
             self.target,
             position=gbuffer.position,
@@ -59,13 +64,21 @@ class CompositePass(Holder):
         )
         return self.target.textures[0], sums
 
-    def _smoothed(self, splats: SplatBuffer, gbuffer: GBuffer, camera: Camera) -> moderngl.Texture:
+    def _filled(self, sums: moderngl.Texture, gbuffer: GBuffer) -> moderngl.Texture:
+        self.overture_target = self.overture_target or Target(self.target.ctx, self.size, (4,))
+        sums.build_mipmaps()
+        sums.filter = moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR
+        levels = max(self.size).bit_length()
+        self.overture(self.overture_target, position=gbuffer.position, sums=sums, levels=levels)
+        return self.overture_target.textures[0]
+
+    def _smoothed(self, sums: moderngl.Texture, gbuffer: GBuffer, camera: Camera) -> moderngl.Texture:
         self.smooth_target = self.smooth_target or Target(self.target.ctx, self.size, (4,))
         self.smooth(
             self.smooth_target,
             position=gbuffer.position,
             normal=gbuffer.normal,
-            sums=splats.sums,
+            sums=sums,
             smooth_radius=max(1, round(_SMOOTH * self.size[1])),
             pixel_size=camera.screen / self.size[1],
         )

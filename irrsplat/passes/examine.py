@@ -65,6 +65,7 @@ class ExaminePass(Holder):
             weight=splats.weight,
             sums=splats.sums,
             spread=settings.spread,
+            dark=splats.dark,
             stride=self.stride,
             tolerance=settings.threshold,
             seed=settings.seed,

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import moderngl
 import numpy as np
 
-from irrsplat.buffers import Atlas, ShadowMaps, Sites
+from irrsplat.buffers import Atlas, HitLight, ShadowMaps, Sites
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.program import Program, State
@@ -22,13 +22,22 @@ class GatherPass(Holder):
     """Draws what records see: hemicubes or planes of `side` texels, for a scene of the given `diagonal` in metres.
 
     lights: light_defines of the scene. capacity: how many records one call takes at most (default: what a 64 MiB atlas holds).
+    surface: the light that it is called with has a surface cache, too.
     """
 
     _FORMAT = "4f 4f 4f 4f 3f 3f 3f 3f/i"
     _ATTRIBUTES = ("face_x", "face_y", "face_w", "face_cell", "face_eye", "face_right", "face_up", "face_ahead")
 
     def __init__(
-        self, ctx: moderngl.Context, kind: str, side: int, diagonal: float, lights: Mapping[str, int], capacity: int | None = None
+        self,
+        ctx: moderngl.Context,
+        kind: str,
+        side: int,
+        diagonal: float,
+        lights: Mapping[str, int],
+        capacity: int | None = None,
+        *,
+        surface: bool = False,
     ) -> None:
         self.ctx = ctx
         self.side = max(4, side // 4 * 4)  # so that four by four blocks fill a face
@@ -42,13 +51,13 @@ class GatherPass(Holder):
         self.share = table[..., 3]  # cosθ·dω of every texel of a cell
         self.table = table_texture(ctx, table)
         self.edges = table_texture(ctx, edge_table(kind, self.side))
-        self.program = Program(ctx, "gather", defines=lights)
+        self.program = Program(ctx, "gather", defines={**lights, "SURFACE": int(surface)})
         self.columns, self.capacity = atlas_grid(self.cell, capacity, int(ctx.info["GL_MAX_TEXTURE_SIZE"]))
         self.target: Target | None = None
         self.frames = float_texture(ctx, (self.capacity, 4))
         self.instances = ctx.buffer(reserve=self.capacity * len(self.faces) * _FLOATS * 4, dynamic=True)
 
-    def __call__(self, geometry: Geometry, shadows: ShadowMaps, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
+    def __call__(self, geometry: Geometry, light: ShadowMaps | HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
         """What records at `sites` (at most `capacity`) see; `numbers` (N,) are theirs in the cache."""
         if self.target is None:
             rows = self.capacity // self.columns
@@ -56,7 +65,7 @@ class GatherPass(Holder):
         count = len(sites)
         frame = frames(sites.normal, numbers, seed)
         self.frames.write(frame_rows(frame, sites, numbers).tobytes(), viewport=(0, 0, count, 4))
-        eye = eyes(sites, geometry.centroids, self.offset)
+        eye = eyes(sites, geometry.corners, self.offset)
         self.instances.write(self._instances(frame, eye).astype("f4").tobytes())
         used = (0, 0, self.target.size[0], -(-count // self.columns) * self.cell[1])
         self.target.use(scissor=used)
@@ -70,7 +79,7 @@ class GatherPass(Holder):
             near=self.offset,
             atlas=self.target.size,
             **geometry.uniforms,
-            **shadows.uniforms,
+            **light.uniforms,
         )
         block = (self.side // 4, self.side // 4)
         radiance, planes = self.target.textures

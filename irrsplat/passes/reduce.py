@@ -53,7 +53,7 @@ class ReducePass(Holder):
         )
         sums: dict[str, Any] = dict(zip(_SUMS, self.target.textures, strict=False))
         if self.out is None or self.out.textures[0] is not records.irradiance:
-            self.out = Target(self.ctx, records.irradiance.size, textures=[records.irradiance, *records.vectors])
+            self.out = Target(self.ctx, records.irradiance.size, textures=[records.irradiance, *records.vectors, records.walls])
         self.total(
             self.out,
             vertices=atlas.count,

@@ -33,6 +33,7 @@ def reach_uniforms(camera: Camera, settings: Settings) -> dict[str, Any]:
         "a": settings.a,
         "hessian": settings.radius == "hessian",
         "second_order": settings.second_order,
+        "walls": settings.walls,
         "reach": (settings.radius_min / 100.0 * screen, settings.radius_max / 100.0 * screen),
     }
 
@@ -68,4 +69,9 @@ class SplatPass(Holder):
             cut=settings.kernel == "cut",
             in_front=settings.in_front,
         )
-        return SplatBuffer(*self.target.textures)
+        return self.sums(records.dark)
+
+    def sums(self, dark: float) -> SplatBuffer:
+        """What has been added up so far, this pass's own textures; dark: as in Records."""
+        sums, weight = self.target.textures
+        return SplatBuffer(sums, weight, dark)

@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from irrsplat.scene.model import Scene
+from irrsplat.scene.model import Mesh, Scene
+
+
+def in_order(scene: Scene) -> list[Mesh]:
+    """The scene's meshes as their triangles are numbered: the closed ones first."""
+    return sorted(scene.meshes, key=lambda mesh: not mesh.closed)
 
 
 def flatten(scene: Scene) -> tuple[np.ndarray, np.ndarray, int]:
@@ -12,7 +17,7 @@ def flatten(scene: Scene) -> tuple[np.ndarray, np.ndarray, int]:
 
     The faces of closed meshes come first.
     """
-    meshes = sorted(scene.meshes, key=lambda mesh: not mesh.closed)
+    meshes = in_order(scene)
     vertices, faces, start = [np.zeros((0, 12), "f4")], [np.zeros((0, 3), "i4")], 0
     for mesh in meshes:
         rows = np.empty((len(mesh.positions), 12), "f4")

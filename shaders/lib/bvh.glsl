@@ -20,12 +20,13 @@ vec4 bvh_corner(int triangle, int corner)
     return texelFetch(bvh_triangles, ivec2(3 * (triangle & 1023) + corner, triangle >> 10), 0);
 }
 
-// The nearest hit of the ray from o in the unit direction d that is farther than `nearest` metres.
+// The nearest hit of the ray from o in the unit direction d that is farther than `nearest` metres and less far than `farthest`;
+// none: its t is `farthest`.
 // Software renderers run what an `if` holds for all rays as soon as one has to, but a loop only as often as one needs it:
 // so boxes are a loop of their own that ends at a leaf, and rays wait there for each other (Aila and Laine 2009).
-Hit bvh_closest(vec3 o, vec3 d, float nearest)
+Hit bvh_between(vec3 o, vec3 d, float nearest, float farthest)
 {
-    Hit hit = Hit(FARTHEST_HIT, vec3(0.0), 0);
+    Hit hit = Hit(farthest, vec3(0.0), 0);
     vec3 inverse = bvh_step / mix(d, vec3(1e-20), lessThan(abs(d), vec3(1e-20)));
     vec3 from = (o - bvh_start) / bvh_step;
     int octant = (d.x < 0.0 ? 1 : 0) + (d.y < 0.0 ? 2 : 0) + (d.z < 0.0 ? 4 : 0);
@@ -59,4 +60,17 @@ Hit bvh_closest(vec3 o, vec3 d, float nearest)
     }
     hit.share /= hit.share.x + hit.share.y + hit.share.z;
     return hit;
+}
+
+// The same however far.
+Hit bvh_closest(vec3 o, vec3 d, float nearest)
+{
+    return bvh_between(o, d, nearest, FARTHEST_HIT);
+}
+
+// Whether nothing stands between two points.
+bool bvh_free(vec3 a, vec3 b)
+{
+    float far = length(b - a);
+    return far == 0.0 || bvh_between(a, (b - a) / far, 0.0, far).t >= far;
 }

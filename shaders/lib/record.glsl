@@ -10,8 +10,11 @@ uniform sampler2D records_m_b;
 uniform sampler2D records_g_r;         // translation gradients likewise; w: the bend along its axis, across it, and the greatest radius
 uniform sampler2D records_g_g;
 uniform sampler2D records_g_b;
+uniform sampler2D records_walls;       // the two nearest walls that stand on its surface, each by its coordinates along the bend's
+                                       // axis and across it: beyond one is where dot(p - p_k, wall) > 1
 uniform sampler2D records_limit;       // share of its radii at most, so that a record does not contradict others
 uniform int record_columns;
+uniform float dark;                    // W/m²: what is darker than this may be off by as much of this as light is of itself
 uniform bool hessian;                  // radii by second derivatives, else by the harmonic mean distance
 
 // Second derivatives of a record's light in its tangent plane, as shares of the light itself: luminance decides.
@@ -56,14 +59,15 @@ Ellipse record_ellipse(ivec2 texel)
     float R = record.a;
 #if GRADIENTS
     Bend bend = record_bend(texel);
+    float slope = length(record_gradient(texel) * LUMINANCE), Y = dot(record.rgb, LUMINANCE), E = max(Y, dark);
     if (bend.axis != vec3(0.0))
     {
-        vec2 radii = sqrt(2.0 / max(abs(vec2(bend.along, bend.across)), 1e-30));
+        float square = 2.0 * E / max(Y, 1e-20);
+        vec2 radii = sqrt(square / max(abs(vec2(bend.along, bend.across)), 1e-30));
         radii = min(radii, texelFetch(records_g_b, texel, 0).w);
         if (hessian) return Ellipse(bend.axis, radii.x, radii.y);
-        aside = bend.axis;  // which the bends belong to, in a circle too
+        aside = bend.axis;  // which the bends and walls belong to, in a circle too
     }
-    float slope = length(record_gradient(texel) * LUMINANCE), E = dot(record.rgb, LUMINANCE);
     R = slope * R > E ? E / slope : R;
 #endif
     return Ellipse(aside, R, R);

@@ -12,7 +12,14 @@ float record_distance(vec3 apart, vec3 axis, vec2 R)
     return sqrt(along * along / (R.x * R.x) + across / (R.y * R.y));
 }
 
-// The same, and unit normals n of the point and n_k of the record; 0 where it does not speak.
+// Whether p is beyond one of a record's two walls, of which each has coordinates along `axis` and across it in the tangent plane.
+bool record_beyond(vec3 apart, vec3 axis, vec3 n_k, vec4 walls)
+{
+    vec2 place = vec2(dot(apart, axis), dot(apart, cross(n_k, axis)));
+    return max(dot(place, walls.xy), dot(place, walls.zw)) > 1.0;
+}
+
+// The distance, and unit normals n of the point and n_k of the record; 0 where it does not speak.
 float record_weight(vec3 apart, vec3 axis, vec2 R, vec3 n, vec3 n_k, bool in_front)
 {
     float cosine = dot(n, n_k);

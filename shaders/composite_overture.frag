@@ -1,0 +1,17 @@
+// While a view fills: pixels that no record speaks for yet borrow the light of those around, so that nothing pops out of the dark.
+uniform sampler2D position;  // g-buffer
+uniform sampler2D sums;      // Σ k·E, Σ k, with all levels of detail
+uniform int levels;
+
+layout(location = 0) out vec4 out_sums;
+
+void main()
+{
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    out_sums = texelFetch(sums, pixel, 0);
+    if (texelFetch(position, pixel, 0).w == 0.0) return;
+    vec2 uv = gl_FragCoord.xy / vec2(textureSize(sums, 0));
+    // of every other level of detail, the finer the more: smooth, since each of them ends smoothly where it has nothing
+    int last = out_sums.a > 0.0 ? 0 : levels;
+    for (int level = 1; level < last; level += 2) out_sums += textureLod(sums, uv, float(level)) * exp2(-4.0 * float(level));
+}
