@@ -195,8 +195,8 @@ class Renderer(Holder):
             with self.timers("direct"):
                 self._direct = self.direct_pass(gbuffer, self._lit())
         settings, state = self.settings, (self._made_of["direct"], self._made_of["splat"], self._splatted)
-        filling = self._coverage < 1.0 and settings.most_bounces > 0
-        if self._other("composite", *state, settings.of("composite"), filling) or self._view is None:
+        filling = settings.overture and self._coverage < 1.0 and settings.most_bounces > 0
+        if self._other("composite", *state, settings.blend, settings.smooth, filling) or self._view is None:
             with self.timers("composite"):
                 image, sums = self.composite_pass(splats, self._direct, gbuffer, self.scene.sky, camera, settings, filling)
             self._view = View(camera, gbuffer, self._direct, splats, sums, image)

@@ -42,7 +42,7 @@ class Gatherer:
 
     def __init__(self, ctx: moderngl.Context, world: Scene, how: str, side: int) -> None:
         self.world = world
-        self.look = gather_pass(ctx, world, Settings(gather=how, gather_size=side))
+        self.look = gather_pass(ctx, world, Settings(bounces=1, gather=how, gather_size=side))
         geometry = Geometry(ctx, *flatten(world))
         self.shadows = ShadowPass(ctx)(world, geometry, Settings().shadow_size)
         self.geometry = Tree(ctx, *flatten(world)[:2]) if isinstance(self.look, TracePass) else geometry

@@ -120,6 +120,7 @@ CHANGES: list[tuple[str, Any, set[str]]] = [
     ("max_rounds", 5, set()),
     ("blend", 0.9, {"composite"}),
     ("smooth", True, {"composite"}),
+    ("overture", False, set()),  # the view is whole
     ("exposure", 2.0, set()),
     ("budget", 20.0, set()),
 ]

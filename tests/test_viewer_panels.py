@@ -42,6 +42,7 @@ CHANGES: dict[str, tuple[str | None, Any]] = {
     "max_rounds": ("5", 5),
     "blend": ("0.9", 0.9),
     "smooth": (None, True),
+    "overture": (None, False),
     "exposure": ("-2", -2.0),
     "budget": ("25", 25.0),
 }
