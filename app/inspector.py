@@ -60,13 +60,13 @@ class Table:
         R = self.radius
         if settings.gradients:  # R <= E/|∇E|
             slope, Y = self.slope(), self.irradiance @ _LUMINANCE
-            E = np.maximum(Y, self.dark)
+            E = np.maximum(Y, max(self.dark, 1e-20))
             R = np.where(slope * R > E, E / np.where(slope > 0.0, slope, 1.0), R)
         radii = np.stack([R, R], axis=1)
         if settings.gradients and settings.radius == "hessian":
             bends = self.axis.any(axis=1)
-            bend = np.maximum(np.abs(self.bend), 1e-30) * (np.maximum(Y, 1e-20) / np.maximum(E, 1e-20))[:, None]
-            radii[bends] = np.minimum(np.sqrt(2.0 / bend), self.farthest[:, None])[bends]
+            square = (2.0 * E / np.maximum(Y, 1e-20))[:, None] / np.maximum(np.abs(self.bend), 1e-14)
+            radii[bends] = np.minimum(np.sqrt(square), self.farthest[:, None])[bends]
         distance = np.linalg.norm(self.position - np.asarray(camera.eye), axis=1)
         return splat_radius(radii * self.limit[:, None], distance[:, None], camera, settings)
 

@@ -59,11 +59,11 @@ Ellipse record_ellipse(ivec2 texel)
     float R = record.a;
 #if GRADIENTS
     Bend bend = record_bend(texel);
-    float slope = length(record_gradient(texel) * LUMINANCE), Y = dot(record.rgb, LUMINANCE), E = max(Y, dark);
+    float slope = length(record_gradient(texel) * LUMINANCE), Y = dot(record.rgb, LUMINANCE), E = max(Y, max(dark, 1e-20));
     if (bend.axis != vec3(0.0))
     {
         float square = 2.0 * E / max(Y, 1e-20);
-        vec2 radii = sqrt(square / max(abs(vec2(bend.along, bend.across)), 1e-30));
+        vec2 radii = sqrt(square / max(abs(vec2(bend.along, bend.across)), 1e-14));
         radii = min(radii, texelFetch(records_g_b, texel, 0).w);
         if (hessian) return Ellipse(bend.axis, radii.x, radii.y);
         aside = bend.axis;  // which the bends and walls belong to, in a circle too
