@@ -65,7 +65,7 @@ class Table:
         radii = np.stack([R, R], axis=1)
         if settings.gradients and settings.radius == "hessian":
             bends = self.axis.any(axis=1)
-            bend = np.maximum(np.abs(self.bend), 1e-30) * (np.maximum(Y, 1e-20) / np.maximum(E, 1e-20))[:, None]
+            bend = np.maximum(np.abs(self.bend) * (np.maximum(Y, 1e-20) / np.maximum(E, 1e-20))[:, None], 1e-20)
             radii[bends] = np.minimum(np.sqrt(2.0 / bend), self.farthest[:, None])[bends]
         distance = np.linalg.norm(self.position - np.asarray(camera.eye), axis=1)
         return splat_radius(radii * self.limit[:, None], distance[:, None], camera, settings)
