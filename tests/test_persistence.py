@@ -75,11 +75,14 @@ def turned(camera: Camera, degrees: float) -> Camera:
 
 @pytest.mark.parametrize("degrees", [0.2, 1.0, 5.0])
 def test_turning_the_camera_gathers_few(degrees: float) -> None:
-    """Of 60° of view 5° are new, 8 %: fewer than a fifth of the records, and every pixel is served all the same."""
+    """Of 60° of view 5° are new, 8 %: fewer than a quarter of the records, and every pixel is served all the same.
+
+    Those at the old border are asked about again, since new ones beside them may say otherwise.
+    """
     with Renderer(room(), (100, 100), **FAST) as fresh:
         first = fresh.render().stats["records"]
         frame = fresh.render(turned(FRONT, degrees))
-    assert frame.stats["records"] - first < (0.2 if degrees == 5.0 else 0.1) * first
+    assert frame.stats["records"] - first < (0.25 if degrees == 5.0 else 0.1) * first
     assert frame.stats["converged"] and unserved(frame) == 0
 
 

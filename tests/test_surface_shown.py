@@ -114,7 +114,7 @@ def test_the_viewer_makes_it_tick_by_tick(driver: Driver) -> None:
     driver.desk.show("surface")
     driver.frame()
     assert (driver.canvas() != bare).any(-1).mean() > 0.3
-    driver.session.change(0, bounces=1)
+    driver.session.change(0, bounces=1, budget=80.0)
     driver.settle()
     assert np.ptp(driver.canvas().reshape(-1, 3), axis=0).max() == 0, "then there is nothing to show"
     assert driver.session.frame().irradiance.mean() == pytest.approx(once, rel=0.05)
