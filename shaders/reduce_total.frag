@@ -16,6 +16,9 @@ uniform ivec2 blocks;        // per cell
 uniform int columns;         // cells per row
 uniform vec2 radii;          // metres: the least and the greatest radius there is
 
+// in R_k: a place that is dark and narrow has no say over what lies far beyond it, however little its light bends
+const float WIDE = 3.0;
+
 flat in int v_index;         // in the batch
 
 layout(location = 0) out vec4 out_record;  // E in W/m², R_k in metres
@@ -83,7 +86,7 @@ void main()
     bend = vec2(lesser, greater) / max(dot(total.rgb, LUMINANCE), 1e-20);
     // as radii, √(2/|bend|), no less than there is
     bend = clamp(bend, vec2(-2.0 / (radii.x * radii.x)), vec2(2.0 / (radii.x * radii.x)));
-    farthest = radii.y;
+    farthest = min(radii.y, WIDE * out_record.a);
 #else
     M = outerProduct(normal, total.rgb);  // E = n_k·M, whatever the pixel's normal
 #endif
