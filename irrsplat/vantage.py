@@ -9,7 +9,7 @@ import numpy as np
 from irrsplat.buffers import Sites
 
 OFFSET = 1e-4  # of the scene's diagonal: how far a record looks from above its surface
-_TEXELS = 3 << 20  # of an atlas at most, 48 MiB, or 64 with a depth buffer
+_TEXELS = 3 << 20  # of an atlas at most, 96 MiB, or 108 with a depth buffer
 
 
 def eyes(sites: Sites, corners: np.ndarray, offset: float) -> np.ndarray:

@@ -21,7 +21,7 @@ _FLOATS = 28  # per instance
 class GatherPass(Holder):
     """Draws what records see: hemicubes or planes of `side` texels, for a scene of the given `diagonal` in metres.
 
-    lights: light_defines of the scene. capacity: how many records one call takes at most (default: what a 64 MiB atlas holds).
+    lights: light_defines of the scene. capacity: how many records one call takes at most (default: what a 96 MiB atlas holds).
     surface: the light that it is called with has a surface cache, too.
     """
 

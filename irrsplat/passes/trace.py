@@ -69,7 +69,7 @@ class Tree(Holder):
 class TracePass(Holder):
     """Traces side² rays a record, for a scene of the given `diagonal` in metres; called as GatherPass is, with a Tree.
 
-    lights: light_defines of the scene. capacity: how many records one call takes at most (default: what a 48 MiB atlas holds).
+    lights: light_defines of the scene. capacity: how many records one call takes at most (default: what a 96 MiB atlas holds).
     surface: the light that it is called with has a surface cache, too. hits: of that cache it is only noted which of its values
     speak for what the rays hit, for `hits`.
     """
