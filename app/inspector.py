@@ -11,6 +11,7 @@ import numpy as np
 from irrsplat.app.overlay import Overlay
 from irrsplat.app.screen import texel
 from irrsplat.buffers import HitLight, Records, ShadowMaps, Sites
+from irrsplat.display import LUMINANCE
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.target import Target
@@ -21,8 +22,6 @@ from irrsplat.placement import gather_pass
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import IN_FRONT, LEAST_ERROR, Settings
 from irrsplat.view import View
-
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], "f4")  # Rec. 709
 
 
 @dataclass(frozen=True)
@@ -52,14 +51,14 @@ class Table:
 
     def slope(self) -> np.ndarray:
         """(N,) |∇E| of luminance in W/m³."""
-        return np.linalg.norm(np.einsum("ncx,c->nx", self.gradient, _LUMINANCE), axis=1)
+        return np.linalg.norm(np.einsum("ncx,c->nx", self.gradient, LUMINANCE), axis=1)
 
     def reach(self, camera: Camera, settings: Settings) -> np.ndarray:
         """(N, 2) the radii a·R in metres along `axis` and across it, with all limits of this view and the settings, as splat.vert
         has them."""
         R = self.radius
         if settings.gradients:  # R <= E/|∇E|
-            slope, Y = self.slope(), self.irradiance @ _LUMINANCE
+            slope, Y = self.slope(), self.irradiance @ LUMINANCE
             E = np.maximum(Y, max(self.dark, 1e-20))
             R = np.where(slope * R > E, E / np.where(slope > 0.0, slope, 1.0), R)
         radii = np.stack([R, R], axis=1)
@@ -135,7 +134,7 @@ def describe(number: int, table: Table, view: View, settings: Settings) -> list[
         ("position", " ".join(f"{v:.3f}" for v in table.position[number]) + " m"),
         ("normal", " ".join(f"{v:.3f}" for v in table.normal[number])),
         ("irradiance", " ".join(f"{v:.3g}" for v in E) + " W/m²"),
-        ("luminance", f"{float(E @ _LUMINANCE):.3g} W/m²"),
+        ("luminance", f"{float(E @ LUMINANCE):.3g} W/m²"),
         ("R", f"{R:.3g} m"),
         ("a·R", f"{settings.a * R:.3g} m, here {along:.3g} by {across:.3g} m"),
     ]

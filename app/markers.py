@@ -139,7 +139,8 @@ class Markers(Holder):
         self, target: Target, view: View, surface: SurfaceCache | None, *, exposure: float, region: Region | None = None
     ) -> None:
         """Every site of the surface cache that faces the camera, as a dot in the colour that a white surface has there."""
-        if surface is None or not len(surface.sites):
+        count = 0 if surface is None else len(surface.sites)
+        if surface is None or not count:
             return
         program = self.program("overlay_points", "overlay_sites", **FILMIC.defines)
         records = surface.records.records
@@ -148,7 +149,7 @@ class Markers(Holder):
             "records_position": records.position,
             "records_normal": records.normal,
             "surface_values": surface.values,
-            "first": records.count - len(surface.sites),
+            "first": records.count - count,
             "record_columns": records.columns,
             "eye": view.camera.eye,
             "size": target.size,
@@ -159,7 +160,7 @@ class Markers(Holder):
             target,
             mode=moderngl.TRIANGLE_STRIP,
             vertices=4,
-            instances=len(surface.sites),
+            instances=count,
             state=_OVER,
             scissor=region,
             **{name: uniforms[name] for name in program.uniforms},

@@ -11,7 +11,7 @@ import numpy as np
 from PIL import Image
 
 import irrsplat
-from irrsplat.display import srgb
+from irrsplat.display import LUMINANCE, srgb
 from irrsplat.output import Frame
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -46,7 +46,7 @@ def slope(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
 
     By central differences on screen: with ∂p and ∂E of a step in x and in y, ∇E = g·∂p where g solves (∂p·∂pᵀ)·g = ∂E.
     """
-    E = frame.irradiance @ np.array([0.2126, 0.7152, 0.0722], "f4")  # Rec. 709
+    E = frame.irradiance @ LUMINANCE
     (E_y, E_x), (p_y, p_x, _) = np.gradient(E), np.gradient(frame.position)
     xx, xy, yy = (p_x * p_x).sum(-1), (p_x * p_y).sum(-1), (p_y * p_y).sum(-1)
     squared = (yy * E_x**2 - 2.0 * xy * E_x * E_y + xx * E_y**2) / np.maximum(xx * yy - xy**2, 1e-30)

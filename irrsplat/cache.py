@@ -8,10 +8,10 @@ import moderngl
 import numpy as np
 
 from irrsplat.buffers import Records, Sites
+from irrsplat.display import LUMINANCE
 from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.target import float_texture
 
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # Rec. 709
 _DARK = 0.02  # of the records' mean luminance
 _COLUMNS = 1024
 _TEXTURES = 10  # position, normal, irradiance and radius, the six of Records.vectors, walls
@@ -96,7 +96,7 @@ class RecordCache(Holder):
 
     def read(self) -> dict[str, np.ndarray]:
         """The records as numpy arrays: `position`, `normal`, `irradiance` (N, 3) and `radius` (N,), float32."""
-        last = np.frombuffer(self._textures[2].read(), "f4").reshape(-1, 4)[: self.count]
+        last = self._last()
         return {
             "position": self._position[: self.count, :3].copy(),
             "normal": self._normal[: self.count, :3].copy(),
@@ -104,12 +104,16 @@ class RecordCache(Holder):
             "radius": last[:, 3].copy(),
         }
 
+    def _last(self) -> np.ndarray:
+        """(N, 4) float32 E in W/m² and R_k in metres."""
+        return np.frombuffer(self._textures[2].read(), "f4").reshape(-1, 4)[: self.count]
+
     def gauge(self) -> None:
         """Set `dark` by the records that there are: a share of their mean luminance, in steps, so that it seldom changes.
 
         Without it a room that no light enters would be filled with records that differ by nothing but noise.
         """
-        mean = float((self.read()["irradiance"] @ LUMINANCE).mean()) if self.count else 0.0
+        mean = float((self._last()[:, :3] @ LUMINANCE).mean(dtype=float)) if self.count else 0.0
         dark = 2.0 ** math.floor(math.log2(_DARK * mean)) if mean > 0.0 else 0.0
         if dark != self.dark:
             self.dark = dark

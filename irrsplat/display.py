@@ -7,6 +7,7 @@ import numpy as np
 from irrsplat.buffers import CHANNELS, FILMIC
 
 MID_GREY = 0.18
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # Rec. 709
 
 # Viridis (van der Walt & Smith 2015) as the polynomial of degree six fitted by Matt Zucker ("matplotlib colormaps", CC0, 2019).
 _VIRIDIS = np.array(
@@ -46,7 +47,7 @@ def tonemap(radiance: np.ndarray, exposure: float) -> np.ndarray:
 
 def exposure_of(radiance: np.ndarray) -> float:
     """The stops that bring the lit pixels of (H, W, 3) `radiance`, their geometric mean luminance, to mid grey; 0: all dark."""
-    luminance = radiance @ np.array([0.2126, 0.7152, 0.0722], np.float32)  # Rec. 709
+    luminance = radiance @ LUMINANCE
     lit = luminance[luminance > 0.0]
     return float(np.log2(MID_GREY) - np.log2(lit).mean()) if lit.size else 0.0
 

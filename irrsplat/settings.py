@@ -106,6 +106,16 @@ def weight_defines(gradients: bool) -> dict[str, object]:
     return {"GRADIENTS": int(gradients), "LEAST_ERROR": LEAST_ERROR, "IN_FRONT": IN_FRONT}
 
 
+def record_uniforms(settings: Settings) -> dict[str, Any]:
+    """The uniforms by which shaders/lib/weight.glsl and record.glsl know the settings."""
+    return {
+        "a": settings.a,
+        "hessian": settings.radius == "hessian",
+        "second_order": settings.second_order,
+        "walls": settings.walls,
+    }
+
+
 @dataclass(frozen=True)
 class Settings:
     """One complete, checked set of parameters; `replace` or `with_values` makes another."""

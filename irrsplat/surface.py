@@ -110,10 +110,11 @@ class SurfaceCache(Holder):
         if light_defines(lights) != light_defines(scene):
             self.look.release()
             self.look = self._look()
-        if old.seed != settings.seed or old.shadow_size != settings.shadow_size or lights.lights != scene.lights:
+        relit = lights.lights != scene.lights
+        if old.seed != settings.seed or old.shadow_size != settings.shadow_size or relit:
             self.expire()
-        if not np.array_equal(self._sealed, clusters.sealed(scene)):  # a lamp went in somewhere, or out
-            self._sealed, self.lattice, self._preparing = clusters.sealed(scene), None, None
+        if relit and not np.array_equal(self._sealed, sealed := clusters.sealed(scene)):  # a lamp went in somewhere, or out
+            self._sealed, self.lattice, self._preparing = sealed, None, None
         if old.seed != settings.seed or self.lattice is None:
             self.transport = None
         if old.bounces != settings.bounces:

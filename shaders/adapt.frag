@@ -2,8 +2,6 @@
 #include "lib/weight.glsl"
 #include "lib/record.glsl"
 
-uniform bool second_order;
-uniform bool walls;
 uniform float adapt;   // relative difference that is allowed where a record's reach ends
 uniform ivec2 targets; // numbers of the first record that is limited, and of the one after the last
 uniform ivec2 others;  // of those that it is held against
@@ -26,16 +24,12 @@ void main()
     vec3 M = n * Y, gradient = vec3(0.0);
     Ellipse ellipse = record_ellipse(texel);
     vec2 R = vec2(ellipse.along, ellipse.across), bends = vec2(0.0);
-#if GRADIENTS
-    mat3 m = mat3(texelFetch(records_m_r, texel, 0).xyz, texelFetch(records_m_g, texel, 0).xyz, texelFetch(records_m_b, texel, 0).xyz);
-    M = m * LUMINANCE;
-    gradient = record_gradient(texel) * LUMINANCE;
-    Bend bend = record_bend(texel);
-    bends = second_order && bend.axis != vec3(0.0) ? vec2(bend.along, bend.across) : bends;
-#endif
     vec4 beyond = vec4(0.0);
 #if GRADIENTS
-    beyond = walls ? texelFetch(records_walls, texel, 0) : beyond;
+    M = record_vectors(texel) * LUMINANCE;
+    gradient = record_gradient(texel) * LUMINANCE;
+    bends = record_bends(texel);
+    beyond = record_walls(texel);
 #endif
     float limit = 1.0;
     for (int j = others.x; j < (wanted ? others.y : 0); ++j)

@@ -1,4 +1,6 @@
 // The exposure meter: log luminance of a block of the image, and how many of its pixels are lit at all.
+#include "lib/constants.glsl"
+
 uniform sampler2D image;
 uniform ivec2 block;
 
@@ -11,7 +13,7 @@ void main()
     for (int y = corner.y; y < end.y; ++y)
         for (int x = corner.x; x < end.x; ++x)
         {
-            float Y = dot(texelFetch(image, ivec2(x, y), 0).rgb, vec3(0.2126, 0.7152, 0.0722));  // Rec. 709
+            float Y = dot(texelFetch(image, ivec2(x, y), 0).rgb, LUMINANCE);
             if (Y > 0.0) out_log += vec2(log2(Y), 1.0);
         }
 }

@@ -132,7 +132,7 @@ uniform float gain;
 vec3 picture(ivec2 pixel, float depth)
 {
     if (counted_weight(texelFetch(values, pixel, 0).rg, texelFetch(sums, pixel, 0)) < tolerance) return vec3(1.0, 0.45, 0.05);
-    return vec3(0.45 * dot(display(texelFetch(image, pixel, 0).rgb * gain), vec3(0.2126, 0.7152, 0.0722)));
+    return vec3(0.45 * dot(display(texelFetch(image, pixel, 0).rgb * gain), LUMINANCE));
 }
 #endif
 

@@ -5,8 +5,6 @@ uniform int first;                     // number of the first record to splat
 uniform mat4 clip_from_world;
 uniform bool in_front;                 // reject records in front of the pixel's surface, or behind it
 uniform float pixel;                   // size of a pixel at distance 1, in metres
-uniform bool walls;                    // it says nothing beyond the walls that stand on its surface
-uniform bool second_order;             // records know how their gradients change
 
 flat out vec3 v_place;                 // p_k
 flat out vec3 v_normal;
@@ -37,11 +35,10 @@ void main()
     v_radii = vec2(ellipse.along, ellipse.across) / a;
     v_normal = texelFetch(records_normal, texel, 0).xyz;
 #if GRADIENTS
-    v_m = mat3(texelFetch(records_m_r, texel, 0).xyz, texelFetch(records_m_g, texel, 0).xyz, texelFetch(records_m_b, texel, 0).xyz);
-    v_walls = walls ? texelFetch(records_walls, texel, 0) : vec4(0.0);
-    Bend bend = record_bend(texel);
+    v_m = record_vectors(texel);
+    v_walls = record_walls(texel);
     v_g = record_gradient(texel) * trust;  // derivatives hold for R alone, not for what the least radius added
-    v_bend = second_order && bend.axis != vec3(0.0) ? vec2(bend.along, bend.across) * trust * trust : vec2(0.0);
+    v_bend = record_bends(texel) * trust * trust;
 #else
     v_irradiance = record.rgb;
 #endif

@@ -5,21 +5,10 @@ from __future__ import annotations
 import pytest
 
 import irrsplat
-from irrsplat.errors import InputError
-from irrsplat.settings import preset
 from tests.test_truth import FAILURES, keep
 from tests.truth import SIZE, compare, load_reference
 
 
-def takes_all() -> bool:
-    """Whether the setting `bounces` takes "all"."""
-    try:
-        return preset(bounces="all").bounces == "all"
-    except InputError:
-        return False
-
-
-@pytest.mark.skipif(not takes_all(), reason='the setting `bounces` does not take "all"')
 @pytest.mark.parametrize(("name", "rmse"), [("cornell", 0.05), ("curved", 0.06)])
 def test_default_preset_is_near_the_truth_of_all_bounces(name: str, rmse: float) -> None:
     reference = load_reference(name)

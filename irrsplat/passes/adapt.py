@@ -12,7 +12,7 @@ from irrsplat.buffers import Records
 from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.program import Program, State
 from irrsplat.gpu.target import Target
-from irrsplat.settings import Settings, weight_defines
+from irrsplat.settings import Settings, record_uniforms, weight_defines
 
 _NEVER = 1e30  # a difference that no two records have
 
@@ -42,10 +42,7 @@ class AdaptPass(Holder):
                 state=state,
                 scissor=(left, row, right - left, rows),
                 **{name: value for name, value in records.uniforms.items() if name in self.program.uniforms},
-                a=settings.a,
-                hessian=settings.radius == "hessian",
-                second_order=settings.second_order,
-                walls=settings.walls,
+                **record_uniforms(settings),
                 adapt=settings.adapt or _NEVER,
                 targets=targets,
                 others=others,

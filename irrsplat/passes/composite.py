@@ -50,7 +50,7 @@ class CompositePass(Holder):
         Direct and indirect light have the weights min(1, 2(1-b)) and min(1, 2b); emission and sky are whole.
         """
         blend = settings.blend
-        sums = self._filled(splats.sums, gbuffer) if filling and settings.overture else splats.sums
+        sums = self._filled(splats.sums, gbuffer) if filling else splats.sums
         sums = self._smoothed(sums, gbuffer, camera) if settings.smooth else sums
         self.blend(
             self.target,

@@ -12,7 +12,7 @@ from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.program import Program, State
 from irrsplat.gpu.target import Target
 from irrsplat.scene.model import Camera
-from irrsplat.settings import Settings, weight_defines
+from irrsplat.settings import Settings, record_uniforms, weight_defines
 
 
 def splat_radius(R: Any, distance: Any, camera: Camera, settings: Settings) -> np.ndarray:
@@ -26,14 +26,11 @@ def splat_radius(R: Any, distance: Any, camera: Camera, settings: Settings) -> n
 
 
 def reach_uniforms(camera: Camera, settings: Settings) -> dict[str, Any]:
-    """The uniforms of shaders/lib/reach.glsl apart from the records', and of splat.vert what the settings say."""
+    """The uniforms of shaders/lib/reach.glsl apart from the records'."""
     screen = camera.screen
     return {
         "eye": camera.eye,
-        "a": settings.a,
-        "hessian": settings.radius == "hessian",
-        "second_order": settings.second_order,
-        "walls": settings.walls,
+        **record_uniforms(settings),
         "reach": (settings.radius_min / 100.0 * screen, settings.radius_max / 100.0 * screen),
     }
 

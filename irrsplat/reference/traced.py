@@ -19,9 +19,10 @@ from irrsplat.errors import InputError, IrrsplatError
 from irrsplat.output import Frame
 from irrsplat.reference import process
 from irrsplat.scene.model import Camera, Scene
+from irrsplat.settings import preset
 
 VERSION = 2  # of what is traced and how; older files in the cache are not read
-MOST_BOUNCES = 64  # "all" of them: what a surface of reflectance ρ adds after so many is ρ^64 of what the first one adds
+MOST_BOUNCES = preset(bounces="all").most_bounces  # what a surface of reflectance ρ adds after N is ρ^N of the first one's
 MOST_SAMPLES = 131_072  # what is in flight at once fits into memory
 NOTHING = "the camera sees no smooth surface, so there is nothing to compare; give another camera or a larger size"
 OUTLIER = 0.3  # of the mean: an error beyond it is one that anybody sees

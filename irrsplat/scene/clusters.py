@@ -67,9 +67,8 @@ def sealed(scene: Scene) -> np.ndarray:
 def keys(some: Members, size: float) -> np.ndarray:
     """(M,) int64, the same for members in one voxel of `size` metres that face into one of 24 like parts of the sphere."""
     low = some.position.min(0, initial=np.inf) if len(some) else 0.0
-    voxel = ((some.position.astype(float) - low) / size + 0.37).astype(
-        np.int64
-    )  # walls lie on round numbers: not on a voxel's border
+    # walls lie on round numbers: not on a voxel's border
+    voxel = ((some.position.astype(float) - low) / size + 0.37).astype(np.int64)
     turned = some.normal @ _TURN
     face = 8 * np.argmax(np.abs(turned), axis=1) + (turned < 0.0) @ np.array([1, 2, 4])
     x, y, z = voxel.T

@@ -16,6 +16,8 @@ uniform sampler2D records_limit;       // share of its radii at most, so that a 
 uniform int record_columns;
 uniform float dark;                    // W/m²: what is darker than this may be off by as much of this as light is of itself
 uniform bool hessian;                  // radii by second derivatives, else by the harmonic mean distance
+uniform bool second_order;             // records know how their gradients change
+uniform bool walls;                    // they say nothing beyond the walls that stand on their surface
 
 // Second derivatives of a record's light in its tangent plane, as shares of the light itself: luminance decides.
 struct Bend
@@ -38,6 +40,11 @@ ivec2 record_texel(int i)
     return ivec2(i % record_columns, i / record_columns);
 }
 
+mat3 record_vectors(ivec2 texel)
+{
+    return mat3(texelFetch(records_m_r, texel, 0).xyz, texelFetch(records_m_g, texel, 0).xyz, texelFetch(records_m_b, texel, 0).xyz);
+}
+
 mat3 record_gradient(ivec2 texel)
 {
     return mat3(texelFetch(records_g_r, texel, 0).xyz, texelFetch(records_g_g, texel, 0).xyz, texelFetch(records_g_b, texel, 0).xyz);
@@ -47,6 +54,18 @@ Bend record_bend(ivec2 texel)
 {
     vec3 axis = vec3(texelFetch(records_m_r, texel, 0).w, texelFetch(records_m_g, texel, 0).w, texelFetch(records_m_b, texel, 0).w);
     return Bend(axis, texelFetch(records_g_r, texel, 0).w, texelFetch(records_g_g, texel, 0).w);
+}
+
+// What the record at `texel` says by its bends, along the axis and across it, and its walls; 0 where the settings want none.
+vec2 record_bends(ivec2 texel)
+{
+    Bend bend = record_bend(texel);
+    return second_order && bend.axis != vec3(0.0) ? vec2(bend.along, bend.across) : vec2(0.0);
+}
+
+vec4 record_walls(ivec2 texel)
+{
+    return walls ? texelFetch(records_walls, texel, 0) : vec4(0.0);
 }
 
 // How far the record at `texel` speaks for others as far as itself can tell, in R: a·R is where what it leaves out, ½·|bend|·d²,
