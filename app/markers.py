@@ -16,7 +16,7 @@ from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.program import Program, State
 from irrsplat.gpu.target import Target
-from irrsplat.passes.splat import reach_uniforms
+from irrsplat.reach import reach_uniforms
 from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings, weight_defines
 from irrsplat.surface import SurfaceCache

@@ -32,7 +32,7 @@ class RecordCache(Holder):
         self._geometric = np.zeros_like(self._position)
         self._triangle = np.zeros(len(self._position), np.intp)
         self._era = np.zeros(len(self._position), np.intp)  # in which each record was gathered
-        self._now = 0
+        self.era = 0  # how often all records have become stale
         self.renewals = 0  # how often records have been gathered again
         self.edits = 0  # how often records that were there have changed or gone
         self.dark = 0.0  # W/m², see `gauge`
@@ -57,7 +57,7 @@ class RecordCache(Holder):
         self._normal[first : self.count, :3] = sites.normal
         self._geometric[first : self.count, :3] = sites.geometric
         self._triangle[first : self.count] = -1 if sites.triangle is None else sites.triangle
-        self._era[first : self.count] = self._now
+        self._era[first : self.count] = self.era
         low, high = first // _COLUMNS, -(-self.count // _COLUMNS)
         for texture, rows in zip(self._textures, (self._position, self._normal), strict=False):
             part = rows[low * _COLUMNS : high * _COLUMNS]
@@ -126,16 +126,23 @@ class RecordCache(Holder):
     @property
     def stale(self) -> np.ndarray:
         """The numbers of the records whose light is no longer what it was when they were gathered, the stalest first."""
-        (numbers,) = np.nonzero(self._era[: self.count] < self._now)
+        (numbers,) = np.nonzero(self._era[: self.count] < self.era)
         return numbers[np.argsort(self._era[numbers], kind="stable")]
+
+    def age(self, numbers: np.ndarray) -> np.ndarray:
+        """(N,) how often the records of these numbers have become stale since they were gathered; 0 for those that are gone, too."""
+        there = numbers < self.count
+        age = np.zeros(len(numbers), np.intp)
+        age[there] = self.era - self._era[numbers[there]]
+        return age
 
     def expire(self) -> None:
         """Make every record stale."""
-        self._now += 1
+        self.era += 1
 
     def renewed(self, numbers: np.ndarray) -> None:
         """Say that the records of these numbers have been gathered again."""
-        self._era[numbers] = self._now
+        self._era[numbers] = self.era
         self.renewals += 1
         self.edits += 1
 

@@ -11,8 +11,8 @@ from PIL import Image
 from irrsplat.cutaway import Parallel, Surface, paint, surface
 from irrsplat.display import tonemap
 from irrsplat.output import Frame
-from irrsplat.passes.splat import splat_radius
 from irrsplat.pen import Pen, legend_height, write_legend
+from irrsplat.reach import splat_radius
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
 

@@ -22,6 +22,7 @@ from irrsplat.passes.examine import ExaminePass, choose, spacing
 from irrsplat.passes.gather import GatherPass
 from irrsplat.passes.reduce import ReducePass
 from irrsplat.passes.trace import TracePass, Tree
+from irrsplat.renewal import Renewal
 from irrsplat.scene.flat import flatten
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import Settings
@@ -72,6 +73,7 @@ class Placement(Holder):
         self.reduce_pass = ReducePass(ctx, settings.gradients)
         self.examine_pass = ExaminePass(ctx, size)
         self.adapt_pass = AdaptPass(ctx, settings.gradients, settings.neighbours)
+        self.renewal = Renewal(ctx, settings.gradients)
         self._adapted: tuple[int, object] = 0, None  # how many records, and by what
         self._gauged = 0, 0  # of how many records, and how often gathered again, the cache has the gauge
         self.atlas: Atlas | None = None  # the last one gathered
@@ -128,6 +130,8 @@ class Placement(Holder):
         if old.gradients != settings.gradients:
             self.reduce_pass.release()
             self.reduce_pass = ReducePass(self.ctx, settings.gradients)
+            self.renewal.release()
+            self.renewal = Renewal(self.ctx, settings.gradients)
         if (old.gradients, old.neighbours) != (settings.gradients, settings.neighbours):
             self.adapt_pass.release()
             self.adapt_pass = AdaptPass(self.ctx, settings.gradients, settings.neighbours)
@@ -184,18 +188,13 @@ class Placement(Holder):
         if self.surface is not None:
             self.surface.expire()
 
-    def renew(self, shadows: ShadowMaps, camera: Camera, budget: Budget) -> int:
-        """Gather stale records again in place, those in view first; how many."""
-        numbers = self.cache.stale
-        if not len(numbers):
-            return 0
-        where = self.cache.sites(numbers)
-        order = np.argsort(~self._in_view(where.position, camera), kind="stable")
-        done = 0
+    def renew(self, shadows: ShadowMaps, gbuffer: GBuffer, camera: Camera, budget: Budget) -> int:
+        """Gather stale records again in place, those that this view shows most of first; how many."""
+        numbers, done = self.renewal.order(self.cache, gbuffer, camera, self.settings), 0
         for count in self._pace.batches(len(numbers), self.gather_pass.capacity, budget):
-            chosen = order[done : done + count]
-            self._gather(shadows, where[chosen], numbers[chosen])
-            self.cache.renewed(numbers[chosen])
+            chosen = numbers[done : done + count]
+            self._gather(shadows, self.cache.sites(chosen), chosen)
+            self.cache.renewed(chosen)
             done += count
         return done
 
@@ -256,7 +255,8 @@ class Placement(Holder):
             return self.examine_pass(gbuffer, splats, self.settings).missing
 
     def _examine(self, gbuffer: GBuffer, splats: SplatBuffer) -> tuple[Sites, float]:
-        settings = self.settings
+        # while some are stale, records contradict each other for that alone
+        settings = replace(self.settings, spread=0.0) if len(self.cache.stale) else self.settings
         with self.timers("examine"):
             found = self.examine_pass(gbuffer, splats, settings)
             reach = (settings.radius_max or _REACH) / 100.0 * self.size[1] / self.examine_pass.side  # tiles

@@ -129,7 +129,7 @@ class Renderer(Holder):
         ready = gather and bounces and self.placement.bounce(shadows, budget.part(1.0, sum(self._reserve)))
         if ready:
             share = 1.0 if self._coverage == 1.0 else _RENEWAL
-            renewed = self.placement.renew(shadows, camera, budget.part(share, sum(self._reserve)))
+            renewed = self.placement.renew(shadows, gbuffer, camera, budget.part(share, sum(self._reserve)))
         start = time.perf_counter()
         self.placement.adapt()
         splats = self._splat(gbuffer, camera)
