@@ -148,7 +148,7 @@ class Markers(Holder):
             **view_uniforms(target, view.gbuffer, view.camera),
             "records_position": records.position,
             "records_normal": records.normal,
-            "surface_values": surface.values,
+            "surface_values": surface.lookup.values,
             "first": records.count - count,
             "record_columns": records.columns,
             "eye": view.camera.eye,

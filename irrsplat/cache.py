@@ -11,6 +11,8 @@ from irrsplat.buffers import Records, Sites
 from irrsplat.display import LUMINANCE
 from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.target import float_texture
+from irrsplat.scene.model import Scene
+from irrsplat.scene.motion import untouched
 
 _DARK = 0.02  # of the records' mean luminance
 _COLUMNS = 1024
@@ -32,6 +34,7 @@ class RecordCache(Holder):
         self._geometric = np.zeros_like(self._position)
         self._triangle = np.zeros(len(self._position), np.intp)
         self._era = np.zeros(len(self._position), np.intp)  # in which each record was gathered
+        self._name = np.zeros(len(self._position), np.intp)  # its number at first; it turns the frame that it looks in
         self.era = 0  # how often all records have become stale
         self.renewals = 0  # how often records have been gathered again
         self.edits = 0  # how often records that were there have changed or gone
@@ -58,6 +61,8 @@ class RecordCache(Holder):
         self._geometric[first : self.count, :3] = sites.geometric
         self._triangle[first : self.count] = -1 if sites.triangle is None else sites.triangle
         self._era[first : self.count] = self.era
+        name = (self._name[first - 1] + 1 if first else 0) + np.arange(len(sites))
+        self._name[first : self.count] = name if sites.turn is None else sites.turn
         low, high = first // _COLUMNS, -(-self.count // _COLUMNS)
         for texture, rows in zip(self._textures, (self._position, self._normal), strict=False):
             part = rows[low * _COLUMNS : high * _COLUMNS]
@@ -82,7 +87,7 @@ class RecordCache(Holder):
         while count > rows * _COLUMNS:
             rows *= 2
         more = rows * _COLUMNS - len(self._position)
-        for name in ("_position", "_normal", "_geometric", "_triangle", "_era"):
+        for name in ("_position", "_normal", "_geometric", "_triangle", "_era", "_name"):
             array = getattr(self, name)
             setattr(self, name, np.pad(array, ((0, more),) + ((0, 0),) * (array.ndim - 1)))
         old, self._textures = self._textures, [float_texture(self.ctx, (_COLUMNS, rows)) for _ in range(_TEXTURES)]
@@ -130,7 +135,7 @@ class RecordCache(Holder):
         return numbers[np.argsort(self._era[numbers], kind="stable")]
 
     def age(self, numbers: np.ndarray) -> np.ndarray:
-        """(N,) how often the records of these numbers have become stale since they were gathered; 0 for those that are gone, too."""
+        """(N,) how often the records of these numbers have become stale since they were gathered; 0 where they are gone."""
         there = numbers < self.count
         age = np.zeros(len(numbers), np.intp)
         age[there] = self.era - self._era[numbers[there]]
@@ -150,7 +155,26 @@ class RecordCache(Holder):
         """Where the records of these numbers lie."""
         triangle = self._triangle[numbers]
         position, normal, geometric = (array[numbers, :3] for array in (self._position, self._normal, self._geometric))
-        return Sites(position, normal, geometric, triangle if (triangle >= 0).all() else None)
+        return Sites(position, normal, geometric, triangle if (triangle >= 0).all() else None, self._name[numbers])
+
+    def keep(self, numbers: np.ndarray) -> None:
+        """Forget all records but those of these numbers, ascending, which close ranks in their order. Gathered again, they look
+        in the same directions as before."""
+        if len(numbers) == self.count:
+            return
+        for array in (self._position, self._normal, self._geometric, self._triangle, self._era, self._name):
+            array[: len(numbers)] = array[numbers]
+        for texture in (*self._textures, self._limit):
+            rows = np.frombuffer(texture.read(), "f4").reshape(-1, texture.components).copy()
+            rows[: len(numbers)] = rows[numbers]
+            texture.write(rows.tobytes())
+        self.count = len(numbers)
+        self.edits += 1
+
+    def untouched(self, before: Scene, after: Scene) -> np.ndarray:
+        """(count,) True for the records that lie where they lay, and about which little has moved (see scene/motion.py)."""
+        position, normal = self._position[: self.count, :3], self._geometric[: self.count, :3]
+        return untouched(position, normal, self._triangle[: self.count], before, after)
 
     def truncate(self, count: int) -> None:
         """Forget every record from number `count` on; 0 forgets all."""

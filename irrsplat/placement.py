@@ -111,20 +111,28 @@ class Placement(Holder):
         self._warmed = 0  # how many of its first samples are made
 
     def change(self, settings: Settings, scene: Scene) -> None:
-        """Go on with other settings and lights; records that depend on what changed become stale, or are forgotten.
+        """Go on with other settings and lights, and meshes elsewhere; records that depend on what changed become stale, or are
+        forgotten: those on what has moved, and those close to where it was or is.
 
         Without bounces nothing is gathered, and whatever there is is kept for when there are as many again.
         """
         old = self.settings
         settings = settings if settings.most_bounces else replace(settings, bounces=old.bounces)
         self.settings = settings
-        lights, self.scene = self.scene, scene
+        before, self.scene = self.scene, scene
+        moved = before.meshes is not scene.meshes
         if _where(old) != _where(settings):
             self.cache.truncate(0)
-        if self.surface is not None:
-            self.surface.change(settings, scene)
+        if moved:
+            self.cache.keep(np.flatnonzero(self.cache.untouched(before, scene)))
+        if moved and self.tree is not None:
+            self.tree.release()
+            self.tree = Tree(self.ctx, *flatten(scene)[:2])
+        if self.surface is not None and self.tree is not None:
+            self.surface.change(settings, scene, self.tree)
         gathered = self._how(old) != self._how(settings)
-        if gathered or light_defines(lights) != light_defines(scene) or old.placement != settings.placement:
+        self.gather_pass.fit(scene.diagonal)
+        if gathered or light_defines(before) != light_defines(scene) or old.placement != settings.placement:
             self.gather_pass.release()
             self.gather_pass, self.atlas, self._pace = self._gather_pass(), None, Pace(self.ctx)
         if old.gradients != settings.gradients:
@@ -136,7 +144,7 @@ class Placement(Holder):
             self.adapt_pass.release()
             self.adapt_pass = AdaptPass(self.ctx, settings.gradients, settings.neighbours)
         more = settings.gradients and not old.gradients  # records gathered without them have none
-        if gathered or more or lights.lights != scene.lights or old.shadow_size != settings.shadow_size:
+        if gathered or more or moved or before.lights != scene.lights or old.shadow_size != settings.shadow_size:
             self.cache.expire()
         if old.of(*_ASKING) != settings.of(*_ASKING):
             self.new_view()
@@ -193,7 +201,7 @@ class Placement(Holder):
         numbers, done = self.renewal.order(self.cache, gbuffer, camera, self.settings), 0
         for count in self._pace.batches(len(numbers), self.gather_pass.capacity, budget):
             chosen = numbers[done : done + count]
-            self._gather(shadows, self.cache.sites(chosen), chosen)
+            self._gather(shadows, chosen)
             self.cache.renewed(chosen)
             done += count
         return done
@@ -242,9 +250,8 @@ class Placement(Holder):
             self._queue, self._missing = self._examine(gbuffer, splats)
         done = 0
         for count in self._pace.batches(len(self._queue), self.gather_pass.capacity, budget):
-            batch = self._queue[done : done + count]
-            numbers = self.cache.append(batch) + np.arange(count)
-            self._gather(shadows, batch, numbers)
+            numbers = self.cache.append(self._queue[done : done + count]) + np.arange(count)
+            self._gather(shadows, numbers)
             done += count
         self._queue = self._queue[done:] if done < len(self._queue) else None
         return Asked(done, self._missing, self._queue is None)
@@ -293,9 +300,10 @@ class Placement(Holder):
         """What a record at its place says, and how well, goes by these."""
         return settings.gather_kind(self.scene.triangles), settings.gather_size, settings.most_bounces > 1
 
-    def _gather(self, shadows: ShadowMaps, sites: Sites, numbers: np.ndarray) -> None:
+    def _gather(self, shadows: ShadowMaps, numbers: np.ndarray) -> None:
+        """Gather the records of these numbers, where the cache has them."""
         with self.timers("gather"):
-            self.atlas = self.gather_pass(self.world, self.light(shadows), sites, numbers, self.settings.seed)
+            self.atlas = self.gather_pass(self.world, self.light(shadows), self.cache.sites(numbers), numbers, self.settings.seed)
         with self.timers("reduce"):
             self.reduce_pass(self.atlas, self.cache.records, self.scene.sky, self.gather_pass.radii)
 

@@ -11,7 +11,6 @@ from dataclasses import replace
 from typing import Any
 
 import moderngl
-import numpy as np
 
 from irrsplat import figure, limits
 from irrsplat.budget import Budget
@@ -32,6 +31,7 @@ from irrsplat.passes.splat import SplatPass
 from irrsplat.placement import Asked, Placement
 from irrsplat.scene.flat import flatten
 from irrsplat.scene.model import Camera, Light, Scene
+from irrsplat.scene.motion import moved
 from irrsplat.settings import Settings
 from irrsplat.settings import preset as settings_of
 from irrsplat.view import Progress, View, read, statistics
@@ -60,7 +60,7 @@ class Renderer(Holder):
     ) -> None:
         if not isinstance(scene, Scene):
             raise InputError(f"a Renderer takes a Scene, as irrsplat.load returns it, not {type(scene).__name__}")
-        self.scene = scene
+        self.scene, self._loaded = scene, scene.meshes
         self.settings: Settings = settings_of(preset, **settings)
         self.preset = preset
         self.size = limits.checked(size)
@@ -217,15 +217,26 @@ class Renderer(Holder):
 
     def relight(self, lights: Sequence[Light]) -> None:
         """Go on with other lights; records are gathered again in place. Raises InputError for too many of them."""
+        self._go_on(replace(self.scene, lights=tuple(lights)))
+
+    def move(self, mesh: int | str, transform: Any) -> None:
+        """Go on with a mesh (its index in scene.meshes, or its name) where a 4×4 or 3×4 matrix takes it from where it was loaded.
+
+        Records on it and close to it, before or after, are made anew; the others are gathered again in place. Raises InputError
+        for a mesh that is not there, and a matrix that is not affine or singular.
+        """
+        self._go_on(moved(self.scene, self._loaded, mesh, transform))
+
+    def _go_on(self, scene: Scene) -> None:
+        """Go on with the same scene, lit otherwise, or with meshes elsewhere."""
         self._use()
-        before, scene = self.scene, replace(self.scene, lights=tuple(lights))
         limits.check(self.ctx, self.size, scene, self.settings.shadow_size)
-        self.scene, self._idle = scene, 0
-        if light_defines(before) != light_defines(self.scene):
-            self.direct_pass.release()
-            self.direct_pass = DirectPass(self.ctx, self.size, light_defines(self.scene))
-            self._direct = None
-        self.placement.change(self.settings, self.scene)
+        before, self.scene, self._idle = self.scene, scene, 0
+        if before.meshes is not scene.meshes:
+            self.geometry.update(*flatten(scene)[:2])
+            self.forget(records=False)
+        self.direct_pass.fit(light_defines(scene))
+        self.placement.change(self.settings, scene)
 
     def resize(self, size: tuple[int, int]) -> None:
         """Views are of another size (width, height) from now on; the records stay. Raises InputError for one that cannot be."""
@@ -305,22 +316,10 @@ class Renderer(Holder):
         gathered. progress is called after each round. figures: fill Frame.figures with the paper's figures 1, 3 and 4 too.
         Ctrl-C ends the rounds early: stats["converged"] is False then.
         """
-        first: list[np.ndarray] = []
-
-        def watch(now: Progress) -> None:
-            if now.round <= 2:  # the second round splats what the first one gathered
-                first[:] = [self.splat_pass.target.read(0)]
-            if progress is not None:
-                progress(now)
-
-        view, stats = self.converge(camera, watch if figures else progress)
+        album = figure.Album(self.splat_pass.target, progress)
+        view, stats = self.converge(camera, album if figures else progress)
         frame = read(view, self.scene.sky, self.cache.read(), stats | self.stats(view))
-        if not figures:
-            return frame
-        splats = {"first_samples": first[0] if first else self.splat_pass.target.read(0)}
-        splats["splat_buffer"] = self.splat_pass.target.read(0)
-        pictures = {name: frame.albedo / np.float32(np.pi) * sums[..., :3] for name, sums in splats.items()}
-        return replace(frame, figures=pictures | {"quad": figure.diagram(frame, view.camera, self.settings)})
+        return replace(frame, figures=album.figures(frame, view.camera, self.settings)) if figures else frame
 
     def stats(self, view: View) -> dict[str, Any]:
         exposure, settings = self.settings.exposure, self.settings
