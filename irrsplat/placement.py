@@ -22,6 +22,7 @@ from irrsplat.passes.examine import ExaminePass, choose, spacing
 from irrsplat.passes.gather import GatherPass
 from irrsplat.passes.reduce import ReducePass
 from irrsplat.passes.trace import TracePass, Tree
+from irrsplat.probes import MOST, SIDE, Probes, concerned
 from irrsplat.renewal import Renewal
 from irrsplat.scene.flat import flatten
 from irrsplat.scene.model import Camera, Scene
@@ -73,6 +74,8 @@ class Placement(Holder):
         self.reduce_pass = ReducePass(ctx, settings.gradients)
         self.examine_pass = ExaminePass(ctx, size)
         self.adapt_pass = AdaptPass(ctx, settings.gradients, settings.neighbours)
+        self.probes: Probes | None = None  # made when something first moves
+        self._moved = False  # and which records that concerns is still to be found out
         self.renewal = Renewal(ctx, settings.gradients)
         self._adapted: tuple[int, object] = 0, None  # how many records, and by what
         self._gauged = 0, 0  # of how many records, and how often gathered again, the cache has the gauge
@@ -110,17 +113,20 @@ class Placement(Holder):
         self._seen: paper.Seen | None = None  # the g-buffer as the paper's algorithm reads it back
         self._warmed = 0  # how many of its first samples are made
 
-    def change(self, settings: Settings, scene: Scene) -> None:
+    def change(self, settings: Settings, scene: Scene, shadows: ShadowMaps | None = None) -> None:
         """Go on with other settings and lights, and meshes elsewhere; records that depend on what changed become stale, or are
-        forgotten: those on what has moved, and those close to where it was or is.
+        forgotten: those on what has moved, and those close to where it was or is. shadows: those of the scene before.
 
         Without bounces nothing is gathered, and whatever there is is kept for when there are as many again.
         """
         old = self.settings
         settings = settings if settings.most_bounces else replace(settings, bounces=old.bounces)
         self.settings = settings
-        before, self.scene = self.scene, scene
-        moved = before.meshes is not scene.meshes
+        moved = self.scene.meshes is not scene.meshes
+        if moved and shadows is not None and not self._moved:
+            new = np.flatnonzero(self.cache.probes[:, 3] == 0.0)
+            self.cache.probes[new] = self._probe(shadows, new)
+        before, self.scene, self._moved = self.scene, scene, self._moved or moved
         if _where(old) != _where(settings):
             self.cache.truncate(0)
         if moved:
@@ -132,8 +138,13 @@ class Placement(Holder):
             self.surface.change(settings, scene, self.tree)
         gathered = self._how(old) != self._how(settings)
         self.gather_pass.fit(scene.diagonal)
+        if self.probes is not None:
+            self.probes.look.fit(scene.diagonal)
         if gathered or light_defines(before) != light_defines(scene) or old.placement != settings.placement:
             self.gather_pass.release()
+            if self.probes is not None:
+                self.probes.release()
+                self.probes = None
             self.gather_pass, self.atlas, self._pace = self._gather_pass(), None, Pace(self.ctx)
         if old.gradients != settings.gradients:
             self.reduce_pass.release()
@@ -144,7 +155,7 @@ class Placement(Holder):
             self.adapt_pass.release()
             self.adapt_pass = AdaptPass(self.ctx, settings.gradients, settings.neighbours)
         more = settings.gradients and not old.gradients  # records gathered without them have none
-        if gathered or more or moved or before.lights != scene.lights or old.shadow_size != settings.shadow_size:
+        if gathered or more or before.lights != scene.lights or old.shadow_size != settings.shadow_size:
             self.cache.expire()
         if old.of(*_ASKING) != settings.of(*_ASKING):
             self.new_view()
@@ -164,12 +175,30 @@ class Placement(Holder):
         Once its values are others, all records are stale. Those that it had before lights changed are better than none, and then
         it takes half of the time.
         """
+        self._settle(shadows)
         if self.surface is None or self.settings.most_bounces < 2:
             return True
         ready = self.surface.result is not None
         if self.surface.advance(shadows, budget.part(0.5, 0.0) if ready else budget):
-            self.cache.expire()
+            self._moved = True
+            self._settle(shadows)
         return self.surface.result is not None
+
+    def _settle(self, shadows: ShadowMaps) -> None:
+        """Make the records stale that the last move concerns, or other light of the further bounces after it: all of them where
+        something else has changed since they were looked at."""
+        if not self._moved:
+            return
+        self._moved, cache = False, self.cache
+        looked = cache.probes[:, 3].any()
+        cache.expire(concerned(cache, self._probe(shadows, np.arange(cache.count))) if looked else None)
+
+    def _probe(self, shadows: ShadowMaps, numbers: np.ndarray) -> np.ndarray:
+        """(N, 4), as Probes has it, of the records of these numbers."""
+        if self.probes is None:
+            self.probes = Probes(gather_pass(self.ctx, self.scene, replace(self.settings, gather_size=SIDE), MOST))
+        with self.timers("gather"):
+            return self.probes(self.world, self.light(shadows), self.cache.sites(numbers), self.scene.sky, self.settings.seed)
 
     @property
     def bounced(self) -> float:

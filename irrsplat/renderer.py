@@ -232,11 +232,11 @@ class Renderer(Holder):
         self._use()
         limits.check(self.ctx, self.size, scene, self.settings.shadow_size)
         before, self.scene, self._idle = self.scene, scene, 0
+        self.placement.change(self.settings, scene, self.shadows)  # which looks once more at what was there before
+        self.direct_pass.fit(light_defines(scene))
         if before.meshes is not scene.meshes:
             self.geometry.update(*flatten(scene)[:2])
             self.forget(records=False)
-        self.direct_pass.fit(light_defines(scene))
-        self.placement.change(self.settings, scene)
 
     def resize(self, size: tuple[int, int]) -> None:
         """Views are of another size (width, height) from now on; the records stay. Raises InputError for one that cannot be."""

@@ -22,7 +22,7 @@ FLOORS = (
     ("irrsplat.headless",),
     ("irrsplat.renderer",),
     ("irrsplat.placement", "irrsplat.limits"),
-    ("irrsplat.surface", "irrsplat.renewal"),
+    ("irrsplat.surface", "irrsplat.renewal", "irrsplat.probes"),
     ("irrsplat.reference",),
     ("irrsplat.exact",),
     ("irrsplat.paper", "irrsplat.figure"),
