@@ -10,7 +10,7 @@ uniform int count;           // of the records
 
 layout(location = 0) out float out_pixels;
 
-const int SIDE = 5;  // so many samples along either side of what bounds it on screen, and one in its centre
+const int SIDE = 5;  // so many samples along either side of what bounds it on screen
 
 ivec2 texel;
 vec3 p, n_k;
@@ -52,11 +52,12 @@ void main()
     if (any(greaterThanEqual(low, high))) return;
     ivec2 last = ivec2(size) - 1, centre = ivec2(floor((clip.xy / clip.w * 0.5 + 0.5) * size));
     bool seen = clip.w > 0.0 && all(greaterThanEqual(centre, ivec2(0))) && all(lessThanEqual(centre, last));
-    int served = seen && serves(centre) ? 1 : 0;
+    int served = 0;
     for (int i = 0; i < SIDE * SIDE; ++i)
     {
         vec2 at = low + (high - low) * (vec2(i % SIDE, i / SIDE) + 0.5) / float(SIDE);
         served += serves(min(ivec2(at), last)) ? 1 : 0;
     }
-    out_pixels = float(served) / float(SIDE * SIDE + 1) * max((high.x - low.x) * (high.y - low.y), 1.0);
+    float least = seen && serves(centre) ? 1.0 : 0.0;  // what is seen at a low angle may lie between the samples
+    out_pixels = max(float(served) / float(SIDE * SIDE) * (high.x - low.x) * (high.y - low.y), least);
 }
