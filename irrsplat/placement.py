@@ -227,7 +227,7 @@ class Placement(Holder):
             return False
         limiting = settings.adapt > 0.0 or settings.neighbours
         with self.timers("adapt"):
-            was = cache.limits(count) if limiting else None
+            was = cache.limits(count)
             if limiting and cache.count:
                 self.adapt_pass(cache.records, first, settings, old)
             elif by != before:

@@ -21,9 +21,9 @@ CLIP_DISTANCE0 = 0x3000
 class State:
     """All the fixed-function state of one draw; whatever is not named is off.
 
-    depth: "<", "1" (always) or None; keep: it is tested, but not written. blend: "add", "over" (by the fragment's alpha), "min" or
-    None. cull: "front", "back" or None. clamp: depth clamp, so that no near plane clips. clips: how many gl_ClipDistance planes are
-    on. push: polygon offset as glPolygonOffset, (slopes, units). wire: the edges of triangles alone.
+    depth: "<", "1" (always) or None; keep: it is tested, but not written. blend: "add", "over" (by the fragment's alpha),
+    "min" or None. cull: "front", "back" or None. clamp: depth clamp, so that no near plane clips. clips: how many
+    gl_ClipDistance planes are on. push: polygon offset as glPolygonOffset, (slopes, units). wire: the edges of triangles alone.
     """
 
     depth: str | None = None

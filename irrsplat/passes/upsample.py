@@ -28,8 +28,8 @@ class UpsamplePass(Holder):
         self.out = Target(ctx, size, (4, 2), depth=True)
 
     def __call__(self, splats: SplatBuffer, gbuffer: GBuffer, camera: Camera) -> SplatBuffer:
-        """For every pixel the sums of one record instead of all: E and 1, and a neighbour's Σw and mean of Y²; the textures are this
-        pass's own."""
+        """For every pixel the sums of one record instead of all: E and 1, and a neighbour's Σw and mean of Y²; the textures are
+        this pass's own."""
         seen = {"position": gbuffer.position, "normal": gbuffer.normal}
         self.squares(self.target, **seen, sums=splats.sums)
         irradiance, planes = self.target.textures
