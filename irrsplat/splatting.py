@@ -29,7 +29,7 @@ class Splatting(Holder):
         self.size, self.timers = size, timers
         self.splat_pass = SplatPass(ctx, size, settings.gradients)
         self.upsample_pass = UpsamplePass(ctx, size)
-        self.every = 1
+        self.every = self._next = 1
         self.forget()
 
     def forget(self) -> None:
@@ -40,18 +40,19 @@ class Splatting(Holder):
 
     def start(self, settings: Settings) -> None:
         """Another view begins: with every other pixel where the settings say so."""
-        self.every = 2 if settings.coarse and settings.most_bounces > 0 and self.size[1] >= _LEAST else 1
+        self._next = 2 if settings.coarse and settings.most_bounces > 0 and self.size[1] >= _LEAST else 1
 
     def refine(self) -> bool:
-        """Go on to every pixel; False where it is there already."""
-        before, self.every = self.every, 1
-        return before > 1
+        """Go on to every pixel next time; False where it is there already."""
+        self._next = 1
+        return self.every > 1
 
     def __call__(self, cache: RecordCache, gbuffer: GBuffer, camera: Camera, settings: Settings, *made_of: Any) -> SplatBuffer:
         """The sums as they stand with every record of the cache, of `every` pixel; made_of: what the g-buffer was made of.
 
         They are additive, so that only new records are drawn.
         """
+        self.every = self._next
         count = cache.count if settings.most_bounces > 0 else 0
         key = (*made_of, settings.of("splat"), settings.most_bounces > 0, cache.edits, self.every)
         anew = self.state[:-1] != key

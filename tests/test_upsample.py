@@ -65,16 +65,15 @@ def test_a_moving_view_is_like_the_one_at_rest_which_is_exact() -> None:
         camera = scene.camera()
         moved = replace(camera, eye=(camera.eye[0] + 0.1, *camera.eye[1:]))
         renderer.render(moved)
-        renderer.frame(camera)
-        assert renderer.splatting.every == 1 or renderer.frame(camera)
+        renderer.render(camera)
         view, progress = renderer.frame(moved)
-        assert renderer.splatting.every == 1 and not progress.done  # it asked for nothing, and goes on to all pixels
+        assert renderer.splatting.every == 2 and progress.new == 0 and not progress.done  # it goes on to all pixels
         coarse = _irradiance(view.sums)
         view, progress = renderer.frame(moved)
-        assert progress.done and progress.new == 0
+        assert renderer.splatting.every == 1 and progress.done and progress.new == 0
         fine = _irradiance(view.sums)
         error = np.sqrt(((coarse - fine) ** 2).mean()) / fine.mean()
-        assert 0.0 < error < 0.01
+        assert 0.0 < error < 0.02
         # no matter by which way: the same as one splat of all records
         renderer.forget(records=False)
         again = renderer.render(moved)
