@@ -36,7 +36,7 @@ def renderer() -> Iterator[Renderer]:
 def served(renderer: Renderer) -> np.ndarray:
     """(N,) the pixels that each record adds to, by splatting it alone."""
     counts = []
-    gbuffer, records, splat = renderer._seen(FRONT), renderer.cache.records, renderer.splat_pass
+    gbuffer, records, splat = renderer._seen(FRONT), renderer.cache.records, renderer.splatting.splat_pass
     for i in range(records.count):
         splat.clear(gbuffer)
         weight = splat(replace(records, count=i + 1), i, gbuffer, FRONT, renderer.settings).weight
