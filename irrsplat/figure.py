@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,11 +11,13 @@ from PIL import Image
 
 from irrsplat.cutaway import Parallel, Surface, paint, surface
 from irrsplat.display import tonemap
+from irrsplat.gpu.target import Target
 from irrsplat.output import Frame
 from irrsplat.passes.splat import splat_radius
 from irrsplat.pen import Pen, legend_height, write_legend
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
+from irrsplat.view import Progress
 
 LEAST = 160  # pixels: no diagram fits into a smaller picture
 _SUPER = 2  # pixels drawn per pixel shown, along each side
@@ -60,6 +63,28 @@ class Shown:
         return np.array(
             [self.position + self.half_size * (x * self.u + y * self.v) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
         )
+
+
+class Album:
+    """Takes the paper's pictures while a view is rendered: called after each round, it keeps what `target`, the splat buffer,
+    held at first, and calls `progress` in turn."""
+
+    def __init__(self, target: Target, progress: Callable[[Progress], None] | None) -> None:
+        self._target, self._progress = target, progress
+        self._first: np.ndarray | None = None
+
+    def __call__(self, now: Progress) -> None:
+        if now.round <= 2:  # the second round splats what the first one gathered
+            self._first = self._target.read()
+        if self._progress is not None:
+            self._progress(now)
+
+    def figures(self, frame: Frame, eye: Camera, settings: Settings) -> dict[str, np.ndarray]:
+        """Frame.figures of what was rendered: the splat buffer at first and in the end, as radiance, and the diagram."""
+        last = self._target.read()
+        splats = {"first_samples": last if self._first is None else self._first, "splat_buffer": last}
+        pictures = {name: frame.albedo / np.float32(np.pi) * sums[..., :3] for name, sums in splats.items()}
+        return pictures | {"quad": diagram(frame, eye, settings)}
 
 
 def diagram(frame: Frame, eye: Camera, settings: Settings) -> np.ndarray:

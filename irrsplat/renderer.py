@@ -11,9 +11,9 @@ from dataclasses import replace
 from typing import Any
 
 import moderngl
-import numpy as np
 
 from irrsplat import figure, limits
+from irrsplat.accumulate import Accumulator, Passes, Seen
 from irrsplat.budget import Budget
 from irrsplat.buffers import GBuffer, ShadowMaps, SplatBuffer
 from irrsplat.cache import RecordCache
@@ -77,6 +77,7 @@ class Renderer(Holder):
         self.placement = Placement(self.ctx, scene, self.size, self.settings, self.geometry, self.cache, self.timers)
         self.direct_pass = DirectPass(self.ctx, self.size, light_defines(scene))
         self.composite_pass = CompositePass(self.ctx, self.size)
+        self.accumulator = Accumulator(self.ctx, self.size)
         self._made_of: dict[str, tuple[Any, ...]] = {}  # what each stage's present result was made of
         self.shadows: ShadowMaps | None = None  # the present ones
         self._gbuffer: Any = None  # a GBuffer
@@ -202,6 +203,15 @@ class Renderer(Holder):
             self._view = View(camera, gbuffer, self._direct, splats, sums, image)
         return self._view
 
+    def accumulate(self, view: View, samples: int, seconds: float | None = None) -> View:
+        """The `view` that `frame` gave last, with `samples` a pixel, or as many more than last time as `seconds` allow, one at
+        least; the cache is left as it is."""
+        self._use()
+        passes = Passes(self.gbuffer_pass, self.splat_pass, self.direct_pass, self.composite_pass)
+        seen = Seen(self.scene, self.geometry, self._lit(), self.cache.records, self.settings)
+        with self.timers("samples"):
+            return self.accumulator(view, samples, Budget(seconds), passes, seen)
+
     # ---- what changes ----------------------------------------------------------------------------------------------
 
     def change(self, settings: Settings, preset: str = "") -> None:
@@ -233,12 +243,13 @@ class Renderer(Holder):
         size = limits.checked(size)
         limits.check(self.ctx, size, self.scene, self.settings.shadow_size)
         self.size = size
-        for one in (self.gbuffer_pass, self.splat_pass, self.direct_pass, self.composite_pass):
+        for one in (self.gbuffer_pass, self.splat_pass, self.direct_pass, self.composite_pass, self.accumulator):
             one.release()
         self.gbuffer_pass = GBufferPass(self.ctx, self.size)
         self.splat_pass = SplatPass(self.ctx, self.size, self.settings.gradients)
         self.direct_pass = DirectPass(self.ctx, self.size, light_defines(self.scene))
         self.composite_pass = CompositePass(self.ctx, self.size)
+        self.accumulator = Accumulator(self.ctx, self.size)
         self.placement.resize(self.size)
         self._gbuffer = self._direct = self._view = None
 
@@ -305,28 +316,20 @@ class Renderer(Holder):
         gathered. progress is called after each round. figures: fill Frame.figures with the paper's figures 1, 3 and 4 too.
         Ctrl-C ends the rounds early: stats["converged"] is False then.
         """
-        first: list[np.ndarray] = []
-
-        def watch(now: Progress) -> None:
-            if now.round <= 2:  # the second round splats what the first one gathered
-                first[:] = [self.splat_pass.target.read(0)]
-            if progress is not None:
-                progress(now)
-
-        view, stats = self.converge(camera, watch if figures else progress)
+        album = figure.Album(self.splat_pass.target, progress)
+        view, stats = self.converge(camera, album if figures else progress)
+        if not stats["interrupted"]:
+            view = self.accumulate(view, self.settings.samples)
+        if view.samples < self.settings.samples:  # Ctrl-C
+            stats |= {"interrupted": True, "converged": False}
         frame = read(view, self.scene.sky, self.cache.read(), stats | self.stats(view))
-        if not figures:
-            return frame
-        splats = {"first_samples": first[0] if first else self.splat_pass.target.read(0)}
-        splats["splat_buffer"] = self.splat_pass.target.read(0)
-        pictures = {name: frame.albedo / np.float32(np.pi) * sums[..., :3] for name, sums in splats.items()}
-        return replace(frame, figures=pictures | {"quad": figure.diagram(frame, view.camera, self.settings)})
+        return replace(frame, figures=album.figures(frame, view.camera, self.settings)) if figures else frame
 
     def stats(self, view: View) -> dict[str, Any]:
         exposure, settings = self.settings.exposure, self.settings
         stops = self.composite_pass.exposure(view.image) if exposure == "auto" else float(exposure)
         made = {"stages_ms": self.timers.milliseconds(), "clock": self.timers.clock, **self.placement.bounces(settings)}
-        return made | statistics(self.about, self.scene, self.size, self.preset, settings, stops)
+        return {"samples": view.samples} | made | statistics(self.about, self.scene, self.size, self.preset, settings, stops)
 
     def release(self) -> None:
         """Free everything on the GPU, the context too where this renderer made it."""

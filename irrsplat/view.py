@@ -20,6 +20,8 @@ class View:
     """One round's picture as GPU handles, valid until the next round: what the viewer shows and `render` reads back.
 
     sums: (Σ k·E, Σ k) of which the picture is made, the splat buffer's own or smoothed; E is their quotient.
+    samples: of a pixel. Of more than one, the first at its centre, `image`, `direct`, `indirect` and `emission` (the sky's too)
+    are the means; of one alone, the last two follow from the rest. All others are of the centre.
     """
 
     camera: Camera
@@ -28,6 +30,9 @@ class View:
     splats: SplatBuffer
     sums: moderngl.Texture
     image: moderngl.Texture
+    samples: int = 1
+    indirect: moderngl.Texture | None = None
+    emission: moderngl.Texture | None = None
 
 
 @dataclass(frozen=True)
@@ -46,10 +51,14 @@ class Progress:
     surface: float = 1.0
 
     @property
+    def still(self) -> bool:
+        """Whether nothing was gathered, and nothing would be in the next tick."""
+        return self.whole and self.surface == 1.0 and not (self.new or self.renewed or self.stale)
+
+    @property
     def done(self) -> bool:
         """Whether nothing is left to gather in this view."""
-        made = self.whole and self.surface == 1.0
-        return made and not (self.new or self.renewed or self.stale) and self.coverage == 1.0
+        return self.still and self.coverage == 1.0
 
 
 def read(view: View, sky: tuple[float, float, float], records: dict[str, np.ndarray], stats: dict[str, Any]) -> Frame:
@@ -60,11 +69,11 @@ def read(view: View, sky: tuple[float, float, float], records: dict[str, np.ndar
     sums = pixels(view.sums)
     irradiance = sums[..., :3] / np.where(sums[..., 3:] > 0.0, sums[..., 3:], np.float32(1.0))
     return Frame(
-        image=pixels(view.image)[..., :3].copy(),
-        direct=pixels(view.direct)[..., :3].copy(),
-        indirect=albedo * irradiance / np.float32(np.pi),
+        image=_rgb(view.image),
+        direct=_rgb(view.direct),
+        indirect=_rgb(view.indirect) if view.indirect is not None else albedo * irradiance / np.float32(np.pi),
         irradiance=irradiance,
-        emission=np.where(seen, emission, np.asarray(sky, "f4")),
+        emission=_rgb(view.emission) if view.emission is not None else np.where(seen, emission, np.asarray(sky, "f4")),
         weight=np.where(seen[..., 0], pixels(view.splats.weight)[..., 0], np.float32(0.0)),
         position=position,
         normal=normal,
@@ -76,6 +85,10 @@ def read(view: View, sky: tuple[float, float, float], records: dict[str, np.ndar
         records_radius=records["radius"],
         stats=stats,
     )
+
+
+def _rgb(texture: moderngl.Texture) -> np.ndarray:
+    return pixels(texture)[..., :3].copy()
 
 
 def statistics(

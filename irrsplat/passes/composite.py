@@ -47,11 +47,12 @@ class CompositePass(Holder):
         """The image before exposure, and the sums (Σ k·E, Σ k) whose quotient is E, smoothed where the settings ask for it; while
         the view is `filling`, holes borrow from around them.
 
-        Direct and indirect light have the weights min(1, 2(1-b)) and min(1, 2b); emission and sky are whole.
+        Direct and indirect light have the weights Settings.mix; emission and sky are whole.
         """
-        blend = settings.blend
         sums = self._filled(splats.sums, gbuffer) if filling else splats.sums
-        sums = self._smoothed(sums, gbuffer, camera) if settings.smooth else sums
+        if settings.smooth:
+            self.smooth_target = self.smooth_target or Target(self.target.ctx, self.size, (4,))
+            sums = self.smoothed(sums, gbuffer, camera, self.smooth_target)
         self.blend(
             self.target,
             position=gbuffer.position,
@@ -59,7 +60,7 @@ class CompositePass(Holder):
             emission=gbuffer.emission,
             direct=direct,
             sums=sums,
-            blend=(min(1.0, 2.0 * (1.0 - blend)), min(1.0, 2.0 * blend)),
+            blend=settings.mix,
             sky=sky,
         )
         return self.target.textures[0], sums
@@ -72,17 +73,17 @@ class CompositePass(Holder):
         self.overture(self.overture_target, position=gbuffer.position, sums=sums, levels=levels)
         return self.overture_target.textures[0]
 
-    def _smoothed(self, sums: moderngl.Texture, gbuffer: GBuffer, camera: Camera) -> moderngl.Texture:
-        self.smooth_target = self.smooth_target or Target(self.target.ctx, self.size, (4,))
+    def smoothed(self, sums: moderngl.Texture, gbuffer: GBuffer, camera: Camera, target: Target) -> moderngl.Texture:
+        """(E, 1), smoothed along surfaces, of (Σ k·E, Σ k), in the target's texture."""
         self.smooth(
-            self.smooth_target,
+            target,
             position=gbuffer.position,
             normal=gbuffer.normal,
             sums=sums,
             smooth_radius=max(1, round(_SMOOTH * self.size[1])),
             pixel_size=camera.screen / self.size[1],
         )
-        return self.smooth_target.textures[0]
+        return target.textures[0]
 
     def exposure(self, image: moderngl.Texture) -> float:
         """The stops that bring the image's geometric mean luminance (of its lit pixels) to mid grey; 0 for a black image."""

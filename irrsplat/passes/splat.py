@@ -43,15 +43,24 @@ class SplatPass(Holder):
         self.empty = Program(ctx, "splat_clear", "lib/fullscreen", {"NOTHING_SEEN": NOTHING_SEEN})
         self.target = Target(ctx, size, (4, 2))
 
-    def clear(self, gbuffer: GBuffer) -> None:
+    def clear(self, gbuffer: GBuffer, target: Target | None = None) -> None:
         """Start again from no records; the weight is NOTHING_SEEN where the g-buffer sees nothing."""
-        self.empty(self.target, position=gbuffer.position)
+        self.empty(target or self.target, position=gbuffer.position)
 
-    def __call__(self, records: Records, first: int, gbuffer: GBuffer, camera: Camera, settings: Settings) -> SplatBuffer:
-        """Add the records from number `first` on, in their order; the sums are this pass's own textures."""
-        width, height = self.target.size
+    def __call__(
+        self,
+        records: Records,
+        first: int,
+        gbuffer: GBuffer,
+        camera: Camera,
+        settings: Settings,
+        target: Target | None = None,
+    ) -> None:
+        """Add the records from number `first` on, in their order, to what `target` holds (default: this pass's own)."""
+        target = target or self.target
+        width, height = target.size
         self.program(
-            self.target,
+            target,
             vertices=4,
             mode=moderngl.TRIANGLE_STRIP,
             instances=records.count - first,
@@ -66,7 +75,6 @@ class SplatPass(Holder):
             cut=settings.kernel == "cut",
             in_front=settings.in_front,
         )
-        return self.sums(records.dark)
 
     def sums(self, dark: float) -> SplatBuffer:
         """What has been added up so far, this pass's own textures; dark: as in Records."""
