@@ -14,6 +14,7 @@ from irrsplat.buffers import Records, ShadowMaps
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.target import Target
+from irrsplat.gpu.timers import Timers
 from irrsplat.passes.accumulate import AccumulatePass
 from irrsplat.passes.composite import CompositePass
 from irrsplat.passes.direct import DirectPass
@@ -88,8 +89,8 @@ class Seen:
 class Accumulator(Holder):
     """Adds samples to one view of `size` (width, height) after the other. Its targets are made when they are first wanted."""
 
-    def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
-        self.ctx, self.size = ctx, size
+    def __init__(self, ctx: moderngl.Context, size: tuple[int, int], timers: Timers) -> None:
+        self.ctx, self.size, self.timers = ctx, size, timers
         self.mean: AccumulatePass | None = None
         self.gbuffer: GBufferTarget | None = None
         self.splat: Target | None = None
@@ -107,9 +108,16 @@ class Accumulator(Holder):
             return view
         if self._view is None or self._of is not view or self._view.samples > samples:
             self._of, self._view = view, self._begun(view, seen)
-        done, last = self._view.samples, 0.0
+        if self._view.samples < samples:  # another object, since what its textures hold is something else then
+            with self.timers("samples"):
+                self._view = replace(self._view, samples=self._more(self._view.samples, view, samples, budget, passes, seen))
+        return self._view
+
+    def _more(self, first: int, view: View, samples: int, budget: Budget, passes: Passes, seen: Seen) -> int:
+        """Add samples from number `first` on; how many there are now."""
+        done, last = first, 0.0
         try:
-            while done < samples and (done == self._view.samples or last < budget.left):
+            while done < samples and (done == first or last < budget.left):
                 start = time.perf_counter()
                 self._add(done, view, passes, seen)
                 done += 1
@@ -119,9 +127,7 @@ class Accumulator(Holder):
         except KeyboardInterrupt:
             if budget.limited:
                 raise
-        if done > self._view.samples:  # another object, since what its textures hold is something else now
-            self._view = replace(self._view, samples=done)
-        return self._view
+        return done
 
     def _begun(self, view: View, seen: Seen) -> View:
         """The view with its own sample in the means."""

@@ -77,7 +77,7 @@ class Renderer(Holder):
         self.placement = Placement(self.ctx, scene, self.size, self.settings, self.geometry, self.cache, self.timers)
         self.direct_pass = DirectPass(self.ctx, self.size, light_defines(scene))
         self.composite_pass = CompositePass(self.ctx, self.size)
-        self.accumulator = Accumulator(self.ctx, self.size)
+        self.accumulator = Accumulator(self.ctx, self.size, self.timers)
         self._made_of: dict[str, tuple[Any, ...]] = {}  # what each stage's present result was made of
         self.shadows: ShadowMaps | None = None  # the present ones
         self._gbuffer: Any = None  # a GBuffer
@@ -209,8 +209,7 @@ class Renderer(Holder):
         self._use()
         passes = Passes(self.gbuffer_pass, self.splat_pass, self.direct_pass, self.composite_pass)
         seen = Seen(self.scene, self.geometry, self._lit(), self.cache.records, self.settings)
-        with self.timers("samples"):
-            return self.accumulator(view, samples, Budget(seconds), passes, seen)
+        return self.accumulator(view, samples, Budget(seconds), passes, seen)
 
     # ---- what changes ----------------------------------------------------------------------------------------------
 
@@ -249,7 +248,7 @@ class Renderer(Holder):
         self.splat_pass = SplatPass(self.ctx, self.size, self.settings.gradients)
         self.direct_pass = DirectPass(self.ctx, self.size, light_defines(self.scene))
         self.composite_pass = CompositePass(self.ctx, self.size)
-        self.accumulator = Accumulator(self.ctx, self.size)
+        self.accumulator = Accumulator(self.ctx, self.size, self.timers)
         self.placement.resize(self.size)
         self._gbuffer = self._direct = self._view = None
 

@@ -34,6 +34,10 @@ class View:
     indirect: moderngl.Texture | None = None
     emission: moderngl.Texture | None = None
 
+    def mean(self, name: str) -> moderngl.Texture | None:
+        """The texture that holds `image`, `direct`, `indirect` or `emission` of every pixel; None for one that has none."""
+        return {"image": self.image, "direct": self.direct, "indirect": self.indirect, "emission": self.emission}.get(name)
+
 
 @dataclass(frozen=True)
 class Progress:

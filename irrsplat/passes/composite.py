@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import moderngl
+import numpy as np
 
 from irrsplat.buffers import FILMIC, GBuffer, SplatBuffer
 from irrsplat.display import MID_GREY
@@ -33,6 +34,7 @@ class CompositePass(Holder):
         self.smooth_target: Target | None = None
         self.meter_block = (-(-size[0] // _METER), -(-size[1] // _METER))
         self.meter_target = Target(ctx, (-(-size[0] // self.meter_block[0]), -(-size[1] // self.meter_block[1])), (2,))
+        self.reading = ctx.buffer(reserve=8 * self.meter_target.size[0] * self.meter_target.size[1], dynamic=True)
 
     def __call__(
         self,
@@ -87,8 +89,17 @@ class CompositePass(Holder):
 
     def exposure(self, image: moderngl.Texture) -> float:
         """The stops that bring the image's geometric mean luminance (of its lit pixels) to mid grey; 0 for a black image."""
+        self.measure(image)
+        return self.metered()
+
+    def measure(self, image: moderngl.Texture) -> None:
+        """Begin to find the image's `exposure`; `metered` a frame later has it without waiting for the GPU."""
         self.meter(self.meter_target, image=image, block=self.meter_block)
-        total, lit = self.meter_target.read().sum((0, 1), dtype=float)
+        self.meter_target.textures[0].read_into(self.reading)
+
+    def metered(self) -> float:
+        """The exposure of the image that was measured last."""
+        total, lit = np.frombuffer(self.reading.read(), "f4").reshape(-1, 2).sum(0, dtype=float)
         return math.log2(MID_GREY) - total / lit if lit else 0.0
 
     def show(self, image: moderngl.Texture, exposure: float, target: Target) -> None:
