@@ -44,7 +44,9 @@ CHANGES: dict[str, tuple[str | None, Any]] = {
     "smooth": (None, True),
     "overture": (None, False),
     "exposure": ("-2", -2.0),
+    "samples": ("4", 4),
     "budget": ("25", 25.0),
+    "rest": ("2", 2),
 }
 
 

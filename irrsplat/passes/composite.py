@@ -100,7 +100,7 @@ class CompositePass(Holder):
     def metered(self) -> float:
         """The exposure of the image that was measured last."""
         total, lit = np.frombuffer(self.reading.read(), "f4").reshape(-1, 2).sum(0, dtype=float)
-        return math.log2(MID_GREY) - total / lit if lit else 0.0
+        return math.log2(MID_GREY) - float(total / lit) if lit else 0.0
 
     def show(self, image: moderngl.Texture, exposure: float, target: Target) -> None:
         """Draw the image into `target` (of the same size) as a screen takes it: exposed by `exposure` stops, filmic, sRGB."""
