@@ -313,7 +313,7 @@ class Renderer(Holder):
 
         Returns a Frame of numpy arrays that the caller owns. Records of earlier views are used again: only what is new is
         gathered. progress is called after each round. figures: fill Frame.figures with the paper's figures 1, 3 and 4 too.
-        Ctrl-C ends the rounds early: stats["converged"] is False then.
+        Ctrl-C ends the rounds, or the samples, early: stats["converged"] is False then.
         """
         album = figure.Album(self.splat_pass.target, progress)
         view, stats = self.converge(camera, album if figures else progress)
