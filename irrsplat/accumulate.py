@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import moderngl
@@ -87,69 +88,88 @@ class Seen:
 
 
 class Accumulator(Holder):
-    """Adds samples to one view of `size` (width, height) after the other. Its targets are made when they are first wanted."""
+    """Adds samples to one view after the other. Its targets are as large as the view, and made when they are first wanted."""
 
-    def __init__(self, ctx: moderngl.Context, size: tuple[int, int], timers: Timers) -> None:
-        self.ctx, self.size, self.timers = ctx, size, timers
-        self.mean: AccumulatePass | None = None
-        self.gbuffer: GBufferTarget | None = None
-        self.splat: Target | None = None
-        self.direct: Target | None = None
-        self.smooth: Target | None = None
+    def __init__(self, ctx: moderngl.Context, timers: Timers) -> None:
+        self.ctx, self.timers = ctx, timers
+        self.targets: Targets | None = None
         self._of: View | None = None  # the view that is being sampled, as the frame gave it
         self._view: View | None = None  # the same with its samples
 
-    def __call__(self, view: View, samples: int, budget: Budget, passes: Passes, seen: Seen) -> View:
+    def __call__(
+        self,
+        view: View,
+        samples: int,
+        budget: Budget,
+        passes: Passes,
+        seen: Seen,
+        told: Callable[[float], None] | None = None,
+    ) -> View:
         """`view` with `samples` a pixel, or with as many more than last time as the budget has time for, at least one.
 
-        A view that is another one than last time starts anew. Ctrl-C, where there is no budget, ends it early.
+        A view that is another one than last time starts anew. Ctrl-C, where there is no budget, ends it early. told: called with
+        the share done, 0..1, after each.
         """
         if samples <= 1:
             return view
+        targets = self._fitting(view.image.size)
         if self._view is None or self._of is not view or self._view.samples > samples:
-            self._of, self._view = view, self._begun(view, seen)
-        if self._view.samples < samples:  # another object, since what its textures hold is something else then
-            with self.timers("samples"):
-                self._view = replace(self._view, samples=self._more(self._view.samples, view, samples, budget, passes, seen))
+            means = targets.mean(1, view.gbuffer, view.direct, view.sums, view.sums, seen.scene.sky, seen.settings.mix)
+            image, direct, indirect, emission = means
+            self._of, self._view = view, replace(view, image=image, direct=direct, indirect=indirect, emission=emission)
+        if self._view.samples == samples:
+            return self._view
+        first = done = self._view.samples
+        last = 0.0
+        with self.timers("samples"):
+            try:
+                while done < samples and (done == first or last < budget.left):
+                    start = time.perf_counter()
+                    _add(done, view, passes, seen, targets)
+                    done += 1
+                    if told is not None:
+                        self.ctx.finish()
+                        told(done / samples)
+                    if budget.limited:
+                        self.ctx.finish()
+                        last = time.perf_counter() - start
+            except KeyboardInterrupt:
+                if budget.limited:
+                    raise
+        self._view = replace(self._view, samples=done)  # another object: what its textures hold is something else now
         return self._view
 
-    def _more(self, first: int, view: View, samples: int, budget: Budget, passes: Passes, seen: Seen) -> int:
-        """Add samples from number `first` on; how many there are now."""
-        done, last = first, 0.0
-        try:
-            while done < samples and (done == first or last < budget.left):
-                start = time.perf_counter()
-                self._add(done, view, passes, seen)
-                done += 1
-                if budget.limited:
-                    self.ctx.finish()
-                    last = time.perf_counter() - start
-        except KeyboardInterrupt:
-            if budget.limited:
-                raise
-        return done
+    def _fitting(self, size: tuple[int, int]) -> Targets:
+        if self.targets is None or self.targets.size != size:
+            if self.targets is not None:
+                self.targets.release()
+            self.targets, self._view = Targets(self.ctx, size), None
+        return self.targets
 
-    def _begun(self, view: View, seen: Seen) -> View:
-        """The view with its own sample in the means."""
-        self.mean = self.mean or AccumulatePass(self.ctx, self.size)
-        self.gbuffer = self.gbuffer or GBufferTarget(self.ctx, self.size)
-        self.splat = self.splat or Target(self.ctx, self.size, (4, 2))
-        self.direct = self.direct or Target(self.ctx, self.size, (4,))
-        sky, mix = seen.scene.sky, seen.settings.mix
-        image, direct, indirect, emission = self.mean(1, view.gbuffer, view.direct, view.sums, view.sums, sky, mix)
-        return replace(view, image=image, direct=direct, indirect=indirect, emission=emission)
 
-    def _add(self, number: int, view: View, passes: Passes, seen: Seen) -> None:
-        assert self.mean is not None and self.gbuffer is not None and self.splat is not None
-        x, y, turn = sample(number)
-        camera, settings = beside(view.camera, (x, y), self.size), seen.settings
-        gbuffer = passes.gbuffer(seen.scene, seen.geometry, camera, self.gbuffer)
-        passes.splat.clear(gbuffer, self.splat)
-        if settings.most_bounces > 0 and seen.records.count:
-            passes.splat(seen.records, 0, gbuffer, camera, settings, self.splat)
-        sums = self.splat.textures[0]
-        if settings.smooth:
-            self.smooth = self.smooth or Target(self.ctx, self.size, (4,))
-            sums = passes.composite.smoothed(sums, gbuffer, camera, self.smooth)
-        direct = passes.direct(gbuffer, seen.shadows, turn, self.direct)
-        self.mean(number + 1, gbuffer, direct, sums, view.sums, seen.scene.sky, settings.mix)
+class Targets(Holder):
+    """What samples of a view of `size` (width, height) are drawn into, and their means."""
+
+    def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
+        self.size = size
+        self.mean = AccumulatePass(ctx, size)
+        self.gbuffer = GBufferTarget(ctx, size)
+        self.splat = Target(ctx, size, (4, 2))
+        self.direct = Target(ctx, size, (4,))
+        self.smooth: Target | None = None  # made when it is first wanted
+
+
+def _add(number: int, view: View, passes: Passes, seen: Seen, targets: Targets) -> None:
+    """Draw the sample of this number, and blend it into the means."""
+    x, y, turn = sample(number)
+    camera, settings = beside(view.camera, (x, y), targets.size), seen.settings
+    gbuffer = passes.gbuffer(seen.scene, seen.geometry, camera, targets.gbuffer)
+    passes.splat.clear(gbuffer, targets.splat)
+    if settings.most_bounces > 0 and seen.records.count:
+        passes.splat(seen.records, 0, gbuffer, camera, settings, targets.splat)
+    sums = targets.splat.textures[0]
+    if settings.smooth:
+        targets.smooth = targets.smooth or Target(targets.gbuffer.ctx, targets.size, (4,))
+        sums = passes.composite.smoothed(sums, gbuffer, camera, targets.smooth)
+    direct = passes.direct(gbuffer, seen.shadows, turn, targets.direct)
+    targets.mean(number + 1, gbuffer, direct, sums, view.sums, seen.scene.sky, settings.mix)

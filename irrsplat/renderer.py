@@ -34,7 +34,7 @@ from irrsplat.scene.flat import flatten
 from irrsplat.scene.model import Camera, Light, Scene
 from irrsplat.settings import Settings
 from irrsplat.settings import preset as settings_of
-from irrsplat.view import Progress, View, read, statistics
+from irrsplat.view import Progress, View, read, sampling, statistics
 
 _IDLE = 8  # rounds without any gain in coverage after which nothing more is to be hoped for
 _RENEWAL = 0.6  # of the time for gathering that stale records may take where new ones are wanted too
@@ -77,7 +77,7 @@ class Renderer(Holder):
         self.placement = Placement(self.ctx, scene, self.size, self.settings, self.geometry, self.cache, self.timers)
         self.direct_pass = DirectPass(self.ctx, self.size, light_defines(scene))
         self.composite_pass = CompositePass(self.ctx, self.size)
-        self.accumulator = Accumulator(self.ctx, self.size, self.timers)
+        self.accumulator = Accumulator(self.ctx, self.timers)
         self._made_of: dict[str, tuple[Any, ...]] = {}  # what each stage's present result was made of
         self.shadows: ShadowMaps | None = None  # the present ones
         self._gbuffer: Any = None  # a GBuffer
@@ -203,13 +203,15 @@ class Renderer(Holder):
             self._view = View(camera, gbuffer, self._direct, splats, sums, image)
         return self._view
 
-    def accumulate(self, view: View, samples: int, seconds: float | None = None) -> View:
+    def accumulate(
+        self, view: View, samples: int, seconds: float | None = None, told: Callable[[float], None] | None = None
+    ) -> View:
         """The `view` that `frame` gave last, with `samples` a pixel, or as many more than last time as `seconds` allow, one at
-        least; the cache is left as it is."""
+        least; the cache is left as it is. told: called with the share done, 0..1, after each."""
         self._use()
         passes = Passes(self.gbuffer_pass, self.splat_pass, self.direct_pass, self.composite_pass)
         seen = Seen(self.scene, self.geometry, self._lit(), self.cache.records, self.settings)
-        return self.accumulator(view, samples, Budget(seconds), passes, seen)
+        return self.accumulator(view, samples, Budget(seconds), passes, seen, told)
 
     # ---- what changes ----------------------------------------------------------------------------------------------
 
@@ -242,13 +244,12 @@ class Renderer(Holder):
         size = limits.checked(size)
         limits.check(self.ctx, size, self.scene, self.settings.shadow_size)
         self.size = size
-        for one in (self.gbuffer_pass, self.splat_pass, self.direct_pass, self.composite_pass, self.accumulator):
+        for one in (self.gbuffer_pass, self.splat_pass, self.direct_pass, self.composite_pass):
             one.release()
         self.gbuffer_pass = GBufferPass(self.ctx, self.size)
         self.splat_pass = SplatPass(self.ctx, self.size, self.settings.gradients)
         self.direct_pass = DirectPass(self.ctx, self.size, light_defines(self.scene))
         self.composite_pass = CompositePass(self.ctx, self.size)
-        self.accumulator = Accumulator(self.ctx, self.size, self.timers)
         self.placement.resize(self.size)
         self._gbuffer = self._direct = self._view = None
 
@@ -318,7 +319,7 @@ class Renderer(Holder):
         album = figure.Album(self.splat_pass.target, progress)
         view, stats = self.converge(camera, album if figures else progress)
         if not stats["interrupted"]:
-            view = self.accumulate(view, self.settings.samples)
+            view = self.accumulate(view, self.settings.samples, told=sampling(progress, stats))
         if view.samples < self.settings.samples:  # Ctrl-C
             stats |= {"interrupted": True, "converged": False}
         frame = read(view, self.scene.sky, self.cache.read(), stats | self.stats(view))
@@ -336,9 +337,3 @@ class Renderer(Holder):
             self.ctx.release()
         else:
             super().release()
-
-    def __enter__(self) -> Renderer:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.release()

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 import moderngl
@@ -43,7 +44,8 @@ class View:
 class Progress:
     """Where a view stands after a tick: whole rounds so far, `records` in the cache, `new` among them, and `coverage` of the
     seen pixels, 0..1, at the round's begin. renewed: old records gathered again; stale: how many still wait for that.
-    whole: False while sites of a round are left over for the next tick. surface: how much of the surface cache is made, 0..1."""
+    whole: False while sites of a round are left over for the next tick. surface: how much of the surface cache is made, 0..1.
+    sampled: the share of a render's samples that are taken, 0..1, once it comes to those."""
 
     round: int
     records: int
@@ -53,6 +55,7 @@ class Progress:
     stale: int = 0
     whole: bool = True
     surface: float = 1.0
+    sampled: float = 0.0
 
     @property
     def still(self) -> bool:
@@ -63,6 +66,14 @@ class Progress:
     def done(self) -> bool:
         """Whether nothing is left to gather in this view."""
         return self.still and self.coverage == 1.0
+
+
+def sampling(progress: Callable[[Progress], None] | None, stats: dict[str, Any]) -> Callable[[float], None] | None:
+    """What is called with the share of the samples done, and calls `progress` in turn, where the view stands as in `stats`."""
+    if progress is None:
+        return None
+    now = Progress(stats["rounds"], stats["records"], 0, stats["coverage"])
+    return lambda share: progress(replace(now, sampled=share))
 
 
 def read(view: View, sky: tuple[float, float, float], records: dict[str, np.ndarray], stats: dict[str, Any]) -> Frame:

@@ -14,7 +14,7 @@ import pytest
 
 import irrsplat
 from irrsplat import Renderer, accumulate
-from irrsplat.accumulate import Accumulator, beside, sample
+from irrsplat.accumulate import beside, sample
 from irrsplat.app import cli, parser
 from irrsplat.buffers import CHANNELS, GBuffer
 from irrsplat.gpu.target import pixels, table_texture
@@ -264,20 +264,27 @@ def test_another_view_starts_over(renderer: Renderer, change: str) -> None:
 
 
 def test_ctrl_c_leaves_the_samples_that_there_are(renderer: Renderer, monkeypatch: pytest.MonkeyPatch) -> None:
-    plain = Accumulator._add
+    plain = accumulate._add
 
-    def add(self: Accumulator, number: int, *rest: Any) -> None:
+    def add(number: int, *rest: Any) -> None:
         if number == 3:
             raise KeyboardInterrupt
-        plain(self, number, *rest)
+        plain(number, *rest)
 
-    monkeypatch.setattr(accumulate.Accumulator, "_add", add)
+    monkeypatch.setattr(accumulate, "_add", add)
     renderer.change(replace(renderer.settings, samples=8))
     frame = renderer.render()
     assert frame.stats["samples"] == 3 and frame.stats["interrupted"] and not frame.stats["converged"]
     monkeypatch.undo()
     renderer.change(replace(renderer.settings, samples=3))
     assert np.array_equal(renderer.render().image, frame.image)
+
+
+def test_a_render_tells_of_its_samples(renderer: Renderer) -> None:
+    told: list[float] = []
+    renderer.change(replace(renderer.settings, samples=4))
+    renderer.render(progress=lambda now: told.append(now.sampled))
+    assert told[-4:] == [0.0, 0.5, 0.75, 1.0]
 
 
 def test_another_size_has_its_own_samples(renderer: Renderer) -> None:
