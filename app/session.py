@@ -116,13 +116,13 @@ class Session(Holder):
         last = self.tape.tick(dt, self.camera)
         if last is not None:
             self.flight.go(last)
-        renderers, last = self.active, self._centres
+        renderers, before = self.active, self._centres
         self.views, self.progress, self.ms, self._centres = [], [], {}, []
         for renderer in renderers:
             gather, end = self._stepping or not self.look.frozen, time.perf_counter() + seconds / len(renderers)
             view, progress = renderer.frame(self.camera, seconds / len(renderers), gather)
             self._centres.append(view)
-            if self._quiet(progress) and any(view is one for one in last):  # nothing has moved since
+            if self._quiet(progress) and any(view is one for one in before):  # nothing has moved since
                 view = renderer.accumulate(view, renderer.settings.rest, end - time.perf_counter())
             self.views.append(view)
             self.progress.append(progress)
