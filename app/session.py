@@ -109,7 +109,7 @@ class Session(Holder):
 
     def _quiet(self, progress: Progress) -> bool:
         """Whether a side's cache stays as it is."""
-        return progress.still or (self.look.frozen and progress.new == 0)
+        return progress.still or (self.look.frozen and progress.new == 0 and progress.whole)
 
     def tick(self, dt: float, seconds: float) -> None:
         """Go on by `dt` seconds: play, record, and give the caches `seconds` of time."""

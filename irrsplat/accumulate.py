@@ -164,9 +164,9 @@ def _add(number: int, view: View, passes: Passes, seen: Seen, targets: Targets) 
     x, y, turn = sample(number)
     camera, settings = beside(view.camera, (x, y), targets.size), seen.settings
     gbuffer = passes.gbuffer(seen.scene, seen.geometry, camera, targets.gbuffer)
-    passes.splat.clear(gbuffer, targets.splat)
+    passes.splat.clear(gbuffer, target=targets.splat)
     if settings.most_bounces > 0 and seen.records.count:
-        passes.splat(seen.records, 0, gbuffer, camera, settings, targets.splat)
+        passes.splat(seen.records, 0, gbuffer, camera, settings, target=targets.splat)
     sums = targets.splat.textures[0]
     if settings.smooth:
         targets.smooth = targets.smooth or Target(targets.gbuffer.ctx, targets.size, (4,))

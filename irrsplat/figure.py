@@ -11,7 +11,6 @@ from PIL import Image
 
 from irrsplat.cutaway import Parallel, Surface, paint, surface
 from irrsplat.display import tonemap
-from irrsplat.gpu.target import Target
 from irrsplat.output import Frame
 from irrsplat.passes.splat import splat_radius
 from irrsplat.pen import Pen, legend_height, write_legend
@@ -66,23 +65,27 @@ class Shown:
 
 
 class Album:
-    """Takes the paper's pictures while a view is rendered: called after each round, it keeps what `target`, the splat buffer,
-    held at first, and calls `progress` in turn."""
+    """Takes the paper's pictures while a view is rendered: called after each round, it calls `progress` in turn.
 
-    def __init__(self, target: Target, progress: Callable[[Progress], None] | None) -> None:
-        self._target, self._progress = target, progress
+    splatted: the sums (H, W, 4) of the first so many records of the cache, splatted in the present view.
+    """
+
+    def __init__(self, splatted: Callable[[int], np.ndarray], progress: Callable[[Progress], None] | None) -> None:
+        self._splatted, self._progress = splatted, progress
+        self._rounds: list[int] = []  # how many records there were after each
         self._first: np.ndarray | None = None
 
     def __call__(self, now: Progress) -> None:
-        if now.round <= 2:  # the second round splats what the first one gathered
-            self._first = self._target.read()
+        self._rounds.append(now.records)
+        if len(self._rounds) <= 2:  # in the second round all is known of what the first one gathered
+            self._first = self._splatted(self._rounds[0])
         if self._progress is not None:
             self._progress(now)
 
     def figures(self, frame: Frame, eye: Camera, settings: Settings) -> dict[str, np.ndarray]:
-        """Frame.figures of what was rendered: the splat buffer at first and in the end, as radiance, and the diagram."""
-        last = self._target.read()
-        splats = {"first_samples": last if self._first is None else self._first, "splat_buffer": last}
+        """Frame.figures of what was rendered: the splat buffer of the first records and of all, as radiance, and the diagram."""
+        first = self._splatted(0) if self._first is None else self._first
+        splats = {"first_samples": first, "splat_buffer": self._splatted(len(frame.records_radius))}
         pictures = {name: frame.albedo / np.float32(np.pi) * sums[..., :3] for name, sums in splats.items()}
         return pictures | {"quad": diagram(frame, eye, settings)}
 

@@ -27,6 +27,7 @@ from irrsplat.passes.sight import SightPass
 from irrsplat.passes.splat import SplatPass
 from irrsplat.passes.surface import SurfacePass
 from irrsplat.passes.trace import TracePass
+from irrsplat.passes.upsample import UpsamplePass
 from irrsplat.scene.model import Light
 from tests.test_analytic import LIGHTS
 from tests.test_renderer import FAST, SIZE, room
@@ -58,7 +59,7 @@ def unlit(ctx: moderngl.Context) -> Iterator[Holder]:
             yield AdaptPass(ctx, gradients, neighbours)
     for kind in (ShadowPass, SightPass, SurfacePass):
         yield kind(ctx)
-    for kind in (GBufferPass, ExaminePass, CompositePass, AccumulatePass):
+    for kind in (GBufferPass, ExaminePass, CompositePass, AccumulatePass, UpsamplePass):
         yield kind(ctx, SIZE)
 
 
