@@ -25,6 +25,8 @@ from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import Settings
 from irrsplat.view import View
 
+Told = Callable[[float], None]  # what is called with the share of the samples that are done, 0..1
+
 _BASES = 2, 3, 5  # of the Halton sequence: x, y and the turn
 
 
@@ -103,7 +105,7 @@ class Accumulator(Holder):
         budget: Budget,
         passes: Passes,
         seen: Seen,
-        told: Callable[[float], None] | None = None,
+        told: Told | None = None,
     ) -> View:
         """`view` with `samples` a pixel, or with as many more than last time as the budget has time for, at least one.
 

@@ -12,8 +12,8 @@ from PIL import Image
 from irrsplat.cutaway import Parallel, Surface, paint, surface
 from irrsplat.display import tonemap
 from irrsplat.output import Frame
-from irrsplat.passes.splat import splat_radius
 from irrsplat.pen import Pen, legend_height, write_legend
+from irrsplat.reach import splat_radius
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
 from irrsplat.view import Progress
@@ -65,14 +65,14 @@ class Shown:
 
 
 class Album:
-    """Takes the paper's pictures while a view is rendered: called after each round, it calls `progress` in turn.
+    """Takes the paper's pictures while a view is rendered: it is called after each round, and calls `progress` in turn.
 
-    splatted: the sums (H, W, 4) of the first so many records of the cache, splatted in the present view.
+    splatted: tells the splat buffer's sums (H, W, 4) of the first so many records.
     """
 
     def __init__(self, splatted: Callable[[int], np.ndarray], progress: Callable[[Progress], None] | None) -> None:
         self._splatted, self._progress = splatted, progress
-        self._rounds: list[int] = []  # how many records there were after each
+        self._rounds: list[int] = []
         self._first: np.ndarray | None = None
 
     def __call__(self, now: Progress) -> None:
@@ -83,9 +83,9 @@ class Album:
             self._progress(now)
 
     def figures(self, frame: Frame, eye: Camera, settings: Settings) -> dict[str, np.ndarray]:
-        """Frame.figures of what was rendered: the splat buffer of the first records and of all, as radiance, and the diagram."""
+        """Frame.figures of what was rendered: the splat buffer at first and in the end, as radiance, and the diagram."""
         first = self._splatted(0) if self._first is None else self._first
-        splats = {"first_samples": first, "splat_buffer": self._splatted(len(frame.records_radius))}
+        splats = {"first_samples": first, "splat_buffer": self._splatted(frame.stats["records"])}
         pictures = {name: frame.albedo / np.float32(np.pi) * sums[..., :3] for name, sums in splats.items()}
         return pictures | {"quad": diagram(frame, eye, settings)}
 

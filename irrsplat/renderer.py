@@ -14,7 +14,7 @@ import moderngl
 import numpy as np
 
 from irrsplat import figure, limits
-from irrsplat.accumulate import Accumulator, Passes, Seen
+from irrsplat.accumulate import Accumulator, Passes, Seen, Told
 from irrsplat.budget import Budget
 from irrsplat.buffers import GBuffer, ShadowMaps, SplatBuffer
 from irrsplat.cache import RecordCache
@@ -32,6 +32,7 @@ from irrsplat.passes.shadow import ShadowPass
 from irrsplat.placement import Asked, Placement
 from irrsplat.scene.flat import flatten
 from irrsplat.scene.model import Camera, Light, Scene
+from irrsplat.scene.motion import moved
 from irrsplat.settings import Settings
 from irrsplat.settings import preset as settings_of
 from irrsplat.splatting import Splatting
@@ -61,7 +62,7 @@ class Renderer(Holder):
     ) -> None:
         if not isinstance(scene, Scene):
             raise InputError(f"a Renderer takes a Scene, as irrsplat.load returns it, not {type(scene).__name__}")
-        self.scene = scene
+        self.scene, self._loaded = scene, scene.meshes
         self.settings: Settings = settings_of(preset, **settings)
         self.preset = preset
         self.size = limits.checked(size)
@@ -130,7 +131,7 @@ class Renderer(Holder):
         ready = gather and bounces and self.placement.bounce(shadows, budget.part(1.0, sum(self._reserve)))
         if ready:
             share = 1.0 if self._coverage == 1.0 else _RENEWAL
-            renewed = self.placement.renew(shadows, camera, budget.part(share, sum(self._reserve)))
+            renewed = self.placement.renew(shadows, gbuffer, camera, budget.part(share, sum(self._reserve)))
         start = time.perf_counter()
         self.placement.adapt()
         if self._idle >= _IDLE and self.splatting.refine():
@@ -195,9 +196,7 @@ class Renderer(Holder):
             self._view = View(camera, gbuffer, self._direct, splats, sums, image)
         return self._view
 
-    def accumulate(
-        self, view: View, samples: int, seconds: float | None = None, told: Callable[[float], None] | None = None
-    ) -> View:
+    def accumulate(self, view: View, samples: int, seconds: float | None = None, told: Told | None = None) -> View:
         """The `view` that `frame` gave last, with `samples` a pixel, or as many more than last time as `seconds` allow, one at
         least; the cache is left as it is. told: called with the share done, 0..1, after each."""
         self._use()
@@ -221,16 +220,27 @@ class Renderer(Holder):
 
     def relight(self, lights: Sequence[Light]) -> None:
         """Go on with other lights; records are gathered again in place. Raises InputError for too many of them."""
+        self._go_on(replace(self.scene, lights=tuple(lights)))
+
+    def move(self, mesh: int | str, transform: Any) -> None:
+        """Go on with a mesh (its index in scene.meshes, or its name) where a 4×4 or 3×4 matrix takes it from where it was loaded.
+
+        Records on it and close to it, before or after, are made anew; the others are gathered again in place. Raises InputError
+        for a mesh that is not there, and a matrix that is not affine or singular.
+        """
+        self._go_on(moved(self.scene, self._loaded, mesh, transform))
+
+    def _go_on(self, scene: Scene) -> None:
+        """Go on with the same scene, lit otherwise, or with meshes elsewhere."""
         self._use()
-        before, scene = self.scene, replace(self.scene, lights=tuple(lights))
         limits.check(self.ctx, self.size, scene, self.settings.shadow_size)
-        self.scene, self._idle = scene, 0
+        before, self.scene, self._idle = self.scene, scene, 0
         self.splatting.start(self.settings)
-        if light_defines(before) != light_defines(self.scene):
-            self.direct_pass.release()
-            self.direct_pass = DirectPass(self.ctx, self.size, light_defines(self.scene))
-            self._direct = None
-        self.placement.change(self.settings, self.scene)
+        self.placement.change(self.settings, scene, self.shadows)  # which looks once more at what was there before
+        self.direct_pass.fit(light_defines(scene))
+        if before.meshes is not scene.meshes:
+            self.geometry.update(*flatten(scene)[:2])
+            self.forget(records=False)
 
     def resize(self, size: tuple[int, int]) -> None:
         """Views are of another size (width, height) from now on; the records stay. Raises InputError for one that cannot be."""
@@ -315,8 +325,7 @@ class Renderer(Holder):
         """
         album = figure.Album(self._splatted, progress)
         view, stats = self.converge(camera, album if figures else progress)
-        if not stats["interrupted"]:
-            view = self.accumulate(view, self.settings.samples, told=sampling(progress, stats))
+        view = self.accumulate(view, 1 if stats["interrupted"] else self.settings.samples, told=sampling(progress, stats))
         if view.samples < self.settings.samples:  # Ctrl-C
             stats |= {"interrupted": True, "converged": False}
         frame = read(view, self.scene.sky, self.cache.read(), stats | self.stats(view))
@@ -335,7 +344,5 @@ class Renderer(Holder):
 
     def release(self) -> None:
         """Free everything on the GPU, the context too where this renderer made it."""
-        if self._owns_ctx:
-            self.ctx.release()
-        else:
-            super().release()
+        holder: Any = self.ctx if self._owns_ctx else super()
+        holder.release()

@@ -21,6 +21,7 @@ from irrsplat.passes.direct import DirectPass
 from irrsplat.passes.examine import ExaminePass
 from irrsplat.passes.gather import GatherPass
 from irrsplat.passes.gbuffer import GBufferPass
+from irrsplat.passes.rank import RankPass
 from irrsplat.passes.reduce import ReducePass
 from irrsplat.passes.shadow import ShadowPass
 from irrsplat.passes.sight import SightPass
@@ -55,6 +56,7 @@ def unlit(ctx: moderngl.Context) -> Iterator[Holder]:
     for gradients in (False, True):
         yield SplatPass(ctx, SIZE, gradients)
         yield ReducePass(ctx, gradients)
+        yield RankPass(ctx, gradients)
         for neighbours in (False, True):
             yield AdaptPass(ctx, gradients, neighbours)
     for kind in (ShadowPass, SightPass, SurfacePass):
