@@ -14,7 +14,7 @@ from irrsplat.scene.flat import in_order
 from irrsplat.scene.model import Mesh, Scene
 from irrsplat.scene.reading import quote
 
-COVERED = 0.4  # of what a point sees, by the cosine: below the half that a wall takes from what stands at its foot
+COVERED = 0.25  # of what a point sees, by the cosine: where more is, records would no longer stand where they are wanted
 _SAMPLES = 128  # points on a mesh that stand for its surface
 _TURN = np.array([0.7548776662466927, 0.5698402909980532])  # Roberts's R2 sequence: even in the square, whatever the number
 _RIGID = 1e-3  # by how much a turn of rounded triangles is none
@@ -124,7 +124,7 @@ class Ride:
 
     def normals(self, normals: np.ndarray) -> np.ndarray:
         """Unit normals (K, 3) there, of those before."""
-        return unit(np.einsum("nji,nj->ni", np.linalg.inv(self.turn), normals))
+        return unit(np.einsum("nji,nj->ni", np.linalg.pinv(self.turn), normals))
 
 
 def ride(position: np.ndarray, triangle: np.ndarray, before: Scene, after: Scene) -> Ride:
@@ -137,7 +137,7 @@ def ride(position: np.ndarray, triangle: np.ndarray, before: Scene, after: Scene
         frames = [_frame(was), _frame(now)]
         if np.array_equal(old.faces, new.faces[:, ::-1]):  # mirrored, and wound anew
             frames[1][:, :, 2] *= -1.0
-        turn = frames[1] @ np.linalg.inv(frames[0])
+        turn = frames[1] @ np.linalg.pinv(frames[0])  # which takes triangles that rounding has flattened, too
         place = now[:, 0] + np.einsum("nij,nj->ni", turn, position[numbers] - was[:, 0])
         rigid = np.abs(np.swapaxes(turn, 1, 2) @ turn - np.eye(3)).max((1, 2)) < _RIGID
         parts.append(Ride(numbers, place, turn, rigid & (np.linalg.det(turn) > 0.0)))
