@@ -12,6 +12,7 @@ from irrsplat import paper
 from irrsplat.budget import Budget, Pace
 from irrsplat.buffers import Atlas, GBuffer, HitLight, ShadowMaps, Sites, SplatBuffer
 from irrsplat.cache import RecordCache
+from irrsplat.culling import within
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.target import pixels
@@ -190,7 +191,7 @@ class Placement(Holder):
         if not len(numbers):
             return 0
         where = self.cache.sites(numbers)
-        order = np.argsort(~self._in_view(where.position, camera), kind="stable")
+        order = np.argsort(~within(where.position, camera, self.size), kind="stable")
         done = 0
         for count in self._pace.batches(len(numbers), self.gather_pass.capacity, budget):
             chosen = order[done : done + count]
@@ -201,7 +202,7 @@ class Placement(Holder):
 
     def count_in_view(self, camera: Camera) -> int:
         """How many records lie in the view's pyramid, hidden ones too."""
-        return int(np.count_nonzero(self._in_view(self.cache.sites(slice(0, self.cache.count)).position, camera)))
+        return int(np.count_nonzero(within(self.cache.positions, camera, self.size)))
 
     def adapt(self) -> None:
         """Hold the records that are new, or all where their light or the settings have changed, against each other.
@@ -222,18 +223,12 @@ class Placement(Holder):
             return
         with self.timers("adapt"):
             if (settings.adapt > 0.0 or settings.neighbours) and cache.count:
-                self.adapt_pass(cache.records, first, settings)
+                self.adapt_pass(cache, first, settings)
             elif by != before:
                 cache.unlimit()
             else:
                 return
             cache.edits += 1  # old ones may reach less far now, or farther
-
-    def _in_view(self, points: np.ndarray, camera: Camera) -> np.ndarray:
-        """(N,) bool: which of the points (N, 3) lie in the view's pyramid."""
-        x, y, z = camera.axes @ (points - np.asarray(camera.eye)).T
-        half = 0.5 * camera.screen * -z
-        return (z < 0.0) & (np.abs(y) <= half) & (np.abs(x) <= half * self.size[0] / self.size[1])
 
     def ask(self, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps, camera: Camera, budget: Budget) -> Asked:
         """Gather where the examination of this view asks for records."""

@@ -17,6 +17,7 @@ from irrsplat import figure, limits
 from irrsplat.budget import Budget
 from irrsplat.buffers import GBuffer, ShadowMaps, SplatBuffer
 from irrsplat.cache import RecordCache
+from irrsplat.culling import reaching
 from irrsplat.errors import InputError
 from irrsplat.gpu import context, program
 from irrsplat.gpu.geometry import Geometry
@@ -172,7 +173,10 @@ class Renderer(Holder):
                     self.splat_pass.clear(gbuffer)
                     self._splatted = 0
                 if self._splatted < count:
-                    self.splat_pass(self.cache.records, self._splatted, gbuffer, camera, self.settings)
+                    numbers = reaching(self.cache, self._splatted, camera, self.size, self.settings)
+                    if anew:
+                        self.cache.saw(numbers)
+                    self.splat_pass(self.cache.records, numbers, gbuffer, camera, self.settings)
         self._splatted = count
         return self.splat_pass.sums(self.cache.dark)
 

@@ -20,6 +20,8 @@ All = Literal["all"]
 LEAST_ERROR = 1e-3  # w = 1/max(e, this) stays finite
 IN_FRONT = 0.05  # of R: how far in front of a pixel's surface, or behind it, a record may lie
 
+WIDE = 3.0  # in R_k, the greatest radius there is: what is dark and narrow has no say over what lies far beyond it
+
 # triangles: rasters of a hemicube cost in proportion to them, rays hardly; measured on llvmpipe, 64² rays cost 1.7 times what a
 # hemicube of 64 costs at 30 triangles, and 0.42 times at 4 thousand. With the surface cache it is 0.55 times at 30: rasters look
 # up what others hide, too

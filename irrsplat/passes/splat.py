@@ -39,6 +39,8 @@ class SplatPass(Holder):
     """Adds records to a splat buffer of `size` (width, height), with their gradients or without."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], gradients: bool) -> None:
+        self.ctx = ctx
+        self.numbers = ctx.buffer(reserve=4)  # of the records that are drawn
         self.program = Program(ctx, "splat", defines=weight_defines(gradients))
         self.empty = Program(ctx, "splat_clear", "lib/fullscreen", {"NOTHING_SEEN": NOTHING_SEEN})
         self.target = Target(ctx, size, (4, 2))
@@ -47,17 +49,24 @@ class SplatPass(Holder):
         """Start again from no records; the weight is NOTHING_SEEN where the g-buffer sees nothing."""
         self.empty(self.target, position=gbuffer.position)
 
-    def __call__(self, records: Records, first: int, gbuffer: GBuffer, camera: Camera, settings: Settings) -> SplatBuffer:
-        """Add the records from number `first` on, in their order; the sums are this pass's own textures."""
+    def __call__(
+        self, records: Records, numbers: np.ndarray, gbuffer: GBuffer, camera: Camera, settings: Settings
+    ) -> SplatBuffer:
+        """Add the records of these numbers (N,), in their order; the sums are this pass's own textures."""
         width, height = self.target.size
+        if not len(numbers):
+            return self.sums(records.dark)
+        data = numbers.astype("i4").tobytes()
+        self.numbers.orphan(max(len(data), self.numbers.size))  # a draw before this may still read the old ones
+        self.numbers.write(data)
         self.program(
             self.target,
             vertices=4,
             mode=moderngl.TRIANGLE_STRIP,
-            instances=records.count - first,
+            instances=len(numbers),
+            instance_data=(self.numbers, "1i/i", ("in_number",)),
             state=State(blend="add", clamp=True),
             **records.uniforms,
-            first=first,
             clip_from_world=camera.clip_from_view(width / height, 1e-3, 1e3) @ camera.view_from_world,
             **reach_uniforms(camera, settings),
             pixel=camera.screen / height,
