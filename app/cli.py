@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from irrsplat.scene.model import Camera, Scene
 
 INTERRUPTED = 130
-_UNSERVED = "before every pixel was served; raise --max-rounds or --a"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -96,7 +95,7 @@ def render(args: argparse.Namespace) -> int:
     if stats.get("interrupted"):
         return _fail(f"interrupted; the files hold what {stats.get('rounds', 0)} whole rounds gave", INTERRUPTED)
     if not stats.get("converged", True):
-        say(f"notice: stopped after {stats.get('rounds')} rounds {_UNSERVED}")
+        say(f"notice: stopped after {stats.get('rounds')} rounds {_unserved([stats])}")
     return 0
 
 
@@ -109,8 +108,14 @@ def _sequence(args: argparse.Namespace, done: list[dict[str, Any]], interrupted:
     if interrupted is not None:
         return _fail(f"interrupted; {interrupted}", INTERRUPTED)
     if short := sum(not stats.get("converged", True) for stats in done):
-        say(f"notice: {short} of {len(done)} frames stopped {_UNSERVED}")
+        say(f"notice: {short} of {len(done)} frames stopped {_unserved(done)}")
     return 0
+
+
+def _unserved(stats: Sequence[dict[str, Any]]) -> str:
+    """What is to be said of pictures that stopped early, of whose `stats` one says it was `full` where that is why."""
+    full = any(one.get("full") for one in stats)
+    return f"before every pixel was served; raise {'--max-records' if full else '--max-rounds'} or --a"
 
 
 def view(args: argparse.Namespace) -> int:

@@ -81,7 +81,7 @@ class Session(Holder):
         self._metered: tuple[View | None, float] = None, 0.0
         self.tape, self.truths = Tape(), Truths(ctx)
         self._stepping = False
-        self.held: tuple[int, int] | None = None  # the side and the number of the record that a click holds
+        self.held: tuple[int, int] | None = None  # the side and the name of the record that a click holds
         self._tables: dict[int, tuple[tuple[int, int], inspector.Table]] = {}
 
     # ---- a tick ----------------------------------------------------------------------------------------------------
@@ -118,6 +118,7 @@ class Session(Holder):
             for stage, ms in renderer.timers.milliseconds().items():
                 self.ms[stage] = self.ms.get(stage, 0.0) + ms
         self._stepping = self._stepping and not all(p.whole for p in self.progress)
+        self._let_go()
         self._expose(dt)
 
     def _expose(self, dt: float) -> None:
@@ -195,7 +196,7 @@ class Session(Holder):
         held = self.held
         side = held[0] if held is not None else self.side_at(cursor[0]) if cursor is not None else 0
         renderer, view = self.of(side)
-        table, number = self.table(renderer), held[1] if held is not None else None
+        table, number = self.table(renderer), renderer.cache.find(held[1]) if held is not None else None
         if number is None and cursor is not None:
             number = inspector.pick(table, view, renderer.settings, *cursor)
         if number is None or number >= len(table) or renderer.shadows is None:
@@ -222,7 +223,7 @@ class Session(Holder):
         side, was = self.side_at(cursor[0]), self.held
         renderer, view = self.of(side)
         number = inspector.pick(self.table(renderer), view, renderer.settings, *cursor) if was is None else None
-        self.held = None if number is None else (side, number)
+        self.held = None if number is None else (side, renderer.cache.name(number))
 
     def point_at(self, cursor: tuple[int, int]) -> tuple[float, float, float] | None:
         """The world point seen at the cursor; None where there is none."""
@@ -249,7 +250,7 @@ class Session(Holder):
 
     def _let_go(self) -> None:
         """Hold a record no longer that is gone."""
-        if self.held is not None and self.held[1] >= self._on(self.held[0]).cache.count:
+        if self.held is not None and self._on(self.held[0]).cache.find(self.held[1]) is None:
             self.held = None
 
     def _on(self, side: int) -> Renderer:

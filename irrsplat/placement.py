@@ -13,6 +13,7 @@ from irrsplat.budget import Budget, Pace
 from irrsplat.buffers import Atlas, GBuffer, HitLight, ShadowMaps, Sites, SplatBuffer
 from irrsplat.cache import RecordCache
 from irrsplat.culling import within
+from irrsplat.eviction import kept
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.target import pixels
@@ -108,6 +109,7 @@ class Placement(Holder):
         self._pattern = 0
         self._seen: paper.Seen | None = None  # the g-buffer as the paper's algorithm reads it back
         self._warmed = 0  # how many of its first samples are made
+        self.full = False  # whether the view needs more records than there may be
 
     def change(self, settings: Settings, scene: Scene) -> None:
         """Go on with other settings and lights; records that depend on what changed become stale, or are forgotten.
@@ -235,7 +237,8 @@ class Placement(Holder):
         if self.settings.placement == "scan":
             return self._scan(gbuffer, splats, shadows, camera, budget)
         if self._queue is None:
-            self._queue, self._missing = self._examine(gbuffer, splats)
+            sites, self._missing = self._examine(gbuffer, splats)
+            self._queue = sites[: self._room(len(sites), camera)]
         done = 0
         for count in self._pace.batches(len(self._queue), self.gather_pass.capacity, budget):
             batch = self._queue[done : done + count]
@@ -244,6 +247,16 @@ class Placement(Holder):
             done += count
         self._queue = self._queue[done:] if done < len(self._queue) else None
         return Asked(done, self._missing, self._queue is None)
+
+    def _room(self, wanted: int, camera: Camera) -> int:
+        """How many more records there may be, once as many have gone as are in the way of `wanted` new ones, if this view allows."""
+        numbers = kept(self.cache, wanted, camera, self.size, self.settings)
+        if numbers is not None:
+            self.cache.keep(numbers)
+            self._adapted = int(np.searchsorted(numbers, self._adapted[0])), self._adapted[1]
+        room = max(self.settings.max_records - self.cache.count, 0)
+        self.full = room < wanted
+        return room
 
     def missing(self, gbuffer: GBuffer, splats: SplatBuffer) -> float:
         """The share of the seen pixels that ask for a record now; nothing is gathered."""
@@ -270,7 +283,14 @@ class Placement(Holder):
                 self._seen = paper.read_back(gbuffer)
             self._warmed = 0 if self.cache.count == 0 else self.settings.warmup
         seen, settings = self._seen, self.settings
-        record = paper.Recorder(self.gather_pass, self.world, self.light(shadows), self.scene.sky, lambda: budget.left > 0.0)
+        if not (room := self._room(1, camera)):
+            return Asked(0, self.missing(gbuffer, splats), True)
+        more = iter(range(1, room))
+
+        def goes_on() -> bool:
+            return budget.left > 0.0 and next(more, None) is not None
+
+        record = paper.Recorder(self.gather_pass, self.world, self.light(shadows), self.scene.sky, goes_on)
         warm_up = self._warmed < settings.warmup
         with self.timers("gather" if warm_up else "examine"):
             if warm_up:

@@ -144,7 +144,8 @@ class Renderer(Holder):
         elif ready and self._idle < _IDLE and (self._made_of["splat"], self._splatted, self.settings.asking) != self._settled:
             asked = self._ask(gbuffer, splats, shadows, camera, budget)
         stale, made = (len(self.cache.stale), self.placement.bounced) if bounces else (0, 1.0)
-        return Progress(self._round, self.cache.count, asked.new, self._coverage, renewed, stale, asked.whole, made)
+        full = self.placement.full
+        return Progress(self._round, self.cache.count, asked.new, self._coverage, renewed, stale, asked.whole, made, full)
 
     def _lit(self) -> ShadowMaps:
         """The shadow maps, drawn again only for other lights."""
@@ -278,19 +279,19 @@ class Renderer(Holder):
         camera = self.scene.camera(camera)
         self.timers.clear()
         self._idle, start = 0, time.perf_counter()
-        stats: dict[str, Any] = {"rounds": 0, "converged": False, "interrupted": False, "coverage": 0.0}
-        whole, budget = self.cache.count, Budget(None)
+        stats: dict[str, Any] = {"rounds": 0, "converged": False, "full": False, "interrupted": False, "coverage": 0.0}
+        whole, ended, budget = self.cache.count + self.cache.evicted, False, Budget(None)
         try:
-            while not stats["converged"] and stats["rounds"] < self.settings.max_rounds and self._idle < _IDLE:
+            while not ended and stats["rounds"] < self.settings.max_rounds and self._idle < _IDLE:
                 now = self._advance(camera, budget)
-                whole = self.cache.count
+                whole, ended = self.cache.count + self.cache.evicted, now.new == 0
                 stats["rounds"] += 1
-                stats["coverage"], stats["converged"] = now.coverage, now.new == 0
+                stats["coverage"], stats["full"], stats["converged"] = now.coverage, now.full, ended and not now.full
                 if progress is not None:
                     progress(now)
         except KeyboardInterrupt:
             stats["interrupted"] = True
-            self.cache.truncate(whole)
+            self.cache.truncate(whole - self.cache.evicted)
         if not stats["converged"]:  # what the last round gathered is still to be splatted
             stats["coverage"] = self._advance(camera, budget, gather=False).coverage
         self.ctx.finish()

@@ -195,6 +195,10 @@ class Settings:
     )  # fmt: skip
     warmup: int = _declare(1000, "int", "examine", "the random first records of scan placement", low=0, high=100_000)
     max_rounds: int = _declare(64, "int", "examine", "rounds after which render() stops and says so", low=1, high=10_000)
+    max_records: int = _declare(
+        200_000, "int", "examine", "records kept at most; to make room, those go that have been out of view for longest",
+        low=100, high=4_000_000,
+    )  # fmt: skip
     blend: float = _declare(
         0.5, "float", "composite", "0 is direct light only, ½ the physical sum, 1 indirect only", low=0, high=1
     )
@@ -223,9 +227,9 @@ class Settings:
             object.__setattr__(self, name, declaration.check(getattr(self, name)))
 
     @property
-    def asking(self) -> tuple[float, float]:
-        """What decides which pixels ask for a record: `threshold` and `spread`."""
-        return self.threshold, self.spread
+    def asking(self) -> tuple[float, float, int]:
+        """What decides which pixels ask for a record, and whether they get one: `threshold`, `spread` and `max_records`."""
+        return self.threshold, self.spread, self.max_records
 
     @property
     def threshold(self) -> float:

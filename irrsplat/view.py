@@ -34,7 +34,8 @@ class View:
 class Progress:
     """Where a view stands after a tick: whole rounds so far, `records` in the cache, `new` among them, and `coverage` of the
     seen pixels, 0..1, at the round's begin. renewed: old records gathered again; stale: how many still wait for that.
-    whole: False while sites of a round are left over for the next tick. surface: how much of the surface cache is made, 0..1."""
+    whole: False while sites of a round are left over for the next tick. surface: how much of the surface cache is made, 0..1.
+    full: whether this view needs more records than `max_records`."""
 
     round: int
     records: int
@@ -44,12 +45,13 @@ class Progress:
     stale: int = 0
     whole: bool = True
     surface: float = 1.0
+    full: bool = False
 
     @property
     def done(self) -> bool:
-        """Whether nothing is left to gather in this view."""
+        """Whether nothing is left to gather in this view, or nothing may be."""
         made = self.whole and self.surface == 1.0
-        return made and not (self.new or self.renewed or self.stale) and self.coverage == 1.0
+        return made and not (self.new or self.renewed or self.stale) and (self.coverage == 1.0 or self.full)
 
 
 def read(view: View, sky: tuple[float, float, float], records: dict[str, np.ndarray], stats: dict[str, Any]) -> Frame:

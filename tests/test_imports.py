@@ -25,7 +25,7 @@ FLOORS = (
     ("irrsplat.surface",),
     ("irrsplat.reference",),
     ("irrsplat.exact",),
-    ("irrsplat.paper", "irrsplat.figure", "irrsplat.view"),
+    ("irrsplat.paper", "irrsplat.figure", "irrsplat.view", "irrsplat.eviction"),
     ("irrsplat.cutaway", "irrsplat.culling"),
     ("irrsplat.passes", "irrsplat.output"),
     ("irrsplat.cache", "irrsplat.lights", "irrsplat.budget"),
