@@ -74,8 +74,9 @@ class Placement(Holder):
         self.reduce_pass = ReducePass(ctx, settings.gradients)
         self.examine_pass = ExaminePass(ctx, size)
         self.adapt_pass = AdaptPass(ctx, settings.gradients, settings.neighbours)
-        self._adapted: tuple[int, object] = 0, None  # how many records, and by what
+        self._adapted: tuple[int, tuple[Any, ...] | None] = 0, None  # how many records, and by what
         self._gauged = 0, 0  # of how many records, and how often gathered again, the cache has the gauge
+        self._resumed: dict[str, Any] | None = None  # `bounces` of records from a file, while their surface cache is not made yet
         self.atlas: Atlas | None = None  # the last one gathered
         self._pace = Pace(ctx)
         self.new_view()
@@ -107,8 +108,7 @@ class Placement(Holder):
         self._queue: Sites | None = None  # of the present round, still to be gathered
         self._missing = 0.0  # share of the pixels, at the round's begin
         self._pattern = 0
-        self._seen: paper.Seen | None = None  # the g-buffer as the paper's algorithm reads it back
-        self._warmed = 0  # how many of its first samples are made
+        self._view: paper.View | None = None  # as the paper's algorithm goes through it
         self.full = False  # whether the view needs more records than there may be
 
     def change(self, settings: Settings, scene: Scene) -> None:
@@ -137,6 +137,7 @@ class Placement(Holder):
         more = settings.gradients and not old.gradients  # records gathered without them have none
         if gathered or more or lights.lights != scene.lights or old.shadow_size != settings.shadow_size:
             self.cache.expire()
+            self._resumed = None
         if old.of(*_ASKING) != settings.of(*_ASKING):
             self.new_view()
 
@@ -147,7 +148,34 @@ class Placement(Holder):
         self.examine_pass = ExaminePass(self.ctx, size)
         self.new_view()
 
+    # ---- files -----------------------------------------------------------------------------------------------------
+
+    def state(self) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
+        """The records as arrays, and, as plain JSON, what else `restore` needs to go on as if nothing had happened."""
+        state = self.cache.state()
+        if self._resumed is None and self.bounced < 1.0:  # they will be stale as soon as the surface cache is made
+            state["clocks"][0] += 1
+        count, by = self._adapted
+        adapted = [count, *by[: len(_ADAPTED_BY)]] if by is not None else [0]
+        return state, {"adapted": adapted, "bounces": self.bounces(self.settings)}
+
+    def restore(self, state: dict[str, np.ndarray], about: dict[str, Any]) -> None:
+        """Take these records in place of those that there are; raises KeyError, TypeError or ValueError where they are none."""
+        (count, *by), bounces = about["adapted"], dict(about["bounces"])
+        self.cache.restore(state)
+        self._gauged = self.cache.count, self.cache.renewals
+        same = by == [getattr(self.settings, name) for name in _ADAPTED_BY]
+        self._adapted = (int(count), (*by, self.cache.renewals, self.cache.dark)) if same else (0, None)
+        made = self.surface is None or self.surface.whole or self.settings.most_bounces < 2
+        self._resumed = None if made else bounces
+        self.new_view()
+
     # ---- rounds ----------------------------------------------------------------------------------------------------
+
+    def ready(self, shadows: ShadowMaps, budget: Budget) -> bool:
+        """Go on with what gathering needs, as `bounce` does; but a render with records from a file may need none of it."""
+        waits = self._resumed is not None and not budget.limited and not len(self.cache.stale)
+        return waits or self.bounce(shadows, budget)
 
     def bounce(self, shadows: ShadowMaps, budget: Budget) -> bool:
         """Go on with the surface cache where more than one bounce is wanted; whether records may be gathered by it meanwhile.
@@ -159,7 +187,9 @@ class Placement(Holder):
             return True
         ready = self.surface.result is not None
         if self.surface.advance(shadows, budget.part(0.5, 0.0) if ready else budget):
-            self.cache.expire()
+            if self._resumed is None:
+                self.cache.expire()
+            self._resumed = None  # by such values they were gathered, too
         return self.surface.result is not None
 
     @property
@@ -177,12 +207,15 @@ class Placement(Holder):
         """How many bounces there are, for the statistics; and, where all are wanted, whether hardly anything is still to come."""
         everything, most = settings.bounces == "all", settings.most_bounces
         made = self.surface.result if self.surface is not None and most > 1 else None
+        if made is None and self._resumed is not None:
+            return self._resumed
         if made is None:
             return {"bounces": min(most, 1), "bounces_converged": False if everything else None}
         return {"bounces": made.bounces, "bounces_converged": made.settled if everything else None}
 
     def expire(self) -> None:
         """Gather everything again."""
+        self._resumed = None
         self.cache.expire()
         if self.surface is not None:
             self.surface.expire()
@@ -239,6 +272,8 @@ class Placement(Holder):
         if self._queue is None:
             sites, self._missing = self._examine(gbuffer, splats)
             self._queue = sites[: self._room(len(sites), camera)]
+        if len(self._queue) and self._resumed is not None:
+            self.bounce(shadows, budget)
         done = 0
         for count in self._pace.batches(len(self._queue), self.gather_pass.capacity, budget):
             batch = self._queue[done : done + count]
@@ -249,7 +284,7 @@ class Placement(Holder):
         return Asked(done, self._missing, self._queue is None)
 
     def _room(self, wanted: int, camera: Camera) -> int:
-        """How many more records there may be, once as many have gone as are in the way of `wanted` new ones, if this view allows."""
+        """How many more records there may be, once those have gone that are in the way of `wanted` new ones, if they may."""
         numbers = kept(self.cache, wanted, camera, self.size, self.settings)
         if numbers is not None:
             self.cache.keep(numbers)
@@ -278,28 +313,21 @@ class Placement(Holder):
 
     def _scan(self, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps, camera: Camera, budget: Budget) -> Asked:
         """The same by the paper's own algorithm: random warm-up records, then a traversal in scan order on the CPU."""
-        if self._seen is None:
+        if self._view is None:
             with self.timers("gbuffer"):
-                self._seen = paper.read_back(gbuffer)
-            self._warmed = 0 if self.cache.count == 0 else self.settings.warmup
-        seen, settings = self._seen, self.settings
+                self._view = paper.View(gbuffer, self.settings.warmup if self.cache.count else 0)
+        if self._resumed is not None:
+            self.bounce(shadows, budget)
         if not (room := self._room(1, camera)):
             return Asked(0, self.missing(gbuffer, splats), True)
-        more = iter(range(1, room))
+        more, light = iter(range(1, room)), self.light(shadows)
 
         def goes_on() -> bool:
             return budget.left > 0.0 and next(more, None) is not None
 
-        record = paper.Recorder(self.gather_pass, self.world, self.light(shadows), self.scene.sky, goes_on)
-        warm_up = self._warmed < settings.warmup
-        with self.timers("gather" if warm_up else "examine"):
-            if warm_up:
-                sites, values = paper.warm_up(seen, record, settings, self._warmed)
-                missing = float(seen.mask.any())
-                self._warmed = self._warmed + len(sites) if record.stopped else settings.warmup
-            else:
-                weight = pixels(splats.weight)[..., 0]
-                sites, values, missing = paper.traverse(seen, weight, record, camera, settings)
+        record = paper.Recorder(self.gather_pass, self.world, light, self.scene.sky, goes_on)
+        with self.timers("gather" if self._view.warmed < self.settings.warmup else "examine"):
+            sites, values, missing = self._view.ask(pixels(splats.weight)[..., 0], record, camera, self.settings)
         if len(sites):
             self.cache.append(sites, values)
         return Asked(len(sites), missing, not record.stopped)

@@ -21,7 +21,6 @@ from irrsplat.culling import reaching
 from irrsplat.errors import InputError
 from irrsplat.gpu import context, program
 from irrsplat.gpu.geometry import Geometry
-from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.timers import Timers
 from irrsplat.lights import light_defines
 from irrsplat.output import Frame
@@ -35,13 +34,14 @@ from irrsplat.scene.flat import flatten
 from irrsplat.scene.model import Camera, Light, Scene
 from irrsplat.settings import Settings
 from irrsplat.settings import preset as settings_of
+from irrsplat.store import Stored
 from irrsplat.view import Progress, View, read, statistics
 
 _IDLE = 8  # rounds without any gain in coverage after which nothing more is to be hoped for
 _RENEWAL = 0.6  # of the time for gathering that stale records may take where new ones are wanted too
 
 
-class Renderer(Holder):
+class Renderer(Stored):
     """Renders views of one scene and keeps the irradiance records that they asked for.
 
     scene: what `irrsplat.load` returns. size: (width, height) in pixels. preset: a name of settings.PRESETS, and any
@@ -127,7 +127,7 @@ class Renderer(Holder):
         shadows = self._lit()
         gbuffer = self._seen(camera)
         bounces, renewed = self.settings.most_bounces > 0, 0
-        ready = gather and bounces and self.placement.bounce(shadows, budget.part(1.0, sum(self._reserve)))
+        ready = gather and bounces and self.placement.ready(shadows, budget.part(1.0, sum(self._reserve)))
         if ready:
             share = 1.0 if self._coverage == 1.0 else _RENEWAL
             renewed = self.placement.renew(shadows, camera, budget.part(share, sum(self._reserve)))
@@ -138,7 +138,7 @@ class Renderer(Holder):
         asked = Asked(0, 0.0, True)
         if not bounces:
             self._coverage = 1.0
-        elif not gather:
+        elif not ready:
             if self._other("looked at", self._made_of["splat"], self._splatted, self.settings.asking):
                 self._coverage = 1.0 - self.placement.missing(gbuffer, splats)
         elif ready and self._idle < _IDLE and (self._made_of["splat"], self._splatted, self.settings.asking) != self._settled:

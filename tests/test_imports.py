@@ -21,6 +21,7 @@ FLOORS = (
     ("irrsplat",),  # the package's own front door, which hands out what lies below
     ("irrsplat.headless",),
     ("irrsplat.renderer",),
+    ("irrsplat.store",),
     ("irrsplat.placement", "irrsplat.limits"),
     ("irrsplat.surface",),
     ("irrsplat.reference",),
