@@ -107,7 +107,7 @@ def test_a_known_view_makes_no_surface_cache_and_an_unknown_one_the_same(path: P
 
 
 def test_a_tick_with_a_budget_shows_what_there_is_at_once(path: Path) -> None:
-    """The viewer's way: the records of the file in its first picture, the surface cache meanwhile, and no record gathered anew."""
+    """The viewer's way: the records of the file in its first picture, then the surface cache, and no record gathered anew."""
     with Renderer(room(), SIZE, **ALL) as first:
         known = first.render()
         first.save_cache(path)
