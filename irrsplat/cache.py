@@ -139,7 +139,7 @@ class RecordCache(Holder):
 
         Without it a room that no light enters would be filled with records that differ by nothing but noise.
         """
-        mean = float((self.values[:, :3] @ LUMINANCE).mean(dtype=float)) if self.count else 0.0
+        mean = float((self.values @ np.append(LUMINANCE, np.float32(0.0))).mean(dtype=float)) if self.count else 0.0
         dark = 2.0 ** math.floor(math.log2(_DARK * mean)) if mean > 0.0 else 0.0
         if dark != self.dark:
             self.dark = dark

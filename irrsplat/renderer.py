@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import moderngl
@@ -174,7 +175,8 @@ class Renderer(Stored):
                     self.splat_pass.clear(gbuffer)
                     self._splatted = 0
                 if self._splatted < count:
-                    numbers = reaching(self.cache, self._splatted, camera, self.size, self.settings)
+                    sight = partial(self.splat_pass.farthest, gbuffer, camera)
+                    numbers = reaching(self.cache, self._splatted, camera, self.size, self.settings, sight)
                     if anew:
                         self.cache.saw(numbers)
                     self.splat_pass(self.cache.records, numbers, gbuffer, camera, self.settings)

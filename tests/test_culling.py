@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import moderngl
 import numpy as np
 import pytest
 
-from irrsplat import Renderer
+from irrsplat import Renderer, culling
 from irrsplat.cache import RecordCache
 from irrsplat.culling import reaching, within
-from irrsplat.passes.splat import SplatPass
-from irrsplat.scene.model import Camera
+from irrsplat.passes.splat import TILE, SplatPass
+from irrsplat.scene.flat import flatten
+from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import Settings, preset
 from tests.test_renderer import FAST, room
-from tests.worlds import floor, gbuffer_of, lamp, on_plane, scene, sites
+from tests.worlds import box, floor, gbuffer_of, lamp, material, on_plane, scene, sites
 
 SIZE = (45, 30)
 COUNT = 3000
@@ -71,6 +73,58 @@ def test_what_is_left_out_would_add_nothing(ctx: moderngl.Context, name: str) ->
     assert np.median(drawn) < 0.6 * COUNT and min(drawn) < 0.15 * COUNT, "and they are left out"
     splats.release()
     cache.release()
+
+
+def cells() -> Scene:
+    """Three by three rooms of 2 m side by side, a lamp in the middle one."""
+    rooms = [box((i, 0, j), (i + 1.95, 1.5, j + 1.95), material(0.6), outward=False) for i in (-3, -1, 1) for j in (-3, -1, 1)]
+    return scene(*rooms, lights=(lamp((0, 1, 0)),))
+
+
+@pytest.mark.parametrize("name", SETTINGS)
+def test_what_is_hidden_would_add_nothing(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Records on all walls of many rooms, seen from within them: to the bit as if all were drawn, and few are."""
+    monkeypatch.setattr(culling, "_MANY", 0)
+    size = (120, 80)  # some tiles
+    rng, world, settings = np.random.default_rng(7), cells(), SETTINGS[name]
+    vertices, faces, _ = flatten(world)
+    face = faces[rng.integers(0, len(faces), COUNT)]
+    share = rng.dirichlet((1, 1, 1), COUNT)
+    p, n = (np.einsum("nc,ncx->nx", share, vertices[face, part]) for part in (slice(0, 3), slice(3, 6)))
+    drawn = []
+    with Renderer(world, size, **FAST) as renderer:
+        values = np.column_stack([rng.uniform(0.0, 3.0, (COUNT, 3)), 10.0 ** rng.uniform(-2.0, -0.3, COUNT)])
+        renderer.cache.append(sites(p, n), values)
+        splats = SplatPass(renderer.ctx, size, settings.gradients)
+        for camera in cameras(30, 8):
+            eye = rng.uniform((-2.9, 0.05, -2.9), (2.9, 1.45, 2.9))
+            camera = replace(camera, eye=tuple(eye), target=tuple(eye + np.subtract(camera.target, camera.eye)))
+            gbuffer = renderer.gbuffer_pass(world, renderer.geometry, camera)
+            found = []
+            sight = partial(splats.farthest, gbuffer, camera)
+            for numbers in (np.arange(COUNT), reaching(renderer.cache, 0, camera, size, settings, sight)):
+                splats.clear(gbuffer)
+                splats(renderer.cache.records, numbers, gbuffer, camera, settings)
+                found.append((splats.target.read(0).copy(), splats.target.read(1).copy()))
+            assert np.array_equal(*(one[0] for one in found)) and np.array_equal(*(one[1] for one in found))
+            drawn.append(len(numbers) / max(len(reaching(renderer.cache, 0, camera, size, settings)), 1))
+    assert np.mean(drawn) < 0.9 and min(drawn) < 0.3, "of those in the pyramid"
+
+
+def test_how_far_tiles_see(ctx: moderngl.Context) -> None:
+    """The farthest pixel of each tile, bottom row first, those at the border cut short; nothing seen is no distance."""
+    size = (2 * TILE + 5, TILE + 3)
+    camera = cameras(1, 9)[0]
+    position, depth = on_plane(camera, size, (0, -1, 0), (0.1, 1, 0.05))
+    seen = (depth > 0.0) & (np.random.default_rng(9).random(depth.shape) < 0.9)
+    seen[:3] = False
+    position = np.where(seen[..., None], position, 0.0).astype("f4")
+    splats = SplatPass(ctx, size, False)
+    found = splats.farthest(gbuffer_of(ctx, position, np.ones_like(position), np.where(seen, depth, 0.0)), camera)
+    distance = np.where(seen, np.linalg.norm(position - np.asarray(camera.eye), axis=-1), 0.0)[::-1]
+    truth = [[distance[y : y + TILE, x : x + TILE].max() for x in range(0, size[0], TILE)] for y in range(0, size[1], TILE)]
+    assert seen.any() and np.allclose(found, truth, rtol=1e-5)
+    splats.release()
 
 
 def test_few_are_drawn_that_lie_outside_where_reach_is_bounded(ctx: moderngl.Context) -> None:

@@ -14,6 +14,8 @@ from irrsplat.gpu.target import Target
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings, record_uniforms, weight_defines
 
+TILE = 16  # pixels
+
 
 def splat_radius(R: Any, distance: Any, camera: Camera, settings: Settings) -> np.ndarray:
     """The radius a·R in metres within radius_min and radius_max, as splat.vert has it.
@@ -44,10 +46,17 @@ class SplatPass(Holder):
         self.program = Program(ctx, "splat", defines=weight_defines(gradients))
         self.empty = Program(ctx, "splat_clear", "lib/fullscreen", {"NOTHING_SEEN": NOTHING_SEEN})
         self.target = Target(ctx, size, (4, 2))
+        self.tiles = Program(ctx, "splat_farthest", "lib/fullscreen", {"SIDE": TILE})
+        self.distances = Target(ctx, (-(-size[0] // TILE), -(-size[1] // TILE)), (1,))
 
     def clear(self, gbuffer: GBuffer) -> None:
         """Start again from no records; the weight is NOTHING_SEEN where the g-buffer sees nothing."""
         self.empty(self.target, position=gbuffer.position)
+
+    def farthest(self, gbuffer: GBuffer, camera: Camera) -> np.ndarray:
+        """(h, w) float32, bottom row first: how far each tile of TILE² pixels sees, in metres from the eye; 0: nowhere."""
+        self.tiles(self.distances, position=gbuffer.position, eye=camera.eye)
+        return self.distances.read()[::-1, :, 0]
 
     def __call__(
         self, records: Records, numbers: np.ndarray, gbuffer: GBuffer, camera: Camera, settings: Settings
