@@ -9,6 +9,7 @@ import moderngl
 import numpy as np
 
 from irrsplat import paper
+from irrsplat.adaptation import Adaptation
 from irrsplat.budget import Budget, Pace
 from irrsplat.buffers import Atlas, GBuffer, HitLight, ShadowMaps, Sites, SplatBuffer
 from irrsplat.cache import RecordCache
@@ -19,7 +20,6 @@ from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.target import pixels
 from irrsplat.gpu.timers import Timers
 from irrsplat.lights import light_defines
-from irrsplat.passes.adapt import AdaptPass
 from irrsplat.passes.examine import ExaminePass, choose, spacing
 from irrsplat.passes.gather import GatherPass
 from irrsplat.passes.reduce import ReducePass
@@ -30,8 +30,6 @@ from irrsplat.settings import Settings
 from irrsplat.surface import SurfaceCache
 
 _REACH = 8.0  # percent of the image height by which the first sites lie apart where radii have no upper limit
-# settings that limits of radii depend on
-_ADAPTED_BY = ("a", "adapt", "neighbours", "gradients", "second_order", "radius", "walls")
 _ASKING = ("gather", "splat", "examine")  # the stages whose settings decide where records are asked for
 
 
@@ -73,9 +71,7 @@ class Placement(Holder):
         self.gather_pass = self._gather_pass()
         self.reduce_pass = ReducePass(ctx, settings.gradients)
         self.examine_pass = ExaminePass(ctx, size)
-        self.adapt_pass = AdaptPass(ctx, settings.gradients, settings.neighbours)
-        self._adapted: tuple[int, tuple[Any, ...] | None] = 0, None  # how many records, and by what
-        self._gauged = 0, 0  # of how many records, and how often gathered again, the cache has the gauge
+        self.adaptation = Adaptation(ctx, settings, cache, timers)
         self._resumed: dict[str, Any] | None = None  # `bounces` of records from a file, while their surface cache is not made yet
         self.atlas: Atlas | None = None  # the last one gathered
         self._pace = Pace(ctx)
@@ -110,6 +106,7 @@ class Placement(Holder):
         self._pattern = 0
         self._view: paper.View | None = None  # as the paper's algorithm goes through it
         self.full = False  # whether the view needs more records than there may be
+        self.adaptation.new_view()
 
     def change(self, settings: Settings, scene: Scene) -> None:
         """Go on with other settings and lights; records that depend on what changed become stale, or are forgotten.
@@ -131,9 +128,7 @@ class Placement(Holder):
         if old.gradients != settings.gradients:
             self.reduce_pass.release()
             self.reduce_pass = ReducePass(self.ctx, settings.gradients)
-        if (old.gradients, old.neighbours) != (settings.gradients, settings.neighbours):
-            self.adapt_pass.release()
-            self.adapt_pass = AdaptPass(self.ctx, settings.gradients, settings.neighbours)
+        self.adaptation.change(settings)
         more = settings.gradients and not old.gradients  # records gathered without them have none
         if gathered or more or lights.lights != scene.lights or old.shadow_size != settings.shadow_size:
             self.cache.expire()
@@ -155,17 +150,13 @@ class Placement(Holder):
         state = self.cache.state()
         if self._resumed is None and self.bounced < 1.0:  # they will be stale as soon as the surface cache is made
             state["clocks"][0] += 1
-        count, by = self._adapted
-        adapted = [count, *by[: len(_ADAPTED_BY)]] if by is not None else [0]
-        return state, {"adapted": adapted, "bounces": self.bounces(self.settings)}
+        return state, {"adapted": self.adaptation.state(), "bounces": self.bounces(self.settings)}
 
     def restore(self, state: dict[str, np.ndarray], about: dict[str, Any]) -> None:
         """Take these records in place of those that there are; raises KeyError, TypeError or ValueError where they are none."""
-        (count, *by), bounces = about["adapted"], dict(about["bounces"])
+        adapted, bounces = list(about["adapted"]), dict(about["bounces"])
         self.cache.restore(state)
-        self._gauged = self.cache.count, self.cache.renewals
-        same = by == [getattr(self.settings, name) for name in _ADAPTED_BY]
-        self._adapted = (int(count), (*by, self.cache.renewals, self.cache.dark)) if same else (0, None)
+        self.adaptation.restore(adapted, self.settings)
         made = self.surface is None or self.surface.whole or self.settings.most_bounces < 2
         self._resumed = None if made else bounces
         self.new_view()
@@ -239,38 +230,18 @@ class Placement(Holder):
         """How many records lie in the view's pyramid, hidden ones too."""
         return int(np.count_nonzero(within(self.cache.positions, camera, self.size)))
 
-    def adapt(self) -> None:
-        """Hold the records that are new, or all where their light or the settings have changed, against each other.
+    def adapt(self, last: bool = False) -> bool:
+        """Hold the records against each other, as Adaptation does; whether any that were there reach otherwise now."""
+        return self.adaptation(self.settings, last)
 
-        Not while some are stale: they would contradict those that are renewed, and mean nothing by it.
-        """
-        settings, cache = self.settings, self.cache
-        if len(cache.stale):
-            return
-        if settings.gradients and (cache.count, cache.renewals) != self._gauged:
-            self._gauged = cache.count, cache.renewals
-            cache.gauge()
-        by = *(getattr(settings, name) for name in _ADAPTED_BY), cache.renewals, cache.dark
-        count, before = self._adapted
-        first = min(count, cache.count) if by == before else 0
-        self._adapted = cache.count, by
-        if by == before and first == cache.count:
-            return
-        with self.timers("adapt"):
-            if (settings.adapt > 0.0 or settings.neighbours) and cache.count:
-                self.adapt_pass(cache, first, settings)
-            elif by != before:
-                cache.unlimit()
-            else:
-                return
-            cache.edits += 1  # old ones may reach less far now, or farther
-
-    def ask(self, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps, camera: Camera, budget: Budget) -> Asked:
-        """Gather where the examination of this view asks for records."""
+    def ask(
+        self, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps, camera: Camera, budget: Budget, every: int = 1
+    ) -> Asked:
+        """Gather where the examination of this view asks for records; every: of how many pixels the splats are."""
         if self.settings.placement == "scan":
             return self._scan(gbuffer, splats, shadows, camera, budget)
         if self._queue is None:
-            sites, self._missing = self._examine(gbuffer, splats)
+            sites, self._missing = self._examine(gbuffer, splats, every)
             self._queue = sites[: self._room(len(sites), camera)]
         if len(self._queue) and self._resumed is not None:
             self.bounce(shadows, budget)
@@ -288,22 +259,22 @@ class Placement(Holder):
         numbers = kept(self.cache, wanted, camera, self.size, self.settings)
         if numbers is not None:
             self.cache.keep(numbers)
-            self._adapted = int(np.searchsorted(numbers, self._adapted[0])), self._adapted[1]
+            self.adaptation.keep(numbers)
         room = max(self.settings.max_records - self.cache.count, 0)
         self.full = room < wanted
         return room
 
-    def missing(self, gbuffer: GBuffer, splats: SplatBuffer) -> float:
+    def missing(self, gbuffer: GBuffer, splats: SplatBuffer, every: int = 1) -> float:
         """The share of the seen pixels that ask for a record now; nothing is gathered."""
         with self.timers("examine"):
-            return self.examine_pass(gbuffer, splats, self.settings).missing
+            return self.examine_pass(gbuffer, splats, self.settings, every).missing
 
-    def _examine(self, gbuffer: GBuffer, splats: SplatBuffer) -> tuple[Sites, float]:
+    def _examine(self, gbuffer: GBuffer, splats: SplatBuffer, every: int) -> tuple[Sites, float]:
         settings = self.settings
         with self.timers("examine"):
-            found = self.examine_pass(gbuffer, splats, settings)
+            found = self.examine_pass(gbuffer, splats, settings, every)
             reach = (settings.radius_max or _REACH) / 100.0 * self.size[1] / self.examine_pass.side  # tiles
-            asking = int(np.count_nonzero(found.asking))
+            asking = int(np.count_nonzero(found.asking)) * every**2  # as many tiles as about would, were all pixels looked at
             tiles = choose(found.asking, *spacing(self._pattern, reach, asking), settings.seed)
             while asking and not len(tiles[0]):  # these fields of the chess board ask for nothing: the next ones
                 self._pattern += 1

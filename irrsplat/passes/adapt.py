@@ -43,15 +43,15 @@ class AdaptPass(Holder):
         self.out: Target | None = None  # the cache's own texture
         self._grids: dict[tuple[int, int], _Tables] = {}
 
-    def __call__(self, cache: RecordCache, first: int, settings: Settings) -> None:
-        """Limit the records from number `first` on by all others, and those before it by them."""
+    def __call__(self, cache: RecordCache, first: int, settings: Settings, old: bool = True) -> None:
+        """Limit the records from number `first` on by all others, and, where `old` ones are wanted, those before it by them."""
         if first == cache.count:
             return
         if self.out is None or self.out.textures[0] is not cache.records.limit:
             self.out = Target(self.ctx, cache.records.limit.size, textures=[cache.records.limit])
         everything = self._tables(cache.positions, 0)
         self._limit(cache, np.arange(first, cache.count), everything, settings, State())
-        if first:
+        if first and old:
             near = _reaching(cache, first, settings)
             self._limit(cache, near, self._tables(cache.positions, first), settings, State(blend="min"))
 
