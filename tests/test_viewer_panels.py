@@ -35,6 +35,7 @@ CHANGES: dict[str, tuple[str | None, Any]] = {
     "neighbours": (None, True),
     "radius_min": ("3.5", 3.5),
     "radius_max": ("60", 60.0),  # beyond the slider's span, which is for dragging only
+    "coarse": (None, False),
     "tolerance": ("4", 4.0),
     "spread": ("0.7", 0.7),
     "placement": ("scan", "scan"),
