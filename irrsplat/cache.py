@@ -14,6 +14,8 @@ from irrsplat.display import LUMINANCE
 from irrsplat.gpu import numbered
 from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.target import float_texture
+from irrsplat.scene.model import Scene
+from irrsplat.scene.motion import untouched
 
 _DARK = 0.02  # of the records' mean luminance
 _COLUMNS = 1024
@@ -22,7 +24,8 @@ _ROWS = 4  # at first; doubled whenever they are full
 _VALUES = 2  # which of them holds E and R
 
 # what is known of each record here: where it lies, in which era it was gathered, its values where `read` (else the GPU alone has
-# them), in which view it was last seen, and the name that it keeps when others before it go
+# them), in which view it was last seen, the name that it keeps when others before it go, what turns the frame that it looks in,
+# what probes.py has of it (E and R; R = 0: nothing), and by how much that has changed since it was gathered
 _KNOWN: dict[str, tuple[tuple[int, ...], str]] = {
     "position": ((4,), "f4"),
     "normal": ((4,), "f4"),
@@ -33,6 +36,9 @@ _KNOWN: dict[str, tuple[tuple[int, ...], str]] = {
     "read": ((), "?"),
     "viewed": ((), "i8"),
     "name": ((), "i8"),
+    "turn": ((), "i8"),
+    "probes": ((4,), "f4"),
+    "drift": ((), "f4"),
 }
 _KEPT = tuple(name for name in _KNOWN if name not in ("values", "read"))  # in files; E and R are among the textures
 
@@ -47,7 +53,7 @@ class RecordCache(Holder):
         self.ctx = ctx
         self.count = 0
         self._known = {name: np.zeros((_ROWS * _COLUMNS, *shape), kind) for name, (shape, kind) in _KNOWN.items()}
-        self._now = 0  # the era
+        self.era = 0  # how often all records have become stale
         self._stale: np.ndarray | None = None  # the answer of `stale`, while it holds
         self._view = 0
         self._next = 0  # name
@@ -83,8 +89,10 @@ class RecordCache(Holder):
         for name, rows in (("position", sites.position), ("normal", sites.normal), ("geometric", sites.geometric)):
             known[name][new, :3] = rows
         known["triangle"][new] = -1 if sites.triangle is None else sites.triangle
-        known["era"][new], known["viewed"][new], known["read"][new] = self._now, self._view, False
+        known["era"][new], known["viewed"][new], known["read"][new] = self.era, self._view, False
+        known["probes"][new], known["drift"][new] = 0.0, 0.0
         known["name"][new] = self._next + np.arange(len(sites))
+        known["turn"][new] = known["name"][new] if sites.turn is None else sites.turn
         self._next += len(sites)
         for texture, name in zip(self._textures, ("position", "normal"), strict=False):
             numbered.write(texture, first, known[name][new])
@@ -134,6 +142,16 @@ class RecordCache(Holder):
             "radius": values[:, 3].copy(),
         }
 
+    @property
+    def probes(self) -> np.ndarray:
+        """(N, 4) float32, what a few directions brought of E, W/m², and R, metres (see probes.py); R = 0: not looked."""
+        return self._known["probes"][: self.count]
+
+    @property
+    def drift(self) -> np.ndarray:
+        """(N,) float32, by how much `probes` have changed since the records were gathered."""
+        return self._known["drift"][: self.count]
+
     def gauge(self) -> None:
         """Set `dark` by the records that there are: a share of their mean luminance, in steps, so that it seldom changes.
 
@@ -157,7 +175,7 @@ class RecordCache(Holder):
         """Where the records of these numbers lie."""
         triangle = self._known["triangle"][numbers]
         position, normal, geometric = (self._known[name][numbers, :3] for name in ("position", "normal", "geometric"))
-        return Sites(position, normal, geometric, triangle if (triangle >= 0).all() else None)
+        return Sites(position, normal, geometric, triangle if (triangle >= 0).all() else None, self._known["turn"][numbers])
 
     # ---- what is stale ----------------------------------------------------------------------------------------------
 
@@ -166,18 +184,33 @@ class RecordCache(Holder):
         """The numbers of the records whose light is no longer what it was when they were gathered, the stalest first."""
         if self._stale is None:
             era = self._known["era"]
-            (numbers,) = np.nonzero(era[: self.count] < self._now)
+            (numbers,) = np.nonzero(era[: self.count] < self.era)
             self._stale = numbers[np.argsort(era[numbers], kind="stable")]
         return self._stale
 
-    def expire(self) -> None:
-        """Make every record stale."""
-        self._now += 1
+    def age(self, numbers: np.ndarray) -> np.ndarray:
+        """(N,) how often the records of these numbers have become stale since they were gathered; 0 where they are gone."""
+        there = numbers < self.count
+        age = np.zeros(len(numbers), np.intp)
+        age[there] = self.era - self._known["era"][numbers[there]]
+        return age
+
+    def expire(self, numbers: np.ndarray | None = None) -> None:
+        """Make the records of these numbers stale, or all of them; of them all, what `probes` says is no longer so."""
+        era = self._known["era"][: self.count]
+        fresh = era == self.era
+        self.era += 1
         self._stale = None
+        if numbers is None:
+            self.probes[:] = 0.0
+            return
+        fresh[numbers] = False
+        era[fresh] = self.era
 
     def renewed(self, numbers: np.ndarray) -> None:
         """Say that the records of these numbers have been gathered again."""
-        self._known["era"][numbers], self._known["read"][numbers] = self._now, False
+        known = self._known
+        known["era"][numbers], known["read"][numbers], known["drift"][numbers] = self.era, False, 0.0
         self._stale = None
         self.renewals += 1
         self.edits += 1
@@ -202,7 +235,10 @@ class RecordCache(Holder):
         return self._view - self._known["viewed"][: self.count]
 
     def keep(self, numbers: np.ndarray) -> None:
-        """Forget all records but those of these numbers, ascending, which close ranks in their order."""
+        """Forget all records but those of these numbers, ascending, which close ranks in their order. Gathered again, they look
+        in the same directions as before."""
+        if len(numbers) == self.count:
+            return
         for array in self._known.values():
             array[: len(numbers)] = array[numbers]
         for texture in (*self._textures, self._limit):
@@ -210,6 +246,11 @@ class RecordCache(Holder):
         self.evicted += self.count - len(numbers)
         self.count, self._stale = len(numbers), None
         self.edits += 1
+
+    def untouched(self, before: Scene, after: Scene) -> np.ndarray:
+        """(count,) True for the records that lie where they lay, and about which little has moved (see scene/motion.py)."""
+        normal, triangle = self._known["geometric"][: self.count, :3], self._known["triangle"][: self.count]
+        return untouched(self.positions, normal, triangle, before, after)
 
     def find(self, name: int) -> int | None:
         """The number that the record of this name has now; None where it is gone."""
@@ -228,7 +269,7 @@ class RecordCache(Holder):
         kept = {name: self._known[name][: self.count].copy() for name in _KEPT}
         textures = [numbered.read(self.ctx, t, 0, self.count) for t in self._textures[_VALUES:]]
         limit = numbered.read(self.ctx, self._limit, 0, self.count)
-        clocks = np.array([self._now, self._view, self._next])
+        clocks = np.array([self.era, self._view, self._next])
         return {**kept, "content": np.stack(textures, axis=1), "limit": limit, "clocks": clocks, "dark": np.array(self.dark)}
 
     def restore(self, state: Mapping[str, Any]) -> None:
@@ -242,7 +283,7 @@ class RecordCache(Holder):
         self.truncate(0)
         self._reserve(count)
         self.count, self._stale, self.dark = count, None, float(state["dark"])
-        self._now, self._view, self._next = (int(clock) for clock in state["clocks"])
+        self.era, self._view, self._next = (int(clock) for clock in state["clocks"])
         for name in _KEPT:
             self._known[name][:count] = state[name]
         self._known["read"][:count] = False

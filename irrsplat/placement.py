@@ -24,6 +24,8 @@ from irrsplat.passes.examine import ExaminePass, choose, spacing
 from irrsplat.passes.gather import GatherPass
 from irrsplat.passes.reduce import ReducePass
 from irrsplat.passes.trace import TracePass, Tree
+from irrsplat.probes import MOST, SIDE, Probes, concerned
+from irrsplat.renewal import Renewal
 from irrsplat.scene.flat import flatten
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import Settings
@@ -72,7 +74,10 @@ class Placement(Holder):
         self.reduce_pass = ReducePass(ctx, settings.gradients)
         self.examine_pass = ExaminePass(ctx, size)
         self.adaptation = Adaptation(ctx, settings, cache, timers)
-        self._resumed: dict[str, Any] | None = None  # `bounces` of records from a file, while their surface cache is not made yet
+        self.resumed: dict[str, Any] | None = None  # `bounces` of records from a file, while their surface cache is not made yet
+        self.probes: Probes | None = None  # made when something first moves
+        self.moved = False  # and which records that concerns is still to be found out
+        self.renewal = Renewal(ctx, settings.gradients)
         self.atlas: Atlas | None = None  # the last one gathered
         self._pace = Pace(ctx)
         self.new_view()
@@ -108,31 +113,50 @@ class Placement(Holder):
         self.full = False  # whether the view needs more records than there may be
         self.adaptation.new_view()
 
-    def change(self, settings: Settings, scene: Scene) -> None:
-        """Go on with other settings and lights; records that depend on what changed become stale, or are forgotten.
+    def change(self, settings: Settings, scene: Scene, shadows: ShadowMaps | None = None) -> None:
+        """Go on with other settings and lights, and meshes elsewhere; records that depend on what changed become stale, or are
+        forgotten: those on what has moved, and those close to where it was or is. shadows: those of the scene before.
 
         Without bounces nothing is gathered, and whatever there is is kept for when there are as many again.
         """
         old = self.settings
         settings = settings if settings.most_bounces else replace(settings, bounces=old.bounces)
         self.settings = settings
-        lights, self.scene = self.scene, scene
+        moved = self.scene.meshes is not scene.meshes
+        if moved and shadows is not None and not self.moved:
+            new = np.flatnonzero(self.cache.probes[:, 3] == 0.0)
+            self.cache.probes[new] = self._probe(shadows, new)
+        before, self.scene, self.moved = self.scene, scene, self.moved or moved
         if _where(old) != _where(settings):
             self.cache.truncate(0)
-        if self.surface is not None:
-            self.surface.change(settings, scene)
+        if moved:
+            self._keep(np.flatnonzero(self.cache.untouched(before, scene)))
+            self.resumed = None
+        if moved and self.tree is not None:
+            self.tree.release()
+            self.tree = Tree(self.ctx, *flatten(scene)[:2])
+        if self.surface is not None and self.tree is not None:
+            self.surface.change(settings, scene, self.tree)
         gathered = self._how(old) != self._how(settings)
-        if gathered or light_defines(lights) != light_defines(scene) or old.placement != settings.placement:
+        self.gather_pass.fit(scene.diagonal)
+        if self.probes is not None:
+            self.probes.look.fit(scene.diagonal)
+        if gathered or light_defines(before) != light_defines(scene) or old.placement != settings.placement:
             self.gather_pass.release()
+            if self.probes is not None:
+                self.probes.release()
+                self.probes = None
             self.gather_pass, self.atlas, self._pace = self._gather_pass(), None, Pace(self.ctx)
         if old.gradients != settings.gradients:
             self.reduce_pass.release()
             self.reduce_pass = ReducePass(self.ctx, settings.gradients)
+            self.renewal.release()
+            self.renewal = Renewal(self.ctx, settings.gradients)
         self.adaptation.change(settings)
         more = settings.gradients and not old.gradients  # records gathered without them have none
-        if gathered or more or lights.lights != scene.lights or old.shadow_size != settings.shadow_size:
+        if gathered or more or before.lights != scene.lights or old.shadow_size != settings.shadow_size:
             self.cache.expire()
-            self._resumed = None
+            self.resumed = None
         if old.of(*_ASKING) != settings.of(*_ASKING):
             self.new_view()
 
@@ -143,29 +167,17 @@ class Placement(Holder):
         self.examine_pass = ExaminePass(self.ctx, size)
         self.new_view()
 
-    # ---- files -----------------------------------------------------------------------------------------------------
-
-    def state(self) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
-        """The records as arrays, and, as plain JSON, what else `restore` needs to go on as if nothing had happened."""
-        state = self.cache.state()
-        if self._resumed is None and self.bounced < 1.0:  # they will be stale as soon as the surface cache is made
-            state["clocks"][0] += 1
-        return state, {"adapted": self.adaptation.state(), "bounces": self.bounces(self.settings)}
-
-    def restore(self, state: dict[str, np.ndarray], about: dict[str, Any]) -> None:
-        """Take these records in place of those that there are; raises KeyError, TypeError or ValueError where they are none."""
-        adapted, bounces = list(about["adapted"]), dict(about["bounces"])
-        self.cache.restore(state)
-        self.adaptation.restore(adapted, self.settings)
-        made = self.surface is None or self.surface.whole or self.settings.most_bounces < 2
-        self._resumed = None if made else bounces
+    def resume(self, bounces: dict[str, Any]) -> None:
+        """The cache has records from a file now, of so many `bounces`, by a surface cache such as will be made when wanted."""
+        whole = self.surface is None or self.surface.whole or self.settings.most_bounces < 2
+        self.resumed, self.moved = None if whole else bounces, False
         self.new_view()
 
     # ---- rounds ----------------------------------------------------------------------------------------------------
 
     def ready(self, shadows: ShadowMaps, budget: Budget) -> bool:
         """Go on with what gathering needs, as `bounce` does; but a render with records from a file may need none of it."""
-        waits = self._resumed is not None and not budget.limited and not len(self.cache.stale)
+        waits = self.resumed is not None and not budget.limited and not len(self.cache.stale)
         return waits or self.bounce(shadows, budget)
 
     def bounce(self, shadows: ShadowMaps, budget: Budget) -> bool:
@@ -174,14 +186,32 @@ class Placement(Holder):
         Once its values are others, all records are stale. Those that it had before lights changed are better than none, and then
         it takes half of the time.
         """
+        self._settle(shadows)
         if self.surface is None or self.settings.most_bounces < 2:
             return True
         ready = self.surface.result is not None
         if self.surface.advance(shadows, budget.part(0.5, 0.0) if ready else budget):
-            if self._resumed is None:
-                self.cache.expire()
-            self._resumed = None  # by such values they were gathered, too
+            if self.resumed is None:
+                self.moved = True
+                self._settle(shadows)
+            self.resumed = None  # by such values they were gathered, too
         return self.surface.result is not None
+
+    def _settle(self, shadows: ShadowMaps) -> None:
+        """Make the records stale that the last move concerns, or other light of the further bounces after it: all of them where
+        something else has changed since they were looked at."""
+        if not self.moved:
+            return
+        self.moved, cache = False, self.cache
+        looked = cache.probes[:, 3].any()
+        cache.expire(concerned(cache, self._probe(shadows, np.arange(cache.count))) if looked else None)
+
+    def _probe(self, shadows: ShadowMaps, numbers: np.ndarray) -> np.ndarray:
+        """(N, 4), as Probes has it, of the records of these numbers."""
+        if self.probes is None:
+            self.probes = Probes(gather_pass(self.ctx, self.scene, replace(self.settings, gather_size=SIDE), MOST))
+        with self.timers("gather"):
+            return self.probes(self.world, self.light(shadows), self.cache.sites(numbers), self.scene.sky, self.settings.seed)
 
     @property
     def bounced(self) -> float:
@@ -198,31 +228,26 @@ class Placement(Holder):
         """How many bounces there are, for the statistics; and, where all are wanted, whether hardly anything is still to come."""
         everything, most = settings.bounces == "all", settings.most_bounces
         made = self.surface.result if self.surface is not None and most > 1 else None
-        if made is None and self._resumed is not None:
-            return self._resumed
+        if made is None and self.resumed is not None:
+            return self.resumed
         if made is None:
             return {"bounces": min(most, 1), "bounces_converged": False if everything else None}
         return {"bounces": made.bounces, "bounces_converged": made.settled if everything else None}
 
     def expire(self) -> None:
         """Gather everything again."""
-        self._resumed = None
+        self.resumed = None
         self.cache.expire()
         if self.surface is not None:
             self.surface.expire()
 
-    def renew(self, shadows: ShadowMaps, camera: Camera, budget: Budget) -> int:
-        """Gather stale records again in place, those in view first; how many."""
-        numbers = self.cache.stale
-        if not len(numbers):
-            return 0
-        where = self.cache.sites(numbers)
-        order = np.argsort(~within(where.position, camera, self.size), kind="stable")
-        done = 0
+    def renew(self, shadows: ShadowMaps, gbuffer: GBuffer, camera: Camera, budget: Budget) -> int:
+        """Gather stale records again in place, those that this view shows most of first; how many."""
+        numbers, done = self.renewal.order(self.cache, gbuffer, camera, self.settings), 0
         for count in self._pace.batches(len(numbers), self.gather_pass.capacity, budget):
-            chosen = order[done : done + count]
-            self._gather(shadows, where[chosen], numbers[chosen])
-            self.cache.renewed(numbers[chosen])
+            chosen = numbers[done : done + count]
+            self._gather(shadows, chosen)
+            self.cache.renewed(chosen)
             done += count
         return done
 
@@ -243,13 +268,12 @@ class Placement(Holder):
         if self._queue is None:
             sites, self._missing = self._examine(gbuffer, splats, every)
             self._queue = sites[: self._room(len(sites), camera)]
-        if len(self._queue) and self._resumed is not None:
+        if len(self._queue) and self.resumed is not None:
             self.bounce(shadows, budget)
         done = 0
         for count in self._pace.batches(len(self._queue), self.gather_pass.capacity, budget):
-            batch = self._queue[done : done + count]
-            numbers = self.cache.append(batch) + np.arange(count)
-            self._gather(shadows, batch, numbers)
+            numbers = self.cache.append(self._queue[done : done + count]) + np.arange(count)
+            self._gather(shadows, numbers)
             done += count
         self._queue = self._queue[done:] if done < len(self._queue) else None
         return Asked(done, self._missing, self._queue is None)
@@ -258,11 +282,14 @@ class Placement(Holder):
         """How many more records there may be, once those have gone that are in the way of `wanted` new ones, if they may."""
         numbers = kept(self.cache, wanted, camera, self.size, self.settings)
         if numbers is not None:
-            self.cache.keep(numbers)
-            self.adaptation.keep(numbers)
+            self._keep(numbers)
         room = max(self.settings.max_records - self.cache.count, 0)
         self.full = room < wanted
         return room
+
+    def _keep(self, numbers: np.ndarray) -> None:
+        self.cache.keep(numbers)
+        self.adaptation.keep(numbers)
 
     def missing(self, gbuffer: GBuffer, splats: SplatBuffer, every: int = 1) -> float:
         """The share of the seen pixels that ask for a record now; nothing is gathered."""
@@ -270,7 +297,8 @@ class Placement(Holder):
             return self.examine_pass(gbuffer, splats, self.settings, every).missing
 
     def _examine(self, gbuffer: GBuffer, splats: SplatBuffer, every: int) -> tuple[Sites, float]:
-        settings = self.settings
+        # while some are stale, records contradict each other for that alone
+        settings = replace(self.settings, spread=0.0) if len(self.cache.stale) else self.settings
         with self.timers("examine"):
             found = self.examine_pass(gbuffer, splats, settings, every)
             reach = (settings.radius_max or _REACH) / 100.0 * self.size[1] / self.examine_pass.side  # tiles
@@ -287,7 +315,7 @@ class Placement(Holder):
         if self._view is None:
             with self.timers("gbuffer"):
                 self._view = paper.View(gbuffer, self.settings.warmup if self.cache.count else 0)
-        if self._resumed is not None:
+        if self.resumed is not None:
             self.bounce(shadows, budget)
         if not (room := self._room(1, camera)):
             return Asked(0, self.missing(gbuffer, splats), True)
@@ -307,9 +335,10 @@ class Placement(Holder):
         """What a record at its place says, and how well, goes by these."""
         return settings.gather_kind(self.scene.triangles), settings.gather_size, settings.most_bounces > 1
 
-    def _gather(self, shadows: ShadowMaps, sites: Sites, numbers: np.ndarray) -> None:
+    def _gather(self, shadows: ShadowMaps, numbers: np.ndarray) -> None:
+        """Gather the records of these numbers, where the cache has them."""
         with self.timers("gather"):
-            self.atlas = self.gather_pass(self.world, self.light(shadows), sites, numbers, self.settings.seed)
+            self.atlas = self.gather_pass(self.world, self.light(shadows), self.cache.sites(numbers), numbers, self.settings.seed)
         with self.timers("reduce"):
             self.reduce_pass(self.atlas, self.cache.records, self.scene.sky, self.gather_pass.radii)
 

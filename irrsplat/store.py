@@ -44,7 +44,10 @@ def key(scene: Scene, settings: Settings) -> dict[str, Any]:
 
 def save(path: output.Pathlike, placement: Placement) -> None:
     """Write the records of `placement`, whole or not at all; raises IrrsplatError where that fails."""
-    state, about = placement.state()
+    state = placement.cache.state()
+    if placement.moved or (placement.resumed is None and placement.bounced < 1.0):
+        state["clocks"][0] += 1  # the era: all of them will be stale, as soon as what has changed is looked after
+    about = {"adapted": placement.adaptation.state(), "bounces": placement.bounces(placement.settings)}
     text = json.dumps({"key": key(placement.scene, placement.settings), "about": about})
     arrays: dict[str, Any] = {"about": np.array(text), **state}
     payload = io.BytesIO()
@@ -57,7 +60,10 @@ def load(path: output.Pathlike, placement: Placement) -> None:
     """Take the records of a file in place of those that there are; raises what `check` raises, and then changes nothing."""
     about, state = check(path, placement.scene, placement.settings)
     try:
-        placement.restore(state, about)
+        adapted, bounces = list(about["adapted"]), dict(about["bounces"])
+        placement.cache.restore(state)
+        placement.adaptation.restore(adapted, placement.settings)
+        placement.resume(bounces)
     except (KeyError, ValueError, TypeError) as error:
         raise InputError(f"a damaged record cache ({type(error).__name__}); {_ANEW}", path) from error
 
