@@ -39,7 +39,7 @@ def served(renderer: Renderer) -> np.ndarray:
     gbuffer, records, splat = renderer._seen(FRONT), renderer.cache.records, renderer.splatting.splat_pass
     for i in range(records.count):
         splat.clear(gbuffer)
-        weight = splat(replace(records, count=i + 1), i, gbuffer, FRONT, renderer.settings).weight
+        weight = splat(records, np.array([i]), gbuffer, FRONT, renderer.settings).weight
         found = np.frombuffer(weight.read(), "f4").reshape(-1, 2)[:, 0]
         counts.append(np.count_nonzero((found > 0.0) & (found < NOTHING_SEEN)))
     renderer.forget(records=False, lights=False)
