@@ -12,7 +12,7 @@ from irrsplat.scene.model import Camera
 from irrsplat.settings import WIDE, Settings
 
 _SLACK = 1e-3, 1e-5  # of a sphere's radius, and of all distances: far more than rounding, here and on the GPU
-_BESIDE = 0.1  # of a tile: more than samples lie beside the centres of pixels
+_BESIDE = 1.6  # pixels: more than samples lie beside the centres
 _MANY = 1000  # records in the pyramid: with fewer it does not pay to look for those that are hidden
 
 
@@ -39,7 +39,7 @@ def reaching(
         radius = np.maximum(settings.a * farthest * cache.values[first:, 3], settings.radius_min * percent)
     more, rounding = _SLACK
     radius = (1.0 + more) * radius + rounding * (distance + max(map(abs, camera.eye)))
-    numbers = np.flatnonzero(_outside(offset, camera, size) <= radius)
+    numbers = np.flatnonzero(_outside(offset, camera, size, _BESIDE) <= radius)
     if sight is not None and len(numbers) > _MANY:
         near = distance[numbers] - radius[numbers]
         numbers = numbers[near <= _seen(offset[:, numbers], radius[numbers], camera, size, sight())]
@@ -56,12 +56,12 @@ def _offset(points: np.ndarray, camera: Camera) -> np.ndarray:
     return np.ascontiguousarray(points.T, "f4") - np.asarray(camera.eye, "f4")[:, None]
 
 
-def _outside(offset: np.ndarray, camera: Camera, size: tuple[int, int]) -> np.ndarray:
+def _outside(offset: np.ndarray, camera: Camera, size: tuple[int, int], more: float = 0.0) -> np.ndarray:
     """(N,) how far outside the view's pyramid points lie, at `offset` (3, N) from the eye: metres from the plane that is farthest
-    off, below 0 inside."""
+    off, below 0 inside. more: by so many pixels to each side it is wider."""
     x, y, z = _in_view(offset, camera)
-    half = 0.5 * camera.screen
-    wide = half * size[0] / size[1]
+    pixel = camera.screen / size[1]
+    wide, half = ((0.5 * side + more) * pixel for side in size)
     across, up = ((abs(v) + t * z) * float(1.0 / np.hypot(1.0, t)) for v, t in ((x, wide), (y, half)))
     return np.maximum(np.maximum(across, up), z)
 
@@ -82,7 +82,7 @@ def _seen(offset: np.ndarray, radius: np.ndarray, camera: Camera, size: tuple[in
         scale = size[1] / camera.screen / TILE
         low, high = side - radius, side + radius
         low, high = low / np.where(low < 0.0, near, far), high / np.where(high > 0.0, near, far)
-        low, high = (scale * edge + 0.5 * length / TILE for edge in (low - _BESIDE / scale, high + _BESIDE / scale))
+        low, high = (scale * edge + 0.5 * length / TILE for edge in (low - _BESIDE / TILE / scale, high + _BESIDE / TILE / scale))
         low, high = np.where(around, 0.0, low), np.where(around, count, high)
         spans.append([np.clip(edge, 0, count - 1).astype(np.intp) for edge in (low, high)])
     (left, right), (bottom, top) = spans

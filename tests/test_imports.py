@@ -22,7 +22,7 @@ FLOORS = (
     ("irrsplat.headless",),
     ("irrsplat.renderer",),
     ("irrsplat.store",),
-    ("irrsplat.placement", "irrsplat.splatting", "irrsplat.limits"),
+    ("irrsplat.placement", "irrsplat.splatting", "irrsplat.limits", "irrsplat.accumulate"),
     ("irrsplat.surface", "irrsplat.renewal", "irrsplat.probes"),
     ("irrsplat.reference",),
     ("irrsplat.exact",),

@@ -124,7 +124,9 @@ CHANGES: list[tuple[str, Any, set[str]]] = [
     ("smooth", True, {"composite"}),
     ("overture", False, set()),  # the view is whole
     ("exposure", 2.0, set()),
+    ("samples", 4, set()),
     ("budget", 20.0, set()),
+    ("rest", 5, set()),
 ]
 
 

@@ -39,9 +39,9 @@ class SplatPass(Holder):
         self.small = self.small or Target(self.ctx, ((width + 1) // 2, (height + 1) // 2), (4, 2))
         return self.small
 
-    def clear(self, gbuffer: GBuffer, every: int = 1) -> None:
+    def clear(self, gbuffer: GBuffer, every: int = 1, target: Target | None = None) -> None:
         """Start again from no records; the weight is NOTHING_SEEN where the g-buffer sees nothing."""
-        self.empty(self._of(every), position=gbuffer.position, every=every)
+        self.empty(target or self._of(every), position=gbuffer.position, every=every)
 
     def farthest(self, gbuffer: GBuffer, camera: Camera) -> np.ndarray:
         """(h, w) float32, bottom row first: how far each tile of TILE² pixels sees, in metres from the eye; 0: nowhere."""
@@ -56,16 +56,17 @@ class SplatPass(Holder):
         camera: Camera,
         settings: Settings,
         every: int = 1,
-    ) -> SplatBuffer:
-        """Add the records of these numbers (N,), in their order; the sums are this pass's own textures."""
+        target: Target | None = None,
+    ) -> None:
+        """Add the records of these numbers (N,), in their order, to what `target` holds (default: this pass's own buffer)."""
         width, height = self.target.size
         if not len(numbers):
-            return self.sums(records.dark, every)
+            return
         data = numbers.astype("i4").tobytes()
         self.numbers.orphan(max(len(data), self.numbers.size))  # a draw before this may still read the old ones
         self.numbers.write(data)
         self.program(
-            self._of(every),
+            target or self._of(every),
             vertices=4,
             mode=moderngl.TRIANGLE_STRIP,
             instances=len(numbers),
@@ -81,7 +82,6 @@ class SplatPass(Holder):
             cut=settings.kernel == "cut",
             in_front=settings.in_front,
         )
-        return self.sums(records.dark, every)
 
     def sums(self, dark: float, every: int = 1) -> SplatBuffer:
         """What has been added up so far, this pass's own textures; dark: as in Records."""
