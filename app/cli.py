@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from irrsplat.scene.model import Camera, Scene
 
 INTERRUPTED = 130
-_UNSERVED = "before every pixel was served; raise --max-rounds or --a"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -72,6 +71,10 @@ def render(args: argparse.Namespace) -> int:
     folders = [output.check_writable(name, buffers) == "" for name in names]
     if args.stats is not None:
         output.check_file(args.stats)
+    if args.cache is not None:
+        output.check_file(args.cache)
+        if os.path.realpath(args.cache) in map(os.path.realpath, (*names, args.stats or "")):
+            raise InputError("--cache and an output are one file; give another name", args.cache)
 
     import irrsplat
 
@@ -79,6 +82,8 @@ def render(args: argparse.Namespace) -> int:
     planned = None if args.path is None else sequence.plan(args, scene)
     camera = _camera(args, scene)
     with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, **args.values) as renderer:
+        if args.cache is not None and os.path.exists(args.cache):
+            renderer.load_cache(args.cache)
         for notice in scene.notices:
             say(f"notice: {notice}")
         with _progress() as watch:
@@ -86,17 +91,19 @@ def render(args: argparse.Namespace) -> int:
                 done, whole = sequence.take(renderer, planned, buffers, any(folders), watch)
             else:
                 frame = renderer.render(camera, progress=watch, figures=any(folders))
+        for path in args.output if planned is None else ():
+            frame.save(path, buffers)
+        if args.cache is not None and renderer.cache.count:
+            renderer.save_cache(args.cache)
     if planned is not None:
         return _sequence(args, done, None if whole else f"{len(done)} of {len(planned.numbers)} frames were written")
     stats = frame.stats
-    for path in args.output:
-        frame.save(path, buffers)
     if args.stats is not None:
         output.write_text(args.stats, output.stats_json(stats) + "\n")
     if stats.get("interrupted"):
         return _fail(f"interrupted; the files hold what {stats.get('rounds', 0)} whole rounds gave", INTERRUPTED)
     if not stats.get("converged", True):
-        say(f"notice: stopped after {stats.get('rounds')} rounds {_UNSERVED}")
+        say(f"notice: stopped after {stats.get('rounds')} rounds {_unserved([stats])}")
     return 0
 
 
@@ -109,8 +116,14 @@ def _sequence(args: argparse.Namespace, done: list[dict[str, Any]], interrupted:
     if interrupted is not None:
         return _fail(f"interrupted; {interrupted}", INTERRUPTED)
     if short := sum(not stats.get("converged", True) for stats in done):
-        say(f"notice: {short} of {len(done)} frames stopped {_UNSERVED}")
+        say(f"notice: {short} of {len(done)} frames stopped {_unserved(done)}")
     return 0
+
+
+def _unserved(stats: Sequence[dict[str, Any]]) -> str:
+    """What is to be said of pictures that stopped early, of whose `stats` one says it was `full` where that is why."""
+    full = any(one.get("full") for one in stats)
+    return f"before every pixel was served; raise {'--max-records' if full else '--max-rounds'} or --a"
 
 
 def view(args: argparse.Namespace) -> int:
@@ -124,12 +137,23 @@ def view(args: argparse.Namespace) -> int:
     if args.preset is not None:
         remembered.preset, remembered.values = args.preset, {}
     remembered.values |= args.values
+    if args.cache is not None:
+        _check_cache(args.cache, scene, remembered.preset, remembered.values)
     from irrsplat.app import viewer
 
-    said = viewer.run(scene, args.scene, tuple(args.size) if args.size else None, remembered, camera, notices)
+    said = viewer.run(scene, args.scene, tuple(args.size) if args.size else None, remembered, camera, notices, args.cache)
     if said is not None:
         say(f"notice: {said}")
     return 0
+
+
+def _check_cache(path: str, scene: Scene, preset: str, values: dict[str, Any]) -> None:
+    """Raises InputError where a cache file cannot be written, or is there and not of this scene and these settings."""
+    from irrsplat import output, settings, store
+
+    output.check_file(path)
+    if os.path.exists(path):
+        store.check(path, scene, settings.preset(preset, **values))
 
 
 def info(args: argparse.Namespace) -> int:

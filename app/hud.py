@@ -83,6 +83,8 @@ class Hud:
                 imgui.text_colored(_AMBER, f"surface cache {100.0 * progress.surface:.0f} %")
             if progress.stale:
                 imgui.text_colored(_AMBER, f"{progress.stale} to be gathered again")
+            if progress.full:
+                imgui.text_colored(_AMBER, "this view needs more: raise max_records")
         took = imgui.get_window_size()
         self.numbers_size = (took.x, took.y)
         imgui.end()

@@ -41,6 +41,7 @@ class Markers(Holder):
         self.program = Programs(ctx)
         self.colours = colours(ctx)
         self.query = ctx.query(samples=True)
+        self.number = ctx.buffer(reserve=4)  # of the one record that `serves` is about
 
     def points(
         self,
@@ -192,15 +193,16 @@ class Markers(Holder):
             **records.uniforms,
             **view_uniforms(target, view.gbuffer, view.camera),
             **reach_uniforms(view.camera, settings),
-            "first": number,
             "in_front": settings.in_front,
             "tint": _SERVED,
         }
+        self.number.write(np.array([number], "i4").tobytes())
         with self.query:
             program(
                 target,
                 mode=moderngl.TRIANGLE_STRIP,
                 vertices=4,
+                instance_data=(self.number, "1i/i", ("in_number",)),
                 state=_OVER,
                 scissor=region,
                 **{name: uniforms[name] for name in program.uniforms},

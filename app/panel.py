@@ -22,12 +22,13 @@ _SPANS: dict[str, tuple[float, float]] = {
     "tolerance": (0.0, 100.0),
     "warmup": (0, 5000),
     "max_rounds": (1, 200),
+    "max_records": (1000, 1_000_000),
     "exposure": (-10.0, 10.0),
     "budget": (10.0, 1000.0),
     "samples": (1, 256),
     "rest": (0, 256),
 }
-_LOGARITHMIC = {"a", "tolerance", "radius_min", "radius_max", "budget", "shadow_size", "gather_size", "warmup"}
+_LOGARITHMIC = {"a", "tolerance", "radius_min", "radius_max", "budget", "shadow_size", "gather_size", "warmup", "max_records"}
 _STAGES = {"shadow": False, "gather": False, "splat": True, "examine": True, "composite": True, "view": False}  # open at first?
 
 
@@ -132,9 +133,9 @@ class Panel:
         if not moved and d.name not in self._drafts:
             return value
         draft = min(max(float(f"{draft:.6g}") if d.kind == "float" else draft, d.low or 0), d.high or 0)  # imgui's are float32
-        if d.stage not in ("shadow", "gather"):
+        if d.stage not in ("shadow", "gather") and d.name != "max_records":
             return draft
-        self._drafts[d.name] = draft  # what all records are gathered from: not at every pixel of the way
+        self._drafts[d.name] = draft  # what all records are gathered from, or what they go by: not at every pixel of the way
         if imgui.is_item_active():
             return value
         return self._drafts.pop(d.name)

@@ -122,6 +122,7 @@ def _add_render(commands: Any) -> None:
     _add_size(parser)
     add("--preset", metavar="NAME", choices=tuple(PRESETS), default="default", help=f"{', '.join(PRESETS)} (default: default)")
     add("--buffers", metavar="NAME,…", help="only these buffers in .exr, .npz and folders (default: all)")
+    add("--cache", metavar="FILE", help="the records are kept in this file: taken from it where it is there, and written to it")
     add("--stats", metavar="FILE.json", help="write records, rounds, times and settings to this file")
     _add_camera(parser)
     group = parser.add_argument_group("path", "a flight instead of one picture; records and the first frame's exposure are kept")
@@ -142,6 +143,8 @@ def _add_view(commands: Any) -> None:
         "--size", nargs=2, type=pixels, metavar=("W", "H"), help="window size (default: the last one, at first 1280 720)"
     )
     parser.add_argument("--preset", metavar="NAME", choices=tuple(PRESETS), help=f"{', '.join(PRESETS)} (default: the last one)")
+    words = "the records are kept in this file: taken from it where it is there, and written to it when the window closes"
+    parser.add_argument("--cache", metavar="FILE", help=words)
     _add_camera(parser)
     _add_settings(parser)
     parser.set_defaults(path=None, frames=None)

@@ -80,7 +80,7 @@ class Session(Holder):
         self._centres: list[View] = []  # the views as they were before samples beside the pixels' centres came to them
         self.tape, self.truths = Tape(), Truths(ctx)
         self._stepping = False
-        self.held: tuple[int, int] | None = None  # the side and the number of the record that a click holds
+        self.held: tuple[int, int] | None = None  # the side and the name of the record that a click holds
         self._tables: dict[int, tuple[tuple[int, int], inspector.Table]] = {}
 
     # ---- a tick ----------------------------------------------------------------------------------------------------
@@ -129,6 +129,7 @@ class Session(Holder):
             for stage, ms in renderer.timers.milliseconds().items():
                 self.ms[stage] = self.ms.get(stage, 0.0) + ms
         self._stepping = self._stepping and not all(p.whole for p in self.progress)
+        self._let_go()
         self.eye.tick(self.renderers[0], self._centres[0], dt)
 
     # ---- the picture -----------------------------------------------------------------------------------------------
@@ -192,7 +193,7 @@ class Session(Holder):
         held = self.held
         side = held[0] if held is not None else self.side_at(cursor[0]) if cursor is not None else 0
         renderer, view = self.of(side)
-        table, number = self.table(renderer), held[1] if held is not None else None
+        table, number = self.table(renderer), renderer.cache.find(held[1]) if held is not None else None
         if number is None and cursor is not None:
             number = inspector.pick(self.overlay.texel, table, view, renderer.settings, *cursor)
         if number is None or number >= len(table) or renderer.shadows is None:
@@ -221,7 +222,7 @@ class Session(Holder):
         number = (
             inspector.pick(self.overlay.texel, self.table(renderer), view, renderer.settings, *cursor) if was is None else None
         )
-        self.held = None if number is None else (side, number)
+        self.held = None if number is None else (side, renderer.cache.name(number))
 
     def point_at(self, cursor: tuple[int, int]) -> tuple[float, float, float] | None:
         """The world point seen at the cursor; None where there is none."""
@@ -248,7 +249,7 @@ class Session(Holder):
 
     def _let_go(self) -> None:
         """Hold a record no longer that is gone."""
-        if self.held is not None and self.held[1] >= self._on(self.held[0]).cache.count:
+        if self.held is not None and self._on(self.held[0]).cache.find(self.held[1]) is None:
             self.held = None
 
     def _on(self, side: int) -> Renderer:

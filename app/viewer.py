@@ -19,6 +19,7 @@ from irrsplat.app.desk import Desk
 from irrsplat.app.gui import Gui
 from irrsplat.app.hud import Hud
 from irrsplat.app.inspector import Inspected
+from irrsplat.app.keeping import Keeper
 from irrsplat.app.menu import Menu
 from irrsplat.app.panel import Panel
 from irrsplat.app.screen import Screen
@@ -49,6 +50,7 @@ class Viewer(Controls, moderngl_window.WindowConfig):
         self.copy = Program(wnd.ctx, "overlay_copy", "lib/fullscreen")
         self.canvas = self._canvas(wnd.buffer_size)
         self.inspected: Inspected | None = None
+        self.keeper: Keeper | None = None  # of the records, where there is a file for them
         self._drawn: tuple[Any, ...] = ()  # what the canvas shows, by value
         self._shown: list[Any] = []  # and by identity: the same texture may hold something new
         self._rest = 0.0  # seconds that all but the core's tick takes
@@ -182,6 +184,7 @@ class Viewer(Controls, moderngl_window.WindowConfig):
         said = None
         if remember:
             said = self.desk.remember(None if self.wnd.fullscreen else self.wnd.size, self.wnd.fullscreen)
+            said = (self.keeper.keep() if self.keeper is not None else None) or said
         self.desk.session.release()
         self.canvas.textures[0].release()
         for thing in (self.canvas, self.copy, self.gui):
@@ -196,10 +199,12 @@ def run(
     remembered: memory.Memory,
     camera: Camera | None = None,
     notices: Sequence[str] = (),
+    cache: str | None = None,
 ) -> str | None:
     """Open the window on `scene` and stay until it closes; None, or what could not be remembered.
 
-    notices: lines to show at first. Raises GLError where no window can be had.
+    notices: lines to show at first. cache: the file that its records are kept in. Raises GLError where no window can be had,
+    and InputError where there is such a file, but not of this scene and these settings.
     """
     wnd = open_window(size or remembered.size or SIZE)
     try:
@@ -207,6 +212,7 @@ def run(
         for notice in notices:
             viewer.desk.say(notice)
         try:
+            viewer.keeper = None if cache is None else Keeper(cache, viewer.desk)
             viewer.loop()
         finally:
             said = viewer.close()

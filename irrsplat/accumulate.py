@@ -6,12 +6,15 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import moderngl
 import numpy as np
 
 from irrsplat.budget import Budget
-from irrsplat.buffers import Records, ShadowMaps
+from irrsplat.buffers import ShadowMaps
+from irrsplat.cache import RecordCache
+from irrsplat.culling import reaching
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.target import Target
@@ -85,7 +88,7 @@ class Seen:
     scene: Scene
     geometry: Geometry
     shadows: ShadowMaps
-    records: Records
+    cache: RecordCache
     settings: Settings
 
 
@@ -167,8 +170,9 @@ def _add(number: int, view: View, passes: Passes, seen: Seen, targets: Targets) 
     camera, settings = beside(view.camera, (x, y), targets.size), seen.settings
     gbuffer = passes.gbuffer(seen.scene, seen.geometry, camera, targets.gbuffer)
     passes.splat.clear(gbuffer, target=targets.splat)
-    if settings.most_bounces > 0 and seen.records.count:
-        passes.splat(seen.records, 0, gbuffer, camera, settings, target=targets.splat)
+    if settings.most_bounces > 0 and seen.cache.count:
+        numbers = reaching(seen.cache, 0, camera, targets.size, settings, partial(passes.splat.farthest, gbuffer, camera))
+        passes.splat(seen.cache.records, numbers, gbuffer, camera, settings, target=targets.splat)
     sums = targets.splat.textures[0]
     if settings.smooth:
         targets.smooth = targets.smooth or Target(targets.gbuffer.ctx, targets.size, (4,))

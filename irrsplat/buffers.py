@@ -182,7 +182,8 @@ class Records:
     limit: R32F, the share of its radii that a record may reach at most (see passes/adapt.py).
     vectors: of red, green and blue the irradiance vectors M = ∫L·ω·dω (E = n·M), then of each the gradient ∇E in W/m³. Their w,
     in this order: the unit axis in the tangent plane along which the light bends least (0: not known), the second derivatives of
-    luminance along it and across it over the luminance itself, 1/m², and the greatest radius that these may come to, metres.
+    luminance along it and across it over the luminance itself, 1/m², and the greatest radius that these may come to, metres, no
+    more than settings.WIDE·R_k.
     walls: two walls that stand on the record's surface, xy and zw, by coordinates along that axis and across it, 1/m: beyond one
     is where (p - p_k)·wall > 1 (0: none). dark: W/m², a luminance below which errors count as if it were that.
     """

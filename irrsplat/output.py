@@ -175,6 +175,11 @@ def write_text(path: Pathlike, text: str) -> None:
     _write_file(path, lambda part: part.write_text(text, encoding="utf-8"))
 
 
+def write_bytes(path: Pathlike, data: bytes) -> None:
+    """Write `data` to `path`, whole or not at all; raises IrrsplatError where that fails."""
+    _write_file(path, lambda part: part.write_bytes(data))
+
+
 def write_picture(path: Pathlike, display: np.ndarray) -> None:
     """Write (H, W, 3) display values 0..1 as a PNG, whole or not at all; raises IrrsplatError where that fails."""
     _write_file(path, lambda part: _png(part, display))

@@ -42,6 +42,21 @@ class Seen:
         return Sites(self.position[at], self.normal[at], self.geometric[at], triangle)
 
 
+class View:
+    """A view as the algorithm goes through it: `seen`, and how many of its first samples are made (`warmed`)."""
+
+    def __init__(self, gbuffer: GBuffer, warmed: int) -> None:
+        self.seen, self.warmed = read_back(gbuffer), warmed
+
+    def ask(self, weight: np.ndarray, record: Recorder, camera: Camera, settings: Settings) -> tuple[Sites, np.ndarray, float]:
+        """Make the first samples, or else traverse the view, as far as `record` goes: what `traverse` returns."""
+        if self.warmed >= settings.warmup:
+            return traverse(self.seen, weight, record, camera, settings)
+        sites, values = warm_up(self.seen, record, settings, self.warmed)
+        self.warmed = self.warmed + len(sites) if record.stopped else settings.warmup
+        return sites, values, float(self.seen.mask.any())
+
+
 def read_back(gbuffer: GBuffer) -> Seen:
     """Section 3.2: the visible points, their normals and materials are stored on the CPU."""
     position, normal, albedo, emission = (pixels(t) for t in (gbuffer.position, gbuffer.normal, gbuffer.albedo, gbuffer.emission))

@@ -9,21 +9,22 @@ import moderngl
 import numpy as np
 
 from irrsplat import paper
+from irrsplat.adaptation import Adaptation
 from irrsplat.budget import Budget, Pace
 from irrsplat.buffers import Atlas, GBuffer, HitLight, ShadowMaps, Sites, SplatBuffer
 from irrsplat.cache import RecordCache
+from irrsplat.culling import within
+from irrsplat.eviction import kept
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.target import pixels
 from irrsplat.gpu.timers import Timers
 from irrsplat.lights import light_defines
-from irrsplat.passes.adapt import AdaptPass
 from irrsplat.passes.examine import ExaminePass, choose, spacing
 from irrsplat.passes.gather import GatherPass
 from irrsplat.passes.reduce import ReducePass
 from irrsplat.passes.trace import TracePass, Tree
 from irrsplat.probes import MOST, SIDE, Probes, concerned
-from irrsplat.reach import within
 from irrsplat.renewal import Renewal
 from irrsplat.scene.flat import flatten
 from irrsplat.scene.model import Camera, Scene
@@ -31,8 +32,6 @@ from irrsplat.settings import Settings
 from irrsplat.surface import SurfaceCache
 
 _REACH = 8.0  # percent of the image height by which the first sites lie apart where radii have no upper limit
-# settings that limits of radii depend on
-_ADAPTED_BY = ("a", "adapt", "neighbours", "gradients", "second_order", "radius", "walls")
 _ASKING = ("gather", "splat", "examine")  # the stages whose settings decide where records are asked for
 
 
@@ -74,12 +73,11 @@ class Placement(Holder):
         self.gather_pass = self._gather_pass()
         self.reduce_pass = ReducePass(ctx, settings.gradients)
         self.examine_pass = ExaminePass(ctx, size)
-        self.adapt_pass = AdaptPass(ctx, settings.gradients, settings.neighbours)
+        self.adaptation = Adaptation(ctx, settings, cache, timers)
+        self.resumed: dict[str, Any] | None = None  # `bounces` of records from a file, while their surface cache is not made yet
         self.probes: Probes | None = None  # made when something first moves
-        self._moved = False  # and which records that concerns is still to be found out
+        self.moved = False  # and which records that concerns is still to be found out
         self.renewal = Renewal(ctx, settings.gradients)
-        self._adapted: tuple[int, int, object] = 0, 0, None  # how many records, how many of them by all others, and by what
-        self._gauged = 0, 0  # of how many records, and how often gathered again, the cache has the gauge
         self.atlas: Atlas | None = None  # the last one gathered
         self._pace = Pace(ctx)
         self.new_view()
@@ -111,9 +109,9 @@ class Placement(Holder):
         self._queue: Sites | None = None  # of the present round, still to be gathered
         self._missing = 0.0  # share of the pixels, at the round's begin
         self._pattern = 0
-        self._seen: paper.Seen | None = None  # the g-buffer as the paper's algorithm reads it back
-        self._warmed = 0  # how many of its first samples are made
-        self._begun = False  # whether its splats are made
+        self._view: paper.View | None = None  # as the paper's algorithm goes through it
+        self.full = False  # whether the view needs more records than there may be
+        self.adaptation.new_view()
 
     def change(self, settings: Settings, scene: Scene, shadows: ShadowMaps | None = None) -> None:
         """Go on with other settings and lights, and meshes elsewhere; records that depend on what changed become stale, or are
@@ -125,14 +123,15 @@ class Placement(Holder):
         settings = settings if settings.most_bounces else replace(settings, bounces=old.bounces)
         self.settings = settings
         moved = self.scene.meshes is not scene.meshes
-        if moved and shadows is not None and not self._moved:
+        if moved and shadows is not None and not self.moved:
             new = np.flatnonzero(self.cache.probes[:, 3] == 0.0)
             self.cache.probes[new] = self._probe(shadows, new)
-        before, self.scene, self._moved = self.scene, scene, self._moved or moved
+        before, self.scene, self.moved = self.scene, scene, self.moved or moved
         if _where(old) != _where(settings):
             self.cache.truncate(0)
         if moved:
-            self.cache.follow(before, scene)
+            self._keep(self.cache.follow(before, scene))
+            self.resumed = None
         if moved and self.tree is not None:
             self.tree.release()
             self.tree = Tree(self.ctx, *flatten(scene)[:2])
@@ -153,12 +152,11 @@ class Placement(Holder):
             self.reduce_pass = ReducePass(self.ctx, settings.gradients)
             self.renewal.release()
             self.renewal = Renewal(self.ctx, settings.gradients)
-        if (old.gradients, old.neighbours) != (settings.gradients, settings.neighbours):
-            self.adapt_pass.release()
-            self.adapt_pass = AdaptPass(self.ctx, settings.gradients, settings.neighbours)
+        self.adaptation.change(settings)
         more = settings.gradients and not old.gradients  # records gathered without them have none
         if gathered or more or before.lights != scene.lights or old.shadow_size != settings.shadow_size:
             self.cache.expire()
+            self.resumed = None
         if old.of(*_ASKING) != settings.of(*_ASKING):
             self.new_view()
 
@@ -169,7 +167,18 @@ class Placement(Holder):
         self.examine_pass = ExaminePass(self.ctx, size)
         self.new_view()
 
+    def resume(self, bounces: dict[str, Any]) -> None:
+        """The cache has records from a file now, of so many `bounces`, by a surface cache such as will be made when wanted."""
+        whole = self.surface is None or self.surface.whole or self.settings.most_bounces < 2
+        self.resumed, self.moved = None if whole else bounces, False
+        self.new_view()
+
     # ---- rounds ----------------------------------------------------------------------------------------------------
+
+    def ready(self, shadows: ShadowMaps, budget: Budget) -> bool:
+        """Go on with what gathering needs, as `bounce` does; but a render with records from a file may need none of it."""
+        waits = self.resumed is not None and not budget.limited and not len(self.cache.stale)
+        return waits or self.bounce(shadows, budget)
 
     def bounce(self, shadows: ShadowMaps, budget: Budget) -> bool:
         """Go on with the surface cache where more than one bounce is wanted; whether records may be gathered by it meanwhile.
@@ -182,16 +191,18 @@ class Placement(Holder):
             return True
         ready = self.surface.result is not None
         if self.surface.advance(shadows, budget.part(0.5, 0.0) if ready else budget):
-            self._moved = True
-            self._settle(shadows)
+            if self.resumed is None:
+                self.moved = True
+                self._settle(shadows)
+            self.resumed = None  # by such values they were gathered, too
         return self.surface.result is not None
 
     def _settle(self, shadows: ShadowMaps) -> None:
         """Make the records stale that the last move concerns, or other light of the further bounces after it: all of them where
         something else has changed since they were looked at."""
-        if not self._moved:
+        if not self.moved:
             return
-        self._moved, cache = False, self.cache
+        self.moved, cache = False, self.cache
         looked = cache.probes[:, 3].any()
         cache.expire(concerned(cache, self._probe(shadows, np.arange(cache.count))) if looked else None)
 
@@ -217,12 +228,15 @@ class Placement(Holder):
         """How many bounces there are, for the statistics; and, where all are wanted, whether hardly anything is still to come."""
         everything, most = settings.bounces == "all", settings.most_bounces
         made = self.surface.result if self.surface is not None and most > 1 else None
+        if made is None and self.resumed is not None:
+            return self.resumed
         if made is None:
             return {"bounces": min(most, 1), "bounces_converged": False if everything else None}
         return {"bounces": made.bounces, "bounces_converged": made.settled if everything else None}
 
     def expire(self) -> None:
         """Gather everything again."""
+        self.resumed = None
         self.cache.expire()
         if self.surface is not None:
             self.surface.expire()
@@ -239,39 +253,11 @@ class Placement(Holder):
 
     def count_in_view(self, camera: Camera) -> int:
         """How many records lie in the view's pyramid, hidden ones too."""
-        return int(np.count_nonzero(within(self.cache.sites(slice(0, self.cache.count)).position, camera, self.size)))
+        return int(np.count_nonzero(within(self.cache.positions, camera, self.size)))
 
     def adapt(self, last: bool = False) -> bool:
-        """Hold the records that are new, or all where their light or the settings have changed, against each other.
-
-        That those which were there reach less far for it waits for another view, since all of them are splatted anew then, or
-        until this one asks for nothing else: `last`. Returns whether any of them reaches otherwise now.
-        Not while some are stale: they would contradict those that are renewed, and mean nothing by it.
-        """
-        settings, cache, old = self.settings, self.cache, last or not self._begun
-        self._begun = True
-        if len(cache.stale):
-            return False
-        if settings.gradients and (cache.count, cache.renewals) != self._gauged:
-            self._gauged = cache.count, cache.renewals
-            cache.gauge()
-        by = *(getattr(settings, name) for name in _ADAPTED_BY), cache.renewals, cache.dark
-        count, held, before = self._adapted
-        count, held = (min(count, cache.count), min(held, cache.count)) if by == before else (0, 0)
-        first = held if old else count
-        self._adapted = cache.count, cache.count if old else held, by
-        if by == before and first == cache.count:
-            return False
-        limiting = settings.adapt > 0.0 or settings.neighbours
-        with self.timers("adapt"):
-            was = cache.limits(count)
-            if limiting and cache.count:
-                self.adapt_pass(cache.records, first, settings, old)
-            elif by != before:
-                cache.unlimit()
-            changed = by != before or not np.array_equal(was, cache.limits(count))
-        cache.edits += changed  # where it is not, the splats of the old ones still hold
-        return changed
+        """Hold the records against each other, as Adaptation does; whether any that were there reach otherwise now."""
+        return self.adaptation(self.settings, last)
 
     def ask(
         self, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps, camera: Camera, budget: Budget, every: int = 1
@@ -280,7 +266,10 @@ class Placement(Holder):
         if self.settings.placement == "scan":
             return self._scan(gbuffer, splats, shadows, camera, budget)
         if self._queue is None:
-            self._queue, self._missing = self._examine(gbuffer, splats, every)
+            sites, self._missing = self._examine(gbuffer, splats, every)
+            self._queue = sites[: self._room(len(sites), camera)]
+        if len(self._queue) and self.resumed is not None:
+            self.bounce(shadows, budget)
         done = 0
         for count in self._pace.batches(len(self._queue), self.gather_pass.capacity, budget):
             numbers = self.cache.append(self._queue[done : done + count]) + np.arange(count)
@@ -288,6 +277,19 @@ class Placement(Holder):
             done += count
         self._queue = self._queue[done:] if done < len(self._queue) else None
         return Asked(done, self._missing, self._queue is None)
+
+    def _room(self, wanted: int, camera: Camera) -> int:
+        """How many more records there may be, once those have gone that are in the way of `wanted` new ones, if they may."""
+        numbers = kept(self.cache, wanted, camera, self.size, self.settings)
+        if numbers is not None:
+            self._keep(numbers)
+        room = max(self.settings.max_records - self.cache.count, 0)
+        self.full = room < wanted
+        return room
+
+    def _keep(self, numbers: np.ndarray) -> None:
+        self.cache.keep(numbers)
+        self.adaptation.keep(numbers)
 
     def missing(self, gbuffer: GBuffer, splats: SplatBuffer, every: int = 1) -> float:
         """The share of the seen pixels that ask for a record now; nothing is gathered."""
@@ -310,21 +312,21 @@ class Placement(Holder):
 
     def _scan(self, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps, camera: Camera, budget: Budget) -> Asked:
         """The same by the paper's own algorithm: random warm-up records, then a traversal in scan order on the CPU."""
-        if self._seen is None:
+        if self._view is None:
             with self.timers("gbuffer"):
-                self._seen = paper.read_back(gbuffer)
-            self._warmed = 0 if self.cache.count == 0 else self.settings.warmup
-        seen, settings = self._seen, self.settings
-        record = paper.Recorder(self.gather_pass, self.world, self.light(shadows), self.scene.sky, lambda: budget.left > 0.0)
-        warm_up = self._warmed < settings.warmup
-        with self.timers("gather" if warm_up else "examine"):
-            if warm_up:
-                sites, values = paper.warm_up(seen, record, settings, self._warmed)
-                missing = float(seen.mask.any())
-                self._warmed = self._warmed + len(sites) if record.stopped else settings.warmup
-            else:
-                weight = pixels(splats.weight)[..., 0]
-                sites, values, missing = paper.traverse(seen, weight, record, camera, settings)
+                self._view = paper.View(gbuffer, self.settings.warmup if self.cache.count else 0)
+        if self.resumed is not None:
+            self.bounce(shadows, budget)
+        if not (room := self._room(1, camera)):
+            return Asked(0, self.missing(gbuffer, splats), True)
+        more, light = iter(range(1, room)), self.light(shadows)
+
+        def goes_on() -> bool:
+            return budget.left > 0.0 and next(more, None) is not None
+
+        record = paper.Recorder(self.gather_pass, self.world, light, self.scene.sky, goes_on)
+        with self.timers("gather" if self._view.warmed < self.settings.warmup else "examine"):
+            sites, values, missing = self._view.ask(pixels(splats.weight)[..., 0], record, camera, self.settings)
         if len(sites):
             self.cache.append(sites, values)
         return Asked(len(sites), missing, not record.stopped)

@@ -1,4 +1,4 @@
-"""How far records reach in a view: the radius a·R, kept within what the view allows; and which of them are in it."""
+"""How far records reach in a view: the radius a·R, kept within what the view allows."""
 
 from __future__ import annotations
 
@@ -28,11 +28,3 @@ def reach_uniforms(camera: Camera, settings: Settings) -> dict[str, Any]:
         **record_uniforms(settings),
         "reach": (settings.radius_min / 100.0 * screen, settings.radius_max / 100.0 * screen),
     }
-
-
-def within(points: np.ndarray, camera: Camera, size: tuple[int, int]) -> np.ndarray:
-    """(N,) bool: which of the points (N, 3) lie in the pyramid of the view of `size` (width, height)."""
-    x, y, z = camera.axes @ (points - np.asarray(camera.eye)).T
-    half = 0.5 * camera.screen * -z
-    inside: np.ndarray = (z < 0.0) & (np.abs(y) <= half) & (np.abs(x) <= half * size[0] / size[1])
-    return inside

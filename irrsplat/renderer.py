@@ -21,7 +21,6 @@ from irrsplat.cache import RecordCache
 from irrsplat.errors import InputError
 from irrsplat.gpu import context, program
 from irrsplat.gpu.geometry import Geometry
-from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.timers import Timers
 from irrsplat.lights import light_defines
 from irrsplat.output import Frame
@@ -36,13 +35,14 @@ from irrsplat.scene.motion import moved
 from irrsplat.settings import Settings
 from irrsplat.settings import preset as settings_of
 from irrsplat.splatting import Splatting
+from irrsplat.store import Stored
 from irrsplat.view import Progress, View, read, sampling, statistics
 
 _IDLE = 8  # rounds without any gain in coverage after which nothing more is to be hoped for
 _RENEWAL = 0.6  # of the time for gathering that stale records may take where new ones are wanted too
 
 
-class Renderer(Holder):
+class Renderer(Stored):
     """Renders views of one scene and keeps the irradiance records that they asked for.
 
     scene: what `irrsplat.load` returns. size: (width, height) in pixels. preset: a name of settings.PRESETS, and any
@@ -128,7 +128,7 @@ class Renderer(Holder):
         shadows = self._lit()
         gbuffer = self._seen(camera)
         bounces, renewed = self.settings.most_bounces > 0, 0
-        ready = gather and bounces and self.placement.bounce(shadows, budget.part(1.0, sum(self._reserve)))
+        ready = gather and bounces and self.placement.ready(shadows, budget.part(1.0, sum(self._reserve)))
         if ready:
             share = 1.0 if self._coverage == 1.0 else _RENEWAL
             renewed = self.placement.renew(shadows, gbuffer, camera, budget.part(share, sum(self._reserve)))
@@ -141,14 +141,15 @@ class Renderer(Holder):
         asked = Asked(0, 0.0, True)
         if not bounces:
             self._coverage = 1.0
-        elif not gather:
+        elif not ready:
             if self._other("looked at", self.splatting.state, self.settings.asking):
                 self._coverage = 1.0 - self.placement.missing(gbuffer, splats, self.splatting.every)
-            asked = Asked(0, 0.0, not self.splatting.refine())
-        elif ready and self._idle < _IDLE and (self.splatting.state, self.settings.asking) != self._settled:
+            asked = Asked(0, 0.0, gather or not self.splatting.refine())
+        elif self._idle < _IDLE and (self.splatting.state, self.settings.asking) != self._settled:
             asked = self._ask(gbuffer, splats, shadows, camera, budget)
         stale, made = (len(self.cache.stale), self.placement.bounced) if bounces else (0, 1.0)
-        return Progress(self._round, self.cache.count, asked.new, self._coverage, renewed, stale, asked.whole, made)
+        full = self.placement.full
+        return Progress(self._round, self.cache.count, asked.new, self._coverage, renewed, stale, asked.whole, made, full)
 
     def _lit(self) -> ShadowMaps:
         """The shadow maps, drawn again only for other lights."""
@@ -201,7 +202,7 @@ class Renderer(Holder):
         least; the cache is left as it is. told: called with the share done, 0..1, after each."""
         self._use()
         passes = Passes(self.gbuffer_pass, self.splatting.splat_pass, self.direct_pass, self.composite_pass)
-        seen = Seen(self.scene, self.geometry, self._lit(), self.cache.records, self.settings)
+        seen = Seen(self.scene, self.geometry, self._lit(), self.cache, self.settings)
         return self.accumulator(view, samples, Budget(seconds), passes, seen, told)
 
     # ---- what changes ----------------------------------------------------------------------------------------------
@@ -290,19 +291,19 @@ class Renderer(Holder):
         camera = self.scene.camera(camera)
         self.timers.clear()
         self._idle, start = 0, time.perf_counter()
-        stats: dict[str, Any] = {"rounds": 0, "converged": False, "interrupted": False, "coverage": 0.0}
-        whole, budget = self.cache.count, Budget(None)
+        stats: dict[str, Any] = {"rounds": 0, "converged": False, "full": False, "interrupted": False, "coverage": 0.0}
+        whole, ended, budget = self.cache.count + self.cache.evicted, False, Budget(None)
         try:
-            while not stats["converged"] and stats["rounds"] < self.settings.max_rounds and self._idle < _IDLE:
+            while not ended and stats["rounds"] < self.settings.max_rounds and self._idle < _IDLE:
                 now = self._advance(camera, budget)
-                whole = self.cache.count
+                whole, ended = self.cache.count + self.cache.evicted, now.new == 0 and now.whole
                 stats["rounds"] += 1
-                stats["coverage"], stats["converged"] = now.coverage, now.new == 0 and now.whole
+                stats["coverage"], stats["full"], stats["converged"] = now.coverage, now.full, ended and not now.full
                 if progress is not None:
                     progress(now)
         except KeyboardInterrupt:
             stats["interrupted"] = True
-            self.cache.truncate(whole)
+            self.cache.truncate(whole - self.cache.evicted)
         if not stats["converged"]:  # what the last round gathered is still to be splatted
             self.placement.adapt(last=True)
             self.splatting.refine()

@@ -19,7 +19,7 @@ class Renewal(Holder):
     def __init__(self, ctx: moderngl.Context, gradients: bool) -> None:
         self.rank_pass = RankPass(ctx, gradients)
         self._order = np.zeros(0, np.intp)
-        self._made_of: tuple[GBuffer | None, int] = None, -1  # the view, and the cache's era
+        self._made_of: tuple[GBuffer | None, int, int] = None, -1, 0  # the view, the cache's era, and how many have been evicted
 
     def order(self, cache: RecordCache, gbuffer: GBuffer, camera: Camera, settings: Settings) -> np.ndarray:
         """(N,) the numbers of the stale records.
@@ -27,8 +27,8 @@ class Renewal(Holder):
         A record comes the sooner the more pixels it serves, the more it is known to be off, and the longer it has waited, so that
         while light changes all the time none that is seen waits for ever; the hidden ones come last, the stalest first.
         """
-        if self._made_of[0] is not gbuffer or self._made_of[1] != cache.era:
-            self._made_of = gbuffer, cache.era
+        if self._made_of[0] is not gbuffer or self._made_of[1:] != (cache.era, cache.evicted):
+            self._made_of = gbuffer, cache.era, cache.evicted
             stale = cache.stale
             if len(stale):
                 waited = cache.age(stale)

@@ -20,6 +20,8 @@ All = Literal["all"]
 LEAST_ERROR = 1e-3  # w = 1/max(e, this) stays finite
 IN_FRONT = 0.05  # of R: how far in front of a pixel's surface, or behind it, a record may lie
 
+WIDE = 3.0  # in R_k, the greatest radius there is: what is dark and narrow has no say over what lies far beyond it
+
 # triangles: rasters of a hemicube cost in proportion to them, rays hardly; measured on llvmpipe, 64² rays cost 1.7 times what a
 # hemicube of 64 costs at 30 triangles, and 0.42 times at 4 thousand. With the surface cache it is 0.55 times at 30: rasters look
 # up what others hide, too
@@ -196,6 +198,10 @@ class Settings:
     )  # fmt: skip
     warmup: int = _declare(1000, "int", "examine", "the random first records of scan placement", low=0, high=100_000)
     max_rounds: int = _declare(64, "int", "examine", "rounds after which render() stops and says so", low=1, high=10_000)
+    max_records: int = _declare(
+        200_000, "int", "examine", "records kept at most; to make room, those go that have been out of view for longest",
+        low=100, high=4_000_000,
+    )  # fmt: skip
     blend: float = _declare(
         0.5, "float", "composite", "0 is direct light only, ½ the physical sum, 1 indirect only", low=0, high=1
     )
@@ -231,9 +237,9 @@ class Settings:
             object.__setattr__(self, name, declaration.check(getattr(self, name)))
 
     @property
-    def asking(self) -> tuple[float, float]:
-        """What decides which pixels ask for a record: `threshold` and `spread`."""
-        return self.threshold, self.spread
+    def asking(self) -> tuple[float, float, int]:
+        """What decides which pixels ask for a record, and whether they get one: `threshold`, `spread` and `max_records`."""
+        return self.threshold, self.spread, self.max_records
 
     @property
     def threshold(self) -> float:

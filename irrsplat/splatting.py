@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import moderngl
@@ -9,6 +10,7 @@ import numpy as np
 
 from irrsplat.buffers import GBuffer, Records, SplatBuffer
 from irrsplat.cache import RecordCache
+from irrsplat.culling import reaching
 from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.timers import Timers
 from irrsplat.passes.splat import SplatPass
@@ -62,7 +64,11 @@ class Splatting(Holder):
                     self.splat_pass.clear(gbuffer, self.every)
                     self._count = 0
                 if self._count < count:
-                    self.splat_pass(cache.records, self._count, gbuffer, camera, settings, self.every)
+                    sight = partial(self.splat_pass.farthest, gbuffer, camera)
+                    numbers = reaching(cache, self._count, camera, self.size, settings, sight)
+                    if anew:
+                        cache.saw(numbers)
+                    self.splat_pass(cache.records, numbers, gbuffer, camera, settings, self.every)
         self._count = count
         self.state = *key, count
         return self.splat_pass.sums(cache.dark, self.every)
@@ -83,7 +89,7 @@ class Splatting(Holder):
         """The sums (Σ k·E, Σ k) of these records alone, of all pixels: (H, W, 4), top row first."""
         self.splat_pass.clear(gbuffer)
         if records.count:
-            self.splat_pass(records, 0, gbuffer, camera, settings)
+            self.splat_pass(records, np.arange(records.count), gbuffer, camera, settings)
         if self.every == 1:
             self.forget()
         return self.splat_pass.target.read(0)

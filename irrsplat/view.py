@@ -45,7 +45,8 @@ class Progress:
     """Where a view stands after a tick: whole rounds so far, `records` in the cache, `new` among them, and `coverage` of the
     seen pixels, 0..1, at the round's begin. renewed: old records gathered again; stale: how many still wait for that.
     whole: False while sites of a round, or the pixels between every other one, are left over for the next tick. surface: how much
-    of the surface cache is made, 0..1. sampled: the share of a render's samples that are taken, 0..1, once it comes to those."""
+    of the surface cache is made, 0..1. full: whether this view needs more records than `max_records`. sampled: the share of a
+    render's samples that are taken, 0..1, once it comes to those."""
 
     round: int
     records: int
@@ -55,6 +56,7 @@ class Progress:
     stale: int = 0
     whole: bool = True
     surface: float = 1.0
+    full: bool = False
     sampled: float = 0.0
 
     @property
@@ -64,8 +66,8 @@ class Progress:
 
     @property
     def done(self) -> bool:
-        """Whether nothing is left to gather in this view."""
-        return self.still and self.coverage == 1.0
+        """Whether nothing is left to gather in this view, or nothing may be."""
+        return self.still and (self.coverage == 1.0 or self.full)
 
 
 def sampling(progress: Callable[[Progress], None] | None, stats: dict[str, Any]) -> Callable[[float], None] | None:

@@ -16,9 +16,6 @@ uniform ivec2 blocks;        // per cell
 uniform int columns;         // cells per row
 uniform vec2 radii;          // metres: the least and the greatest radius there is
 
-// in R_k: a place that is dark and narrow has no say over what lies far beyond it, however little its light bends
-const float WIDE = 3.0;
-
 flat in int v_index;         // in the batch
 
 layout(location = 0) out vec4 out_record;  // E in W/m², R_k in metres
@@ -86,7 +83,7 @@ void main()
     bend = vec2(lesser, greater) / max(dot(total.rgb, LUMINANCE), 1e-20);
     // as radii, √(2/|bend|), no less than there is
     bend = clamp(bend, vec2(-2.0 / (radii.x * radii.x)), vec2(2.0 / (radii.x * radii.x)));
-    farthest = min(radii.y, WIDE * out_record.a);
+    farthest = min(radii.y, WIDE * out_record.a);  // settings.py's, however little its light bends
 #else
     M = outerProduct(normal, total.rgb);  // E = n_k·M, whatever the pixel's normal
 #endif

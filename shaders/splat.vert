@@ -1,7 +1,8 @@
 // A record as a quad that bounds its sphere of influence on screen (Jones 2010, figure 1); an instance is a record.
 #include "lib/reach.glsl"
 
-uniform int first;                     // number of the first record to splat
+in int in_number;                      // of the record
+
 uniform mat4 clip_from_world;
 uniform bool in_front;                 // reject records in front of the pixel's surface, or behind it
 uniform float pixel;                   // size of a pixel at distance 1, in metres
@@ -21,7 +22,7 @@ flat out vec3 v_irradiance;
 
 void main()
 {
-    ivec2 texel = record_texel(first + gl_InstanceID);
+    ivec2 texel = record_texel(in_number);
     vec3 p = texelFetch(records_position, texel, 0).xyz;
     vec4 record = texelFetch(records_irradiance, texel, 0);
 

@@ -37,7 +37,7 @@ class Made:
         self.axis = np.where(rng.random(count) < 0.2, 0.0, 1.0)[:, None] * aside / np.linalg.norm(aside, axis=1, keepdims=True)
         radii = rng.uniform(0.1, 1.0, count)[:, None] * np.stack([rng.uniform(1.0, 5.0, count), np.ones(count)], 1)
         self.bend = rng.choice([-1.0, 1.0], (count, 2)) * 2.0 / radii**2 * self.axis.any(1)[:, None]
-        self.farthest = rng.uniform(0.3, 3.0, count)
+        self.farthest = np.minimum(rng.uniform(0.3, 3.0, count), 3.0 * self.R)
         angle, distance = rng.uniform(0.0, 2.0 * np.pi, (count, 2)), rng.uniform(0.05, 0.5, (count, 2, 1))
         self.walls = (
             np.stack([np.cos(angle), np.sin(angle)], -1)
@@ -48,18 +48,25 @@ class Made:
         self.ctx = ctx
 
     def limits(self, settings: Settings, *parts: int) -> np.ndarray:
-        """What the pass leaves, the records coming in parts that end at the given counts, and at last all."""
+        """What the pass leaves, the records coming in parts that end at the given counts, and at last all.
+
+        -n in place of a count: the last n are forgotten again.
+        """
         cache = RecordCache(self.ctx)
-        cache.append(sites(self.p, self.n), np.column_stack([self.E, self.R]))
         rest = np.column_stack([self.axis, self.bend, self.farthest])
-        for i, values in enumerate([*np.moveaxis(self.M, 1, 0), *np.moveaxis(self.gradient, 1, 0)]):
-            cache._put(3 + i, 0, np.column_stack([values, rest[:, i]]))
-        cache._put(9, 0, self.walls.reshape(-1, 4))
-        cache.dark = self.dark
-        cache.unlimit()
+        vectors = [*np.moveaxis(self.M, 1, 0), *np.moveaxis(self.gradient, 1, 0)]
         one, first = AdaptPass(self.ctx, settings.gradients, settings.neighbours), 0
-        for count in (*parts, cache.count):
-            one(replace(cache.records, count=count), first, settings)
+        for count in (*parts, len(self.p)):
+            if count < 0:
+                cache.truncate(first := first + count)
+                continue
+            new = slice(first, count)
+            cache.append(sites(self.p[new], self.n[new]), np.column_stack([self.E, self.R])[new])
+            for i, values in enumerate(vectors):
+                cache._put(3 + i, first, np.column_stack([values, rest[:, i]])[new])
+            cache._put(9, first, self.walls.reshape(-1, 4)[new])
+            cache.dark = self.dark
+            one(cache, first, settings)
             first = count
         found = np.frombuffer(cache.records.limit.read(), "f4").copy()
         one.release()
@@ -138,8 +145,8 @@ def test_limits_equal_numpy_in_any_order(ctx: moderngl.Context, name: str, parts
 
 def test_the_variants_differ(ctx: moderngl.Context) -> None:
     """Each setting that the limits are said to depend on moves them, so that the comparison above is one."""
-    made = Made(ctx, 400)
-    found = [made.limits(settings)[:400] for settings in VARIANTS.values()]
+    made = Made(ctx, 200)
+    found = [made.limits(settings)[:200] for settings in VARIANTS.values()]
     differ = [(np.abs(a - b) > 0.002).mean() for i, a in enumerate(found) for b in found[:i]]
     assert min(differ) > 0.01, differ
 
@@ -152,7 +159,7 @@ def of_field(ctx: moderngl.Context, slope: np.ndarray, second: np.ndarray) -> Ma
     made.E = np.repeat((5.0 + made.p @ slope + 0.5 * (made.p**2) @ second)[:, None], 3, axis=1)
     made.M = made.n[:, None, :] * made.E[..., None]
     made.gradient = np.repeat((slope + made.p * second)[:, None], 3, axis=1)
-    made.axis[:], made.farthest[:], made.walls[:] = (1.0, 0.0, 0.0), 20.0, 0.0
+    made.axis[:], made.R[:], made.farthest[:], made.walls[:] = (1.0, 0.0, 0.0), 7.0, 20.0, 0.0
     made.bend = second[[0, 2]] / made.E[:, :1]
     return made
 
@@ -199,3 +206,26 @@ def test_turned_off_and_on_again() -> None:
         after = renderer.render()
     assert np.array_equal(after.records_position, before.records_position)
     assert np.array_equal(after.weight, before.weight)
+
+
+def test_the_limits_of_many_are_those_of_the_few_near_them(ctx: moderngl.Context) -> None:
+    """More records than one grid takes, in rooms far from each other: in each room what it would be alone, in whatever parts.
+
+    Those of some rooms come late, and some rooms' first records are forgotten again, so that grids are made anew.
+    """
+    settings, many = replace(BASE, radius="harmonic"), 45
+    rooms = [Made(ctx, 900, seed) for seed in (1, 2, 3)]
+    alone = [made.limits(settings)[:900] for made in rooms]
+    whole = Made(ctx, 900 * many)
+    for i in range(many):
+        made, part = rooms[i % 3], slice(900 * i, 900 * (i + 1))
+        for name, values in vars(made).items():
+            if isinstance(values, np.ndarray):
+                getattr(whole, name)[part] = values
+        whole.p[part] += (32.0 * (i // 7), 0.0, 32.0 * (i % 7))
+    found = whole.limits(settings, 900, 7000, 33000, 40000)[: 900 * many].reshape(many, 900)
+    for i in range(many):
+        assert np.isclose(found[i], alone[i % 3], rtol=2e-3, atol=1e-4).mean() > 0.99
+    shortened = Made(ctx, 1300)
+    again = shortened.limits(settings, 700, -100)
+    assert np.array_equal(again, shortened.limits(settings))

@@ -47,7 +47,8 @@ def refused(place: Path, capsys: pytest.CaptureFixture[str]) -> Callable[..., st
         ([*RENDER, "--nonsense"], "--nonsense"),
         ([*RENDER, "--siz", "4", "4"], "--siz"),  # no abbreviations
         ([*RENDER, "--path", "x", "--frames", "0:9"], "--path"),
-        ([*RENDER, "--cache", "x"], "--cache"),
+        ([*RENDER, "--cache"], "expected one argument"),
+        (["info", "plain.scene", "--cache", "x"], "--cache"),
         ([*RENDER, "--size", "4"], "expected 2 arguments"),
         ([*RENDER, "--size", "0", "4"], "'0'"),
         ([*RENDER, "--size", "-4", "4"], "'-4'"),

@@ -119,6 +119,7 @@ CHANGES: list[tuple[str, Any, set[str]]] = [
     ("placement", "scan", SPLAT | {"gather", "gbuffer"}),  # the paper reads the g-buffer back
     ("warmup", 10, RENEW),
     ("max_rounds", 5, set()),
+    ("max_records", 5000, {"examine"}),  # a view that needed more may ask again
     ("blend", 0.9, {"composite"}),
     ("smooth", True, {"composite"}),
     ("overture", False, set()),  # the view is whole

@@ -77,7 +77,7 @@ def test_weights_on_the_cpu_are_those_of_the_gpu(ctx: moderngl.Context, settings
     cache.append(where, np.concatenate([np.ones((40, 3), "f4"), R[:, None]], 1))
     gbuffer = gbuffer_of(ctx, seen.position, seen.normal, depth)
     splats.clear(gbuffer)
-    splats(cache.records, 0, gbuffer, CAMERA, settings)
+    splats(cache.records, np.arange(cache.count), gbuffer, CAMERA, settings)
     found = splats.target.read(1)[..., 0]
     assert (weight[seen.mask] > 0.0).mean() > 0.2
     # √(1 - n·n_k) of two equal normals is up to √(2⁻²³) = 3.5e-4 by rounding, and w = 1/e

@@ -39,8 +39,8 @@ def served(renderer: Renderer) -> np.ndarray:
     gbuffer, records, splat = renderer._seen(FRONT), renderer.cache.records, renderer.splatting.splat_pass
     for i in range(records.count):
         splat.clear(gbuffer)
-        splat(replace(records, count=i + 1), i, gbuffer, FRONT, renderer.settings)
-        found = np.frombuffer(splat.sums(records.dark).weight.read(), "f4").reshape(-1, 2)[:, 0]
+        splat(records, np.array([i]), gbuffer, FRONT, renderer.settings)
+        found = splat.target.read(1)[..., 0]
         counts.append(np.count_nonzero((found > 0.0) & (found < NOTHING_SEEN)))
     renderer.forget(records=False, lights=False)
     return np.array(counts)

@@ -193,7 +193,7 @@ def drawn(ctx: moderngl.Context, seen: View, records: Table, settings: Settings,
     splatter.clear(gbuffer)
     first = 0
     for count in (*parts, len(records.p)):
-        splatter(replace(records.records(ctx), count=count), first, gbuffer, CAMERA, settings)
+        splatter(records.records(ctx), np.arange(first, count), gbuffer, CAMERA, settings)
         first = count
     return splatter.target.read(0).copy(), splatter.target.read(1)[..., :2].copy()
 

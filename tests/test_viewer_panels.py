@@ -41,6 +41,7 @@ CHANGES: dict[str, tuple[str | None, Any]] = {
     "placement": ("scan", "scan"),
     "warmup": ("30", 30),
     "max_rounds": ("5", 5),
+    "max_records": ("9000", 9000),
     "blend": ("0.9", 0.9),
     "smooth": (None, True),
     "overture": (None, False),

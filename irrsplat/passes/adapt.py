@@ -2,19 +2,32 @@
 
 What a record says of another's place, by its derivatives, is held against what was gathered there. Their difference, relative to
 the brighter of the two, is taken to grow with the square of the distance, so that a·R is limited to where it comes to `adapt`.
+Others beyond twice its reach tell nothing of a record, so that only those near it are looked at.
 """
 
 from __future__ import annotations
 
-import moderngl
+from itertools import pairwise
+from typing import Any
 
-from irrsplat.buffers import Records
+import moderngl
+import numpy as np
+
+from irrsplat import grid
+from irrsplat.cache import RecordCache
+from irrsplat.gpu import numbered
 from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.program import Program, State
-from irrsplat.gpu.target import Target
-from irrsplat.settings import Settings, record_uniforms, weight_defines
+from irrsplat.gpu.target import Target, float_texture, table_texture
+from irrsplat.settings import WIDE, Settings, record_uniforms, weight_defines
 
 _NEVER = 1e30  # a difference that no two records have
+_FAR = 2.0  # in reaches: how far others are held against a record
+_SIZE = 64, 1024  # of the table of records that are limited by one draw; narrow, so that near ones are drawn together
+_COLUMNS = 1024  # of the grid's tables
+# records in one grid: a fragment of Mesa's software renderer ends its loops after 65535 rounds, whatever is left
+_MOST = 32768
+_LATELY = 2048  # records that are in a grid of their own until there are so many
 
 
 class AdaptPass(Holder):
@@ -22,28 +35,110 @@ class AdaptPass(Holder):
 
     def __init__(self, ctx: moderngl.Context, gradients: bool, neighbours: bool) -> None:
         self.ctx = ctx
-        self.program = Program(ctx, "adapt", "lib/fullscreen", weight_defines(gradients) | {"NEIGHBOURS": int(neighbours)})
+        defines = weight_defines(gradients) | {"NEIGHBOURS": int(neighbours), "GRID_COLUMNS": _COLUMNS, "FAR": _FAR}
+        self.program = Program(ctx, "adapt", "lib/fullscreen", defines)
+        self.place = Program(ctx, "adapt_place")
+        self.targets = float_texture(ctx, _SIZE, 1)
+        self.found = Target(ctx, _SIZE, (1,))
         self.out: Target | None = None  # the cache's own texture
+        self._grids: dict[tuple[int, int], _Tables] = {}
 
-    def __call__(self, records: Records, first: int, settings: Settings, old: bool = True) -> None:
+    def __call__(self, cache: RecordCache, first: int, settings: Settings, old: bool = True) -> None:
         """Limit the records from number `first` on by all others, and, where `old` ones are wanted, those before it by them."""
-        if self.out is None or self.out.textures[0] is not records.limit:
-            self.out = Target(self.ctx, records.limit.size, textures=[records.limit])
-        everything, new, old_ones = (0, records.count), (first, records.count), (0, first)
-        for targets, others, state in ((new, everything, State()), (old_ones, new, State(blend="min"))):
-            if targets[0] == targets[1] or (targets is old_ones and not old):
-                continue
-            row = targets[0] // records.columns
-            rows = (targets[1] - 1) // records.columns + 1 - row
-            left = targets[0] % records.columns if rows == 1 else 0
-            right = (targets[1] - 1) % records.columns + 1 if rows == 1 else records.columns
-            self.program(
+        if first == cache.count:
+            return
+        if self.out is None or self.out.textures[0] is not cache.records.limit:
+            self.out = Target(self.ctx, cache.records.limit.size, textures=[cache.records.limit])
+        everything = self._tables(cache.positions, 0)
+        self._limit(cache, np.arange(first, cache.count), everything, settings, State())
+        if first and old:
+            near = _reaching(cache, first, settings)
+            self._limit(cache, near, self._tables(cache.positions, first), settings, State(blend="min"))
+
+    def _limit(self, cache: RecordCache, numbers: np.ndarray, others: list[_Tables], settings: Settings, state: State) -> None:
+        """Limit the records of these numbers by those in the tables of `others`; state: how a limit goes to the one there was."""
+        assert self.out is not None
+        records, width = cache.records, _SIZE[0]
+        numbers = numbers[np.argsort(others[0].grid.find(cache.positions[numbers]), kind="stable")]
+        for start in range(0, len(numbers), _SIZE[0] * _SIZE[1]):
+            part = numbers[start : start + _SIZE[0] * _SIZE[1]]
+            numbered.write(self.targets, 0, part[:, None])
+            for one in others:
+                self.program(
+                    self.found,
+                    state=State() if one is others[0] else State(blend="min"),
+                    scissor=(0, 0, width, -(-len(part) // width)),
+                    **{name: value for name, value in records.uniforms.items() if name in self.program.uniforms},
+                    **record_uniforms(settings),
+                    **one.uniforms,
+                    adapt=settings.adapt or _NEVER,
+                    targets=self.targets,
+                    count=len(part),
+                )
+            self.place(
                 self.out,
                 state=state,
-                scissor=(left, row, right - left, rows),
-                **{name: value for name, value in records.uniforms.items() if name in self.program.uniforms},
-                **record_uniforms(settings),
-                adapt=settings.adapt or _NEVER,
-                targets=targets,
-                others=others,
+                mode=moderngl.POINTS,
+                vertices=len(part),
+                targets=self.targets,
+                limits=self.found.textures[0],
+                table=records.limit.size,
             )
+
+    def _tables(self, positions: np.ndarray, first: int) -> list[_Tables]:
+        """Grids of all records from number `first` on; those made before are taken again where nothing has changed in them."""
+        count, made = len(positions), {}
+        settled = max(count // _LATELY * _LATELY, first)
+        cuts = sorted({first, *range(-(-first // _MOST) * _MOST, settled, _MOST), settled, count})
+        for low, high in pairwise(cuts):
+            old, points = self._grids.pop((low, high), None), positions[low:high]
+            if old is not None and not np.array_equal(old.points, points):
+                old.release()
+                old = None
+            made[low, high] = old or _Tables(self.ctx, points.copy(), low)
+        if first == 0:
+            self._forget()
+        self._grids |= made
+        return list(made.values())
+
+    def _forget(self) -> None:
+        for one in self._grids.values():
+            one.release()
+        self._grids.clear()
+
+    def release(self) -> None:
+        """Free all of it, the grids too."""
+        self._forget()
+        super().release()
+
+
+class _Tables(Holder):
+    """A grid of points (N, 3) on the GPU, as shaders/lib/grid.glsl has it; first: the number of the first of them."""
+
+    def __init__(self, ctx: moderngl.Context, points: np.ndarray, first: int) -> None:
+        self.points, self.grid = points, grid.build(points)
+        order, starts = self.grid.order, self.grid.starts
+        self.edges = table_texture(ctx, np.pad(self.grid.edges, ((0, 0), (0, 1)))[None])
+        self.starts = float_texture(ctx, (_COLUMNS, -(-len(starts) // _COLUMNS)), 1)
+        numbered.write(self.starts, 0, starts[:, None])
+        self.places = float_texture(ctx, (_COLUMNS, -(-len(order) // _COLUMNS)))
+        numbered.write(self.places, 0, np.column_stack([points[order], first + order]))
+
+    @property
+    def uniforms(self) -> dict[str, Any]:
+        """Those of lib/grid.glsl."""
+        return {
+            "grid_edges": self.edges,
+            "grid_starts": self.starts,
+            "grid_points": self.places,
+            "grid_cells": self.grid.cells,
+        }
+
+
+def _reaching(cache: RecordCache, first: int, settings: Settings) -> np.ndarray:
+    """The numbers of the records before `first` that may reach one from there on: their spheres touch the box about those."""
+    old, new = cache.positions[:first], cache.positions[first:]
+    apart = np.maximum(np.maximum(new.min(0) - old, old - new.max(0)), 0.0)
+    wide = WIDE if settings.gradients and settings.radius == "hessian" else 1.0
+    R = cache.values[:first, 3] * np.float32(1.001 * _FAR * settings.a * wide)
+    return np.flatnonzero((apart * apart).sum(1) <= R * R)

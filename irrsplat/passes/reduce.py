@@ -13,6 +13,7 @@ from irrsplat.buffers import Atlas, Records
 from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.target import Target
+from irrsplat.settings import WIDE
 
 _SUMS = ("sums", "share", "sums_m_r", "sums_m_g", "sums_m_b", "sums_g_r", "sums_g_g", "sums_g_b")  # as reduce.frag has them
 
@@ -25,7 +26,7 @@ class ReducePass(Holder):
         defines = {"GRADIENTS": int(gradients)}
         self.components = (4, 2, 4, 4, 4, 4, 4, 4) if gradients else (4, 2)
         self.blocks = Program(ctx, "reduce", "lib/fullscreen", defines)
-        self.total = Program(ctx, "reduce_total", defines=defines)
+        self.total = Program(ctx, "reduce_total", defines=defines | {"WIDE": WIDE})
         self.target: Target | None = None
         self.out: Target | None = None  # the cache's own textures
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import moderngl
+import numpy as np
 
 from irrsplat.buffers import NOTHING_SEEN, GBuffer, Records, SplatBuffer
 from irrsplat.gpu.holder import Holder
@@ -11,6 +12,8 @@ from irrsplat.gpu.target import Target
 from irrsplat.reach import reach_uniforms
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings, weight_defines
+
+TILE = 16  # pixels
 
 
 class SplatPass(Holder):
@@ -21,10 +24,13 @@ class SplatPass(Holder):
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], gradients: bool) -> None:
         self.ctx = ctx
+        self.numbers = ctx.buffer(reserve=4)  # of the records that are drawn
         self.program = Program(ctx, "splat", defines=weight_defines(gradients))
         self.empty = Program(ctx, "splat_clear", "lib/fullscreen", {"NOTHING_SEEN": NOTHING_SEEN})
         self.target = Target(ctx, size, (4, 2))
         self.small: Target | None = None  # made when it is first wanted
+        self.tiles = Program(ctx, "splat_farthest", "lib/fullscreen", {"SIDE": TILE})
+        self.distances = Target(ctx, (-(-size[0] // TILE), -(-size[1] // TILE)), (1,))
 
     def _of(self, every: int) -> Target:
         if every == 1:
@@ -37,26 +43,36 @@ class SplatPass(Holder):
         """Start again from no records; the weight is NOTHING_SEEN where the g-buffer sees nothing."""
         self.empty(target or self._of(every), position=gbuffer.position, every=every)
 
+    def farthest(self, gbuffer: GBuffer, camera: Camera) -> np.ndarray:
+        """(h, w) float32, bottom row first: how far each tile of TILE² pixels sees, in metres from the eye; 0: nowhere."""
+        self.tiles(self.distances, position=gbuffer.position, eye=camera.eye)
+        return self.distances.read()[::-1, :, 0]
+
     def __call__(
         self,
         records: Records,
-        first: int,
+        numbers: np.ndarray,
         gbuffer: GBuffer,
         camera: Camera,
         settings: Settings,
         every: int = 1,
         target: Target | None = None,
     ) -> None:
-        """Add the records from number `first` on, in their order, to what `target` holds (default: this pass's own buffer)."""
+        """Add the records of these numbers (N,), in their order, to what `target` holds (default: this pass's own buffer)."""
         width, height = self.target.size
+        if not len(numbers):
+            return
+        data = numbers.astype("i4").tobytes()
+        self.numbers.orphan(max(len(data), self.numbers.size))  # a draw before this may still read the old ones
+        self.numbers.write(data)
         self.program(
             target or self._of(every),
             vertices=4,
             mode=moderngl.TRIANGLE_STRIP,
-            instances=records.count - first,
+            instances=len(numbers),
+            instance_data=(self.numbers, "1i/i", ("in_number",)),
             state=State(blend="add", clamp=True),
             **records.uniforms,
-            first=first,
             clip_from_world=camera.clip_from_view(width / height, 1e-3, 1e3) @ camera.view_from_world,
             **reach_uniforms(camera, settings),
             pixel=camera.screen / height * every,

@@ -1,0 +1,9 @@
+// A limit as it was found.
+flat in float v_limit;
+
+layout(location = 0) out float out_limit;
+
+void main()
+{
+    out_limit = v_limit;
+}

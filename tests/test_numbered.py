@@ -1,0 +1,40 @@
+"""Runs of texels against the same runs of a plain list."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+import pytest
+
+from irrsplat.gpu import numbered
+from irrsplat.gpu.target import float_texture
+
+WIDTH, HEIGHT = 8, 6
+
+
+@pytest.mark.parametrize("components", [1, 4])
+def test_what_is_written_lies_where_it_belongs(ctx: moderngl.Context, components: int) -> None:
+    """Every run that there is: within a row, over its end, over whole rows, and to the last texel."""
+    texture, truth = float_texture(ctx, (WIDTH, HEIGHT), components), np.zeros((WIDTH * HEIGHT, components), "f4")
+    texture.write(truth.tobytes())
+    rng = np.random.default_rng(0)
+    for first in range(WIDTH * HEIGHT):
+        for last in range(first, WIDTH * HEIGHT + 1, 5):
+            values = rng.random((last - first, components))
+            numbered.write(texture, first, values)
+            truth[first:last] = values
+            assert np.array_equal(numbered.read(ctx, texture, first, last), truth[first:last])
+        assert np.array_equal(np.frombuffer(texture.read(), "f4").reshape(truth.shape), truth)
+    texture.release()
+
+
+def test_a_copy_fills_the_first_rows(ctx: moderngl.Context) -> None:
+    small, large = float_texture(ctx, (WIDTH, 2)), float_texture(ctx, (WIDTH, HEIGHT))
+    values = np.random.default_rng(1).normal(size=(WIDTH * 2, 4)).astype("f4") * 1e9
+    numbered.write(small, 0, values)
+    large.write(np.full((WIDTH * HEIGHT, 4), 7.0, "f4").tobytes())
+    numbered.copy(ctx, small, large)
+    found = np.frombuffer(large.read(), "f4").reshape(-1, 4)
+    assert np.array_equal(found[: WIDTH * 2], values) and (found[WIDTH * 2 :] == 7.0).all()
+    for texture in (small, large):
+        texture.release()
