@@ -28,7 +28,8 @@ INSTALL = "pip install 'irrsplat[peers]'"
 LEGEND = f"""\
 rmse: of indirect irradiance, relative to its mean, at 2000 smooth pixels; seconds: for all pixels of the view
 further: the same view turned by {TURN:g}°, with the records or the ambient file kept; Mitsuba keeps nothing, and begins anew
-lamps joined: rays of Mitsuba, in our own integrator, which joins every vertex to what each lamp shines on as well\
+Mitsuba: its own integrator, `direct` for one bounce and `path` for more, on cosine-distributed rays from each pixel
+lamps joined: its rays in our own integrator (that of `verify`), which joins every vertex to what each lamp shines on as well\
 """
 _COLOURS = ((27, 94, 160), (226, 150, 90), (190, 70, 10), (60, 140, 60), (130, 80, 160))
 
