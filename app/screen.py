@@ -28,12 +28,12 @@ class Screen(Target):
         self.textures, self.depth = [], None
         self.gl = framebuffer
 
-    def use(self, viewport: Region | None = None, scissor: Region | None = None) -> None:
+    def use(self, viewport: Region | None = None, scissor: Region | None = None, keep: bool = False) -> None:
         """Bind for drawing, as Target.use."""
         self.gl.viewport = viewport or (0, 0, *self.size)
         self.gl.scissor = scissor  # type: ignore[assignment]
         self.gl.color_mask = (True,) * 4
-        self.gl.depth_mask = True
+        self.gl.depth_mask = not keep
         self.gl.use()
 
     def release(self) -> None:

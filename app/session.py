@@ -99,7 +99,7 @@ class Session(Holder):
     @property
     def at_rest(self) -> bool:
         """Whether another tick would show the same."""
-        done = not self.ms or all(p.done or (self.look.frozen and p.new == 0) for p in self.progress)
+        done = not self.ms or all(p.done or (self.look.frozen and p.new == 0 and p.whole) for p in self.progress)
         settled = bool(self.views) and done and abs(self.exposure - self._metered[1]) <= _SETTLED
         return settled and not self._stepping and self.tape.at_rest
 

@@ -119,6 +119,10 @@ class RecordCache(Holder):
             self.dark = dark
             self.edits += 1
 
+    def limits(self, count: int) -> np.ndarray:
+        """(count,) float32: how far the first so many records may reach, as a share of their radii."""
+        return np.frombuffer(self._limit.read(), "f4")[:count]
+
     def unlimit(self) -> None:
         """Let every record reach as far as its own R, those to come too."""
         self._limit.write(np.ones(self._limit.width * self._limit.height, "f4").tobytes())

@@ -72,7 +72,7 @@ class Placement(Holder):
         self.reduce_pass = ReducePass(ctx, settings.gradients)
         self.examine_pass = ExaminePass(ctx, size)
         self.adapt_pass = AdaptPass(ctx, settings.gradients, settings.neighbours)
-        self._adapted: tuple[int, object] = 0, None  # how many records, and by what
+        self._adapted: tuple[int, int, object] = 0, 0, None  # how many records, how many of them by all others, and by what
         self._gauged = 0, 0  # of how many records, and how often gathered again, the cache has the gauge
         self.atlas: Atlas | None = None  # the last one gathered
         self._pace = Pace(ctx)
@@ -107,6 +107,7 @@ class Placement(Holder):
         self._pattern = 0
         self._seen: paper.Seen | None = None  # the g-buffer as the paper's algorithm reads it back
         self._warmed = 0  # how many of its first samples are made
+        self._begun = False  # whether its splats are made
 
     def change(self, settings: Settings, scene: Scene) -> None:
         """Go on with other settings and lights; records that depend on what changed become stale, or are forgotten.
@@ -203,31 +204,37 @@ class Placement(Holder):
         """How many records lie in the view's pyramid, hidden ones too."""
         return int(np.count_nonzero(self._in_view(self.cache.sites(slice(0, self.cache.count)).position, camera)))
 
-    def adapt(self) -> None:
+    def adapt(self, last: bool = False) -> bool:
         """Hold the records that are new, or all where their light or the settings have changed, against each other.
 
+        That those which were there reach less far for it waits for another view, since all of them are splatted anew then, or
+        until this one asks for nothing else: `last`. Returns whether any of them reaches otherwise now.
         Not while some are stale: they would contradict those that are renewed, and mean nothing by it.
         """
-        settings, cache = self.settings, self.cache
+        settings, cache, old = self.settings, self.cache, last or not self._begun
+        self._begun = True
         if len(cache.stale):
-            return
+            return False
         if settings.gradients and (cache.count, cache.renewals) != self._gauged:
             self._gauged = cache.count, cache.renewals
             cache.gauge()
         by = *(getattr(settings, name) for name in _ADAPTED_BY), cache.renewals, cache.dark
-        count, before = self._adapted
-        first = min(count, cache.count) if by == before else 0
-        self._adapted = cache.count, by
+        count, held, before = self._adapted
+        count, held = (min(count, cache.count), min(held, cache.count)) if by == before else (0, 0)
+        first = held if old else count
+        self._adapted = cache.count, cache.count if old else held, by
         if by == before and first == cache.count:
-            return
+            return False
+        limiting = settings.adapt > 0.0 or settings.neighbours
         with self.timers("adapt"):
-            if (settings.adapt > 0.0 or settings.neighbours) and cache.count:
-                self.adapt_pass(cache.records, first, settings)
+            was = cache.limits(count)
+            if limiting and cache.count:
+                self.adapt_pass(cache.records, first, settings, old)
             elif by != before:
                 cache.unlimit()
-            else:
-                return
-            cache.edits += 1  # old ones may reach less far now, or farther
+            changed = by != before or not np.array_equal(was, cache.limits(count))
+        cache.edits += changed  # where it is not, the splats of the old ones still hold
+        return changed
 
     def _in_view(self, points: np.ndarray, camera: Camera) -> np.ndarray:
         """(N,) bool: which of the points (N, 3) lie in the view's pyramid."""
@@ -235,12 +242,14 @@ class Placement(Holder):
         half = 0.5 * camera.screen * -z
         return (z < 0.0) & (np.abs(y) <= half) & (np.abs(x) <= half * self.size[0] / self.size[1])
 
-    def ask(self, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps, camera: Camera, budget: Budget) -> Asked:
-        """Gather where the examination of this view asks for records."""
+    def ask(
+        self, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps, camera: Camera, budget: Budget, every: int = 1
+    ) -> Asked:
+        """Gather where the examination of this view asks for records; every: of how many pixels the splats are."""
         if self.settings.placement == "scan":
             return self._scan(gbuffer, splats, shadows, camera, budget)
         if self._queue is None:
-            self._queue, self._missing = self._examine(gbuffer, splats)
+            self._queue, self._missing = self._examine(gbuffer, splats, every)
         done = 0
         for count in self._pace.batches(len(self._queue), self.gather_pass.capacity, budget):
             batch = self._queue[done : done + count]
@@ -250,17 +259,17 @@ class Placement(Holder):
         self._queue = self._queue[done:] if done < len(self._queue) else None
         return Asked(done, self._missing, self._queue is None)
 
-    def missing(self, gbuffer: GBuffer, splats: SplatBuffer) -> float:
+    def missing(self, gbuffer: GBuffer, splats: SplatBuffer, every: int = 1) -> float:
         """The share of the seen pixels that ask for a record now; nothing is gathered."""
         with self.timers("examine"):
-            return self.examine_pass(gbuffer, splats, self.settings).missing
+            return self.examine_pass(gbuffer, splats, self.settings, every).missing
 
-    def _examine(self, gbuffer: GBuffer, splats: SplatBuffer) -> tuple[Sites, float]:
+    def _examine(self, gbuffer: GBuffer, splats: SplatBuffer, every: int) -> tuple[Sites, float]:
         settings = self.settings
         with self.timers("examine"):
-            found = self.examine_pass(gbuffer, splats, settings)
+            found = self.examine_pass(gbuffer, splats, settings, every)
             reach = (settings.radius_max or _REACH) / 100.0 * self.size[1] / self.examine_pass.side  # tiles
-            asking = int(np.count_nonzero(found.asking))
+            asking = int(np.count_nonzero(found.asking)) * every**2  # as many tiles as about would, were all pixels looked at
             tiles = choose(found.asking, *spacing(self._pattern, reach, asking), settings.seed)
             while asking and not len(tiles[0]):  # these fields of the chess board ask for nothing: the next ones
                 self._pattern += 1

@@ -28,12 +28,12 @@ from irrsplat.passes.composite import CompositePass
 from irrsplat.passes.direct import DirectPass
 from irrsplat.passes.gbuffer import GBufferPass
 from irrsplat.passes.shadow import ShadowPass
-from irrsplat.passes.splat import SplatPass
 from irrsplat.placement import Asked, Placement
 from irrsplat.scene.flat import flatten
 from irrsplat.scene.model import Camera, Light, Scene
 from irrsplat.settings import Settings
 from irrsplat.settings import preset as settings_of
+from irrsplat.splatting import Splatting
 from irrsplat.view import Progress, View, read, statistics
 
 _IDLE = 8  # rounds without any gain in coverage after which nothing more is to be hoped for
@@ -73,7 +73,7 @@ class Renderer(Holder):
         self.cache = RecordCache(self.ctx)
         self.shadow_pass = ShadowPass(self.ctx)
         self.gbuffer_pass = GBufferPass(self.ctx, self.size)
-        self.splat_pass = SplatPass(self.ctx, self.size, self.settings.gradients)
+        self.splatting = Splatting(self.ctx, self.size, self.settings, self.timers)
         self.placement = Placement(self.ctx, scene, self.size, self.settings, self.geometry, self.cache, self.timers)
         self.direct_pass = DirectPass(self.ctx, self.size, light_defines(scene))
         self.composite_pass = CompositePass(self.ctx, self.size)
@@ -83,7 +83,6 @@ class Renderer(Holder):
         self._direct: moderngl.Texture | None = None
         self._view: View | None = None
         self._settled: tuple[Any, ...] | None = None  # the state of the splat buffer that asks for nothing
-        self._splatted = 0  # how many of the cache's records the splat buffer holds
         self._round = 0  # whole ones of this view
         self._coverage = 0.0  # at the present round's begin
         self._idle = 0  # rounds that gained nothing
@@ -132,15 +131,18 @@ class Renderer(Holder):
             renewed = self.placement.renew(shadows, camera, budget.part(share, sum(self._reserve)))
         start = time.perf_counter()
         self.placement.adapt()
-        splats = self._splat(gbuffer, camera)
+        if self._idle >= _IDLE and self.splatting.refine():
+            self._idle = 0
+        splats = self.splatting(self.cache, gbuffer, camera, self.settings, self._made_of["gbuffer"])
         self._reserve = time.perf_counter() - start, self._reserve[1]
         asked = Asked(0, 0.0, True)
         if not bounces:
             self._coverage = 1.0
         elif not gather:
-            if self._other("looked at", self._made_of["splat"], self._splatted, self.settings.asking):
-                self._coverage = 1.0 - self.placement.missing(gbuffer, splats)
-        elif ready and self._idle < _IDLE and (self._made_of["splat"], self._splatted, self.settings.asking) != self._settled:
+            if self._other("looked at", self.splatting.state, self.settings.asking):
+                self._coverage = 1.0 - self.placement.missing(gbuffer, splats, self.splatting.every)
+            asked = Asked(0, 0.0, not self.splatting.refine())
+        elif ready and self._idle < _IDLE and (self.splatting.state, self.settings.asking) != self._settled:
             asked = self._ask(gbuffer, splats, shadows, camera, budget)
         stale, made = (len(self.cache.stale), self.placement.bounced) if bounces else (0, 1.0)
         return Progress(self._round, self.cache.count, asked.new, self._coverage, renewed, stale, asked.whole, made)
@@ -158,43 +160,32 @@ class Renderer(Holder):
             with self.timers("gbuffer"):
                 self._gbuffer = self.gbuffer_pass(self.scene, self.geometry, camera)
             self.placement.new_view()
+            self.splatting.start(self.settings)
             self._round, self._coverage, self._idle = 0, 0.0, 0
         return self._gbuffer
 
-    def _splat(self, gbuffer: GBuffer, camera: Camera) -> SplatBuffer:
-        """The splat buffer with every record of the cache in it; the sums are additive, so that only new ones are drawn."""
-        bounces = self.settings.most_bounces > 0
-        count = self.cache.count if bounces else 0
-        anew = self._other("splat", self._made_of["gbuffer"], self.settings.of("splat"), self.cache.edits, bounces)
-        if anew or self._splatted < count:
-            with self.timers("splat"):
-                if anew:
-                    self.splat_pass.clear(gbuffer)
-                    self._splatted = 0
-                if self._splatted < count:
-                    self.splat_pass(self.cache.records, self._splatted, gbuffer, camera, self.settings)
-        self._splatted = count
-        return self.splat_pass.sums(self.cache.dark)
-
     def _ask(self, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps, camera: Camera, budget: Budget) -> Asked:
         """Gather where the view lacks records, as far as the budget goes."""
-        asked = self.placement.ask(gbuffer, splats, shadows, camera, budget.part(1.0, self._reserve[1]))
+        asked = self.placement.ask(gbuffer, splats, shadows, camera, budget.part(1.0, self._reserve[1]), self.splatting.every)
         before, self._coverage = self._coverage, 1.0 - asked.missing
         if asked.whole:
             self._idle = 0 if self._coverage > before else self._idle + 1
             self._round += 1
             if not asked.new:
-                self._settled = self._made_of["splat"], self._splatted, self.settings.asking
+                limited = self.placement.adapt(last=True)
+                if self.splatting.refine() or limited:
+                    return replace(asked, whole=False)
+                self._settled = self.splatting.state, self.settings.asking
         return asked
 
     def _compose(self) -> View:
         """The picture from what there is: direct light, normalised indirect light, their blend."""
         (camera, _), gbuffer = self._made_of["gbuffer"], self._gbuffer
-        splats = self.splat_pass.sums(self.cache.dark)
+        splats = self.splatting.whole(self.cache, gbuffer, camera)
         if self._other("direct", self._made_of["gbuffer"], self._made_of["shadow"]) or self._direct is None:
             with self.timers("direct"):
                 self._direct = self.direct_pass(gbuffer, self._lit())
-        settings, state = self.settings, (self._made_of["direct"], self._made_of["splat"], self._splatted)
+        settings, state = self.settings, (self._made_of["direct"], self.splatting.state)
         filling = settings.overture and self._coverage < 1.0 and settings.most_bounces > 0
         if self._other("composite", *state, settings.blend, settings.smooth, filling) or self._view is None:
             with self.timers("composite"):
@@ -210,8 +201,9 @@ class Renderer(Holder):
         self._use()
         limits.check(self.ctx, self.size, self.scene, settings.shadow_size)
         if settings.gradients != self.settings.gradients:
-            self.splat_pass.release()
-            self.splat_pass = SplatPass(self.ctx, self.size, settings.gradients)
+            self.splatting.release()
+            self.splatting = Splatting(self.ctx, self.size, settings, self.timers)
+        self.splatting.start(settings)
         self.settings, self.preset, self._idle = settings, preset or self.preset, 0
         self.placement.change(settings, self.scene)
 
@@ -221,6 +213,7 @@ class Renderer(Holder):
         before, scene = self.scene, replace(self.scene, lights=tuple(lights))
         limits.check(self.ctx, self.size, scene, self.settings.shadow_size)
         self.scene, self._idle = scene, 0
+        self.splatting.start(self.settings)
         if light_defines(before) != light_defines(self.scene):
             self.direct_pass.release()
             self.direct_pass = DirectPass(self.ctx, self.size, light_defines(self.scene))
@@ -233,10 +226,10 @@ class Renderer(Holder):
         size = limits.checked(size)
         limits.check(self.ctx, size, self.scene, self.settings.shadow_size)
         self.size = size
-        for one in (self.gbuffer_pass, self.splat_pass, self.direct_pass, self.composite_pass):
+        for one in (self.gbuffer_pass, self.splatting, self.direct_pass, self.composite_pass):
             one.release()
         self.gbuffer_pass = GBufferPass(self.ctx, self.size)
-        self.splat_pass = SplatPass(self.ctx, self.size, self.settings.gradients)
+        self.splatting = Splatting(self.ctx, self.size, self.settings, self.timers)
         self.direct_pass = DirectPass(self.ctx, self.size, light_defines(self.scene))
         self.composite_pass = CompositePass(self.ctx, self.size)
         self.placement.resize(self.size)
@@ -257,6 +250,7 @@ class Renderer(Holder):
         """Draw every buffer of the view again next time; without the `records` made so far, and the `lights`' shadow maps."""
         self._made_of = {stage: key for stage, key in self._made_of.items() if stage == "shadow" and not lights}
         self._settled = None
+        self.splatting.forget()
         if records:
             self.cache.truncate(0)
 
@@ -281,13 +275,15 @@ class Renderer(Holder):
                 now = self._advance(camera, budget)
                 whole = self.cache.count
                 stats["rounds"] += 1
-                stats["coverage"], stats["converged"] = now.coverage, now.new == 0
+                stats["coverage"], stats["converged"] = now.coverage, now.new == 0 and now.whole
                 if progress is not None:
                     progress(now)
         except KeyboardInterrupt:
             stats["interrupted"] = True
             self.cache.truncate(whole)
         if not stats["converged"]:  # what the last round gathered is still to be splatted
+            self.placement.adapt(last=True)
+            self.splatting.refine()
             stats["coverage"] = self._advance(camera, budget, gather=False).coverage
         self.ctx.finish()
         stats |= {"records": self.cache.count, "seconds": time.perf_counter() - start}
@@ -306,10 +302,12 @@ class Renderer(Holder):
         Ctrl-C ends the rounds early: stats["converged"] is False then.
         """
         first: list[np.ndarray] = []
+        rounds: list[int] = []
 
         def watch(now: Progress) -> None:
-            if now.round <= 2:  # the second round splats what the first one gathered
-                first[:] = [self.splat_pass.target.read(0)]
+            rounds.append(now.records)
+            if len(rounds) <= 2:  # in the second round all is known of what the first one gathered
+                first[:] = [self._splatted(rounds[0])]
             if progress is not None:
                 progress(now)
 
@@ -317,10 +315,14 @@ class Renderer(Holder):
         frame = read(view, self.scene.sky, self.cache.read(), stats | self.stats(view))
         if not figures:
             return frame
-        splats = {"first_samples": first[0] if first else self.splat_pass.target.read(0)}
-        splats["splat_buffer"] = self.splat_pass.target.read(0)
+        splats = {"first_samples": first[0] if first else self._splatted(0), "splat_buffer": self._splatted(self.cache.count)}
         pictures = {name: frame.albedo / np.float32(np.pi) * sums[..., :3] for name, sums in splats.items()}
         return replace(frame, figures=pictures | {"quad": figure.diagram(frame, view.camera, self.settings)})
+
+    def _splatted(self, count: int) -> np.ndarray:
+        """The sums of the first so many records (H, W, 4), of every pixel of the present view."""
+        records = replace(self.cache.records, count=count)
+        return self.splatting.read(records, self._gbuffer, self._made_of["gbuffer"][0], self.settings)
 
     def stats(self, view: View) -> dict[str, Any]:
         exposure, settings = self.settings.exposure, self.settings

@@ -180,6 +180,9 @@ class Settings:
         7.0, "float", "splat", "greatest radius a·R of a splat on screen, in percent of the image height; 0 is no limit",
         low=0, high=100, unit="%",
     )  # fmt: skip
+    coarse: bool = _declare(
+        True, "bool", "splat", "while a view fills or moves, every other pixel is splatted and the rest lie between; then all are"
+    )
     tolerance: float | Auto = _declare(  # "auto" is resolved by `threshold`
         "auto", "float", "examine", "a pixel asks for a record where Σw is below this; auto is 1/a", low=0, high=1e6, word="auto"
     )
@@ -272,6 +275,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "adapt": 0.0,
         "spread": 0.0,
         "overture": False,
+        "coarse": False,
         "radius_min": 0.0,
         "radius_max": 0.0,
     },

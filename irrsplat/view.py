@@ -34,7 +34,8 @@ class View:
 class Progress:
     """Where a view stands after a tick: whole rounds so far, `records` in the cache, `new` among them, and `coverage` of the
     seen pixels, 0..1, at the round's begin. renewed: old records gathered again; stale: how many still wait for that.
-    whole: False while sites of a round are left over for the next tick. surface: how much of the surface cache is made, 0..1."""
+    whole: False while sites of a round, or the pixels between every other one, are left over for the next tick. surface: how much
+    of the surface cache is made, 0..1."""
 
     round: int
     records: int

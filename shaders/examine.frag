@@ -7,6 +7,8 @@ uniform sampler2D albedo;
 uniform sampler2D emission;
 uniform sampler2D sums;      // Σ k·E, Σ k
 uniform sampler2D weight;    // Σ of raw w, NOTHING_SEEN where nothing is seen; Σ k·Y²
+uniform int every;           // of the g-buffer's pixels that the sums are of
+uniform int side;            // pixels of a tile
 uniform int stride;          // coprime to side²: the order in which a tile's pixels are looked at
 uniform int seed;
 
@@ -25,7 +27,6 @@ uint random(uvec2 tile)
 
 void main()
 {
-    const int side = SIDE;  // pixels of a tile
     ivec2 tile = ivec2(gl_FragCoord.xy), corner = tile * side, size = textureSize(weight, 0);
     // of equals the first one wins, and which comes first is drawn by lot
     int count = side * side, i = int(random(uvec2(tile)) % uint(count)), worst = i;
@@ -42,7 +43,7 @@ void main()
         worst = w < least ? i : worst;
         least = min(w, least);
     }
-    ivec2 pixel = min(corner + ivec2(worst % side, worst / side), size - 1);
+    ivec2 pixel = min(corner + ivec2(worst % side, worst / side), size - 1) * every;
     out_position = vec4(texelFetch(position, pixel, 0).xyz, asking);
     out_normal = texelFetch(normal, pixel, 0);
     out_rest = vec4(texelFetch(albedo, pixel, 0).w, least, seen, texelFetch(emission, pixel, 0).w);

@@ -3,6 +3,7 @@
 
 uniform sampler2D position;  // g-buffer
 uniform sampler2D normal;
+uniform int every;           // 1: all of its pixels are served; 2: every other one
 uniform bool cut;            // the paper's kernel: w as it is, cut off at 1/a
 uniform bool in_front;       // reject records in front of the pixel's surface, or behind it
 
@@ -24,7 +25,7 @@ layout(location = 1) out vec2 out_weight;   // w, and k·Y², Y being the lumina
 
 void main()
 {
-    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    ivec2 pixel = every * ivec2(gl_FragCoord.xy);
     vec4 p = texelFetch(position, pixel, 0);
     if (p.w == 0.0) discard;
     vec3 apart = p.xyz - v_place, n = texelFetch(normal, pixel, 0).xyz;

@@ -21,12 +21,13 @@ CLIP_DISTANCE0 = 0x3000
 class State:
     """All the fixed-function state of one draw; whatever is not named is off.
 
-    depth: "<" or None. blend: "add", "over" (by the fragment's alpha), "min" or None. cull: "front", "back" or None.
-    clamp: depth clamp, so that no near plane clips. clips: how many gl_ClipDistance planes are on.
-    push: polygon offset as glPolygonOffset, (slopes, units). wire: the edges of triangles alone.
+    depth: "<", "1" (always) or None; keep: it is tested, but not written. blend: "add", "over" (by the fragment's alpha),
+    "min" or None. cull: "front", "back" or None. clamp: depth clamp, so that no near plane clips. clips: how many
+    gl_ClipDistance planes are on. push: polygon offset as glPolygonOffset, (slopes, units). wire: the edges of triangles alone.
     """
 
     depth: str | None = None
+    keep: bool = False
     blend: str | None = None
     cull: str | None = None
     clamp: bool = False
@@ -106,7 +107,7 @@ class Program:
                 uniform.write(rows.astype("f4").tobytes())  # type: ignore[union-attr]
             else:
                 self.gl[name].value = tuple(value) if isinstance(value, np.ndarray) else value  # type: ignore[union-attr]
-        target.use(viewport, scissor)
+        target.use(viewport, scissor, keep=state.keep)
         self._apply(state)
         array = self._array(geometry, instance_data)
         if geometry is None:

@@ -68,12 +68,18 @@ class Target:
         self.depth = depth_attachment or (depth_texture(ctx, size) if depth else None)
         self.gl = ctx.framebuffer(self.textures, self.depth)
 
-    def use(self, viewport: tuple[int, int, int, int] | None = None, scissor: tuple[int, int, int, int] | None = None) -> None:
-        """Bind for drawing, with the whole area as viewport unless another is given, and scissored where asked for."""
+    def use(
+        self,
+        viewport: tuple[int, int, int, int] | None = None,
+        scissor: tuple[int, int, int, int] | None = None,
+        keep: bool = False,
+    ) -> None:
+        """Bind for drawing, with the whole area as viewport unless another is given, scissored where asked for; keep: no draw
+        writes depth."""
         self.gl.viewport = viewport or (0, 0, *self.size)
         self.gl.scissor = scissor  # type: ignore[assignment]
         self.gl.color_mask = (True,) * 4 if len(self.textures) == 1 else ((True,) * 4,) * len(self.textures)  # type: ignore[assignment]
-        self.gl.depth_mask = True
+        self.gl.depth_mask = not keep
         self.gl.use()
 
     def clear(self, value: float = 0.0, depth: float = 1.0) -> None:

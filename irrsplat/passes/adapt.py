@@ -25,13 +25,13 @@ class AdaptPass(Holder):
         self.program = Program(ctx, "adapt", "lib/fullscreen", weight_defines(gradients) | {"NEIGHBOURS": int(neighbours)})
         self.out: Target | None = None  # the cache's own texture
 
-    def __call__(self, records: Records, first: int, settings: Settings) -> None:
-        """Limit the records from number `first` on by all others, and those before it by them."""
+    def __call__(self, records: Records, first: int, settings: Settings, old: bool = True) -> None:
+        """Limit the records from number `first` on by all others, and, where `old` ones are wanted, those before it by them."""
         if self.out is None or self.out.textures[0] is not records.limit:
             self.out = Target(self.ctx, records.limit.size, textures=[records.limit])
-        everything, new, old = (0, records.count), (first, records.count), (0, first)
-        for targets, others, state in ((new, everything, State()), (old, new, State(blend="min"))):
-            if targets[0] == targets[1]:
+        everything, new, old_ones = (0, records.count), (first, records.count), (0, first)
+        for targets, others, state in ((new, everything, State()), (old_ones, new, State(blend="min"))):
+            if targets[0] == targets[1] or (targets is old_ones and not old):
                 continue
             row = targets[0] // records.columns
             rows = (targets[1] - 1) // records.columns + 1 - row

@@ -49,15 +49,26 @@ class ExaminePass(Holder):
     """Looks for pixels that ask for a record in a view of `size` (width, height)."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
+        self.ctx = ctx
         self.side = max(2, size[1] // _TILES)  # pixels
-        self.stride = _stride(self.side**2)
-        self.program = Program(ctx, "examine", "lib/fullscreen", {"NOTHING_SEEN": NOTHING_SEEN, "SIDE": self.side})
-        self.target = Target(ctx, (-(-size[0] // self.side), -(-size[1] // self.side)), (4, 4, 4))
+        self.program = Program(ctx, "examine", "lib/fullscreen", {"NOTHING_SEEN": NOTHING_SEEN})
+        self.target: Target | None = None
 
-    def __call__(self, gbuffer: GBuffer, splats: SplatBuffer, settings: Settings) -> Examination:
-        """Every tile's count of pixels that ask, by `tolerance` and `spread`, and the worst served of them."""
+    def __call__(self, gbuffer: GBuffer, splats: SplatBuffer, settings: Settings, every: int = 1) -> Examination:
+        """Every tile's count of pixels that ask, by `tolerance` and `spread`, and the worst served of them.
+
+        every: 2 where the splats are of every other pixel of the g-buffer; the tiles are as wide then, and have fewer.
+        """
+        side = max(2, self.side // every)
+        tiles = -(-splats.weight.width // side), -(-splats.weight.height // side)
+        if self.target is None or self.target.size != tiles:
+            if self.target is not None:
+                self.target.release()
+            self.target = Target(self.ctx, tiles, (4, 4, 4))
         self.program(
             self.target,
+            every=every,
+            side=side,
             position=gbuffer.position,
             normal=gbuffer.normal,
             albedo=gbuffer.albedo,
@@ -66,7 +77,7 @@ class ExaminePass(Holder):
             sums=splats.sums,
             spread=settings.spread,
             dark=splats.dark,
-            stride=self.stride,
+            stride=_stride(side**2),
             tolerance=settings.threshold,
             seed=settings.seed,
         )

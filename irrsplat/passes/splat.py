@@ -36,22 +36,42 @@ def reach_uniforms(camera: Camera, settings: Settings) -> dict[str, Any]:
 
 
 class SplatPass(Holder):
-    """Adds records to a splat buffer of `size` (width, height), with their gradients or without."""
+    """Adds records to a splat buffer of `size` (width, height), with their gradients or without.
+
+    It has a second, smaller buffer for `every` other pixel in both directions: every = 2 below; 1 is all of them.
+    """
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], gradients: bool) -> None:
+        self.ctx = ctx
         self.program = Program(ctx, "splat", defines=weight_defines(gradients))
         self.empty = Program(ctx, "splat_clear", "lib/fullscreen", {"NOTHING_SEEN": NOTHING_SEEN})
         self.target = Target(ctx, size, (4, 2))
+        self.small: Target | None = None  # made when it is first wanted
 
-    def clear(self, gbuffer: GBuffer) -> None:
+    def _of(self, every: int) -> Target:
+        if every == 1:
+            return self.target
+        width, height = self.target.size
+        self.small = self.small or Target(self.ctx, ((width + 1) // 2, (height + 1) // 2), (4, 2))
+        return self.small
+
+    def clear(self, gbuffer: GBuffer, every: int = 1) -> None:
         """Start again from no records; the weight is NOTHING_SEEN where the g-buffer sees nothing."""
-        self.empty(self.target, position=gbuffer.position)
+        self.empty(self._of(every), position=gbuffer.position, every=every)
 
-    def __call__(self, records: Records, first: int, gbuffer: GBuffer, camera: Camera, settings: Settings) -> SplatBuffer:
+    def __call__(
+        self,
+        records: Records,
+        first: int,
+        gbuffer: GBuffer,
+        camera: Camera,
+        settings: Settings,
+        every: int = 1,
+    ) -> SplatBuffer:
         """Add the records from number `first` on, in their order; the sums are this pass's own textures."""
         width, height = self.target.size
         self.program(
-            self.target,
+            self._of(every),
             vertices=4,
             mode=moderngl.TRIANGLE_STRIP,
             instances=records.count - first,
@@ -60,15 +80,16 @@ class SplatPass(Holder):
             first=first,
             clip_from_world=camera.clip_from_view(width / height, 1e-3, 1e3) @ camera.view_from_world,
             **reach_uniforms(camera, settings),
-            pixel=camera.screen / height,
+            pixel=camera.screen / height * every,
             position=gbuffer.position,
             normal=gbuffer.normal,
+            every=every,
             cut=settings.kernel == "cut",
             in_front=settings.in_front,
         )
-        return self.sums(records.dark)
+        return self.sums(records.dark, every)
 
-    def sums(self, dark: float) -> SplatBuffer:
+    def sums(self, dark: float, every: int = 1) -> SplatBuffer:
         """What has been added up so far, this pass's own textures; dark: as in Records."""
-        sums, weight = self.target.textures
+        sums, weight = self._of(every).textures
         return SplatBuffer(sums, weight, dark)
