@@ -14,7 +14,7 @@ from irrsplat.app import gathered, machine
 from irrsplat.scene.model import Camera, Light, Scene
 
 REPETITIONS = 3
-SLOW = 5.0  # seconds: what takes longer is timed once
+SLOW = 3.0  # seconds: what takes longer is timed once
 TURN = 5.0  # degrees, of the case "moved"
 SHIFT = 0.05  # of the scene's diagonal, of the case "light"
 LEGEND = """\

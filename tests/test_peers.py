@@ -188,13 +188,15 @@ def test_radiance_agrees_with_the_gather(tmp_path: Path, small: None) -> None:
 
 
 @pytest.mark.skipif(importlib.util.find_spec("mitsuba") is None, reason="the extra `peers` is not installed")
-@pytest.mark.parametrize("method", ["path", "joined"])
-def test_mitsuba_agrees_with_the_gather(small: None, method: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(entrants, "SECONDS", 8.0)
+@pytest.mark.parametrize(("method", "enough"), [("path", 0.15), ("joined", 0.05)])
+def test_mitsuba_agrees_with_the_gather(small: None, method: str, enough: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both get to where they are wanted, by more and more samples: so neither is biased by as much."""
+    monkeypatch.setattr(entrants, "SECONDS", 1000.0)
+    monkeypatch.setattr(entrants, "ENOUGH", enough)
     scene = irrsplat.load("curved")
     with irrsplat.Renderer(scene, size=(24, 24), bounces=1) as renderer:
         view = entrants.view(renderer, scene.camera())
     found = entrants.mitsuba(scene, 1, (view, view), method, lambda words: None)
-    assert found.anew and found.points[-1].rmse < {"path": 0.2, "joined": 0.06}[method]
-    assert found.points[-1].rmse < found.points[0].rmse / 4.0, "the error falls with the samples"
-    assert [p.seconds for p in found.points] == sorted(p.seconds for p in found.points)
+    off = [point.rmse for point in found.points]
+    assert found.anew and min(off) <= enough < max(off) / 4.0
+    assert len(found.points) > 3 and all(point.further == point.seconds for point in found.points)
