@@ -43,7 +43,7 @@ class Point:
 
 @dataclass(frozen=True)
 class Entry:
-    """All that is known of an entrant: its points, fewest seconds first; in words what came before its clock began, or why it
+    """All that is known of an entrant: its points, fewest seconds or samples first; in words what came before its clock began, or why it
     could not take part. anew: it keeps nothing, and its error goes with 1/√seconds."""
 
     points: tuple[Point, ...]
@@ -151,7 +151,7 @@ def mitsuba(scene: Scene, bounces: int | str, views: Sequence[View], method: str
     points = [
         Point(name, f"{count} samples", seconds, rmse, seconds, rmse) for count, seconds, rmse in found["levels"] if seconds > 0.0
     ]
-    return Entry(_by_time(points), f"after {found['load']:.2f} s of loading, compiled; {found['threads']} threads", anew=True)
+    return Entry(tuple(points), f"after {found['load']:.2f} s of loading, compiled; {found['threads']} threads", anew=True)
 
 
 def all_of(scene: Scene, size: tuple[int, int], bounces: int | str, views: Sequence[View], tell: Tell) -> Iterator[Entry]:

@@ -17,6 +17,7 @@ import irrsplat
 from irrsplat import exact
 from irrsplat.app import cases, cli, entrants, gathered, peers, radiance
 from irrsplat.app.entrants import Entry, Point
+from irrsplat.app.plot import Line, loglog
 from irrsplat.errors import IrrsplatError
 from irrsplat.reference import process
 from irrsplat.scene.model import Light, Scene
@@ -99,6 +100,17 @@ def test_the_verdict_is_a_ratio_to_ours() -> None:
     told = list(peers.report("cornell", entries))
     assert "absent: not installed" in told and "slow: after 1 s" in told
     assert peers.plot("cornell", entries).shape[2] == 3
+
+
+@pytest.mark.parametrize(("y", "corner"), [((9.0, 1.0), "upper right"), ((1.0, 9.0), "lower right")])
+def test_the_legend_keeps_out_of_the_way(y: tuple[float, float], corner: str) -> None:
+    """A falling line leaves the upper right free, a rising one ends there and begins in the lower left."""
+    red = (200, 20, 20)
+    picture = loglog([Line("a", np.array([1.0, 9.0]), np.array(y), red)], "t", "x", "y")
+    coloured = np.abs(picture * 255.0 - red).max(-1) < 20.0
+    height, width = coloured.shape
+    rows = slice(0, height // 4) if corner == "upper right" else slice(3 * height // 4, None)
+    assert coloured[rows, 9 * width // 10 :].any()
 
 
 @pytest.mark.parametrize(
