@@ -43,8 +43,8 @@ class Point:
 
 @dataclass(frozen=True)
 class Entry:
-    """All that is known of an entrant: its points, fewest seconds or samples first; in words what came before its clock began, or why it
-    could not take part. anew: it keeps nothing, and its error goes with 1/√seconds."""
+    """All that is known of an entrant: its points, fewest seconds or samples first; in words what came before its clock began,
+    or why it could not take part. anew: it keeps nothing, and its error goes with 1/√seconds."""
 
     points: tuple[Point, ...]
     about: str
