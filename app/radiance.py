@@ -150,7 +150,7 @@ class Rtrace:
         words: list[str] = []
         if quality is not None:
             accuracy, divisions, supersamples = (str(x) for x in quality)
-            words = ["-aa", accuracy, "-ad", divisions, "-as", supersamples, "-ar", "0", "-af", "ambient"]
+            words = ["-aa", accuracy, "-ad", divisions, "-as", supersamples, "-af", "ambient"]
         rays = np.concatenate([position, normal], axis=1, dtype=np.float32).tobytes()
         command = ["rtrace", "-h", "-I", "-fff", "-n", str(self.cpus), "-ab", str(bounces), *_EXACT, *words, "scene.oct"]
         answer, seconds = self._run(command, rays)
