@@ -28,9 +28,8 @@ class Geometry:
         # OpenGL has no empty buffers: no geometry is one vertex and one index that no draw reaches
         self.vertices = ctx.buffer(np.ascontiguousarray(vertices if len(vertices) else np.zeros((1, 12)), "f4").tobytes())
         self.indices = ctx.buffer(np.ascontiguousarray(faces if len(faces) else np.zeros((1, 3)), "i4").tobytes())
-        corners = vertices[faces, :3]
-        self.planes = table_texture(ctx, _planes(corners.astype(float)))
-        self.corners = corners
+        self.corners = vertices[faces, :3]
+        self.planes = table_texture(ctx, _planes(self.corners.astype(float)))
         total, split = 3 * len(faces), 3 * closed
         self.parts = {"all": (0, total), "closed": (0, split), "open": (split, total - split)}
 
@@ -38,6 +37,15 @@ class Geometry:
     def uniforms(self) -> dict[str, Any]:
         """The uniforms with which shaders/lib/surface.glsl finds a triangle's normal."""
         return {"face_planes": self.planes}
+
+    def update(self, vertices: np.ndarray, faces: np.ndarray) -> None:
+        """The same triangles elsewhere: as many vertices and faces as before, in the same order."""
+        if not len(faces):
+            return
+        self.vertices.write(np.ascontiguousarray(vertices, "f4").tobytes())
+        self.indices.write(np.ascontiguousarray(faces, "i4").tobytes())
+        self.corners = vertices[faces, :3]
+        self.planes.write(_planes(self.corners.astype(float)).astype("f4").tobytes())
 
     def release(self) -> None:
         """Free the buffers and the table."""
