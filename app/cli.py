@@ -179,7 +179,7 @@ def bench(args: argparse.Namespace) -> int:
         check_file(args.json)
     from irrsplat.app import bench as benchmark
 
-    return benchmark.run(args.scenes, tuple(args.size), args.json)
+    return benchmark.run(args)
 
 
 def verify(args: argparse.Namespace) -> int:

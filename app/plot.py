@@ -43,13 +43,13 @@ def loglog(lines: Sequence[Line], title: str, x_label: str, y_label: str) -> np.
         return frame[0] + (logs - low) / (high - low) * (frame[1] - frame[0])
 
     _axes(pen, frame, spans, place)
-    for line in lines:
-        at = place(line.x, line.y)
+    places = [place(line.x, line.y) for line in lines]
+    for line, at in zip(lines, places, strict=True):
         if len(at) > 1:
             pen.line(at, line.colour, 2.6)
         for point in at:
             pen.dot(point, 4.2, line.colour)
-    _legend(pen, frame, lines)
+    _legend(pen, frame, lines, places)
     pen.text((frame[0][0], 0.9 * pen.font), title, _INK)
     pen.text(((frame.sum(0)[0] - width_of(x_label, pen.font)) / 2.0, size[1] - 1.7 * pen.font), x_label, _INK)
     _upright(image, pen, y_label, frame)
@@ -95,13 +95,30 @@ def _axes(pen: Pen, frame: np.ndarray, spans: list[tuple[float, float]], place: 
     pen.line(np.array([[left, top], [left, bottom], [right, bottom]]), _FAINT, 1.6, halo=False)
 
 
-def _legend(pen: Pen, frame: np.ndarray, lines: Sequence[Line]) -> None:
-    """Each line's words, in its colour, from the upper right corner down, where falling curves leave room."""
-    for i, line in enumerate(lines):
-        y = frame[1][1] + (0.5 + 1.5 * i) * pen.font
-        x = frame[1][0] - width_of(line.words, pen.font) - 0.6 * pen.font
+def _legend(pen: Pen, frame: np.ndarray, lines: Sequence[Line], places: Sequence[np.ndarray]) -> None:
+    """Each line's words, in its colour, in the corner that the lines, whose points lie at `places` (N, 2), leave free."""
+    if not lines:
+        return
+    widths = [width_of(line.words, pen.font) for line in lines]
+    size = np.array([max(widths) + 2.2 * pen.font, (1.5 * len(lines) + 0.6) * pen.font])
+    (left, bottom), (right, top) = frame
+    corners = [(right, top), (left, bottom), (right, bottom), (left, top)]  # falling curves leave the first ones free
+    low = [np.array([x - size[0] if x == right else x, y if y == top else y - size[1]]) for x, y in corners]
+    drawn = np.concatenate([_along(at) for at in places])
+    crossed = [np.count_nonzero(((drawn > corner) & (drawn < corner + size)).all(1)) for corner in low]
+    chosen = int(np.argmin(crossed))
+    x_end, y = low[chosen][0] + size[0] - 0.6 * pen.font, low[chosen][1] + 0.5 * pen.font
+    for line, width in zip(lines, widths, strict=True):
+        x = x_end - width if corners[chosen][0] == right else low[chosen][0] + 1.6 * pen.font
         pen.dot(np.array([x - 0.8 * pen.font, y + 0.65 * pen.font]), 4.2, line.colour)
         pen.text((x, y), line.words, line.colour)
+        y += 1.5 * pen.font
+
+
+def _along(at: np.ndarray) -> np.ndarray:
+    """(M, 2) places along the line through (N, 2), close to each other."""
+    steps = np.linspace(0.0, 1.0, 32)[:, None, None]
+    return np.concatenate([at, (at[:-1] + steps * (at[1:] - at[:-1])).reshape(-1, 2)])
 
 
 def _upright(image: Image.Image, pen: Pen, words: str, frame: np.ndarray) -> None:

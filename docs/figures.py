@@ -38,7 +38,7 @@ def shown() -> tuple[list[str], list[str]]:
     """What the README shows: the file names of the paper's figures, and the names of bundled scenes."""
     names = re.findall(r"\(docs/images/([\w-]+)\.png\)", (ROOT / "README.md").read_text(encoding="utf-8"))
     figures = [f"{name}.png" for name in names if name.startswith("figure")]
-    return figures, [name for name in names if not name.startswith(("figure", "view", "rims", "curve"))]
+    return figures, [name for name in names if not name.startswith(("figure", "view", "rims", "curve", "peers"))]
 
 
 def slope(frame: Frame) -> tuple[np.ndarray, np.ndarray]:

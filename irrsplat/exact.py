@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -16,9 +17,12 @@ from irrsplat.paper import Seen
 from irrsplat.passes.gather import GatherPass
 from irrsplat.passes.reduce import ReducePass
 from irrsplat.passes.shadow import ShadowPass
+from irrsplat.passes.trace import TracePass, Tree
+from irrsplat.scene.flat import flatten
 from irrsplat.scene.model import Scene
+from irrsplat.settings import preset
 
-SIDE = 128  # texels of a hemicube's front face: 49 thousand directions
+SIDE = 128  # of a hemicube's front face in texels, 49 thousand directions; or of a square of rays, 16 thousand
 _BATCH = 32  # pixels gathered at once
 _ANGLE = 18.0  # degrees between a pixel's normal and its neighbours'
 _OFF = 0.01  # of the scene's diagonal: how far neighbours may lie from a pixel's tangent plane
@@ -48,19 +52,35 @@ def gather(
     at = tuple(pixels.T)
     triangle = None if seen.triangle is None else seen.triangle[at]
     sites = Sites(seen.position[at], seen.normal[at], seen.geometric[at], triangle)
-    shadows = ShadowPass(ctx)(scene, geometry, shadow_size)
-    look = GatherPass(ctx, "raster", SIDE, scene.diagonal, light_defines(scene), capacity=_BATCH)
+    cast, lights, tree = ShadowPass(ctx), light_defines(scene), None
+    shadows = cast(scene, geometry, shadow_size)
+    look: Any
+    if rasters(scene):
+        look = GatherPass(ctx, "raster", SIDE, scene.diagonal, lights, capacity=_BATCH)
+    else:
+        tree, look = Tree(ctx, *flatten(scene)[:2]), TracePass(ctx, SIDE, scene.diagonal, lights, capacity=_BATCH)
     reduce, cache = ReducePass(ctx, gradients=False), RecordCache(ctx)
     start = time.perf_counter()
     while cache.count < len(sites) and time.perf_counter() - start < seconds:
         batch = sites[cache.count : cache.count + look.capacity]
         numbers = cache.count + np.arange(len(batch))
         cache.append(batch)
-        reduce(look(geometry, shadows, batch, numbers, 0), cache.records, scene.sky, look.radii)
+        reduce(look(tree or geometry, shadows, batch, numbers, 0), cache.records, scene.sky, look.radii)
         ctx.finish()
     truth = Truth(pixels[: cache.count], cache.read()["irradiance"])
-    cache.release()
+    for thing in (cache, look, reduce, cast, *([tree] if tree else [])):
+        thing.release()
     return truth
+
+
+def rasters(scene: Scene) -> bool:
+    """Whether a record's look at the scene is cheaper by rasters than by rays."""
+    return preset(bounces=1).gather_kind(scene.triangles) == "raster"
+
+
+def directions(scene: Scene) -> int:
+    """How many directions the truth of a pixel has."""
+    return 6 * SIDE**2 // 2 if rasters(scene) else SIDE**2
 
 
 def smooth(seen: Seen, off: float) -> np.ndarray:

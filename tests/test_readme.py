@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from irrsplat.app import cli, flythrough, viewer
+from irrsplat import exact
+from irrsplat.app import cases, cli, flythrough, viewer
 from irrsplat.app.window import open_window
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -44,10 +45,13 @@ def test_the_commands_run(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("IRRSPLAT_CONFIG", str(tmp_path / "config"))
+    monkeypatch.setenv("IRRSPLAT_CACHE", str(tmp_path / "cache"))
     # a window in memory that closes after some frames (tests/test_window.py opens a real one)
     monkeypatch.setattr(viewer, "open_window", lambda size: open_window(size, headless=True))
     monkeypatch.setattr(viewer.Viewer, "loop", lambda self: [self.frame(0.1) for _ in range(5)])
     monkeypatch.setattr(flythrough, "FRAMES", 5)
+    monkeypatch.setattr(cases, "REPETITIONS", 1)
+    monkeypatch.setattr(exact, "SIDE", 32)
     words = shlex.split(command)[1:]
     assert cli.main(small(words)) == 0, capsys.readouterr().err
     if words[0] == "view":

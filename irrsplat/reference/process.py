@@ -39,7 +39,12 @@ def trace(
     bounces: int,
     progress: Callable[[float], object] | None = None,
 ) -> dict[str, np.ndarray]:
-    """What `irrsplat.reference.view.trace` returns, from another process.
+    """What `irrsplat.reference.view.trace` returns, from another process; see `call`."""
+    return call(_MAIN, (scene, camera, size, side, bounces), progress)
+
+
+def call(code: str, arguments: tuple[Any, ...], progress: Callable[[float], object] | None = None) -> Any:
+    """What Python code that ends in `irrsplat.reference.view.serve` makes of the arguments, in another process.
 
     progress: called with the share done, 0..1, several times a second; whatever it raises ends the process, and is raised here.
     Raises IrrsplatError, one line, where Mitsuba or LLVM is missing, and where the process fails.
@@ -49,12 +54,12 @@ def trace(
     environment = os.environ | {"PYTHONPATH": paths, "PYTHONSAFEPATH": "1"}
     with tempfile.TemporaryFile() as said:
         process = subprocess.Popen(
-            [sys.executable, "-c", _MAIN], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=said, env=environment
+            [sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=said, env=environment
         )
         assert process.stdin is not None and process.stdout is not None
         try:
             with suppress(BrokenPipeError):  # it ended before it had read all: that shows in its answer
-                pickle.dump((scene, camera, size, side, bounces), process.stdin)
+                pickle.dump(arguments, process.stdin)
                 process.stdin.close()
             kind, value = _answer(process.stdout, progress)
             if kind is None:

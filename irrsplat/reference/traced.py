@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
-import os
-import secrets
-import zipfile
-import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from irrsplat.errors import InputError, IrrsplatError
 from irrsplat.output import Frame
-from irrsplat.reference import process
+from irrsplat.reference import process, store
+from irrsplat.reference.store import folder
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import preset
 
@@ -25,6 +20,7 @@ VERSION = 2  # of what is traced and how; older files in the cache are not read
 MOST_BOUNCES = preset(bounces="all").most_bounces  # what a surface of reflectance ρ adds after N is ρ^N of the first one's
 MOST_SAMPLES = 131_072  # what is in flight at once fits into memory
 NOTHING = "the camera sees no smooth surface, so there is nothing to compare; give another camera or a larger size"
+SAMPLES = 2048  # rays of each kind per pixel
 OUTLIER = 0.3  # of the mean: an error beyond it is one that anybody sees
 
 
@@ -120,7 +116,7 @@ def traced(
     camera: Camera,
     size: tuple[int, int],
     bounces: int | str,
-    samples: int = 2048,
+    samples: int = SAMPLES,
     progress: Callable[[float], object] | None = None,
     notice: Callable[[str], object] | None = None,
 ) -> Traced:
@@ -139,14 +135,14 @@ def traced(
         path = folder() / f"truth-{key}.npz"
         if (truth := _read(path, size)) is not None:
             return truth
-    except _DAMAGE:
+    except store.DAMAGE:
         notice(f"{path}: damaged; the truth is traced again")
     except IrrsplatError as error:
         notice(str(error))
     truth = Traced(**process.trace(scene, camera, size, side, vertices(bounces), progress))
     try:
         if path is not None:
-            _write(path, truth)
+            store.write(path, {field.name: getattr(truth, field.name) for field in fields(Traced)})
     except OSError as error:
         notice(f"{path}: cannot keep the truth for the next time: {error.strerror or error}")
     return truth
@@ -154,48 +150,26 @@ def traced(
 
 # ---- the cache folder ----------------------------------------------------------------------------------------------------
 
-_DAMAGE = (OSError, ValueError, KeyError, EOFError, TypeError, NotImplementedError, zipfile.BadZipFile, zlib.error)
-
-
-def folder() -> Path:
-    """Where truths are kept: what IRRSPLAT_CACHE names, else the user's cache folder; IrrsplatError where none is."""
-    if named := os.environ.get("IRRSPLAT_CACHE"):
-        return Path(named)
-    import platformdirs
-
-    found = platformdirs.user_cache_path("irrsplat", appauthor=False)
-    if not found.is_absolute():
-        raise IrrsplatError("there is no home folder to keep the truth in; name a folder in IRRSPLAT_CACHE")
-    return found
-
 
 def key_of(scene: Scene, camera: Camera, size: tuple[int, int], side: int, bounces: int | str) -> str:
     """A hash of all that the truth of a view depends on; names do not count, every bit of a number does."""
-    digest = hashlib.sha256()
+    return store.key_of(scene, camera, VERSION, size, side, vertices(bounces))
 
-    def add(*values: Any) -> None:
-        for value in values:
-            array = np.asarray(value, np.float64)
-            digest.update(f"{array.shape}".encode())
-            digest.update((array + 0.0).tobytes())  # −0 is 0
 
-    add(VERSION, size, side, vertices(bounces), scene.sky, camera.eye, camera.target, camera.up, camera.fov)
-    for mesh in scene.meshes:
-        add(mesh.positions, mesh.normals, mesh.faces, mesh.material.emission)
-        add(mesh.material.albedo if mesh.colors is None else mesh.colors)
-    for light in scene.lights:
-        add(light.position, light.color, light.directional, light.physical, light.attenuation)
-        add(light.spot_target or (), light.spot_cutoff, light.spot_inner, light.spot_exponent)
-    return digest.hexdigest()[:24]
+def kept(scene: Scene, camera: Camera, size: tuple[int, int], bounces: int | str, samples: int = SAMPLES) -> Traced | None:
+    """The truth of a view as `traced` has it where it was traced before; None elsewhere, and where its file is damaged."""
+    try:
+        return _read(folder() / f"truth-{key_of(scene, camera, size, side_of(samples), bounces)}.npz", size)
+    except (IrrsplatError, *store.DAMAGE):
+        return None
 
 
 def _read(path: Path, size: tuple[int, int]) -> Traced | None:
-    """The truth in a file, None where there is no file; raises one of _DAMAGE for a file that is not as `_write` left it."""
-    try:
-        with np.load(path, allow_pickle=False) as data:  # zip's check sums tell of every bit that has changed
-            truth = Traced(**{field.name: data[field.name] for field in fields(Traced)})
-    except FileNotFoundError:
+    """The truth in a file, None where there is no file; raises one of store.DAMAGE for a file that is not as `traced` left it."""
+    arrays = store.read(path)
+    if arrays is None:
         return None
+    truth = Traced(**{field.name: arrays[field.name] for field in fields(Traced)})
     pixels = size[1], size[0]
     for field in fields(Traced):
         array = getattr(truth, field.name)
@@ -204,15 +178,3 @@ def _read(path: Path, size: tuple[int, int]) -> Traced | None:
         if array.shape != shape or array.dtype != (bool if flag else np.float32) or not np.isfinite(array).all():
             raise ValueError(f"'{field.name}' is not what irrsplat writes")
     return truth
-
-
-def _write(path: Path, truth: Traced) -> None:
-    """Keep `truth`, whole or not at all."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f".{path.name}-{secrets.token_hex(6)}.part")
-    try:
-        with open(part, "xb") as file:
-            np.savez_compressed(file, **{field.name: getattr(truth, field.name) for field in fields(Traced)})
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)

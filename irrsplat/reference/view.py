@@ -120,8 +120,13 @@ def distance_to(marked: np.ndarray, most: int = 255) -> np.ndarray:
 
 
 def main() -> None:
-    """Read the arguments of `trace` from stdin (pickled), and write what becomes of them to stdout, messages (kind, value):
-    ("progress", share), and at last ("done", arrays) or ("error", why it cannot be)."""
+    """`trace`, for who started this process."""
+    serve(trace)
+
+
+def serve(work: Callable[..., Any]) -> None:
+    """Read arguments from stdin (pickled), and write what `work` makes of them, and of what it calls with the share done, to
+    stdout, messages (kind, value): ("progress", share), and at last ("done", result) or ("error", why it cannot be)."""
     with os.fdopen(os.dup(1), "wb") as answers:
         os.dup2(2, 1)  # whatever a library prints must not come between
 
@@ -130,8 +135,8 @@ def main() -> None:
             answers.flush()
 
         try:
-            scene, camera, size, side, bounces = pickle.load(sys.stdin.buffer)
+            arguments = pickle.load(sys.stdin.buffer)
             choose_variant()
-            say("done", trace(scene, camera, size, side, bounces, lambda share: say("progress", share)))
+            say("done", work(*arguments, lambda share: say("progress", share)))
         except IrrsplatError as error:
             say("error", str(error))
