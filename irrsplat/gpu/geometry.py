@@ -2,14 +2,42 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Any
 
 import moderngl
 import numpy as np
 
-from irrsplat.gpu.target import table_texture
+from irrsplat.gpu.target import listed, table_texture
+from irrsplat.meshlets import Meshlets, cut
 
 _COLUMNS = 1024  # of the table of planes, as shaders/lib/surface.glsl has it
+
+
+class Pieces:
+    """The same triangles, meshlet by meshlet, to be drawn as a Geometry is.
+
+    corners: RGBA32F texture, a texel a triangle in that order: its vertices' numbers, and its own in the Geometry.
+    looks: RGBA32F texture, three texels a vertex, its row of numbers.
+    """
+
+    def __init__(self, ctx: moderngl.Context, vertices: moderngl.Buffer, rows: np.ndarray, faces: np.ndarray) -> None:
+        self.meshlets: Meshlets = cut(rows[faces, :3])
+        order = self.meshlets.order
+        self.vertices = vertices
+        self.indices = ctx.buffer(np.ascontiguousarray(faces[order] if len(order) else np.zeros((1, 3)), "i4").tobytes())
+        self.corners = table_texture(ctx, listed(np.column_stack([faces[order], order])[:, None].astype("f4")))
+        self.looks = table_texture(ctx, listed(rows.reshape(-1, 3, 4)))
+
+    @property
+    def uniforms(self) -> dict[str, Any]:
+        """The uniforms with which shaders/gather_light.frag finds what is seen."""
+        return {"triangle_table": self.corners, "vertex_table": self.looks}
+
+    def release(self) -> None:
+        """Free what is not the Geometry's."""
+        for thing in (self.indices, self.corners, self.looks):
+            thing.release()
 
 
 class Geometry:
@@ -28,6 +56,7 @@ class Geometry:
         # OpenGL has no empty buffers: no geometry is one vertex and one index that no draw reaches
         self.vertices = ctx.buffer(np.ascontiguousarray(vertices if len(vertices) else np.zeros((1, 12)), "f4").tobytes())
         self.indices = ctx.buffer(np.ascontiguousarray(faces if len(faces) else np.zeros((1, 3)), "i4").tobytes())
+        self.ctx = ctx
         corners = vertices[faces, :3]
         self.planes = table_texture(ctx, _planes(corners.astype(float)))
         self.corners = corners
@@ -39,8 +68,21 @@ class Geometry:
         """The uniforms with which shaders/lib/surface.glsl finds a triangle's normal."""
         return {"face_planes": self.planes}
 
+    @property
+    def triangles(self) -> int:
+        """The number of triangles."""
+        return self.parts["all"][1] // 3
+
+    @cached_property
+    def pieces(self) -> Pieces:
+        """The triangles in meshlets; made when a gather first draws them."""
+        rows, faces = (np.frombuffer(buffer.read(), kind) for buffer, kind in ((self.vertices, "f4"), (self.indices, "i4")))
+        return Pieces(self.ctx, self.vertices, rows.reshape(-1, 12), faces.reshape(-1, 3)[: self.triangles])
+
     def release(self) -> None:
-        """Free the buffers and the table."""
+        """Free the buffers and the tables."""
+        if "pieces" in vars(self):
+            self.pieces.release()
         self.vertices.release()
         self.indices.release()
         self.planes.release()
