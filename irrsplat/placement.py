@@ -8,7 +8,7 @@ from typing import Any
 import moderngl
 import numpy as np
 
-from irrsplat import paper
+from irrsplat import choice, paper
 from irrsplat.budget import Budget, Pace
 from irrsplat.buffers import Atlas, GBuffer, HitLight, ShadowMaps, Sites, SplatBuffer
 from irrsplat.cache import RecordCache
@@ -45,7 +45,7 @@ class Asked:
 
 def gather_pass(ctx: moderngl.Context, scene: Scene, settings: Settings, capacity: int | None = None) -> GatherPass | TracePass:
     """The pass that gathers as `settings` say in `scene`, at most `capacity` records at once (None: as many as are worth it)."""
-    kind, lights, more = settings.gather_kind(scene.triangles), light_defines(scene), settings.most_bounces > 1
+    kind, lights, more = choice.kind(ctx, scene, settings), light_defines(scene), settings.most_bounces > 1
     if kind == "trace":
         return TracePass(ctx, settings.gather_size, scene.diagonal, lights, capacity, surface=more)
     return GatherPass(ctx, kind, settings.gather_size, scene.diagonal, lights, capacity, surface=more)
@@ -300,7 +300,7 @@ class Placement(Holder):
 
     def _how(self, settings: Settings) -> tuple[object, ...]:
         """What a record at its place says, and how well, goes by these."""
-        return settings.gather_kind(self.scene.triangles), settings.gather_size, settings.most_bounces > 1
+        return choice.kind(self.ctx, self.scene, settings), settings.gather_size, settings.most_bounces > 1
 
     def _gather(self, shadows: ShadowMaps, sites: Sites, numbers: np.ndarray) -> None:
         with self.timers("gather"):

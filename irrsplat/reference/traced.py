@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from irrsplat import resources
 from irrsplat.errors import InputError, IrrsplatError
 from irrsplat.output import Frame
 from irrsplat.reference import process
@@ -159,12 +160,8 @@ _DAMAGE = (OSError, ValueError, KeyError, EOFError, TypeError, NotImplementedErr
 
 def folder() -> Path:
     """Where truths are kept: what IRRSPLAT_CACHE names, else the user's cache folder; IrrsplatError where none is."""
-    if named := os.environ.get("IRRSPLAT_CACHE"):
-        return Path(named)
-    import platformdirs
-
-    found = platformdirs.user_cache_path("irrsplat", appauthor=False)
-    if not found.is_absolute():
+    found = resources.cache_folder()
+    if found is None:
         raise IrrsplatError("there is no home folder to keep the truth in; name a folder in IRRSPLAT_CACHE")
     return found
 
