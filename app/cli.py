@@ -153,6 +153,13 @@ def bench(args: argparse.Namespace) -> int:
         from irrsplat.output import check_file
 
         check_file(args.json)
+    if args.growth:
+        from irrsplat.app import growth
+
+        return growth.run(args)
+    for flag, given in (("--quick", args.quick), ("-o", args.output is not None)):
+        if given:
+            raise InputError(f"{flag} goes with --growth; give that as well")
     from irrsplat.app import bench as benchmark
 
     return benchmark.run(args.scenes, tuple(args.size), args.json)

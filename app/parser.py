@@ -92,6 +92,9 @@ def build() -> Parser:
     bench.add_argument("scenes", nargs="*", metavar="SCENE", help="paths, or names of bundled scenes (default: cornell-paper)")
     _add_size(bench)
     bench.add_argument("--json", metavar="FILE", help="write the results to this file as well")
+    bench.add_argument("--growth", action="store_true", help="time and memory against triangles and pixels instead, minutes long")
+    bench.add_argument("--quick", action="store_true", help="with --growth: a short series of small ones")
+    bench.add_argument("-o", "--output", metavar="FILE.png", help="with --growth: the plot")
 
     info = commands.add_parser("info", help="what is in a scene", description="Say what is in a scene.")
     info.add_argument("scene", nargs="?", metavar="SCENE", help="a path, or the name of a bundled scene (default: list those)")

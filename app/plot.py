@@ -29,8 +29,11 @@ class Line:
     colour: Colour
 
 
-def loglog(lines: Sequence[Line], title: str, x_label: str, y_label: str) -> np.ndarray:
-    """(H, W, 3) display values 0..1 of the lines with axes, a grid, numbers, and each line's words in its colour."""
+def loglog(lines: Sequence[Line], title: str, x_label: str, y_label: str, rising: bool = False) -> np.ndarray:
+    """(H, W, 3) display values 0..1 of the lines with axes, a grid, numbers, and each line's words in its colour.
+
+    rising: the words stand in the upper left corner, where rising lines leave room, instead of the upper right.
+    """
     size = tuple(_FINER * n for n in _SIZE)
     image = Image.new("RGB", (size[0], size[1]), (255, 255, 255))
     pen = Pen(image, _FINER * _FONT)
@@ -49,7 +52,7 @@ def loglog(lines: Sequence[Line], title: str, x_label: str, y_label: str) -> np.
             pen.line(at, line.colour, 2.6)
         for point in at:
             pen.dot(point, 4.2, line.colour)
-    _legend(pen, frame, lines)
+    _legend(pen, frame, lines, rising)
     pen.text((frame[0][0], 0.9 * pen.font), title, _INK)
     pen.text(((frame.sum(0)[0] - width_of(x_label, pen.font)) / 2.0, size[1] - 1.7 * pen.font), x_label, _INK)
     _upright(image, pen, y_label, frame)
@@ -95,11 +98,11 @@ def _axes(pen: Pen, frame: np.ndarray, spans: list[tuple[float, float]], place: 
     pen.line(np.array([[left, top], [left, bottom], [right, bottom]]), _FAINT, 1.6, halo=False)
 
 
-def _legend(pen: Pen, frame: np.ndarray, lines: Sequence[Line]) -> None:
-    """Each line's words, in its colour, from the upper right corner down, where falling curves leave room."""
+def _legend(pen: Pen, frame: np.ndarray, lines: Sequence[Line], left: bool) -> None:
+    """Each line's words, in its colour, from the upper right or left corner down, where falling or rising curves leave room."""
     for i, line in enumerate(lines):
         y = frame[1][1] + (0.5 + 1.5 * i) * pen.font
-        x = frame[1][0] - width_of(line.words, pen.font) - 0.6 * pen.font
+        x = frame[0][0] + 1.6 * pen.font if left else frame[1][0] - width_of(line.words, pen.font) - 0.6 * pen.font
         pen.dot(np.array([x - 0.8 * pen.font, y + 0.65 * pen.font]), 4.2, line.colour)
         pen.text((x, y), line.words, line.colour)
 
