@@ -53,7 +53,8 @@ def cut(corners: np.ndarray) -> Meshlets:
 
     Halved again and again by number, along the axis in which the triangles' middles lie widest apart.
     """
-    low, high = corners.min(1, initial=np.inf), corners.max(1, initial=-np.inf)
+    a, b, c = corners.swapaxes(0, 1)
+    low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
     middle, reach = 0.5 * (low + high), (high - low).max(1, initial=0.0)
     size = max(SIZE, -(-len(corners) // MOST))
     large = reach > _LARGE * np.linalg.norm(np.ptp(middle, axis=0)) if len(corners) else np.zeros(0, bool)

@@ -61,29 +61,28 @@ def lattice(vertices: np.ndarray, faces: np.ndarray, spacing: float, inset: floa
     geometric = cross / np.maximum(size, 1e-300)[:, None]
     face = np.repeat(np.arange(len(faces)), n * n)
     small = longest[face] <= _SMALL * spacing
-    number = np.cumsum(np.where(small, 1, 3))  # of points, up to the end of each cell
-    corners = number[:, None] - np.where(small[:, None], 1, [3, 2, 1])
-    points = int(number[-1]) if len(number) else 0
-    position, normal, geometric_there = (np.empty((points, 3), np.float32) for _ in range(3))
-    whose, area = np.empty(points, np.intp), np.empty(points)
-    for few, cells in ((True, np.flatnonzero(small)), (False, np.flatnonzero(~small))):
-        of = face[cells]
+    ends = np.cumsum(np.where(small, 1, 3))  # where each cell's points end
+    corners = ends[:, None] - np.where(small[:, None], 1, [3, 2, 1])
+    count = int(ends[-1]) if len(ends) else 0
+    position, shading, facing = np.empty((3, count, 3), np.float32)
+    made = Lattice(table, corners, position, shading, facing, np.empty(count, np.intp), np.empty(count))
+    for points, cells in ((1, np.flatnonzero(small)), (3, np.flatnonzero(~small))):  # most cells of a fine mesh have one
+        of, at = face[cells], corners[cells, :points]
         i, j = _corners(cells - first[of], n[of])
         u, v = i / n[of][:, None], j / n[of][:, None]  # of the edges, (C, 3)
-        if few:
+        if points == 1:
             u, v = u.mean(1, keepdims=True), v.mean(1, keepdims=True)
-        at = corners[cells, : u.shape[1]]
-        p_there = p[of, None, 0] + u[..., None] * edges[0][of, None] + v[..., None] * edges[1][of, None]
-        inward = p_there.mean(1, keepdims=True) - p_there
+        place = p[of, None, 0] + u[..., None] * edges[0][of, None] + v[..., None] * edges[1][of, None]
+        inward = place.mean(1, keepdims=True) - place
         length = np.linalg.norm(inward, axis=-1, keepdims=True)
-        position[at] = p_there + inward * np.minimum(inset / np.maximum(length, 1e-300), 0.5)
-        n_there = np.einsum("ckj,cjx->ckx", np.stack([1.0 - u - v, u, v], axis=-1), normals[of])
-        n_there *= np.sign((n_there * geometric[of, None]).sum(-1, keepdims=True))
-        length = np.linalg.norm(n_there, axis=-1, keepdims=True)
-        normal[at] = np.where(length > 0.0, n_there / np.maximum(length, 1e-300), geometric[of, None])
-        geometric_there[at], whose[at] = geometric[of, None], of[:, None]
-        area[at] = (0.5 * size / (n * n))[of, None] / u.shape[1]
-    return Lattice(table, corners, position, normal, geometric_there, whose, area)
+        position[at] = place + inward * np.minimum(inset / np.maximum(length, 1e-300), 0.5)
+        normal = np.einsum("ckj,cjx->ckx", np.stack([1.0 - u - v, u, v], axis=-1), normals[of])
+        normal *= np.sign((normal * geometric[of, None]).sum(-1, keepdims=True))
+        length = np.linalg.norm(normal, axis=-1, keepdims=True)
+        shading[at] = np.where(length > 0.0, normal / np.maximum(length, 1e-300), geometric[of, None])
+        facing[at], made.face[at] = geometric[of, None], of[:, None]
+        made.area[at] = 1.0 / points * (0.5 * size / (n * n))[of, None]
+    return made
 
 
 def steps(longest: np.ndarray, spacing: float) -> np.ndarray:
