@@ -129,3 +129,13 @@ def test_both_ways_of_drawing_agree(ctx: moderngl.Context, monkeypatch: pytest.M
     assert np.array_equal(many[0][same, 3], few[0][same, 3])
     error = np.abs(many[0] - few[0])[same] / np.abs(few[0][same]).max(-1, keepdims=True).clip(1e-6)
     assert np.quantile(error, 0.999) < 1e-4 and error.max() < 0.02
+
+
+def test_meshlets_follow_the_corners(ctx: moderngl.Context) -> None:
+    """Geometry whose corners are replaced is cut anew, and as it was it is not."""
+    geometry = Look(ctx, "curved").geometry
+    first = geometry.pieces
+    assert geometry.pieces is first
+    geometry.corners = geometry.corners.copy()
+    assert geometry.pieces is not first
+    geometry.release()

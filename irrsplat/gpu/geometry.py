@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import Any
 
 import moderngl
@@ -60,6 +59,7 @@ class Geometry:
         corners = vertices[faces, :3]
         self.planes = table_texture(ctx, _planes(corners.astype(float)))
         self.corners = corners
+        self._pieces: tuple[np.ndarray, Pieces] | None = None  # of these corners
         total, split = 3 * len(faces), 3 * closed
         self.parts = {"all": (0, total), "closed": (0, split), "open": (split, total - split)}
 
@@ -73,16 +73,23 @@ class Geometry:
         """The number of triangles."""
         return self.parts["all"][1] // 3
 
-    @cached_property
+    @property
     def pieces(self) -> Pieces:
-        """The triangles in meshlets; made when a gather first draws them."""
-        rows, faces = (np.frombuffer(buffer.read(), kind) for buffer, kind in ((self.vertices, "f4"), (self.indices, "i4")))
-        return Pieces(self.ctx, self.vertices, rows.reshape(-1, 12), faces.reshape(-1, 3)[: self.triangles])
+        """The triangles in meshlets; made when a gather first draws them, and again where `corners` are others."""
+        if self._pieces is None or self._pieces[0] is not self.corners:
+            rows, faces = (np.frombuffer(buffer.read(), kind) for buffer, kind in ((self.vertices, "f4"), (self.indices, "i4")))
+            self._release_pieces()
+            made = Pieces(self.ctx, self.vertices, rows.reshape(-1, 12), faces.reshape(-1, 3)[: self.triangles])
+            self._pieces = self.corners, made
+        return self._pieces[1]
+
+    def _release_pieces(self) -> None:
+        if self._pieces is not None:
+            self._pieces[1].release()
 
     def release(self) -> None:
         """Free the buffers and the tables."""
-        if "pieces" in vars(self):
-            self.pieces.release()
+        self._release_pieces()
         self.vertices.release()
         self.indices.release()
         self.planes.release()

@@ -73,11 +73,11 @@ class GatherPass(Holder):
         self.views.write(rows.reshape(-1, count, 4).astype("f4").tobytes(), viewport=(0, 0, count, _ROWS * len(self.faces)))
         draw: Few | Many
         if geometry.triangles <= FEW:
-            draw = self.few = self.few or Few(self.ctx, self.size, self.defines, self.offset)
+            draw = self.few = self.few or Few(self.ctx, self.size, self.defines)
         else:
-            draw = self.many = self.many or Many(self.ctx, self.size, self.defines, self.offset)
+            draw = self.many = self.many or Many(self.ctx, self.size, self.defines)
         used = (0, 0, self.size[0], -(-count // self.columns) * self.cell[1])
-        target = self.target = draw(geometry, light, rows, self.views, used)
+        target = self.target = draw(geometry, light, rows, self.views, used, self.offset)
         block = (self.side // 4, self.side // 4)
         radiance, planes = target.textures
         return Atlas(radiance, planes, self.table, self.edges, self.frames, count, self.columns, self.cell, block)
@@ -100,10 +100,9 @@ class GatherPass(Holder):
 
 
 class Few(Holder):
-    """One draw of all triangles in all views, into an atlas of `size` texels; `near` is the records' offset in metres."""
+    """One draw of all triangles in all views, into an atlas of `size` texels."""
 
-    def __init__(self, ctx: moderngl.Context, size: tuple[int, int], defines: Mapping[str, int], near: float) -> None:
-        self.near = near
+    def __init__(self, ctx: moderngl.Context, size: tuple[int, int], defines: Mapping[str, int]) -> None:
         self.program = Program(ctx, "gather", defines={**defines, "MANY": 0})
         self.target = Target(ctx, size, (4, 4), depth=True)
 
@@ -114,8 +113,10 @@ class Few(Holder):
         rows: np.ndarray,
         views: moderngl.Texture,
         used: tuple[int, int, int, int],
+        near: float,
     ) -> Target:
-        """The target, drawn anew in the rectangle `used`. rows, views: as GatherPass makes them, and the texture of them."""
+        """The target, drawn anew in the rectangle `used`. rows, views: as GatherPass makes them, and the texture of them. near:
+        the records' offset in metres."""
         self.target.use(scissor=used)
         self.target.gl.clear(viewport=used)
         self.program(
@@ -125,7 +126,7 @@ class Few(Holder):
             state=State(depth="<", clamp=True, clips=5),
             views=views,
             faces=len(rows),
-            near=self.near,
+            near=near,
             atlas=self.target.size,
             **geometry.uniforms,
             **light.uniforms,
@@ -136,8 +137,8 @@ class Few(Holder):
 class Many(Holder):
     """The same for many triangles: a draw for each meshlet, in the views that it may reach into."""
 
-    def __init__(self, ctx: moderngl.Context, size: tuple[int, int], defines: Mapping[str, int], near: float) -> None:
-        self.ctx, self.near = ctx, near
+    def __init__(self, ctx: moderngl.Context, size: tuple[int, int], defines: Mapping[str, int]) -> None:
+        self.ctx = ctx
         self.marking = Program(ctx, "gather_seen", "gather", {"MANY": 1})
         self.lighting = Program(ctx, "gather_light", defines={**defines, "MANY": 0})
         self.seen = Target(ctx, size, (1,), depth=True)
@@ -151,6 +152,7 @@ class Many(Holder):
         rows: np.ndarray,
         views: moderngl.Texture,
         used: tuple[int, int, int, int],
+        near: float,
     ) -> Target:
         """As Few's."""
         pieces = geometry.pieces
@@ -158,13 +160,13 @@ class Many(Holder):
         self.seen.gl.clear(viewport=used)
         step = max(_PAIRS // max(len(rows) * len(pieces.meshlets), 1), 1)
         for start in range(0, rows.shape[2], step):
-            for clips, draws in self._draws(pieces.meshlets, rows[:, :3, start : start + step], start):
+            for clips, draws in self._draws(pieces.meshlets, rows[:, :3, start : start + step], start, near):
                 self.marking(
                     self.seen,
                     geometry=pieces,
                     draws=draws,
                     state=State(depth="<", clamp=True, clips=clips),
-                    near=self.near,
+                    near=near,
                     atlas=self.seen.size,
                     views=views,
                     pairs=self.pairs,
@@ -177,7 +179,7 @@ class Many(Holder):
             seen=self.seen.textures[0],
             views=views,
             faces=len(rows),
-            near=self.near,
+            near=near,
             atlas=self.target.size,
             **pieces.uniforms,
             **geometry.uniforms,
@@ -185,10 +187,10 @@ class Many(Holder):
         )
         return self.target
 
-    def _draws(self, meshlets: Meshlets, rows: np.ndarray, start: int) -> Iterator[tuple[int, list[Draw]]]:
+    def _draws(self, meshlets: Meshlets, rows: np.ndarray, start: int, near: float) -> Iterator[tuple[int, list[Draw]]]:
         """How many clip planes are needed, and draws, of the meshlets that views with these x, y and w (F, 3, N, 4) see: an
         instance is a view, by the pairs that this writes. start: the number of their first record."""
-        some, within = meshlets.seen(rows.swapaxes(1, 2), self.near)
+        some, within = meshlets.seen(rows.swapaxes(1, 2), near)
         parts = [np.stack(np.nonzero(part)) for part in (some & ~within, within)]
         meshlet, face, record = np.concatenate(parts, axis=1)
         height = -(-max(len(meshlet), 1) // COLUMNS)
