@@ -172,12 +172,14 @@ class Placement(Holder):
         return self.surface.view(gbuffer)
 
     def bounces(self, settings: Settings) -> dict[str, Any]:
-        """How many bounces there are, for the statistics; and, where all are wanted, whether hardly anything is still to come."""
+        """For the statistics: how records are gathered; how many bounces there are, and, where all are wanted, whether hardly
+        anything is still to come."""
+        how = {"gathered_by": self.gather_pass.kind}
         everything, most = settings.bounces == "all", settings.most_bounces
         made = self.surface.result if self.surface is not None and most > 1 else None
         if made is None:
-            return {"bounces": min(most, 1), "bounces_converged": False if everything else None}
-        return {"bounces": made.bounces, "bounces_converged": made.settled if everything else None}
+            return how | {"bounces": min(most, 1), "bounces_converged": False if everything else None}
+        return how | {"bounces": made.bounces, "bounces_converged": made.settled if everything else None}
 
     def expire(self) -> None:
         """Gather everything again."""
