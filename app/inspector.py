@@ -17,9 +17,9 @@ from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.target import Target
 from irrsplat.lights import light_defines
-from irrsplat.passes.splat import splat_radius
 from irrsplat.passes.trace import Tree
 from irrsplat.placement import gather_pass
+from irrsplat.reach import splat_radius
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import IN_FRONT, LEAST_ERROR, Settings
 from irrsplat.view import View

@@ -16,7 +16,7 @@ from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.program import Program, State
 from irrsplat.gpu.target import Target
-from irrsplat.passes.splat import reach_uniforms
+from irrsplat.reach import reach_uniforms
 from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings, weight_defines
 from irrsplat.surface import SurfaceCache
@@ -148,7 +148,7 @@ class Markers(Holder):
             **view_uniforms(target, view.gbuffer, view.camera),
             "records_position": records.position,
             "records_normal": records.normal,
-            "surface_values": surface.values,
+            "surface_values": surface.lookup.values,
             "first": records.count - count,
             "record_columns": records.columns,
             "eye": view.camera.eye,

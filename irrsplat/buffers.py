@@ -132,20 +132,22 @@ class SplatBuffer:
 class Sites:
     """Where records are to be made, numpy float32: `position`, shading `normal` and `geometric` normal, each (N, 3).
 
-    triangle: (N,) the numbers of the triangles that they lie on, where known.
+    triangle: (N,) the numbers of the triangles that they lie on, where known. turn: (N,) what turns the frames that they look in,
+    where that is not the records' own numbers.
     """
 
     position: np.ndarray
     normal: np.ndarray
     geometric: np.ndarray
     triangle: np.ndarray | None = None
+    turn: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.position)
 
     def __getitem__(self, rows: slice | np.ndarray) -> Sites:
-        triangle = None if self.triangle is None else self.triangle[rows]
-        return Sites(self.position[rows], self.normal[rows], self.geometric[rows], triangle)
+        triangle, turn = (None if one is None else one[rows] for one in (self.triangle, self.turn))
+        return Sites(self.position[rows], self.normal[rows], self.geometric[rows], triangle, turn)
 
 
 @dataclass(frozen=True)

@@ -11,10 +11,13 @@ from irrsplat.buffers import Records, Sites
 from irrsplat.display import LUMINANCE
 from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.target import float_texture
+from irrsplat.scene.model import Scene
+from irrsplat.scene.motion import untouched
 
 _DARK = 0.02  # of the records' mean luminance
 _COLUMNS = 1024
 _TEXTURES = 10  # position, normal, irradiance and radius, the six of Records.vectors, walls
+_KNOWN = ("_position", "_normal", "_geometric", "_triangle", "_era", "_probes", "_drift", "_name")  # of each record, here
 _ROWS = 4  # at first; doubled whenever they are full
 
 
@@ -32,7 +35,10 @@ class RecordCache(Holder):
         self._geometric = np.zeros_like(self._position)
         self._triangle = np.zeros(len(self._position), np.intp)
         self._era = np.zeros(len(self._position), np.intp)  # in which each record was gathered
-        self._now = 0
+        self._probes = np.zeros_like(self._position)  # what probes.py has of it, E and R; R = 0: nothing
+        self._drift = np.zeros(len(self._position), "f4")  # by how much that has changed since it was gathered
+        self._name = np.zeros(len(self._position), np.intp)  # its number at first; it turns the frame that it looks in
+        self.era = 0  # how often all records have become stale
         self.renewals = 0  # how often records have been gathered again
         self.edits = 0  # how often records that were there have changed or gone
         self.dark = 0.0  # W/m², see `gauge`
@@ -57,7 +63,10 @@ class RecordCache(Holder):
         self._normal[first : self.count, :3] = sites.normal
         self._geometric[first : self.count, :3] = sites.geometric
         self._triangle[first : self.count] = -1 if sites.triangle is None else sites.triangle
-        self._era[first : self.count] = self._now
+        self._era[first : self.count] = self.era
+        self._probes[first : self.count], self._drift[first : self.count] = 0.0, 0.0
+        name = (self._name[first - 1] + 1 if first else 0) + np.arange(len(sites))
+        self._name[first : self.count] = name if sites.turn is None else sites.turn
         low, high = first // _COLUMNS, -(-self.count // _COLUMNS)
         for texture, rows in zip(self._textures, (self._position, self._normal), strict=False):
             part = rows[low * _COLUMNS : high * _COLUMNS]
@@ -82,7 +91,7 @@ class RecordCache(Holder):
         while count > rows * _COLUMNS:
             rows *= 2
         more = rows * _COLUMNS - len(self._position)
-        for name in ("_position", "_normal", "_geometric", "_triangle", "_era"):
+        for name in _KNOWN:
             array = getattr(self, name)
             setattr(self, name, np.pad(array, ((0, more),) + ((0, 0),) * (array.ndim - 1)))
         old, self._textures = self._textures, [float_texture(self.ctx, (_COLUMNS, rows)) for _ in range(_TEXTURES)]
@@ -108,6 +117,16 @@ class RecordCache(Holder):
         """(N, 4) float32 E in W/m² and R_k in metres."""
         return np.frombuffer(self._textures[2].read(), "f4").reshape(-1, 4)[: self.count]
 
+    @property
+    def probes(self) -> np.ndarray:
+        """(N, 4) float32, what a few directions brought of E, W/m², and R, metres (see probes.py); R = 0: not looked."""
+        return self._probes[: self.count]
+
+    @property
+    def drift(self) -> np.ndarray:
+        """(N,) float32, by how much `probes` have changed since the records were gathered."""
+        return self._drift[: self.count]
+
     def gauge(self) -> None:
         """Set `dark` by the records that there are: a share of their mean luminance, in steps, so that it seldom changes.
 
@@ -130,16 +149,29 @@ class RecordCache(Holder):
     @property
     def stale(self) -> np.ndarray:
         """The numbers of the records whose light is no longer what it was when they were gathered, the stalest first."""
-        (numbers,) = np.nonzero(self._era[: self.count] < self._now)
+        (numbers,) = np.nonzero(self._era[: self.count] < self.era)
         return numbers[np.argsort(self._era[numbers], kind="stable")]
 
-    def expire(self) -> None:
-        """Make every record stale."""
-        self._now += 1
+    def age(self, numbers: np.ndarray) -> np.ndarray:
+        """(N,) how often the records of these numbers have become stale since they were gathered; 0 where they are gone."""
+        there = numbers < self.count
+        age = np.zeros(len(numbers), np.intp)
+        age[there] = self.era - self._era[numbers[there]]
+        return age
+
+    def expire(self, numbers: np.ndarray | None = None) -> None:
+        """Make the records of these numbers stale, or all of them; of them all, what `probes` says is no longer so."""
+        fresh = self._era[: self.count] == self.era
+        self.era += 1
+        if numbers is None:
+            self._probes[: self.count] = 0.0
+            return
+        fresh[numbers] = False
+        self._era[: self.count][fresh] = self.era
 
     def renewed(self, numbers: np.ndarray) -> None:
         """Say that the records of these numbers have been gathered again."""
-        self._era[numbers] = self._now
+        self._era[numbers], self._drift[numbers] = self.era, 0.0
         self.renewals += 1
         self.edits += 1
 
@@ -147,7 +179,27 @@ class RecordCache(Holder):
         """Where the records of these numbers lie."""
         triangle = self._triangle[numbers]
         position, normal, geometric = (array[numbers, :3] for array in (self._position, self._normal, self._geometric))
-        return Sites(position, normal, geometric, triangle if (triangle >= 0).all() else None)
+        return Sites(position, normal, geometric, triangle if (triangle >= 0).all() else None, self._name[numbers])
+
+    def keep(self, numbers: np.ndarray) -> None:
+        """Forget all records but those of these numbers, ascending, which close ranks in their order. Gathered again, they look
+        in the same directions as before."""
+        if len(numbers) == self.count:
+            return
+        for name in _KNOWN:
+            array = getattr(self, name)
+            array[: len(numbers)] = array[numbers]
+        for texture in (*self._textures, self._limit):
+            rows = np.frombuffer(texture.read(), "f4").reshape(-1, texture.components).copy()
+            rows[: len(numbers)] = rows[numbers]
+            texture.write(rows.tobytes())
+        self.count = len(numbers)
+        self.edits += 1
+
+    def untouched(self, before: Scene, after: Scene) -> np.ndarray:
+        """(count,) True for the records that lie where they lay, and about which little has moved (see scene/motion.py)."""
+        position, normal = self._position[: self.count, :3], self._geometric[: self.count, :3]
+        return untouched(position, normal, self._triangle[: self.count], before, after)
 
     def truncate(self, count: int) -> None:
         """Forget every record from number `count` on; 0 forgets all."""

@@ -19,7 +19,7 @@ import numpy as np
 from irrsplat.buffers import GBuffer, HitLight, ShadowMaps, Sites
 from irrsplat.gpu.target import pixels
 from irrsplat.passes.examine import octahedral_decode
-from irrsplat.passes.splat import splat_radius
+from irrsplat.reach import splat_radius
 from irrsplat.scene.model import Camera
 from irrsplat.settings import IN_FRONT, LEAST_ERROR, Settings
 

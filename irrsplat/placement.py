@@ -22,6 +22,9 @@ from irrsplat.passes.examine import ExaminePass, choose, spacing
 from irrsplat.passes.gather import GatherPass
 from irrsplat.passes.reduce import ReducePass
 from irrsplat.passes.trace import TracePass, Tree
+from irrsplat.probes import MOST, SIDE, Probes, concerned
+from irrsplat.reach import within
+from irrsplat.renewal import Renewal
 from irrsplat.scene.flat import flatten
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import Settings
@@ -72,6 +75,9 @@ class Placement(Holder):
         self.reduce_pass = ReducePass(ctx, settings.gradients)
         self.examine_pass = ExaminePass(ctx, size)
         self.adapt_pass = AdaptPass(ctx, settings.gradients, settings.neighbours)
+        self.probes: Probes | None = None  # made when something first moves
+        self._moved = False  # and which records that concerns is still to be found out
+        self.renewal = Renewal(ctx, settings.gradients)
         self._adapted: tuple[int, int, object] = 0, 0, None  # how many records, how many of them by all others, and by what
         self._gauged = 0, 0  # of how many records, and how often gathered again, the cache has the gauge
         self.atlas: Atlas | None = None  # the last one gathered
@@ -109,31 +115,49 @@ class Placement(Holder):
         self._warmed = 0  # how many of its first samples are made
         self._begun = False  # whether its splats are made
 
-    def change(self, settings: Settings, scene: Scene) -> None:
-        """Go on with other settings and lights; records that depend on what changed become stale, or are forgotten.
+    def change(self, settings: Settings, scene: Scene, shadows: ShadowMaps | None = None) -> None:
+        """Go on with other settings and lights, and meshes elsewhere; records that depend on what changed become stale, or are
+        forgotten: those on what has moved, and those close to where it was or is. shadows: those of the scene before.
 
         Without bounces nothing is gathered, and whatever there is is kept for when there are as many again.
         """
         old = self.settings
         settings = settings if settings.most_bounces else replace(settings, bounces=old.bounces)
         self.settings = settings
-        lights, self.scene = self.scene, scene
+        moved = self.scene.meshes is not scene.meshes
+        if moved and shadows is not None and not self._moved:
+            new = np.flatnonzero(self.cache.probes[:, 3] == 0.0)
+            self.cache.probes[new] = self._probe(shadows, new)
+        before, self.scene, self._moved = self.scene, scene, self._moved or moved
         if _where(old) != _where(settings):
             self.cache.truncate(0)
-        if self.surface is not None:
-            self.surface.change(settings, scene)
+        if moved:
+            self.cache.keep(np.flatnonzero(self.cache.untouched(before, scene)))
+        if moved and self.tree is not None:
+            self.tree.release()
+            self.tree = Tree(self.ctx, *flatten(scene)[:2])
+        if self.surface is not None and self.tree is not None:
+            self.surface.change(settings, scene, self.tree)
         gathered = self._how(old) != self._how(settings)
-        if gathered or light_defines(lights) != light_defines(scene) or old.placement != settings.placement:
+        self.gather_pass.fit(scene.diagonal)
+        if self.probes is not None:
+            self.probes.look.fit(scene.diagonal)
+        if gathered or light_defines(before) != light_defines(scene) or old.placement != settings.placement:
             self.gather_pass.release()
+            if self.probes is not None:
+                self.probes.release()
+                self.probes = None
             self.gather_pass, self.atlas, self._pace = self._gather_pass(), None, Pace(self.ctx)
         if old.gradients != settings.gradients:
             self.reduce_pass.release()
             self.reduce_pass = ReducePass(self.ctx, settings.gradients)
+            self.renewal.release()
+            self.renewal = Renewal(self.ctx, settings.gradients)
         if (old.gradients, old.neighbours) != (settings.gradients, settings.neighbours):
             self.adapt_pass.release()
             self.adapt_pass = AdaptPass(self.ctx, settings.gradients, settings.neighbours)
         more = settings.gradients and not old.gradients  # records gathered without them have none
-        if gathered or more or lights.lights != scene.lights or old.shadow_size != settings.shadow_size:
+        if gathered or more or before.lights != scene.lights or old.shadow_size != settings.shadow_size:
             self.cache.expire()
         if old.of(*_ASKING) != settings.of(*_ASKING):
             self.new_view()
@@ -153,12 +177,30 @@ class Placement(Holder):
         Once its values are others, all records are stale. Those that it had before lights changed are better than none, and then
         it takes half of the time.
         """
+        self._settle(shadows)
         if self.surface is None or self.settings.most_bounces < 2:
             return True
         ready = self.surface.result is not None
         if self.surface.advance(shadows, budget.part(0.5, 0.0) if ready else budget):
-            self.cache.expire()
+            self._moved = True
+            self._settle(shadows)
         return self.surface.result is not None
+
+    def _settle(self, shadows: ShadowMaps) -> None:
+        """Make the records stale that the last move concerns, or other light of the further bounces after it: all of them where
+        something else has changed since they were looked at."""
+        if not self._moved:
+            return
+        self._moved, cache = False, self.cache
+        looked = cache.probes[:, 3].any()
+        cache.expire(concerned(cache, self._probe(shadows, np.arange(cache.count))) if looked else None)
+
+    def _probe(self, shadows: ShadowMaps, numbers: np.ndarray) -> np.ndarray:
+        """(N, 4), as Probes has it, of the records of these numbers."""
+        if self.probes is None:
+            self.probes = Probes(gather_pass(self.ctx, self.scene, replace(self.settings, gather_size=SIDE), MOST))
+        with self.timers("gather"):
+            return self.probes(self.world, self.light(shadows), self.cache.sites(numbers), self.scene.sky, self.settings.seed)
 
     @property
     def bounced(self) -> float:
@@ -187,24 +229,19 @@ class Placement(Holder):
         if self.surface is not None:
             self.surface.expire()
 
-    def renew(self, shadows: ShadowMaps, camera: Camera, budget: Budget) -> int:
-        """Gather stale records again in place, those in view first; how many."""
-        numbers = self.cache.stale
-        if not len(numbers):
-            return 0
-        where = self.cache.sites(numbers)
-        order = np.argsort(~self._in_view(where.position, camera), kind="stable")
-        done = 0
+    def renew(self, shadows: ShadowMaps, gbuffer: GBuffer, camera: Camera, budget: Budget) -> int:
+        """Gather stale records again in place, those that this view shows most of first; how many."""
+        numbers, done = self.renewal.order(self.cache, gbuffer, camera, self.settings), 0
         for count in self._pace.batches(len(numbers), self.gather_pass.capacity, budget):
-            chosen = order[done : done + count]
-            self._gather(shadows, where[chosen], numbers[chosen])
-            self.cache.renewed(numbers[chosen])
+            chosen = numbers[done : done + count]
+            self._gather(shadows, chosen)
+            self.cache.renewed(chosen)
             done += count
         return done
 
     def count_in_view(self, camera: Camera) -> int:
         """How many records lie in the view's pyramid, hidden ones too."""
-        return int(np.count_nonzero(self._in_view(self.cache.sites(slice(0, self.cache.count)).position, camera)))
+        return int(np.count_nonzero(within(self.cache.sites(slice(0, self.cache.count)).position, camera, self.size)))
 
     def adapt(self, last: bool = False) -> bool:
         """Hold the records that are new, or all where their light or the settings have changed, against each other.
@@ -238,12 +275,6 @@ class Placement(Holder):
         cache.edits += changed  # where it is not, the splats of the old ones still hold
         return changed
 
-    def _in_view(self, points: np.ndarray, camera: Camera) -> np.ndarray:
-        """(N,) bool: which of the points (N, 3) lie in the view's pyramid."""
-        x, y, z = camera.axes @ (points - np.asarray(camera.eye)).T
-        half = 0.5 * camera.screen * -z
-        return (z < 0.0) & (np.abs(y) <= half) & (np.abs(x) <= half * self.size[0] / self.size[1])
-
     def ask(
         self, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps, camera: Camera, budget: Budget, every: int = 1
     ) -> Asked:
@@ -254,9 +285,8 @@ class Placement(Holder):
             self._queue, self._missing = self._examine(gbuffer, splats, every)
         done = 0
         for count in self._pace.batches(len(self._queue), self.gather_pass.capacity, budget):
-            batch = self._queue[done : done + count]
-            numbers = self.cache.append(batch) + np.arange(count)
-            self._gather(shadows, batch, numbers)
+            numbers = self.cache.append(self._queue[done : done + count]) + np.arange(count)
+            self._gather(shadows, numbers)
             done += count
         self._queue = self._queue[done:] if done < len(self._queue) else None
         return Asked(done, self._missing, self._queue is None)
@@ -267,7 +297,8 @@ class Placement(Holder):
             return self.examine_pass(gbuffer, splats, self.settings, every).missing
 
     def _examine(self, gbuffer: GBuffer, splats: SplatBuffer, every: int) -> tuple[Sites, float]:
-        settings = self.settings
+        # while some are stale, records contradict each other for that alone
+        settings = replace(self.settings, spread=0.0) if len(self.cache.stale) else self.settings
         with self.timers("examine"):
             found = self.examine_pass(gbuffer, splats, settings, every)
             reach = (settings.radius_max or _REACH) / 100.0 * self.size[1] / self.examine_pass.side  # tiles
@@ -304,9 +335,10 @@ class Placement(Holder):
         """What a record at its place says, and how well, goes by these."""
         return choice.kind(self.ctx, self.scene, settings), settings.gather_size, settings.most_bounces > 1
 
-    def _gather(self, shadows: ShadowMaps, sites: Sites, numbers: np.ndarray) -> None:
+    def _gather(self, shadows: ShadowMaps, numbers: np.ndarray) -> None:
+        """Gather the records of these numbers, where the cache has them."""
         with self.timers("gather"):
-            self.atlas = self.gather_pass(self.world, self.light(shadows), sites, numbers, self.settings.seed)
+            self.atlas = self.gather_pass(self.world, self.light(shadows), self.cache.sites(numbers), numbers, self.settings.seed)
         with self.timers("reduce"):
             self.reduce_pass(self.atlas, self.cache.records, self.scene.sky, self.gather_pass.radii)
 

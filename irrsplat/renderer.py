@@ -31,6 +31,7 @@ from irrsplat.passes.shadow import ShadowPass
 from irrsplat.placement import Asked, Placement
 from irrsplat.scene.flat import flatten
 from irrsplat.scene.model import Camera, Light, Scene
+from irrsplat.scene.motion import moved
 from irrsplat.settings import Settings
 from irrsplat.settings import preset as settings_of
 from irrsplat.splatting import Splatting
@@ -60,7 +61,7 @@ class Renderer(Holder):
     ) -> None:
         if not isinstance(scene, Scene):
             raise InputError(f"a Renderer takes a Scene, as irrsplat.load returns it, not {type(scene).__name__}")
-        self.scene = scene
+        self.scene, self._loaded = scene, scene.meshes
         self.settings: Settings = settings_of(preset, **settings)
         self.preset = preset
         self.size = limits.checked(size)
@@ -128,7 +129,7 @@ class Renderer(Holder):
         ready = gather and bounces and self.placement.bounce(shadows, budget.part(1.0, sum(self._reserve)))
         if ready:
             share = 1.0 if self._coverage == 1.0 else _RENEWAL
-            renewed = self.placement.renew(shadows, camera, budget.part(share, sum(self._reserve)))
+            renewed = self.placement.renew(shadows, gbuffer, camera, budget.part(share, sum(self._reserve)))
         start = time.perf_counter()
         self.placement.adapt()
         if self._idle >= _IDLE and self.splatting.refine():
@@ -209,16 +210,27 @@ class Renderer(Holder):
 
     def relight(self, lights: Sequence[Light]) -> None:
         """Go on with other lights; records are gathered again in place. Raises InputError for too many of them."""
+        self._go_on(replace(self.scene, lights=tuple(lights)))
+
+    def move(self, mesh: int | str, transform: Any) -> None:
+        """Go on with a mesh (its index in scene.meshes, or its name) where a 4×4 or 3×4 matrix takes it from where it was loaded.
+
+        Records on it and close to it, before or after, are made anew; the others are gathered again in place. Raises InputError
+        for a mesh that is not there, and a matrix that is not affine or singular.
+        """
+        self._go_on(moved(self.scene, self._loaded, mesh, transform))
+
+    def _go_on(self, scene: Scene) -> None:
+        """Go on with the same scene, lit otherwise, or with meshes elsewhere."""
         self._use()
-        before, scene = self.scene, replace(self.scene, lights=tuple(lights))
         limits.check(self.ctx, self.size, scene, self.settings.shadow_size)
-        self.scene, self._idle = scene, 0
+        before, self.scene, self._idle = self.scene, scene, 0
         self.splatting.start(self.settings)
-        if light_defines(before) != light_defines(self.scene):
-            self.direct_pass.release()
-            self.direct_pass = DirectPass(self.ctx, self.size, light_defines(self.scene))
-            self._direct = None
-        self.placement.change(self.settings, self.scene)
+        self.placement.change(self.settings, scene, self.shadows)  # which looks once more at what was there before
+        self.direct_pass.fit(light_defines(scene))
+        if before.meshes is not scene.meshes:
+            self.geometry.update(*flatten(scene)[:2])
+            self.forget(records=False)
 
     def resize(self, size: tuple[int, int]) -> None:
         """Views are of another size (width, height) from now on; the records stay. Raises InputError for one that cannot be."""
@@ -301,23 +313,10 @@ class Renderer(Holder):
         gathered. progress is called after each round. figures: fill Frame.figures with the paper's figures 1, 3 and 4 too.
         Ctrl-C ends the rounds early: stats["converged"] is False then.
         """
-        first: list[np.ndarray] = []
-        rounds: list[int] = []
-
-        def watch(now: Progress) -> None:
-            rounds.append(now.records)
-            if len(rounds) <= 2:  # in the second round all is known of what the first one gathered
-                first[:] = [self._splatted(rounds[0])]
-            if progress is not None:
-                progress(now)
-
-        view, stats = self.converge(camera, watch if figures else progress)
+        album = figure.Album(self._splatted, progress)
+        view, stats = self.converge(camera, album if figures else progress)
         frame = read(view, self.scene.sky, self.cache.read(), stats | self.stats(view))
-        if not figures:
-            return frame
-        splats = {"first_samples": first[0] if first else self._splatted(0), "splat_buffer": self._splatted(self.cache.count)}
-        pictures = {name: frame.albedo / np.float32(np.pi) * sums[..., :3] for name, sums in splats.items()}
-        return replace(frame, figures=pictures | {"quad": figure.diagram(frame, view.camera, self.settings)})
+        return replace(frame, figures=album.figures(frame, view.camera, self.settings)) if figures else frame
 
     def _splatted(self, count: int) -> np.ndarray:
         """The sums of the first so many records (H, W, 4), of every pixel of the present view."""

@@ -16,10 +16,10 @@ from irrsplat.budget import Budget, Pace
 from irrsplat.buffers import GBuffer, HitLight, ShadowMaps, Sites
 from irrsplat.cache import RecordCache
 from irrsplat.gpu.holder import Holder
-from irrsplat.gpu.target import COLUMNS, listed, table_texture
 from irrsplat.gpu.timers import Timers
 from irrsplat.hemisphere import frames
 from irrsplat.lights import light_defines
+from irrsplat.lookup import Lookup
 from irrsplat.passes.reduce import ReducePass
 from irrsplat.passes.sight import SightPass
 from irrsplat.passes.surface import SurfacePass
@@ -68,26 +68,21 @@ class SurfaceCache(Holder):
         self._area, self._unknown = np.zeros(1), np.zeros(1, bool)  # m² of each site; whether its row in `transport` is missing
         self._bouncing: Iterator[Bounced] | None = None
         self._viewed: tuple[GBuffer, Bounced | None, moderngl.Texture] | None = None
-        self.values, self.triangles, self.leaves, self.cells = (table_texture(ctx, np.zeros((1, 1, 4))) for _ in range(4))
+        nothing = Lookup(ctx, np.zeros((0, 3, 4)), np.zeros((0, 2, 4)), 1, np.zeros(0, np.intp))
+        self.lookup = self.making = nothing  # the one in use, and the one whose values are not made yet, or the same
 
     def _look(self) -> TracePass:
         lights = light_defines(self.scene)
         return TracePass(self.ctx, SIDE, self.scene.diagonal, lights, _BATCH, surface=True, hits=True)
 
-    def uniforms(self, leaves: bool = False) -> dict[str, Any]:
+    def uniforms(self, leaves: bool = False, lookup: Lookup | None = None) -> dict[str, Any]:
         """The uniforms of shaders/lib/surface_cache.glsl and bvh.glsl; `leaves`: by the triangles' numbers in the tree."""
-        return {
-            **self.tree.rays,
-            "surface_triangles": self.leaves if leaves else self.triangles,
-            "surface_cells": self.cells,
-            "surface_values": self.values,
-            "surface_offset": self.offset,
-        }
+        return {**self.tree.rays, **(lookup or self.lookup).uniforms(leaves), "surface_offset": self.offset}
 
     @property
     def sites(self) -> Sites:
-        """Where the values were gathered."""
-        return self.records.sites(slice(_DARK + 1, self.records.count))
+        """Where the values were gathered; none while they are those of sites that are being replaced."""
+        return self.records.sites(slice(_DARK + 1, self.records.count if self.lookup is self.making else 0))
 
     @property
     def share(self) -> float:
@@ -104,16 +99,24 @@ class SurfaceCache(Holder):
 
     # ---- what changes ----------------------------------------------------------------------------------------------
 
-    def change(self, settings: Settings, scene: Scene) -> None:
-        """Go on with other settings and lights; what depends on them is made again by `advance`."""
-        old, lights, self.settings, self.scene = self.settings, self.scene, settings, scene
-        if light_defines(lights) != light_defines(scene):
+    def change(self, settings: Settings, scene: Scene, tree: Tree) -> None:
+        """Go on with other settings and lights, and with meshes that have moved; what depends on them is made again by `advance`.
+
+        Until then the values are those from before, on what has moved too.
+        """
+        old, before, self.settings, self.scene = self.settings, self.scene, settings, scene
+        if light_defines(before) != light_defines(scene):
             self.look.release()
             self.look = self._look()
-        relit = lights.lights != scene.lights
-        if old.seed != settings.seed or old.shadow_size != settings.shadow_size or relit:
+        relit, moved = before.lights != scene.lights, before.meshes is not scene.meshes
+        if old.seed != settings.seed or old.shadow_size != settings.shadow_size or relit or moved:
             self.expire()
-        if relit and not np.array_equal(self._sealed, sealed := clusters.sealed(scene)):  # a lamp went in somewhere, or out
+        if moved:
+            self.tree, self.offset = tree, OFFSET * scene.diagonal
+            self.look.fit(scene.diagonal)
+            self.lookup.follow(tree.corners, tree.order)
+        sealed = clusters.sealed(scene) if relit or moved else self._sealed
+        if moved or not np.array_equal(self._sealed, sealed):  # a lamp went in somewhere, or out
             self._sealed, self.lattice, self._preparing = sealed, None, None
         if old.seed != settings.seed or self.lattice is None:
             self.transport = None
@@ -160,13 +163,9 @@ class SurfaceCache(Holder):
             self.records.append(Sites(some.position[sites], some.normal[sites], some.geometric[sites]))
             self.records.expire()
         cells = yield from self._cells(cut, some, value)
-        for texture in (self.values, self.triangles, self.leaves, self.cells):
-            texture.release()
-        self.triangles = table_texture(self.ctx, listed(cut.table))
-        self.leaves = table_texture(self.ctx, listed(cut.table[self.tree.order]))
-        self.cells = table_texture(self.ctx, listed(cells))
-        self.values = table_texture(self.ctx, np.zeros((MOST // COLUMNS, COLUMNS, 4)))
-        self.lattice, self.result = cut, None
+        if self.making is not self.lookup:
+            self.making.release()
+        self.lattice, self.making = cut, Lookup(self.ctx, cut.table, cells, MOST, self.tree.order)
 
     def _cut(self) -> Any:
         """The lattice, its members and their keys, and its spacing in metres: by the surfaces' area, or wider where too many
@@ -248,7 +247,7 @@ class SurfaceCache(Holder):
         numbers = self.records.stale
         self.records.renewed(numbers[numbers <= _DARK])
         numbers, done = numbers[numbers > _DARK], 0
-        light, seed = HitLight(shadows, self.uniforms(leaves=True)), self.settings.seed
+        light, seed = HitLight(shadows, self.uniforms(True, self.making)), self.settings.seed
         for count in self.pace.batches(len(numbers), self.look.capacity, budget):
             some = numbers[done : done + count]
             sites = self.records.sites(some)
@@ -281,7 +280,8 @@ class SurfaceCache(Holder):
                 return False
             made = next(self._bouncing)
         self._bouncing, self.whole, self.result = None, True, made
-        rows = np.zeros((self.values.width * self.values.height, 4), "f4")
-        rows[: self.records.count, :3] = self.result.irradiance
-        self.values.write(rows.tobytes())
+        self.making.write(made.irradiance)
+        if self.lookup is not self.making:
+            self.lookup.release()
+            self.lookup = self.making
         return True

@@ -46,7 +46,7 @@ def gathered(renderer: Renderer, where: Sites) -> np.ndarray:
     renderer.cache.truncate(0)
     renderer.cache.append(where)
     renderer.cache.expire()
-    renderer.placement.renew(renderer.shadows, renderer.scene.camera(), Budget(None))
+    renderer.placement.renew(renderer.shadows, renderer._gbuffer, renderer.scene.camera(), Budget(None))
     return renderer.cache.read()["irradiance"]
 
 

@@ -22,13 +22,13 @@ FLOORS = (
     ("irrsplat.headless",),
     ("irrsplat.renderer",),
     ("irrsplat.placement", "irrsplat.splatting", "irrsplat.limits"),
-    ("irrsplat.surface", "irrsplat.choice"),
+    ("irrsplat.surface", "irrsplat.choice", "irrsplat.renewal", "irrsplat.probes"),
     ("irrsplat.reference",),
     ("irrsplat.exact",),
-    ("irrsplat.paper", "irrsplat.figure", "irrsplat.view"),
-    ("irrsplat.cutaway",),
+    ("irrsplat.paper", "irrsplat.figure"),
+    ("irrsplat.cutaway", "irrsplat.view"),
     ("irrsplat.passes", "irrsplat.output"),
-    ("irrsplat.cache", "irrsplat.lights", "irrsplat.budget"),
+    ("irrsplat.cache", "irrsplat.lights", "irrsplat.reach", "irrsplat.lookup", "irrsplat.budget"),
     ("irrsplat.scene", "irrsplat.gpu"),
     (
         "irrsplat.display",
@@ -41,7 +41,7 @@ FLOORS = (
     ),
     ("irrsplat.buffers",),
     ("irrsplat.settings",),
-    ("irrsplat.errors", "irrsplat.resources"),
+    ("irrsplat.errors", "irrsplat.resources", "irrsplat.scenes"),
 )
 OPENGL = ("moderngl", "glcontext", "OpenGL")
 WINDOWS = ("imgui_bundle", "imgui", "moderngl_window", "glfw", "pyglet")

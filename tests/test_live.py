@@ -284,6 +284,10 @@ def test_nothing_is_left_on_the_gpu(ctx: moderngl.Context, monkeypatch: pytest.M
         renderer.relight([Light((0.2, 1.0, 0.4), (1.0, 1.0, 1.0), directional=True)])
         renderer.resize((30, 20))
         renderer.render()
+        renderer.change(replace(renderer.settings, bounces=2))
+        for x in (0.1, 0.2):
+            renderer.move(1, np.array([[1, 0, 0, x], [0, 1, 0, 0], [0, 0, 1, 0]]))
+            renderer.render()
         renderer.reload()
         renderer.render()
         alive = len(made)

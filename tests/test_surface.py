@@ -150,7 +150,7 @@ def oracle(cache: SurfaceCache, values: np.ndarray, p: np.ndarray, triangle: np.
     """(N, 3): of all cells of the point's triangle the one that it lies in, and the mean of its corners' values."""
     cut = cache.lattice
     assert cut is not None
-    numbers = np.frombuffer(cache.cells.read(), "f4").reshape(-1, 2, 4)
+    numbers = np.frombuffer(cache.lookup.cells.read(), "f4").reshape(-1, 2, 4)
     n = cut.table[:, 0, 3].astype(int)
     out = np.zeros((len(p), 3))
     for i, (point, t, s) in enumerate(zip(p, triangle, side, strict=True)):
@@ -174,7 +174,7 @@ def test_a_lookup_is_what_plain_sums_say(ctx: moderngl.Context, looked: tuple[Re
     """Every value another number; where nothing stands on the cell."""
     renderer, cache = looked
     values = np.random.default_rng(0).uniform(0.0, 1.0, (surface.MOST, 3)).astype("f4")
-    cache.values.write(np.pad(values, ((0, 0), (0, 1))).tobytes())
+    cache.lookup.values.write(np.pad(values, ((0, 0), (0, 1))).tobytes())
     view, _ = renderer.frame(gather=False)
     found = pixels(cache.view(view.gbuffer)).reshape(-1, 4)
     position, normal, emission = (
@@ -206,7 +206,7 @@ def test_a_linear_field_is_found_as_it_is(ctx: moderngl.Context) -> None:
         values = np.zeros((surface.MOST, 4), "f4")
         place = cache.sites.position
         values[2 : 2 + len(place), :3] = 1.0 + place * (0.2, 0.0, 0.3) + place[:, ::-1] * (0.1, 0.0, 0.0)
-        cache.values.write(values.tobytes())
+        cache.lookup.values.write(values.tobytes())
         view, _ = renderer.frame(gather=False)
         p, found = pixels(view.gbuffer.position), pixels(cache.view(view.gbuffer))
     expected = 1.0 + p[..., :3] * (0.2, 0.0, 0.3) + p[..., 2::-1] * (0.1, 0.0, 0.0)
@@ -244,6 +244,6 @@ def test_a_cache_of_a_bundled_scene() -> None:
         assert renderer.shadows is not None and cache is not None
         renderer.placement.bounce(renderer.shadows, Budget(None))
         assert cache.lattice is not None
-        numbers = np.frombuffer(cache.cells.read(), "f4").reshape(-1, 4)[: 2 * cache.lattice.cells, :3]
+        numbers = np.frombuffer(cache.lookup.cells.read(), "f4").reshape(-1, 4)[: 2 * cache.lattice.cells, :3]
         assert surface.POINTS / 2 < len(cache.sites) < surface.MOST
         assert (numbers < 0.0).mean() < 0.01 and numbers.max() < len(cache.sites) + 2

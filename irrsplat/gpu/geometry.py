@@ -21,12 +21,22 @@ class Pieces:
     """
 
     def __init__(self, ctx: moderngl.Context, vertices: moderngl.Buffer, rows: np.ndarray, faces: np.ndarray) -> None:
+        self.vertices = vertices
+        self.indices = ctx.buffer(reserve=max(faces.size, 3) * 4)
+        self.corners = table_texture(ctx, listed(np.zeros((len(faces), 1, 4))))
+        self.looks = table_texture(ctx, listed(rows.reshape(-1, 3, 4)))
+        self._cut(rows, faces)
+
+    def update(self, rows: np.ndarray, faces: np.ndarray) -> None:
+        """The same triangles elsewhere, as in the Geometry."""
+        self.looks.write(listed(rows.reshape(-1, 3, 4)).astype("f4").tobytes())
+        self._cut(rows, faces)
+
+    def _cut(self, rows: np.ndarray, faces: np.ndarray) -> None:
         self.meshlets: Meshlets = cut(rows[faces, :3])
         order = self.meshlets.order
-        self.vertices = vertices
-        self.indices = ctx.buffer(np.ascontiguousarray(faces[order] if len(order) else np.zeros((1, 3)), "i4").tobytes())
-        self.corners = table_texture(ctx, listed(np.column_stack([faces[order], order])[:, None].astype("f4")))
-        self.looks = table_texture(ctx, listed(rows.reshape(-1, 3, 4)))
+        self.indices.write(np.ascontiguousarray(faces[order], "i4").tobytes())
+        self.corners.write(listed(np.column_stack([faces[order], order])[:, None].astype("f4")).tobytes())
 
     @property
     def uniforms(self) -> dict[str, Any]:
@@ -56,10 +66,9 @@ class Geometry:
         self.vertices = ctx.buffer(np.ascontiguousarray(vertices if len(vertices) else np.zeros((1, 12)), "f4").tobytes())
         self.indices = ctx.buffer(np.ascontiguousarray(faces if len(faces) else np.zeros((1, 3)), "i4").tobytes())
         self.ctx = ctx
-        corners = vertices[faces, :3]
-        self.planes = table_texture(ctx, _planes(corners.astype(float)))
-        self.corners = corners
-        self._pieces: tuple[np.ndarray, Pieces] | None = None  # of these corners
+        self.corners = vertices[faces, :3]
+        self.planes = table_texture(ctx, _planes(self.corners.astype(float)))
+        self._pieces: Pieces | None = None
         total, split = 3 * len(faces), 3 * closed
         self.parts = {"all": (0, total), "closed": (0, split), "open": (split, total - split)}
 
@@ -75,21 +84,27 @@ class Geometry:
 
     @property
     def pieces(self) -> Pieces:
-        """The triangles in meshlets; made when a gather first draws them, and again where `corners` are others."""
-        if self._pieces is None or self._pieces[0] is not self.corners:
+        """The triangles in meshlets; made when a gather first draws them."""
+        if self._pieces is None:
             rows, faces = (np.frombuffer(buffer.read(), kind) for buffer, kind in ((self.vertices, "f4"), (self.indices, "i4")))
-            self._release_pieces()
-            made = Pieces(self.ctx, self.vertices, rows.reshape(-1, 12), faces.reshape(-1, 3)[: self.triangles])
-            self._pieces = self.corners, made
-        return self._pieces[1]
+            self._pieces = Pieces(self.ctx, self.vertices, rows.reshape(-1, 12), faces.reshape(-1, 3)[: self.triangles])
+        return self._pieces
 
-    def _release_pieces(self) -> None:
+    def update(self, vertices: np.ndarray, faces: np.ndarray) -> None:
+        """The same triangles elsewhere: as many vertices and faces as before, in the same order."""
+        if not len(faces):
+            return
+        self.vertices.write(np.ascontiguousarray(vertices, "f4").tobytes())
+        self.indices.write(np.ascontiguousarray(faces, "i4").tobytes())
+        self.corners = vertices[faces, :3]
+        self.planes.write(_planes(self.corners.astype(float)).astype("f4").tobytes())
         if self._pieces is not None:
-            self._pieces[1].release()
+            self._pieces.update(vertices, faces)
 
     def release(self) -> None:
         """Free the buffers and the tables."""
-        self._release_pieces()
+        if self._pieces is not None:
+            self._pieces.release()
         self.vertices.release()
         self.indices.release()
         self.planes.release()

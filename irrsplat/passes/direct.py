@@ -16,8 +16,16 @@ class DirectPass(Holder):
     """Draws the direct outgoing radiance of a view of `size` (width, height)."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], lights: Mapping[str, int]) -> None:
+        self.lights = lights
         self.program = Program(ctx, "direct", "lib/fullscreen", lights)
         self.target = Target(ctx, size, (4,))
+
+    def fit(self, lights: Mapping[str, int]) -> None:
+        """Lights are of these kinds from now on."""
+        if lights != self.lights:
+            self.lights = lights
+            self.program.release()
+            self.program = Program(self.target.ctx, "direct", "lib/fullscreen", lights)
 
     def __call__(self, gbuffer: GBuffer, shadows: ShadowMaps) -> moderngl.Texture:
         """ρ/π·E_direct as an RGBA32F texture, this pass's own."""

@@ -46,8 +46,7 @@ class GatherPass(Holder):
         self.ctx = ctx
         self.side = max(4, side // 4 * 4)  # so that four by four blocks fill a face
         self.kind = kind
-        self.offset = OFFSET * diagonal
-        self.radii = (self.offset, diagonal)  # R_k in metres: nothing is nearer than the offset, a miss is a diagonal away
+        self.fit(diagonal)
         self.faces, cells = faces(kind)
         self.cells = cells * (self.side // 2)
         table = hemisphere_table(kind, self.side)
@@ -64,10 +63,15 @@ class GatherPass(Holder):
         self.frames = float_texture(ctx, (self.capacity, 4))
         self.views = float_texture(ctx, (self.capacity, _ROWS * len(self.faces)))
 
+    def fit(self, diagonal: float) -> None:
+        """The scene's diagonal is of so many metres from now on."""
+        self.offset = OFFSET * diagonal
+        self.radii = (self.offset, diagonal)  # R_k in metres: nothing is nearer than the offset, a miss is a diagonal away
+
     def __call__(self, geometry: Geometry, light: ShadowMaps | HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
         """What records at `sites` (at most `capacity`) see; `numbers` (N,) are theirs in the cache."""
         count = len(sites)
-        frame = frames(sites.normal, numbers, seed)
+        frame = frames(sites.normal, numbers if sites.turn is None else sites.turn, seed)
         self.frames.write(frame_rows(frame, sites, numbers).tobytes(), viewport=(0, 0, count, 4))
         rows = self._views(frame, eyes(sites, geometry.corners, self.offset))
         self.views.write(rows.reshape(-1, count, 4).astype("f4").tobytes(), viewport=(0, 0, count, _ROWS * len(self.faces)))

@@ -88,8 +88,7 @@ class TracePass(Holder):
         self.ctx = ctx
         self.side = max(4, side // 4 * 4)  # so that blocks fill a cell
         self.kind = "trace"
-        self.offset = OFFSET * diagonal
-        self.radii = (self.offset, diagonal)  # R_k in metres: nothing is nearer than the offset, a miss is a diagonal away
+        self.fit(diagonal)
         table = stratum_table(self.side)
         self.cell = (table.shape[1], table.shape[0])
         self.share = table[..., 3]  # cosθ·dω of every texel of a cell
@@ -102,6 +101,11 @@ class TracePass(Holder):
         self.target: Target | None = None
         self.frames = float_texture(ctx, (self.capacity, 5))
 
+    def fit(self, diagonal: float) -> None:
+        """The scene's diagonal is of so many metres from now on."""
+        self.offset = OFFSET * diagonal
+        self.radii = (self.offset, diagonal)  # R_k in metres: nothing is nearer than the offset, a miss is a diagonal away
+
     def __call__(self, tree: Tree, light: ShadowMaps | HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
         """What records at `sites` (at most `capacity`) see; `numbers` (N,) are theirs in the cache."""
         if self.target is None:
@@ -109,7 +113,7 @@ class TracePass(Holder):
             self.target = Target(self.ctx, (self.columns * self.cell[0], down * self.cell[1]), self.outputs)
         count = len(sites)
         rows = np.zeros((5, count, 4), "f4")
-        rows[:4] = frame_rows(frames(sites.normal, numbers, seed), sites, numbers)
+        rows[:4] = frame_rows(frames(sites.normal, numbers if sites.turn is None else sites.turn, seed), sites, numbers)
         rows[4, :, :3] = eyes(sites, tree.corners, self.offset)
         self.frames.write(rows.tobytes(), viewport=(0, 0, count, 5))
         lines, rest = divmod(count, self.columns)

@@ -28,13 +28,13 @@ def build_mesh(
     Raises InputError (without a place) where the transform can't be inverted or leaves the range of float32.
     """
     with np.errstate(all="ignore"):
-        world = _times(positions, matrix[:3, :3]) + matrix[:3, 3]
+        world = times(positions, matrix[:3, :3]) + matrix[:3, 3]
         determinant = np.linalg.det(matrix[:3, :3])
         usable = np.isfinite(determinant) and determinant != 0.0 and np.isfinite(world.astype(np.float32)).all()
     if not usable:
         raise InputError("the transformed coordinates are beyond what 32-bit floats hold, or all collapse; scale less")
     normal_from_object = np.linalg.inv(matrix[:3, :3]).T
-    normals = _unit(_times(normals, normal_from_object))
+    normals = unit(times(normals, normal_from_object))
 
     a, b, c = (world[corners[:, i]] for i in range(3))
     cross = np.cross(b - a, c - a)
@@ -52,7 +52,7 @@ def build_mesh(
     faces[smooth] = inverse.reshape(-1, 3)
     faces[flat] = len(pair) + np.arange(3 * len(flat)).reshape(-1, 3)
     source = np.concatenate([source, corners[flat].reshape(-1)])
-    out_normals = np.concatenate([normals[source_normal], np.repeat(_unit(cross[flat]), 3, axis=0)])
+    out_normals = np.concatenate([normals[source_normal], np.repeat(unit(cross[flat]), 3, axis=0)])
     out = world[source].astype(np.float32)
     mesh = Mesh(
         positions=out,
@@ -66,12 +66,12 @@ def build_mesh(
     return mesh, int((~good).sum())
 
 
-def _times(vectors: Array, matrix: Array) -> Array:
+def times(vectors: Array, matrix: Array) -> Array:
     """Each row of vectors (N, 3) turned by matrix (3, 3), to the same bits wherever the row stands (a BLAS promises less)."""
     return vectors[:, :1] * matrix[:, 0] + vectors[:, 1:2] * matrix[:, 1] + vectors[:, 2:] * matrix[:, 2]
 
 
-def _unit(vectors: Array) -> Array:
+def unit(vectors: Array) -> Array:
     """Each row scaled to length 1; rows of zeros stay zeros."""
     largest = np.abs(vectors).max(axis=1, keepdims=True, initial=0.0)
     scaled = vectors / np.where(largest > 0.0, largest, 1.0)  # so that the squares of tiny ones don't vanish
