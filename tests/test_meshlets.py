@@ -49,11 +49,13 @@ def test_meshlets_hold_neighbours() -> None:
     assert np.prod(2.0 * made.half, axis=1).mean() < 2.0 * 4.0**3 / len(made)
 
 
-def test_what_a_view_may_see_and_what_lies_within_it() -> None:
-    """Against every vertex: a meshlet with one in the pyramid is not left out, and one that counts as within has all there."""
-    corners = soup(3000)
+@pytest.mark.parametrize("away", [0.0, 3000.0])
+def test_what_a_view_may_see_and_what_lies_within_it(away: float) -> None:
+    """Against every vertex: a meshlet with one in the pyramid is not left out, and one that counts as within has all there. Far
+    from the origin, where float32 has steps of a quarter of a millimetre, too."""
+    corners = soup(3000) + np.float32(away)
     made = cut(corners)
-    eye = RNG.uniform(-2.0, 2.0, (20, 3))
+    eye = RNG.uniform(-2.0, 2.0, (20, 3)) + away
     normal = RNG.standard_normal((20, 3))
     frame = frames(normal / np.linalg.norm(normal, axis=1, keepdims=True), np.arange(20), 0)
     rows = np.zeros((5, 20, 3, 4))
