@@ -207,7 +207,8 @@ def _progress() -> Iterator[Callable[..., None] | None]:
 
         def show(state: Any, prefix: str = "") -> None:
             if line is not None:
-                line(state.coverage, f"{prefix}round {state.round}: {state.records} records, coverage")
+                what = "samples" if state.sampled else "coverage"
+                line(state.sampled or state.coverage, f"{prefix}round {state.round}: {state.records} records, {what}")
 
         yield None if line is None else show
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections import deque
+from typing import Any
 
+import moderngl
 import numpy as np
 from imgui_bundle import imgui
 
@@ -13,6 +15,8 @@ from irrsplat.app.inspector import Inspected
 from irrsplat.app.keys import KEYS
 from irrsplat.app.legend import SHOWINGS, TRUTHS, Legend, legend
 from irrsplat.app.markers import radius_legend
+from irrsplat.app.truth import Truth
+from irrsplat.view import View
 
 FRAMES = 120  # in the plot
 _PLAIN = (
@@ -39,6 +43,7 @@ class Hud:
         self.legend_height = 0.0  # window coordinates that the legend took
         self.numbers_size = (0.0, 0.0)
         self._record_height = 0.0
+        self._read: dict[int, tuple[tuple[Any, ...], tuple[Any, ...], np.ndarray | None]] = {}  # by side: values, and of what
         self.extra: dict[str, float] = {}  # milliseconds of what is not the core's, by name
 
     def numbers(self, scale: float, clock: str) -> None:
@@ -152,9 +157,24 @@ class Hud:
         if look.points or look.discs or look.normals:
             by = "age" if look.by_age else "radius"
             _scale(radius_legend(settings, session.scene, by, renderer.cache.count), scale)  # type: ignore[arg-type]
-        value = session.overlay.value(name, view, *cursor, truth, surface) if cursor is not None else None
+        value = self._value(side, name, view, cursor, truth, surface) if cursor is not None else None
         if value is not None:
             imgui.text(" ".join(f"{v:.4g}" for v in value) + f" {showing.unit if showing.unit != '1' else ''}")
+
+    def _value(
+        self,
+        side: int,
+        name: str,
+        view: View,
+        cursor: tuple[int, int],
+        truth: Truth | None,
+        surface: moderngl.Texture | None,
+    ) -> np.ndarray | None:
+        """What is under the cursor, read again where that, or what is shown, is another."""
+        key = (name, *cursor, id(view), id(truth), id(surface))
+        if key != self._read.get(side, ((),))[0]:
+            self._read[side] = key, (view, truth, surface), self.desk.session.overlay.value(name, view, *cursor, truth, surface)
+        return self._read[side][2]
 
     # ---- the rest --------------------------------------------------------------------------------------------------
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from irrsplat import choice
 from irrsplat.app.overlay import Overlay
-from irrsplat.app.screen import texel
+from irrsplat.app.screen import Texels
 from irrsplat.buffers import HitLight, Records, ShadowMaps, Sites
 from irrsplat.display import LUMINANCE
 from irrsplat.gpu.geometry import Geometry
@@ -113,7 +113,7 @@ def read(records: Records) -> Table:
     return Table(position, normal, last[:, :3], last[:, 3], gradient, *bends, limit, walls, records.dark)
 
 
-def pick(table: Table, view: View, settings: Settings, x: int, y: int) -> int | None:
+def pick(texel: Texels, table: Table, view: View, settings: Settings, x: int, y: int) -> int | None:
     """The number of the record that weighs most at pixel (x, y) of the view, (0, 0) the upper left one; None: there is none."""
     position = view.gbuffer.position
     if not len(table) or not (0 <= x < position.width and 0 <= y < position.height):

@@ -9,7 +9,7 @@ import numpy as np
 
 from irrsplat.app.errormap import BRIGHT, DARK, GREY
 from irrsplat.app.legend import SHOWINGS, TRUTHS, depth_range, light_tiles, shadow_range, weight_range
-from irrsplat.app.screen import Programs, Region, clear, colours, scale, texel
+from irrsplat.app.screen import Programs, Region, Texels, clear, colours, scale
 from irrsplat.app.truth import Lattice, Truth
 from irrsplat.buffers import FILMIC, NOTHING_SEEN, Atlas, ShadowMaps
 from irrsplat.gpu.holder import Holder
@@ -32,6 +32,7 @@ class Overlay(Holder):
         self.ctx = ctx
         self.program = Programs(ctx)
         self.colours = colours(ctx)
+        self.texel = Texels(ctx)
 
     def draw(
         self,
@@ -66,7 +67,7 @@ class Overlay(Holder):
         elif how == "surface" and surface is None:
             clear(target, _GROUND, region)
         else:
-            how = _block(how, truth)
+            how = _block(how, truth, view)
             ways = {way.upper(): int(way == how) for way in _WAYS} | {"SQUARES": int(how in ("irradiance", "error"))}
             program = self.program("overlay_buffer", **ways, **FILMIC.defines, NOTHING_SEEN=NOTHING_SEEN)
             program(
@@ -145,42 +146,45 @@ class Overlay(Holder):
         if not (0 <= x < position.width and 0 <= y < position.height) or SHOWINGS[name].how in ("shadow", "atlas"):
             return None
         if name in TRUTHS:
-            return None if truth is None else _truth_value(name, view, truth, x, y)
+            return None if truth is None else _truth_value(self.texel, name, view, truth, x, y)
         if name == "image":
-            return texel(view.image, x, y)[:3]
-        here = texel(position, x, y)
+            return self.texel(view.image, x, y)[:3]
+        here = self.texel(position, x, y)
         if here[3] == 0.0:
             return np.array([np.inf], "f4") if name == "depth" else None
         if name in ("position", "depth"):
             return here[:3] if name == "position" else here[3:]
         if name in ("weight", "asking"):
-            return texel(view.splats.weight, x, y)[:1]
+            return self.texel(view.splats.weight, x, y)[:1]
         if name == "surface":
-            return None if surface is None else texel(surface, x, y)[:3]
-        if name == "direct":
-            return texel(view.direct, x, y)[:3]
+            return None if surface is None else self.texel(surface, x, y)[:3]
+        mean = view.mean(name)
+        if mean is not None:
+            return self.texel(mean, x, y)[:3]
         if name in ("indirect", "irradiance"):
-            irradiance = _irradiance(view, x, y)
-            return irradiance if name == "irradiance" else irradiance * texel(view.gbuffer.albedo, x, y)[:3] / np.float32(np.pi)
-        return texel(getattr(view.gbuffer, name), x, y)[:3]
+            E = _irradiance(self.texel, view, x, y)
+            return E if name == "irradiance" else E * self.texel(view.gbuffer.albedo, x, y)[:3] / np.float32(np.pi)
+        return self.texel(getattr(view.gbuffer, name), x, y)[:3]
 
 
-def _block(how: str, truth: Truth | None) -> str:
+def _block(how: str, truth: Truth | None, view: View) -> str:
     """The block of overlay_buffer.frag that draws this way of showing: without a truth, the dim picture where nothing asks."""
     if how == "surface":
         return "irradiance"
+    if how == "indirect" and view.indirect is not None:
+        return "radiance"
     if how not in TRUTHS:
         return how
     return "asking" if truth is None else "irradiance" if how == "reference" else how
 
 
-def _irradiance(view: View, x: int, y: int) -> np.ndarray:
+def _irradiance(texel: Texels, view: View, x: int, y: int) -> np.ndarray:
     sums = texel(view.sums, x, y)
     quotient: np.ndarray = sums[:3] / (sums[3] if sums[3] > 0.0 else np.float32(1.0))
     return quotient
 
 
-def _truth_value(name: str, view: View, truth: Truth, x: int, y: int) -> np.ndarray | None:
+def _truth_value(texel: Texels, name: str, view: View, truth: Truth, x: int, y: int) -> np.ndarray | None:
     """The truth of the square about a pixel, or the error in its middle, the mean of the channels."""
     cell = truth.lattice.cell(x, y)
     found = texel(truth.values, *cell)
@@ -188,7 +192,7 @@ def _truth_value(name: str, view: View, truth: Truth, x: int, y: int) -> np.ndar
         return None
     if name == "reference":
         return found[:3]
-    return np.mean(_irradiance(view, *truth.lattice.middle(cell, truth.size)) - found[:3], keepdims=True)
+    return np.mean(_irradiance(texel, view, *truth.lattice.middle(cell, truth.size)) - found[:3], keepdims=True)
 
 
 def _arguments(
@@ -204,8 +208,8 @@ def _arguments(
     """The uniforms of one block of overlay_buffer.frag."""
     g = view.gbuffer
     if how == "radiance":
-        values = g.emission if name == "emission" else getattr(view, name)
-        return {"values": values, "gain": gain, "unseen": (0.0, 0.0, 0.0) if name == "direct" else scene.sky}
+        mean = view.mean(name)
+        return {"values": g.emission if mean is None else mean, "whole": mean is not None, "gain": gain, "unseen": scene.sky}
     if how == "irradiance":
         values, lattice = (truth.values, truth.lattice) if name in TRUTHS and truth is not None else (view.sums, _EVERY)
         values = surface if name == "surface" else values

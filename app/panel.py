@@ -24,6 +24,8 @@ _SPANS: dict[str, tuple[float, float]] = {
     "max_rounds": (1, 200),
     "exposure": (-10.0, 10.0),
     "budget": (10.0, 1000.0),
+    "samples": (1, 256),
+    "rest": (0, 256),
 }
 _LOGARITHMIC = {"a", "tolerance", "radius_min", "radius_max", "budget", "shadow_size", "gather_size", "warmup"}
 _STAGES = {"shadow": False, "gather": False, "splat": True, "examine": True, "composite": True, "view": False}  # open at first?

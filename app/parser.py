@@ -175,7 +175,7 @@ def _add_verify(commands: Any) -> None:
         help="truth, picture and error: side by side in a .png, or one file each in a folder (no ending); with --curve, its plot",
     )  # fmt: skip
     _add_camera(parser)
-    _add_settings(parser)
+    _add_settings(parser, besides=("samples",))  # errors are those of pixels' centres, and the flag is another one here
     parser.set_defaults(path=None, frames=None)
 
 
@@ -192,11 +192,11 @@ def _add_camera(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--fov", type=number, metavar="DEG", help="vertical field of view, between 0 and 180 degrees")
 
 
-def _add_settings(parser: argparse.ArgumentParser) -> None:
+def _add_settings(parser: argparse.ArgumentParser, besides: tuple[str, ...] = ()) -> None:
     for stage in _STAGES:
         group = parser.add_argument_group(f"settings of {stage}")
         for declaration in SETTINGS.values():
-            if declaration.stage == stage:
+            if declaration.stage == stage and declaration.name not in besides:
                 _add_setting(group, declaration)
 
 

@@ -86,12 +86,16 @@ def view_uniforms(target: Target, gbuffer: GBuffer, camera: Camera) -> dict[str,
     }
 
 
-def texel(texture: moderngl.Texture, x: int, y: int) -> np.ndarray:
-    """The components of one texel, float32; (0, 0) is the upper left one. ValueError where there is none."""
-    if not (0 <= x < texture.width and 0 <= y < texture.height):
-        raise ValueError(f"no texel ({x}, {y}) in {texture.width}x{texture.height}")
-    framebuffer = texture.ctx.framebuffer([texture])
-    place = (x, texture.height - 1 - y, 1, 1)
-    data = framebuffer.read(viewport=place, components=texture.components, dtype="f4")
-    framebuffer.release()
-    return np.frombuffer(data, "f4")
+class Texels(Holder):
+    """Reads single texels by way of a target of one pixel, so that nothing is made for it and no whole texture comes over."""
+
+    def __init__(self, ctx: moderngl.Context) -> None:
+        self.program = Program(ctx, "overlay_texel", "lib/fullscreen")
+        self.target = Target(ctx, (1, 1), (4,))
+
+    def __call__(self, texture: moderngl.Texture, x: int, y: int) -> np.ndarray:
+        """The components of one texel, float32; (0, 0) is the upper left one. ValueError where there is none."""
+        if not (0 <= x < texture.width and 0 <= y < texture.height):
+            raise ValueError(f"no texel ({x}, {y}) in {texture.width}x{texture.height}")
+        self.program(self.target, values=texture, place=(x, texture.height - 1 - y))
+        return self.target.read()[0, 0, : texture.components]

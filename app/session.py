@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
@@ -10,6 +10,7 @@ from typing import Any, Literal
 import moderngl
 
 from irrsplat.app import inspector
+from irrsplat.app.adaptation import Adaptation
 from irrsplat.app.flight import Flight
 from irrsplat.app.legend import SHOWINGS
 from irrsplat.app.markers import By, Markers
@@ -30,8 +31,6 @@ from irrsplat.view import Progress, View, read
 Split = Literal["off", "buffers", "presets"]
 SPLITS: tuple[Split, ...] = ("off", "buffers", "presets")
 
-_ADAPT = 0.25  # seconds in which the exposure goes 63 % of its way
-_SETTLED = 0.01  # stops
 _KEPT = ("budget", "exposure")  # settings that a change of the preset leaves alone
 
 
@@ -77,8 +76,8 @@ class Session(Holder):
         self.views: list[View] = []
         self.progress: list[Progress] = []
         self.ms: dict[str, float] = {}  # of the last tick by stage
-        self.exposure = math.nan  # stops, as shown on both sides
-        self._metered: tuple[View | None, float] = None, 0.0
+        self.eye = Adaptation()
+        self._centres: list[View] = []  # the views as they were before samples beside the pixels' centres came to them
         self.tape, self.truths = Tape(), Truths(ctx)
         self._stepping = False
         self.held: tuple[int, int] | None = None  # the side and the number of the record that a click holds
@@ -99,40 +98,38 @@ class Session(Holder):
     @property
     def at_rest(self) -> bool:
         """Whether another tick would show the same."""
-        done = not self.ms or all(p.done or (self.look.frozen and p.new == 0 and p.whole) for p in self.progress)
-        settled = bool(self.views) and done and abs(self.exposure - self._metered[1]) <= _SETTLED
-        return settled and not self._stepping and self.tape.at_rest
+        served = bool(self.views) and all(self._quiet(p) for p in self.progress)
+        sampled = all(v.samples >= r.settings.rest for v, r in zip(self.views, self.active, strict=False) if r.settings.rest > 1)
+        return served and sampled and self.eye.settled and not self._stepping and self.tape.at_rest
+
+    @property
+    def exposure(self) -> float:
+        """Stops, as shown on both sides; NaN before the first picture."""
+        return self.eye.stops
+
+    def _quiet(self, progress: Progress) -> bool:
+        """Whether a side's cache stays as it is."""
+        return progress.still or (self.look.frozen and progress.new == 0 and progress.whole)
 
     def tick(self, dt: float, seconds: float) -> None:
         """Go on by `dt` seconds: play, record, and give the caches `seconds` of time."""
         last = self.tape.tick(dt, self.camera)
         if last is not None:
             self.flight.go(last)
-        renderers = self.active
-        self.views, self.progress, self.ms = [], [], {}
+        renderers, before = self.active, self._centres
+        self.views, self.progress, self.ms, self._centres = [], [], {}, []
         for renderer in renderers:
-            gather = self._stepping or not self.look.frozen
+            gather, end = self._stepping or not self.look.frozen, time.perf_counter() + seconds / len(renderers)
             view, progress = renderer.frame(self.camera, seconds / len(renderers), gather)
+            self._centres.append(view)
+            if self._quiet(progress) and any(view is one for one in before):  # nothing has moved since
+                view = renderer.accumulate(view, renderer.settings.rest, end - time.perf_counter())
             self.views.append(view)
             self.progress.append(progress)
             for stage, ms in renderer.timers.milliseconds().items():
                 self.ms[stage] = self.ms.get(stage, 0.0) + ms
         self._stepping = self._stepping and not all(p.whole for p in self.progress)
-        self._expose(dt)
-
-    def _expose(self, dt: float) -> None:
-        """Both sides are exposed alike, so that they compare: as the settings say, or following the left picture."""
-        renderer, view = self.renderers[0], self.views[0]
-        if renderer.settings.exposure != "auto":
-            self.exposure = float(renderer.settings.exposure)
-            self._metered = None, self.exposure
-            return
-        if view is not self._metered[0]:
-            self._metered = view, renderer.composite_pass.exposure(view.image)
-        way = self._metered[1] - self.exposure
-        self.exposure += way * (1.0 - math.exp(-dt / _ADAPT)) if abs(way) > _SETTLED else way
-        if math.isnan(self.exposure):  # the first picture of all
-            self.exposure = self._metered[1]
+        self.eye.tick(self.renderers[0], self._centres[0], dt)
 
     # ---- the picture -----------------------------------------------------------------------------------------------
 
@@ -197,7 +194,7 @@ class Session(Holder):
         renderer, view = self.of(side)
         table, number = self.table(renderer), held[1] if held is not None else None
         if number is None and cursor is not None:
-            number = inspector.pick(table, view, renderer.settings, *cursor)
+            number = inspector.pick(self.overlay.texel, table, view, renderer.settings, *cursor)
         if number is None or number >= len(table) or renderer.shadows is None:
             return None
         settings, records = renderer.settings, renderer.cache.records
@@ -221,7 +218,9 @@ class Session(Holder):
         """Hold the record under the cursor, or let go of the one that is held."""
         side, was = self.side_at(cursor[0]), self.held
         renderer, view = self.of(side)
-        number = inspector.pick(self.table(renderer), view, renderer.settings, *cursor) if was is None else None
+        number = (
+            inspector.pick(self.overlay.texel, self.table(renderer), view, renderer.settings, *cursor) if was is None else None
+        )
         self.held = None if number is None else (side, number)
 
     def point_at(self, cursor: tuple[int, int]) -> tuple[float, float, float] | None:

@@ -34,6 +34,7 @@ _NUMBER = re.compile(r"0?[0-9]{0,2}[dxXob]?")  # how {frame} may be spelled: two
 class Frame:
     """One rendered view; every array belongs to the caller, float32, linear, top row first (see buffers.CHANNELS).
 
+    image, direct, indirect, emission: means over the samples of a pixel; all others are of its centre.
     records_*: the cache, N rows. stats: records, rounds, converged, ms per stage with the clock's name, GL renderer,
     settings, exposure (stops, resolved). figures: further (H, W, 3) pictures by name, for the figures of the paper:
     radiance "first_samples" and "splat_buffer", and "quad", which is in display values 0..1.

@@ -14,6 +14,7 @@ import moderngl
 import numpy as np
 
 from irrsplat import figure, limits
+from irrsplat.accumulate import Accumulator, Passes, Seen, Told
 from irrsplat.budget import Budget
 from irrsplat.buffers import GBuffer, ShadowMaps, SplatBuffer
 from irrsplat.cache import RecordCache
@@ -35,7 +36,7 @@ from irrsplat.scene.motion import moved
 from irrsplat.settings import Settings
 from irrsplat.settings import preset as settings_of
 from irrsplat.splatting import Splatting
-from irrsplat.view import Progress, View, read, statistics
+from irrsplat.view import Progress, View, read, sampling, statistics
 
 _IDLE = 8  # rounds without any gain in coverage after which nothing more is to be hoped for
 _RENEWAL = 0.6  # of the time for gathering that stale records may take where new ones are wanted too
@@ -78,6 +79,7 @@ class Renderer(Holder):
         self.placement = Placement(self.ctx, scene, self.size, self.settings, self.geometry, self.cache, self.timers)
         self.direct_pass = DirectPass(self.ctx, self.size, light_defines(scene))
         self.composite_pass = CompositePass(self.ctx, self.size)
+        self.accumulator = Accumulator(self.ctx, self.timers)
         self._made_of: dict[str, tuple[Any, ...]] = {}  # what each stage's present result was made of
         self.shadows: ShadowMaps | None = None  # the present ones
         self._gbuffer: Any = None  # a GBuffer
@@ -193,6 +195,14 @@ class Renderer(Holder):
                 image, sums = self.composite_pass(splats, self._direct, gbuffer, self.scene.sky, camera, settings, filling)
             self._view = View(camera, gbuffer, self._direct, splats, sums, image)
         return self._view
+
+    def accumulate(self, view: View, samples: int, seconds: float | None = None, told: Told | None = None) -> View:
+        """The `view` that `frame` gave last, with `samples` a pixel, or as many more than last time as `seconds` allow, one at
+        least; the cache is left as it is. told: called with the share done, 0..1, after each."""
+        self._use()
+        passes = Passes(self.gbuffer_pass, self.splatting.splat_pass, self.direct_pass, self.composite_pass)
+        seen = Seen(self.scene, self.geometry, self._lit(), self.cache.records, self.settings)
+        return self.accumulator(view, samples, Budget(seconds), passes, seen, told)
 
     # ---- what changes ----------------------------------------------------------------------------------------------
 
@@ -311,10 +321,13 @@ class Renderer(Holder):
 
         Returns a Frame of numpy arrays that the caller owns. Records of earlier views are used again: only what is new is
         gathered. progress is called after each round. figures: fill Frame.figures with the paper's figures 1, 3 and 4 too.
-        Ctrl-C ends the rounds early: stats["converged"] is False then.
+        Ctrl-C ends the rounds, or the samples, early: stats["converged"] is False then.
         """
         album = figure.Album(self._splatted, progress)
         view, stats = self.converge(camera, album if figures else progress)
+        view = self.accumulate(view, 1 if stats["interrupted"] else self.settings.samples, told=sampling(progress, stats))
+        if view.samples < self.settings.samples:  # Ctrl-C
+            stats |= {"interrupted": True, "converged": False}
         frame = read(view, self.scene.sky, self.cache.read(), stats | self.stats(view))
         return replace(frame, figures=album.figures(frame, view.camera, self.settings)) if figures else frame
 
@@ -327,17 +340,9 @@ class Renderer(Holder):
         exposure, settings = self.settings.exposure, self.settings
         stops = self.composite_pass.exposure(view.image) if exposure == "auto" else float(exposure)
         made = {"stages_ms": self.timers.milliseconds(), "clock": self.timers.clock, **self.placement.bounces(settings)}
-        return made | statistics(self.about, self.scene, self.size, self.preset, settings, stops)
+        return {"samples": view.samples} | made | statistics(self.about, self.scene, self.size, self.preset, settings, stops)
 
     def release(self) -> None:
         """Free everything on the GPU, the context too where this renderer made it."""
-        if self._owns_ctx:
-            self.ctx.release()
-        else:
-            super().release()
-
-    def __enter__(self) -> Renderer:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.release()
+        holder: Any = self.ctx if self._owns_ctx else super()
+        holder.release()

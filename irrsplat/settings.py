@@ -198,6 +198,10 @@ class Settings:
         True, "bool", "composite", "while a view fills, pixels that no record speaks for yet borrow the light of those around"
     )
     smooth: bool = _declare(False, "bool", "composite", "smooth the indirect light along surfaces, the paper's second cure")
+    samples: int = _declare(
+        1, "int", "composite", "subpixel samples whose mean a render's picture is; 1: what the pixel's centre sees",
+        low=1, high=65536,
+    )  # fmt: skip
     exposure: float | Auto = _declare(
         "auto",
         "float",
@@ -213,6 +217,9 @@ class Settings:
         80.0, "float", "view", "time of one tick of the viewer, gathering and drawing together; a render takes what it needs",
         low=1, high=10_000, unit="ms",
     )  # fmt: skip
+    rest: int = _declare(
+        64, "int", "view", "subpixel samples that add up in the viewer while nothing moves; 0: off", low=0, high=65536
+    )
 
     def __post_init__(self) -> None:
         for name, declaration in SETTINGS.items():
@@ -227,6 +234,11 @@ class Settings:
     def threshold(self) -> float:
         """The Σw below which a pixel asks for a record (`tolerance`, its auto resolved)."""
         return 1.0 / self.a if self.tolerance == "auto" else float(self.tolerance)
+
+    @property
+    def mix(self) -> tuple[float, float]:
+        """The weights of direct and of indirect light in the picture, by `blend`."""
+        return min(1.0, 2.0 * (1.0 - self.blend)), min(1.0, 2.0 * self.blend)
 
     @property
     def most_bounces(self) -> int:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any
 
 import moderngl
@@ -20,6 +21,8 @@ class View:
     """One round's picture as GPU handles, valid until the next round: what the viewer shows and `render` reads back.
 
     sums: (Σ k·E, Σ k) of which the picture is made, the splat buffer's own or smoothed; E is their quotient.
+    samples: of a pixel. Of more than one, the first at its centre, `image`, `direct`, `indirect` and `emission` (the sky's too)
+    are the means; of one alone, the last two follow from the rest. All others are of the centre.
     """
 
     camera: Camera
@@ -28,6 +31,13 @@ class View:
     splats: SplatBuffer
     sums: moderngl.Texture
     image: moderngl.Texture
+    samples: int = 1
+    indirect: moderngl.Texture | None = None
+    emission: moderngl.Texture | None = None
+
+    def mean(self, name: str) -> moderngl.Texture | None:
+        """The texture that holds `image`, `direct`, `indirect` or `emission` of every pixel; None for one that has none."""
+        return {"image": self.image, "direct": self.direct, "indirect": self.indirect, "emission": self.emission}.get(name)
 
 
 @dataclass(frozen=True)
@@ -35,7 +45,7 @@ class Progress:
     """Where a view stands after a tick: whole rounds so far, `records` in the cache, `new` among them, and `coverage` of the
     seen pixels, 0..1, at the round's begin. renewed: old records gathered again; stale: how many still wait for that.
     whole: False while sites of a round, or the pixels between every other one, are left over for the next tick. surface: how much
-    of the surface cache is made, 0..1."""
+    of the surface cache is made, 0..1. sampled: the share of a render's samples that are taken, 0..1, once it comes to those."""
 
     round: int
     records: int
@@ -45,12 +55,25 @@ class Progress:
     stale: int = 0
     whole: bool = True
     surface: float = 1.0
+    sampled: float = 0.0
+
+    @property
+    def still(self) -> bool:
+        """Whether nothing was gathered, and nothing would be in the next tick."""
+        return self.whole and self.surface == 1.0 and not (self.new or self.renewed or self.stale)
 
     @property
     def done(self) -> bool:
         """Whether nothing is left to gather in this view."""
-        made = self.whole and self.surface == 1.0
-        return made and not (self.new or self.renewed or self.stale) and self.coverage == 1.0
+        return self.still and self.coverage == 1.0
+
+
+def sampling(progress: Callable[[Progress], None] | None, stats: dict[str, Any]) -> Callable[[float], None] | None:
+    """What is called with the share of the samples done, and calls `progress` in turn, where the view stands as in `stats`."""
+    if progress is None:
+        return None
+    now = Progress(stats["rounds"], stats["records"], 0, stats["coverage"])
+    return lambda share: progress(replace(now, sampled=share))
 
 
 def read(view: View, sky: tuple[float, float, float], records: dict[str, np.ndarray], stats: dict[str, Any]) -> Frame:
@@ -61,11 +84,11 @@ def read(view: View, sky: tuple[float, float, float], records: dict[str, np.ndar
     sums = pixels(view.sums)
     irradiance = sums[..., :3] / np.where(sums[..., 3:] > 0.0, sums[..., 3:], np.float32(1.0))
     return Frame(
-        image=pixels(view.image)[..., :3].copy(),
-        direct=pixels(view.direct)[..., :3].copy(),
-        indirect=albedo * irradiance / np.float32(np.pi),
+        image=_rgb(view.image),
+        direct=_rgb(view.direct),
+        indirect=_rgb(view.indirect) if view.indirect is not None else albedo * irradiance / np.float32(np.pi),
         irradiance=irradiance,
-        emission=np.where(seen, emission, np.asarray(sky, "f4")),
+        emission=_rgb(view.emission) if view.emission is not None else np.where(seen, emission, np.asarray(sky, "f4")),
         weight=np.where(seen[..., 0], pixels(view.splats.weight)[..., 0], np.float32(0.0)),
         position=position,
         normal=normal,
@@ -77,6 +100,10 @@ def read(view: View, sky: tuple[float, float, float], records: dict[str, np.ndar
         records_radius=records["radius"],
         stats=stats,
     )
+
+
+def _rgb(texture: moderngl.Texture) -> np.ndarray:
+    return pixels(texture)[..., :3].copy()
 
 
 def statistics(

@@ -12,11 +12,12 @@ layout(location = 0) out vec4 out_color;
 
 #if RADIANCE
 uniform float gain;   // the exposure as a factor
-uniform vec3 unseen;  // where nothing is seen
+uniform bool whole;   // whether the buffer holds something where the pixel's centre sees nothing
+uniform vec3 unseen;  // else, what stands there
 
 vec3 picture(ivec2 pixel, float depth)
 {
-    return display((depth > 0.0 ? texelFetch(values, pixel, 0).rgb : unseen) * gain);
+    return display((whole || depth > 0.0 ? texelFetch(values, pixel, 0).rgb : unseen) * gain);
 }
 #endif
 

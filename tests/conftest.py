@@ -109,7 +109,7 @@ class FakeRenderer:
     def render(self, camera: Any = None, progress: Callable[[Any], None] | None = None, figures: bool = False) -> Frame:
         vars(self.asked).update(camera=camera, figures=figures, progress=progress)
         if progress is not None:
-            progress(SimpleNamespace(round=1, records=3, new=3, coverage=0.5))
+            progress(SimpleNamespace(round=1, records=3, new=3, coverage=0.5, sampled=0.0))
         width, height = self.asked.size
         arrays = {n: np.ones((height, width, 3) if c.components == 3 else (height, width), "f4") for n, c in CHANNELS.items()}
         records = {f.name: np.ones((1, 3), "f4") for f in fields(Frame) if f.name.startswith("records_")}

@@ -21,7 +21,7 @@ FLOORS = (
     ("irrsplat",),  # the package's own front door, which hands out what lies below
     ("irrsplat.headless",),
     ("irrsplat.renderer",),
-    ("irrsplat.placement", "irrsplat.splatting", "irrsplat.limits"),
+    ("irrsplat.placement", "irrsplat.splatting", "irrsplat.limits", "irrsplat.accumulate"),
     ("irrsplat.surface", "irrsplat.choice", "irrsplat.renewal", "irrsplat.probes"),
     ("irrsplat.reference",),
     ("irrsplat.exact",),

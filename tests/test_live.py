@@ -113,6 +113,7 @@ CHANGES: list[tuple[str, Any, set[str]]] = [
     ("neighbours", True, SPLAT),
     ("radius_min", 2.0, SPLAT),
     ("radius_max", 10.0, SPLAT),
+    ("coarse", False, SPLAT),
     ("tolerance", 0.5, {"examine"}),
     ("spread", 0.9, {"examine"}),
     ("placement", "scan", SPLAT | {"gather", "gbuffer"}),  # the paper reads the g-buffer back
@@ -122,7 +123,9 @@ CHANGES: list[tuple[str, Any, set[str]]] = [
     ("smooth", True, {"composite"}),
     ("overture", False, set()),  # the view is whole
     ("exposure", 2.0, set()),
+    ("samples", 4, set()),
     ("budget", 20.0, set()),
+    ("rest", 5, set()),
 ]
 
 

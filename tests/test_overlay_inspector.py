@@ -12,6 +12,7 @@ import pytest
 import irrsplat
 from irrsplat.app import inspector
 from irrsplat.app.inspector import Inspector, Table
+from irrsplat.app.screen import Texels
 from irrsplat.display import tonemap
 from irrsplat.gpu import context
 from irrsplat.renderer import Renderer
@@ -64,26 +65,29 @@ def test_the_weights_add_up_to_what_was_splatted(cornell: Cornell, ctx: moderngl
 def test_the_record_that_weighs_most_is_picked(cornell: Cornell, ctx: moderngl.Context) -> None:
     """None where nothing is seen, where no record speaks, and outside of the picture."""
     renderer, view, table, frame = cornell
-    settings, rng = renderer.settings, np.random.default_rng(7)
+    settings, rng, texel = renderer.settings, np.random.default_rng(7), Texels(ctx)
     served, lacking = (np.argwhere(np.isfinite(frame.depth) & m) for m in (frame.weight > 0.0, frame.weight == 0.0))
     for y, x in rng.permutation(served)[:40]:
         w = table.weights(frame.position[y, x], frame.normal[y, x], view.camera, settings)
-        number = inspector.pick(table, view, settings, int(x), int(y))
+        number = inspector.pick(texel, table, view, settings, int(x), int(y))
         assert number == int(np.argmax(w))
         apart, axis = frame.position[y, x] - table.position[number], table.axis[number]
         along, across = table.reach(view.camera, settings)[number]
         aside = apart - (apart @ axis) * axis
         assert (apart @ axis / along) ** 2 + (aside @ aside) / across**2 <= 1.0, "and the pixel lies within its ellipse"
     for y, x in [*rng.permutation(lacking)[:10], *np.argwhere(~np.isfinite(frame.depth))[:3]]:
-        assert inspector.pick(table, view, settings, int(x), int(y)) is None
-    assert inspector.pick(table, view, settings, -1, 0) is None and inspector.pick(table, view, settings, 0, SIZE[1]) is None
+        assert inspector.pick(texel, table, view, settings, int(x), int(y)) is None
+    assert (
+        inspector.pick(texel, table, view, settings, -1, 0) is None
+        and inspector.pick(texel, table, view, settings, 0, SIZE[1]) is None
+    )
 
 
 def test_no_records_are_none_to_pick(ctx: moderngl.Context) -> None:
     with Renderer(worlds.scene(worlds.floor()), SIZE, ctx=ctx, bounces=0) as renderer:
         view, _ = renderer.frame()
-        table = inspector.read(renderer.cache.records)
-        assert len(table) == 0 and inspector.pick(table, view, renderer.settings, 48, 30) is None
+        table, texel = inspector.read(renderer.cache.records), Texels(ctx)
+        assert len(table) == 0 and inspector.pick(texel, table, view, renderer.settings, 48, 30) is None
 
 
 def test_what_is_said_of_a_record(cornell: Cornell, ctx: moderngl.Context) -> None:

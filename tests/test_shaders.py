@@ -128,7 +128,7 @@ def test_a_broken_shader_names_file_and_line(ctx: moderngl.Context, bundle: Path
     )
     place = {"own": "broken.frag:1: ", "included": "lib/part.glsl:3: ", "after": "broken.frag:3: "}[where]
     with pytest.raises(ShaderError) as error:
-        Program(ctx, "broken", "lib/fullscreen")
+        _ = Program(ctx, "broken", "lib/fullscreen").gl
     assert str(error.value).startswith(place) and "nowhere" in str(error.value) and "\n" not in str(error.value)
     ctx.clear_errors()
 
@@ -137,7 +137,7 @@ def test_a_broken_vertex_shader_is_not_blamed_on_the_fragment_shader(ctx: modern
     (bundle / "v.vert").write_text("// one\nvoid main() { gl_Position = vec4(nowhere); }\n")
     (bundle / "v.frag").write_text("out vec4 color;\nvoid main() { color = vec4(1.0); }\n")
     with pytest.raises(ShaderError, match=r"^v\.vert:2: "):
-        Program(ctx, "v")
+        _ = Program(ctx, "v").gl
     ctx.clear_errors()
 
 

@@ -15,7 +15,7 @@ from irrsplat.app.session import overrides
 from irrsplat.settings import PRESETS, SETTINGS, preset
 from tests.viewing import FAST, Driver, fresh, viewing, write_room
 
-TALL = (460, 1060)  # so that the whole panel fits
+TALL = (460, 1160)  # so that the whole panel fits
 
 # a setting, what is typed into its slider or chosen, and what it is then; None: a click on the box
 CHANGES: dict[str, tuple[str | None, Any]] = {
@@ -35,6 +35,7 @@ CHANGES: dict[str, tuple[str | None, Any]] = {
     "neighbours": (None, True),
     "radius_min": ("3.5", 3.5),
     "radius_max": ("60", 60.0),  # beyond the slider's span, which is for dragging only
+    "coarse": (None, False),
     "tolerance": ("4", 4.0),
     "spread": ("0.7", 0.7),
     "placement": ("scan", "scan"),
@@ -44,7 +45,9 @@ CHANGES: dict[str, tuple[str | None, Any]] = {
     "smooth": (None, True),
     "overture": (None, False),
     "exposure": ("-2", -2.0),
+    "samples": ("4", 4),
     "budget": ("25", 25.0),
+    "rest": ("2", 2),
 }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Self
 
 import moderngl
 
@@ -12,7 +13,14 @@ from irrsplat.gpu.target import Target
 
 
 class Holder:
-    """An object whose attributes are targets, programs, geometry, textures and buffers, or others of its kind."""
+    """An object whose attributes are targets, programs, geometry, textures and buffers, or others of its kind; at the end of a
+    `with` block it is released."""
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.release()
 
     def release(self) -> None:
         """Free all of them; twice does no harm."""

@@ -47,9 +47,10 @@ class Draw:
 
 
 class Program:
-    """`Program(ctx, "gbuffer")` links shaders/gbuffer.vert and .frag; a call draws into a target.
+    """`Program(ctx, "gbuffer")` is shaders/gbuffer.vert and .frag, linked when it is first wanted; a call draws into a target.
 
     Every uniform that the shaders declare must be given by name (samplers take textures), and no other; else TypeError.
+    What does not compile is a ShaderError then, not at once.
     """
 
     def __init__(
@@ -60,27 +61,41 @@ class Program:
         self._files = f"{vertex or fragment}.vert", f"{fragment}.frag"
         self._defines = dict(defines or {})
         self._arrays: dict[int, moderngl.VertexArray] = {}
-        self._take(*self._made())
+        self._gl: moderngl.Program | None = None
+        self._read(self._sources())
 
-    def _made(self) -> tuple[dict[str, str], moderngl.Program]:
-        """The uniforms (name, type) and the linked program, from the files as they stand."""
-        sources = [shaders.load(file, self._defines) for file in self._files]
+    def _sources(self) -> list[shaders.Source]:
+        """The vertex and the fragment shader from the files as they stand."""
+        return [shaders.load(file, self._defines) for file in self._files]
+
+    def _read(self, sources: list[shaders.Source]) -> None:
+        self._source = sources
+        self.uniforms = {name: kind for source in sources for name, kind in source.uniforms.items()}
+        samplers = [name for name, kind in self.uniforms.items() if "sampler" in kind]
+        self.units = {name: unit for unit, name in enumerate(samplers)}
+
+    def _linked(self, sources: list[shaders.Source]) -> moderngl.Program:
         try:
-            program = self.ctx.program(vertex_shader=sources[0].text, fragment_shader=sources[1].text)
+            return self.ctx.program(vertex_shader=sources[0].text, fragment_shader=sources[1].text)
         except moderngl.Error as error:
             log = str(error)
             guilty = sources[0] if "vertex_shader" in log.lower().replace(" ", "_") else sources[1]
             raise shaders.ShaderError(shaders.explain(log, guilty)) from error
-        return {name: kind for source in sources for name, kind in source.uniforms.items()}, program
 
-    def _take(self, uniforms: dict[str, str], program: moderngl.Program) -> None:
-        self.uniforms, self.gl = uniforms, program
-        self.active = set(self.gl)
-        samplers = [name for name, kind in self.uniforms.items() if "sampler" in kind]
-        self.units = {name: unit for unit, name in enumerate(samplers)}
+    def _take(self, program: moderngl.Program) -> None:
+        self._gl = program
+        self.active = set(program)
         for name in self.units.keys() & self.active:
-            self.gl[name].value = self.units[name]  # type: ignore[union-attr]
+            program[name].value = self.units[name]  # type: ignore[union-attr]
         self._kept: list[Any] = []  # what the arrays were made of, so that no id is used twice
+
+    @property
+    def gl(self) -> moderngl.Program:
+        """The program itself; raises ShaderError where it does not compile."""
+        if self._gl is None:
+            self._take(self._linked(self._source))
+        assert self._gl is not None
+        return self._gl
 
     def __call__(
         self,
@@ -107,17 +122,18 @@ class Program:
         if names != self.uniforms.keys():
             missing, unknown = self.uniforms.keys() - names, names - self.uniforms.keys()
             raise TypeError(f"program '{self.name}': missing uniforms {sorted(missing)}, unknown uniforms {sorted(unknown)}")
+        program = self.gl
         for name in uniforms.keys() & self.active:
             value = uniforms[name]
             if name in self.units:
                 value.use(self.units[name])
             elif isinstance(value, np.ndarray) and value.ndim == 2:
-                uniform = self.gl[name]
+                uniform = program[name]
                 # a matrix is column-major there; an array may end where the compiler saw its last use
                 rows = value.T if self.uniforms[name].startswith("mat") else value[: uniform.array_length]  # type: ignore[union-attr]
                 uniform.write(rows.astype("f4").tobytes())  # type: ignore[union-attr]
             else:
-                self.gl[name].value = tuple(value) if isinstance(value, np.ndarray) else value  # type: ignore[union-attr]
+                program[name].value = tuple(value) if isinstance(value, np.ndarray) else value  # type: ignore[union-attr]
         target.use(viewport, scissor, keep=state.keep)
         self._apply(state)
         array = self._array(geometry)
@@ -179,24 +195,27 @@ class Program:
         for array in self._arrays.values():
             array.release()
         self._arrays.clear()
-        self.gl.release()
+        if self._gl is not None:
+            self._gl.release()
 
 
 def reload(programs: Iterable[Program]) -> None:
     """Make all of them again from their files, or none: raises ShaderError for the first that does not compile, or whose
     uniforms are no longer those that its caller gives, and they go on as they were."""
-    made: list[tuple[Program, dict[str, str], moderngl.Program]] = []
+    made: list[tuple[Program, list[shaders.Source], moderngl.Program]] = []
     try:
         for program in programs:
-            uniforms, gl = program._made()
-            made.append((program, uniforms, gl))
-            if uniforms.keys() != program.uniforms.keys():
-                changed = ", ".join(sorted(uniforms.keys() ^ program.uniforms.keys()))
+            sources = program._sources()
+            made.append((program, sources, program._linked(sources)))
+            uniforms = {name for source in sources for name in source.uniforms}
+            if uniforms != program.uniforms.keys():
+                changed = ", ".join(sorted(uniforms ^ program.uniforms.keys()))
                 raise shaders.ShaderError(f"{program.name}: the uniforms are others now ({changed}); start the program again")
     except shaders.ShaderError:
         for _, _, gl in made:
             gl.release()
         raise
-    for program, uniforms, gl in made:
+    for program, sources, gl in made:
         program.release()
-        program._take(uniforms, gl)
+        program._read(sources)
+        program._take(gl)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import moderngl
+import numpy as np
 
 from irrsplat.buffers import FILMIC, GBuffer, SplatBuffer
 from irrsplat.display import MID_GREY
@@ -33,6 +34,7 @@ class CompositePass(Holder):
         self.smooth_target: Target | None = None
         self.meter_block = (-(-size[0] // _METER), -(-size[1] // _METER))
         self.meter_target = Target(ctx, (-(-size[0] // self.meter_block[0]), -(-size[1] // self.meter_block[1])), (2,))
+        self.reading = ctx.buffer(reserve=8 * self.meter_target.size[0] * self.meter_target.size[1], dynamic=True)
 
     def __call__(
         self,
@@ -47,11 +49,12 @@ class CompositePass(Holder):
         """The image before exposure, and the sums (Σ k·E, Σ k) whose quotient is E, smoothed where the settings ask for it; while
         the view is `filling`, holes borrow from around them.
 
-        Direct and indirect light have the weights min(1, 2(1-b)) and min(1, 2b); emission and sky are whole.
+        Direct and indirect light have the weights Settings.mix; emission and sky are whole.
         """
-        blend = settings.blend
         sums = self._filled(splats.sums, gbuffer) if filling else splats.sums
-        sums = self._smoothed(sums, gbuffer, camera) if settings.smooth else sums
+        if settings.smooth:
+            self.smooth_target = self.smooth_target or Target(self.target.ctx, self.size, (4,))
+            sums = self.smoothed(sums, gbuffer, camera, self.smooth_target)
         self.blend(
             self.target,
             position=gbuffer.position,
@@ -59,7 +62,7 @@ class CompositePass(Holder):
             emission=gbuffer.emission,
             direct=direct,
             sums=sums,
-            blend=(min(1.0, 2.0 * (1.0 - blend)), min(1.0, 2.0 * blend)),
+            blend=settings.mix,
             sky=sky,
         )
         return self.target.textures[0], sums
@@ -72,23 +75,32 @@ class CompositePass(Holder):
         self.overture(self.overture_target, position=gbuffer.position, sums=sums, levels=levels)
         return self.overture_target.textures[0]
 
-    def _smoothed(self, sums: moderngl.Texture, gbuffer: GBuffer, camera: Camera) -> moderngl.Texture:
-        self.smooth_target = self.smooth_target or Target(self.target.ctx, self.size, (4,))
+    def smoothed(self, sums: moderngl.Texture, gbuffer: GBuffer, camera: Camera, target: Target) -> moderngl.Texture:
+        """(E, 1), smoothed along surfaces, of (Σ k·E, Σ k), in the target's texture."""
         self.smooth(
-            self.smooth_target,
+            target,
             position=gbuffer.position,
             normal=gbuffer.normal,
             sums=sums,
             smooth_radius=max(1, round(_SMOOTH * self.size[1])),
             pixel_size=camera.screen / self.size[1],
         )
-        return self.smooth_target.textures[0]
+        return target.textures[0]
 
     def exposure(self, image: moderngl.Texture) -> float:
         """The stops that bring the image's geometric mean luminance (of its lit pixels) to mid grey; 0 for a black image."""
+        self.measure(image)
+        return self.metered()
+
+    def measure(self, image: moderngl.Texture) -> None:
+        """Begin to find the image's `exposure`; `metered` a frame later has it without waiting for the GPU."""
         self.meter(self.meter_target, image=image, block=self.meter_block)
-        total, lit = self.meter_target.read().sum((0, 1), dtype=float)
-        return math.log2(MID_GREY) - total / lit if lit else 0.0
+        self.meter_target.textures[0].read_into(self.reading)
+
+    def metered(self) -> float:
+        """The exposure of the image that was measured last."""
+        total, lit = np.frombuffer(self.reading.read(), "f4").reshape(-1, 2).sum(0, dtype=float)
+        return math.log2(MID_GREY) - float(total / lit) if lit else 0.0
 
     def show(self, image: moderngl.Texture, exposure: float, target: Target) -> None:
         """Draw the image into `target` (of the same size) as a screen takes it: exposed by `exposure` stops, filmic, sRGB."""

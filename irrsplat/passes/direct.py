@@ -27,7 +27,11 @@ class DirectPass(Holder):
             self.program.release()
             self.program = Program(self.target.ctx, "direct", "lib/fullscreen", lights)
 
-    def __call__(self, gbuffer: GBuffer, shadows: ShadowMaps) -> moderngl.Texture:
-        """ρ/π·E_direct as an RGBA32F texture, this pass's own."""
-        self.program(self.target, position=gbuffer.position, normal=gbuffer.normal, albedo=gbuffer.albedo, **shadows.uniforms)
-        return self.target.textures[0]
+    def __call__(
+        self, gbuffer: GBuffer, shadows: ShadowMaps, turn: float = 0.0, target: Target | None = None
+    ) -> moderngl.Texture:
+        """ρ/π·E_direct as an RGBA32F texture, the target's (default: this pass's own). turn: of the shadow samples, radians."""
+        target = target or self.target
+        g = gbuffer
+        self.program(target, position=g.position, normal=g.normal, albedo=g.albedo, turn=turn, **shadows.uniforms)
+        return target.textures[0]

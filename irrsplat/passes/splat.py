@@ -33,9 +33,9 @@ class SplatPass(Holder):
         self.small = self.small or Target(self.ctx, ((width + 1) // 2, (height + 1) // 2), (4, 2))
         return self.small
 
-    def clear(self, gbuffer: GBuffer, every: int = 1) -> None:
+    def clear(self, gbuffer: GBuffer, every: int = 1, target: Target | None = None) -> None:
         """Start again from no records; the weight is NOTHING_SEEN where the g-buffer sees nothing."""
-        self.empty(self._of(every), position=gbuffer.position, every=every)
+        self.empty(target or self._of(every), position=gbuffer.position, every=every)
 
     def __call__(
         self,
@@ -45,11 +45,12 @@ class SplatPass(Holder):
         camera: Camera,
         settings: Settings,
         every: int = 1,
-    ) -> SplatBuffer:
-        """Add the records from number `first` on, in their order; the sums are this pass's own textures."""
+        target: Target | None = None,
+    ) -> None:
+        """Add the records from number `first` on, in their order, to what `target` holds (default: this pass's own buffer)."""
         width, height = self.target.size
         self.program(
-            self._of(every),
+            target or self._of(every),
             vertices=4,
             mode=moderngl.TRIANGLE_STRIP,
             instances=records.count - first,
@@ -65,7 +66,6 @@ class SplatPass(Holder):
             cut=settings.kernel == "cut",
             in_front=settings.in_front,
         )
-        return self.sums(records.dark, every)
 
     def sums(self, dark: float, every: int = 1) -> SplatBuffer:
         """What has been added up so far, this pass's own textures; dark: as in Records."""

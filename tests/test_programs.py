@@ -1,0 +1,141 @@
+"""Programs are linked when they are first drawn with; so that none hides a mistake, all of them are linked here, as used."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import moderngl
+import pytest
+
+from irrsplat import Renderer, resources
+from irrsplat.gpu import program, shaders
+from irrsplat.gpu.holder import Holder
+from irrsplat.gpu.program import Program
+from irrsplat.gpu.target import Target
+from irrsplat.lights import light_defines
+from irrsplat.passes.accumulate import AccumulatePass
+from irrsplat.passes.adapt import AdaptPass
+from irrsplat.passes.composite import CompositePass
+from irrsplat.passes.direct import DirectPass
+from irrsplat.passes.examine import ExaminePass
+from irrsplat.passes.gather import GatherPass
+from irrsplat.passes.gbuffer import GBufferPass
+from irrsplat.passes.rank import RankPass
+from irrsplat.passes.reduce import ReducePass
+from irrsplat.passes.shadow import ShadowPass
+from irrsplat.passes.sight import SightPass
+from irrsplat.passes.splat import SplatPass
+from irrsplat.passes.surface import SurfacePass
+from irrsplat.passes.trace import TracePass
+from irrsplat.passes.upsample import UpsamplePass
+from irrsplat.scene.model import Light
+from tests.test_analytic import LIGHTS
+from tests.test_renderer import FAST, SIZE, room
+from tests.worlds import floor, scene
+
+KINDS: dict[str, tuple[Light, ...]] = {
+    "none": (),
+    **{name: (one,) for name, one in LIGHTS.items()},
+    "all": tuple(LIGHTS.values()),
+}
+
+
+def lit(ctx: moderngl.Context, lights: tuple[Light, ...]) -> Iterator[Holder]:
+    """Every pass whose shaders are made for the lights that there are."""
+    defines = light_defines(scene(floor(), lights=lights))
+    yield DirectPass(ctx, SIZE, defines)
+    for surface in (False, True):
+        yield GatherPass(ctx, "raster", 8, 1.0, defines, 1, surface=surface)
+        yield TracePass(ctx, 8, 1.0, defines, 1, surface=surface)
+    yield TracePass(ctx, 8, 1.0, defines, 1, surface=True, hits=True)
+
+
+def unlit(ctx: moderngl.Context) -> Iterator[Holder]:
+    """Every other pass of the core, as settings may have it."""
+    for gradients in (False, True):
+        yield SplatPass(ctx, SIZE, gradients)
+        yield ReducePass(ctx, gradients)
+        yield RankPass(ctx, gradients)
+        for neighbours in (False, True):
+            yield AdaptPass(ctx, gradients, neighbours)
+    for kind in (ShadowPass, SightPass, SurfacePass):
+        yield kind(ctx)
+    for kind in (GBufferPass, ExaminePass, CompositePass, AccumulatePass, UpsamplePass):
+        yield kind(ctx, SIZE)
+
+
+def linked(ctx: moderngl.Context, passes: Iterator[Holder]) -> set[str]:
+    """The names of all their programs, each linked and freed again."""
+    names = set()
+    for one in passes:
+        names |= {each.name for each in one.programs() if each.gl}
+        one.release()
+    ctx.detect_framebuffer(0).use()
+    return names
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_shaders_for_all_kinds_of_lights_compile(ctx: moderngl.Context, kind: str) -> None:
+    assert linked(ctx, lit(ctx, KINDS[kind])) == {"direct", "gather", "trace"}
+
+
+def test_all_other_shaders_of_the_core_compile(ctx: moderngl.Context) -> None:
+    """Those of the viewer are all drawn with in its tests."""
+    stages = {path.stem for path in resources.folder("shaders").glob("*.frag")}
+    core = {name for name in stages if not name.startswith(("overlay_", "gui"))}
+    assert linked(ctx, unlit(ctx)) == core - {"direct", "gather", "trace"}
+
+
+@pytest.fixture
+def made(monkeypatch: pytest.MonkeyPatch) -> list[Program]:
+    """The programs that are linked from now on."""
+    found: list[Program] = []
+    plain = Program._linked
+
+    def link(self: Program, sources: Any) -> Any:
+        found.append(self)
+        return plain(self, sources)
+
+    monkeypatch.setattr(Program, "_linked", link)
+    return found
+
+
+def test_a_render_links_what_it_draws_with_and_nothing_else(made: list[Program]) -> None:
+    """And each once, however many frames there are."""
+    with Renderer(room(), SIZE, **FAST, exposure=0.0) as renderer:
+        assert made == []
+        renderer.render()
+        renderer.render()
+        names = [one.name for one in made]
+        assert sorted(names) == sorted(set(names))
+        assert "gbuffer" in names and not {"composite_smooth", "composite_meter", "composite_display", "accumulate"} & set(names)
+
+
+def test_shaders_that_were_not_drawn_with_are_read_again_too(
+    ctx: moderngl.Context, tmp_path: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """F5: what is wrong in one is told with its place, drawn with before or not, and all go on as they were."""
+    monkeypatch.setattr(shaders, "folder", lambda name: tmp_path)
+    (tmp_path / "v.vert").write_text(
+        "void main() { gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0, 0, 1); }\n"
+    )
+    text = "out vec4 color;\nvoid main() { color = vec4(VALUE); }\n"
+    for name in ("drawn", "waiting"):
+        (tmp_path / f"{name}.frag").write_text(text.replace("VALUE", "1.0"))
+    drawn, waiting = (Program(ctx, name, "v") for name in ("drawn", "waiting"))
+    target = Target(ctx, (1, 1), (4,))
+    drawn(target)
+    (tmp_path / "drawn.frag").write_text(text.replace("VALUE", "2.0"))
+    (tmp_path / "waiting.frag").write_text(text.replace("VALUE", "nowhere"))
+    with pytest.raises(shaders.ShaderError, match=r"^waiting\.frag:2: .*nowhere"):
+        program.reload([drawn, waiting])
+    ctx.clear_errors()
+    for one in (drawn, waiting):
+        one(target)
+        assert target.read()[0, 0, 0] == 1.0, "the last good one, though its file is broken by now"
+    (tmp_path / "waiting.frag").write_text(text.replace("VALUE", "3.0"))
+    program.reload([drawn, waiting])
+    for one, value in ((drawn, 2.0), (waiting, 3.0)):
+        one(target)
+        assert target.read()[0, 0, 0] == value
