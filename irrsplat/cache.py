@@ -11,8 +11,9 @@ from irrsplat.buffers import Records, Sites
 from irrsplat.display import LUMINANCE
 from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.target import float_texture
+from irrsplat.scene.build import unit
 from irrsplat.scene.model import Scene
-from irrsplat.scene.motion import untouched
+from irrsplat.scene.motion import Ride, ride, untouched
 
 _DARK = 0.02  # of the records' mean luminance
 _COLUMNS = 1024
@@ -124,7 +125,7 @@ class RecordCache(Holder):
 
     @property
     def drift(self) -> np.ndarray:
-        """(N,) float32, by how much `probes` have changed since the records were gathered."""
+        """(N,) float32, how much `probes` have changed since the records were gathered; at most 1, as where nothing is known."""
         return self._drift[: self.count]
 
     def gauge(self) -> None:
@@ -164,7 +165,7 @@ class RecordCache(Holder):
         fresh = self._era[: self.count] == self.era
         self.era += 1
         if numbers is None:
-            self._probes[: self.count] = 0.0
+            self._probes[: self.count], self._drift[: self.count] = 0.0, 1.0
             return
         fresh[numbers] = False
         self._era[: self.count][fresh] = self.era
@@ -196,10 +197,33 @@ class RecordCache(Holder):
         self.count = len(numbers)
         self.edits += 1
 
-    def untouched(self, before: Scene, after: Scene) -> np.ndarray:
-        """(count,) True for the records that lie where they lay, and about which little has moved (see scene/motion.py)."""
-        position, normal = self._position[: self.count, :3], self._geometric[: self.count, :3]
-        return untouched(position, normal, self._triangle[: self.count], before, after)
+    def follow(self, before: Scene, after: Scene) -> None:
+        """Meshes have moved: records on them move along, with what they hold; those that are close by are forgotten."""
+        position, geometric, triangle = (a[: self.count] for a in (self._position, self._geometric, self._triangle))
+        kept = untouched(position[:, :3], geometric[:, :3], triangle, before, after)
+        moved = ride(position[:, :3], triangle, before, after)
+        if len(moved.numbers):
+            position[moved.numbers, :3] = moved.position
+            for normals in (self._normal, self._geometric):
+                normals[moved.numbers, :3] = moved.normals(normals[moved.numbers, :3])
+            for texture, rows in zip(self._textures, (self._position, self._normal), strict=False):
+                texture.write(rows.tobytes())
+            self._turn_vectors(moved)
+            self._probes[moved.numbers[~moved.rigid]] = 0.0
+            self.edits += 1
+        self.keep(np.flatnonzero(kept))
+
+    def _turn_vectors(self, moved: Ride) -> None:
+        """Take along what records say by directions: M, ∇E, and the axis, of which each texture of M has a component."""
+        textures = self._textures[3:9]
+        content = [np.frombuffer(t.read(), "f4").reshape(-1, 4).copy() for t in textures]
+        axis = np.stack([rows[moved.numbers, 3] for rows in content[:3]], axis=-1)
+        axis = unit(np.einsum("nij,nj->ni", moved.turn, axis))
+        for i, (texture, rows) in enumerate(zip(textures, content, strict=True)):
+            rows[moved.numbers, :3] = np.einsum("nij,nj->ni", moved.turn, rows[moved.numbers, :3])
+            if i < 3:
+                rows[moved.numbers, 3] = axis[:, i]
+            texture.write(rows.tobytes())
 
     def truncate(self, count: int) -> None:
         """Forget every record from number `count` on; 0 forgets all."""

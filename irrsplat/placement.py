@@ -117,7 +117,7 @@ class Placement(Holder):
 
     def change(self, settings: Settings, scene: Scene, shadows: ShadowMaps | None = None) -> None:
         """Go on with other settings and lights, and meshes elsewhere; records that depend on what changed become stale, or are
-        forgotten: those on what has moved, and those close to where it was or is. shadows: those of the scene before.
+        forgotten: those close to where what has moved was or is. shadows: those of the scene before.
 
         Without bounces nothing is gathered, and whatever there is is kept for when there are as many again.
         """
@@ -132,7 +132,7 @@ class Placement(Holder):
         if _where(old) != _where(settings):
             self.cache.truncate(0)
         if moved:
-            self.cache.keep(np.flatnonzero(self.cache.untouched(before, scene)))
+            self.cache.follow(before, scene)
         if moved and self.tree is not None:
             self.tree.release()
             self.tree = Tree(self.ctx, *flatten(scene)[:2])

@@ -51,6 +51,6 @@ def change(before: np.ndarray, after: np.ndarray, dark: float) -> np.ndarray:
 
 def concerned(cache: RecordCache, found: np.ndarray) -> np.ndarray:
     """The numbers of the records that change too much, now that they have `found` (N, 4)."""
-    cache.drift[:] += change(cache.probes, found, cache.dark)
+    cache.drift[:] = np.minimum(cache.drift + change(cache.probes, found, cache.dark), 1.0)
     cache.probes[:] = found
     return np.flatnonzero(cache.drift > _CHANGE)

@@ -225,8 +225,8 @@ class Renderer(Holder):
     def move(self, mesh: int | str, transform: Any) -> None:
         """Go on with a mesh (its index in scene.meshes, or its name) where a 4×4 or 3×4 matrix takes it from where it was loaded.
 
-        Records on it and close to it, before or after, are made anew; the others are gathered again in place. Raises InputError
-        for a mesh that is not there, and a matrix that is not affine or singular.
+        Records on it move along; those close to it, before or after, are made anew; of the others those that it concerns are
+        gathered again in place. Raises InputError for a mesh that is not there, and a matrix that is not affine, or singular.
         """
         self._go_on(moved(self.scene, self._loaded, mesh, transform))
 

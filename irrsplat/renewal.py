@@ -24,8 +24,8 @@ class Renewal(Holder):
     def order(self, cache: RecordCache, gbuffer: GBuffer, camera: Camera, settings: Settings) -> np.ndarray:
         """(N,) the numbers of the stale records.
 
-        A record comes the sooner the more pixels it serves and the longer it has waited, so that while light changes all the time
-        none that is seen waits for ever; the hidden ones come last, the stalest first.
+        A record comes the sooner the more pixels it serves, the more it is known to be off, and the longer it has waited, so that
+        while light changes all the time none that is seen waits for ever; the hidden ones come last, the stalest first.
         """
         if self._made_of[0] is not gbuffer or self._made_of[1] != cache.era:
             self._made_of = gbuffer, cache.era
@@ -33,7 +33,7 @@ class Renewal(Holder):
             if len(stale):
                 waited = cache.age(stale)
                 served = self.rank_pass(cache.records, gbuffer, camera, settings)[stale]
-                stale = stale[np.lexsort((-waited, -served * waited))]
+                stale = stale[np.lexsort((-waited, -served * waited * cache.drift[stale]))]
             self._order = stale
         self._order = self._order[cache.age(self._order) > 0]
         return self._order

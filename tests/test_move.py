@@ -18,11 +18,11 @@ from irrsplat.gpu.target import pixels
 from irrsplat.probes import change, concerned
 from irrsplat.scene.build import is_closed
 from irrsplat.scene.model import Camera, Scene
-from irrsplat.scene.motion import COVERED, covered, find, moved, transformed, untouched
+from irrsplat.scene.motion import COVERED, covered, find, moved, ride, transformed, untouched
 from tests.test_live import ticks
 from tests.test_relight import errors
 from tests.test_renderer import FAST, FRONT, SIZE, room
-from tests.worlds import box, floor, lamp, material, polygon_vector, quad, scene, sites, sphere
+from tests.worlds import assert_pictures, box, floor, lamp, material, polygon_vector, quad, scene, sites, sphere
 
 BOX = 1  # of `room`
 
@@ -112,16 +112,57 @@ def test_what_a_mesh_covers_is_its_form_factor() -> None:
 
 
 def test_what_is_near_goes_and_the_rest_stays() -> None:
-    """Points on the mesh, under where it was and under where it is; by the triangle's number, and without one by its box."""
+    """Points under where a mesh was and under where it is, but not those on it, by their triangle's number; without one, all in
+    its bounding box."""
     world = scene(floor(4.0), box((-0.5, 0, -0.5), (0.5, 1, 0.5)))  # the box's triangles come first, it is closed
     after = moved(world, world.meshes, 1, shift(2.0))
     p = np.array([(0.0, 1.0, 0.0), (0.0, 0.0, 0.0), (0.6, 0.0, 0.0), (2.0, 0.0, 0.0), (-3.0, 0.0, 0.0), (0.0, 0.0, -3.5)])
     n = np.tile([0.0, 1.0, 0.0], (len(p), 1))
     triangle = np.array([4, 12, 12, 12, 12, 13])
-    expected = [False, False, False, False, True, True]
-    assert untouched(p, n, triangle, world, after).tolist() == expected
-    assert untouched(p, n, np.full(len(p), -1), world, after).tolist() == expected
+    gone = [False, False, False, True, True]
+    assert untouched(p, n, triangle, world, after).tolist() == [True, *gone]
+    assert untouched(p, n, np.full(len(p), -1), world, after).tolist() == [False, *gone]
     assert untouched(p, n, triangle, world, world).all()
+
+
+@pytest.mark.parametrize("rigid", [True, False], ids=["rigid", "mirrored and stretched"])
+def test_points_move_with_their_mesh(rigid: bool) -> None:
+    """As the matrix says: places and normals of random points of a ball, and vectors by its linear part."""
+    turned = np.array([[0.36, 0.48, -0.8, 0.3], [-0.8, 0.6, 0.0, 1.0], [0.48, 0.64, 0.6, -0.2], [0, 0, 0, 1]])
+    matrix = turned if rigid else turned @ np.diag([-1.0, 2.0, 1.0, 1.0])
+    world = scene(floor(), sphere((0.2, 1.0, 0.1), 0.5), floor(1.0, 2.0))  # the ball's triangles come first: it is closed
+    after = moved(world, world.meshes, 1, matrix)
+    ball = world.meshes[1]
+    triangle = np.random.default_rng(3).integers(0, len(ball.faces) + 2, 200)
+    own = triangle < len(ball.faces)
+    corners = ball.positions[ball.faces[np.where(own, triangle, 0)]].astype(float)
+    p = np.einsum("nk,nkx->nx", np.random.default_rng(4).dirichlet(np.ones(3), 200), corners)
+    n = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    n /= np.linalg.norm(n, axis=1, keepdims=True)
+    found = ride(p, triangle, world, after)
+    assert np.array_equal(found.numbers, np.flatnonzero(own)) and found.rigid.all() == rigid and found.rigid.any() == rigid
+    assert np.allclose(found.position, p[own] @ matrix[:3, :3].T + matrix[:3, 3], atol=1e-5)
+    across = n[own] @ np.linalg.inv(matrix[:3, :3])
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    assert np.allclose(found.normals(n[own]), across, atol=1e-3)
+    side = corners[own, 1] - corners[own, 0]
+    assert np.allclose(np.einsum("nij,nj->ni", found.turn, side), side @ matrix[:3, :3].T, atol=1e-5)
+
+
+def test_a_turned_room_is_the_same_room() -> None:
+    """All that there is turns, the eye too: records say the same as before without being gathered again."""
+    walls = box((-1, -1, -1), (1, 1, 1), material((0.8, 0.6, 0.4), 0.5), outward=False)
+    world = scene(walls, camera=FRONT)
+    turned = np.array([[0.36, 0.48, -0.8, 0.0], [-0.8, 0.6, 0.0, 0.0], [0.48, 0.64, 0.6, 0.0]])
+    eye, target, up = (tuple(turned[:, :3] @ v) for v in (FRONT.eye, FRONT.target, FRONT.up))
+    with Renderer(world, SIZE, **{**FAST, "gather_size": 32}) as renderer:
+        before = renderer.render()
+        renderer.move(0, turned)
+        renderer.frame(Camera(eye, target, up, FRONT.fov), gather=False)
+        view, progress = renderer.frame(Camera(eye, target, up, FRONT.fov), gather=False)
+        sums = pixels(view.sums)
+        assert progress.coverage == 1.0 and progress.records == before.stats["records"]
+    assert_pictures("turned", sums[..., :3] / sums[..., 3:], before.irradiance, 0.01 * before.irradiance.mean())
 
 
 # ---- renderers --------------------------------------------------------------------------------------------------------
@@ -171,18 +212,22 @@ def test_a_moved_scene_is_as_if_it_had_been_loaded_so(transform: np.ndarray, bou
     assert np.array_equal(found["radius"], frame.records_radius)
 
 
-def test_records_go_where_it_was_and_is_and_stay_elsewhere(renderer: Renderer) -> None:
+def test_records_go_near_where_it_was_and_is_and_stay_elsewhere(renderer: Renderer) -> None:
     before = renderer.cache.read()
     renderer.move(BOX, shift(0.3, 0.0, 0.2))
     left = renderer.cache.read()
     assert 0.2 < len(left["radius"]) / len(before["radius"]) < 0.95
     low, high = renderer.scene.meshes[BOX].positions.min(0), renderer.scene.meshes[BOX].positions.max(0)
+    where = renderer.cache.sites(slice(0, len(left["radius"])))
+    turn, own = where.turn, where.triangle < 12  # it alone is closed
+    assert 0.05 < own.mean() < 0.5
     for mesh in (room().meshes[BOX], renderer.scene.meshes[BOX]):
-        assert covered(left["position"], left["normal"], mesh).max() <= COVERED
-    turn = renderer.cache.sites(slice(0, len(left["radius"]))).turn
-    assert np.array_equal(before["position"][turn], left["position"]), "and they look in the directions that they did"
+        assert covered(left["position"][~own], left["normal"][~own], mesh).max() <= COVERED
+    stayed = before["position"][turn] + np.where(own[:, None], (0.3, 0.0, 0.2), 0.0)
+    assert np.allclose(stayed, left["position"], atol=1e-5), "and they look in the directions that they did"
+    assert np.array_equal(before["position"][turn][~own], left["position"][~own])
     for name in ("normal", "irradiance", "radius"):
-        assert np.array_equal(before[name][turn], left[name]), name
+        assert np.allclose(before[name][turn], left[name], atol=1e-6), name
     frame = renderer.render()
     inside = ((frame.records_position > low + 0.01) & (frame.records_position < high - 0.01)).all(1)
     assert frame.stats["converged"] and not inside.any()
@@ -275,6 +320,6 @@ def test_a_moved_box_leaves_no_ghost() -> None:
     before = irrsplat.load("cornell")
     after = moved(before, before.meshes, "short", shift(2.2, 0.0, -0.3))
     fresh, later = errors(
-        before, lambda r: r.move("short", shift(2.2, 0.0, -0.3)), after, bounces=1, gather_size=32, shadow_size=512
+        before, lambda r: r.move("short", shift(2.2, 0.0, -0.3)), after, 3, bounces=1, gather_size=32, shadow_size=512
     )
     assert 0.001 < fresh < 0.1 and later < 1.1 * fresh

@@ -39,8 +39,8 @@ def served(renderer: Renderer) -> np.ndarray:
     gbuffer, records, splat = renderer._seen(FRONT), renderer.cache.records, renderer.splatting.splat_pass
     for i in range(records.count):
         splat.clear(gbuffer)
-        weight = splat(replace(records, count=i + 1), i, gbuffer, FRONT, renderer.settings).weight
-        found = np.frombuffer(weight.read(), "f4").reshape(-1, 2)[:, 0]
+        splat(replace(records, count=i + 1), i, gbuffer, FRONT, renderer.settings)
+        found = np.frombuffer(splat.sums(records.dark).weight.read(), "f4").reshape(-1, 2)[:, 0]
         counts.append(np.count_nonzero((found > 0.0) & (found < NOTHING_SEEN)))
     renderer.forget(records=False, lights=False)
     return np.array(counts)
@@ -118,11 +118,11 @@ def truth(renderer: Renderer, count: int = 250) -> exact.Truth:
     return exact.gather(renderer.ctx, renderer.scene, renderer.geometry, seen, size, count, seconds=1e6)
 
 
-def errors(before: Scene, change: Any, after: Scene, **settings: Any) -> tuple[float, float]:
-    """√mean of the squared errors of two seeds against the truth after a change: of fresh renders, and after `change` of a
+def errors(before: Scene, change: Any, after: Scene, seeds: int = 2, **settings: Any) -> tuple[float, float]:
+    """√mean of the squared errors, of so many seeds, against the truth after a change: of fresh renders, and after `change` of a
     renderer that has served the scene before."""
     fresh, changed, reference = [], [], None
-    for seed in range(2):
+    for seed in range(seeds):
         with Renderer(after, (80, 80), **settings, seed=seed) as new, Renderer(before, (80, 80), **settings, seed=seed) as old:
             reference = reference or truth(new)
             fresh.append(reference.error(new.render().irradiance))

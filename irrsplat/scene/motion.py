@@ -1,9 +1,9 @@
-"""Meshes that move: the scene with one of them elsewhere, and which points on surfaces that leaves as they were."""
+"""Meshes that move: the scene with one of them elsewhere, what moves with it, and which points that leaves as they were."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -14,9 +14,10 @@ from irrsplat.scene.flat import in_order
 from irrsplat.scene.model import Mesh, Scene
 from irrsplat.scene.reading import quote
 
-COVERED = 0.25  # of what a point sees, by the cosine: what covers more than this changes all about it
+COVERED = 0.25  # of what a point sees, by the cosine: where more is, records would no longer stand where they are wanted
 _SAMPLES = 128  # points on a mesh that stand for its surface
 _TURN = np.array([0.7548776662466927, 0.5698402909980532])  # Roberts's R2 sequence: even in the square, whatever the number
+_RIGID = 1e-3  # by how much a turn of rounded triangles is none
 _FLAT = 1e-12  # of the longest edge of its unit cube, cubed: a matrix that leaves less volume collapses a mesh
 
 
@@ -83,27 +84,70 @@ def transformed(mesh: Mesh, matrix: np.ndarray) -> Mesh:
 # ---- what a move leaves as it was -------------------------------------------------------------------------------------
 
 
-def untouched(position: np.ndarray, normal: np.ndarray, triangle: np.ndarray, before: Scene, after: Scene) -> np.ndarray:
-    """(N,) True for points on surfaces, with their normals (N, 3) and triangles' numbers (N,), that are still on one and see no
-    more than COVERED of what they see taken by what has moved, where it was or where it is.
-
-    triangle: -1 where it is not known; such a point moves with a mesh whose bounding box it lay in.
-    """
-    kept = np.ones(len(position), bool)
-    first = {id(mesh): 0 for mesh in before.meshes}
-    start = 0
+def _of_moved(triangle: np.ndarray, before: Scene, after: Scene) -> Iterator[tuple[Mesh, Mesh, np.ndarray, np.ndarray]]:
+    """Of each mesh that has moved: what it was, what it is, which of the triangles' numbers (N,) are its own, and as what number
+    in the mesh."""
+    start, first = 0, {}
     for mesh in in_order(before):
         first[id(mesh)] = start
         start += len(mesh.faces)
     for old, new in zip(before.meshes, after.meshes, strict=True):
-        if old is new or not len(old.faces):
-            continue
-        low, high = old.positions.min(0), old.positions.max(0)
-        within = ((position >= low) & (position <= high)).all(1)
-        start = first[id(old)]
-        kept &= ~np.where(triangle < 0, within, (triangle >= start) & (triangle < start + len(old.faces)))
-        kept[kept] = np.maximum(*(covered(position[kept], normal[kept], mesh) for mesh in (old, new))) <= COVERED
+        if old is not new and len(old.faces):
+            inside = triangle - first[id(old)]
+            yield old, new, (inside >= 0) & (inside < len(old.faces)), inside
+
+
+def untouched(position: np.ndarray, normal: np.ndarray, triangle: np.ndarray, before: Scene, after: Scene) -> np.ndarray:
+    """(N,) True for points on surfaces, with their normals (N, 3) and triangles' numbers (N,), that see no more than COVERED of
+    what they see taken by what has moved, where it was or where it is; points on that itself always do.
+
+    triangle: -1 where it is not known; such a point is not left where it lay in the bounding box of what has moved.
+    """
+    kept = np.ones(len(position), bool)
+    for old, new, own, _ in _of_moved(triangle, before, after):
+        within = ((position >= old.positions.min(0)) & (position <= old.positions.max(0))).all(1)
+        kept &= ~((triangle < 0) & within)
+        asked = kept & ~own
+        kept[asked] = np.maximum(*(covered(position[asked], normal[asked], mesh) for mesh in (old, new))) <= COVERED
     return kept
+
+
+@dataclass(frozen=True)
+class Ride:
+    """How points on meshes move with them: the numbers (K,) of those that do, their new places (K, 3), the linear maps (K, 3, 3)
+    that take vectors along, and whether (K,) these are turns, by which nothing else changes."""
+
+    numbers: np.ndarray
+    position: np.ndarray
+    turn: np.ndarray
+    rigid: np.ndarray
+
+    def normals(self, normals: np.ndarray) -> np.ndarray:
+        """Unit normals (K, 3) there, of those before."""
+        return unit(np.einsum("nji,nj->ni", np.linalg.pinv(self.turn), normals))
+
+
+def ride(position: np.ndarray, triangle: np.ndarray, before: Scene, after: Scene) -> Ride:
+    """Of points (N, 3) on triangles of these numbers (N,) those that have moved with a mesh: by their triangle's corners."""
+    parts = [Ride(np.zeros(0, np.intp), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0, bool))]
+    for old, new, own, inside in _of_moved(triangle, before, after):
+        numbers = np.flatnonzero(own)
+        faces = old.faces[inside[numbers]]
+        was, now = (mesh.positions[faces].astype(float) for mesh in (old, new))
+        frames = [_frame(was), _frame(now)]
+        if np.array_equal(old.faces, new.faces[:, ::-1]):  # mirrored, and wound anew
+            frames[1][:, :, 2] *= -1.0
+        turn = frames[1] @ np.linalg.pinv(frames[0])  # which takes triangles that rounding has flattened, too
+        place = now[:, 0] + np.einsum("nij,nj->ni", turn, position[numbers] - was[:, 0])
+        rigid = np.abs(np.swapaxes(turn, 1, 2) @ turn - np.eye(3)).max((1, 2)) < _RIGID
+        parts.append(Ride(numbers, place, turn, rigid & (np.linalg.det(turn) > 0.0)))
+    return Ride(*(np.concatenate([getattr(part, name.name) for part in parts]) for name in fields(Ride)))
+
+
+def _frame(corners: np.ndarray) -> np.ndarray:
+    """(N, 3, 3) with the columns of two edges and the unit normal of triangles (N, 3, 3)."""
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    return np.stack([first, second, unit(np.cross(first, second))], axis=-1)
 
 
 def covered(position: np.ndarray, normal: np.ndarray, mesh: Mesh) -> np.ndarray:
