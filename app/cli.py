@@ -177,6 +177,12 @@ def bench(args: argparse.Namespace) -> int:
         from irrsplat.output import check_file
 
         check_file(args.json)
+    if args.growth:
+        from irrsplat.app import growth
+
+        return growth.run(args)
+    if args.quick:
+        raise InputError("--quick is for --growth; give that as well")
     from irrsplat.app import bench as benchmark
 
     return benchmark.run(args)

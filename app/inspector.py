@@ -8,6 +8,7 @@ from typing import Any
 import moderngl
 import numpy as np
 
+from irrsplat import choice
 from irrsplat.app.overlay import Overlay
 from irrsplat.app.screen import Texels
 from irrsplat.buffers import HitLight, Records, ShadowMaps, Sites
@@ -173,7 +174,7 @@ class Inspector(Holder):
 
         The texture is RGBA8, bottom row first, this object's own, and holds until the next call.
         """
-        kind, more = settings.gather_kind(scene.triangles), settings.most_bounces > 1
+        kind, more = choice.kind(self.ctx, scene, settings), settings.most_bounces > 1
         made_for = kind, more, settings.gather_size, scene.diagonal, light_defines(scene)
         if self.gather_pass is None or made_for != self._made_for:
             self.release_cell()

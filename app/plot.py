@@ -17,6 +17,7 @@ _FINER = 2  # drawn so many times larger, then reduced: smooth edges
 _LEFT, _RIGHT, _TOP, _BOTTOM = 96, 32, 64, 84  # margins
 _INK, _FAINT, _GRID = (40, 40, 40), (110, 110, 110), (224, 224, 224)
 _STEPS = (1, 2, 5)  # of every decade, with a number
+_WIDE = 500.0  # times as great an end of an axis leaves no room for all of these
 
 
 @dataclass(frozen=True)
@@ -66,12 +67,13 @@ def _span(values: np.ndarray) -> tuple[float, float]:
 
 
 def ticks(low: float, high: float) -> Iterator[tuple[float, bool]]:
-    """The multiples of powers of ten from low to high, and whether each gets a number."""
+    """The multiples of powers of ten from low to high, and whether each gets a number; over many decades the powers alone do."""
+    steps = _STEPS if high < _WIDE * low else _STEPS[:1]
     for decade in range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1):
         for step in range(1, 10):
             value = step * 10.0**decade
             if low <= value <= high:
-                yield value, step in _STEPS
+                yield value, step in steps
 
 
 def _axes(pen: Pen, frame: np.ndarray, spans: list[tuple[float, float]], place: object) -> None:

@@ -74,6 +74,7 @@ def doctor() -> int:
             missing.append(name)
     if missing:
         raise IrrsplatError(f"libraries are missing; run: python3 -m pip install {' '.join(missing)}")
+    from irrsplat import choice
     from irrsplat.gpu import context
 
     ctx = context.create()  # its GLError is the advice
@@ -84,6 +85,9 @@ def doctor() -> int:
     print(f"OpenGL      {found['version']}")
     print(f"renderer    {found['renderer']} by {found['vendor']}" + (", on the CPU" if found["software"] else ""))
     print(f"pictures    up to {found['max_texture_size']} pixels a side")
+    if times := choice.kept(found):
+        rasters = sum(map(choice.rasters, times))
+        print(f"gathers     one bounce: by rasters in {rasters} of the {len(times)} scenes timed here, by rays in the others")
     print("enough: OpenGL 3.3 is there" + ("; a GPU with its driver would be faster" if found["software"] else ""))
     return 0
 

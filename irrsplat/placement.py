@@ -8,7 +8,7 @@ from typing import Any
 import moderngl
 import numpy as np
 
-from irrsplat import paper
+from irrsplat import choice, paper
 from irrsplat.adaptation import Adaptation
 from irrsplat.budget import Budget, Pace
 from irrsplat.buffers import Atlas, GBuffer, HitLight, ShadowMaps, Sites, SplatBuffer
@@ -45,14 +45,6 @@ class Asked:
     whole: bool
 
 
-def gather_pass(ctx: moderngl.Context, scene: Scene, settings: Settings, capacity: int | None = None) -> GatherPass | TracePass:
-    """The pass that gathers as `settings` say in `scene`, at most `capacity` records at once (None: as many as are worth it)."""
-    kind, lights, more = settings.gather_kind(scene.triangles), light_defines(scene), settings.most_bounces > 1
-    if kind == "trace":
-        return TracePass(ctx, settings.gather_size, scene.diagonal, lights, capacity, surface=more)
-    return GatherPass(ctx, kind, settings.gather_size, scene.diagonal, lights, capacity, surface=more)
-
-
 class Placement(Holder):
     """Examines what a view of `size` (width, height) lacks, and fills the `cache` by it."""
 
@@ -84,7 +76,7 @@ class Placement(Holder):
 
     def _gather_pass(self) -> GatherPass | TracePass:
         one = 1 if self.settings.placement == "scan" else None  # the paper: one at a time
-        made = gather_pass(self.ctx, self.scene, self.settings, capacity=one)
+        made = choice.gather_pass(self.ctx, self.scene, self.settings, capacity=one)
         if isinstance(made, TracePass) or self.settings.most_bounces > 1:
             self.tree = self.tree or Tree(self.ctx, *flatten(self.scene)[:2])
         if self.settings.most_bounces > 1 and self.surface is None and self.tree is not None:
@@ -209,7 +201,7 @@ class Placement(Holder):
     def _probe(self, shadows: ShadowMaps, numbers: np.ndarray) -> np.ndarray:
         """(N, 4), as Probes has it, of the records of these numbers."""
         if self.probes is None:
-            self.probes = Probes(gather_pass(self.ctx, self.scene, replace(self.settings, gather_size=SIDE), MOST))
+            self.probes = Probes(choice.gather_pass(self.ctx, self.scene, replace(self.settings, gather_size=SIDE), MOST))
         with self.timers("gather"):
             return self.probes(self.world, self.light(shadows), self.cache.sites(numbers), self.scene.sky, self.settings.seed)
 
@@ -225,14 +217,16 @@ class Placement(Holder):
         return self.surface.view(gbuffer)
 
     def bounces(self, settings: Settings) -> dict[str, Any]:
-        """How many bounces there are, for the statistics; and, where all are wanted, whether hardly anything is still to come."""
+        """For the statistics: how records are gathered; how many bounces there are, and, where all are wanted, whether hardly
+        anything is still to come."""
+        how = {"gathered_by": self.gather_pass.kind}
         everything, most = settings.bounces == "all", settings.most_bounces
         made = self.surface.result if self.surface is not None and most > 1 else None
         if made is None and self.resumed is not None:
-            return self.resumed
+            return how | self.resumed
         if made is None:
-            return {"bounces": min(most, 1), "bounces_converged": False if everything else None}
-        return {"bounces": made.bounces, "bounces_converged": made.settled if everything else None}
+            return how | {"bounces": min(most, 1), "bounces_converged": False if everything else None}
+        return how | {"bounces": made.bounces, "bounces_converged": made.settled if everything else None}
 
     def expire(self) -> None:
         """Gather everything again."""
@@ -333,7 +327,7 @@ class Placement(Holder):
 
     def _how(self, settings: Settings) -> tuple[object, ...]:
         """What a record at its place says, and how well, goes by these."""
-        return settings.gather_kind(self.scene.triangles), settings.gather_size, settings.most_bounces > 1
+        return choice.kind(self.ctx, self.scene, settings), settings.gather_size, settings.most_bounces > 1
 
     def _gather(self, shadows: ShadowMaps, numbers: np.ndarray) -> None:
         """Gather the records of these numbers, where the cache has them."""

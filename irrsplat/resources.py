@@ -1,7 +1,8 @@
-"""Where the bundled shaders and scenes lie: beside the installed package, or in the checkout."""
+"""Where files lie: the bundled shaders and scenes, and what is kept from one run to the next."""
 
 from __future__ import annotations
 
+import os
 from functools import cache
 from pathlib import Path
 
@@ -15,3 +16,13 @@ def folder(name: str) -> Path:
         if candidate.is_dir():
             return candidate
     raise FileNotFoundError(f"the bundled folder '{name}' is missing; install irrsplat again")
+
+
+def cache_folder() -> Path | None:
+    """What IRRSPLAT_CACHE names, else the user's cache folder; None where there is none."""
+    if named := os.environ.get("IRRSPLAT_CACHE"):
+        return Path(named)
+    import platformdirs
+
+    found = platformdirs.user_cache_path("irrsplat", appauthor=False)
+    return found if found.is_absolute() else None

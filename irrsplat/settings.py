@@ -22,11 +22,6 @@ IN_FRONT = 0.05  # of R: how far in front of a pixel's surface, or behind it, a 
 
 WIDE = 3.0  # in R_k, the greatest radius there is: what is dark and narrow has no say over what lies far beyond it
 
-# triangles: rasters of a hemicube cost in proportion to them, rays hardly; measured on llvmpipe, 64² rays cost 1.7 times what a
-# hemicube of 64 costs at 30 triangles, and 0.42 times at 4 thousand. With the surface cache it is 0.55 times at 30: rasters look
-# up what others hide, too
-_RASTER = 1000
-
 
 @dataclass(frozen=True)
 class Declaration:
@@ -138,7 +133,7 @@ class Settings:
     )
     gather: str = _declare(
         "auto", "choice", "gather", "how a record sees the scene: one 150° plane, a hemicube of rasters, or traced rays; "
-        "auto: rays, but rasters for a single bounce in a small scene",
+        "auto: rays, but for a single bounce in a small scene rasters, unless they are timed to be much slower here",
         choices=("auto", "plane", "raster", "trace"),
     )  # fmt: skip
     gather_size: int = _declare(
@@ -255,12 +250,6 @@ class Settings:
     def most_bounces(self) -> int:
         """The indirect bounces that are made at most (`bounces`, all resolved)."""
         return int(SETTINGS["bounces"].high or 0) if self.bounces == "all" else int(self.bounces)
-
-    def gather_kind(self, triangles: int) -> str:
-        """How records are gathered in a scene of so many triangles: "plane", "raster" or "trace" (`gather`, auto resolved)."""
-        if self.gather != "auto":
-            return self.gather
-        return "raster" if triangles <= _RASTER and self.most_bounces < 2 else "trace"
 
     def of(self, *stages: str) -> tuple[Any, ...]:
         """The values of all the settings of these stages."""

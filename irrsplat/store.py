@@ -33,12 +33,12 @@ def key(scene: Scene, settings: Settings) -> dict[str, Any]:
     """What records depend on: hashes of "geometry" and "lights", and "settings" by name, as plain JSON."""
     vertices, faces, closed = flatten(scene)
     lights = [[v for name, v in vars(light).items() if name != "name"] for light in scene.lights]
-    names = ["seed", "bounces", "gather_size", "shadow_size", "gradients", "placement"]
+    names = ["seed", "bounces", "gather", "gather_size", "shadow_size", "gradients", "placement"]
     names += ["warmup"] if settings.placement == "scan" else []
     return {
         "geometry": _hash(vertices.tobytes(), faces.tobytes(), repr((closed, tuple(scene.sky))).encode()),
         "lights": _hash(json.dumps(lights).encode()),
-        "settings": {name: getattr(settings, name) for name in names} | {"gather": settings.gather_kind(scene.triangles)},
+        "settings": {name: getattr(settings, name) for name in names},
     }
 
 

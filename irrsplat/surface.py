@@ -153,9 +153,9 @@ class SurfaceCache(Holder):
 
     def _prepare(self) -> Iterator[float]:
         """Choose the sites and make the tables that find them; yields the share that is done, now and then."""
-        cut, spacing = yield from self._cut()
-        some, area = clusters.members(cut, self.offset), np.tile(cut.area, 2)
-        value, sites = yield from self._share_out(cut, some, area, spacing)
+        cut, some, names, spacing = yield from self._cut()
+        area = np.tile(cut.area, 2)
+        value, sites = yield from self._share_out(cut, some, names, area, spacing)
         yield 0.7
         self._area = np.bincount(np.maximum(value, 0), weights=area * (value > _DARK), minlength=len(sites)).astype(float)
         self.records.truncate(0)
@@ -168,7 +168,8 @@ class SurfaceCache(Holder):
         self.lattice, self.making = cut, Lookup(self.ctx, cut.table, cells, MOST, self.tree.order)
 
     def _cut(self) -> Any:
-        """The lattice, and its spacing in metres: by the surfaces' area, or wider where too many sites would come of it.
+        """The lattice, its members and their keys, and its spacing in metres: by the surfaces' area, or wider where too many
+        sites would come of it.
 
         A generator that returns them."""
         vertices, faces, _ = flatten(self.scene)
@@ -179,12 +180,12 @@ class SurfaceCache(Holder):
             cut = lattice(vertices, faces, spacing, self.offset)
             yield 0.05
             some = clusters.members(cut, self.offset)
-            left = np.flatnonzero(self._given(cut, some) < 0)
-            names, area = clusters.keys(some, _VOXEL * spacing)[left], np.tile(cut.area, 2)[left]
-            best, _ = clusters.choose(names, some.position[left], area, _LEAST * spacing**2, len(names))
+            left, names = np.flatnonzero(self._given(cut, some) < 0), clusters.keys(some, _VOXEL * spacing)
+            area = np.tile(cut.area, 2)[left]
+            best, _ = clusters.choose(names[left], some.position[left], area, _LEAST * spacing**2, len(left))
             yield 0.05
             if len(best) <= _FIRST * MOST:
-                return cut, spacing
+                return cut, some, names, spacing
             spacing *= 1.05 * float(np.sqrt(len(best) / (_FIRST * MOST)))
 
     def _given(self, cut: Lattice, some: clusters.Members) -> np.ndarray:
@@ -193,9 +194,9 @@ class SurfaceCache(Holder):
         value[len(cut.face) + np.flatnonzero(self._sealed[cut.face])] = _DARK
         return value
 
-    def _share_out(self, cut: Lattice, some: clusters.Members, area: np.ndarray, spacing: float) -> Any:
+    def _share_out(self, cut: Lattice, some: clusters.Members, names: np.ndarray, area: np.ndarray, spacing: float) -> Any:
         """The number of each member's value, -1: none, and which members are the sites; a generator that returns them."""
-        value, names = self._given(cut, some), clusters.keys(some, _VOXEL * spacing)
+        value = self._given(cut, some)
         left, sites = np.flatnonzero(value < 0), np.zeros(_DARK + 1 if len(some) else 0, np.intp)
         for number in range(_ROUNDS):
             least = _LEAST * spacing**2 if number < _ROUNDS - 1 else 0.0

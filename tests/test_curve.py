@@ -204,6 +204,7 @@ def test_the_techniques_on_a_real_scene(capsys: pytest.CaptureFixture[str]) -> N
 def test_ticks() -> None:
     assert [value for value, _ in ticks(0.5, 3.0)] == pytest.approx([0.5, 0.6, 0.7, 0.8, 0.9, 1.0, 2.0, 3.0])
     assert [value for value, numbered in ticks(90.0, 1100.0) if numbered] == pytest.approx([100.0, 200.0, 500.0, 1000.0])
+    assert [value for value, numbered in ticks(0.9, 1100.0) if numbered] == pytest.approx([1.0, 10.0, 100.0, 1000.0])
 
 
 def spots(picture: np.ndarray, colour: tuple[int, int, int]) -> np.ndarray:

@@ -23,7 +23,7 @@ FLOORS = (
     ("irrsplat.renderer",),
     ("irrsplat.store",),
     ("irrsplat.placement", "irrsplat.splatting", "irrsplat.limits", "irrsplat.accumulate"),
-    ("irrsplat.surface", "irrsplat.renewal", "irrsplat.probes"),
+    ("irrsplat.surface", "irrsplat.choice", "irrsplat.renewal", "irrsplat.probes"),
     ("irrsplat.reference",),
     ("irrsplat.exact",),
     ("irrsplat.paper", "irrsplat.figure", "irrsplat.eviction", "irrsplat.adaptation"),
@@ -31,11 +31,11 @@ FLOORS = (
     ("irrsplat.passes", "irrsplat.output"),
     ("irrsplat.cache", "irrsplat.lights", "irrsplat.reach", "irrsplat.lookup", "irrsplat.budget"),
     ("irrsplat.scene", "irrsplat.gpu"),
-    ("irrsplat.display", "irrsplat.pen", "irrsplat.grid"),
+    ("irrsplat.display", "irrsplat.pen", "irrsplat.grid", "irrsplat.meshlets"),
     ("irrsplat.hemisphere", "irrsplat.strata", "irrsplat.vantage", "irrsplat.transport"),
     ("irrsplat.buffers",),
     ("irrsplat.settings",),
-    ("irrsplat.errors", "irrsplat.resources"),
+    ("irrsplat.errors", "irrsplat.resources", "irrsplat.scenes"),
 )
 OPENGL = ("moderngl", "glcontext", "OpenGL")
 WINDOWS = ("imgui_bundle", "imgui", "moderngl_window", "glfw", "pyglet")

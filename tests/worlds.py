@@ -199,7 +199,7 @@ def gather(
     found = gathered(cache)
     # what comes next must not find a released framebuffer bound, see test_target.py
     ctx.detect_framebuffer(0).use()
-    for target in (lit.target, look.target, reduce.target, cache, geometry):
+    for target in (lit.target, look, reduce.target, cache, geometry):
         if target is not None:
             target.release()
     return found

@@ -7,9 +7,46 @@ from typing import Any
 import moderngl
 import numpy as np
 
-from irrsplat.gpu.target import table_texture
+from irrsplat.gpu.target import listed, table_texture
+from irrsplat.meshlets import Meshlets, cut
 
 _COLUMNS = 1024  # of the table of planes, as shaders/lib/surface.glsl has it
+
+
+class Pieces:
+    """The same triangles, meshlet by meshlet, to be drawn as a Geometry is.
+
+    corners: RGBA32F texture, a texel a triangle in that order: its vertices' numbers, and its own in the Geometry.
+    looks: RGBA32F texture, three texels a vertex, its row of numbers.
+    """
+
+    def __init__(self, ctx: moderngl.Context, vertices: moderngl.Buffer, rows: np.ndarray, faces: np.ndarray) -> None:
+        self.vertices = vertices
+        self.indices = ctx.buffer(reserve=max(faces.size, 3) * 4)
+        self.corners = table_texture(ctx, listed(np.zeros((len(faces), 1, 4))))
+        self.looks = table_texture(ctx, listed(rows.reshape(-1, 3, 4)))
+        self._cut(rows, faces)
+
+    def update(self, rows: np.ndarray, faces: np.ndarray) -> None:
+        """The same triangles elsewhere, as in the Geometry."""
+        self.looks.write(listed(rows.reshape(-1, 3, 4)).astype("f4").tobytes())
+        self._cut(rows, faces)
+
+    def _cut(self, rows: np.ndarray, faces: np.ndarray) -> None:
+        self.meshlets: Meshlets = cut(rows[faces, :3])
+        order = self.meshlets.order
+        self.indices.write(np.ascontiguousarray(faces[order], "i4").tobytes())
+        self.corners.write(listed(np.column_stack([faces[order], order])[:, None].astype("f4")).tobytes())
+
+    @property
+    def uniforms(self) -> dict[str, Any]:
+        """The uniforms with which shaders/gather_light.frag finds what is seen."""
+        return {"triangle_table": self.corners, "vertex_table": self.looks}
+
+    def release(self) -> None:
+        """Free what is not the Geometry's."""
+        for thing in (self.indices, self.corners, self.looks):
+            thing.release()
 
 
 class Geometry:
@@ -28,8 +65,10 @@ class Geometry:
         # OpenGL has no empty buffers: no geometry is one vertex and one index that no draw reaches
         self.vertices = ctx.buffer(np.ascontiguousarray(vertices if len(vertices) else np.zeros((1, 12)), "f4").tobytes())
         self.indices = ctx.buffer(np.ascontiguousarray(faces if len(faces) else np.zeros((1, 3)), "i4").tobytes())
+        self.ctx = ctx
         self.corners = vertices[faces, :3]
         self.planes = table_texture(ctx, _planes(self.corners.astype(float)))
+        self._pieces: Pieces | None = None
         total, split = 3 * len(faces), 3 * closed
         self.parts = {"all": (0, total), "closed": (0, split), "open": (split, total - split)}
 
@@ -37,6 +76,19 @@ class Geometry:
     def uniforms(self) -> dict[str, Any]:
         """The uniforms with which shaders/lib/surface.glsl finds a triangle's normal."""
         return {"face_planes": self.planes}
+
+    @property
+    def triangles(self) -> int:
+        """The number of triangles."""
+        return self.parts["all"][1] // 3
+
+    @property
+    def pieces(self) -> Pieces:
+        """The triangles in meshlets; made when a gather first draws them."""
+        if self._pieces is None:
+            rows, faces = (np.frombuffer(buffer.read(), kind) for buffer, kind in ((self.vertices, "f4"), (self.indices, "i4")))
+            self._pieces = Pieces(self.ctx, self.vertices, rows.reshape(-1, 12), faces.reshape(-1, 3)[: self.triangles])
+        return self._pieces
 
     def update(self, vertices: np.ndarray, faces: np.ndarray) -> None:
         """The same triangles elsewhere: as many vertices and faces as before, in the same order."""
@@ -46,9 +98,13 @@ class Geometry:
         self.indices.write(np.ascontiguousarray(faces, "i4").tobytes())
         self.corners = vertices[faces, :3]
         self.planes.write(_planes(self.corners.astype(float)).astype("f4").tobytes())
+        if self._pieces is not None:
+            self._pieces.update(vertices, faces)
 
     def release(self) -> None:
-        """Free the buffers and the table."""
+        """Free the buffers and the tables."""
+        if self._pieces is not None:
+            self._pieces.release()
         self.vertices.release()
         self.indices.release()
         self.planes.release()

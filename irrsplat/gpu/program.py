@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +10,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.gpu import shaders
-from irrsplat.gpu.geometry import Geometry
+from irrsplat.gpu.geometry import Geometry, Pieces
 from irrsplat.gpu.target import Target
 
 DEPTH_CLAMP = 0x864F
@@ -36,6 +36,16 @@ class State:
     wire: bool = False
 
 
+@dataclass(frozen=True)
+class Draw:
+    """One of several draws of a geometry: `count` indices from the `first` on, so many instances, and uniforms of its own."""
+
+    first: int
+    count: int
+    instances: int
+    uniforms: Mapping[str, Any]
+
+
 class Program:
     """`Program(ctx, "gbuffer")` is shaders/gbuffer.vert and .frag, linked when it is first wanted; a call draws into a target.
 
@@ -50,7 +60,7 @@ class Program:
         self.name = fragment
         self._files = f"{vertex or fragment}.vert", f"{fragment}.frag"
         self._defines = dict(defines or {})
-        self._arrays: dict[tuple[int, int], moderngl.VertexArray] = {}
+        self._arrays: dict[int, moderngl.VertexArray] = {}
         self._gl: moderngl.Program | None = None
         self._read(self._sources())
 
@@ -92,9 +102,9 @@ class Program:
         target: Target,
         *,
         state: State = State(),
-        geometry: Geometry | None = None,
+        geometry: Geometry | Pieces | None = None,
+        draws: Sequence[Draw] | None = None,
         instances: int = 1,
-        instance_data: tuple[moderngl.Buffer, str, tuple[str, ...]] | None = None,
         part: str = "all",
         vertices: int = 3,
         mode: int = moderngl.TRIANGLES,
@@ -102,14 +112,15 @@ class Program:
         scissor: tuple[int, int, int, int] | None = None,
         **uniforms: Any,
     ) -> None:
-        """Draw `geometry` (its `part`), or `vertices` numbered by gl_VertexID (default: the triangle that fills the target).
+        """Draw `geometry` (its `part`, or `draws` of it), or `vertices` numbered by gl_VertexID (default: the triangle that fills
+        the target).
 
         mode: what the numbered vertices make, such as moderngl.TRIANGLE_STRIP, LINES or POINTS.
-        instance_data: a buffer, its moderngl format, and the attributes' names, advanced once per instance.
         viewport, scissor: (x, y, width, height) in pixels; default the whole target, and none.
         """
-        if uniforms.keys() != self.uniforms.keys():
-            missing, unknown = self.uniforms.keys() - uniforms.keys(), uniforms.keys() - self.uniforms.keys()
+        names = uniforms.keys() | {name for draw in draws or () for name in draw.uniforms}
+        if names != self.uniforms.keys():
+            missing, unknown = self.uniforms.keys() - names, names - self.uniforms.keys()
             raise TypeError(f"program '{self.name}': missing uniforms {sorted(missing)}, unknown uniforms {sorted(unknown)}")
         program = self.gl
         for name in uniforms.keys() & self.active:
@@ -125,12 +136,18 @@ class Program:
                 program[name].value = tuple(value) if isinstance(value, np.ndarray) else value  # type: ignore[union-attr]
         target.use(viewport, scissor, keep=state.keep)
         self._apply(state)
-        array = self._array(geometry, instance_data)
+        array = self._array(geometry)
         if geometry is None:
             array.render(mode, vertices=vertices, instances=instances)
+        elif draws is not None:
+            for draw in draws:
+                for name in draw.uniforms.keys() & self.active:
+                    self.gl[name].value = draw.uniforms[name]  # type: ignore[union-attr]
+                array.render(moderngl.TRIANGLES, vertices=draw.count, first=draw.first, instances=draw.instances)
         else:
+            assert isinstance(geometry, Geometry)
             first, count = geometry.parts[part]
-            if count and instances:
+            if count:
                 array.render(moderngl.TRIANGLES, vertices=count, first=first, instances=instances)
         for i in range(state.clips):
             self.ctx.disable_direct(CLIP_DISTANCE0 + i)
@@ -157,25 +174,21 @@ class Program:
         for i in range(state.clips):
             ctx.enable_direct(CLIP_DISTANCE0 + i)
 
-    def _array(self, geometry: Geometry | None, instance_data: Any) -> moderngl.VertexArray:
-        key = (id(geometry), id(instance_data[0]) if instance_data else 0)
-        if key not in self._arrays:
-            content: list[Any] = []
+    def _array(self, geometry: Geometry | Pieces | None) -> moderngl.VertexArray:
+        if id(geometry) not in self._arrays:
+            content, index = [], None
             if geometry is not None:
-                content.append(self._content(geometry.vertices, geometry.FORMAT, geometry.ATTRIBUTES))
-            if instance_data is not None:
-                content.append(self._content(*instance_data))
-            index = None if geometry is None else geometry.indices
-            self._arrays[key] = self.ctx.vertex_array(self.gl, content, index, skip_errors=True)
-            self._kept += [geometry, instance_data]
-        return self._arrays[key]
+                content, index = [self._content(geometry.vertices)], geometry.indices
+            self._arrays[id(geometry)] = self.ctx.vertex_array(self.gl, content, index, skip_errors=True)
+            self._kept.append(geometry)
+        return self._arrays[id(geometry)]
 
-    def _content(self, buffer: moderngl.Buffer, formats: str, names: tuple[str, ...]) -> tuple[Any, ...]:
+    def _content(self, buffer: moderngl.Buffer) -> tuple[Any, ...]:
         """moderngl's (buffer, format, names…), attributes that the compiler removed skipped as padding."""
-        words, rate = (formats[:-2].split(), "/i") if formats.endswith("/i") else (formats.split(), "")
+        names = Geometry.ATTRIBUTES
         used = [name in self.active for name in names]
-        padded = [w if u else f"{int(w[:-1]) * 4}x" for w, u in zip(words, used, strict=True)]
-        return (buffer, " ".join(padded) + rate, *(n for n, u in zip(names, used, strict=True) if u))
+        padded = [w if u else f"{int(w[:-1]) * 4}x" for w, u in zip(Geometry.FORMAT.split(), used, strict=True)]
+        return (buffer, " ".join(padded), *(n for n, u in zip(names, used, strict=True) if u))
 
     def release(self) -> None:
         """Free the program and its vertex arrays."""

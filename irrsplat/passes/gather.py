@@ -1,8 +1,12 @@
-"""The gather: what many records see at once, drawn by one instanced draw into an atlas (Jones 2010, section 3.4)."""
+"""The gather: what many records see at once, drawn into an atlas (Jones 2010, section 3.4).
+
+A scene of few triangles is one instanced draw. Of many, a face draws those meshlets alone that may reach into it, and only marks
+which triangle each texel sees; then the light from there is found once, whatever lies behind it.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import moderngl
 import numpy as np
@@ -10,12 +14,15 @@ import numpy as np
 from irrsplat.buffers import Atlas, HitLight, ShadowMaps, Sites
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.holder import Holder
-from irrsplat.gpu.program import Program, State
-from irrsplat.gpu.target import Target, float_texture, table_texture
+from irrsplat.gpu.program import Draw, Program, State
+from irrsplat.gpu.target import COLUMNS, Target, float_texture, table_texture
 from irrsplat.hemisphere import edge_table, faces, frames, hemisphere_table
+from irrsplat.meshlets import Meshlets
 from irrsplat.vantage import OFFSET, atlas_grid, eyes, frame_rows
 
-_FLOATS = 28  # per instance
+FEW = 128  # triangles that one draw takes; on llvmpipe both ways cost about the same there
+_ROWS = 8  # of a view, as shaders/lib/views.glsl has them
+_PAIRS = 1 << 21  # of faces and meshlets that are looked at together, at most: 16 MiB of those that are drawn
 
 
 class GatherPass(Holder):
@@ -24,9 +31,6 @@ class GatherPass(Holder):
     lights: light_defines of the scene. capacity: how many records one call takes at most (default: what a 96 MiB atlas holds).
     surface: the light that it is called with has a surface cache, too.
     """
-
-    _FORMAT = "4f 4f 4f 4f 3f 3f 3f 3f/i"
-    _ATTRIBUTES = ("face_x", "face_y", "face_w", "face_cell", "face_eye", "face_right", "face_up", "face_ahead")
 
     def __init__(
         self,
@@ -50,11 +54,14 @@ class GatherPass(Holder):
         self.share = table[..., 3]  # cosθ·dω of every texel of a cell
         self.table = table_texture(ctx, table)
         self.edges = table_texture(ctx, edge_table(kind, self.side))
-        self.program = Program(ctx, "gather", defines={**lights, "SURFACE": int(surface)})
         self.columns, self.capacity = atlas_grid(self.cell, capacity, int(ctx.info["GL_MAX_TEXTURE_SIZE"]))
-        self.target: Target | None = None
+        self.size = self.columns * self.cell[0], self.capacity // self.columns * self.cell[1]
+        self.defines = {**lights, "SURFACE": int(surface)}
+        self.few: Few | None = None  # either is made when it is first wanted
+        self.many: Many | None = None
+        self.target: Target | None = None  # of the last call
         self.frames = float_texture(ctx, (self.capacity, 4))
-        self.instances = ctx.buffer(reserve=self.capacity * len(self.faces) * _FLOATS * 4, dynamic=True)
+        self.views = float_texture(ctx, (self.capacity, _ROWS * len(self.faces)))
 
     def fit(self, diagonal: float) -> None:
         """The scene's diagonal is of so many metres from now on."""
@@ -63,46 +70,146 @@ class GatherPass(Holder):
 
     def __call__(self, geometry: Geometry, light: ShadowMaps | HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
         """What records at `sites` (at most `capacity`) see; `numbers` (N,) are theirs in the cache."""
-        if self.target is None:
-            rows = self.capacity // self.columns
-            self.target = Target(self.ctx, (self.columns * self.cell[0], rows * self.cell[1]), (4, 4), depth=True)
         count = len(sites)
         frame = frames(sites.normal, numbers if sites.turn is None else sites.turn, seed)
         self.frames.write(frame_rows(frame, sites, numbers).tobytes(), viewport=(0, 0, count, 4))
-        eye = eyes(sites, geometry.corners, self.offset)
-        self.instances.write(self._instances(frame, eye).astype("f4").tobytes())
-        used = (0, 0, self.target.size[0], -(-count // self.columns) * self.cell[1])
+        rows = self._views(frame, eyes(sites, geometry.corners, self.offset))
+        self.views.write(rows.reshape(-1, count, 4).astype("f4").tobytes(), viewport=(0, 0, count, _ROWS * len(self.faces)))
+        draw: Few | Many
+        if geometry.triangles <= FEW:
+            draw = self.few = self.few or Few(self.ctx, self.size, self.defines)
+        else:
+            draw = self.many = self.many or Many(self.ctx, self.size, self.defines)
+        used = (0, 0, self.size[0], -(-count // self.columns) * self.cell[1])
+        target = self.target = draw(geometry, light, rows, self.views, used, self.offset)
+        block = (self.side // 4, self.side // 4)
+        radiance, planes = target.textures
+        return Atlas(radiance, planes, self.table, self.edges, self.frames, count, self.columns, self.cell, block)
+
+    def _views(self, frame: np.ndarray, eye: np.ndarray) -> np.ndarray:
+        """(F, 8, N, 4) float64: the rows of shaders/lib/views.glsl, of records with these frames (N, 3, 3) and eyes (N, 3)."""
+        count = len(eye)
+        rows = np.zeros((len(self.faces), _ROWS, count, 4))
+        rows[:, :3, :, :3] = np.einsum("fij,njk->fink", self.faces, frame)
+        rows[:, :3, :, 3] = -np.einsum("fink,nk->fin", rows[:, :3, :, :3], eye)
+        corner = np.stack([np.arange(count) % self.columns, np.arange(count) // self.columns], axis=-1) * self.cell
+        half = self.cells[:, 2:] / 2.0
+        rows[:, 3, :, :2] = corner + (self.cells[:, :2] + half)[:, None]
+        rows[:, 3, :, 2:] = half[:, None]
+        rows[:, 4, :, :3] = eye
+        # the direction of (x, y) is F⁻¹(x, y, 1), F = face·frame; x and y advance by 1/half a texel
+        ways = np.einsum("fij,nik->fjnk", np.linalg.inv(self.faces), frame)
+        rows[:, 5:, :, :3] = ways / np.insert(half, 2, 1.0, axis=1)[:, :, None, None]
+        return rows
+
+
+class Few(Holder):
+    """One draw of all triangles in all views, into an atlas of `size` texels."""
+
+    def __init__(self, ctx: moderngl.Context, size: tuple[int, int], defines: Mapping[str, int]) -> None:
+        self.program = Program(ctx, "gather", defines={**defines, "MANY": 0})
+        self.target = Target(ctx, size, (4, 4), depth=True)
+
+    def __call__(
+        self,
+        geometry: Geometry,
+        light: ShadowMaps | HitLight,
+        rows: np.ndarray,
+        views: moderngl.Texture,
+        used: tuple[int, int, int, int],
+        near: float,
+    ) -> Target:
+        """The target, drawn anew in the rectangle `used`. rows, views: as GatherPass makes them, and the texture of them. near:
+        the records' offset in metres."""
         self.target.use(scissor=used)
         self.target.gl.clear(viewport=used)
         self.program(
             self.target,
             geometry=geometry,
-            instances=count * len(self.faces),
-            instance_data=(self.instances, self._FORMAT, self._ATTRIBUTES),
+            instances=rows.shape[0] * rows.shape[2],
             state=State(depth="<", clamp=True, clips=5),
-            near=self.offset,
+            views=views,
+            faces=len(rows),
+            near=near,
             atlas=self.target.size,
             **geometry.uniforms,
             **light.uniforms,
         )
-        block = (self.side // 4, self.side // 4)
-        radiance, planes = self.target.textures
-        return Atlas(radiance, planes, self.table, self.edges, self.frames, count, self.columns, self.cell, block)
+        return self.target
 
-    def _instances(self, frame: np.ndarray, eye: np.ndarray) -> np.ndarray:
-        """(N·F, 28): face_x, face_y, face_w with their translation, face_cell, face_eye, face_right, face_up and face_ahead."""
-        count = len(eye)
-        rows = np.einsum("fij,njk->nfik", self.faces, frame)
-        moved = -np.einsum("nfik,nk->nfi", rows, eye)
-        corner = np.stack([np.arange(count) % self.columns, np.arange(count) // self.columns], axis=-1) * self.cell
-        half = self.cells[:, 2:] / 2.0
-        cell = np.concatenate(np.broadcast_arrays(corner[:, None, :] + self.cells[:, :2] + half, half), axis=-1)
-        # the direction of (x, y) is F⁻¹(x, y, 1), F = face·frame; x and y advance by 1/half a texel
-        ways = np.einsum("fij,nik->nfjk", np.linalg.inv(self.faces), frame) / np.insert(half, 2, 1.0, axis=1)[:, :, None]
-        parts = (
-            np.concatenate([rows, moved[..., None]], axis=-1),
-            cell,
-            np.broadcast_to(eye[:, None, :], (count, len(self.faces), 3)),
-            ways,
+
+class Many(Holder):
+    """The same for many triangles: a draw for each meshlet, in the views that it may reach into."""
+
+    def __init__(self, ctx: moderngl.Context, size: tuple[int, int], defines: Mapping[str, int]) -> None:
+        self.ctx = ctx
+        self.marking = Program(ctx, "gather_seen", "gather", {"MANY": 1})
+        self.lighting = Program(ctx, "gather_light", defines={**defines, "MANY": 0})
+        self.seen = Target(ctx, size, (1,), depth=True)
+        self.target = Target(ctx, size, (4, 4))
+        self.pairs: moderngl.Texture | None = None
+
+    def __call__(
+        self,
+        geometry: Geometry,
+        light: ShadowMaps | HitLight,
+        rows: np.ndarray,
+        views: moderngl.Texture,
+        used: tuple[int, int, int, int],
+        near: float,
+    ) -> Target:
+        """As Few's."""
+        pieces = geometry.pieces
+        self.seen.use(scissor=used)
+        self.seen.gl.clear(viewport=used)
+        step = max(_PAIRS // max(len(rows) * len(pieces.meshlets), 1), 1)
+        for start in range(0, rows.shape[2], step):
+            for clips, draws in self._draws(pieces.meshlets, rows[:, :3, start : start + step], start, near):
+                self.marking(
+                    self.seen,
+                    geometry=pieces,
+                    draws=draws,
+                    state=State(depth="<", clamp=True, clips=clips),
+                    near=near,
+                    atlas=self.seen.size,
+                    views=views,
+                    pairs=self.pairs,
+                )
+        self.lighting(
+            self.target,
+            vertices=4,
+            mode=moderngl.TRIANGLE_STRIP,
+            instances=rows.shape[0] * rows.shape[2],
+            seen=self.seen.textures[0],
+            views=views,
+            faces=len(rows),
+            near=near,
+            atlas=self.target.size,
+            **pieces.uniforms,
+            **geometry.uniforms,
+            **light.uniforms,
         )
-        return np.concatenate([p.reshape(count * len(self.faces), -1) for p in parts], axis=-1)
+        return self.target
+
+    def _draws(self, meshlets: Meshlets, rows: np.ndarray, start: int, near: float) -> Iterator[tuple[int, list[Draw]]]:
+        """How many clip planes are needed, and draws, of the meshlets that views with these x, y and w (F, 3, N, 4) see: an
+        instance is a view, by the pairs that this writes. start: the number of their first record."""
+        some, within = meshlets.seen(rows.swapaxes(1, 2), near)
+        parts = [np.stack(np.nonzero(part)) for part in (some & ~within, within)]
+        meshlet, face, record = np.concatenate(parts, axis=1)
+        height = -(-max(len(meshlet), 1) // COLUMNS)
+        table = np.zeros((height * COLUMNS, 2), "f4")
+        table[: len(meshlet)] = np.stack([record + start, face], axis=1)
+        if self.pairs is None or self.pairs.height < height:
+            if self.pairs is not None:
+                self.pairs.release()
+            self.pairs = float_texture(self.ctx, (COLUMNS, height), 2)
+        self.pairs.write(table.tobytes(), viewport=(0, 0, COLUMNS, height))
+        before = 0
+        for clips, part in zip((5, 0), parts, strict=True):
+            instances = np.bincount(part[0], minlength=len(meshlets))
+            first = before + np.cumsum(instances) - instances
+            before += len(part[0])
+            numbers = np.stack([meshlets.first, meshlets.count, instances, first], axis=1)[instances > 0]
+            if len(numbers):
+                yield clips, [Draw(3 * t, 3 * n, i, {"piece": (p, t)}) for t, n, i, p in numbers.tolist()]

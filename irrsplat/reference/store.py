@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from irrsplat import resources
 from irrsplat.errors import IrrsplatError
 from irrsplat.scene.model import Camera, Scene
 
@@ -21,12 +22,8 @@ DAMAGE = (OSError, ValueError, KeyError, EOFError, TypeError, NotImplementedErro
 
 def folder() -> Path:
     """Where things are kept: what IRRSPLAT_CACHE names, else the user's cache folder; IrrsplatError where none is."""
-    if named := os.environ.get("IRRSPLAT_CACHE"):
-        return Path(named)
-    import platformdirs
-
-    found = platformdirs.user_cache_path("irrsplat", appauthor=False)
-    if not found.is_absolute():
+    found = resources.cache_folder()
+    if found is None:
         raise IrrsplatError("there is no home folder to keep the truth in; name a folder in IRRSPLAT_CACHE")
     return found
 

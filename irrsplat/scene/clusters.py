@@ -66,11 +66,12 @@ def sealed(scene: Scene) -> np.ndarray:
 
 def keys(some: Members, size: float) -> np.ndarray:
     """(M,) int64, the same for members in one voxel of `size` metres that face into one of 24 like parts of the sphere."""
-    low = some.position.min(0, initial=np.inf) if len(some) else 0.0
+    low = np.array([x.min() for x in some.position.T]) if len(some) else 0.0
     # walls lie on round numbers: not on a voxel's border
     voxel = ((some.position.astype(float) - low) / size + 0.37).astype(np.int64)
-    turned = some.normal @ _TURN
-    face = 8 * np.argmax(np.abs(turned), axis=1) + (turned < 0.0) @ np.array([1, 2, 4])
+    a, b, c = np.ascontiguousarray((some.normal @ _TURN).T)  # by columns: the same along the short axis takes ten times as long
+    widest = np.where(np.maximum(np.abs(b), np.abs(c)) <= np.abs(a), 0, np.where(np.abs(c) <= np.abs(b), 1, 2))
+    face = 8 * widest + (a < 0.0) + 2 * (b < 0.0) + 4 * (c < 0.0)
     x, y, z = voxel.T
     return (((x << 19 | y) << 19 | z) << 5) | face
 
@@ -84,8 +85,10 @@ def choose(keys: np.ndarray, position: np.ndarray, area: np.ndarray, least: floa
     """
     _, cluster, counts = np.unique(keys, return_inverse=True, return_counts=True)
     cluster = cluster.ravel()
-    mean = np.stack([np.bincount(cluster, weights=x, minlength=len(counts)) for x in position.T], axis=1) / counts[:, None]
-    apart = ((position - mean[cluster]) ** 2).sum(1)
+    apart = np.zeros(len(keys))
+    for x in position.T:
+        mean = np.bincount(cluster, weights=x, minlength=len(counts)) / counts
+        apart += (x - mean[cluster]) ** 2
     chosen = np.lexsort((apart, cluster))[np.cumsum(counts) - counts]
     size = np.bincount(cluster, weights=area, minlength=len(counts))
     kept = np.argsort(-size, kind="stable")[:most]

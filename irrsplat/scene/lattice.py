@@ -56,39 +56,33 @@ def lattice(vertices: np.ndarray, faces: np.ndarray, spacing: float, inset: floa
     table[:, 1, :3], table[:, 1, 3] = edges[0], first
     table[:, 2, :3] = edges[1]
 
-    face = np.repeat(np.arange(len(faces)), n * n)
-    i, j = _corners(np.arange(len(face)) - first[face], n[face])
-    small = longest[face] <= _SMALL * spacing
-    u, v = i / n[face][:, None], j / n[face][:, None]  # of the edges, (C, 3)
-    u[small], v[small] = u[small].mean(1, keepdims=True), v[small].mean(1, keepdims=True)
-
     cross = np.cross(*edges)
     size = np.linalg.norm(cross, axis=1)
     geometric = cross / np.maximum(size, 1e-300)[:, None]
-    position = p[face, None, 0] + u[..., None] * edges[0][face, None] + v[..., None] * edges[1][face, None]
-    inward = position.mean(1, keepdims=True) - position
-    length = np.linalg.norm(inward, axis=-1, keepdims=True)
-    position += inward * np.minimum(inset / np.maximum(length, 1e-300), 0.5)
-    share = np.stack([1.0 - u - v, u, v], axis=-1)
-    normal = np.einsum("ckj,cjx->ckx", share, normals[face])
-    normal *= np.sign((normal * geometric[face, None]).sum(-1, keepdims=True))
-    length = np.linalg.norm(normal, axis=-1, keepdims=True)
-    normal = np.where(length > 0.0, normal / np.maximum(length, 1e-300), geometric[face, None])
-
-    kept = np.ones((len(face), 3), bool)
-    kept[small, 1:] = False
-    number = np.cumsum(kept).reshape(-1, 3) - 1
-    corners = np.where(small[:, None], number[:, :1], number)
-    area = np.where(small, 1.0, 1.0 / 3.0)[:, None] * (0.5 * size / (n * n))[face, None] * np.ones(3)
-    return Lattice(
-        table,
-        corners,
-        position[kept].astype(np.float32),
-        normal[kept].astype(np.float32),
-        np.broadcast_to(geometric[face, None], position.shape)[kept].astype(np.float32),
-        np.broadcast_to(face[:, None], kept.shape)[kept],
-        area[kept],
-    )
+    face = np.repeat(np.arange(len(faces)), n * n)
+    small = longest[face] <= _SMALL * spacing
+    ends = np.cumsum(np.where(small, 1, 3))  # where each cell's points end
+    corners = ends[:, None] - np.where(small[:, None], 1, [3, 2, 1])
+    count = int(ends[-1]) if len(ends) else 0
+    position, shading, facing = np.empty((3, count, 3), np.float32)
+    made = Lattice(table, corners, position, shading, facing, np.empty(count, np.intp), np.empty(count))
+    for points, cells in ((1, np.flatnonzero(small)), (3, np.flatnonzero(~small))):  # most cells of a fine mesh have one
+        of, at = face[cells], corners[cells, :points]
+        i, j = _corners(cells - first[of], n[of])
+        u, v = i / n[of][:, None], j / n[of][:, None]  # of the edges, (C, 3)
+        if points == 1:
+            u, v = u.mean(1, keepdims=True), v.mean(1, keepdims=True)
+        place = p[of, None, 0] + u[..., None] * edges[0][of, None] + v[..., None] * edges[1][of, None]
+        inward = place.mean(1, keepdims=True) - place
+        length = np.linalg.norm(inward, axis=-1, keepdims=True)
+        position[at] = place + inward * np.minimum(inset / np.maximum(length, 1e-300), 0.5)
+        normal = np.einsum("ckj,cjx->ckx", np.stack([1.0 - u - v, u, v], axis=-1), normals[of])
+        normal *= np.sign((normal * geometric[of, None]).sum(-1, keepdims=True))
+        length = np.linalg.norm(normal, axis=-1, keepdims=True)
+        shading[at] = np.where(length > 0.0, normal / np.maximum(length, 1e-300), geometric[of, None])
+        facing[at], made.face[at] = geometric[of, None], of[:, None]
+        made.area[at] = 1.0 / points * (0.5 * size / (n * n))[of, None]
+    return made
 
 
 def steps(longest: np.ndarray, spacing: float) -> np.ndarray:
