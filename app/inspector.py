@@ -12,13 +12,13 @@ from irrsplat import choice
 from irrsplat.app.overlay import Overlay
 from irrsplat.app.screen import Texels
 from irrsplat.buffers import HitLight, Records, ShadowMaps, Sites
+from irrsplat.choice import gather_pass
 from irrsplat.display import LUMINANCE
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.target import Target
 from irrsplat.lights import light_defines
 from irrsplat.passes.trace import Tree
-from irrsplat.placement import gather_pass
 from irrsplat.reach import splat_radius
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import IN_FRONT, LEAST_ERROR, Settings

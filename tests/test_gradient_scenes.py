@@ -11,12 +11,12 @@ import pytest
 import irrsplat
 from irrsplat.buffers import Sites
 from irrsplat.cache import RecordCache
+from irrsplat.choice import gather_pass
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.paper import read_back
 from irrsplat.passes.reduce import ReducePass
 from irrsplat.passes.shadow import ShadowPass
 from irrsplat.passes.trace import TracePass, Tree
-from irrsplat.placement import gather_pass
 from irrsplat.scene.flat import flatten
 from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
