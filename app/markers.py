@@ -202,7 +202,7 @@ class Markers(Holder):
                 target,
                 mode=moderngl.TRIANGLE_STRIP,
                 vertices=4,
-                instance_data=(self.number, "1i/i", ("in_number",)),
+                numbers=self.number,
                 state=_OVER,
                 scissor=region,
                 **{name: uniforms[name] for name in program.uniforms},

@@ -60,7 +60,7 @@ class Program:
         self.name = fragment
         self._files = f"{vertex or fragment}.vert", f"{fragment}.frag"
         self._defines = dict(defines or {})
-        self._arrays: dict[int, moderngl.VertexArray] = {}
+        self._arrays: dict[tuple[int, int], moderngl.VertexArray] = {}
         self._gl: moderngl.Program | None = None
         self._read(self._sources())
 
@@ -105,6 +105,7 @@ class Program:
         geometry: Geometry | Pieces | None = None,
         draws: Sequence[Draw] | None = None,
         instances: int = 1,
+        numbers: moderngl.Buffer | None = None,
         part: str = "all",
         vertices: int = 3,
         mode: int = moderngl.TRIANGLES,
@@ -115,7 +116,8 @@ class Program:
         """Draw `geometry` (its `part`, or `draws` of it), or `vertices` numbered by gl_VertexID (default: the triangle that fills
         the target).
 
-        mode: what the numbered vertices make, such as moderngl.TRIANGLE_STRIP, LINES or POINTS.
+        mode: what the numbered vertices make, such as moderngl.TRIANGLE_STRIP, LINES or POINTS. numbers: of int32, of which each
+        instance has its own as the attribute in_number.
         viewport, scissor: (x, y, width, height) in pixels; default the whole target, and none.
         """
         names = uniforms.keys() | {name for draw in draws or () for name in draw.uniforms}
@@ -136,7 +138,7 @@ class Program:
                 program[name].value = tuple(value) if isinstance(value, np.ndarray) else value  # type: ignore[union-attr]
         target.use(viewport, scissor, keep=state.keep)
         self._apply(state)
-        array = self._array(geometry)
+        array = self._array(geometry, numbers)
         if geometry is None:
             array.render(mode, vertices=vertices, instances=instances)
         elif draws is not None:
@@ -174,14 +176,18 @@ class Program:
         for i in range(state.clips):
             ctx.enable_direct(CLIP_DISTANCE0 + i)
 
-    def _array(self, geometry: Geometry | Pieces | None) -> moderngl.VertexArray:
-        if id(geometry) not in self._arrays:
-            content, index = [], None
+    def _array(self, geometry: Geometry | Pieces | None, numbers: moderngl.Buffer | None) -> moderngl.VertexArray:
+        key = id(geometry), id(numbers)
+        if key not in self._arrays:
+            content: list[Any] = []
             if geometry is not None:
-                content, index = [self._content(geometry.vertices)], geometry.indices
-            self._arrays[id(geometry)] = self.ctx.vertex_array(self.gl, content, index, skip_errors=True)
-            self._kept.append(geometry)
-        return self._arrays[id(geometry)]
+                content.append(self._content(geometry.vertices))
+            if numbers is not None:
+                content.append((numbers, "1i/i", "in_number"))
+            index = None if geometry is None else geometry.indices
+            self._arrays[key] = self.ctx.vertex_array(self.gl, content, index, skip_errors=True)
+            self._kept += [geometry, numbers]
+        return self._arrays[key]
 
     def _content(self, buffer: moderngl.Buffer) -> tuple[Any, ...]:
         """moderngl's (buffer, format, names…), attributes that the compiler removed skipped as padding."""

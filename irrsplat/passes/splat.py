@@ -70,7 +70,7 @@ class SplatPass(Holder):
             vertices=4,
             mode=moderngl.TRIANGLE_STRIP,
             instances=len(numbers),
-            instance_data=(self.numbers, "1i/i", ("in_number",)),
+            numbers=self.numbers,
             state=State(blend="add", clamp=True),
             **records.uniforms,
             clip_from_world=camera.clip_from_view(width / height, 1e-3, 1e3) @ camera.view_from_world,
