@@ -38,7 +38,7 @@ def run(args: Namespace) -> int:
 
         peers.check(args)
     elif args.output is not None:
-        raise InputError("-o is for the plot of --peers; give --peers as well, or --json for the numbers")
+        raise InputError("-o is for the plots of --peers and --growth; give one of them, or --json for the numbers")
     names = args.scenes or (DEFAULT_SCENES if not args.peers else peers.DEFAULT_SCENES)
     loaded = [(name, irrsplat.load(name)) for name in dict.fromkeys(names)]
     written: dict[str, Any] = {"machine": {}, "runs": []}

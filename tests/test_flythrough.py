@@ -7,7 +7,7 @@ import pytest
 
 import irrsplat
 from irrsplat.app import flythrough
-from irrsplat.app.bench import turned
+from irrsplat.app.cases import turned
 from irrsplat.scene.model import Camera
 from irrsplat.scene.path import load_path
 from tests.test_live import ticks

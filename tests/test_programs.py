@@ -19,7 +19,7 @@ from irrsplat.passes.adapt import AdaptPass
 from irrsplat.passes.composite import CompositePass
 from irrsplat.passes.direct import DirectPass
 from irrsplat.passes.examine import ExaminePass
-from irrsplat.passes.gather import GatherPass
+from irrsplat.passes.gather import Few, Many
 from irrsplat.passes.gbuffer import GBufferPass
 from irrsplat.passes.rank import RankPass
 from irrsplat.passes.reduce import ReducePass
@@ -40,13 +40,16 @@ KINDS: dict[str, tuple[Light, ...]] = {
     "all": tuple(LIGHTS.values()),
 }
 
+LIT = {"direct", "gather", "gather_seen", "gather_light", "trace"}  # stages whose shaders go by the lights
+
 
 def lit(ctx: moderngl.Context, lights: tuple[Light, ...]) -> Iterator[Holder]:
     """Every pass whose shaders are made for the lights that there are."""
     defines = light_defines(scene(floor(), lights=lights))
     yield DirectPass(ctx, SIZE, defines)
     for surface in (False, True):
-        yield GatherPass(ctx, "raster", 8, 1.0, defines, 1, surface=surface)
+        for gather in (Few, Many):
+            yield gather(ctx, SIZE, {**defines, "SURFACE": int(surface)})
         yield TracePass(ctx, 8, 1.0, defines, 1, surface=surface)
     yield TracePass(ctx, 8, 1.0, defines, 1, surface=True, hits=True)
 
@@ -77,14 +80,14 @@ def linked(ctx: moderngl.Context, passes: Iterator[Holder]) -> set[str]:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_shaders_for_all_kinds_of_lights_compile(ctx: moderngl.Context, kind: str) -> None:
-    assert linked(ctx, lit(ctx, KINDS[kind])) == {"direct", "gather", "trace"}
+    assert linked(ctx, lit(ctx, KINDS[kind])) == LIT
 
 
 def test_all_other_shaders_of_the_core_compile(ctx: moderngl.Context) -> None:
     """Those of the viewer are all drawn with in its tests."""
     stages = {path.stem for path in resources.folder("shaders").glob("*.frag")}
     core = {name for name in stages if not name.startswith(("overlay_", "gui"))}
-    assert linked(ctx, unlit(ctx)) == core - {"direct", "gather", "trace"}
+    assert linked(ctx, unlit(ctx)) == core - LIT
 
 
 @pytest.fixture

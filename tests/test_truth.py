@@ -43,15 +43,20 @@ def test_default_preset_is_near_the_truth(name: str, rmse: float, records: int) 
     assert not wrong, f"{name}: {'; '.join(wrong)} (all: {found}; pictures in {FAILURES})"
 
 
-@pytest.mark.parametrize(("name", "gain"), [("cornell", 0.75), ("curved", 0.5)])
+@pytest.mark.parametrize(("name", "gain"), [("cornell", 0.8), ("curved", 0.7)])
 def test_second_derivatives_are_worth_their_while(name: str, gain: float) -> None:
-    """Nearer to the truth, with no more records, than circles of harmonic mean distance and first order."""
+    """Nearer to the truth, with a third fewer records, than circles of harmonic mean distance and first order: over three seeds,
+    since one swings by a fifth."""
     scene, reference = irrsplat.load(name), load_reference(name)
     plain = {"radius": "harmonic", "second_order": False, "spread": 0.0, "adapt": 0.5, "a": 0.5, "radius_max": 6.0}
-    frames = [irrsplat.render(scene, (SIZE, SIZE), bounces=1, **settings) for settings in ({}, plain)]
-    ours, theirs = (compare(frame, reference)["rmse"] for frame in frames)
-    assert ours <= gain * theirs, (ours, theirs)
-    assert frames[0].stats["records"] <= frames[1].stats["records"]
+    error, records = np.zeros(2), np.zeros(2)
+    for seed in range(3):
+        for i, settings in enumerate(({}, plain)):
+            frame = irrsplat.render(scene, (SIZE, SIZE), bounces=1, seed=seed, **settings)
+            error[i] += compare(frame, reference)["rmse"] ** 2
+            records[i] += frame.stats["records"]
+    assert error[0] <= gain**2 * error[1], np.sqrt(error / 3.0)
+    assert records[0] <= records[1] * 2 / 3, records
 
 
 @pytest.mark.parametrize("name", MADE)
