@@ -1,4 +1,4 @@
-"""Which gather is the better bargain: for a single bounce in a small scene both are timed on it once, and the times are kept.
+"""Which gather is faster: for a single bounce in a small scene both are timed on it once, and the times are kept.
 
 A record costs a raster gather more the more triangles there are, and rays hardly; but how much either costs at all goes by the
 machine, its driver and the scene's lights.
@@ -38,7 +38,6 @@ from irrsplat.settings import Settings
 # 30 triangles, 1.4 times at 2500, and 3 times at 20 thousand; a GPU draws triangles far faster.
 DOUBTFUL = {True: 2000, False: 100_000}  # by whether OpenGL is software
 _GUESS = {True: 100, False: 1000}  # triangles up to which it is rasters where nothing can be kept
-_WORTH = 1.5  # times as much as rays rasters may cost: they are three times as many samples, and half as far off
 _SIDES = (16, 32, 64)  # gather sizes that are timed; others go by the next smaller one
 _SITES = 16  # records that either gathers
 _TIMES = 3  # of which the best counts
@@ -92,8 +91,8 @@ def machine(about: dict[str, Any]) -> str:
 
 
 def rasters(times: Times) -> bool:
-    """Whether rasters are the better bargain."""
-    return times[0] <= _WORTH * times[1]
+    """Whether rasters are faster."""
+    return times[0] <= times[1]
 
 
 def kept(about: dict[str, Any]) -> list[Times]:

@@ -133,7 +133,7 @@ class Settings:
     )
     gather: str = _declare(
         "auto", "choice", "gather", "how a record sees the scene: one 150° plane, a hemicube of rasters, or traced rays; "
-        "auto: rays, but for a single bounce in a small scene rasters, unless they are timed to be much slower here",
+        "auto: rays, but for a single bounce in a small scene whatever is timed to be faster here",
         choices=("auto", "plane", "raster", "trace"),
     )  # fmt: skip
     gather_size: int = _declare(

@@ -1,5 +1,6 @@
 // Pixels that upsampling has marked: of the sixteen neighbours around, those count that lie on the pixel's own surface.
 #include "lib/alike.glsl"
+#include "lib/constants.glsl"
 
 uniform sampler2D position;  // g-buffer, of all pixels
 uniform sampler2D normal;
@@ -7,7 +8,7 @@ uniform sampler2D sums;      // Σ k·E, Σ k of every other one
 uniform sampler2D weight;
 
 layout(location = 0) out vec4 out_sums;    // E and 1
-layout(location = 1) out vec2 out_weight;  // Σw of a neighbour, and the mean of its Y²
+layout(location = 1) out vec2 out_weight;  // Σw of a neighbour, and Y²
 
 const float OTHER = 1e-4;  // what others count, where there is none of the same surface
 
@@ -27,6 +28,6 @@ void main()
         out_sums += sum.a > 0.0 ? share * vec4(sum.rgb / sum.a, 1.0) : vec4(0.0);
     }
     out_sums = out_sums.a > 0.0 ? out_sums / out_sums.a : vec4(0.0);
-    vec2 w = texelFetch(weight, first, 0).rg;
-    out_weight = vec2(w.r, w.g / max(texelFetch(sums, first, 0).a, 1e-20));
+    float Y = dot(out_sums.rgb, LUMINANCE);
+    out_weight = vec2(texelFetch(weight, first, 0).r, Y * Y);
 }

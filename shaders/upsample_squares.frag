@@ -4,8 +4,9 @@
 uniform sampler2D position;  // g-buffer, of all pixels
 uniform sampler2D normal;
 uniform sampler2D sums;      // Σ k·E, Σ k of every other one
+uniform sampler2D weight;    // their Σw
 
-layout(location = 0) out vec4 out_irradiance;  // E of the first of the four
+layout(location = 0) out vec4 out_irradiance;  // E of the first of the four, and its Σw
 layout(location = 1) out vec4 out_plane;       // of the surface there: dot(xyz, p) is w; 0: not one surface, or not served
 
 void main()
@@ -20,6 +21,6 @@ void main()
         vec3 q = texelFetch(position, 2 * other, 0).xyz, m = texelFetch(normal, 2 * other, 0).xyz;
         one = one && texelFetch(sums, other, 0).a > 0.0 && alike(p, n, q, m);
     }
-    out_irradiance = vec4(sum.rgb / max(sum.a, 1e-20), 1.0);
+    out_irradiance = vec4(sum.rgb / max(sum.a, 1e-20), texelFetch(weight, at, 0).r);
     out_plane = one ? vec4(n, dot(n, p)) : vec4(0.0);
 }

@@ -28,10 +28,10 @@ class UpsamplePass(Holder):
         self.out = Target(ctx, size, (4, 2), depth=True)
 
     def __call__(self, splats: SplatBuffer, gbuffer: GBuffer, camera: Camera) -> SplatBuffer:
-        """For every pixel the sums of one record instead of all: E and 1, and a neighbour's Σw and mean of Y²; the textures are
-        this pass's own."""
+        """For every pixel the sums of one record instead of all: E and 1, and Σw as between its neighbours; the textures are this
+        pass's own."""
         seen = {"position": gbuffer.position, "normal": gbuffer.normal}
-        self.squares(self.target, **seen, sums=splats.sums)
+        self.squares(self.target, **seen, sums=splats.sums, weight=splats.weight)
         irradiance, planes = self.target.textures
         self.between(
             self.out,
@@ -39,8 +39,6 @@ class UpsamplePass(Holder):
             position=gbuffer.position,
             irradiance=irradiance,
             planes=planes,
-            sums=splats.sums,
-            weight=splats.weight,
             pixel=camera.screen / self.size[1],
         )
         self.search(self.out, state=State(depth="<", keep=True), **seen, sums=splats.sums, weight=splats.weight)
