@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import moderngl
 import numpy as np
 
-_SHARE = 0.1  # of a tick that gathering may take in any case, so that the picture refines however slow the rest is
+_SHARE = 0.2  # of a tick that gathering may take in any case, so that the picture refines however slow the rest is
 _FIRST = 8  # things in the first batch of all
 _FORGET = 0.5  # how much an older batch counts of what the one after it does
 _ALIKE = 1e-3  # variance of the sizes of batches over their mean square, below which they tell nothing of the parts

@@ -15,11 +15,12 @@ void main()
 {
     ivec2 at = ivec2(gl_FragCoord.xy), first = at / 2;
     vec4 p = texelFetch(position, at, 0), plane = texelFetch(planes, first, 0);
+    bool none = plane == vec4(0.0, 0.0, 0.0, 1.0);  // nothing is known around: a hole
     bool between = plane.xyz != vec3(0.0) && abs(dot(plane.xyz, p.xyz) - plane.w) <= OFF * pixel * p.w;
     vec2 place = (0.5 * vec2(at) + 0.5) / vec2(textureSize(irradiance, 0));
     vec4 E = between ? textureLod(irradiance, place, 0.0) : vec4(0.0);
     float Y = dot(E.rgb, LUMINANCE);
     out_sums = vec4(E.rgb, between ? 1.0 : 0.0);
     out_weight = p.w == 0.0 ? vec2(NOTHING_SEEN, 0.0) : vec2(E.a, Y * Y);
-    gl_FragDepth = between || p.w == 0.0 ? 0.0 : 1.0;
+    gl_FragDepth = between || none || p.w == 0.0 ? 0.0 : 1.0;
 }
