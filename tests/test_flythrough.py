@@ -56,7 +56,7 @@ def test_the_route_is_the_scene_s_own_or_made_for_it() -> None:
 
 
 def test_the_flight_fills_the_cache_and_finds_it_full() -> None:
-    """Every frame is timed; what the first flight leaves out is gathered before the second, which then gathers next to nothing."""
+    """Every frame is timed; what the first flight leaves out is gathered before the second, which adds next to nothing."""
     filling, warm = flythrough.fly(irrsplat.load("cornell"), (48, 36), frames=12)
     assert (filling.case, warm.case) == ("filling", "warm")
     assert filling.new > 0 and warm.new <= 0.01 * warm.records and warm.records >= filling.records == filling.new
