@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from argparse import Namespace
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
@@ -11,7 +10,7 @@ from typing import Any
 
 from irrsplat.app import machine, published, ratios
 from irrsplat.app.cases import LEGEND, TURN, Run, Timing, measure
-from irrsplat.app.terminal import columns, say
+from irrsplat.app.terminal import columns, doing, say
 from irrsplat.errors import InputError
 from irrsplat.reference.traced import in_words
 from irrsplat.scene.model import Scene
@@ -94,7 +93,7 @@ def _scene(scene: Scene, size: Size, presets: Sequence[str], bounces: int | str,
                 about |= machine.about(renderer.about)
                 print(f"{about['renderer']}, {about['cpus']} CPUs, {in_words(bounces)}")
                 print(LEGEND)
-            for result, timing in measure(renderer, _say):
+            for result, timing in measure(renderer, doing):
                 runs.append(result)
                 if result.case == "empty":
                     empty[preset] = timing
@@ -133,17 +132,17 @@ def _flown(scene: Scene, size: Size, clock: str) -> list[Run]:
     rows = [("flight", "median ms", "worst ms", "fps", "new records", "records", "first picture s")]
     runs: list[Run] = []
     bounces = SETTINGS["bounces"].default  # the viewer's
-    _say(f"{scene.name}: filling the cache")
+    doing(f"{scene.name}: filling the cache")
     for flown in flythrough.fly(scene, size, flythrough.FRAMES):
-        _say("")
+        doing("")
         cells = f"{flown.median:.0f}", f"{flown.worst:.0f}", f"{1e3 / flown.median:.0f}", str(flown.new), str(flown.records)
         rows.append((flown.case, *cells, f"{flown.first:.2f}"))
         for word, ms in (("", flown.median), (" worst", flown.worst)):
             case, seconds = f"flight {flown.case}{word}", 1e-3 * ms
             made = scene.name, "default", list(size), case, seconds, flown.records, None, flown.stages, clock
             runs.append(Run(*made, bounces=bounces, seconds_all=[seconds]))
-        _say(f"{scene.name}: serving every view along the way, then the second flight")
-    _say("")
+        doing(f"{scene.name}: serving every view along the way, then the second flight")
+    doing("")
     print("\n".join(columns(rows, left=1)))
     return runs
 
@@ -157,9 +156,3 @@ def _started(seconds: dict[str, float] | None) -> str:
 
 def _number(value: float | None, how: str) -> str:
     return "-" if value is None else format(value, how)
-
-
-def _say(words: str) -> None:
-    """What goes on, in one line that changes, where stderr is a terminal."""
-    if sys.stderr.isatty():
-        print(f"\r\x1b[K{words}", end="", file=sys.stderr, flush=True)

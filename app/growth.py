@@ -30,7 +30,7 @@ OWN = 6360  # triangles of `curved` as it is bundled
 REPETITIONS, SLOW = 3, 5.0  # what takes longer, in seconds, is timed once
 LEGEND = """\
 the scene `curved`, what is round in it cut finer and finer; preset default, all bounces; a process for each row
-load: from its files; build: the rays' tree, textures and shaders; surface: the surface cache, made once for all views
+load: from its files; build: the rays' tree, textures and buffers; surface: the surface cache, made once for all views
 from empty: to full coverage without any records, best of up to 3; turned: the same by 5° with the records kept
 ms a record: of gather and reduction; MiB: the most that the process held, and what it has in OpenGL's textures and buffers\
 """

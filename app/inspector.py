@@ -12,7 +12,6 @@ from irrsplat import choice
 from irrsplat.app.overlay import Overlay
 from irrsplat.app.screen import Texels
 from irrsplat.buffers import HitLight, Records, ShadowMaps, Sites
-from irrsplat.choice import gather_pass
 from irrsplat.display import LUMINANCE
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.holder import Holder
@@ -178,7 +177,7 @@ class Inspector(Holder):
         made_for = kind, more, settings.gather_size, scene.diagonal, light_defines(scene)
         if self.gather_pass is None or made_for != self._made_for:
             self.release_cell()
-            self.gather_pass = gather_pass(self.ctx, scene, settings, capacity=1)
+            self.gather_pass = choice.gather_pass(self.ctx, scene, settings, capacity=1)
             self.picture = self.ctx.texture(self.gather_pass.cell, 4)
             self.target = Target(self.ctx, self.gather_pass.cell, textures=[self.picture])
             self._made_for = made_for

@@ -32,7 +32,8 @@ ctx = context.create()
 times.append(time.perf_counter())
 scene = irrsplat.load(source)
 times.append(time.perf_counter())
-irrsplat.Renderer(scene, size, ctx=ctx, bounces=1)
+for program in irrsplat.Renderer(scene, size, ctx=ctx, bounces=1).programs():
+    program.gl  # they are linked when they are first wanted
 times.append(time.perf_counter())
 print(json.dumps(dict(zip(("import", "context", "load", "shaders"), (b - a for a, b in zip(times, times[1:]))))))
 """

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib.util
 import os
-import sys
 from argparse import Namespace
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
@@ -16,7 +15,7 @@ from irrsplat import output
 from irrsplat.app import entrants, machine, radiance
 from irrsplat.app.cases import TURN, turned
 from irrsplat.app.entrants import CPUS, Entry
-from irrsplat.app.terminal import columns, say
+from irrsplat.app.terminal import columns, doing, say
 from irrsplat.errors import InputError, IrrsplatError
 from irrsplat.reference.traced import in_words
 from irrsplat.scene.model import Scene
@@ -59,11 +58,11 @@ def run(scenes: Sequence[Scene], args: Namespace, bounces: int | str) -> dict[st
         for width, height in args.size or [SIZE]:
             with irrsplat.Renderer(scene, size=(width, height), bounces=bounces, shadow_size=2048) as renderer:
                 written["machine"] = machine.about(renderer.about)
-                _say(f"{scene.name}: the truth")
+                doing(f"{scene.name}: the truth")
                 camera = scene.camera()
                 views = [entrants.view(renderer, one) for one in (camera, turned(camera, TURN))]
-            entries = list(entrants.all_of(scene, (width, height), bounces, views, _say))
-            _say("")
+            entries = list(entrants.all_of(scene, (width, height), bounces, views, doing))
+            doing("")
             title = f"{scene.name}, {scene.triangles} triangles, {width} x {height}, {in_words(bounces)}, {CPUS} CPUs"
             print("\n".join(report(title, entries)), flush=True)
             same = {"scene": scene.name, "size": [width, height], "bounces": bounces}
@@ -131,9 +130,3 @@ def plot(title: str, entries: Sequence[Entry]) -> np.ndarray:
         x, y = (np.array([getattr(p, name) for p in entry.points]) for name in ("seconds", "rmse"))
         lines.append(Line(entry.points[0].system, x, 100.0 * y, colour))
     return loglog(lines, title, "seconds for all pixels of a view", "relative RMSE of irradiance, %")
-
-
-def _say(words: str) -> None:
-    """What goes on, in one line that changes, where stderr is a terminal."""
-    if sys.stderr.isatty():
-        print(f"\r\x1b[K{words}", end="", file=sys.stderr, flush=True)

@@ -13,6 +13,12 @@ def say(line: str) -> None:
     print(" ".join(line.split()), file=sys.stderr, flush=True)
 
 
+def doing(words: str) -> None:
+    """Show what goes on in one line that changes, where stderr is a terminal."""
+    if sys.stderr.isatty():
+        print(f"\r\x1b[K{words}", end="", file=sys.stderr, flush=True)
+
+
 def columns(rows: Sequence[Sequence[str]], left: int) -> Iterator[str]:
     """Lines of columns, the first `left` of them set to the left, the others to the right."""
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]

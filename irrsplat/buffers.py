@@ -145,6 +145,10 @@ class Sites:
     def __len__(self) -> int:
         return len(self.position)
 
+    def turns(self, numbers: np.ndarray) -> np.ndarray:
+        """(N,) what turns the frames of records here that have these `numbers` (N,)."""
+        return numbers if self.turn is None else self.turn
+
     def __getitem__(self, rows: slice | np.ndarray) -> Sites:
         triangle, turn = (None if one is None else one[rows] for one in (self.triangle, self.turn))
         return Sites(self.position[rows], self.normal[rows], self.geometric[rows], triangle, turn)

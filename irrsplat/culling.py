@@ -9,7 +9,7 @@ import numpy as np
 from irrsplat.cache import RecordCache
 from irrsplat.passes.splat import TILE
 from irrsplat.scene.model import Camera
-from irrsplat.settings import WIDE, Settings
+from irrsplat.settings import Settings
 
 _SLACK = 1e-3, 1e-5  # of a sphere's radius, and of all distances: far more than rounding, here and on the GPU
 _BESIDE = 1.6  # pixels: more than samples lie beside the centres
@@ -35,8 +35,7 @@ def reaching(
     if settings.radius_max > 0.0:
         radius = settings.radius_max * percent
     else:
-        farthest = WIDE if settings.gradients and settings.radius == "hessian" else 1.0
-        radius = np.maximum(settings.a * farthest * cache.values[first:, 3], settings.radius_min * percent)
+        radius = np.maximum(settings.a * settings.widest * cache.values[first:, 3], settings.radius_min * percent)
     more, rounding = _SLACK
     radius = (1.0 + more) * radius + rounding * (distance + max(map(abs, camera.eye)))
     numbers = np.flatnonzero(_outside(offset, camera, size, _BESIDE) <= radius)

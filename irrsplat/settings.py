@@ -251,6 +251,11 @@ class Settings:
         """The indirect bounces that are made at most (`bounces`, all resolved)."""
         return int(SETTINGS["bounces"].high or 0) if self.bounces == "all" else int(self.bounces)
 
+    @property
+    def widest(self) -> float:
+        """The greatest radius that a record may have, in R_k."""
+        return WIDE if self.gradients and self.radius == "hessian" else 1.0
+
     def of(self, *stages: str) -> tuple[Any, ...]:
         """The values of all the settings of these stages."""
         return tuple(getattr(self, name) for name, d in SETTINGS.items() if d.stage in stages)

@@ -28,9 +28,9 @@ class Splatting(Holder):
     """
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], settings: Settings, timers: Timers) -> None:
-        self.size, self.timers = size, timers
+        self.ctx, self.size, self.timers = ctx, size, timers
         self.splat_pass = SplatPass(ctx, size, settings.gradients)
-        self.upsample_pass = UpsamplePass(ctx, size)
+        self.upsample_pass: UpsamplePass | None = None  # made when it is first wanted: renders end with all pixels
         self.every = self._next = 1
         self.forget()
 
@@ -81,6 +81,7 @@ class Splatting(Holder):
         made_of, upsampled = self._upsampled
         if upsampled is None or made_of != self.state:
             with self.timers("upsample"):
+                self.upsample_pass = self.upsample_pass or UpsamplePass(self.ctx, self.size)
                 upsampled = self.upsample_pass(splats, gbuffer, camera)
             self._upsampled = self.state, upsampled
         return upsampled

@@ -11,6 +11,7 @@ import io
 import json
 import os
 import zipfile
+from abc import ABC, abstractmethod
 from typing import Any
 
 import numpy as np
@@ -132,17 +133,17 @@ def _hash(*parts: bytes) -> str:
     return whole.hexdigest()
 
 
-class Stored(Holder):
+class Stored(Holder, ABC):
     """Whose records can be kept in files: a Renderer."""
 
     placement: Placement
 
-    def _use(self) -> None:
-        raise NotImplementedError
+    @abstractmethod
+    def _use(self) -> None: ...
 
+    @abstractmethod
     def forget(self, records: bool = True, lights: bool = True) -> None:
         """Draw everything again."""
-        raise NotImplementedError
 
     def save_cache(self, path: str | os.PathLike[str]) -> None:
         """Write the records to a file, whole or not at all; `load_cache` goes on from it, to the bit as if nothing had happened.

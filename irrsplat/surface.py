@@ -261,9 +261,8 @@ class SurfaceCache(Holder):
 
     def _shares(self, sites: Sites, numbers: np.ndarray) -> np.ndarray:
         """(N, R) cosθ·dω of the rays of sites, 0 for those below the surface."""
-        below = (
-            np.einsum("nij,nj->ni", frames(sites.normal, numbers, self.settings.seed), sites.geometric) @ self.look.ways.T <= 0.0
-        )
+        frame = frames(sites.normal, sites.turns(numbers), self.settings.seed)
+        below = np.einsum("nij,nj->ni", frame, sites.geometric) @ self.look.ways.T <= 0.0
         return np.where(below, 0.0, self.look.share.ravel())
 
     def _bounce(self, budget: Budget) -> bool:

@@ -19,7 +19,7 @@ from irrsplat.gpu import numbered
 from irrsplat.gpu.holder import Holder
 from irrsplat.gpu.program import Program, State
 from irrsplat.gpu.target import Target, float_texture, table_texture
-from irrsplat.settings import WIDE, Settings, record_uniforms, weight_defines
+from irrsplat.settings import Settings, record_uniforms, weight_defines
 
 _NEVER = 1e30  # a difference that no two records have
 _FAR = 2.0  # in reaches: how far others are held against a record
@@ -139,6 +139,5 @@ def _reaching(cache: RecordCache, first: int, settings: Settings) -> np.ndarray:
     """The numbers of the records before `first` that may reach one from there on: their spheres touch the box about those."""
     old, new = cache.positions[:first], cache.positions[first:]
     apart = np.maximum(np.maximum(new.min(0) - old, old - new.max(0)), 0.0)
-    wide = WIDE if settings.gradients and settings.radius == "hessian" else 1.0
-    R = cache.values[:first, 3] * np.float32(1.001 * _FAR * settings.a * wide)
+    R = cache.values[:first, 3] * np.float32(1.001 * _FAR * settings.a * settings.widest)
     return np.flatnonzero((apart * apart).sum(1) <= R * R)

@@ -7,6 +7,8 @@ which triangle each texel sees; then the light from there is found once, whateve
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -71,7 +73,7 @@ class GatherPass(Holder):
     def __call__(self, geometry: Geometry, light: ShadowMaps | HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
         """What records at `sites` (at most `capacity`) see; `numbers` (N,) are theirs in the cache."""
         count = len(sites)
-        frame = frames(sites.normal, numbers if sites.turn is None else sites.turn, seed)
+        frame = frames(sites.normal, sites.turns(numbers), seed)
         self.frames.write(frame_rows(frame, sites, numbers).tobytes(), viewport=(0, 0, count, 4))
         rows = self._views(frame, eyes(sites, geometry.corners, self.offset))
         self.views.write(rows.reshape(-1, count, 4).astype("f4").tobytes(), viewport=(0, 0, count, _ROWS * len(self.faces)))
@@ -81,7 +83,7 @@ class GatherPass(Holder):
         else:
             draw = self.many = self.many or Many(self.ctx, self.size, self.defines)
         used = (0, 0, self.size[0], -(-count // self.columns) * self.cell[1])
-        target = self.target = draw(geometry, light, rows, self.views, used, self.offset)
+        target = self.target = draw(geometry, light, Views(rows, self.views, used, self.offset))
         block = (self.side // 4, self.side // 4)
         radiance, planes = target.textures
         return Atlas(radiance, planes, self.table, self.edges, self.frames, count, self.columns, self.cell, block)
@@ -103,6 +105,27 @@ class GatherPass(Holder):
         return rows
 
 
+@dataclass(frozen=True)
+class Views:
+    """What one call looks through: `rows` (F, 8, N, 4) of F faces of N records, as shaders/lib/views.glsl has them, and the
+    texture that holds them; the rectangle of the atlas that is `used`; near: the records' offset in metres."""
+
+    rows: np.ndarray
+    texture: moderngl.Texture
+    used: tuple[int, int, int, int]
+    near: float
+
+    @property
+    def uniforms(self) -> dict[str, Any]:
+        """Those of the programs that draw every face of every record."""
+        return {"views": self.texture, "faces": len(self.rows), "near": self.near}
+
+    @property
+    def count(self) -> int:
+        """How many faces there are in all."""
+        return self.rows.shape[0] * self.rows.shape[2]
+
+
 class Few(Holder):
     """One draw of all triangles in all views, into an atlas of `size` texels."""
 
@@ -110,28 +133,17 @@ class Few(Holder):
         self.program = Program(ctx, "gather", defines={**defines, "MANY": 0})
         self.target = Target(ctx, size, (4, 4), depth=True)
 
-    def __call__(
-        self,
-        geometry: Geometry,
-        light: ShadowMaps | HitLight,
-        rows: np.ndarray,
-        views: moderngl.Texture,
-        used: tuple[int, int, int, int],
-        near: float,
-    ) -> Target:
-        """The target, drawn anew in the rectangle `used`. rows, views: as GatherPass makes them, and the texture of them. near:
-        the records' offset in metres."""
-        self.target.use(scissor=used)
-        self.target.gl.clear(viewport=used)
+    def __call__(self, geometry: Geometry, light: ShadowMaps | HitLight, views: Views) -> Target:
+        """The target with these views drawn anew."""
+        self.target.use(scissor=views.used)
+        self.target.gl.clear(viewport=views.used)
         self.program(
             self.target,
             geometry=geometry,
-            instances=rows.shape[0] * rows.shape[2],
+            instances=views.count,
             state=State(depth="<", clamp=True, clips=5),
-            views=views,
-            faces=len(rows),
-            near=near,
             atlas=self.target.size,
+            **views.uniforms,
             **geometry.uniforms,
             **light.uniforms,
         )
@@ -149,42 +161,32 @@ class Many(Holder):
         self.target = Target(ctx, size, (4, 4))
         self.pairs: moderngl.Texture | None = None
 
-    def __call__(
-        self,
-        geometry: Geometry,
-        light: ShadowMaps | HitLight,
-        rows: np.ndarray,
-        views: moderngl.Texture,
-        used: tuple[int, int, int, int],
-        near: float,
-    ) -> Target:
+    def __call__(self, geometry: Geometry, light: ShadowMaps | HitLight, views: Views) -> Target:
         """As Few's."""
-        pieces = geometry.pieces
-        self.seen.use(scissor=used)
-        self.seen.gl.clear(viewport=used)
+        pieces, rows = geometry.pieces, views.rows
+        self.seen.use(scissor=views.used)
+        self.seen.gl.clear(viewport=views.used)
         step = max(_PAIRS // max(len(rows) * len(pieces.meshlets), 1), 1)
         for start in range(0, rows.shape[2], step):
-            for clips, draws in self._draws(pieces.meshlets, rows[:, :3, start : start + step], start, near):
+            for clips, draws in self._draws(pieces.meshlets, rows[:, :3, start : start + step], start, views.near):
                 self.marking(
                     self.seen,
                     geometry=pieces,
                     draws=draws,
                     state=State(depth="<", clamp=True, clips=clips),
-                    near=near,
+                    near=views.near,
                     atlas=self.seen.size,
-                    views=views,
+                    views=views.texture,
                     pairs=self.pairs,
                 )
         self.lighting(
             self.target,
             vertices=4,
             mode=moderngl.TRIANGLE_STRIP,
-            instances=rows.shape[0] * rows.shape[2],
+            instances=views.count,
             seen=self.seen.textures[0],
-            views=views,
-            faces=len(rows),
-            near=near,
             atlas=self.target.size,
+            **views.uniforms,
             **pieces.uniforms,
             **geometry.uniforms,
             **light.uniforms,
