@@ -14,9 +14,9 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from irrsplat.app import parser
-from irrsplat.app.terminal import progress, say
-from irrsplat.errors import InputError, IrrsplatError
+from irrsplat.app import flags
+from irrsplat.app.common.terminal import progress, say
+from irrsplat.core.errors import InputError, IrrsplatError
 
 if TYPE_CHECKING:
     from irrsplat.scene.model import Camera, Scene
@@ -32,7 +32,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     debug = bool(os.environ.get("IRRSPLAT_DEBUG"))
     try:
         with _quiet_libraries(debug):
-            args = parser.parse(sys.argv[1:] if argv is None else argv)
+            args = flags.parse(sys.argv[1:] if argv is None else argv)
             status = _COMMANDS[args.command](args)
             sys.stdout.flush()
             return status
@@ -62,12 +62,13 @@ def _fail(message: str, status: int) -> int:
 
 def render(args: argparse.Namespace) -> int:
     """`irrsplat render`: a scene to files. Whatever can be checked before the work is checked before it."""
-    from irrsplat import output, settings
-    from irrsplat.app import sequence
+    from irrsplat import settings
+    from irrsplat.app import render_path
+    from irrsplat.image import frame as output
 
     settings.preset(args.preset, **args.values)
     buffers = None if args.buffers is None else [name.strip() for name in args.buffers.split(",")]
-    names = args.output if args.path is None else sequence.first_names(args)
+    names = args.output if args.path is None else render_path.first_names(args)
     folders = [output.check_writable(name, buffers) == "" for name in names]
     if args.stats is not None:
         output.check_file(args.stats)
@@ -79,7 +80,7 @@ def render(args: argparse.Namespace) -> int:
     import irrsplat
 
     scene = irrsplat.load(args.scene)
-    planned = None if args.path is None else sequence.plan(args, scene)
+    planned = None if args.path is None else render_path.plan(args, scene)
     camera = _camera(args, scene)
     with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, **args.values) as renderer:
         if args.cache is not None and os.path.exists(args.cache):
@@ -88,7 +89,7 @@ def render(args: argparse.Namespace) -> int:
             say(f"notice: {notice}")
         with _progress() as watch:
             if planned is not None:
-                done, whole = sequence.take(renderer, planned, buffers, any(folders), watch)
+                done, whole = render_path.take(renderer, planned, buffers, any(folders), watch)
             else:
                 frame = renderer.render(camera, progress=watch, figures=any(folders))
         for path in args.output if planned is None else ():
@@ -109,7 +110,7 @@ def render(args: argparse.Namespace) -> int:
 
 def _sequence(args: argparse.Namespace, done: list[dict[str, Any]], interrupted: str | None) -> int:
     """The end of a path: the stats of the frames that are `done`, and what is to be said. interrupted: how far it came."""
-    from irrsplat import output
+    from irrsplat.image import frame as output
 
     if args.stats is not None:
         output.write_text(args.stats, output.stats_json({"frames": done}) + "\n")
@@ -129,17 +130,17 @@ def _unserved(stats: Sequence[dict[str, Any]]) -> str:
 def view(args: argparse.Namespace) -> int:
     """`irrsplat view`: the window."""
     import irrsplat
-    from irrsplat.app import memory
+    from irrsplat.app.viewer import preferences
 
     scene = irrsplat.load(args.scene)
     camera = _camera(args, scene)
-    remembered, notices = memory.load()
+    remembered, notices = preferences.load()
     if args.preset is not None:
         remembered.preset, remembered.values = args.preset, {}
     remembered.values |= args.values
     if args.cache is not None:
         _check_cache(args.cache, scene, remembered.preset, remembered.values)
-    from irrsplat.app import viewer
+    from irrsplat.app.viewer import viewer
 
     said = viewer.run(scene, args.scene, tuple(args.size) if args.size else None, remembered, camera, notices, args.cache)
     if said is not None:
@@ -149,16 +150,18 @@ def view(args: argparse.Namespace) -> int:
 
 def _check_cache(path: str, scene: Scene, preset: str, values: dict[str, Any]) -> None:
     """Raises InputError where a cache file cannot be written, or is there and not of this scene and these settings."""
-    from irrsplat import output, settings, store
+    from irrsplat import settings
+    from irrsplat.image import frame as output
+    from irrsplat.records import cache_file
 
     output.check_file(path)
     if os.path.exists(path):
-        store.check(path, scene, settings.preset(preset, **values))
+        cache_file.check(path, scene, settings.preset(preset, **values))
 
 
 def info(args: argparse.Namespace) -> int:
     """`irrsplat info`: what is in a scene, or the table of bundled ones."""
-    from irrsplat.app import report
+    from irrsplat.app import info as report
 
     report.scene(args.scene) if args.scene is not None else report.bundled()
     return 0
@@ -166,7 +169,7 @@ def info(args: argparse.Namespace) -> int:
 
 def doctor(args: argparse.Namespace) -> int:
     """`irrsplat doctor`: what OpenGL there is; 1 where it is not enough."""
-    from irrsplat.app import report
+    from irrsplat.app import info as report
 
     return report.doctor()
 
@@ -174,16 +177,16 @@ def doctor(args: argparse.Namespace) -> int:
 def bench(args: argparse.Namespace) -> int:
     """`irrsplat bench`: the times."""
     if args.json is not None:
-        from irrsplat.output import check_file
+        from irrsplat.image.frame import check_file
 
         check_file(args.json)
     if args.growth:
-        from irrsplat.app import growth
+        from irrsplat.app.bench import scaling
 
-        return growth.run(args)
+        return scaling.run(args)
     if args.quick:
         raise InputError("--quick is for --growth; give that as well")
-    from irrsplat.app import bench as benchmark
+    from irrsplat.app.bench import bench as benchmark
 
     return benchmark.run(args)
 
@@ -191,7 +194,7 @@ def bench(args: argparse.Namespace) -> int:
 def verify(args: argparse.Namespace) -> int:
     """`irrsplat verify`: the errors against a path tracer."""
     from irrsplat import settings
-    from irrsplat.app import verify as verification
+    from irrsplat.app.verify import verify as verification
 
     settings.preset(args.preset, **args.values)
     verification.check(args)

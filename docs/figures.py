@@ -11,8 +11,8 @@ import numpy as np
 from PIL import Image
 
 import irrsplat
-from irrsplat.display import LUMINANCE, srgb
-from irrsplat.output import Frame
+from irrsplat.image.frame import Frame
+from irrsplat.image.tonemap import LUMINANCE, srgb
 
 ROOT = Path(__file__).resolve().parent.parent
 IMAGES = ROOT / "docs" / "images"

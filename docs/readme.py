@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from irrsplat.app.keys import FLYING, GROUPS
-from irrsplat.buffers import CHANNELS
+from irrsplat.app.viewer.input.keys import FLYING, GROUPS
+from irrsplat.core.buffers import CHANNELS
 from irrsplat.settings import PRESETS, SETTINGS
 
 README = Path(__file__).resolve().parent.parent / "README.md"

@@ -11,10 +11,10 @@ import numpy as np
 from PIL import Image
 
 import irrsplat
-from irrsplat.app.legend import SHOWINGS, TRUTHS
-from irrsplat.app.memory import Memory
-from irrsplat.app.viewer import Viewer
-from irrsplat.app.window import open_window
+from irrsplat.app.viewer.preferences import Memory
+from irrsplat.app.viewer.show.legend import SHOWINGS, TRUTHS
+from irrsplat.app.viewer.viewer import Viewer
+from irrsplat.app.viewer.window import open_window
 from irrsplat.scene.model import Camera
 
 IMAGES = Path(__file__).resolve().parent / "images"

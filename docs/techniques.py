@@ -7,10 +7,11 @@ import sys
 from pathlib import Path
 
 import irrsplat
-from irrsplat.app import curve, parser, techniques
-from irrsplat.app.measure import percent
-from irrsplat.app.verify import heading
-from irrsplat.output import write_picture
+from irrsplat.app import flags
+from irrsplat.app.verify import ablation, error_curve
+from irrsplat.app.verify.measure import percent
+from irrsplat.app.verify.verify import heading
+from irrsplat.image.frame import write_picture
 
 PAGE = Path(__file__).resolve().parent / "techniques.md"
 FULL = ("cornell", "door")  # with a row per technique
@@ -30,20 +31,20 @@ def main() -> None:
     against: list[tuple[str, ...]] = [("scene", "records", "RMSE", "records of paper", "its RMSE", "times")]
     for name in SCENES:
         print(name, file=sys.stderr)
-        args, scene = parser.parse(["verify", name, *WORDS]), irrsplat.load(name)
-        chosen = techniques.TECHNIQUES if name in FULL else ()
-        found, line = techniques.measured(scene, scene.camera(), args, chosen)
+        args, scene = flags.parse(["verify", name, *WORDS]), irrsplat.load(name)
+        chosen = ablation.TECHNIQUES if name in FULL else ()
+        found, line = ablation.measured(scene, scene.camera(), args, chosen)
         if chosen:
-            made["techniques"] += f"\n{heading(scene, args)}:\n\n{table(techniques.rows(found, line))}"
+            made["techniques"] += f"\n{heading(scene, args)}:\n\n{table(ablation.rows(found, line))}"
         (_, ours), (_, paper) = found[0], found[-1]
         assert ours.rmse and paper.rmse
         pair = f"{ours.records:,}", percent(ours.rmse), f"{paper.records:,}", percent(paper.rmse)
         against.append((f"`{name}`", *pair, f"{paper.rmse / ours.rmse:.1f}"))
         if name == FULL[0]:
-            curves = curve.measured(scene, scene.camera(), args)
+            curves = error_curve.measured(scene, scene.camera(), args)
             for preset, points in curves.items():
-                made["curve"] += f"\n{table(curve.rows(preset, points))}\nHere {curve.steepness(points)}.\n"
-            write_picture(PAGE.parent / "images" / "curve.png", curve.plot(curves, heading(scene, args)))
+                made["curve"] += f"\n{table(error_curve.rows(preset, points))}\nHere {error_curve.steepness(points)}.\n"
+            write_picture(PAGE.parent / "images" / "curve.png", error_curve.plot(curves, heading(scene, args)))
     made["paper"] = "\n" + table(against)
     text = PAGE.read_text(encoding="utf-8")
     for key, value in made.items():

@@ -9,10 +9,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from irrsplat.errors import GLError, InputError, IrrsplatError
-    from irrsplat.headless import render
-    from irrsplat.output import Frame
-    from irrsplat.renderer import Renderer
+    from irrsplat.core.errors import GLError, InputError, IrrsplatError
+    from irrsplat.image.frame import Frame
+    from irrsplat.renderer import Renderer, render
     from irrsplat.scene import load
     from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
     from irrsplat.settings import Settings, preset
@@ -36,10 +35,9 @@ __all__ = [
 ]
 
 _NAMES = {  # module: what it gives, as in the imports above
-    "irrsplat.errors": ("GLError", "InputError", "IrrsplatError"),
-    "irrsplat.headless": ("render",),
-    "irrsplat.output": ("Frame",),
-    "irrsplat.renderer": ("Renderer",),
+    "irrsplat.core.errors": ("GLError", "InputError", "IrrsplatError"),
+    "irrsplat.image.frame": ("Frame",),
+    "irrsplat.renderer": ("Renderer", "render"),
     "irrsplat.scene": ("load",),
     "irrsplat.scene.model": ("Camera", "Light", "Material", "Mesh", "Scene"),
     "irrsplat.settings": ("Settings", "preset"),

@@ -13,30 +13,31 @@ from typing import Any
 import moderngl
 import numpy as np
 
-from irrsplat import figure, limits
-from irrsplat.accumulate import Accumulator, Passes, Seen, Told
-from irrsplat.budget import Budget
-from irrsplat.buffers import GBuffer, ShadowMaps, SplatBuffer
-from irrsplat.cache import RecordCache
-from irrsplat.errors import InputError
+from irrsplat.core.buffers import GBuffer, ShadowMaps, SplatBuffer
+from irrsplat.core.errors import InputError
 from irrsplat.gpu import context, program
 from irrsplat.gpu.geometry import Geometry
+from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
-from irrsplat.lights import light_defines
-from irrsplat.output import Frame
-from irrsplat.passes.composite import CompositePass
-from irrsplat.passes.direct import DirectPass
-from irrsplat.passes.gbuffer import GBufferPass
-from irrsplat.passes.shadow import ShadowPass
-from irrsplat.placement import Asked, Placement
-from irrsplat.scene.flat import flatten
+from irrsplat.image.antialias import Accumulator, Passes, Seen, Told
+from irrsplat.image.composite import CompositePass
+from irrsplat.image.figures import figure1
+from irrsplat.image.frame import Frame
+from irrsplat.image.gbuffer import GBufferPass
+from irrsplat.image.view import Progress, View, read, sampling, statistics
+from irrsplat.indirect.scheduler import Asked, Placement
+from irrsplat.indirect.splat_buffer import Splatting
+from irrsplat.lighting import gl_limits
+from irrsplat.lighting.direct import DirectPass
+from irrsplat.lighting.light_table import light_defines
+from irrsplat.lighting.shadow_maps import ShadowPass
+from irrsplat.records.cache_file import Stored
+from irrsplat.records.record_cache import RecordCache
+from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Camera, Light, Scene
 from irrsplat.scene.motion import moved
 from irrsplat.settings import Settings
 from irrsplat.settings import preset as settings_of
-from irrsplat.splatting import Splatting
-from irrsplat.store import Stored
-from irrsplat.view import Progress, View, read, sampling, statistics
 
 _IDLE = 8  # rounds without any gain in coverage after which nothing more is to be hoped for
 _RENEWAL = 0.6  # of the time for gathering that stale records may take where new ones are wanted too
@@ -65,11 +66,11 @@ class Renderer(Stored):
         self.scene, self._loaded = scene, scene.meshes
         self.settings: Settings = settings_of(preset, **settings)
         self.preset = preset
-        self.size = limits.checked(size)
+        self.size = gl_limits.checked(size)
         self._owns_ctx = ctx is None
         self.ctx = ctx or context.create()
         self.about = context.describe(self.ctx)
-        limits.check(self.ctx, self.size, scene, self.settings.shadow_size)
+        gl_limits.check(self.ctx, self.size, scene, self.settings.shadow_size)
         self.timers = Timers(self.ctx, self.about["software"], enabled=True)
         self.geometry = Geometry(self.ctx, *flatten(scene))
         self.cache = RecordCache(self.ctx)
@@ -211,7 +212,7 @@ class Renderer(Stored):
         """Go on with other settings (called `preset` in the stats): what depends on those that differ is made again, records in
         place; they are forgotten only where their places depend on one. Raises InputError for what OpenGL does not take here."""
         self._use()
-        limits.check(self.ctx, self.size, self.scene, settings.shadow_size)
+        gl_limits.check(self.ctx, self.size, self.scene, settings.shadow_size)
         if settings.gradients != self.settings.gradients:
             self.splatting.release()
             self.splatting = Splatting(self.ctx, self.size, settings, self.timers)
@@ -234,7 +235,7 @@ class Renderer(Stored):
     def _go_on(self, scene: Scene) -> None:
         """Go on with the same scene, lit otherwise, or with meshes elsewhere."""
         self._use()
-        limits.check(self.ctx, self.size, scene, self.settings.shadow_size)
+        gl_limits.check(self.ctx, self.size, scene, self.settings.shadow_size)
         before, self.scene, self._idle = self.scene, scene, 0
         self.splatting.start(self.settings)
         self.placement.change(self.settings, scene, self.shadows)  # which looks once more at what was there before
@@ -246,8 +247,8 @@ class Renderer(Stored):
     def resize(self, size: tuple[int, int]) -> None:
         """Views are of another size (width, height) from now on; the records stay. Raises InputError for one that cannot be."""
         self._use()
-        size = limits.checked(size)
-        limits.check(self.ctx, size, self.scene, self.settings.shadow_size)
+        size = gl_limits.checked(size)
+        gl_limits.check(self.ctx, size, self.scene, self.settings.shadow_size)
         self.size = size
         for one in (self.gbuffer_pass, self.splatting, self.direct_pass, self.composite_pass):
             one.release()
@@ -324,7 +325,7 @@ class Renderer(Stored):
         gathered. progress is called after each round. figures: fill Frame.figures with the paper's figures 1, 3 and 4 too.
         Ctrl-C ends the rounds, or the samples, early: stats["converged"] is False then.
         """
-        album = figure.Album(self._splatted, progress)
+        album = figure1.Album(self._splatted, progress)
         view, stats = self.converge(camera, album if figures else progress)
         view = self.accumulate(view, 1 if stats["interrupted"] else self.settings.samples, told=sampling(progress, stats))
         if view.samples < self.settings.samples:  # Ctrl-C
@@ -347,3 +348,11 @@ class Renderer(Stored):
         """Free everything on the GPU, the context too where this renderer made it."""
         holder: Any = self.ctx if self._owns_ctx else super()
         holder.release()
+
+
+def render(
+    scene: Scene, size: tuple[int, int] = (800, 800), camera: Camera | str | None = None, preset: str = "default", **settings: Any
+) -> Frame:
+    """One view of `scene`, headless, refined until every pixel is served; arguments and errors as `Renderer`."""
+    with Renderer(scene, size, preset, **settings) as renderer:
+        return renderer.render(camera)

@@ -11,12 +11,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal
 
-from irrsplat.errors import InputError
+from irrsplat.core.errors import InputError
 
 Auto = Literal["auto"]
 All = Literal["all"]
 
-# of the weight, the same in shaders/lib/weight.glsl and on the CPU
+# of the weight, the same in shaders/records/weight.glsl and on the CPU
 LEAST_ERROR = 1e-3  # w = 1/max(e, this) stays finite
 IN_FRONT = 0.05  # of R: how far in front of a pixel's surface, or behind it, a record may lie
 
@@ -99,12 +99,12 @@ def _declare(default: Any, kind: str, stage: str, help: str, **rest: Any) -> Any
 
 
 def weight_defines(gradients: bool) -> dict[str, object]:
-    """What shaders/lib/weight.glsl and record.glsl are compiled for."""
+    """What shaders/records/weight.glsl and record.glsl are compiled for."""
     return {"GRADIENTS": int(gradients), "LEAST_ERROR": LEAST_ERROR, "IN_FRONT": IN_FRONT}
 
 
 def record_uniforms(settings: Settings) -> dict[str, Any]:
-    """The uniforms by which shaders/lib/weight.glsl and record.glsl know the settings."""
+    """The uniforms by which shaders/records/weight.glsl and record.glsl know the settings."""
     return {
         "a": settings.a,
         "hessian": settings.radius == "hessian",

@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat import choice
-from irrsplat.buffers import CHANNELS
+from irrsplat.core.buffers import CHANNELS
+from irrsplat.gather import autotune
 from irrsplat.gpu import context
-from irrsplat.output import Frame
+from irrsplat.image.frame import Frame
 from irrsplat.scene import Scene, load
 from tests.viewing import Driver, fresh, viewing, write_room
 
@@ -29,12 +29,12 @@ TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 
 
 @pytest.fixture(scope="session", autouse=True)
-def race(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., choice.Times]]:
+def race(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., autotune.Times]]:
     """What times both gathers; in its place nothing is timed: rasters win up to 100 triangles. The cache folder is a new one."""
-    real = choice.race
+    real = autotune.race
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("IRRSPLAT_CACHE", str(tmp_path_factory.mktemp("cache")))
-        patch.setattr(choice, "race", lambda ctx, scene, side: (1.0, 2.0) if scene.triangles <= 100 else (2.0, 1.0))
+        patch.setattr(autotune, "race", lambda ctx, scene, side: (1.0, 2.0) if scene.triangles <= 100 else (2.0, 1.0))
         yield real
 
 

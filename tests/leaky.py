@@ -9,8 +9,8 @@ import moderngl
 import numpy as np
 
 import irrsplat
-from irrsplat.buffers import Sites
-from irrsplat.paper import Seen, read_back
+from irrsplat.core.buffers import Sites
+from irrsplat.indirect.paper_scan import Seen, read_back
 from irrsplat.scene.model import Camera, Material, Mesh, Scene
 from tests.worlds import box, gather, lamp, material, quad, scene, sphere
 

@@ -13,14 +13,14 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat import Renderer, accumulate
-from irrsplat.accumulate import beside, sample
-from irrsplat.app import cli, parser
-from irrsplat.buffers import CHANNELS, GBuffer
+from irrsplat import Renderer
+from irrsplat.app import cli, flags
+from irrsplat.core.buffers import CHANNELS, GBuffer
 from irrsplat.gpu.target import pixels, table_texture
-from irrsplat.passes.accumulate import AccumulatePass
+from irrsplat.image import antialias
+from irrsplat.image.antialias import AccumulatePass, beside, sample
+from irrsplat.image.view import View
 from irrsplat.scene.model import Camera, Light, Scene
-from irrsplat.view import View
 from tests.test_renderer import FAST, FRONT, SIZE, room
 from tests.worlds import ABOVE, assert_pictures, box, floor, lamp, material, quad, rays, scene
 
@@ -264,14 +264,14 @@ def test_another_view_starts_over(renderer: Renderer, change: str) -> None:
 
 
 def test_ctrl_c_leaves_the_samples_that_there_are(renderer: Renderer, monkeypatch: pytest.MonkeyPatch) -> None:
-    plain = accumulate._add
+    plain = antialias._add
 
     def add(number: int, *rest: Any) -> None:
         if number == 3:
             raise KeyboardInterrupt
         plain(number, *rest)
 
-    monkeypatch.setattr(accumulate, "_add", add)
+    monkeypatch.setattr(antialias, "_add", add)
     renderer.change(replace(renderer.settings, samples=8))
     frame = renderer.render()
     assert frame.stats["samples"] == 3 and frame.stats["interrupted"] and not frame.stats["converged"]
@@ -315,5 +315,5 @@ def test_the_command_line_has_samples(place: Path, capsys: pytest.CaptureFixture
 
 
 def test_verify_s_samples_are_the_path_tracer_s() -> None:
-    args = parser.parse(["verify", "--samples", "64"])
+    args = flags.parse(["verify", "--samples", "64"])
     assert args.samples == 64 and args.values == {}

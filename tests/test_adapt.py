@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat.cache import RecordCache
-from irrsplat.passes.adapt import AdaptPass
+from irrsplat.records.adaptive_radius import AdaptPass
+from irrsplat.records.record_cache import RecordCache
 from irrsplat.settings import Settings
 from tests.test_renderer import FAST, SIZE, room
 from tests.truth import SIZE as FULL

@@ -6,13 +6,13 @@ import moderngl
 import numpy as np
 import pytest
 
-from irrsplat.buffers import Sites
+from irrsplat.core.buffers import Sites
+from irrsplat.gather.hemicube import PLANE_FIELD, hemisphere_table
+from irrsplat.gather.raster import GatherPass
 from irrsplat.gpu.geometry import Geometry
-from irrsplat.hemisphere import PLANE_FIELD, hemisphere_table
-from irrsplat.lights import light_defines
-from irrsplat.passes.gather import GatherPass
-from irrsplat.passes.shadow import ShadowPass
-from irrsplat.scene.flat import flatten
+from irrsplat.lighting.light_table import light_defines
+from irrsplat.lighting.shadow_maps import ShadowPass
+from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Light, Scene
 from tests.test_hemisphere import share_of_plane
 from tests.worlds import box, floor, gather, lamp, material, polygon_vector, quad, scene, sites

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from irrsplat.errors import InputError
+from irrsplat.core.errors import InputError
 from irrsplat.scene import load
 
 POINTS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], np.float32)

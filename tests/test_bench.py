@@ -12,10 +12,12 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat import exact, paper
-from irrsplat.app import cases, cli, flythrough, gathered, machine, published
-from irrsplat.gpu.holder import Holder
-from irrsplat.hemisphere import hemisphere_table
+from irrsplat.app import cli
+from irrsplat.app.bench import cases, fly_through, gather_truth, machine, paper_times
+from irrsplat.gather.hemicube import hemisphere_table
+from irrsplat.gpu.resource import Holder
+from irrsplat.indirect import paper_scan
+from irrsplat.reference import fine_gather
 from irrsplat.scene.model import Camera
 
 FLIGHTS = ("filling", "filling worst", "warm", "warm worst")
@@ -28,9 +30,9 @@ KEYS |= {"bounces", "seconds_all", "picture_seconds", "memory_mib"}
 def quick(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Everything once and small, and truths in a folder of the test's own."""
     monkeypatch.setattr(cases, "REPETITIONS", 1)
-    monkeypatch.setattr(exact, "SIDE", 32)
-    monkeypatch.setattr(gathered, "COUNT", 200)
-    monkeypatch.setattr(flythrough, "FRAMES", 8)
+    monkeypatch.setattr(fine_gather, "SIDE", 32)
+    monkeypatch.setattr(gather_truth, "COUNT", 200)
+    monkeypatch.setattr(fly_through, "FRAMES", 8)
     monkeypatch.setenv("IRRSPLAT_CACHE", str(tmp_path / "cache"))
 
 
@@ -87,7 +89,7 @@ def test_json_and_tables(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     for line, most in (("filling", 1e9), ("warm", 0)):
         cells = next(words for words in map(str.split, out.splitlines()) if words[:1] == [line] and len(words) == 7)
         assert 0 <= int(cells[4]) <= most and float(cells[6]) > 0.0, "the flight's table: new records, first picture"
-    for name, ms, _ in published.ROWS:
+    for name, ms, _ in paper_times.ROWS:
         assert any(line.startswith(name) and f"{ms:.2f}" in line for line in out.splitlines()), f"{name} is missing"
     for preset in ("paper", "default"):
         for case in CASES:
@@ -112,40 +114,40 @@ def test_the_truth_is_gathered_once(monkeypatch: pytest.MonkeyPatch, tmp_path: P
     """Again it is read; of another view, by another lamp, or from a damaged file it is gathered."""
     scene = irrsplat.load("cornell-paper")
     made: list[int] = []
-    gather = exact.gather
-    monkeypatch.setattr(exact, "gather", lambda *given: made.append(1) or gather(*given))
+    gather = fine_gather.gather
+    monkeypatch.setattr(fine_gather, "gather", lambda *given: made.append(1) or gather(*given))
     with irrsplat.Renderer(scene, size=(16, 12), bounces=1) as renderer:
         camera = scene.camera()
-        first = gathered.truth(renderer, camera)
+        first = gather_truth.truth(renderer, camera)
         assert first is not None and 10 < len(first.pixels) <= 16 * 12 and len(made) == 1
-        again = gathered.truth(renderer, camera)
+        again = gather_truth.truth(renderer, camera)
         assert again is not None and len(made) == 1
         assert np.array_equal(first.pixels, again.pixels) and np.array_equal(first.irradiance, again.irradiance)
-        gathered.truth(renderer, cases.turned(camera, 5.0))
+        gather_truth.truth(renderer, cases.turned(camera, 5.0))
         assert len(made) == 2
         renderer.relight(cases.shifted(scene))
-        relit = gathered.truth(renderer, camera)
+        relit = gather_truth.truth(renderer, camera)
         assert relit is not None and len(made) == 3 and not np.allclose(relit.irradiance, first.irradiance, rtol=1e-3)
         assert capsys.readouterr().err == ""
         for file in (tmp_path / "cache").iterdir():
             file.write_bytes(file.read_bytes()[:-9])
-        assert np.array_equal(gathered.truth(renderer, camera).irradiance, relit.irradiance) and len(made) == 4
+        assert np.array_equal(gather_truth.truth(renderer, camera).irradiance, relit.irradiance) and len(made) == 4
         assert "damaged" in capsys.readouterr().err
 
 
 def test_truth_by_rays_is_that_by_rasters(monkeypatch: pytest.MonkeyPatch) -> None:
     """The same pixels, whichever way the scene is looked at."""
-    monkeypatch.setattr(exact, "SIDE", 64)
+    monkeypatch.setattr(fine_gather, "SIDE", 64)
     scene = irrsplat.load("cornell-paper")
     found = []
     with irrsplat.Renderer(scene, size=(24, 24), bounces=1) as renderer:
         view, _ = renderer.frame(gather=False)
         with renderer.ctx:
-            seen = paper.read_back(view.gbuffer)
+            seen = paper_scan.read_back(view.gbuffer)
             for rasters in (True, False):
-                monkeypatch.setattr(exact, "rasters", lambda scene, rasters=rasters: rasters)
-                found.append(exact.gather(renderer.ctx, scene, renderer.geometry, seen, 512, 100))
-                assert exact.directions(scene) == (6 * 64**2 // 2 if rasters else 64**2)
+                monkeypatch.setattr(fine_gather, "rasters", lambda scene, rasters=rasters: rasters)
+                found.append(fine_gather.gather(renderer.ctx, scene, renderer.geometry, seen, 512, 100))
+                assert fine_gather.directions(scene) == (6 * 64**2 // 2 if rasters else 64**2)
     assert np.array_equal(found[0].pixels, found[1].pixels)
     mean = found[0].irradiance.mean()
     assert np.sqrt(np.mean((found[0].irradiance - found[1].irradiance) ** 2)) < 0.03 * mean
@@ -183,9 +185,9 @@ def test_rows_take_the_first_round_for_the_first_samples() -> None:
     """Times add up over the rounds; a round splats first, and gathers at its end."""
     rounds = [(10, {"splat": 1.0, "gather": 5.0, "reduce": 2.0, "examine": 1.0}), (14, {"splat": 4.0, "gather": 8.0})]
     end = {"splat": 4.5, "gather": 9.0, "reduce": 3.0, "examine": 2.5, "direct": 7.0, "composite": 6.0}
-    rows = published.rows(cases.Timing(1.0, 1.5, 15, end, rounds))
+    rows = paper_times.rows(cases.Timing(1.0, 1.5, 15, end, rounds))
     assert rows == [(7.0, 10), (7.0, None), (3.0, 10), (2.5 + 4.0 + 1.0, 5), (0.5, 5), (6.0, None)]
-    assert len(rows) == len(published.ROWS)
+    assert len(rows) == len(paper_times.ROWS)
 
 
 def test_the_camera_turns_by_five_degrees_about_its_up_axis() -> None:
@@ -212,17 +214,17 @@ def test_an_unknown_scene_is_an_error_before_any_work(capsys: pytest.CaptureFixt
 
 def test_truth_has_sixteen_thousand_directions_and_more(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.undo()
-    assert (hemisphere_table("raster", exact.SIDE)[..., 3] > 0.0).sum() >= 1 << 14
-    assert exact.directions(irrsplat.load("curved")) >= 1 << 14
+    assert (hemisphere_table("raster", fine_gather.SIDE)[..., 3] > 0.0).sum() >= 1 << 14
+    assert fine_gather.directions(irrsplat.load("curved")) >= 1 << 14
 
 
 def test_error_is_relative_to_the_mean() -> None:
     """A picture that is 10 % too bright everywhere is off by 0.1; without light there is nothing to be relative to."""
     pixels = np.array([[0, 0], [1, 2]])
     picture = np.full((2, 3, 3), 2.2)
-    assert exact.Truth(pixels, np.full((2, 3), 2.0)).error(picture) == pytest.approx(0.1)
-    assert exact.Truth(pixels, np.zeros((2, 3))).error(picture) is None
-    assert exact.Truth(pixels[:0], np.zeros((0, 3))).error(picture) is None
+    assert fine_gather.Truth(pixels, np.full((2, 3), 2.0)).error(picture) == pytest.approx(0.1)
+    assert fine_gather.Truth(pixels, np.zeros((2, 3))).error(picture) is None
+    assert fine_gather.Truth(pixels[:0], np.zeros((0, 3))).error(picture) is None
 
 
 def test_smooth_leaves_out_edges_steps_and_the_sky() -> None:
@@ -237,4 +239,4 @@ def test_smooth_leaves_out_edges_steps_and_the_sky() -> None:
     expected[:, 5:7] = False
     expected[1:4, 1:4] = False
     seen = SimpleNamespace(position=position, normal=normal, mask=mask)
-    assert np.array_equal(exact.smooth(seen, 0.5), expected)
+    assert np.array_equal(fine_gather.smooth(seen, 0.5), expected)

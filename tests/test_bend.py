@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat.app.inspector import read
+from irrsplat.app.viewer.show.record_inspector import read
 from irrsplat.scene.model import Scene
 from tests import test_gradients as occluder
 from tests.test_trace import Lit

@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat import Renderer, surface
-from irrsplat.budget import Budget
-from irrsplat.buffers import Sites
+from irrsplat import Renderer
+from irrsplat.core.buffers import Sites
+from irrsplat.gpu.time_budget import Budget
 from irrsplat.scene.model import Mesh, Scene
-from irrsplat.transport import REST, Bounced, Transport, bounces
+from irrsplat.surface_cache import cache as surface
+from irrsplat.surface_cache.transport import REST, Bounced, Transport, bounces
 from tests.test_renderer import FAST, SIZE, room
 from tests.worlds import Camera, box, lamp, material, polygon_vector, quad, scene, sites
 

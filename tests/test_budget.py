@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from irrsplat import budget
-from irrsplat.budget import Budget, Pace
+from irrsplat.gpu import time_budget
+from irrsplat.gpu.time_budget import Budget, Pace
 
 FIXED, EACH = 0.010, 0.001  # seconds that a batch costs, and each thing in it
 
@@ -26,7 +26,7 @@ class Clock:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     made = Clock()
-    monkeypatch.setattr(budget, "time", made)
+    monkeypatch.setattr(time_budget, "time", made)
     return made
 
 

@@ -10,10 +10,10 @@ import moderngl
 import numpy as np
 import pytest
 
-from irrsplat.gpu import shaders
+from irrsplat.core.paths import folder
+from irrsplat.gather.trace import Tree
+from irrsplat.gpu import shader_source
 from irrsplat.gpu.target import Target, table_texture
-from irrsplat.passes.trace import Tree
-from irrsplat.resources import folder
 from irrsplat.scene.bvh import LEAF, Bvh, build
 from tests.worlds import sphere
 
@@ -111,8 +111,8 @@ def shaded(
         "    vec3 p = mat3(bvh_corner(hit.triangle, 0).xyz, bvh_corner(hit.triangle, 1).xyz, bvh_corner(hit.triangle, 2).xyz)"
         " * hit.share;\n    out_hit = hit.t < FARTHEST_HIT ? vec4(p, hit.t) : vec4(0.0, 0.0, 0.0, -1.0);\n}\n"
     )
-    source = shaders.load("walk.frag", root=tmp_path)
-    program = ctx.program(vertex_shader=shaders.load("lib/fullscreen.vert").text, fragment_shader=source.text)
+    source = shader_source.load("walk.frag", root=tmp_path)
+    program = ctx.program(vertex_shader=shader_source.load("lib/fullscreen.vert").text, fragment_shader=source.text)
     vertices = np.zeros((3 * len(corners), 12), "f4")
     vertices[:, :3] = corners.reshape(-1, 3)
     tree = Tree(ctx, vertices, np.arange(3 * len(corners), dtype="i4").reshape(-1, 3))

@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 import pytest
 
-from irrsplat.cache import RecordCache
+from irrsplat.records.record_cache import RecordCache
 from tests.worlds import sites
 
 

@@ -6,10 +6,10 @@ import moderngl
 import numpy as np
 
 import irrsplat
-from irrsplat.buffers import Sites
-from irrsplat.exact import smooth
-from irrsplat.output import Frame
-from irrsplat.paper import Seen, read_back
+from irrsplat.core.buffers import Sites
+from irrsplat.image.frame import Frame
+from irrsplat.indirect.paper_scan import Seen, read_back
+from irrsplat.reference.fine_gather import smooth
 from tests.test_gradient_scenes import LUMINANCE, Gatherer
 
 SIZE = 200  # pixels

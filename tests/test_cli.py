@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from irrsplat.app import cli, parser
-from irrsplat.errors import GLError
+from irrsplat.app import cli
+from irrsplat.app import flags as parser
+from irrsplat.core.errors import GLError
 from irrsplat.gpu import context
 from irrsplat.settings import SETTINGS
 

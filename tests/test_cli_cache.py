@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from irrsplat import store
-from irrsplat.app import cli, memory, viewer
-from irrsplat.app.window import open_window
+from irrsplat.app import cli
+from irrsplat.app.viewer import preferences, viewer
+from irrsplat.app.viewer.window import open_window
+from irrsplat.records import cache_file
 from irrsplat.renderer import Renderer
-from irrsplat.surface import SurfaceCache
+from irrsplat.surface_cache.cache import SurfaceCache
 from tests.viewing import write_room
 
 FAST = ["--size", "40", "30", "--gather-size", "8", "--shadow-size", "64"]
@@ -238,9 +239,9 @@ def test_settings_of_the_window_are_those_of_its_file(place: Path, window: Any) 
 
     window(change)
     assert cli.main(VIEW) == 0
-    remembered, _ = memory.load()
+    remembered, _ = preferences.load()
     assert remembered.values["gather_size"] == 12
     window(settle)
     assert cli.main(["view", "room.scene", "--cache", "room.cache"]) == 0
-    about, state = store._read(place / "room.cache")
+    about, state = cache_file._read(place / "room.cache")
     assert about["key"]["settings"]["gather_size"] == 12 and len(state["name"]) > 0

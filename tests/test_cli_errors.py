@@ -10,7 +10,7 @@ import pytest
 
 import irrsplat
 from irrsplat.app import cli
-from irrsplat.errors import GLError, InputError
+from irrsplat.core.errors import GLError, InputError
 from irrsplat.gpu import context
 
 RENDER = ["render", "plain.scene", "-o", "a.png"]

@@ -13,8 +13,8 @@ import pytest
 
 import irrsplat
 from irrsplat.app import cli
-from irrsplat.output import Frame, check_writable, numbered
-from irrsplat.scene.path import load_path
+from irrsplat.image.frame import Frame, check_writable, numbered
+from irrsplat.scene.camera_path import load_path
 
 SMALL = ["--size", "2", "2"]
 FLIGHT = ["render", "plain.scene", *SMALL, "--path", "a.path"]

@@ -6,10 +6,10 @@ import moderngl
 import numpy as np
 import pytest
 
-from irrsplat import display
-from irrsplat.buffers import GBuffer, SplatBuffer
+from irrsplat.core.buffers import GBuffer, SplatBuffer
 from irrsplat.gpu.target import Target, table_texture
-from irrsplat.passes.composite import CompositePass
+from irrsplat.image import tonemap
+from irrsplat.image.composite import CompositePass
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
 from tests.worlds import assert_pictures, gbuffer_of, on_plane
@@ -120,7 +120,7 @@ def test_the_meter_is_numpys(ctx: moderngl.Context, size: tuple[int, int]) -> No
     image[rng.random(image.shape[:2]) < 0.2] = 0.0
     image[0, 0] = 0.5
     found = CompositePass(ctx, size).exposure(texture(ctx, image))
-    assert found == pytest.approx(display.exposure_of(image.astype("f4")), abs=1e-4)
+    assert found == pytest.approx(tonemap.exposure_of(image.astype("f4")), abs=1e-4)
     assert CompositePass(ctx, size).exposure(texture(ctx, 0.0 * image)) == 0.0
 
 
@@ -130,4 +130,4 @@ def test_the_screen_shows_what_the_file_holds(ctx: moderngl.Context, exposure: f
     image = np.concatenate([np.zeros((1, 64, 3)), 10.0 ** np.random.default_rng(0).uniform(-5, 4, (63, 64, 3))])
     target = Target(ctx, (64, 64), (4,))
     CompositePass(ctx, (64, 64)).show(texture(ctx, image), exposure, target)
-    assert_pictures("display", target.read()[..., :3], display.tonemap(image, exposure), 1.0 / 255.0 / 2.0)
+    assert_pictures("display", target.read()[..., :3], tonemap.tonemap(image, exposure), 1.0 / 255.0 / 2.0)

@@ -7,7 +7,7 @@ from pathlib import Path
 import moderngl
 import pytest
 
-from irrsplat.errors import GLError
+from irrsplat.core.errors import GLError
 from irrsplat.gpu import context
 
 pytest_plugins = ["pytester"]

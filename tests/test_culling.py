@@ -9,11 +9,12 @@ import moderngl
 import numpy as np
 import pytest
 
-from irrsplat import Renderer, culling
-from irrsplat.cache import RecordCache
-from irrsplat.culling import reaching, within
-from irrsplat.passes.splat import TILE, SplatPass
-from irrsplat.scene.flat import flatten
+from irrsplat import Renderer
+from irrsplat.indirect.splat import TILE, SplatPass
+from irrsplat.records import culling
+from irrsplat.records.culling import reaching, within
+from irrsplat.records.record_cache import RecordCache
+from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import Settings, preset
 from tests.test_renderer import FAST, room

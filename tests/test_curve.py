@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from irrsplat.app import cli, curve, techniques
-from irrsplat.app.measure import Measured, in_flags
-from irrsplat.app.plot import Line, loglog, ticks
-from irrsplat.reference import process
+from irrsplat.app import cli
+from irrsplat.app.common.plot import Line, loglog, ticks
+from irrsplat.app.verify import ablation, error_curve
+from irrsplat.app.verify.measure import Measured, in_flags
+from irrsplat.reference import worker
 from irrsplat.settings import PRESETS, SETTINGS, preset
 from tests.test_verify import plain
 
@@ -47,7 +48,7 @@ def law(fake: Any, place: Path, monkeypatch: pytest.MonkeyPatch) -> SimpleNamesp
 
     monkeypatch.setenv("IRRSPLAT_CACHE", str(place / "cache"))
     monkeypatch.setattr(fake, "render", render)
-    monkeypatch.setattr(process, "trace", trace)
+    monkeypatch.setattr(worker, "trace", trace)
     return it
 
 
@@ -57,7 +58,7 @@ def law(fake: Any, place: Path, monkeypatch: pytest.MonkeyPatch) -> SimpleNamesp
 @pytest.mark.parametrize("name", PRESETS)
 def test_every_point_of_a_curve_is_legal_and_ordered(name: str) -> None:
     """From few records to many; what is given holds for all."""
-    settings = [preset(name, **values) for values in curve.points(name, {"seed": 7, "radius_max": 9.0})]
+    settings = [preset(name, **values) for values in error_curve.points(name, {"seed": 7, "radius_max": 9.0})]
     assert len(settings) >= 5
     assert all(s.seed == 7 and s.radius_max == 9.0 for s in settings)
     a = [s.a for s in settings]
@@ -67,17 +68,17 @@ def test_every_point_of_a_curve_is_legal_and_ordered(name: str) -> None:
 def test_what_goes_with_a() -> None:
     """Twice the reach: twice the limits of the radius and of contradiction, half the gather's resolution; once: the preset."""
     base = preset("default")
-    twice = preset("default", **curve.scaled("default", {}, 2.0))
-    for name in ("a", *curve.WITH_A):
+    twice = preset("default", **error_curve.scaled("default", {}, 2.0))
+    for name in ("a", *error_curve.WITH_A):
         assert getattr(twice, name) == 2.0 * getattr(base, name)
     assert twice.gather_size == base.gather_size / 2
-    assert preset("default", **curve.scaled("default", {}, 1.0)) == base
-    assert preset("default", **curve.scaled("default", {}, 1e-3)).gather_size == SETTINGS["gather_size"].high
-    assert preset("default", **curve.scaled("default", {"radius_max": 0.0}, 2.0)).radius_max == 0.0
-    assert base.a in curve.A, "the preset itself is a point of its curve"
+    assert preset("default", **error_curve.scaled("default", {}, 1.0)) == base
+    assert preset("default", **error_curve.scaled("default", {}, 1e-3)).gather_size == SETTINGS["gather_size"].high
+    assert preset("default", **error_curve.scaled("default", {"radius_max": 0.0}, 2.0)).radius_max == 0.0
+    assert base.a in error_curve.A, "the preset itself is a point of its curve"
 
 
-@pytest.mark.parametrize(("words", "values"), techniques.TECHNIQUES)
+@pytest.mark.parametrize(("words", "values"), ablation.TECHNIQUES)
 def test_every_technique_changes_something(words: str, values: dict[str, Any]) -> None:
     assert preset("default", **values) != preset("default")
 
@@ -88,12 +89,12 @@ def test_every_technique_changes_something(words: str, values: dict[str, Any]) -
 def test_slope_and_interpolation_of_a_power_law() -> None:
     """rmse = 7·records^-0.6 has the slope -0.6, and lies on its own line between its points; off its ends nothing is known."""
     found = [point(n, 7.0 * n**-0.6) for n in (250, 4000, 1000)]
-    assert curve.slope(found) == pytest.approx(-0.6)
-    assert curve.at(found, 600) == pytest.approx(7.0 * 600**-0.6)
-    assert curve.at(found, 4000) == pytest.approx(7.0 * 4000**-0.6)
-    assert curve.at(found, 200) is None and curve.at(found, 4100) is None
-    assert curve.slope([point(9, 0.1)]) is None and curve.slope([point(9, 0.1), point(9, 0.2)]) is None
-    assert curve.slope([point(9, None), point(0, 0.2)]) is None and curve.at([], 5) is None
+    assert error_curve.slope(found) == pytest.approx(-0.6)
+    assert error_curve.at(found, 600) == pytest.approx(7.0 * 600**-0.6)
+    assert error_curve.at(found, 4000) == pytest.approx(7.0 * 4000**-0.6)
+    assert error_curve.at(found, 200) is None and error_curve.at(found, 4100) is None
+    assert error_curve.slope([point(9, 0.1)]) is None and error_curve.slope([point(9, 0.1), point(9, 0.2)]) is None
+    assert error_curve.slope([point(9, None), point(0, 0.2)]) is None and error_curve.at([], 5) is None
 
 
 @pytest.mark.parametrize("power", [1.6, 2.0, 0.7])
@@ -105,13 +106,13 @@ def test_the_paper_s_a_for_as_many_records(power: float) -> None:
         tried.append(values["a"])
         return point(round(200.0 * values["a"] ** -power), 0.2)
 
-    found = techniques.paper(render, 1200, {"bounces": 1, "a": 0.7, "gather_size": 8})
-    assert abs(found.records / 1200 - 1.0) <= techniques.NEAR and len(tried) <= techniques.TRIES
+    found = ablation.paper(render, 1200, {"bounces": 1, "a": 0.7, "gather_size": 8})
+    assert abs(found.records / 1200 - 1.0) <= ablation.NEAR and len(tried) <= ablation.TRIES
 
 
 def test_the_nearest_one_is_kept_where_no_a_gives_as_many() -> None:
     """A warm-up alone may make more records than are wanted."""
-    found = techniques.paper(lambda name, values: point(900 + round(1.0 / values["a"]), 0.2), 400, {})
+    found = ablation.paper(lambda name, values: point(900 + round(1.0 / values["a"]), 0.2), 400, {})
     assert found.records < 904
 
 
@@ -119,7 +120,7 @@ def test_ratios_are_those_at_equal_records() -> None:
     """On a curve of 1/records, a row of twice the records and the same error is off by twice as much as it need be."""
     line = [point(500, 0.2), point(1000, 0.1), point(2000, 0.05)]
     found = {"all": line[1], "less": point(2000, 0.1), "beyond": point(9000, 0.1), "dark": point(700, None)}
-    cells = techniques.rows(list(found.items()), line)
+    cells = ablation.rows(list(found.items()), line)
     assert [row[-1] for row in cells] == ["at equal records", "1.00 x", "2.00 x", "", ""]
     assert cells[2][:5] == ("less", "2,000", "10.00 %", "+1.00 %", "2.00 %") and cells[4][2] == "no light"
 
@@ -141,23 +142,23 @@ def test_the_curve(law: SimpleNamespace, capsys: pytest.CaptureFixture[str]) -> 
     slopes = [float(x) for x in re.findall(r"to the power of (\S+)", out)]
     assert slopes == pytest.approx([-1.0, -1.0], abs=0.03)
     rows = re.findall(r"^ +([\d.]+) +(\d+) +([\d,]+) +([\d.]+) %", out, re.M)
-    assert [float(row[0]) for row in rows] == [*curve.A, *(values["a"] for values in curve.PAPER)]
-    assert [name for name, _ in law.calls] == ["default"] * len(curve.A) + ["paper"] * len(curve.PAPER)
+    assert [float(row[0]) for row in rows] == [*error_curve.A, *(values["a"] for values in error_curve.PAPER)]
+    assert [name for name, _ in law.calls] == ["default"] * len(error_curve.A) + ["paper"] * len(error_curve.PAPER)
     assert all(settings.seed == 3 and settings.bounces == 1 for _, settings in law.calls)
     picture = np.asarray(Image.open("curve.png"))
-    for colour in curve._COLOURS:
+    for colour in error_curve._COLOURS:
         assert (np.abs(picture.astype(int) - colour).max(-1) < 8).sum() > 200
 
 
 def test_the_table_of_techniques(law: SimpleNamespace, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main([*PLAIN, "--techniques"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    names = ["everything on", *(name for name, _ in techniques.TECHNIQUES), "preset paper, as many records"]
+    names = ["everything on", *(name for name, _ in ablation.TECHNIQUES), "preset paper, as many records"]
     assert len(lines) == 2 + len(names) and all(line.startswith(name) for line, name in zip(lines[2:], names, strict=True))
     assert [line.split()[-2] for line in lines[2:]] == ["1.00"] * len(names), "here the error depends on the records alone"
     whole, paper = (int(re.search(r" ([\d,]+) +[\d.]+ %", line)[1].replace(",", "")) for line in (lines[2], lines[-1]))  # type: ignore[index]
     assert whole == round(300.0 / preset("default").a ** 2)
-    assert abs(paper / whole - 1.0) <= techniques.NEAR
+    assert abs(paper / whole - 1.0) <= ablation.NEAR
 
 
 def test_they_end_when_interrupted(law: SimpleNamespace, fake: Any, monkeypatch: pytest.MonkeyPatch, place: Path) -> None:
@@ -179,8 +180,8 @@ def test_the_curve_of_a_real_scene(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["verify", "cornell", "--curve", *QUICK]) == 0
     out, _ = capsys.readouterr()
     found = [(int(n.replace(",", "")), float(e)) for n, e in re.findall(r"^ +[\d.]+ +\d+ +([\d,]+) +([\d.]+) %", out, re.M)]
-    ours, paper = found[: len(curve.A)], found[len(curve.A) :]
-    assert len(paper) == len(curve.PAPER)
+    ours, paper = found[: len(error_curve.A)], found[len(error_curve.A) :]
+    assert len(paper) == len(error_curve.PAPER)
     assert ours[-1][0] > 3 * ours[0][0] and ours[-1][1] < 0.5 * ours[0][1]
 
 
@@ -240,7 +241,7 @@ def test_plots_of_little() -> None:
 def test_the_page_has_every_technique_and_its_picture() -> None:
     page = Path(__file__).resolve().parent.parent / "docs/techniques.md"
     text = page.read_text(encoding="utf-8")
-    for words in ("everything on", *(words for words, _ in techniques.TECHNIQUES), "preset paper, as many records"):
+    for words in ("everything on", *(words for words, _ in ablation.TECHNIQUES), "preset paper, as many records"):
         assert text.count(f"| {words} |") == 2, f"{words}: run python docs/techniques.py"
-    assert all(text.count(f"| {a:.3g} |") for a in curve.A)
+    assert all(text.count(f"| {a:.3g} |") for a in error_curve.A)
     assert (page.parent / "images/curve.png").stat().st_size <= 200_000

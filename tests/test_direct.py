@@ -10,11 +10,11 @@ import pytest
 
 import irrsplat
 from irrsplat.gpu.geometry import Geometry
-from irrsplat.lights import light_defines
-from irrsplat.passes.direct import DirectPass
-from irrsplat.passes.gbuffer import GBufferPass
-from irrsplat.passes.shadow import ShadowPass
-from irrsplat.scene.flat import flatten
+from irrsplat.image.gbuffer import GBufferPass
+from irrsplat.lighting.direct import DirectPass
+from irrsplat.lighting.light_table import light_defines
+from irrsplat.lighting.shadow_maps import ShadowPass
+from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Camera, Light, Scene
 from tests.test_analytic import LIGHTS, irradiance, rim_distance
 from tests.worlds import ABOVE, assert_pictures, box, floor, lamp, material, on_plane, quad, scene, sphere

@@ -11,11 +11,11 @@ import pytest
 
 import irrsplat
 from irrsplat import Renderer
-from irrsplat.app.session import Session
-from irrsplat.buffers import CHANNELS
-from irrsplat.cache import RecordCache
-from irrsplat.culling import reaching
-from irrsplat.eviction import kept
+from irrsplat.app.viewer.session import Session
+from irrsplat.core.buffers import CHANNELS
+from irrsplat.records.culling import reaching
+from irrsplat.records.eviction import kept
+from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
 from tests.test_cache import made_up, texels

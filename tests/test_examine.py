@@ -6,9 +6,9 @@ import moderngl
 import numpy as np
 import pytest
 
-from irrsplat.buffers import NOTHING_SEEN, SplatBuffer
+from irrsplat.core.buffers import NOTHING_SEEN, SplatBuffer
 from irrsplat.gpu.target import float_texture
-from irrsplat.passes.examine import Examination, ExaminePass, choose, octahedral_decode
+from irrsplat.indirect.examine import Examination, ExaminePass, choose, octahedral_decode
 from irrsplat.settings import Settings
 from tests.worlds import encode, gbuffer_of
 

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat import cutaway, figure
-from irrsplat.display import tonemap
-from irrsplat.output import Frame
+from irrsplat.image.figures import cutaway, figure1
+from irrsplat.image.frame import Frame
+from irrsplat.image.tonemap import tonemap
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
 
@@ -33,17 +33,17 @@ def plain(frame: Frame) -> np.ndarray:
 @pytest.mark.parametrize("name", ["cornell", "furnace", "door"])
 def test_a_diagram_of_the_picture_s_size(name: str) -> None:
     frame, eye, settings = rendered(name)
-    drawn = figure.diagram(frame, eye, settings)
+    drawn = figure1.diagram(frame, eye, settings)
     assert drawn.shape == frame.image.shape and drawn.dtype == np.float32
     assert drawn.min() >= 0.0 and drawn.max() <= 1.0
     assert np.abs(drawn - plain(frame)).mean() > 0.05
-    assert np.array_equal(drawn, figure.diagram(frame, eye, settings)), "it is the same every time"
+    assert np.array_equal(drawn, figure1.diagram(frame, eye, settings)), "it is the same every time"
 
 
 @pytest.mark.parametrize("name", ["cornell", "furnace", "door"])
 def test_the_record_is_one_that_the_eye_sees(name: str) -> None:
     frame, eye, settings = rendered(name)
-    record = figure.pick(frame, eye, settings)
+    record = figure1.pick(frame, eye, settings)
     assert record is not None
     assert (record.position == frame.records_position).all(axis=1).any()
     nearest = np.linalg.norm(frame.position - record.position, axis=-1).min()
@@ -51,11 +51,11 @@ def test_the_record_is_one_that_the_eye_sees(name: str) -> None:
 
 
 def test_the_radius_is_the_shader_s() -> None:
-    """shaders/splat.vert: r = a·R, at least and at most so many percent of the image height at distance d."""
+    """shaders/indirect/splat.vert: r = a·R, at least and at most so many percent of the image height at distance d."""
     frame, eye, settings = rendered("cornell")
     for low, high in ((0.0, 0.0), (0.0, 5.0), (20.0, 0.0)):
         limits = replace(settings, radius_min=low, radius_max=high)
-        record = figure.pick(frame, eye, limits)
+        record = figure1.pick(frame, eye, limits)
         assert record is not None
         percent = 0.02 * np.tan(np.radians(eye.fov) / 2.0) * record.d
         r = max(settings.a * record.radius, low * percent)
@@ -66,7 +66,7 @@ def test_the_quad_bounds_the_silhouette_and_touches_it() -> None:
     """The lines of sight that touch the sphere make a cone of half angle α, sin α = r/d, around the eye vector; in the plane
     through p_k that faces the eye they form a circle of radius d·tan α. The quad's sides must touch that circle."""
     frame, eye, settings = rendered("cornell")
-    record = figure.pick(frame, eye, settings)
+    record = figure1.pick(frame, eye, settings)
     assert record is not None
     circle = record.d * np.tan(np.arcsin(record.r / record.d))
     axis = (record.eye - record.position) / record.d
@@ -81,20 +81,20 @@ def test_an_eye_inside_the_sphere() -> None:
     frame, eye, settings = rendered("furnace")
     huge = replace(settings, a=2.0, radius_max=0.0)
     frame = replace(frame, records_radius=np.full_like(frame.records_radius, 10.0))
-    record = figure.pick(frame, eye, huge)
+    record = figure1.pick(frame, eye, huge)
     assert record is not None and record.inside
-    assert "whole screen" in " ".join(words for _, words in figure._legend(record, huge))
-    assert np.abs(figure.diagram(frame, eye, huge) - plain(frame)).mean() > 0.05
+    assert "whole screen" in " ".join(words for _, words in figure1._legend(record, huge))
+    assert np.abs(figure1.diagram(frame, eye, huge) - plain(frame)).mean() > 0.05
 
 
 def test_the_plain_picture_where_there_is_nothing_to_show() -> None:
     frame, eye, settings = rendered("cornell")
     none = {f"records_{name}": getattr(frame, f"records_{name}")[:0] for name in ("position", "normal", "irradiance", "radius")}
-    assert np.array_equal(figure.diagram(replace(frame, **none), eye, settings), plain(frame))
+    assert np.array_equal(figure1.diagram(replace(frame, **none), eye, settings), plain(frame))
     sky = replace(frame, depth=np.full_like(frame.depth, np.inf))
-    assert np.array_equal(figure.diagram(sky, eye, settings), plain(frame))
+    assert np.array_equal(figure1.diagram(sky, eye, settings), plain(frame))
     away = replace(eye, target=tuple(2.0 * np.array(eye.eye) - eye.target))
-    assert np.array_equal(figure.diagram(frame, away, settings), plain(frame)), "every record is behind the eye"
+    assert np.array_equal(figure1.diagram(frame, away, settings), plain(frame)), "every record is behind the eye"
 
 
 @pytest.mark.parametrize(

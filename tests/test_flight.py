@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from irrsplat.app.flight import FAR, NEAR, STALL, Flight
-from irrsplat.errors import InputError
+from irrsplat.app.viewer.input.free_camera import FAR, NEAR, STALL, Flight
+from irrsplat.core.errors import InputError
 from irrsplat.scene import bundled, load
 from irrsplat.scene.model import Camera
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat.app import flythrough
-from irrsplat.app.cases import turned
+from irrsplat.app.bench import fly_through
+from irrsplat.app.bench.cases import turned
+from irrsplat.scene.camera_path import load_path
 from irrsplat.scene.model import Camera
-from irrsplat.scene.path import load_path
 from tests.test_live import ticks
 from tests.test_renderer import FAST, SIZE, room
 from tests.truth import SIZE as FULL
@@ -36,7 +36,7 @@ def test_a_loop_costs_no_accuracy(name: str) -> None:
     scene, reference = irrsplat.load(name), load_reference(name)
     first = scene.camera()
     if name == "cornell":
-        path = load_path(flythrough.File(scene.path).parent / "flight.path", first.fov)
+        path = load_path(fly_through.File(scene.path).parent / "flight.path", first.fov)
         cameras = [path.camera(t) for t in np.linspace(0, path.frames - 1, 8)]
     else:
         cameras = [turned(first, degrees) for degrees in (8, 20, -10, -20)]
@@ -48,8 +48,8 @@ def test_a_loop_costs_no_accuracy(name: str) -> None:
 
 
 def test_the_route_is_the_scene_s_own_or_made_for_it() -> None:
-    own, made = flythrough.route(irrsplat.load("cornell")), flythrough.route(irrsplat.load("door"))
-    assert own.frames == 90 and made.frames == flythrough.FRAMES
+    own, made = fly_through.route(irrsplat.load("cornell")), fly_through.route(irrsplat.load("door"))
+    assert own.frames == 90 and made.frames == fly_through.FRAMES
     camera = irrsplat.load("door").camera()
     assert made.camera(0) == made.camera(made.frames - 1)
     assert np.allclose(made.camera(0).eye, camera.eye) and np.allclose(made.camera(0).axes, camera.axes, atol=1e-6)
@@ -57,7 +57,7 @@ def test_the_route_is_the_scene_s_own_or_made_for_it() -> None:
 
 def test_the_flight_fills_the_cache_and_finds_it_full() -> None:
     """Every frame is timed; what the first flight leaves out is gathered before the second, which adds next to nothing."""
-    filling, warm = flythrough.fly(irrsplat.load("cornell"), (48, 36), frames=12)
+    filling, warm = fly_through.fly(irrsplat.load("cornell"), (48, 36), frames=12)
     assert (filling.case, warm.case) == ("filling", "warm")
     assert filling.new > 0 and warm.new <= 0.01 * warm.records and warm.records >= filling.records == filling.new
     for flown in (filling, warm):

@@ -8,9 +8,9 @@ import pytest
 
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.target import Target
-from irrsplat.passes.examine import octahedral_decode
-from irrsplat.passes.gbuffer import GBufferPass
-from irrsplat.scene.flat import flatten
+from irrsplat.image.gbuffer import GBufferPass
+from irrsplat.indirect.examine import octahedral_decode
+from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Camera, Scene
 from tests.worlds import box, floor, material, on_plane, quad, rays, scene, sphere
 

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat.buffers import Sites
-from irrsplat.cache import RecordCache
-from irrsplat.choice import gather_pass
+from irrsplat.core.buffers import Sites
+from irrsplat.gather.autotune import gather_pass
+from irrsplat.gather.reduce import ReducePass
+from irrsplat.gather.trace import TracePass, Tree
 from irrsplat.gpu.geometry import Geometry
-from irrsplat.paper import read_back
-from irrsplat.passes.reduce import ReducePass
-from irrsplat.passes.shadow import ShadowPass
-from irrsplat.passes.trace import TracePass, Tree
-from irrsplat.scene.flat import flatten
+from irrsplat.indirect.paper_scan import read_back
+from irrsplat.lighting.shadow_maps import ShadowPass
+from irrsplat.records.record_cache import RecordCache
+from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
 

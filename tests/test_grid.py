@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from irrsplat import grid
+from irrsplat.records import point_grid
 
 RNG = np.random.default_rng(0)
 CLOUDS = {
@@ -20,7 +20,7 @@ CLOUDS = {
 @pytest.mark.parametrize("name", CLOUDS)
 def test_the_cells_of_a_box_hold_what_lies_in_it(name: str) -> None:
     points = CLOUDS[name].astype("f4")
-    made = grid.build(points)
+    made = point_grid.build(points)
     assert np.array_equal(np.sort(made.order), np.arange(len(points)))
     assert made.starts[0] == 0 and made.starts[-1] == len(points) and (np.diff(made.starts) >= 0).all()
     cell = np.repeat(np.arange(made.cells**3), np.diff(made.starts))
@@ -36,5 +36,5 @@ def test_the_cells_of_a_box_hold_what_lies_in_it(name: str) -> None:
 
 def test_cells_follow_the_points() -> None:
     """Nine in ten lie within a few metres, the rest within kilometres: no cell holds more than one in forty."""
-    made = grid.build(CLOUDS["a house on a wide plain"].astype("f4"))
+    made = point_grid.build(CLOUDS["a house on a wide plain"].astype("f4"))
     assert made.cells > 8 and np.diff(made.starts).max() < 250

@@ -10,15 +10,18 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from irrsplat.app import cli, growth
+from irrsplat.app import cli
+from irrsplat.app.bench import scaling
 
-ROW = growth.Row(1008, (32, 32), 0.5, 0.25, 2.0, 3.0, 0.125, 1.5, 400, 300.0, 120.0, {"gather": 500.0}, "wall", {"renderer": "R"})
+ROW = scaling.Row(
+    1008, (32, 32), 0.5, 0.25, 2.0, 3.0, 0.125, 1.5, 400, 300.0, 120.0, {"gather": 500.0}, "wall", {"renderer": "R"}
+)
 
 
 def test_a_row_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
     """About as many triangles as asked for, and every time is one."""
-    monkeypatch.setattr(growth, "REPETITIONS", 1)
-    row = growth.measured(1000, 12)
+    monkeypatch.setattr(scaling, "REPETITIONS", 1)
+    row = scaling.measured(1000, 12)
     assert row.triangles == pytest.approx(1000, rel=0.1) and row.size == (12, 12) and row.pixels == 144
     assert min(row.load, row.build, row.surface, row.empty, row.moved, row.record) > 0.0
     assert row.records > 0 and row.stages["gather"] > 0.0
@@ -29,14 +32,14 @@ def test_a_row_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_series_tables_json_and_plot(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[tuple[int, int]] = []
 
-    def apart(triangles: int, side: int) -> growth.Row:
+    def apart(triangles: int, side: int) -> scaling.Row:
         asked.append((triangles, side))
         return replace(ROW, triangles=triangles, size=(side, side), record=1.5 if triangles < 10**6 else 3.0)
 
-    monkeypatch.setattr(growth, "_apart", apart)
+    monkeypatch.setattr(scaling, "_apart", apart)
     files = ["--json", str(tmp_path / "g.json"), "-o", str(tmp_path / "g.png")]
     assert cli.main(["bench", "--growth", *files]) == 0
-    assert asked == [(n, 400) for n in growth.TRIANGLES] + [(growth.OWN, n) for n in growth.SIDES]
+    assert asked == [(n, 400) for n in scaling.TRIANGLES] + [(scaling.OWN, n) for n in scaling.SIDES]
     out = capsys.readouterr().out
     assert "a record costs 2.0 times as much with 1,000,000 triangles as with 10,000" in out
     (cells,) = [line.split() for line in out.splitlines() if line.split()[:2] == ["6,360", "3200x3200"]]
@@ -52,7 +55,7 @@ def test_series_tables_json_and_plot(tmp_path: Path, capsys: pytest.CaptureFixtu
 
     asked.clear()
     assert cli.main(["bench", "--growth", "--quick"]) == 0
-    assert len(asked) == sum(map(len, growth.QUICK)) and max(asked) < (10**4, 100)
+    assert len(asked) == sum(map(len, scaling.QUICK)) and max(asked) < (10**4, 100)
 
 
 def test_what_does_not_go_together(capsys: pytest.CaptureFixture[str]) -> None:
@@ -66,7 +69,7 @@ def test_what_does_not_go_together(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_a_row_that_fails_says_why(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(growth, "QUICK", ((1000,), (0,)))
+    monkeypatch.setattr(scaling, "QUICK", ((1000,), (0,)))
     assert cli.main(["bench", "--growth", "--quick"]) == 1
     err = capsys.readouterr().err
     assert err.count("\n") == 1 and "1000 triangles at 0x0" in err

@@ -14,8 +14,8 @@ from imgui_bundle import imgui
 from moderngl_window.context.glfw.keys import Keys as KEYS
 from moderngl_window.context.headless.keys import Keys as HEADLESS_KEYS
 
-from irrsplat.app import gui as module
-from irrsplat.app.gui import Gui
+from irrsplat.app.viewer.ui import imgui_backend as module
+from irrsplat.app.viewer.ui.imgui_backend import Gui
 
 SIZE = (240, 160)
 BARE = imgui.WindowFlags_.no_decoration | imgui.WindowFlags_.no_saved_settings

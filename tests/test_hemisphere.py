@@ -7,7 +7,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from irrsplat.hemisphere import PLANE_FIELD, edge_table, frames, hemisphere_table
+from irrsplat.gather.hemicube import PLANE_FIELD, edge_table, frames, hemisphere_table
 
 KINDS = ("raster", "plane")
 

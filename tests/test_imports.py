@@ -19,23 +19,44 @@ FLOORS = (
     ("irrsplat.__main__",),
     ("irrsplat.app",),
     ("irrsplat",),  # the package's own front door, which hands out what lies below
-    ("irrsplat.headless",),
     ("irrsplat.renderer",),
-    ("irrsplat.store",),
-    ("irrsplat.placement", "irrsplat.splatting", "irrsplat.limits", "irrsplat.accumulate"),
-    ("irrsplat.surface", "irrsplat.choice", "irrsplat.renewal", "irrsplat.probes"),
+    ("irrsplat.renderer",),
+    ("irrsplat.records.cache_file",),
+    ("irrsplat.indirect.scheduler", "irrsplat.indirect.splat_buffer", "irrsplat.lighting.gl_limits", "irrsplat.image.antialias"),
+    (
+        "irrsplat.surface_cache.cache",
+        "irrsplat.gather.autotune",
+        "irrsplat.records.refresh_order",
+        "irrsplat.indirect.change_probe",
+    ),
     ("irrsplat.reference",),
-    ("irrsplat.exact",),
-    ("irrsplat.paper", "irrsplat.figure", "irrsplat.eviction", "irrsplat.adaptation"),
-    ("irrsplat.cutaway", "irrsplat.view", "irrsplat.culling"),
-    ("irrsplat.passes", "irrsplat.output"),
-    ("irrsplat.cache", "irrsplat.lights", "irrsplat.reach", "irrsplat.lookup", "irrsplat.budget"),
+    ("irrsplat.reference.fine_gather",),
+    (
+        "irrsplat.indirect.paper_scan",
+        "irrsplat.image.figures.figure1",
+        "irrsplat.records.eviction",
+        "irrsplat.records.adaptive_radius",
+    ),
+    ("irrsplat.image.figures.cutaway", "irrsplat.image.view", "irrsplat.records.culling"),
+    ("irrsplat.passes", "irrsplat.image.frame"),
+    (
+        "irrsplat.records.record_cache",
+        "irrsplat.lighting.light_table",
+        "irrsplat.records.weight",
+        "irrsplat.surface_cache.lookup_table",
+        "irrsplat.gpu.time_budget",
+    ),
     ("irrsplat.scene", "irrsplat.gpu"),
-    ("irrsplat.display", "irrsplat.pen", "irrsplat.grid", "irrsplat.meshlets"),
-    ("irrsplat.hemisphere", "irrsplat.strata", "irrsplat.vantage", "irrsplat.transport"),
-    ("irrsplat.buffers",),
+    ("irrsplat.image.tonemap", "irrsplat.image.figures.pen", "irrsplat.records.point_grid", "irrsplat.scene.meshlets"),
+    (
+        "irrsplat.gather.hemicube",
+        "irrsplat.gather.stratified",
+        "irrsplat.gather.record_frame",
+        "irrsplat.surface_cache.transport",
+    ),
+    ("irrsplat.core.buffers",),
     ("irrsplat.settings",),
-    ("irrsplat.errors", "irrsplat.resources", "irrsplat.scenes"),
+    ("irrsplat.core.errors", "irrsplat.core.paths", "irrsplat.scenes"),
 )
 OPENGL = ("moderngl", "glcontext", "OpenGL")
 WINDOWS = ("imgui_bundle", "imgui", "moderngl_window", "glfw", "pyglet")
@@ -98,7 +119,13 @@ def test_a_pass_never_imports_a_pass(name: str) -> None:
 @pytest.mark.parametrize("name", MODULES)
 def test_who_may_know_opengl_and_windows(name: str) -> None:
     roots = {imported.split(".")[0] for imported in imports(name, MODULES[name])}
-    if room(name) in ("irrsplat.scene", "irrsplat.output", "irrsplat.settings", "irrsplat.buffers", "irrsplat.display"):
+    if room(name) in (
+        "irrsplat.scene",
+        "irrsplat.image.frame",
+        "irrsplat.settings",
+        "irrsplat.core.buffers",
+        "irrsplat.image.tonemap",
+    ):
         assert not roots & set(OPENGL)
     if room(name) != "irrsplat.app":
         assert not roots & set(WINDOWS)

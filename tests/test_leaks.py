@@ -12,9 +12,9 @@ import moderngl
 import numpy as np
 import pytest
 
-from irrsplat.buffers import Sites
+from irrsplat.core.buffers import Sites
+from irrsplat.gather.record_frame import eyes
 from irrsplat.scene.model import Camera, Scene
-from irrsplat.vantage import eyes
 from tests.leaky import (
     DRAPE_SIDE,
     LUMINANCE,

@@ -12,11 +12,12 @@ import moderngl
 import numpy as np
 import pytest
 
-from irrsplat import InputError, Renderer, resources
-from irrsplat.gpu import shaders
+from irrsplat import InputError, Renderer
+from irrsplat.core import paths
+from irrsplat.gpu import shader_source
+from irrsplat.image.view import Progress
 from irrsplat.scene.model import Camera, Light
 from irrsplat.settings import SETTINGS
-from irrsplat.view import Progress
 from tests.test_renderer import FAST, FRONT, SIZE, room
 from tests.worlds import lamp
 
@@ -250,8 +251,8 @@ def test_another_size_keeps_the_records(renderer: Renderer) -> None:
 def test_shaders_are_read_again(renderer: Renderer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A changed shader changes the picture; one that is wrong is told by file and line, and the last good one goes on."""
     copy = tmp_path / "shaders"
-    shutil.copytree(resources.folder("shaders"), copy)
-    monkeypatch.setattr(shaders, "folder", lambda name: copy)
+    shutil.copytree(paths.folder("shaders"), copy)
+    monkeypatch.setattr(shader_source, "folder", lambda name: copy)
     before = renderer.render().image
     file = copy / "composite.frag"
     good = file.read_text(encoding="utf-8")
@@ -259,11 +260,11 @@ def test_shaders_are_read_again(renderer: Renderer, tmp_path: Path, monkeypatch:
     renderer.reload()
     assert np.allclose(renderer.render().image, 2.0 * before, rtol=0.01)
     file.write_text(good.replace("out_image = vec4(", "out_image = wrong + vec4("), encoding="utf-8")
-    with pytest.raises(shaders.ShaderError, match=r"composite\.frag:\d+: .*wrong"):
+    with pytest.raises(shader_source.ShaderError, match=r"composite\.frag:\d+: .*wrong"):
         renderer.reload()
     assert np.allclose(renderer.render().image, 2.0 * before, rtol=0.01)
     file.write_text(good.replace("uniform vec3 sky;", "uniform vec3 heaven;").replace(": sky", ": heaven"), encoding="utf-8")
-    with pytest.raises(shaders.ShaderError, match=r"heaven, sky"):
+    with pytest.raises(shader_source.ShaderError, match=r"heaven, sky"):
         renderer.reload()
     file.write_text(good, encoding="utf-8")
     renderer.reload()

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat.app.markers import Markers, radius_legend, radius_range
-from irrsplat.app.screen import clear
-from irrsplat.buffers import Records
-from irrsplat.cache import RecordCache
-from irrsplat.display import viridis
+from irrsplat.app.viewer.show.markers import Markers, radius_legend, radius_range
+from irrsplat.app.viewer.show.screen import clear
+from irrsplat.core.buffers import Records
 from irrsplat.gpu.target import Target, table_texture
+from irrsplat.image.tonemap import viridis
+from irrsplat.image.view import View, read
+from irrsplat.records.record_cache import RecordCache
 from irrsplat.renderer import Renderer
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import Settings
-from irrsplat.view import View, read
 from tests import worlds
 
 SIZE = (160, 120)

@@ -15,7 +15,7 @@ import numpy as np
 import platformdirs
 import pytest
 
-from irrsplat.app.memory import Memory, bookmarks, load, save, set_bookmarks
+from irrsplat.app.viewer.preferences import Memory, bookmarks, load, save, set_bookmarks
 from irrsplat.scene import Camera
 from irrsplat.scene import load as load_scene
 from irrsplat.settings import PRESETS, SETTINGS, preset

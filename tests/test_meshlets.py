@@ -6,17 +6,16 @@ import moderngl
 import numpy as np
 import pytest
 
-from irrsplat import meshlets
-from irrsplat.buffers import Atlas, ShadowMaps, Sites
+from irrsplat.core.buffers import Atlas, ShadowMaps, Sites
+from irrsplat.gather import raster
+from irrsplat.gather.hemicube import faces, frames
+from irrsplat.gather.raster import GatherPass
 from irrsplat.gpu.geometry import Geometry
-from irrsplat.hemisphere import faces, frames
-from irrsplat.lights import light_defines
-from irrsplat.meshlets import Meshlets, cut
-from irrsplat.passes import gather
-from irrsplat.passes.gather import GatherPass
-from irrsplat.passes.shadow import ShadowPass
-from irrsplat.scene import load
-from irrsplat.scene.flat import flatten
+from irrsplat.lighting.light_table import light_defines
+from irrsplat.lighting.shadow_maps import ShadowPass
+from irrsplat.scene import load, meshlets
+from irrsplat.scene.flatten import flatten
+from irrsplat.scene.meshlets import Meshlets, cut
 from irrsplat.scene.model import Scene
 
 RNG = np.random.default_rng(5)
@@ -102,7 +101,7 @@ class Look:
 def test_leaving_meshlets_out_changes_no_bit(ctx: moderngl.Context, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     look = Look(ctx, "door", kind)
     culled = look()
-    monkeypatch.setattr(gather, "_PAIRS", 700)  # some records at a time
+    monkeypatch.setattr(raster, "_PAIRS", 700)  # some records at a time
     in_parts = look()
     drawn: list[int] = []
 
@@ -123,7 +122,7 @@ def test_both_ways_of_drawing_agree(ctx: moderngl.Context, monkeypatch: pytest.M
     otherwise. Where two surfaces are equally far within the depth buffer's steps, either may be seen."""
     look = Look(ctx, "curved")
     many = look()
-    monkeypatch.setattr(gather, "FEW", 10**6)
+    monkeypatch.setattr(raster, "FEW", 10**6)
     few = look()
     assert look.gather.few is not None and look.gather.many is not None
     same = (many[1] == few[1]).all(-1)

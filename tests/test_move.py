@@ -12,11 +12,11 @@ import pytest
 
 import irrsplat
 from irrsplat import InputError, Renderer
-from irrsplat.budget import Budget
-from irrsplat.cache import RecordCache
 from irrsplat.gpu.target import pixels
-from irrsplat.probes import change, concerned
-from irrsplat.scene.build import is_closed
+from irrsplat.gpu.time_budget import Budget
+from irrsplat.indirect.change_probe import change, concerned
+from irrsplat.records.record_cache import RecordCache
+from irrsplat.scene.io.mesh_builder import is_closed
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.scene.motion import COVERED, covered, find, moved, ride, transformed, untouched
 from tests.test_live import ticks

@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 import pytest
 
-from irrsplat.gpu import numbered
+from irrsplat.gpu import texel_table
 from irrsplat.gpu.target import float_texture
 
 WIDTH, HEIGHT = 8, 6
@@ -21,9 +21,9 @@ def test_what_is_written_lies_where_it_belongs(ctx: moderngl.Context, components
     for first in range(WIDTH * HEIGHT):
         for last in range(first, WIDTH * HEIGHT + 1, 5):
             values = rng.random((last - first, components))
-            numbered.write(texture, first, values)
+            texel_table.write(texture, first, values)
             truth[first:last] = values
-            assert np.array_equal(numbered.read(ctx, texture, first, last), truth[first:last])
+            assert np.array_equal(texel_table.read(ctx, texture, first, last), truth[first:last])
         assert np.array_equal(np.frombuffer(texture.read(), "f4").reshape(truth.shape), truth)
     texture.release()
 
@@ -31,9 +31,9 @@ def test_what_is_written_lies_where_it_belongs(ctx: moderngl.Context, components
 def test_a_copy_fills_the_first_rows(ctx: moderngl.Context) -> None:
     small, large = float_texture(ctx, (WIDTH, 2)), float_texture(ctx, (WIDTH, HEIGHT))
     values = np.random.default_rng(1).normal(size=(WIDTH * 2, 4)).astype("f4") * 1e9
-    numbered.write(small, 0, values)
+    texel_table.write(small, 0, values)
     large.write(np.full((WIDTH * HEIGHT, 4), 7.0, "f4").tobytes())
-    numbered.copy(ctx, small, large)
+    texel_table.copy(ctx, small, large)
     found = np.frombuffer(large.read(), "f4").reshape(-1, 4)
     assert np.array_equal(found[: WIDTH * 2], values) and (found[WIDTH * 2 :] == 7.0).all()
     for texture in (small, large):

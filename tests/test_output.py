@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from irrsplat.buffers import CHANNELS, FILMIC
-from irrsplat.display import exposure_of, heat, show, srgb, tonemap
-from irrsplat.errors import InputError, IrrsplatError
-from irrsplat.output import BUFFERS, Frame, check_file, check_writable, write_text
+from irrsplat.core.buffers import CHANNELS, FILMIC
+from irrsplat.core.errors import InputError, IrrsplatError
+from irrsplat.image.frame import BUFFERS, Frame, check_file, check_writable, write_text
+from irrsplat.image.tonemap import exposure_of, heat, show, srgb, tonemap
 
 WIDTH, HEIGHT, RECORDS = 7, 5, 3
 FIGURES = {

@@ -10,17 +10,17 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat.app.legend import SHOWINGS, TRUTHS, depth_range, legend, shadow_range, weight_range
-from irrsplat.app.overlay import Overlay
-from irrsplat.app.screen import Screen, clear
-from irrsplat.buffers import CHANNELS, Atlas
-from irrsplat.display import exposure_of, show, tonemap, viridis
+from irrsplat.app.viewer.show.buffer_view import Overlay
+from irrsplat.app.viewer.show.legend import SHOWINGS, TRUTHS, depth_range, legend, shadow_range, weight_range
+from irrsplat.app.viewer.show.screen import Screen, clear
+from irrsplat.core.buffers import CHANNELS, Atlas
 from irrsplat.gpu import context
 from irrsplat.gpu.target import Target, pixels, table_texture
-from irrsplat.output import Frame
+from irrsplat.image.frame import Frame
+from irrsplat.image.tonemap import exposure_of, show, tonemap, viridis
+from irrsplat.image.view import View, read
 from irrsplat.renderer import Renderer
 from irrsplat.scene.model import Light, Scene
-from irrsplat.view import View, read
 from tests import worlds
 
 SIZE = (97, 61)

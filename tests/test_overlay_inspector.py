@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat.app import inspector
-from irrsplat.app.inspector import Inspector, Table
-from irrsplat.app.screen import Texels
-from irrsplat.display import tonemap
+from irrsplat.app.viewer.show import record_inspector
+from irrsplat.app.viewer.show.record_inspector import Inspector, Table
+from irrsplat.app.viewer.show.screen import Texels
 from irrsplat.gpu import context
+from irrsplat.image.tonemap import tonemap
+from irrsplat.image.view import View, read
 from irrsplat.renderer import Renderer
 from irrsplat.scene.model import Camera, Scene
-from irrsplat.view import View, read
 from tests import worlds
 
 SIZE = (97, 61)
@@ -32,7 +32,7 @@ def cornell() -> Iterator[tuple[Renderer, View, Table, irrsplat.Frame]]:
         renderer.frame()
         renderer.frame()
         view, _ = renderer.frame(gather=False)
-        made = renderer, view, inspector.read(renderer.cache.records), read(view, (0, 0, 0), renderer.cache.read(), {})
+        made = renderer, view, record_inspector.read(renderer.cache.records), read(view, (0, 0, 0), renderer.cache.read(), {})
     yield made
     with context.shared():
         renderer.release()
@@ -69,30 +69,30 @@ def test_the_record_that_weighs_most_is_picked(cornell: Cornell, ctx: moderngl.C
     served, lacking = (np.argwhere(np.isfinite(frame.depth) & m) for m in (frame.weight > 0.0, frame.weight == 0.0))
     for y, x in rng.permutation(served)[:40]:
         w = table.weights(frame.position[y, x], frame.normal[y, x], view.camera, settings)
-        number = inspector.pick(texel, table, view, settings, int(x), int(y))
+        number = record_inspector.pick(texel, table, view, settings, int(x), int(y))
         assert number == int(np.argmax(w))
         apart, axis = frame.position[y, x] - table.position[number], table.axis[number]
         along, across = table.reach(view.camera, settings)[number]
         aside = apart - (apart @ axis) * axis
         assert (apart @ axis / along) ** 2 + (aside @ aside) / across**2 <= 1.0, "and the pixel lies within its ellipse"
     for y, x in [*rng.permutation(lacking)[:10], *np.argwhere(~np.isfinite(frame.depth))[:3]]:
-        assert inspector.pick(texel, table, view, settings, int(x), int(y)) is None
+        assert record_inspector.pick(texel, table, view, settings, int(x), int(y)) is None
     assert (
-        inspector.pick(texel, table, view, settings, -1, 0) is None
-        and inspector.pick(texel, table, view, settings, 0, SIZE[1]) is None
+        record_inspector.pick(texel, table, view, settings, -1, 0) is None
+        and record_inspector.pick(texel, table, view, settings, 0, SIZE[1]) is None
     )
 
 
 def test_no_records_are_none_to_pick(ctx: moderngl.Context) -> None:
     with Renderer(worlds.scene(worlds.floor()), SIZE, ctx=ctx, bounces=0) as renderer:
         view, _ = renderer.frame()
-        table, texel = inspector.read(renderer.cache.records), Texels(ctx)
-        assert len(table) == 0 and inspector.pick(texel, table, view, renderer.settings, 48, 30) is None
+        table, texel = record_inspector.read(renderer.cache.records), Texels(ctx)
+        assert len(table) == 0 and record_inspector.pick(texel, table, view, renderer.settings, 48, 30) is None
 
 
 def test_what_is_said_of_a_record(cornell: Cornell, ctx: moderngl.Context) -> None:
     renderer, view, table, _ = cornell
-    said = dict(inspector.describe(17, table, view, renderer.settings))
+    said = dict(record_inspector.describe(17, table, view, renderer.settings))
     assert said["record"] == f"17 of {len(table)}"
     assert [float(v) for v in said["position"].split()[:3]] == pytest.approx(table.position[17], abs=1e-3)
     assert [float(v) for v in said["irradiance"].split()[:3]] == pytest.approx(table.irradiance[17], rel=0.01)
@@ -102,7 +102,7 @@ def test_what_is_said_of_a_record(cornell: Cornell, ctx: moderngl.Context) -> No
     along, across = table.reach(view.camera, renderer.settings)[17]
     assert said["a·R"].endswith(f"here {along:.3g} by {across:.3g} m") and along >= across > 0.0
     flat = renderer.settings.with_values({"gradients": False})
-    assert "|grad E|" not in dict(inspector.describe(17, table, view, flat))
+    assert "|grad E|" not in dict(record_inspector.describe(17, table, view, flat))
 
 
 # ---- the hemisphere ---------------------------------------------------------------------------------------------------

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat import Renderer, paper
-from irrsplat.buffers import Sites
-from irrsplat.cache import RecordCache
-from irrsplat.passes.splat import SplatPass
+from irrsplat import Renderer
+from irrsplat.core.buffers import Sites
+from irrsplat.indirect import paper_scan
+from irrsplat.indirect.splat import SplatPass
+from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings, preset
 from tests.test_hemisphere import share_of_plane
@@ -22,7 +23,7 @@ SIZE = (41, 33)
 CAMERA = Camera((0.2, 0.5, 3.0), (0.0, 0.0, 0.0), fov=50.0)
 
 
-def view(seed: int = 0) -> tuple[paper.Seen, np.ndarray]:
+def view(seed: int = 0) -> tuple[paper_scan.Seen, np.ndarray]:
     """A wavy surface with holes, as the algorithm reads it back, and its depth (0 in the holes)."""
     rng = np.random.default_rng(seed)
     d = rays(CAMERA, SIZE)
@@ -32,7 +33,7 @@ def view(seed: int = 0) -> tuple[paper.Seen, np.ndarray]:
     normal = (normal / np.linalg.norm(normal, axis=-1, keepdims=True)).astype("f4")
     position = (np.asarray(CAMERA.eye) + depth[..., None] * d).astype("f4")
     depth[rng.random(depth.shape) < 0.1] = 0.0
-    return paper.Seen(position, normal, normal, depth > 0.0), depth
+    return paper_scan.Seen(position, normal, normal, depth > 0.0), depth
 
 
 class Teller:
@@ -72,7 +73,7 @@ def test_weights_on_the_cpu_are_those_of_the_gpu(ctx: moderngl.Context, settings
 
     weight = np.zeros(depth.shape, "f4")
     for i in range(40):
-        paper.splat_weight(weight, seen, where[i : i + 1], float(R[i]), CAMERA, settings)
+        paper_scan.splat_weight(weight, seen, where[i : i + 1], float(R[i]), CAMERA, settings)
     cache, splats = RecordCache(ctx), SplatPass(ctx, SIZE, False)
     cache.append(where, np.concatenate([np.ones((40, 3), "f4"), R[:, None]], 1))
     gbuffer = gbuffer_of(ctx, seen.position, seen.normal, depth)
@@ -94,7 +95,7 @@ def test_traversal_goes_row_by_row() -> None:
     teller = Teller(lambda _: 1e-6)  # serves nobody but the pixel itself
     weight = np.where(np.random.default_rng(5).random(seen.mask.shape) < 0.7, 5.0, 0.0).astype("f4")
     before = weight.copy()
-    sites, values, missing = paper.traverse(seen, weight, teller, CAMERA, settings)  # type: ignore[arg-type]
+    sites, values, missing = paper_scan.traverse(seen, weight, teller, CAMERA, settings)  # type: ignore[arg-type]
     asks = seen.mask & (weight < settings.threshold)
     assert np.array_equal(sites.position, seen.position[asks]), "in numpy's own order, row by row"
     assert np.array_equal(np.array(teller.asked), sites.position) and values.shape == (asks.sum(), 4)
@@ -106,7 +107,7 @@ def test_a_record_serves_its_neighbours_at_once() -> None:
     """With one large radius the traversal is the greedy one: pixel by pixel in scan order against a plain loop."""
     seen, _ = view()
     settings = preset("paper", a=0.6)
-    sites, *_ = paper.traverse(seen, np.zeros(seen.mask.shape, "f4"), Teller(lambda _: 0.8), CAMERA, settings)  # type: ignore[arg-type]
+    sites, *_ = paper_scan.traverse(seen, np.zeros(seen.mask.shape, "f4"), Teller(lambda _: 0.8), CAMERA, settings)  # type: ignore[arg-type]
     weight, expected = np.zeros(seen.mask.shape), []
     for row, column in np.argwhere(seen.mask):
         if weight[row, column] >= settings.threshold:
@@ -123,12 +124,12 @@ def test_a_record_serves_its_neighbours_at_once() -> None:
 def test_warm_up_draws_that_many_pixels_once_each() -> None:
     seen, _ = view()
     for wanted in (1, 100, 10**5):
-        sites, values = paper.warm_up(seen, Teller(lambda n: n), preset("paper", warmup=wanted))  # type: ignore[arg-type]
+        sites, values = paper_scan.warm_up(seen, Teller(lambda n: n), preset("paper", warmup=wanted))  # type: ignore[arg-type]
         assert len(sites) == len(values) == min(wanted, seen.mask.sum())
         assert len(np.unique(sites.position, axis=0)) == len(sites)
         assert np.array_equal(values[:, 3], np.arange(1, len(sites) + 1)), "each with its own record's values"
     one, other, again = (
-        paper.warm_up(seen, Teller(lambda _: 1.0), preset("paper", warmup=50, seed=s))[0].position  # type: ignore[arg-type]
+        paper_scan.warm_up(seen, Teller(lambda _: 1.0), preset("paper", warmup=50, seed=s))[0].position  # type: ignore[arg-type]
         for s in (0, 1, 0)
     )
     assert np.array_equal(one, again) and not np.array_equal(one, other)
@@ -136,10 +137,10 @@ def test_warm_up_draws_that_many_pixels_once_each() -> None:
 
 def test_nothing_seen_is_no_record() -> None:
     seen, _ = view()
-    nothing = paper.Seen(seen.position, seen.normal, seen.geometric, np.zeros_like(seen.mask))
+    nothing = paper_scan.Seen(seen.position, seen.normal, seen.geometric, np.zeros_like(seen.mask))
     teller, settings = Teller(lambda _: 1.0), preset("paper")
-    assert len(paper.warm_up(nothing, teller, settings)[0]) == 0  # type: ignore[arg-type]
-    sites, values, missing = paper.traverse(nothing, np.zeros(seen.mask.shape, "f4"), teller, CAMERA, settings)  # type: ignore[arg-type]
+    assert len(paper_scan.warm_up(nothing, teller, settings)[0]) == 0  # type: ignore[arg-type]
+    sites, values, missing = paper_scan.traverse(nothing, np.zeros(seen.mask.shape, "f4"), teller, CAMERA, settings)  # type: ignore[arg-type]
     assert len(sites) == 0 and values.shape == (0, 4) and missing == 0.0 and not teller.asked
 
 
@@ -180,7 +181,7 @@ def test_the_radius_on_the_cpu_is_the_gpu_s() -> None:
         frame = renderer.render()
         count = len(frame.records_radius)
         with renderer.ctx:
-            seen = paper.Seen(frame.position, frame.normal, frame.normal, np.isfinite(frame.depth))
+            seen = paper_scan.Seen(frame.position, frame.normal, frame.normal, np.isfinite(frame.depth))
             assert seen.mask.all() and count >= 30
     with Renderer(world, (20, 20), "paper", placement="tiles", gather_size=16, shadow_size=64) as tiles:
         other = tiles.render()

@@ -10,9 +10,9 @@ from pathlib import Path as File
 import numpy as np
 import pytest
 
-from irrsplat.errors import InputError
+from irrsplat.core.errors import InputError
 from irrsplat.scene import Camera, load
-from irrsplat.scene.path import Path, camera_flags, camera_line, load_path, path_text
+from irrsplat.scene.camera_path import Path, camera_flags, camera_line, load_path, path_text
 
 FLIGHT = File(__file__).resolve().parent.parent / "scenes/cornell/flight.path"
 ORIGIN = (0.0, 0.0, 0.0)

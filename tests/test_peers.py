@@ -14,12 +14,13 @@ import pytest
 from PIL import Image
 
 import irrsplat
-from irrsplat import exact
-from irrsplat.app import cases, cli, entrants, gathered, peers, radiance
-from irrsplat.app.entrants import Entry, Point
-from irrsplat.app.plot import Line, loglog
-from irrsplat.errors import IrrsplatError
-from irrsplat.reference import process
+from irrsplat.app import cli
+from irrsplat.app.bench import cases, gather_truth
+from irrsplat.app.bench.peers import contestants, race, radiance
+from irrsplat.app.bench.peers.contestants import Entry, Point
+from irrsplat.app.common.plot import Line, loglog
+from irrsplat.core.errors import IrrsplatError
+from irrsplat.reference import fine_gather, worker
 from irrsplat.scene.model import Light, Scene
 
 here = pytest.mark.skipif(radiance.installed() is None, reason="the extra `peers` is not installed")
@@ -79,10 +80,10 @@ def test_what_radiance_has_no_words_for() -> None:
 
 def test_the_first_point_that_gets_there_counts() -> None:
     entry = Entry(points("a", (1.0, 0.2), (3.0, 0.04), (9.0, 0.01)), "")
-    assert peers.reached(entry) == (3.0, True)
-    assert peers.reached(entry, further=True) == (0.3, True)
-    assert peers.reached(Entry(points("a", (1.0, 0.2)), "")) is None
-    assert peers.reached(Entry(points("a", (1.0, 0.2)), "", anew=True)) == (pytest.approx(16.0), False), "a quarter: 16 times"
+    assert race.reached(entry) == (3.0, True)
+    assert race.reached(entry, further=True) == (0.3, True)
+    assert race.reached(Entry(points("a", (1.0, 0.2)), "")) is None
+    assert race.reached(Entry(points("a", (1.0, 0.2)), "", anew=True)) == (pytest.approx(16.0), False), "a quarter: 16 times"
 
 
 def test_the_verdict_is_a_ratio_to_ours() -> None:
@@ -93,13 +94,13 @@ def test_the_verdict_is_a_ratio_to_ours() -> None:
         Entry(points("noise", (1.0, 0.1)), "", anew=True),
         Entry((), "absent: not installed"),
     ]
-    first, second = peers.verdict(entries)
+    first, second = race.verdict(entries)
     assert "irrsplat 2.000 s; slow 30.00 s, 15.0 times as long; never does not get there (30.0% at best)" in first
     assert "noise by 1/√samples some 4.00 s, 2.0 times as long" in first and "absent" not in first
     assert "irrsplat 0.200 s; slow 3.00 s, 15.0 times as long" in second
-    told = list(peers.report("cornell", entries))
+    told = list(race.report("cornell", entries))
     assert "absent: not installed" in told and "slow: after 1 s" in told
-    assert peers.plot("cornell", entries).shape[2] == 3
+    assert race.plot("cornell", entries).shape[2] == 3
 
 
 @pytest.mark.parametrize(("y", "corner"), [((9.0, 1.0), "upper right"), ((1.0, 9.0), "lower right")])
@@ -149,9 +150,9 @@ def small(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Ours at two settings, everybody else briefly, and truths of the test's own."""
     monkeypatch.setenv("IRRSPLAT_CACHE", str(tmp_path / "cache"))
     monkeypatch.setattr(cases, "REPETITIONS", 1)
-    monkeypatch.setattr(exact, "SIDE", 64)
-    monkeypatch.setattr(gathered, "COUNT", 150)
-    monkeypatch.setattr(entrants.curve, "A", (0.6, 0.4))
+    monkeypatch.setattr(fine_gather, "SIDE", 64)
+    monkeypatch.setattr(gather_truth, "COUNT", 150)
+    monkeypatch.setattr(contestants.curve, "A", (0.6, 0.4))
     monkeypatch.setattr(radiance, "QUALITIES", ((0.2, 512, 128),))
 
 
@@ -163,7 +164,7 @@ def test_a_race_in_which_the_others_fall(
     def fall(*_: Any) -> None:
         raise IrrsplatError("the path tracer failed")
 
-    monkeypatch.setattr(process, "call", fall)
+    monkeypatch.setattr(worker, "call", fall)
     monkeypatch.setattr(radiance, "installed", lambda: tmp_path)
     plot, numbers = tmp_path / "plot.png", tmp_path / "peers.json"
     command = ["bench", "--peers", "cornell", "--size", "20", "20", "-o", str(plot), "--json", str(numbers)]
@@ -185,7 +186,7 @@ def test_radiance_agrees_with_the_gather(tmp_path: Path, small: None) -> None:
     chance. Its ambient file makes a second look cheap, and says the same."""
     scene = irrsplat.load("curved")
     with irrsplat.Renderer(scene, size=(24, 24), bounces=1) as renderer:
-        view = entrants.view(renderer, scene.camera())
+        view = contestants.view(renderer, scene.camera())
     it = radiance.Rtrace(scene, tmp_path, 1)
     direct, _ = it.irradiance(view.position, view.normal, 0)
     first, _ = it.irradiance(view.position, view.normal, 1, (0.1, 1024, 256))
@@ -203,12 +204,12 @@ def test_radiance_agrees_with_the_gather(tmp_path: Path, small: None) -> None:
 @pytest.mark.parametrize(("method", "enough"), [("path", 0.15), ("joined", 0.05)])
 def test_mitsuba_agrees_with_the_gather(small: None, method: str, enough: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """Both get to where they are wanted, by more and more samples: so neither is biased by as much."""
-    monkeypatch.setattr(entrants, "SECONDS", 1000.0)
-    monkeypatch.setattr(entrants, "ENOUGH", enough)
+    monkeypatch.setattr(contestants, "SECONDS", 1000.0)
+    monkeypatch.setattr(contestants, "ENOUGH", enough)
     scene = irrsplat.load("curved")
     with irrsplat.Renderer(scene, size=(24, 24), bounces=1) as renderer:
-        view = entrants.view(renderer, scene.camera())
-    found = entrants.mitsuba(scene, 1, (view, view), method, lambda words: None)
+        view = contestants.view(renderer, scene.camera())
+    found = contestants.mitsuba(scene, 1, (view, view), method, lambda words: None)
     off = [point.rmse for point in found.points]
     assert found.anew and min(off) <= enough < max(off) / 4.0
     assert len(found.points) > 3 and all(point.further == point.seconds for point in found.points)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from irrsplat import Frame, Renderer
-from irrsplat.buffers import CHANNELS
+from irrsplat.core.buffers import CHANNELS
 from irrsplat.gpu import context
 from irrsplat.scene.model import Camera
 from tests.test_renderer import FAST, FRONT, SIZE, rendered, room, unserved

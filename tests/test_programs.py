@@ -8,28 +8,29 @@ from typing import Any
 import moderngl
 import pytest
 
-from irrsplat import Renderer, resources
-from irrsplat.gpu import program, shaders
-from irrsplat.gpu.holder import Holder
+from irrsplat import Renderer
+from irrsplat.core import paths
+from irrsplat.gather.raster import Few, Many
+from irrsplat.gather.reduce import ReducePass
+from irrsplat.gather.trace import TracePass
+from irrsplat.gpu import program, shader_source
 from irrsplat.gpu.program import Program
+from irrsplat.gpu.resource import Holder
 from irrsplat.gpu.target import Target
-from irrsplat.lights import light_defines
-from irrsplat.passes.accumulate import AccumulatePass
-from irrsplat.passes.adapt import AdaptPass
-from irrsplat.passes.composite import CompositePass
-from irrsplat.passes.direct import DirectPass
-from irrsplat.passes.examine import ExaminePass
-from irrsplat.passes.gather import Few, Many
-from irrsplat.passes.gbuffer import GBufferPass
-from irrsplat.passes.rank import RankPass
-from irrsplat.passes.reduce import ReducePass
-from irrsplat.passes.shadow import ShadowPass
-from irrsplat.passes.sight import SightPass
-from irrsplat.passes.splat import SplatPass
-from irrsplat.passes.surface import SurfacePass
-from irrsplat.passes.trace import TracePass
-from irrsplat.passes.upsample import UpsamplePass
+from irrsplat.image.antialias import AccumulatePass
+from irrsplat.image.composite import CompositePass
+from irrsplat.image.gbuffer import GBufferPass
+from irrsplat.indirect.examine import ExaminePass
+from irrsplat.indirect.splat import SplatPass
+from irrsplat.indirect.upsample import UpsamplePass
+from irrsplat.lighting.direct import DirectPass
+from irrsplat.lighting.light_table import light_defines
+from irrsplat.lighting.shadow_maps import ShadowPass
+from irrsplat.records.adaptive_radius import AdaptPass
+from irrsplat.records.coverage_pass import RankPass
 from irrsplat.scene.model import Light
+from irrsplat.surface_cache.view import SurfacePass
+from irrsplat.surface_cache.visibility import SightPass
 from tests.test_analytic import LIGHTS
 from tests.test_renderer import FAST, SIZE, room
 from tests.worlds import floor, scene
@@ -85,7 +86,7 @@ def test_shaders_for_all_kinds_of_lights_compile(ctx: moderngl.Context, kind: st
 
 def test_all_other_shaders_of_the_core_compile(ctx: moderngl.Context) -> None:
     """Those of the viewer are all drawn with in its tests."""
-    stages = {path.stem for path in resources.folder("shaders").glob("*.frag")}
+    stages = {path.stem for path in paths.folder("shaders").glob("*.frag")}
     core = {name for name in stages if not name.startswith(("overlay_", "gui"))}
     assert linked(ctx, unlit(ctx)) == core - LIT
 
@@ -119,7 +120,7 @@ def test_shaders_that_were_not_drawn_with_are_read_again_too(
     ctx: moderngl.Context, tmp_path: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """F5: what is wrong in one is told with its place, drawn with before or not, and all go on as they were."""
-    monkeypatch.setattr(shaders, "folder", lambda name: tmp_path)
+    monkeypatch.setattr(shader_source, "folder", lambda name: tmp_path)
     (tmp_path / "v.vert").write_text(
         "void main() { gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0, 0, 1); }\n"
     )
@@ -131,7 +132,7 @@ def test_shaders_that_were_not_drawn_with_are_read_again_too(
     drawn(target)
     (tmp_path / "drawn.frag").write_text(text.replace("VALUE", "2.0"))
     (tmp_path / "waiting.frag").write_text(text.replace("VALUE", "nowhere"))
-    with pytest.raises(shaders.ShaderError, match=r"^waiting\.frag:2: .*nowhere"):
+    with pytest.raises(shader_source.ShaderError, match=r"^waiting\.frag:2: .*nowhere"):
         program.reload([drawn, waiting])
     ctx.clear_errors()
     for one in (drawn, waiting):

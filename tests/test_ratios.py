@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from irrsplat.app import cli, ratios
+from irrsplat.app import cli
+from irrsplat.app.bench import compare
 
 
 def row(case: str = "empty", seconds: float = 1.0, **more: Any) -> dict[str, Any]:
@@ -19,12 +20,12 @@ def test_a_row_says_how_many_times_faster() -> None:
     """2 s then and 0.5 s now: 4 times; a row of one bounce is none of two, and what has no counterpart is named."""
     then = [row(seconds=2.0, rmse=0.02), row("warm"), row("moved")]
     now = [row(seconds=0.5, rmse=0.01), row("warm", bounces=2), row("moved", bounces=1)]
-    head, *lines = ratios.table(then, now)
+    head, *lines = compare.table(then, now)
     assert head.split()[:4] == ["scene", "preset", "size", "bounces"]
     assert lines[0].split() == ["a", "default", "8x8", "1", "empty", "2.000", "0.500", "4.00", "2.0%", "1.0%", "faster"]
     assert lines[1].split()[4:] == ["moved", "1.000", "1.000", "1.00", "-", "-"]
     assert lines[2:] == ["only then: a default 8x8 1 warm", "only now: a default 8x8 2 warm"]
-    assert list(ratios.table([], now[:1])) == ["only now: a default 8x8 1 empty"]
+    assert list(compare.table([], now[:1])) == ["only now: a default 8x8 1 empty"]
 
 
 @pytest.mark.parametrize(
@@ -40,7 +41,7 @@ def test_a_row_says_how_many_times_faster() -> None:
 )
 def test_noise(then: list[float], now: list[float], word: str) -> None:
     middle = [row(seconds=times[len(times) // 2], seconds_all=times) for times in (then, now)]
-    assert ratios.verdict(*middle) == word
+    assert compare.verdict(*middle) == word
 
 
 @pytest.mark.parametrize(
@@ -77,4 +78,4 @@ def test_a_file_of_before_is_read(tmp_path: Path) -> None:
     """What the contract has, and no more."""
     contract = row(stages_ms={"splat": 1.0}, clock="wall", records=7)
     (tmp_path / "then.json").write_text(json.dumps({"machine": {}, "runs": [contract]}))
-    assert ratios.read(str(tmp_path / "then.json")) == [contract]
+    assert compare.read(str(tmp_path / "then.json")) == [contract]

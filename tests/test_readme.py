@@ -9,9 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from irrsplat import exact
-from irrsplat.app import cases, cli, flythrough, viewer
-from irrsplat.app.window import open_window
+from irrsplat.app import cli
+from irrsplat.app.bench import cases, fly_through
+from irrsplat.app.viewer import viewer
+from irrsplat.app.viewer.window import open_window
+from irrsplat.reference import fine_gather
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -49,9 +51,9 @@ def test_the_commands_run(
     # a window in memory that closes after some frames (tests/test_window.py opens a real one)
     monkeypatch.setattr(viewer, "open_window", lambda size: open_window(size, headless=True))
     monkeypatch.setattr(viewer.Viewer, "loop", lambda self: [self.frame(0.1) for _ in range(5)])
-    monkeypatch.setattr(flythrough, "FRAMES", 5)
+    monkeypatch.setattr(fly_through, "FRAMES", 5)
     monkeypatch.setattr(cases, "REPETITIONS", 1)
-    monkeypatch.setattr(exact, "SIDE", 32)
+    monkeypatch.setattr(fine_gather, "SIDE", 32)
     words = shlex.split(command)[1:]
     assert cli.main(small(words)) == 0, capsys.readouterr().err
     if words[0] == "view":

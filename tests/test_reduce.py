@@ -6,11 +6,11 @@ import moderngl
 import numpy as np
 import pytest
 
-from irrsplat.buffers import Atlas
-from irrsplat.cache import RecordCache
+from irrsplat.core.buffers import Atlas
+from irrsplat.gather.hemicube import edge_table, frames, hemisphere_table
+from irrsplat.gather.reduce import ReducePass
 from irrsplat.gpu.target import table_texture
-from irrsplat.hemisphere import edge_table, frames, hemisphere_table
-from irrsplat.passes.reduce import ReducePass
+from irrsplat.records.record_cache import RecordCache
 from tests.worlds import sites
 
 SKY = (0.3, 0.7, 1.1)

@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat import Renderer, exact, paper
-from irrsplat.budget import Budget
-from irrsplat.buffers import NOTHING_SEEN
+from irrsplat import Renderer
+from irrsplat.core.buffers import NOTHING_SEEN
 from irrsplat.gpu.target import pixels
+from irrsplat.gpu.time_budget import Budget
+from irrsplat.indirect import paper_scan
+from irrsplat.reference import fine_gather
 from irrsplat.scene.model import Camera, Light, Scene
 from tests.test_live import TICK, dimmed, ticks
 from tests.test_renderer import FAST, FRONT, SIZE, room
@@ -111,11 +113,11 @@ def test_renewed_in_place_is_gathered_from_scratch(lights: tuple[Light, ...], bo
     assert np.array_equal(mine, theirs)
 
 
-def truth(renderer: Renderer, count: int = 250) -> exact.Truth:
+def truth(renderer: Renderer, count: int = 250) -> fine_gather.Truth:
     """The renderer's own fine gather of one bounce at some of its pixels."""
-    seen = paper.read_back(renderer.frame(gather=False)[0].gbuffer)
+    seen = paper_scan.read_back(renderer.frame(gather=False)[0].gbuffer)
     size = renderer.settings.shadow_size
-    return exact.gather(renderer.ctx, renderer.scene, renderer.geometry, seen, size, count, seconds=1e6)
+    return fine_gather.gather(renderer.ctx, renderer.scene, renderer.geometry, seen, size, count, seconds=1e6)
 
 
 def errors(before: Scene, change: Any, after: Scene, seeds: int = 2, **settings: Any) -> tuple[float, float]:

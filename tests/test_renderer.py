@@ -10,8 +10,8 @@ import pytest
 
 import irrsplat
 from irrsplat import Frame, Renderer
-from irrsplat.buffers import CHANNELS
-from irrsplat.display import exposure_of
+from irrsplat.core.buffers import CHANNELS
+from irrsplat.image.tonemap import exposure_of
 from irrsplat.scene.model import Camera, Scene
 from tests.worlds import box, floor, lamp, material, quad, scene
 

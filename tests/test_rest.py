@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from irrsplat.gpu.program import Program
-from irrsplat.view import read
+from irrsplat.image.view import read
 from tests.test_viewer_leaks import CREATORS
 from tests.viewing import Driver, viewing, write_room
 
@@ -161,7 +161,7 @@ def test_at_rest_nothing_is_drawn_but_the_interface(driver: Driver, spied: Count
         driver.move(80, 60)
     elif case == "auto":
         desk.auto_exposure()
-    assert idle(driver, spied) == {"overlay_copy": 5}
+    assert idle(driver, spied) == {"viewer/buffers/copy": 5}
 
 
 def test_a_flight_over_what_was_seen_makes_nothing(driver: Driver, spied: Counter[str]) -> None:

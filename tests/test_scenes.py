@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 
 import irrsplat.scene as scenes
-from irrsplat import resources
-from irrsplat.errors import InputError
+from irrsplat.core import paths
+from irrsplat.core.errors import InputError
 from irrsplat.scene import Light, Scene, bundled, load
 
 GENERATED = ("atrium", "curved", "door")
 
 
 def generate(name: str, detail: float, folder: Path) -> None:
-    script = resources.folder("scenes") / "generate.py"
+    script = paths.folder("scenes") / "generate.py"
     subprocess.run([sys.executable, str(script), name, "--detail", f"{detail:g}", "-o", str(folder)], check=True)
 
 
@@ -51,7 +51,7 @@ def test_the_bundled_scenes_load_without_a_notice():
 
 def test_each_bundled_scene_says_where_its_numbers_come_from():
     for name in bundled():
-        first = (resources.folder("scenes") / name / f"{name}.scene").read_text().splitlines()[0]
+        first = (paths.folder("scenes") / name / f"{name}.scene").read_text().splitlines()[0]
         assert first.startswith("# ") and len(first) > 40
 
 
@@ -141,7 +141,7 @@ def test_sizes_are_as_bundled():
     assert 4_000 <= triangles["door"] <= 6_000 and 4_000 <= triangles["curved"] <= 6_500
     assert 15_000 <= triangles["atrium"] <= 25_000
     for name in GENERATED:
-        assert sum(file.stat().st_size for file in (resources.folder("scenes") / name).iterdir()) < 500_000
+        assert sum(file.stat().st_size for file in (paths.folder("scenes") / name).iterdir()) < 500_000
 
 
 def test_shapes_that_should_be_closed_are():
@@ -212,7 +212,7 @@ def numbers(path: Path) -> tuple[list[str], np.ndarray]:
 def test_the_generator_makes_what_is_committed(name, tmp_path):
     # to one unit of the last decimal that it writes: another machine's sine may round the other way
     generate(name, 1, tmp_path)
-    committed = {file.name: file for file in (resources.folder("scenes") / name).iterdir()}
+    committed = {file.name: file for file in (paths.folder("scenes") / name).iterdir()}
     assert set(committed) == {file.name for file in tmp_path.iterdir()}
     for file in tmp_path.iterdir():
         words, values = numbers(file)

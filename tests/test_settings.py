@@ -8,7 +8,7 @@ from types import ModuleType
 
 import pytest
 
-from irrsplat.errors import InputError
+from irrsplat.core.errors import InputError
 from irrsplat.settings import PRESETS, SETTINGS, Declaration, Settings, preset
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -8,10 +8,10 @@ from typing import Any
 import moderngl
 import pytest
 
-from irrsplat import resources
-from irrsplat.gpu import program, shaders
+from irrsplat.core import paths
+from irrsplat.gpu import program, shader_source
 from irrsplat.gpu.program import Program
-from irrsplat.gpu.shaders import ShaderError
+from irrsplat.gpu.shader_source import ShaderError
 from irrsplat.gpu.target import Target, float_texture
 
 MAIN = '#include "lib/a.glsl"\n#include "lib/b.glsl"\nout vec4 color;\nvoid main() { color = vec4(a() + b()); }\n'
@@ -32,8 +32,8 @@ def root(tmp_path: Path) -> Path:
 def bundle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The bundled shaders are those of a folder of the test's own, with the vertex shader that fills the target."""
     (tmp_path / "lib").mkdir()
-    (tmp_path / "lib" / "fullscreen.vert").write_text((resources.folder("shaders") / "lib" / "fullscreen.vert").read_text())
-    monkeypatch.setattr(shaders, "folder", lambda name: tmp_path)
+    (tmp_path / "lib" / "fullscreen.vert").write_text((paths.folder("shaders") / "lib" / "fullscreen.vert").read_text())
+    monkeypatch.setattr(shader_source, "folder", lambda name: tmp_path)
     return tmp_path
 
 
@@ -41,13 +41,13 @@ def bundle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_a_file_is_included_once(root: Path) -> None:
-    text = shaders.load("main.frag", root=root).text
+    text = shader_source.load("main.frag", root=root).text
     assert text.count("float a()") == 1 and text.count("float b()") == 1
     assert text.index("float a()") < text.index("float b()") < text.index("void main")
     assert text.startswith("#version 330"), "and nothing stands before the version"
 
 
-def compiler_s_place(source: shaders.Source, part: str) -> tuple[int, int]:
+def compiler_s_place(source: shader_source.Source, part: str) -> tuple[int, int]:
     """The source number and line that a compiler gives to the line of `source.text` that contains `part`."""
     for line, text in enumerate(source.text.splitlines(), start=1):
         if part in text:
@@ -56,7 +56,7 @@ def compiler_s_place(source: shaders.Source, part: str) -> tuple[int, int]:
 
 
 def test_defines_come_before_the_text(root: Path) -> None:
-    text = shaders.load("main.frag", {"GAMMA": 2.2, "ON": 1}, root=root).text
+    text = shader_source.load("main.frag", {"GAMMA": 2.2, "ON": 1}, root=root).text
     assert "#define GAMMA 2.2\n" in text and text.index("#define ON 1") < text.index(
         "#include" if "#include" in text else "void main"
     )
@@ -65,9 +65,9 @@ def test_defines_come_before_the_text(root: Path) -> None:
 def test_a_missing_file_is_named_with_who_asked_for_it(root: Path) -> None:
     (root / "lib" / "b.glsl").write_text('\n\n#include "lib/nowhere.glsl"\n')
     with pytest.raises(ShaderError, match=r"^lib/b\.glsl:3: .*lib/nowhere\.glsl"):
-        shaders.load("main.frag", root=root)
+        shader_source.load("main.frag", root=root)
     with pytest.raises(ShaderError, match="absent"):
-        shaders.load("absent.frag", root=root)
+        shader_source.load("absent.frag", root=root)
 
 
 def test_uniforms_are_read_from_the_text(root: Path) -> None:
@@ -83,9 +83,9 @@ def test_uniforms_are_read_from_the_text(root: Path) -> None:
         "#ifdef OTHER\nuniform int other;\n#endif\n"
         "void main() {}\n"
     )
-    with_extra = shaders.load("main.frag", {"EXTRA": 1, "DEEP": 0}, root=root).uniforms
+    with_extra = shader_source.load("main.frag", {"EXTRA": 1, "DEEP": 0}, root=root).uniforms
     assert with_extra == {"x": "float", "rows": "vec4", "picture": "sampler2D", "extra": "vec3", "other": "int"}
-    without = shaders.load("main.frag", {"EXTRA": 0, "DEEP": 1}, root=root).uniforms
+    without = shader_source.load("main.frag", {"EXTRA": 0, "DEEP": 1}, root=root).uniforms
     assert without == {"x": "float", "rows": "vec4", "picture": "sampler2D", "plain": "vec2", "other": "int"}
 
 
@@ -102,15 +102,17 @@ def test_uniforms_are_read_from_the_text(root: Path) -> None:
     ("part", "place"), [("float a()", "lib/a.glsl:1: "), ("float b()", "lib/b.glsl:3: "), ("void main", "main.frag:4: ")]
 )
 def test_every_compiler_s_complaint_is_one_line_with_its_place(root: Path, log: str, part: str, place: str) -> None:
-    source = shaders.load("main.frag", root=root)
+    source = shader_source.load("main.frag", root=root)
     number, line = compiler_s_place(source, part)
-    message = shaders.explain(f"GLSL Compiler failed\n\nfragment_shader\n=====\n{log.format(number=number, line=line)}\n", source)
+    message = shader_source.explain(
+        f"GLSL Compiler failed\n\nfragment_shader\n=====\n{log.format(number=number, line=line)}\n", source
+    )
     assert message.startswith(place) and "\n" not in message and "foo" in message
 
 
 @pytest.mark.parametrize("log", ["warning: nothing more is known", ""])
 def test_a_complaint_without_a_place_names_the_shader(root: Path, log: str) -> None:
-    assert shaders.explain(log, shaders.load("main.frag", root=root)).startswith("main.frag: ")
+    assert shader_source.explain(log, shader_source.load("main.frag", root=root)).startswith("main.frag: ")
 
 
 # ---- programs ---------------------------------------------------------------------------------------------------------
@@ -182,8 +184,8 @@ def test_one_draw_s_state_is_not_the_next_one_s(ctx: moderngl.Context, tint: Pro
 
 def test_the_whole_bundle_is_read() -> None:
     """Every file of the bundled shaders is a stage's own, or included by one: none lies there unused."""
-    folder = resources.folder("shaders")
+    folder = paths.folder("shaders")
     stages = [path.name for path in folder.iterdir() if path.suffix in (".vert", ".frag")]
-    used = {file for stage in stages for file, _ in shaders.load(stage).places}
+    used = {file for stage in stages for file, _ in shader_source.load(stage).places}
     present = {str(path.relative_to(folder)) for path in folder.rglob("*") if path.suffix in (".glsl", ".vert", ".frag")}
     assert present - used <= {"lib/fullscreen.vert"}

@@ -9,9 +9,9 @@ import moderngl
 import numpy as np
 import pytest
 
-from irrsplat.buffers import NOTHING_SEEN, GBuffer, Records
+from irrsplat.core.buffers import NOTHING_SEEN, GBuffer, Records
 from irrsplat.gpu.target import table_texture
-from irrsplat.passes.splat import SplatPass
+from irrsplat.indirect.splat import SplatPass
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
 from tests.worlds import gbuffer_of, on_plane, rays

@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from irrsplat import Frame, InputError, Renderer, store
-from irrsplat.buffers import CHANNELS
-from irrsplat.errors import IrrsplatError
+from irrsplat import Frame, InputError, Renderer
+from irrsplat.core.buffers import CHANNELS
+from irrsplat.core.errors import IrrsplatError
+from irrsplat.records import cache_file
 from irrsplat.scene.model import Camera, Light, Scene
 from irrsplat.settings import Settings, preset
-from irrsplat.surface import SurfaceCache
+from irrsplat.surface_cache.cache import SurfaceCache
 from tests.test_persistence import turned
 from tests.test_renderer import FAST, FRONT, room
 from tests.worlds import box, material
@@ -209,7 +210,7 @@ SCENES: dict[str, tuple[Callable[[], Scene], str]] = {
 def test_another_scene_is_refused(saved: Path, name: str) -> None:
     world, said = SCENES[name]
     with pytest.raises(InputError, match=said) as error:
-        store.check(saved, world(), preset(**FAST))
+        cache_file.check(saved, world(), preset(**FAST))
     assert str(error.value).startswith(f"{saved}: ") and "\n" not in str(error.value)
 
 
@@ -227,14 +228,14 @@ def test_another_scene_is_refused(saved: Path, name: str) -> None:
 )
 def test_other_settings_are_refused_by_name(saved: Path, values: dict[str, Any], said: str) -> None:
     with pytest.raises(InputError, match=said):
-        store.check(saved, room(), preset(**FAST | values))
+        cache_file.check(saved, room(), preset(**FAST | values))
 
 
 def test_what_records_do_not_depend_on_is_no_reason(saved: Path) -> None:
     """Names of lights, cameras, and where the scene came from; settings of the splat and the examination."""
     world = replace(relit(name="lamp"), cameras=(Camera((0, 0, 1), (0, 0, 0)),), name="other", path="elsewhere")
-    store.check(saved, world, preset(**FAST, a=0.1, adapt=0.0, spread=0.0, warmup=3, max_records=100))
-    known = store.key(room(), Settings(placement="scan"))["settings"]
+    cache_file.check(saved, world, preset(**FAST, a=0.1, adapt=0.0, spread=0.0, warmup=3, max_records=100))
+    known = cache_file.key(room(), Settings(placement="scan"))["settings"]
     assert known["warmup"] == 1000, "the random first records of scan placement"
 
 

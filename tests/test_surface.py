@@ -9,16 +9,17 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat import Renderer, surface
-from irrsplat.budget import Budget
+from irrsplat import Renderer
+from irrsplat.gather.trace import Tree
 from irrsplat.gpu.target import pixels
-from irrsplat.passes.sight import SightPass
-from irrsplat.passes.trace import Tree
-from irrsplat.scene import clusters
-from irrsplat.scene.flat import flatten
-from irrsplat.scene.lattice import Lattice, lattice, steps
+from irrsplat.gpu.time_budget import Budget
+from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Camera, Scene
-from irrsplat.surface import SurfaceCache
+from irrsplat.surface_cache import cache as surface
+from irrsplat.surface_cache import clustering
+from irrsplat.surface_cache.cache import SurfaceCache
+from irrsplat.surface_cache.tessellation import Lattice, lattice, steps
+from irrsplat.surface_cache.visibility import SightPass
 from tests.test_renderer import FAST
 from tests.worlds import assert_pictures, box, floor, gather, lamp, material, quad, scene, sites, sphere
 
@@ -80,16 +81,18 @@ def test_small_triangles_are_one_point_and_smooth_normals_are_blended() -> None:
 
 def test_who_shares_a_name() -> None:
     """The corners where cells meet, on one side; not the other side, another wall, or the next voxel."""
-    some = clusters.members(cut(scene(quad((0, 0, 0), (0, 0, 2), (2, 0, 0)), quad((0, 0, 0), (2, 0, 0), (0, 2, 0))), 0.5), INSET)
-    names = clusters.keys(some, 0.3)
+    some = clustering.members(
+        cut(scene(quad((0, 0, 0), (0, 0, 2), (2, 0, 0)), quad((0, 0, 0), (2, 0, 0), (0, 2, 0))), 0.5), INSET
+    )
+    names = clustering.keys(some, 0.3)
     apart = np.linalg.norm(some.position[:, None] - some.position[None], axis=-1)
     same = names[:, None] == names[None]
     facing = some.normal @ some.normal.T
     assert same[(apart < 0.001) & (facing > 0.99)].mean() > 0.9
     assert not same[facing < 0.5].any() and not same[apart > 0.3 * 3**0.5].any()
-    chosen, whose = clusters.choose(names, some.position, np.ones(len(some)), 0.0, 1000)
+    chosen, whose = clustering.choose(names, some.position, np.ones(len(some)), 0.0, 1000)
     assert (names[chosen[whose]] == names).all() and len(chosen) == len(np.unique(names))
-    few, whose = clusters.choose(names, some.position, np.ones(len(some)), 0.0, 5)
+    few, whose = clustering.choose(names, some.position, np.ones(len(some)), 0.0, 5)
     assert len(few) == 5 and set(whose) == {-1, 0, 1, 2, 3, 4}
     assert np.bincount(whose[whose >= 0]).min() >= np.unique(names[whose < 0], return_counts=True)[1].max(), "the largest"
 
@@ -98,19 +101,19 @@ def test_what_no_light_reaches() -> None:
     """The inside of a closed box is dark, unless it shines, or a lamp or what shines is in it; an open one's may be lit."""
     case = box((0, 0, 0), (1, 1, 1))
     count = len(case.faces)
-    assert clusters.sealed(scene(floor(), case)).tolist() == [True] * count + [False] * 2, "closed ones come first"
-    assert not clusters.sealed(scene(case, lights=(lamp((0.5, 0.5, 0.5)),))).any()
-    assert clusters.sealed(scene(case, lights=(lamp((0.5, 1.5, 0.5)),))).all()
-    assert not clusters.sealed(scene(box((0, 0, 0), (1, 1, 1), material(0.5, 1.0)))).any()
-    assert not clusters.sealed(scene(case, quad((0.2, 0.2, 0.2), (0.1, 0, 0), (0, 0, 0.1), material(0.0, 1.0))))[:count].any()
-    assert not clusters.sealed(scene(box((0, 0, 0), (1, 1, 1), outward=False))).any()
+    assert clustering.sealed(scene(floor(), case)).tolist() == [True] * count + [False] * 2, "closed ones come first"
+    assert not clustering.sealed(scene(case, lights=(lamp((0.5, 0.5, 0.5)),))).any()
+    assert clustering.sealed(scene(case, lights=(lamp((0.5, 1.5, 0.5)),))).all()
+    assert not clustering.sealed(scene(box((0, 0, 0), (1, 1, 1), material(0.5, 1.0)))).any()
+    assert not clustering.sealed(scene(case, quad((0.2, 0.2, 0.2), (0.1, 0, 0), (0, 0, 0.1), material(0.0, 1.0))))[:count].any()
+    assert not clustering.sealed(scene(box((0, 0, 0), (1, 1, 1), outward=False))).any()
 
 
 def test_what_sees_nothing_of_the_scene() -> None:
     world = scene(box((0, 0, 0), (1, 2, 3), outward=False))
-    some = clusters.members(cut(world, 1.0), INSET)
+    some = clustering.members(cut(world, 1.0), INSET)
     inward = ((world.bounds.mean(0) - some.position) * some.geometric).sum(1) > 0.0
-    assert (clusters.outside(some, world.bounds) == ~inward).all() and inward.mean() == 0.5
+    assert (clustering.outside(some, world.bounds) == ~inward).all() and inward.mean() == 0.5
 
 
 def test_what_stands_in_the_way(ctx: moderngl.Context) -> None:
@@ -122,13 +125,13 @@ def test_what_stands_in_the_way(ctx: moderngl.Context) -> None:
     many = np.tile(ways.astype("f4"), (300, 1, 1))
     assert (sight(tree.rays, many) == np.tile([False, True, True, True], 300)).all()
 
-    some = clusters.members(cut(scene(sphere((0, 0, 0), 1.0)), 2.0), 1e-3)
+    some = clustering.members(cut(scene(sphere((0, 0, 0), 1.0)), 2.0), 1e-3)
     ball = Tree(ctx, *flatten(scene(sphere((0, 0, 0), 1.0)))[:2])
     pairs = np.random.default_rng(4).integers(0, len(some) // 2, (2000, 2)).T
     near = (some.geometric[pairs[0]] * some.geometric[pairs[1]]).sum(1) > 0.5
-    assert sight(ball.rays, clusters.ways(some, *pairs[:, near])).all(), "on the outside, over the bulge"
-    assert sight(ball.rays, clusters.ways(some, *(pairs[:, near] + len(some) // 2))).all(), "on the inside, straight"
-    assert not sight(ball.rays, clusters.ways(some, pairs[0], pairs[0] + len(some) // 2)).any(), "never through it"
+    assert sight(ball.rays, clustering.ways(some, *pairs[:, near])).all(), "on the outside, over the bulge"
+    assert sight(ball.rays, clustering.ways(some, *(pairs[:, near] + len(some) // 2))).all(), "on the inside, straight"
+    assert not sight(ball.rays, clustering.ways(some, pairs[0], pairs[0] + len(some) // 2)).any(), "never through it"
 
 
 # ---- lookups ----------------------------------------------------------------------------------------------------------

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat.app.legend import NO_SURFACE, legend
-from irrsplat.app.markers import Markers
-from irrsplat.app.overlay import Overlay
-from irrsplat.app.screen import clear
-from irrsplat.display import tonemap
+from irrsplat.app.viewer.show.buffer_view import Overlay
+from irrsplat.app.viewer.show.legend import NO_SURFACE, legend
+from irrsplat.app.viewer.show.markers import Markers
+from irrsplat.app.viewer.show.screen import clear
 from irrsplat.gpu import context
 from irrsplat.gpu.target import Target, pixels
+from irrsplat.image.tonemap import tonemap
+from irrsplat.image.view import View
 from irrsplat.renderer import Renderer
-from irrsplat.view import View
 from tests.viewing import Driver
 
 SIZE = (97, 61)

@@ -8,10 +8,10 @@ import re
 import numpy as np
 import pytest
 
-from irrsplat.errors import InputError
-from irrsplat.scene.build import build_mesh, is_closed
+from irrsplat.core.errors import InputError
+from irrsplat.scene.io.mesh_builder import build_mesh, is_closed
+from irrsplat.scene.io.obj import load_obj
 from irrsplat.scene.model import Material
-from irrsplat.scene.obj import load_obj
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 CUBE = """v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1

@@ -6,7 +6,7 @@ import re
 
 import pytest
 
-from irrsplat.errors import InputError
+from irrsplat.core.errors import InputError
 from irrsplat.scene import load
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"

@@ -7,17 +7,17 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat.buffers import Sites
-from irrsplat.cache import RecordCache
+from irrsplat.core.buffers import Sites
+from irrsplat.gather.raster import GatherPass
+from irrsplat.gather.reduce import ReducePass
+from irrsplat.gather.stratified import shape, stratum_edges, stratum_table
+from irrsplat.gather.trace import TracePass, Tree
 from irrsplat.gpu.geometry import Geometry
-from irrsplat.lights import light_defines
-from irrsplat.passes.gather import GatherPass
-from irrsplat.passes.reduce import ReducePass
-from irrsplat.passes.shadow import ShadowPass
-from irrsplat.passes.trace import TracePass, Tree
-from irrsplat.scene.flat import flatten
+from irrsplat.lighting.light_table import light_defines
+from irrsplat.lighting.shadow_maps import ShadowPass
+from irrsplat.records.record_cache import RecordCache
+from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Scene
-from irrsplat.strata import shape, stratum_edges, stratum_table
 from tests import test_gradients as occluder
 from tests.test_analytic import (
     EMITTER,

@@ -10,8 +10,8 @@ import pytest
 
 import irrsplat
 from irrsplat.app import cli
-from irrsplat.errors import IrrsplatError
-from irrsplat.reference.traced import MOST_BOUNCES, traced, vertices
+from irrsplat.core.errors import IrrsplatError
+from irrsplat.reference.truth import MOST_BOUNCES, traced, vertices
 from irrsplat.scene.model import Camera, Light, Scene
 from tests.test_verify import rows
 from tests.truth import SIZE, load_reference
@@ -30,13 +30,13 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def mitsuba() -> Any:
     """The module of the tracer, in a variant that runs here."""
     pytest.importorskip("mitsuba")
-    from irrsplat.reference import tracer
+    from irrsplat.reference import path_tracer
 
     try:
-        tracer.choose_variant()
+        path_tracer.choose_variant()
     except IrrsplatError as error:
         pytest.skip(str(error))
-    return tracer
+    return path_tracer
 
 
 # ---- formulas ------------------------------------------------------------------------------------------------------------
@@ -59,9 +59,9 @@ def test_a_furnace_of_many_bounces(mitsuba: Any, bounces: int) -> None:
     one may slip out through an edge of the room.)
     """
     albedo, emission = np.array([0.3, 0.8, 0.5]), np.array([1.0, 2.0, 3.0])
-    tracer = mitsuba.Tracer(Scene((box((-1, -1, -1), (1, 1, 1), material(tuple(albedo), tuple(emission))),), (), (CAMERA,)))
+    path_tracer = mitsuba.Tracer(Scene((box((-1, -1, -1), (1, 1, 1), material(tuple(albedo), tuple(emission))),), (), (CAMERA,)))
     p, n = inside(2)
-    E = tracer.irradiance(p, n, n, 32, 5, bounces)
+    E = path_tracer.irradiance(p, n, n, 32, 5, bounces)
     expected = np.pi * emission * (1.0 - albedo**bounces) / (1.0 - albedo)
     assert E.shape == (24, 3)
     exact = 0.8**bounces > mitsuba.LEAST_WEIGHT
@@ -85,14 +85,14 @@ def test_a_lamp_in_a_closed_room(mitsuba: Any, bounces: int, light: str) -> None
         "of the OpenGL kind": Light((0.2, 0.5, -0.3), (1.0, 2.0, 3.0), attenuation=(1.0, 0.5, 0.2)),
     }[light]
     albedo = np.array([0.3, 0.9, 0.6])
-    tracer = mitsuba.Tracer(Scene((box((-1, -1, -1), (1, 1, 1), material(tuple(albedo))),), (lamp,), (CAMERA,)))
+    path_tracer = mitsuba.Tracer(Scene((box((-1, -1, -1), (1, 1, 1), material(tuple(albedo))),), (lamp,), (CAMERA,)))
     flux = {"spot": 2.0 * np.pi * (1.0 - np.cos(np.radians(40.0)))}.get(light, 4.0 * np.pi)
     direct = flux / 24.0 * np.array([1.0, 2.0, 3.0])
     if light == "of the OpenGL kind":
         q, m = (mitsuba.mi.Vector3f(a.T) for a in inside(100))
-        direct = np.array(tracer.unoccluded(lamp, mitsuba.mi.Point3f(q), m, m)[0]).mean(axis=1)
+        direct = np.array(path_tracer.unoccluded(lamp, mitsuba.mi.Point3f(q), m, m)[0]).mean(axis=1)
     p, n = inside(12)
-    E = tracer.irradiance(p, n, n, 16, 3, bounces).mean(axis=0)
+    E = path_tracer.irradiance(p, n, n, 16, 3, bounces).mean(axis=0)
     assert np.allclose(E, direct * albedo * (1.0 - albedo**bounces) / (1.0 - albedo), rtol=0.01)
 
 
@@ -102,17 +102,17 @@ def test_a_second_bounce_is_the_first_one_seen_from_there(mitsuba: Any) -> None:
     positions = room[0].positions[room[0].faces].mean(axis=1)
     room[0] = irrsplat.Mesh(room[0].positions, room[0].normals, room[0].faces[positions[:, 2] < 0.9], room[0].material)
     scene = Scene(tuple(room), (Light((0.5, 0.9, 0.0), (1.0, 1.0, 2.0), physical=True),), (CAMERA,), sky=(0.2, 0.1, 0.3))
-    tracer, mi = mitsuba.Tracer(scene), mitsuba.mi
+    path_tracer, mi = mitsuba.Tracer(scene), mitsuba.mi
     p, up = np.array([[0.1, -1.0, 0.2]], "f4"), np.array([[0.0, 1.0, 0.0]], "f4")
-    found = tracer.irradiance(p, up, up, 256, 1, 2)
+    found = path_tracer.irradiance(p, up, up, 256, 1, 2)
     u = (np.indices((64, 64)).reshape(2, -1) + np.random.default_rng(0).random((2, 4096))) / 64
     directions = mi.Frame3f(mi.Vector3f(0.0, 1.0, 0.0)).to_world(mitsuba.cosine_hemisphere(mi.Point2f(u)))
-    q = tracer.hit(mi.Point3f(*p[0].tolist()), directions)
+    q = path_tracer.hit(mi.Point3f(*p[0].tolist()), directions)
     at, n, g, albedo = (np.array(x).T for x in (q.p, q.n, q.g, q.albedo))
     hit = np.array(q.valid)
     further = np.zeros((4096, 3))
-    further[hit] = albedo[hit] * tracer.irradiance(at[hit], n[hit], g[hit], 16, 7)
-    expected = tracer.irradiance(p, up, up, 256, 2) + further.mean(axis=0)
+    further[hit] = albedo[hit] * path_tracer.irradiance(at[hit], n[hit], g[hit], 16, 7)
+    expected = path_tracer.irradiance(p, up, up, 256, 2) + further.mean(axis=0)
     assert 0.5 < hit.mean() < 1.0 and (further.mean(axis=0) > 0.1 * expected).all()
     assert np.allclose(found, expected, rtol=0.01)
 
@@ -120,10 +120,10 @@ def test_a_second_bounce_is_the_first_one_seen_from_there(mitsuba: Any) -> None:
 def test_more_bounces_begin_as_fewer_do(mitsuba: Any) -> None:
     """What one bounce sees is the same to the last bit in a path of more, which only adds to it."""
     scene, reference = irrsplat.load("cornell"), load_reference("cornell")
-    tracer = mitsuba.Tracer(scene)
+    path_tracer = mitsuba.Tracer(scene)
     p, n = reference.position[::60], reference.normal[::60]
-    E = [tracer.irradiance(p, n, n, 8, 1, bounces) for bounces in (1, 2, 3)]
-    assert np.array_equal(E[0], tracer.irradiance(p, n, n, 8, 1))
+    E = [path_tracer.irradiance(p, n, n, 8, 1, bounces) for bounces in (1, 2, 3)]
+    assert np.array_equal(E[0], path_tracer.irradiance(p, n, n, 8, 1))
     assert (E[1] >= E[0]).all() and (E[2] >= E[1]).all() and E[2].mean() > 1.1 * E[1].mean() > 1.2 * E[0].mean()
 
 
@@ -162,12 +162,12 @@ def test_a_traced_view_is_that_of_the_references(mitsuba: Any, bounces: int | st
 def test_the_same_pixels_traced_apart(mitsuba: Any, bounces: int | str) -> None:
     """The tracer at some of the reference's own pixels, with other random numbers: they differ by noise alone."""
     scene, reference = irrsplat.load("cornell"), load_reference("cornell")
-    tracer = mitsuba.Tracer(scene)
-    hit = mitsuba.look(tracer, scene.cameras[0], (SIZE, SIZE))
+    path_tracer = mitsuba.Tracer(scene)
+    hit = mitsuba.look(path_tracer, scene.cameras[0], (SIZE, SIZE))
     at = tuple(reference.pixels[::10].T)
     p, n, g = (mitsuba.image(v, (SIZE, SIZE))[at] for v in (hit.p, hit.n, hit.g))
     assert np.allclose(p, reference.position[::10], atol=1e-4 * scene.diagonal)
-    halves = [tracer.irradiance(p, n, g, 48, seed, vertices(bounces)) for seed in (901, 902)]
+    halves = [path_tracer.irradiance(p, n, g, 48, seed, vertices(bounces)) for seed in (901, 902)]
     E_ref, agreement = reference.of(bounces)
     E, E_ref = np.mean(halves, axis=0), E_ref[::10].astype(float)
     noise = np.hypot(np.sqrt(np.mean((halves[0] - halves[1]) ** 2)) / 2.0 / E.mean(), agreement / 2.0)

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat.buffers import NOTHING_SEEN, SplatBuffer
+from irrsplat.core.buffers import NOTHING_SEEN, SplatBuffer
 from irrsplat.gpu.target import pixels, table_texture
-from irrsplat.passes.upsample import UpsamplePass
+from irrsplat.indirect.upsample import UpsamplePass
 from irrsplat.renderer import Renderer
 from irrsplat.scene.model import Camera
 from tests.worlds import gbuffer_of, on_plane

@@ -16,10 +16,11 @@ import pytest
 from PIL import Image
 
 import irrsplat
-from irrsplat.app import cli, errormap, measure, verify
-from irrsplat.errors import InputError, IrrsplatError
-from irrsplat.reference import process
-from irrsplat.reference.traced import MOST_BOUNCES, Traced, compare, folder, key_of, side_of, traced
+from irrsplat.app import cli
+from irrsplat.app.verify import error_image, measure, verify
+from irrsplat.core.errors import InputError, IrrsplatError
+from irrsplat.reference import worker
+from irrsplat.reference.truth import MOST_BOUNCES, Traced, compare, folder, key_of, side_of, traced
 from irrsplat.scene.model import Camera, Light, Material, Scene
 from tests.truth import SIZE, load_reference
 from tests.truth import compare as compare_pixels
@@ -56,7 +57,7 @@ def tracer(monkeypatch: pytest.MonkeyPatch) -> SimpleNamespace:
             progress(1.0)
         return it.make(*size)
 
-    monkeypatch.setattr(process, "trace", trace)
+    monkeypatch.setattr(worker, "trace", trace)
     return it
 
 
@@ -112,11 +113,11 @@ def test_the_colours_of_an_error() -> None:
     """0 is white, +20 % of the mean and more red, −10 % half way from white to blue; where nothing is seen it is grey."""
     truth = Traced(**plain(4, 1, E=1.0) | {"seen": np.array([[True, True, True, False]])})
     E = np.ones((1, 4, 3), np.float32) * np.array([1.0, 1.5, 0.9, 9.0], np.float32)[None, :, None]
-    white, red, pale, grey = errormap.signed_error(E, truth)[0] * 255.0
+    white, red, pale, grey = error_image.signed_error(E, truth)[0] * 255.0
     assert np.allclose(white, 255.0, atol=0.01)
-    assert np.allclose(red, errormap.BRIGHT, atol=0.01)
-    assert np.allclose(pale, (255.0 + np.array(errormap.DARK)) / 2.0, atol=0.01)
-    assert np.allclose(grey, errormap.GREY, atol=0.01)
+    assert np.allclose(red, error_image.BRIGHT, atol=0.01)
+    assert np.allclose(pale, (255.0 + np.array(error_image.DARK)) / 2.0, atol=0.01)
+    assert np.allclose(grey, error_image.GREY, atol=0.01)
 
 
 # ---- the cache folder ----------------------------------------------------------------------------------------------------
@@ -251,11 +252,11 @@ def child(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], list[Any]]:
     """
 
     def run(script: str) -> list[Any]:
-        monkeypatch.setattr(process, "require", lambda: None)
+        monkeypatch.setattr(worker, "require", lambda: None)
         head = "import os, pickle, sys; job = pickle.load(sys.stdin.buffer)\ndef say(*it): pickle.dump(it, sys.stdout.buffer)\n"
-        monkeypatch.setattr(process, "_MAIN", head + script)
+        monkeypatch.setattr(worker, "_MAIN", head + script)
         scene, shares = irrsplat.load("cornell"), []
-        answer = process.trace(scene, scene.cameras[0], (6, 4), 3, 2, shares.append)
+        answer = worker.trace(scene, scene.cameras[0], (6, 4), 3, 2, shares.append)
         return [*(share for share in dict.fromkeys(shares) if share), answer]
 
     return run
@@ -382,7 +383,7 @@ def test_pictures(fake: Any, tracer: SimpleNamespace, place: Path, monkeypatch: 
     assert np.array_equal(np.asarray(Image.open(place / "shown/truth.png")), np.round(truth * 255.0))
     error = np.asarray(Image.open(place / "shown/error.png"))
     assert error.shape[0] > 4 and error.shape[1:] == (6, 3)  # the legend is below
-    assert (error[:4] == errormap.BRIGHT).all()  # too bright by 25 %
+    assert (error[:4] == error_image.BRIGHT).all()  # too bright by 25 %
     assert cli.main([*VERIFY, "-o", "strip.png"]) == 0
     strip = np.asarray(Image.open(place / "strip.png"))
     assert strip.shape[1] == 18

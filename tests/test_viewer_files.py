@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from irrsplat import resources
-from irrsplat.errors import InputError
-from irrsplat.gpu import shaders
+from irrsplat.core import paths
+from irrsplat.core.errors import InputError
+from irrsplat.gpu import shader_source
 from irrsplat.scene import load
 from tests.viewing import ROOM, Driver, push, write_room
 
@@ -37,8 +37,8 @@ def room(one: Driver) -> Iterator[Path]:
 def copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A copy of the shaders, which is read instead of them."""
     folder = tmp_path / "shaders"
-    shutil.copytree(resources.folder("shaders"), folder)
-    monkeypatch.setattr(shaders, "folder", lambda name: folder)
+    shutil.copytree(paths.folder("shaders"), folder)
+    monkeypatch.setattr(shader_source, "folder", lambda name: folder)
     return folder
 
 

@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from irrsplat.app import memory
-from irrsplat.app.keys import BUFFERS, GROUPS, Key
-from irrsplat.app.legend import SHOWINGS
-from irrsplat.app.parser import parse
-from irrsplat.app.session import overrides
+from irrsplat.app.flags import parse
+from irrsplat.app.viewer import preferences
+from irrsplat.app.viewer.input.keys import BUFFERS, GROUPS, Key
+from irrsplat.app.viewer.session import overrides
+from irrsplat.app.viewer.show.legend import SHOWINGS
 from irrsplat.scene import load
-from irrsplat.scene.path import load_path
+from irrsplat.scene.camera_path import load_path
 from tests.viewing import FAST, Cases, Driver, Tracer, push
 
 CASES = Cases("camera", "overlays", "cache", "picture")
@@ -108,7 +108,7 @@ def bookmark(driver: Driver, shown: str) -> None:
     """Each is kept in the user's folder under a name of its own."""
     push(driver, shown)
     push(driver, shown)
-    kept = memory.bookmarks(driver.desk.source)
+    kept = preferences.bookmarks(driver.desk.source)
     assert [b.name for b in kept] == ["bookmark 1", "bookmark 2"] and kept == driver.desk.bookmarks
     assert kept[0].eye == driver.session.camera.eye and kept[0].fov == driver.session.camera.fov
 

@@ -14,9 +14,9 @@ from typing import Any
 import moderngl
 import pytest
 
-from irrsplat.app.keys import KEYS
-from irrsplat.app.legend import SHOWINGS
-from irrsplat.app.session import SPLITS
+from irrsplat.app.viewer.input.keys import KEYS
+from irrsplat.app.viewer.session import SPLITS
+from irrsplat.app.viewer.show.legend import SHOWINGS
 from tests.viewing import LEFT, RIGHT, Driver, viewing, write_room
 
 SECONDS, DT = 60.0, 1.0 / 20.0

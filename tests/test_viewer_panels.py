@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from irrsplat.app.legend import SHOWINGS
-from irrsplat.app.session import overrides
+from irrsplat.app.viewer.session import overrides
+from irrsplat.app.viewer.show.legend import SHOWINGS
 from irrsplat.settings import PRESETS, SETTINGS, preset
 from tests.viewing import FAST, Driver, fresh, viewing, write_room
 

@@ -13,16 +13,16 @@ import pytest
 from imgui_bundle import imgui
 
 import irrsplat
-from irrsplat.app import truth as module
-from irrsplat.app.errormap import FULL, signed_error
-from irrsplat.app.legend import NO_TRUTH, TRUTHS, legend, signed
-from irrsplat.app.session import Session
-from irrsplat.app.truth import HEIGHT, KEPT, Lattice, Truth
-from irrsplat.display import show
+from irrsplat.app.verify.error_image import FULL, signed_error
+from irrsplat.app.viewer import background_truth as module
+from irrsplat.app.viewer.background_truth import HEIGHT, KEPT, Lattice, Truth
+from irrsplat.app.viewer.session import Session
+from irrsplat.app.viewer.show.legend import NO_TRUTH, TRUTHS, legend, signed
 from irrsplat.gpu import context
-from irrsplat.output import Frame
-from irrsplat.reference import process
-from irrsplat.reference.traced import Traced, errors, in_words, vertices
+from irrsplat.image.frame import Frame
+from irrsplat.image.tonemap import show
+from irrsplat.reference import worker
+from irrsplat.reference.truth import Traced, errors, in_words, vertices
 from irrsplat.scene.model import Camera
 from tests.viewing import SIZE, Driver, Tracer, push
 
@@ -264,7 +264,7 @@ def test_a_missing_path_tracer_is_told_with_its_remedy(driver: Driver, monkeypat
             break
         time.sleep(0.005)
     (said,) = [m.text for m in driver.desk.messages if m.error]
-    assert process.INSTALL in said and "\n" not in said
+    assert worker.INSTALL in said and "\n" not in said
 
 
 def test_another_scene_ends_the_tracing_of_this_one(driver: Driver, tracer: Tracer) -> None:
@@ -281,8 +281,8 @@ def test_another_scene_ends_the_tracing_of_this_one(driver: Driver, tracer: Trac
 def test_who_stops_it_ends_the_process(driver: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, way: str) -> None:
     """Within two seconds, though it has not yet said a word, and would not for an hour."""
     script = "import os, sys, time; sys.stdin.buffer.read(); open('pid', 'w').write(str(os.getpid())); time.sleep(3600)"
-    monkeypatch.setattr(process, "_MAIN", script)
-    monkeypatch.setattr(process, "require", lambda: None)
+    monkeypatch.setattr(worker, "_MAIN", script)
+    monkeypatch.setattr(worker, "require", lambda: None)
     push(driver, "Y")
     pid, begin = tmp_path / "pid", time.monotonic()
     while not (pid.exists() and pid.read_text()):

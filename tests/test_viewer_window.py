@@ -12,9 +12,9 @@ import OpenEXR
 import pytest
 from PIL import Image
 
-from irrsplat.app import memory
-from irrsplat.app.viewer import Viewer
-from irrsplat.buffers import CHANNELS
+from irrsplat.app.viewer import preferences
+from irrsplat.app.viewer.viewer import Viewer
+from irrsplat.core.buffers import CHANNELS
 from tests.viewing import FAST, SIZE, Cases, Driver, push, viewing, write_room
 
 CASES = Cases("window")
@@ -217,7 +217,7 @@ def test_what_was_set_is_there_again(tmp_path: Path, monkeypatch: pytest.MonkeyP
         driver.resize((260, 200))
         driver.frame()
         assert driver.desk.remember(driver.wnd.size, False) is None
-    remembered, notices = memory.load()
+    remembered, notices = preferences.load()
     assert notices == [] and remembered.size == (260, 200) and remembered.recent[0] == str(room)
     with viewing(room, (260, 200), remembered) as driver:
         driver.frame()
@@ -225,14 +225,14 @@ def test_what_was_set_is_there_again(tmp_path: Path, monkeypatch: pytest.MonkeyP
         assert (settings.a, settings.tolerance, settings.gather_size) == (0.7, 3.0, FAST["gather_size"])
         assert driver.session.look.discs and driver.desk.panels.settings and not driver.desk.panels.hud
     (tmp_path / "config" / "viewer.json").write_text("{ not JSON")
-    remembered, notices = memory.load()
-    assert len(notices) == 1 and "viewer.json" in notices[0] and remembered == memory.Memory()
+    remembered, notices = preferences.load()
+    assert len(notices) == 1 and "viewer.json" in notices[0] and remembered == preferences.Memory()
 
 
 def test_close_remembers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """By default; and what cannot be written is told."""
     kept: list[bool] = []
-    monkeypatch.setattr(memory, "save", lambda one: kept.append(one.fullscreen) or "no room left")
+    monkeypatch.setattr(preferences, "save", lambda one: kept.append(one.fullscreen) or "no room left")
     monkeypatch.setenv("IRRSPLAT_CONFIG", str(tmp_path))
     close = Viewer.close
     monkeypatch.setattr(Viewer, "close", lambda self, remember=True: said.append(close(self)))

@@ -16,14 +16,14 @@ from imgui_bundle import imgui
 from moderngl_window.context.base import KeyModifiers
 
 import irrsplat
-from irrsplat.app import memory
-from irrsplat.app.desk import Desk, Panels
-from irrsplat.app.keys import GROUPS, KEYS
-from irrsplat.app.session import Look, Session
-from irrsplat.app.tape import Tape
-from irrsplat.app.viewer import Viewer
-from irrsplat.app.window import open_window
-from irrsplat.reference import process
+from irrsplat.app.viewer import preferences
+from irrsplat.app.viewer.actions import Desk, Panels
+from irrsplat.app.viewer.input.keys import GROUPS, KEYS
+from irrsplat.app.viewer.input.path_recorder import Tape
+from irrsplat.app.viewer.session import Look, Session
+from irrsplat.app.viewer.viewer import Viewer
+from irrsplat.app.viewer.window import open_window
+from irrsplat.reference import worker
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import preset
 
@@ -293,11 +293,11 @@ def watched(driver: Driver) -> Iterator[None]:
 
 @contextmanager
 def viewing(
-    source: str | Path, size: tuple[int, int] = SIZE, remembered: memory.Memory | None = None, **settings: Any
+    source: str | Path, size: tuple[int, int] = SIZE, remembered: preferences.Memory | None = None, **settings: Any
 ) -> Iterator[Driver]:
     """A viewer of the scene at `source`, with settings for fast pictures; closed in the end, nothing remembered."""
     if remembered is None:
-        remembered = memory.Memory(values={**FAST, **settings}, ui={"panels": {"settings": False, "hud": False}})
+        remembered = preferences.Memory(values={**FAST, **settings}, ui={"panels": {"settings": False, "hud": False}})
     wnd = open_window(size, headless=True)
     viewer = Viewer(wnd, irrsplat.load(source), str(source), remembered)
     driver = Driver(viewer)
@@ -328,7 +328,7 @@ class Tracer:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.go = Event()
         self.calls: list[tuple[Camera, tuple[int, int], int]] = []
-        monkeypatch.setattr(process, "trace", self.trace)
+        monkeypatch.setattr(worker, "trace", self.trace)
 
     def trace(
         self, scene: Scene, camera: Camera, size: tuple[int, int], side: int, bounces: int, progress: Callable[[float], object]

@@ -11,15 +11,15 @@ import moderngl
 import numpy as np
 from PIL import Image
 
-from irrsplat.buffers import GBuffer, Sites
-from irrsplat.cache import RecordCache
+from irrsplat.core.buffers import GBuffer, Sites
+from irrsplat.gather.raster import GatherPass
+from irrsplat.gather.reduce import ReducePass
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.target import table_texture
-from irrsplat.lights import light_defines
-from irrsplat.passes.gather import GatherPass
-from irrsplat.passes.reduce import ReducePass
-from irrsplat.passes.shadow import ShadowPass
-from irrsplat.scene.flat import flatten
+from irrsplat.lighting.light_table import light_defines
+from irrsplat.lighting.shadow_maps import ShadowPass
+from irrsplat.records.record_cache import RecordCache
+from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
 
 FAILURES = Path(__file__).parent / "failures"

@@ -9,7 +9,7 @@ from typing import Any
 
 import moderngl
 
-from irrsplat.errors import GLError
+from irrsplat.core.errors import GLError
 
 REQUIRED = 330  # OpenGL 3.3 core: macOS (4.1) and old laptops stay in
 _DEVICES = 8  # EGL devices that are tried before giving up

@@ -8,7 +8,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.gpu.target import listed, table_texture
-from irrsplat.meshlets import Meshlets, cut
+from irrsplat.scene.meshlets import Meshlets, cut
 
 _COLUMNS = 1024  # of the table of planes, as shaders/lib/surface.glsl has it
 
@@ -40,7 +40,7 @@ class Pieces:
 
     @property
     def uniforms(self) -> dict[str, Any]:
-        """The uniforms with which shaders/gather_light.frag finds what is seen."""
+        """The uniforms with which shaders/gather/gather_light.frag finds what is seen."""
         return {"triangle_table": self.corners, "vertex_table": self.looks}
 
     def release(self) -> None:

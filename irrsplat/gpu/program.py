@@ -9,7 +9,7 @@ from typing import Any
 import moderngl
 import numpy as np
 
-from irrsplat.gpu import shaders
+from irrsplat.gpu import shader_source
 from irrsplat.gpu.geometry import Geometry, Pieces
 from irrsplat.gpu.target import Target
 
@@ -47,7 +47,7 @@ class Draw:
 
 
 class Program:
-    """`Program(ctx, "gbuffer")` is shaders/gbuffer.vert and .frag, linked when it is first wanted; a call draws into a target.
+    """`Program(ctx, "image/gbuffer")` is shaders/image/gbuffer.vert and .frag, linked when it is first wanted; a call draws into a target.
 
     Every uniform that the shaders declare must be given by name (samplers take textures), and no other; else TypeError.
     What does not compile is a ShaderError then, not at once.
@@ -64,23 +64,23 @@ class Program:
         self._gl: moderngl.Program | None = None
         self._read(self._sources())
 
-    def _sources(self) -> list[shaders.Source]:
+    def _sources(self) -> list[shader_source.Source]:
         """The vertex and the fragment shader from the files as they stand."""
-        return [shaders.load(file, self._defines) for file in self._files]
+        return [shader_source.load(file, self._defines) for file in self._files]
 
-    def _read(self, sources: list[shaders.Source]) -> None:
+    def _read(self, sources: list[shader_source.Source]) -> None:
         self._source = sources
         self.uniforms = {name: kind for source in sources for name, kind in source.uniforms.items()}
         samplers = [name for name, kind in self.uniforms.items() if "sampler" in kind]
         self.units = {name: unit for unit, name in enumerate(samplers)}
 
-    def _linked(self, sources: list[shaders.Source]) -> moderngl.Program:
+    def _linked(self, sources: list[shader_source.Source]) -> moderngl.Program:
         try:
             return self.ctx.program(vertex_shader=sources[0].text, fragment_shader=sources[1].text)
         except moderngl.Error as error:
             log = str(error)
             guilty = sources[0] if "vertex_shader" in log.lower().replace(" ", "_") else sources[1]
-            raise shaders.ShaderError(shaders.explain(log, guilty)) from error
+            raise shader_source.ShaderError(shader_source.explain(log, guilty)) from error
 
     def _take(self, program: moderngl.Program) -> None:
         self._gl = program
@@ -208,7 +208,7 @@ class Program:
 def reload(programs: Iterable[Program]) -> None:
     """Make all of them again from their files, or none: raises ShaderError for the first that does not compile, or whose
     uniforms are no longer those that its caller gives, and they go on as they were."""
-    made: list[tuple[Program, list[shaders.Source], moderngl.Program]] = []
+    made: list[tuple[Program, list[shader_source.Source], moderngl.Program]] = []
     try:
         for program in programs:
             sources = program._sources()
@@ -216,8 +216,10 @@ def reload(programs: Iterable[Program]) -> None:
             uniforms = {name for source in sources for name in source.uniforms}
             if uniforms != program.uniforms.keys():
                 changed = ", ".join(sorted(uniforms ^ program.uniforms.keys()))
-                raise shaders.ShaderError(f"{program.name}: the uniforms are others now ({changed}); start the program again")
-    except shaders.ShaderError:
+                raise shader_source.ShaderError(
+                    f"{program.name}: the uniforms are others now ({changed}); start the program again"
+                )
+    except shader_source.ShaderError:
         for _, _, gl in made:
             gl.release()
         raise

@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from irrsplat import resources
-from irrsplat.errors import InputError
+from irrsplat.core import paths
+from irrsplat.core.errors import InputError
+from irrsplat.scene.io.lines import quote
+from irrsplat.scene.io.scene_text import load_text
 from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
-from irrsplat.scene.reading import quote
-from irrsplat.scene.text import load_text
 
 __all__ = ["FORMATS", "Camera", "Light", "Material", "Mesh", "Scene", "bundled", "load"]
 
@@ -18,7 +18,7 @@ FORMATS = (".scene", ".obj", ".ply", ".stl", ".glb", ".gltf")
 
 def bundled() -> tuple[str, ...]:
     """The names of the bundled scenes, sorted; each lies in ``scenes/<name>/<name>.scene``."""
-    return tuple(sorted(path.stem for path in resources.folder("scenes").glob("*/*.scene") if path.stem == path.parent.name))
+    return tuple(sorted(path.stem for path in paths.folder("scenes").glob("*/*.scene") if path.stem == path.parent.name))
 
 
 def load(source: str | os.PathLike[str]) -> Scene:
@@ -36,7 +36,7 @@ def load(source: str | os.PathLike[str]) -> Scene:
         exists = folder = False
     names = bundled()
     if (folder or not exists) and os.fspath(source) in names:
-        return load_text(resources.folder("scenes") / path / f"{path}.scene")
+        return load_text(paths.folder("scenes") / path / f"{path}.scene")
     if folder:
         raise InputError("this is a directory; give a file in it", path)
     if not exists:
@@ -46,6 +46,6 @@ def load(source: str | os.PathLike[str]) -> Scene:
         raise InputError(f"unknown ending {quote(path.suffix)}; expected one of {' '.join(FORMATS)}", path)
     if ending == ".scene":
         return load_text(path)
-    from irrsplat.scene.assets import load_asset
+    from irrsplat.scene.io.assets import load_asset
 
     return load_asset(path)

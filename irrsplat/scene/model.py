@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from irrsplat.errors import InputError
+from irrsplat.core.errors import InputError
 
 Array = np.ndarray
 

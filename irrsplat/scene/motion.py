@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from irrsplat.errors import InputError
-from irrsplat.scene.build import times, unit
-from irrsplat.scene.flat import in_order
+from irrsplat.core.errors import InputError
+from irrsplat.scene.flatten import in_order
+from irrsplat.scene.io.lines import quote
+from irrsplat.scene.io.mesh_builder import times, unit
 from irrsplat.scene.model import Mesh, Scene
-from irrsplat.scene.reading import quote
 
 COVERED = 0.25  # of what a point sees, by the cosine: where more is, records would no longer stand where they are wanted
 _SAMPLES = 128  # points on a mesh that stand for its surface

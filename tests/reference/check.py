@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from irrsplat.reference.tracer import Tracer, choose_variant, image, look, mi
+from irrsplat.reference.path_tracer import Tracer, choose_variant, image, look, mi
 from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
 
 SPP = 4096  # of Mitsuba's path, four times over

@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from irrsplat.errors import IrrsplatError
-from irrsplat.reference.traced import MOST_BOUNCES
-from irrsplat.reference.tracer import Tracer, choose_variant, image, look, mi
-from irrsplat.reference.view import direct_light, distance_to, valid_pixels
+from irrsplat.core.errors import IrrsplatError
+from irrsplat.reference.path_tracer import Tracer, choose_variant, image, look, mi
+from irrsplat.reference.trace_view import direct_light, distance_to, valid_pixels
+from irrsplat.reference.truth import MOST_BOUNCES
 from irrsplat.scene import load
 from irrsplat.scene.model import Scene
 from tests.truth import FOLDER, SIZE, camera_numbers, scene_hash

@@ -1,0 +1,158 @@
+"""`irrsplat bench`: how long a picture takes, from an empty cache and from a kept one: scenes, presets and sizes in tables."""
+
+from __future__ import annotations
+
+import json
+from argparse import Namespace
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from typing import Any
+
+from irrsplat.app.bench import compare, machine, paper_times
+from irrsplat.app.bench.cases import LEGEND, TURN, Run, Timing, measure
+from irrsplat.app.common.terminal import columns, doing, say
+from irrsplat.core.errors import InputError
+from irrsplat.reference.truth import in_words
+from irrsplat.scene.model import Scene
+from irrsplat.settings import SETTINGS
+
+DEFAULT_SCENES = ("cornell-paper",)
+PAPER = "cornell-paper"  # the scene that is timed as published as well, unless presets are named
+SIZE = [800, 800]
+Size = tuple[int, int]
+
+
+def run(args: Namespace) -> int:
+    """Time what the command line `args` asks for, print tables, write JSON where asked for; the exit status 0.
+
+    Raises InputError and IrrsplatError, one line, for what cannot be; KeyboardInterrupt where the user ended it.
+    """
+    import irrsplat
+    from irrsplat.image.frame import write_text
+
+    bounces = _bounces(args.bounces)
+    earlier = None if args.compare is None else compare.read(args.compare)
+    if args.peers:
+        from irrsplat.app.bench.peers import race
+
+        race.check(args)
+    elif args.output is not None:
+        raise InputError("-o is for the plots of --peers and --growth; give one of them, or --json for the numbers")
+    names = args.scenes or (DEFAULT_SCENES if not args.peers else race.DEFAULT_SCENES)
+    loaded = [(name, irrsplat.load(name)) for name in dict.fromkeys(names)]
+    written: dict[str, Any] = {"machine": {}, "runs": []}
+    if args.peers:
+        written |= race.run([scene for _, scene in loaded], args, bounces)
+    else:
+        written |= _timed(loaded, args, bounces)
+    if earlier is not None:
+        print(f"\nagainst {args.compare}")
+        print("\n".join(compare.table(earlier, written["runs"])))
+    if args.json is not None:
+        write_text(args.json, json.dumps(written, indent=2) + "\n")
+    return 0
+
+
+def _bounces(text: str) -> int | str:
+    """The value of --bounces; InputError for one that is none, and for no bounce at all."""
+    bounces: int | str = SETTINGS["bounces"].parse(text)
+    if bounces == 0:
+        raise InputError("--bounces 0: there is no indirect light to time; leave it out, or take 1 or all")
+    return bounces
+
+
+def _timed(loaded: Sequence[tuple[str, Scene]], args: Namespace, bounces: int | str) -> dict[str, Any]:
+    """The tables of every scene and size, printed; what the JSON says of them."""
+    about: dict[str, Any] = {}
+    runs: list[Run] = []
+    for source, scene in loaded:
+        for notice in scene.notices:
+            say(f"notice: {notice}")
+        sizes: list[Size] = list(dict.fromkeys((w, h) for w, h in args.size or [SIZE]))
+        for size in sizes:
+            presets = list(dict.fromkeys(args.preset or (("paper", "default") if scene.name == PAPER else ("default",))))
+            runs += _scene(scene, size, presets, bounces, about)
+        if args.flight != "off":
+            print()
+            runs += _flown(scene, (sizes[0][0], max(1, round(0.75 * sizes[0][0]))), runs[-1].clock)
+        start = machine.startup(source, sizes[0])
+        about.setdefault("startup_s", {})[scene.name] = start
+        print(f"\n{scene.name}, {_started(start)}")
+    return {"machine": about, "runs": [asdict(r) for r in runs]}
+
+
+def _scene(scene: Scene, size: Size, presets: Sequence[str], bounces: int | str, about: dict[str, Any]) -> list[Run]:
+    """The cases of one scene and size, printed; `about` is filled in where it is empty."""
+    import irrsplat
+
+    runs: list[Run] = []
+    empty: dict[str, Timing] = {}
+    for preset in presets:
+        with irrsplat.Renderer(scene, size=size, preset=preset, bounces=bounces) as renderer:
+            if not about:
+                about |= machine.about(renderer.about)
+                print(f"{about['renderer']}, {about['cpus']} CPUs, {in_words(bounces)}")
+                print(LEGEND)
+            for result, timing in measure(renderer, doing):
+                runs.append(result)
+                if result.case == "empty":
+                    empty[preset] = timing
+    print(f"\n{scene.name}, {size[0]}x{size[1]}, {in_words(bounces)}")
+    print("\n".join(_cases(runs)))
+    print()
+    print("\n".join(paper_times.table(scene.name, empty, runs[0].clock)))
+    return runs
+
+
+def _cases(runs: Sequence[Run]) -> Iterator[str]:
+    """The table of cases, and what follows from it."""
+    rows = [("scene", "preset", "case", "seconds", "picture", "records", "rmse", "MiB", "on the GPU")]
+    for r in runs:
+        memory = (_number(r.memory_mib.get(where), ".0f") for where in ("process", "gpu"))
+        seconds = f"{r.seconds:.3f}", _number(r.picture_seconds, ".3f")
+        rows.append((r.scene, r.preset, r.case, *seconds, str(r.records), _number(r.rmse, ".1%"), *memory))
+    yield from columns(rows, left=3)
+    seconds_of = {(r.preset, r.case): r.seconds for r in runs}
+    presets = list(dict.fromkeys(r.preset for r in runs))
+    if {"paper", "default"} <= set(presets):
+        times = seconds_of["paper", "empty"] / seconds_of["default", "empty"]
+        yield f"from empty, default is {times:.1f} times faster than paper"
+    for case, words in (("moved", f"turned by {TURN:g}°"), ("warm", "the same view"), ("light", "a lamp moved")):
+        if (presets[0], case) in seconds_of:
+            found = (f"{seconds_of[p, 'empty'] / seconds_of[p, case]:.1f} times ({p})" for p in presets)
+            yield f"{words}, faster than from empty: {', '.join(found)}"
+
+
+def _flown(scene: Scene, size: Size, clock: str) -> list[Run]:
+    """The flight through the window: prints its table; two runs a case, the middle frame and the worst one."""
+    from irrsplat.app.bench import fly_through
+
+    print(f"{scene.name}, flight of {fly_through.FRAMES} frames, {size[0]}x{size[1]}")
+    print(fly_through.LEGEND)
+    rows = [("flight", "median ms", "worst ms", "fps", "new records", "records", "first picture s")]
+    runs: list[Run] = []
+    bounces = SETTINGS["bounces"].default  # the viewer's
+    doing(f"{scene.name}: filling the cache")
+    for flown in fly_through.fly(scene, size, fly_through.FRAMES):
+        doing("")
+        cells = f"{flown.median:.0f}", f"{flown.worst:.0f}", f"{1e3 / flown.median:.0f}", str(flown.new), str(flown.records)
+        rows.append((flown.case, *cells, f"{flown.first:.2f}"))
+        for word, ms in (("", flown.median), (" worst", flown.worst)):
+            case, seconds = f"flight {flown.case}{word}", 1e-3 * ms
+            made = scene.name, "default", list(size), case, seconds, flown.records, None, flown.stages, clock
+            runs.append(Run(*made, bounces=bounces, seconds_all=[seconds]))
+        doing(f"{scene.name}: serving every view along the way, then the second flight")
+    doing("")
+    print("\n".join(columns(rows, left=1)))
+    return runs
+
+
+def _started(seconds: dict[str, float] | None) -> str:
+    """The times of a fresh process in a sentence."""
+    if seconds is None:
+        return "starting up: a process of its own failed"
+    return "a fresh process starts in seconds: " + ", ".join(f"{part} {took:.2f}" for part, took in seconds.items())
+
+
+def _number(value: float | None, how: str) -> str:
+    return "-" if value is None else format(value, how)

@@ -1,0 +1,84 @@
+"""`irrsplat bench --compare`: an earlier run's JSON beside this one, row by row, as ratios of time."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from irrsplat.app.common.terminal import columns
+from irrsplat.core.errors import InputError
+
+NOISE = 0.1  # a ratio nearer to 1 than this says nothing
+ONCE = 0.25  # the same of what was timed once
+Key = tuple[str, str, str, str, str]  # scene, preset, size, bounces, case
+
+
+def read(path: str) -> list[dict[str, Any]]:
+    """The runs in a file that `--json` wrote; raises InputError, one line, for any other."""
+    try:
+        data = json.loads(Path(path).read_bytes().decode("utf-8-sig"))
+    except OSError as error:
+        raise InputError(f"cannot read: {error.strerror or error}", path) from error
+    except (ValueError, RecursionError) as error:
+        raise InputError("not JSON; --compare takes a file that irrsplat bench --json wrote", path) from error
+    runs = data.get("runs") if isinstance(data, dict) else None
+    if not isinstance(runs, list) or not all(map(_is_run, runs)):
+        raise InputError("not a file that irrsplat bench --json wrote: its runs are missing or damaged", path)
+    return runs
+
+
+def table(then: Sequence[dict[str, Any]], now: Sequence[dict[str, Any]]) -> Iterator[str]:
+    """The rows that are in both, with then/now (above 1: faster now) and whether that is beyond noise; the others by name."""
+    before, after = ({_key(run): run for run in runs} for runs in (then, now))
+    made = [("scene", "preset", "size", "bounces", "case", "then s", "now s", "then/now", "rmse then", "now", "")]
+    for key, run in after.items():
+        if (old := before.get(key)) is not None:
+            times = f"{old['seconds']:.3f}", f"{run['seconds']:.3f}", f"{old['seconds'] / run['seconds']:.2f}"
+            made.append((*key, *times, _percent(old), _percent(run), verdict(old, run)))
+    if len(made) > 1:
+        yield from columns(made, left=5)
+    for words, keys in (("only then", before.keys() - after.keys()), ("only now", after.keys() - before.keys())):
+        for key in sorted(keys):
+            yield f"{words}: {' '.join(key)}"
+
+
+def verdict(then: dict[str, Any], now: dict[str, Any]) -> str:
+    """ "faster" or "slower" where no repetition of the one took as long as any of the other, and by more than noise; else ""."""
+    (low, high), (least, most) = (_span(run) for run in (then, now))
+    return "faster" if most < low else "slower" if least > high else ""
+
+
+def _span(run: dict[str, Any]) -> tuple[float, float]:
+    """Seconds between which a run's time lies: all its repetitions, and half of the noise around their ends."""
+    times = run.get("seconds_all") or [run["seconds"]]
+    half = math.sqrt(1.0 + (NOISE if len(times) > 1 else ONCE))
+    return min(times) / half, max(times) * half
+
+
+def _key(run: dict[str, Any]) -> Key:
+    size = "x".join(str(n) for n in run["size"])
+    return run["scene"], run["preset"], size, str(run.get("bounces", 1)), run["case"]
+
+
+def _is_run(run: Any) -> bool:
+    if not isinstance(run, dict) or not all(isinstance(run.get(name), str) for name in ("scene", "preset", "case")):
+        return False
+    size, times = run.get("size"), run.get("seconds_all", [])
+    whole = isinstance(size, list) and len(size) == 2 and all(type(n) is int for n in size) and isinstance(times, list)
+    rmse = run.get("rmse")
+    return whole and all(map(_is_time, [run.get("seconds"), *times])) and (rmse is None or _is_number(rmse))
+
+
+def _is_number(value: Any) -> bool:
+    return type(value) in (int, float) and math.isfinite(value)
+
+
+def _is_time(value: Any) -> bool:
+    return _is_number(value) and value > 0.0
+
+
+def _percent(run: dict[str, Any]) -> str:
+    return "-" if run.get("rmse") is None else f"{run['rmse']:.1%}"

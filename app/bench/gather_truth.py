@@ -1,0 +1,73 @@
+"""The truth that the benchmark's errors are told by: a fine gather at random pixels of a view, made once and kept."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from irrsplat.app.common.terminal import say
+from irrsplat.core.errors import IrrsplatError
+from irrsplat.indirect import paper_scan
+from irrsplat.reference import disk_cache, fine_gather
+from irrsplat.reference.truth import kept
+
+if TYPE_CHECKING:
+    from irrsplat.renderer import Renderer
+    from irrsplat.scene.model import Camera
+
+VERSION = 1  # of what is gathered and how
+COUNT = 2000  # pixels
+SECONDS = 240.0  # after which fewer must do
+SHADOW_SIZE = 2048  # texels
+
+
+def truth(renderer: Renderer, camera: Camera) -> fine_gather.Truth | None:
+    """Indirect irradiance of one bounce, as the scene is lit now, at COUNT smooth pixels of a view of the renderer's size, from
+    the user's cache folder or gathered now; of more bounces the path-traced truth of `verify` where it is there.
+
+    None where there is none, and where no pixel can be compared.
+    """
+    scene, size, bounces = renderer.scene, renderer.size, renderer.settings.bounces
+    if bounces != 1:
+        traced = kept(scene, camera, size, bounces)
+        if traced is None or not traced.valid.any():
+            return None
+        return fine_gather.Truth(np.argwhere(traced.valid), traced.irradiance[traced.valid])
+    try:
+        key = disk_cache.key_of(scene, camera, VERSION, size, fine_gather.SIDE, COUNT, SHADOW_SIZE)
+        path = disk_cache.folder() / f"gather-{key}.npz"
+        if (found := _read(path, size)) is not None:
+            return found
+    except disk_cache.DAMAGE:
+        say(f"notice: {path}: damaged; the truth is gathered again")
+    except IrrsplatError as error:
+        say(f"notice: {error}")
+        path = None
+    view, _ = renderer.frame(camera, gather=False)
+    with renderer.ctx:
+        seen = paper_scan.read_back(view.gbuffer)
+        found = fine_gather.gather(renderer.ctx, scene, renderer.geometry, seen, SHADOW_SIZE, COUNT, SECONDS)
+    if not len(found.pixels):
+        return None
+    if path is not None:
+        try:
+            disk_cache.write(path, {"pixels": found.pixels, "irradiance": found.irradiance})
+        except OSError as error:
+            say(f"notice: {path}: cannot keep the truth for the next time: {error.strerror or error}")
+    return found
+
+
+def _read(path: Path, size: tuple[int, int]) -> fine_gather.Truth | None:
+    """The truth in a file, None where there is no file; raises one of store.DAMAGE for what is none of a view of that size."""
+    arrays = disk_cache.read(path)
+    if arrays is None:
+        return None
+    pixels, irradiance = arrays["pixels"], arrays["irradiance"]
+    whole = pixels.ndim == 2 and pixels.shape[1] == 2 and len(pixels) > 0 and pixels.dtype.kind == "i"
+    if not whole or irradiance.shape != (len(pixels), 3) or not np.isfinite(irradiance).all():
+        raise ValueError("not what irrsplat writes")
+    if pixels.min() < 0 or (pixels >= size[::-1]).any():
+        raise ValueError("pixels outside the view")
+    return fine_gather.Truth(pixels, irradiance)

@@ -1,0 +1,110 @@
+"""What the benchmark says of the machine: what it is, how long starting up takes, and how much memory a case needed."""
+
+from __future__ import annotations
+
+import json
+import os
+import platform
+import subprocess
+import sys
+from contextlib import suppress
+from dataclasses import is_dataclass
+from typing import Any
+
+import moderngl
+
+from irrsplat.app.flags import version
+from irrsplat.gpu.geometry import Geometry
+from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.target import Target
+
+_STATUS, _CLEAR = "/proc/self/status", "/proc/self/clear_refs"  # Linux: the peak of the resident set, and what begins it anew
+_BYTES = {"f1": 1, "f2": 2, "f4": 4, "u4": 4}  # of a component of a texture, by its dtype
+# a process of its own, so that nothing is loaded yet; prints seconds by part
+_START = """
+import json, sys, time
+source, size, times = sys.argv[1], (int(sys.argv[2]), int(sys.argv[3])), [time.perf_counter()]
+import irrsplat
+irrsplat.Renderer
+times.append(time.perf_counter())
+from irrsplat.gpu import context
+ctx = context.create()
+times.append(time.perf_counter())
+scene = irrsplat.load(source)
+times.append(time.perf_counter())
+for program in irrsplat.Renderer(scene, size, ctx=ctx, bounces=1).programs():
+    program.gl  # they are linked when they are first wanted
+times.append(time.perf_counter())
+print(json.dumps(dict(zip(("import", "context", "load", "shaders"), (b - a for a, b in zip(times, times[1:]))))))
+"""
+
+
+def about(gl: dict[str, Any]) -> dict[str, Any]:
+    """The machine, as the benchmark's JSON has it; gl: what `gpu.context.describe` says."""
+    return {
+        **{key: gl[key] for key in ("renderer", "vendor", "version", "software")},
+        "platform": platform.platform(),
+        "processor": platform.processor() or platform.machine(),
+        "cpus": os.cpu_count(),
+        "python": platform.python_version(),
+        "irrsplat": version(),
+    }
+
+
+def startup(source: str, size: tuple[int, int]) -> dict[str, float] | None:
+    """Seconds that a fresh process takes to import the library, to make a context, to load the scene at a path (or the bundled
+    one of that name), and to compile the shaders, its geometry's upload among it; None where that process fails."""
+    paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
+    command = [sys.executable, "-c", _START, source, *map(str, size)]
+    environment = os.environ | {"PYTHONPATH": paths, "PYTHONSAFEPATH": "1"}
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+    if done.returncode:
+        return None
+    return {part: float(seconds) for part, seconds in json.loads(done.stdout.splitlines()[-1]).items()}
+
+
+def forget_peak() -> None:
+    """Let the peak of this process's memory begin anew, where the system can do that."""
+    with suppress(OSError), open(_CLEAR, "w", encoding="ascii") as file:
+        file.write("5")
+
+
+def peak_memory() -> int | None:
+    """Bytes of this process's greatest resident set since `forget_peak`, or since its start; None where nothing tells."""
+    with suppress(OSError), open(_STATUS, encoding="ascii", errors="replace") as file:
+        for line in file:
+            if line.startswith("VmHWM:"):
+                return 1024 * int(line.split()[1])
+    try:
+        import resource
+    except ImportError:  # Windows
+        return None
+    most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return most if sys.platform == "darwin" else 1024 * most
+
+
+def gpu_memory(thing: object) -> int:
+    """Bytes of the textures and buffers that a Renderer, or anything else that holds some, has on the GPU."""
+    found: dict[int, int] = {}
+
+    def look(it: object) -> None:
+        if id(it) in found:
+            return
+        if isinstance(it, (moderngl.Texture, moderngl.Buffer)):
+            if not isinstance(it.mglo, moderngl.InvalidObject):  # released
+                found[id(it)] = it.size if isinstance(it, moderngl.Buffer) else _texture(it)
+        elif isinstance(it, (Holder, Target, Geometry)) or (is_dataclass(it) and not isinstance(it, type)):
+            found[id(it)] = 0
+            for part in vars(it).values():
+                look(part)
+        elif isinstance(it, (list, tuple)) and len(it) < 64:  # of a few things; a long one is data
+            for part in it:
+                look(part)
+
+    look(thing)
+    return sum(found.values())
+
+
+def _texture(texture: moderngl.Texture) -> int:
+    width, height = texture.size
+    return width * height * texture.components * _BYTES.get(texture.dtype, 4)

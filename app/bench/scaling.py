@@ -1,0 +1,207 @@
+"""`irrsplat bench --growth`: how time and memory grow with a scene's triangles, and with the picture's pixels."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from argparse import Namespace
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from irrsplat.app.bench import machine
+from irrsplat.app.bench.cases import TURN, turned
+from irrsplat.app.common.plot import Line, loglog
+from irrsplat.app.common.terminal import columns, progress
+from irrsplat.app.verify.measure import silent
+from irrsplat.core.errors import InputError, IrrsplatError
+from irrsplat.image import frame
+
+TRIANGLES = (10**3, 10**4, 10**5, 10**6)
+SIDES = (400, 800, 1600, 3200)  # pixels
+QUICK = (10**3, 3 * 10**3), (32, 64)
+OWN = 6360  # triangles of `curved` as it is bundled
+REPETITIONS, SLOW = 3, 5.0  # what takes longer, in seconds, is timed once
+LEGEND = """\
+the scene `curved`, what is round in it cut finer and finer; preset default, all bounces; a process for each row
+load: from its files; build: the rays' tree, textures and buffers; surface: the surface cache, made once for all views
+from empty: to full coverage without any records, best of up to 3; turned: the same by 5° with the records kept
+ms a record: of gather and reduction; MiB: the most that the process held, and what it has in OpenGL's textures and buffers\
+"""
+_TIMES = (("load", "load"), ("build", "build"), ("surface", "surface cache"), ("empty", "from empty"), ("moved", "turned by 5°"))
+_COLOURS = ((27, 94, 160), (200, 80, 20), (60, 130, 60), (130, 60, 150), (90, 90, 90))
+
+
+@dataclass(frozen=True)
+class Row:
+    """One scene and size: wall times in seconds, by their names in LEGEND; records; MiB of the process (None: not known here) and
+    on the GPU; milliseconds by stage from empty, and their clock."""
+
+    triangles: int
+    size: tuple[int, int]
+    load: float
+    build: float
+    surface: float
+    empty: float
+    moved: float
+    record: float  # ms
+    records: int
+    process: float | None
+    gpu: float
+    stages: dict[str, float] = field(default_factory=dict)
+    clock: str = "wall"
+    machine: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def pixels(self) -> int:
+        """Of the picture."""
+        return self.size[0] * self.size[1]
+
+
+def run(args: Namespace) -> int:
+    """Measure both series, print them as tables, write JSON and the plot where asked for; the exit status.
+
+    Raises InputError for a command line that asks for something else, too; IrrsplatError where a row fails.
+    """
+    if args.scenes or args.size or args.preset or args.peers or args.compare:
+        raise InputError("--growth has scenes, sizes and a preset of its own; give it with --quick, --json and -o alone")
+    if args.output is not None:
+        frame.check_writable(args.output)
+    counts, sides = QUICK if args.quick else (TRIANGLES, SIDES)
+    plan = [(count, sides[0]) for count in counts] + [(OWN, side) for side in sides]
+    rows: list[Row] = []
+    with progress() as told:
+        tell = told or silent
+        for k, (count, side) in enumerate(plan):
+            tell(k / len(plan), f"{k + 1} of {len(plan)}: {count:,} triangles at {side}x{side}")
+            rows.append(_apart(count, side))
+    print(f"growth on {rows[0].machine['renderer']}\n{LEGEND}\n")
+    by_triangles, by_pixels = rows[: len(counts)], rows[len(counts) :]
+    for found in (by_triangles, by_pixels):
+        print("\n".join([*columns(table(found), left=0), ""]))
+    middle, last = min(by_triangles, key=lambda row: abs(row.triangles - 10**4)), by_triangles[-1]
+    times = last.record / middle.record
+    print(f"a record costs {times:.1f} times as much with {last.triangles:,} triangles as with {middle.triangles:,}")
+    if args.json is not None:
+        runs = [entry for row in rows for entry in _runs(row)]
+        frame.write_text(args.json, json.dumps({"machine": rows[0].machine, "runs": runs}, indent=2) + "\n")
+    if args.output is not None:
+        frame.write_picture(args.output, plot(by_triangles, by_pixels))
+    return 0
+
+
+def table(rows: Sequence[Row]) -> list[tuple[str, ...]]:
+    """A line for each row, under the names of the columns."""
+    head = ("triangles", "size", "load s", "build s", "surface s", "from empty s", "turned s", "ms a record", "records")
+    lines: list[tuple[str, ...]] = [(*head, "process MiB", "GPU MiB")]
+    for row in rows:
+        seconds = (f"{s:.3f}" for s in (row.load, row.build, row.surface, row.empty, row.moved, row.record))
+        memory = "-" if row.process is None else f"{row.process:.0f}", f"{row.gpu:.0f}"
+        lines.append((f"{row.triangles:,}", f"{row.size[0]}x{row.size[1]}", *seconds, str(row.records), *memory))
+    return lines
+
+
+def plot(by_triangles: Sequence[Row], by_pixels: Sequence[Row]) -> np.ndarray:
+    """(H, W, 3) display values 0..1: time and memory, one above the other, against triangles and against pixels."""
+    halves = []
+    for rows, name, words in ((by_triangles, "triangles", "triangles"), (by_pixels, "pixels", "pixels")):
+        x = np.array([getattr(row, name) for row in rows], float)
+        lines = [_line(said, x, [getattr(row, key) for row in rows], i) for i, (key, said) in enumerate(_TIMES)]
+        memory = [_line("GPU", x, [row.gpu for row in rows], 0)]
+        if all(row.process is not None for row in rows):
+            memory.append(_line("process", x, [float(row.process or 0.0) for row in rows], 1))
+        upper = loglog(lines, f"time against {words}", words, "seconds")
+        halves.append(np.concatenate([upper, loglog(memory, f"memory against {words}", words, "MiB")]))
+    return np.concatenate(halves, axis=1)
+
+
+def _line(words: str, x: np.ndarray, y: Sequence[float], i: int) -> Line:
+    return Line(words, x, np.maximum(np.array(y, float), 1e-4), _COLOURS[i])
+
+
+def _runs(row: Row) -> Iterator[dict[str, Any]]:
+    """The entries of the benchmark's JSON: one for each time."""
+    for case in ("load", "build", "surface", "empty", "moved"):
+        yield {
+            "scene": f"curved, {row.triangles} triangles",
+            "preset": "default",
+            "size": list(row.size),
+            "case": f"growth {case}",
+            "seconds": getattr(row, case),
+            "records": row.records,
+            "rmse": None,
+            "stages_ms": row.stages if case == "empty" else {},
+            "clock": row.clock,
+            "bounces": "all",
+            "memory_mib": {"process": row.process, "gpu": row.gpu},
+        }
+
+
+# ---- a row's own process -----------------------------------------------------------------------------------------------
+
+
+def _apart(triangles: int, side: int) -> Row:
+    """The row of a process of its own; raises IrrsplatError with the last that it said where it fails."""
+    command = [sys.executable, "-m", "irrsplat.app.bench.scaling", str(triangles), str(side)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    if done.returncode:
+        said = (done.stderr.strip().splitlines() or [f"exit status {done.returncode}"])[-1]
+        raise IrrsplatError(f"the row of {triangles} triangles at {side}x{side} failed: {said}")
+    values = json.loads(done.stdout.splitlines()[-1])
+    return Row(**values | {"size": tuple(values["size"])})
+
+
+def measured(triangles: int, side: int) -> Row:
+    """The row of `curved` with about so many triangles in pictures of side² pixels; the process's memory is all of its own."""
+    import irrsplat
+    from irrsplat.scenes import generate
+
+    with tempfile.TemporaryDirectory() as folder:
+        generate.curved(Path(folder), triangles / OWN)
+        start = time.perf_counter()
+        scene = irrsplat.load(str(Path(folder) / "curved.scene"))
+        load = time.perf_counter() - start
+    start = time.perf_counter()
+    with irrsplat.Renderer(scene, size=(side, side)) as renderer:
+        renderer.ctx.finish()
+        build = time.perf_counter() - start
+        camera = scene.camera()
+        _, stats = renderer.converge(camera)
+        surface = 1e-3 * renderer.timers.milliseconds().get("surface", 0.0)
+        count, best = int(stats["records"]), {}
+        for case, view, records in (("empty", camera, 0), ("moved", turned(camera, TURN), count)):
+            seconds: list[float] = []
+            while len(seconds) < REPETITIONS and (not seconds or seconds[0] < SLOW):
+                renderer.forget(records=records == 0, lights=records == 0)
+                renderer.cache.truncate(records)
+                seconds.append(renderer.converge(view)[1]["seconds"])
+                if case == "empty":
+                    stages = renderer.timers.milliseconds()
+            best[case] = min(seconds)
+        most = machine.peak_memory()
+        return Row(
+            scene.triangles,
+            (side, side),
+            load,
+            build,
+            surface,
+            best["empty"],
+            best["moved"],
+            (stages["gather"] + stages["reduce"]) / max(count, 1),
+            count,
+            None if most is None else most / 2**20,
+            machine.gpu_memory(renderer) / 2**20,
+            stages,
+            renderer.timers.clock,
+            machine.about(renderer.about),
+        )
+
+
+if __name__ == "__main__":
+    print(json.dumps(asdict(measured(int(sys.argv[1]), int(sys.argv[2])))))

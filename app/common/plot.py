@@ -1,0 +1,131 @@
+"""A plot of lines over two logarithmic axes, drawn with the pen of the diagrams."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from PIL import Image
+
+from irrsplat.image.figures.pen import Colour, Pen, width_of
+
+_SIZE = (1040, 720)  # pixels
+_FONT = 20.0
+_FINER = 2  # drawn so many times larger, then reduced: smooth edges
+_LEFT, _RIGHT, _TOP, _BOTTOM = 96, 32, 64, 84  # margins
+_INK, _FAINT, _GRID = (40, 40, 40), (110, 110, 110), (224, 224, 224)
+_STEPS = (1, 2, 5)  # of every decade, with a number
+_WIDE = 500.0  # times as great an end of an axis leaves no room for all of these
+
+
+@dataclass(frozen=True)
+class Line:
+    """Points (x, y), both (N,) and positive, joined in their order, and what they are in words."""
+
+    words: str
+    x: np.ndarray
+    y: np.ndarray
+    colour: Colour
+
+
+def loglog(lines: Sequence[Line], title: str, x_label: str, y_label: str) -> np.ndarray:
+    """(H, W, 3) display values 0..1 of the lines with axes, a grid, numbers, and each line's words in its colour."""
+    size = tuple(_FINER * n for n in _SIZE)
+    image = Image.new("RGB", (size[0], size[1]), (255, 255, 255))
+    pen = Pen(image, _FINER * _FONT)
+    frame = np.array([[_LEFT, _SIZE[1] - _BOTTOM], [_SIZE[0] - _RIGHT, _TOP]], float) * _FINER  # lower left, upper right
+    spans = [_span(np.concatenate([getattr(line, axis) for line in lines] or [np.zeros(0)])) for axis in "xy"]
+
+    def place(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        logs = np.log(np.stack([x, y], axis=-1))
+        low, high = np.log(np.array(spans).T)
+        return frame[0] + (logs - low) / (high - low) * (frame[1] - frame[0])
+
+    _axes(pen, frame, spans, place)
+    places = [place(line.x, line.y) for line in lines]
+    for line, at in zip(lines, places, strict=True):
+        if len(at) > 1:
+            pen.line(at, line.colour, 2.6)
+        for point in at:
+            pen.dot(point, 4.2, line.colour)
+    _legend(pen, frame, lines, places)
+    pen.text((frame[0][0], 0.9 * pen.font), title, _INK)
+    pen.text(((frame.sum(0)[0] - width_of(x_label, pen.font)) / 2.0, size[1] - 1.7 * pen.font), x_label, _INK)
+    _upright(image, pen, y_label, frame)
+    return np.asarray(image.resize(_SIZE, Image.Resampling.LANCZOS)) / 255.0
+
+
+def _span(values: np.ndarray) -> tuple[float, float]:
+    """The ends of an axis that holds these values, with some room on either side; (1, 10) where there are none."""
+    if not len(values):
+        return 1.0, 10.0
+    low, high = float(values.min()), float(values.max())
+    room = max((high / low) ** 0.06, 1.12)
+    return low / room, high * room
+
+
+def ticks(low: float, high: float) -> Iterator[tuple[float, bool]]:
+    """The multiples of powers of ten from low to high, and whether each gets a number; over many decades the powers alone do."""
+    steps = _STEPS if high < _WIDE * low else _STEPS[:1]
+    for decade in range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1):
+        for step in range(1, 10):
+            value = step * 10.0**decade
+            if low <= value <= high:
+                yield value, step in steps
+
+
+def _axes(pen: Pen, frame: np.ndarray, spans: list[tuple[float, float]], place: object) -> None:
+    """The grid, the frame around it, and its numbers."""
+    assert callable(place)
+    for value, numbered in ticks(*spans[0]):
+        x = place(np.array(value), np.array(spans[1][0]))[0]
+        ends = np.array([[x, frame[0][1]], [x, frame[1][1]]])
+        pen.line(ends, _GRID if numbered else (240, 240, 240), 1.2, halo=False)
+        if numbered:
+            words = f"{value:,.10g}"
+            pen.text((x - width_of(words, pen.font) / 2.0, frame[0][1] + 0.5 * pen.font), words, _INK)
+    for value, numbered in ticks(*spans[1]):
+        y = place(np.array(spans[0][0]), np.array(value))[1]
+        ends = np.array([[frame[0][0], y], [frame[1][0], y]])
+        pen.line(ends, _GRID if numbered else (240, 240, 240), 1.2, halo=False)
+        if numbered:
+            words = f"{value:.10g}"
+            pen.text((frame[0][0] - width_of(words, pen.font) - 0.5 * pen.font, y - 0.6 * pen.font), words, _INK)
+    (left, bottom), (right, top) = frame
+    pen.line(np.array([[left, top], [left, bottom], [right, bottom]]), _FAINT, 1.6, halo=False)
+
+
+def _legend(pen: Pen, frame: np.ndarray, lines: Sequence[Line], places: Sequence[np.ndarray]) -> None:
+    """Each line's words, in its colour, in the corner that the lines, whose points lie at `places` (N, 2), leave free."""
+    if not lines:
+        return
+    widths = [width_of(line.words, pen.font) for line in lines]
+    size = np.array([max(widths) + 2.2 * pen.font, (1.5 * len(lines) + 0.6) * pen.font])
+    (left, bottom), (right, top) = frame
+    corners = [(right, top), (left, bottom), (right, bottom), (left, top)]  # falling curves leave the first ones free
+    low = [np.array([x - size[0] if x == right else x, y if y == top else y - size[1]]) for x, y in corners]
+    drawn = np.concatenate([_along(at) for at in places])
+    crossed = [np.count_nonzero(((drawn > corner) & (drawn < corner + size)).all(1)) for corner in low]
+    chosen = int(np.argmin(crossed))
+    x_end, y = low[chosen][0] + size[0] - 0.6 * pen.font, low[chosen][1] + 0.5 * pen.font
+    for line, width in zip(lines, widths, strict=True):
+        x = x_end - width if corners[chosen][0] == right else low[chosen][0] + 1.6 * pen.font
+        pen.dot(np.array([x - 0.8 * pen.font, y + 0.65 * pen.font]), 4.2, line.colour)
+        pen.text((x, y), line.words, line.colour)
+        y += 1.5 * pen.font
+
+
+def _along(at: np.ndarray) -> np.ndarray:
+    """(M, 2) places along the line through (N, 2), close to each other."""
+    steps = np.linspace(0.0, 1.0, 32)[:, None, None]
+    return np.concatenate([at, (at[:-1] + steps * (at[1:] - at[:-1])).reshape(-1, 2)])
+
+
+def _upright(image: Image.Image, pen: Pen, words: str, frame: np.ndarray) -> None:
+    """Words along the left edge, read from below."""
+    strip = Image.new("RGB", (math.ceil(width_of(words, pen.font)) + 8, math.ceil(1.5 * pen.font)), (255, 255, 255))
+    Pen(strip, pen.font).text((4, 0.1 * pen.font), words, _INK)
+    turned = strip.rotate(90, expand=True)
+    image.paste(turned, (round(0.4 * pen.font), round((frame.sum(0)[1] - turned.height) / 2.0)))

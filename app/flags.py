@@ -1,0 +1,287 @@
+"""The command line's grammar: every flag with its range and default, the settings' from irrsplat.settings."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import re
+from collections.abc import Iterator, Sequence
+from typing import Any, NoReturn
+
+from irrsplat.core.errors import InputError
+from irrsplat.settings import PRESETS, SETTINGS, Declaration
+
+DEFAULT_SCENE = "cornell"
+_STAGES = ("shadow", "gather", "splat", "examine", "composite", "view")  # the order of the frame
+
+
+class Parser(argparse.ArgumentParser):
+    """argparse with errors of one line (InputError), no abbreviations, and every spelling of a negative number."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(allow_abbrev=False, formatter_class=argparse.RawDescriptionHelpFormatter, **options)
+        # argparse's own pattern takes -1e-3 and -inf for flags
+        self._negative_number_matcher = re.compile(r"-\.?\d|-(inf|nan)", re.IGNORECASE)
+
+    def error(self, message: str) -> NoReturn:
+        """Raises InputError; main() prints it."""
+        raise InputError(f"{message}; see {self.prog} --help")
+
+
+def number(text: str) -> float:
+    """A finite number, for argparse."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"expected a finite number, not '{text}'")
+    return value
+
+
+def pixels(text: str) -> int:
+    """A side of an image, for argparse."""
+    if not re.fullmatch(r"\d{1,9}", text, re.ASCII) or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"expected a whole number of pixels, at least 1, not '{text}'")
+    return int(text)
+
+
+def samples(text: str) -> int:
+    """A number of samples, for argparse."""
+    if not re.fullmatch(r"\d{1,9}", text, re.ASCII) or int(text) < 2:
+        raise argparse.ArgumentTypeError(f"expected a whole number of samples, at least 2, not '{text}'")
+    return int(text)
+
+
+def frames(text: str) -> tuple[int, int | None]:
+    """Frames A:B of a path as (A, B), for argparse; half open as a Python slice, A: 0 and B: None where left out."""
+    match = re.fullmatch(r"(\d{0,9}):(\d{0,9})", text, re.ASCII)
+    if match is None:
+        raise argparse.ArgumentTypeError(f"expected A:B, the frames from A to before B, either may be left out, not '{text}'")
+    start, stop = int(match[1] or 0), int(match[2]) if match[2] else None
+    if stop is not None and start >= stop:
+        raise argparse.ArgumentTypeError(f"'{text}' holds no frame: B is not among them; give a B greater than A")
+    return start, stop
+
+
+def parse(argv: Sequence[str]) -> argparse.Namespace:
+    """The checked command line: `command`, its arguments, and for render, view and verify `values`, the settings given by flag.
+
+    Raises InputError, one line, for what is wrong with it; SystemExit(0) after --help and --version.
+    """
+    args = build().parse_args(list(_spelled_out(argv)))
+    if args.command in ("render", "view", "verify"):
+        args.values = {
+            name: d.parse(text) for name, d in SETTINGS.items() if (text := getattr(args, "set_" + name, None)) is not None
+        }
+        _check_camera(args)
+    return args
+
+
+def build() -> Parser:
+    """The whole grammar."""
+    top = Parser(prog="irrsplat", description="Indirect light for diffuse scenes by irradiance cache splatting.")
+    top.add_argument("--version", action=_Version, help="print the version and exit")
+    commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True, parser_class=Parser)
+    _add_view(commands)
+    _add_render(commands)
+
+    _add_bench(commands)
+    info = commands.add_parser("info", help="what is in a scene", description="Say what is in a scene.")
+    info.add_argument("scene", nargs="?", metavar="SCENE", help="a path, or the name of a bundled scene (default: list those)")
+    commands.add_parser(
+        "doctor",
+        help="what OpenGL there is here, and what mends it",
+        description="Say what OpenGL there is here, and what mends it.",
+    )
+    _add_verify(commands)
+    return top
+
+
+def _add_render(commands: Any) -> None:
+    parser = commands.add_parser(
+        "render",
+        help="render a scene to files",
+        description="Render a scene, without a window, until no pixel asks for more records.",
+        epilog="A flag wins over the preset. Exit status: 0 done; 2 the command line or a file is wrong; 1 anything else; "
+        "130 interrupted\n(the last completed round is written; of a path, the frames that were done).",
+    )
+    add = parser.add_argument
+    _add_scene(parser)
+    add(
+        "-o", "--output", metavar="OUT", action="append", required=True,
+        help="may be repeated: .png (the picture), .exr (a float32 layer per buffer), .npz (all buffers, records and stats), "
+        "or a folder (a PNG per buffer, and the paper's figures); with --path, {frame} or {frame:04d} in it is the number",
+    )  # fmt: skip
+    _add_size(parser)
+    add("--preset", metavar="NAME", choices=tuple(PRESETS), default="default", help=f"{', '.join(PRESETS)} (default: default)")
+    add("--buffers", metavar="NAME,…", help="only these buffers in .exr, .npz and folders (default: all)")
+    add("--cache", metavar="FILE", help="the records are kept in this file: taken from it where it is there, and written to it")
+    add("--stats", metavar="FILE.json", help="write records, rounds, times and settings to this file")
+    _add_camera(parser)
+    group = parser.add_argument_group("path", "a flight instead of one picture; records and the first frame's exposure are kept")
+    group.add_argument("--path", metavar="FILE", help="its cameras: a text file, looked for here, then in the scene's folder")
+    group.add_argument("--frames", type=frames, metavar="A:B", help="frames A to B - 1; either may be left out (default: all)")
+    _add_settings(parser)
+
+
+def _add_view(commands: Any) -> None:
+    parser = commands.add_parser(
+        "view",
+        help="fly through a scene in a window",
+        description="Open a window on a scene and fly through it; F1 there shows all keys.",
+        epilog="Window size, preset and settings are remembered from the last time; a flag wins, and --preset begins anew.",
+    )
+    _add_scene(parser)
+    parser.add_argument(
+        "--size", nargs=2, type=pixels, metavar=("W", "H"), help="window size (default: the last one, at first 1280 720)"
+    )
+    parser.add_argument("--preset", metavar="NAME", choices=tuple(PRESETS), help=f"{', '.join(PRESETS)} (default: the last one)")
+    words = "the records are kept in this file: taken from it where it is there, and written to it when the window closes"
+    parser.add_argument("--cache", metavar="FILE", help=words)
+    _add_camera(parser)
+    _add_settings(parser)
+    parser.set_defaults(path=None, frames=None)
+
+
+def _add_verify(commands: Any) -> None:
+    parser = commands.add_parser(
+        "verify",
+        help="hold a rendering against a path tracer",
+        description="Render a scene and tell how far its indirect light is from a path tracer's.",
+        epilog="Needs the extra: pip install 'irrsplat[reference]'. The truth of a view is traced once and kept in the user's\n"
+        "cache folder, or in the one that IRRSPLAT_CACHE names.",
+    )
+    _add_scene(parser)
+    add = parser.add_argument
+    _add_size(parser, 200)
+    add("--samples", type=samples, default=2048, metavar="N", help="rays of each kind a pixel, at least (default: 2048)")
+    add(
+        "--truth", choices=("trace", "gather"), default="trace",
+        help="trace: by Mitsuba; gather: the renderer's own fine gather at 1000 pixels, without the extra (default: trace)",
+    )  # fmt: skip
+    series = parser.add_mutually_exclusive_group()
+    series.add_argument("--curve", action="store_true", help="error against the number of records, for several a, beside paper's")
+    series.add_argument("--techniques", action="store_true", help="error with each technique switched off, and as published")
+    add("--preset", metavar="NAME", choices=tuple(PRESETS), default="default", help=f"{', '.join(PRESETS)} (default: default)")
+    add(
+        "-o", "--output", metavar="OUT",
+        help="truth, picture and error: side by side in a .png, or one file each in a folder (no ending); with --curve, its plot",
+    )  # fmt: skip
+    _add_camera(parser)
+    _add_settings(parser, besides=("samples",))  # errors are those of pixels' centres, and the flag is another one here
+    parser.set_defaults(path=None, frames=None)
+
+
+def _add_bench(commands: Any) -> None:
+    parser = commands.add_parser(
+        "bench",
+        help="time it against the algorithm as published, and against others",
+        description="Time scenes: from an empty cache, from a kept one, turned, relit, and in flight; and tell the errors.",
+        epilog="Truths that errors are told by are gathered once and kept in the user's cache folder, or in the one that\n"
+        "IRRSPLAT_CACHE names. --peers needs the extra: pip install 'irrsplat[peers]'.",
+    )
+    add = parser.add_argument
+    add("scenes", nargs="*", metavar="SCENE", help="paths, or names of bundled scenes (default: cornell-paper; --peers: cornell)")
+    add(
+        "--size", nargs=2, type=pixels, action="append", metavar=("W", "H"),
+        help="image size in pixels, may be repeated (default: 800 800; --peers: 400 400)",
+    )  # fmt: skip
+    add(
+        "--preset", metavar="NAME", choices=tuple(PRESETS), action="append",
+        help="may be repeated (default: default; for cornell-paper, paper as well)",
+    )  # fmt: skip
+    add("--bounces", metavar="N|all", default="1", help="indirect bounces (default: 1, as the paper has it)")
+    add("--flight", choices=("on", "off"), default="on", help="fly through the viewer's window as well (default: on)")
+    add("--json", metavar="FILE", help="write the results to this file as well")
+    add("--compare", metavar="FILE", help="ratios of time against an earlier run's --json")
+    add("--peers", action="store_true", help="time against error instead, beside Radiance's rtrace and Mitsuba")
+    add("--growth", action="store_true", help="time and memory against triangles and pixels instead, some minutes long")
+    add("--quick", action="store_true", help="with --growth: a short series of small ones")
+    add("-o", "--output", metavar="FILE.png", help="with --peers or --growth: the plot")
+
+
+def _add_scene(parser: argparse.ArgumentParser) -> None:
+    words = "a path, or a bundled scene's name (default: cornell)"
+    parser.add_argument("scene", nargs="?", metavar="SCENE", default=DEFAULT_SCENE, help=words)
+
+
+def _add_camera(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("camera", "--eye and --target go together; --up and --fov come from the scene unless given")
+    group.add_argument("--camera", metavar="NAME", help="a camera of the scene by its name (default: its first)")
+    for flag, text in (("eye", "where it stands"), ("target", "the point that it looks at"), ("up", "what is up")):
+        group.add_argument(f"--{flag}", nargs=3, type=number, metavar=("X", "Y", "Z"), help=f"{text}, world space")
+    group.add_argument("--fov", type=number, metavar="DEG", help="vertical field of view, between 0 and 180 degrees")
+
+
+def _add_settings(parser: argparse.ArgumentParser, besides: tuple[str, ...] = ()) -> None:
+    for stage in _STAGES:
+        group = parser.add_argument_group(f"settings of {stage}")
+        for declaration in SETTINGS.values():
+            if declaration.stage == stage and declaration.name not in besides:
+                _add_setting(group, declaration)
+
+
+def _add_size(parser: argparse.ArgumentParser, side: int = 800) -> None:
+    words = f"image size in pixels (default: {side} {side})"
+    parser.add_argument("--size", nargs=2, type=pixels, default=[side, side], metavar=("W", "H"), help=words)
+
+
+def _add_setting(group: Any, declaration: Declaration) -> None:
+    default = declaration.default
+    word = default if not isinstance(default, bool) else "on" if default else "off"
+    shown = f"{word:g}" if isinstance(word, float) else word
+    text = f"{declaration.help} ({declaration.range}; default: {shown})"
+    metavar = {"bool": "on|off", "choice": "WORD", "int": "N"}.get(declaration.kind, "X")
+    group.add_argument(declaration.flag, dest="set_" + declaration.name, metavar=metavar, help=text.replace("%", "%%"))
+
+
+def _spelled_out(argv: Sequence[str]) -> Iterator[str]:
+    """`argv` with "on" after every bare on|off flag, so that argparse never takes the SCENE behind one for its value."""
+    switches = {d.flag for d in SETTINGS.values() if d.kind == "bool"}
+    for i, word in enumerate(argv):
+        if word == "--":
+            yield from argv[i:]
+            return
+        yield word
+        following = argv[i + 1].lower() if i + 1 < len(argv) else ""
+        if word in switches and following not in ("on", "off"):
+            yield "on"
+
+
+def _check_camera(args: argparse.Namespace) -> None:
+    """What a camera needs, as far as that can be said before the scene is there."""
+    if (args.eye is None) != (args.target is None):
+        raise InputError("--eye and --target go together; give both or neither")
+    if args.up is not None and args.eye is None:
+        raise InputError("--up needs --eye and --target; give them as well")
+    if args.eye is not None and args.camera is not None:
+        raise InputError("--camera and --eye are two different cameras; give one of them")
+    if args.fov is not None and not 0.0 < args.fov < 180.0:
+        raise InputError(f"--fov lies between 0 and 180 degrees, not {args.fov:g}")
+    if args.frames is not None and args.path is None:
+        raise InputError("--frames chooses among the frames of a path; give --path as well")
+    for flag in ("eye", "camera"):
+        if args.path is not None and getattr(args, flag) is not None:
+            raise InputError(f"--path brings its own cameras; leave --path or --{flag} out")
+
+
+class _Version(argparse.Action):
+    """Prints the version; it is looked up only when asked for."""
+
+    def __init__(self, option_strings: Sequence[str], dest: str, **options: Any) -> None:
+        super().__init__(option_strings, dest, nargs=0, **options)
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
+        print(f"irrsplat {version()}")
+        parser.exit()
+
+
+def version() -> str:
+    """The installed version."""
+    from importlib import metadata
+
+    try:
+        return metadata.version("irrsplat")
+    except metadata.PackageNotFoundError:
+        return "(not installed)"

@@ -1,0 +1,99 @@
+"""`irrsplat verify --techniques`: what each is worth: the error with all of them, with each one off, and as published."""
+
+from __future__ import annotations
+
+import math
+from argparse import Namespace
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any
+
+from irrsplat.app.common.terminal import columns, progress
+from irrsplat.app.verify.error_curve import at, scaled
+from irrsplat.app.verify.measure import Measured, measurer, percent, silent
+
+if TYPE_CHECKING:
+    from irrsplat.scene.model import Camera, Scene
+
+# what is changed against the preset, in words and in settings
+TECHNIQUES: tuple[tuple[str, dict[str, Any]], ...] = (
+    ("without gradients, and all that needs them", {"gradients": False}),
+    ("gradients, but no second order", {"second_order": False}),
+    ("radii by distance, not by the Hessian", {"radius": "harmonic"}),
+    ("without radii that adapt", {"adapt": 0.0}),
+    ("no records where others contradict each other", {"spread": 0.0}),
+    ("without walls", {"walls": False}),
+    ("neighbour clamping as well", {"neighbours": True}),
+    ("without limits of the radius", {"radius_min": 0.0, "radius_max": 0.0}),
+    ("weights cut off at 1/a", {"kernel": "cut"}),
+    ("records in front speak as well", {"in_front": False}),
+    ("one plane of 150°, not the hemisphere", {"gather": "plane"}),
+    ("a gather of 32²", {"gather_size": 32}),
+    ("the paper's placement", {"placement": "scan"}),
+    ("the picture smoothed", {"smooth": True}),
+)
+BESIDE = (1.6, 0.65)  # times as far as the preset's records reach: further points of its curve
+NEAR = 0.05  # of the wanted number of records: near enough
+TRIES = 8
+WARMUP = 1000 / 1511  # published: the random records' share of all
+
+Rendered = Callable[[str, dict[str, Any]], Measured]  # by preset and settings
+
+
+def run(scene: Scene, camera: Camera, args: Namespace, heading: str) -> None:
+    """Measure every row and print the table."""
+    print(heading)
+    print("\n".join(columns(rows(*measured(scene, camera, args)), left=1)))
+
+
+def measured(
+    scene: Scene, camera: Camera, args: Namespace, chosen: Sequence[tuple[str, dict[str, Any]]] = TECHNIQUES
+) -> tuple[list[tuple[str, Measured]], list[Measured]]:
+    """The renderings that the table's rows are of, by name, those of the `chosen` techniques between the first and the last;
+    and the curve of the method as a whole."""
+    steps = len(chosen) + len(BESIDE) + 2
+    done: list[Measured] = []
+    with progress() as told:
+        tell = told or silent
+        measure = measurer(scene, camera, args, tell)
+
+        def render(name: str, values: dict[str, Any]) -> Measured:
+            done.append(measure(name, values, lambda part, words: tell(min(len(done) + part, steps) / steps, words)))
+            return done[-1]
+
+        whole = render(args.preset, args.values)
+        curve = [whole, *(render(args.preset, scaled(args.preset, args.values, factor)) for factor in BESIDE)]
+        found = [("everything on", whole)]
+        found += [(name, render(args.preset, args.values | values)) for name, values in chosen]
+        if args.preset != "paper":
+            found.append(("preset paper, as many records", paper(render, whole.records, args.values)))
+    return found, curve
+
+
+def paper(render: Rendered, records: int, given: dict[str, Any]) -> Measured:
+    """The preset `paper` with the a that gives about so many `records`; its warm-up is at most the published share of them."""
+    shared = {key: value for key, value in given.items() if key in ("bounces", "seed", "shadow_size", "max_rounds")}
+    warmup = min(1000, round(WARMUP * records))
+    best: Measured | None = None
+    a, bounds = 0.3, (0.01, 2.0)
+    for _ in range(TRIES):
+        found = render("paper", shared | {"a": float(f"{a:.3g}"), "warmup": warmup})
+        if best is None or abs(math.log(max(found.records, 1) / records)) < abs(math.log(max(best.records, 1) / records)):
+            best = found
+        if abs(found.records / records - 1.0) <= NEAR:
+            break
+        bounds = (a, bounds[1]) if found.records > records else (bounds[0], a)
+        guess = a * (found.records / records) ** 0.6  # records go with a^-1.6, nearly
+        a = guess if bounds[0] < guess < bounds[1] else math.sqrt(bounds[0] * bounds[1])
+    assert best is not None
+    return best
+
+
+def rows(found: Sequence[tuple[str, Measured]], curve: Sequence[Measured]) -> list[tuple[str, ...]]:
+    """The table's cells, its head first. The last column is the row's error over that of everything on at as many records."""
+    made: list[tuple[str, ...]] = [("", "records", "RMSE", "bias", "off by > 30 %", "seconds", "at equal records")]
+    for name, one in found:
+        full = at(curve, one.records)
+        ratio = "" if full is None or one.rmse is None else f"{one.rmse / full:.2f} x"
+        errors = percent(one.rmse), percent(one.bias, "+"), percent(one.outliers)
+        made.append((name, f"{one.records:,}", *errors, f"{one.seconds:.1f}", ratio))
+    return made

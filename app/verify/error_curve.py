@@ -1,0 +1,137 @@
+"""`irrsplat verify --curve`: error against the number of records, as a table with the slope of their logarithms, and a plot."""
+
+from __future__ import annotations
+
+import math
+from argparse import Namespace
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from irrsplat.app.common.terminal import columns, progress
+from irrsplat.app.verify.measure import Measured, measurer, percent, silent
+from irrsplat.image import frame
+from irrsplat.settings import SETTINGS, preset
+
+if TYPE_CHECKING:
+    from irrsplat.scene.model import Camera, Scene
+
+# A preset's curve: its a is replaced by each of A, and what else limits the error or the records goes with it. A record that
+# reaches half as far is held to half the contradiction, and sees twice as finely, so that neither limit is the gather's.
+A = (1.1, 0.8, 0.6, 0.5, 0.4, 0.3, 0.25)
+WITH_A = ("radius_min", "radius_max", "adapt", "spread")
+AGAINST_A = ("gather_size",)
+# The published algorithm has nothing but a, and the random records before its traversal, which are the least that it makes.
+PAPER: tuple[dict[str, Any], ...] = (
+    {"a": 0.6, "warmup": 250},
+    {"a": 0.4, "warmup": 500},
+    {"a": 0.3, "warmup": 1000},
+    {"a": 0.2, "warmup": 1000},
+    {"a": 0.15, "warmup": 1000},
+)
+_COLOURS = ((27, 94, 160), (200, 80, 20))
+
+
+def points(name: str, given: dict[str, Any]) -> list[dict[str, Any]]:
+    """The settings on top of preset `name` at every point of its curve, fewest records first; what is `given` holds for all."""
+    if name == "paper":
+        return [values | given for values in PAPER]
+    return [scaled(name, given, a / preset(name, **given).a) for a in A]
+
+
+def scaled(name: str, given: dict[str, Any], factor: float) -> dict[str, Any]:
+    """The settings on top of preset `name` where a record reaches `factor` times as far; what is `given` stays."""
+    base = preset(name, **given)
+    found: dict[str, Any] = {"a": base.a * factor}
+    found |= {key: getattr(base, key) * factor for key in WITH_A}
+    found |= {key: 4 * round(getattr(base, key) / factor / 4) for key in AGAINST_A}
+    for key, value in found.items():
+        low, high = SETTINGS[key].low, SETTINGS[key].high
+        assert low is not None and high is not None
+        found[key] = min(max(value, low), high)
+    return found | given
+
+
+def run(scene: Scene, camera: Camera, args: Namespace, heading: str) -> None:
+    """Measure the curve of the preset and, beside any other, that of `paper`; print both, and plot them where `-o` says so."""
+    curves = measured(scene, camera, args)
+    print(heading)
+    for name, found in curves.items():
+        print("\n".join(["", *columns(rows(name, found), left=1), f"  {steepness(found)}"]))
+    if args.output is not None:
+        frame.write_picture(args.output, plot(curves, heading))
+
+
+def measured(scene: Scene, camera: Camera, args: Namespace) -> dict[str, list[Measured]]:
+    """The points of each preset's curve by its name."""
+    names = list(dict.fromkeys((args.preset, "paper")))
+    plan = [(name, values) for name in names for values in points(name, args.values)]
+    curves: dict[str, list[Measured]] = {name: [] for name in names}
+    with progress() as told:
+        tell = told or silent
+        measure = measurer(scene, camera, args, tell)
+        for k, (name, values) in enumerate(plan):
+
+            def show(share: float, words: str, k: int = k) -> None:
+                tell((k + share) / len(plan), f"{k + 1} of {len(plan)}: {words}")
+
+            curves[name].append(measure(name, values, show))
+    return curves
+
+
+def rows(name: str, found: Sequence[Measured]) -> list[tuple[str, ...]]:
+    """The cells of one curve's table, its head first, then a row per point."""
+    made: list[tuple[str, ...]] = [
+        (f"preset {name}", "a", "gather", "records", "RMSE", "slope", "bias", "off by > 30 %", "seconds")
+    ]
+    for before, point in zip((None, *found), found, strict=False):
+        settings = preset(name, **point.values)
+        step = None if before is None else slope((before, point))
+        errors = percent(point.rmse), "" if step is None else f"{step:.2f}", percent(point.bias, "+"), percent(point.outliers)
+        sizes = f"{settings.a:.3g}", f"{settings.gather_size}", f"{point.records:,}"
+        made.append(("", *sizes, *errors, f"{point.seconds:.1f}"))
+    return made
+
+
+def steepness(found: Sequence[Measured]) -> str:
+    """A curve's slope in a sentence."""
+    whole = slope(found)
+    if whole is None:
+        return "no slope: there is no light, or all points have as many records"
+    return f"the error goes with the records to the power of {whole:.2f} (least squares of logarithms)"
+
+
+def slope(found: Sequence[Measured]) -> float | None:
+    """d log(rmse)/d log(records) by least squares; None where there is nothing to draw a line through."""
+    at = logarithms(found)
+    if len(at) < 2 or not np.ptp(at[:, 0]):
+        return None
+    return float(np.polyfit(at[:, 0], at[:, 1], 1)[0])
+
+
+def logarithms(found: Sequence[Measured]) -> np.ndarray:
+    """(N, 2) natural logarithms of records and rmse, of the points that have both."""
+    return np.array([(math.log(m.records), math.log(m.rmse)) for m in found if m.records and m.rmse]).reshape(-1, 2)
+
+
+def at(found: Sequence[Measured], records: int) -> float | None:
+    """The rmse of a curve at so many records, by straight lines between the logarithms; None off its ends."""
+    for (x, y), (u, v) in pairwise(sorted(map(tuple, logarithms(found)))):
+        if x <= math.log(max(records, 1)) <= u:
+            share = (math.log(records) - x) / (u - x) if u > x else 0.0
+            return math.exp(y + share * (v - y))
+    return None
+
+
+def plot(curves: dict[str, list[Measured]], heading: str) -> np.ndarray:
+    """(H, W, 3) display values 0..1: rmse in percent over records, both logarithmic, a line a preset."""
+    from irrsplat.app.common.plot import Line, loglog
+
+    lines = []
+    for (name, found), colour in zip(curves.items(), _COLOURS, strict=False):
+        at, whole = np.exp(logarithms(found)), slope(found)
+        words = f"preset {name}" + ("" if whole is None else f", slope {whole:.2f}")
+        lines.append(Line(words, at[:, 0], 100.0 * at[:, 1], colour))
+    return loglog(lines, heading, "records", "relative RMSE of irradiance, %")

@@ -1,0 +1,137 @@
+"""`irrsplat verify`: a rendering held against the truth of a path tracer, as a table and as pictures."""
+
+from __future__ import annotations
+
+import os
+from argparse import Namespace
+from typing import TYPE_CHECKING
+
+from irrsplat.app.common.terminal import progress, say
+from irrsplat.app.verify import error_image
+from irrsplat.app.verify.measure import gather, percent, silent, trace
+from irrsplat.core.errors import InputError
+from irrsplat.image import frame as output
+from irrsplat.image.tonemap import tonemap
+from irrsplat.reference.truth import compare, errors, in_words, side_of
+from irrsplat.reference.worker import INSTALL
+from irrsplat.settings import preset
+
+if TYPE_CHECKING:
+    from irrsplat.image.frame import Frame
+    from irrsplat.renderer import Renderer
+    from irrsplat.scene.model import Camera, Scene
+
+Row = tuple[str, str, str]
+
+
+def run(scene: Scene, camera: Camera, args: Namespace) -> int:
+    """Render, compare, print the table and write the pictures; args: as parser.parse gives them. Returns the exit status 0.
+
+    Raises InputError and IrrsplatError, one line, for what cannot be; KeyboardInterrupt where the user ended it.
+    """
+    check(args)
+    for notice in scene.notices:
+        say(f"notice: {notice}")
+    if args.curve or args.techniques:
+        from irrsplat.app.verify import ablation, error_curve
+
+        (error_curve if args.curve else ablation).run(scene, camera, args, heading(scene, args))
+        return 0
+    import irrsplat
+
+    with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, **args.values) as renderer:
+        frame, rows = (_against_trace if args.truth == "trace" else _against_gather)(renderer, scene, camera, args)
+    stats = frame.stats
+    if stats.get("interrupted"):
+        raise KeyboardInterrupt
+    if not stats.get("converged", True):
+        say(f"notice: stopped after {stats.get('rounds')} rounds before every pixel was served; raise --max-rounds or --a")
+    print(heading(scene, args))
+    rows.insert(1, ("records", f"{stats.get('records', 0):,}", ""))
+    for name, value, remark in rows:
+        print(f"  {name:<18} {value:>10}  {remark}".rstrip())
+    return 0
+
+
+def heading(scene: Scene, args: Namespace) -> str:
+    """What is compared with what, in a line."""
+    truth = "path-traced truth" if args.truth == "trace" else "a fine gather without interpolation"
+    bounces = in_words(preset(args.preset, **args.values).bounces)
+    return f"{scene.name}, {args.size[0]} x {args.size[1]}, preset {args.preset}, {bounces}, against {truth}"
+
+
+def check(args: Namespace) -> None:
+    """Raises InputError for what can be told to be wrong before anything is rendered."""
+    bounces = preset(args.preset, **args.values).bounces
+    if bounces == 0:
+        raise InputError("--bounces 0: there is no indirect light to verify; leave it out")
+    if args.truth == "gather" and bounces != 1:
+        raise InputError(f"--truth gather knows one bounce only, not {bounces}; add --bounces 1, or take --truth trace")
+    if args.curve and "a" in args.values:
+        raise InputError("--curve goes through several a by itself; leave --a out")
+    side_of(args.samples)
+    if args.output is None:
+        return
+    if args.techniques:
+        raise InputError("--techniques prints a table and makes no picture; leave -o out")
+    if args.truth == "gather" and not args.curve:
+        raise InputError("--truth gather knows some pixels only, which make no picture; leave -o out, or take --truth trace")
+    ending = os.path.splitext(args.output)[1].lower()
+    if args.curve and ending != ".png":
+        raise InputError("the plot of --curve is a .png", args.output)
+    if ending in output.ENDINGS and ending != ".png":
+        raise InputError("verify writes a .png or a folder of them (no ending)", args.output)
+    output.check_writable(args.output)
+
+
+def _against_trace(renderer: Renderer, scene: Scene, camera: Camera, args: Namespace) -> tuple[Frame, list[Row]]:
+    width, height = args.size
+    with progress() as told:
+        tell = told or silent
+        truth, origin = trace(scene, camera, args, tell)
+        frame = renderer.render(camera, progress=lambda now: tell(now.coverage, f"rendering: {now.records} records"))
+    found = compare(frame, truth)
+    shown = tonemap(truth.picture, frame.exposure), tonemap(frame.direct + frame.indirect + frame.emission, frame.exposure)
+    flip = error_image.flip(*shown)
+    rows = [
+        ("pixels compared", f"{int(truth.valid.sum()):,}", f"of {width * height:,}; edges and what is no surface are left out"),
+        *_table(found, float(frame.irradiance[truth.valid].mean()), float(truth.irradiance[truth.valid].mean())),
+        ("direct light RMSE", percent(found["direct"]), "away from shadow edges"),
+        ("truth", f"{2 * side_of(args.samples) ** 2:,}", f"samples of each kind per pixel, {origin}"),
+    ]
+    noise = ("noise of the truth", percent(truth.noise), "its own relative RMSE, by two independent halves")
+    rows[2:2] = [noise, ("RMSE without it", percent(found["net"]), "what is left for the rendering")]
+    if flip is not None:
+        remark = f"of the tone-mapped pictures, {error_image.PIXELS_PER_DEGREE:g} pixels a degree"
+        rows.insert(-1, ("FLIP", f"{flip[1]:.4f}", remark))
+    if args.output is not None and not frame.stats.get("interrupted"):
+        error = error_image.signed_error(frame.irradiance, truth)
+        error_image.write(args.output, shown, error, None if flip is None else flip[0])
+    if flip is None:
+        say(f"notice: FLIP is left out; run: {INSTALL}")
+    return frame, rows
+
+
+def _against_gather(renderer: Renderer, scene: Scene, camera: Camera, args: Namespace) -> tuple[Frame, list[Row]]:
+    """The renderer's own fine gather at random pixels as the truth: it tells of placement and interpolation alone."""
+    from irrsplat.reference import fine_gather
+
+    with progress() as told:
+        tell = told or silent
+        frame = renderer.render(camera, progress=lambda now: tell(now.coverage, f"rendering: {now.records} records"))
+    truth = gather(renderer, camera)
+    E = frame.irradiance[tuple(truth.pixels.T)]
+    rows = [
+        ("pixels compared", f"{len(E):,}", "at random, away from edges"),
+        *_table(errors(E, truth.irradiance), float(E.mean()), float(truth.irradiance.mean())),
+        ("truth", f"{fine_gather.directions(scene):,}", "directions a pixel, by the renderer's own gather"),
+    ]
+    return frame, rows
+
+
+def _table(found: dict[str, float | None], mean: float, mean_ref: float) -> list[Row]:
+    return [
+        ("relative RMSE", percent(found["rmse"]), "of irradiance, over the truth's mean"),
+        ("bias of the mean", percent(found["bias"], "+"), f"{mean:.4g} W/m² where {mean_ref:.4g} is true"),
+        ("off by > 30 %", percent(found["outliers"]), "of the pixels, measured by the mean"),
+    ]

@@ -1,0 +1,179 @@
+"""How the camera moves in the viewer: looking, flying, orbiting and dollying, in plain numpy, without a window."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from irrsplat.core.errors import InputError
+from irrsplat.scene.model import Array, Camera
+
+PITCH = math.radians(89.0)  # up and down as far as a look goes
+STALL = 0.25  # seconds: the longest time step that counts, so that a stall flings nobody through a wall
+FAR = 1e3  # scene diagonals: nobody flies further from the first camera
+NEAR = 1e-3  # scene diagonals: the least distance to a pivot and to the target
+STEPS = 200.0  # of a wheel in one call; more would overflow
+POLE = 1e-6  # radians: nearer to the world's up, a view's heading is read from its right instead of its forward
+
+
+class Flight:
+    """A camera on the move. Whatever is asked of it, the camera stays valid; where nothing moved, it stays the same object.
+
+    Lengths in metres, world space, right-handed. What is not finite, and what leads beyond FAR diagonals from the first
+    camera, moves nothing. A camera that moved has no name; a roll that the first camera, or one gone to, came with stays
+    until the first look or orbit.
+    """
+
+    def __init__(self, camera: Camera, diagonal: float, up: tuple[float, float, float] | None = None) -> None:
+        """Start at `camera`. diagonal: the scene's, > 0; it scales the speed. up: the world's up; None: the nearest axis.
+
+        Raises InputError where `up` has no direction.
+        """
+        self.speed = diagonal / 6.0  # metres per second
+        self._diagonal = diagonal
+        self._first = camera
+        self._world = _basis(_upward(camera) if up is None else np.asarray(up, float))
+        self.go(camera)
+
+    @property
+    def camera(self) -> Camera:
+        """The present camera; its target lies straight ahead, as far as what was last orbited or dollied to."""
+        return self._camera
+
+    def look(self, dx: float, dy: float, per_pixel: float) -> None:
+        """Turn the view by a mouse motion in pixels, right and down positive; per_pixel: radians.
+
+        Right and left is about the world's up, up and down ends at ±89°; the view never rolls.
+        """
+        self._turn(dx * per_pixel, dy * per_pixel)
+
+    def orbit(self, pivot: tuple[float, float, float], dx: float, dy: float, per_pixel: float) -> None:
+        """Turn the eye about the world point `pivot`, as `look` turns the view; the pivot keeps its place on the screen."""
+        self._turn(dx * per_pixel, dy * per_pixel, np.asarray(pivot, float))
+
+    def move(self, right: float, up: float, ahead: float, seconds: float, pace: float = 1.0) -> None:
+        """Fly for `seconds` (at most STALL count) with keys held, each -1..1; pace: a factor on the speed.
+
+        right and ahead are the view's, up is the world's. Two keys are no faster than one.
+        """
+        keys = np.clip([right, up, ahead], -1.0, 1.0)
+        way = keys @ np.stack([self._axes[0], self._world[1], -self._axes[2]])
+        way = way / max(1.0, float(np.linalg.norm(way)))
+        self._stand(self._eye + way * (self.speed * pace * min(max(seconds, 0.0), STALL)))
+
+    def change_speed(self, steps: float) -> None:
+        """Fly faster by 1.2 a step of the wheel, slower where negative; between 1e-3 and 10 diagonals a second."""
+        factor = 1.2 ** min(max(steps, -STEPS), STEPS)
+        if math.isfinite(factor):
+            self.speed = min(max(self.speed * factor, 1e-3 * self._diagonal), 10.0 * self._diagonal)
+
+    def dolly(self, steps: float, pivot: tuple[float, float, float] | None = None) -> None:
+        """Go towards `pivot` (None: the target), or away where `steps` is negative: each step leaves 9/10 of the distance.
+
+        The least distance is NEAR diagonals; n steps there and n back cancel. The view does not turn.
+        """
+        about = self._eye - self._axes[2] * self._reach if pivot is None else np.asarray(pivot, float)
+        offset = self._eye - about
+        distance = float(np.linalg.norm(offset))
+        least = NEAR * self._diagonal
+        wanted = max(distance * 0.9 ** min(max(steps, -STEPS), STEPS), least)
+        if steps == 0.0 or (steps > 0.0 and distance <= least):
+            return
+        out = offset / distance if distance > 0.0 else self._axes[2]
+        self._stand(about + out * wanted, about=about)
+
+    def home(self) -> None:
+        """Back to the first camera."""
+        self.go(self._first)
+
+    def go(self, camera: Camera) -> None:
+        """Jump to a named camera or a bookmark; the world's up and the speed stay."""
+        self._camera = camera
+        self._eye = np.array(camera.eye, float)
+        self._axes = camera.axes
+        self._reach = self._useful(float(np.linalg.norm(np.subtract(camera.target, camera.eye))))
+        self._yaw, self._pitch = _angles(camera.axes, self._world)
+        right, above = camera.axes[:2] @ self._world[1]
+        self._level = bool(abs(right) < POLE and above > 0.0 and abs(self._pitch) <= PITCH)
+
+    def _turn(self, right: float, down: float, about: Array | None = None) -> None:
+        """Add radians to yaw and pitch, about the eye or the point `about`."""
+        yaw, pitch = self._yaw, self._pitch
+        if not math.isfinite(right + down) or (right == 0.0 and down == 0.0):
+            return
+        if right != 0.0:
+            yaw = math.remainder(yaw + right, math.tau)
+        pitch = min(max(pitch - down, -PITCH), PITCH)
+        if self._level and (yaw, pitch) == (self._yaw, self._pitch):
+            return
+        axes = _axes(yaw, pitch, self._world)
+        # the pivot keeps its view space position: axes' (about - eye') = axes (about - eye)
+        eye = self._eye if about is None else about - (self._axes @ (about - self._eye)) @ axes
+        if self._stand(eye, axes, about):
+            self._yaw, self._pitch, self._level = yaw, pitch, True
+
+    def _stand(self, eye: Array, axes: Array | None = None, about: Array | None = None) -> bool:
+        """Put the camera at `eye` with `axes` (None: as they are), its target as far as `about`; whether it may stand there."""
+        if not np.isfinite(eye).all() or (axes is None and (eye == self._eye).all()):
+            return False
+        from_first = float(np.linalg.norm(eye - self._first.eye))
+        if from_first > max(FAR * self._diagonal, float(np.linalg.norm(self._eye - self._first.eye))):
+            return False
+        up = self._world[1] if axes is not None or self._level else self._axes[1]
+        self._eye = eye
+        self._axes = self._axes if axes is None else axes
+        depth = 0.0 if about is None else float(self._axes[2] @ (eye - about))
+        self._reach = self._useful(depth) if depth > 0.0 else self._reach
+        # far from the origin, the target must differ from the eye by enough digits to give the view's direction
+        reach = max(self._reach, 1e-7 * float(np.abs(eye).max()))
+        self._camera = Camera(_point(eye), _point(eye - self._axes[2] * reach), _point(up), self._camera.fov)
+        return True
+
+    def _useful(self, reach: float) -> float:
+        """The distance to the target within the bounds of the scene's size."""
+        return min(max(reach, NEAR * self._diagonal), FAR * self._diagonal)
+
+
+def _point(values: Array) -> tuple[float, float, float]:
+    return float(values[0]), float(values[1]), float(values[2])
+
+
+def _upward(camera: Camera) -> Array:
+    """(3,) the axis nearest to the camera's up, those preferred about which it has no roll: right ⟂ the world's up.
+
+    A steep view whose up was made perpendicular to it leans nearer to a horizontal axis; its right tells them apart.
+    """
+    up = np.asarray(camera.up, float) / np.linalg.norm(camera.up)
+    axes = np.concatenate([np.eye(3), -np.eye(3)])
+    return axes[int(np.argmax(axes @ up - np.abs(axes @ camera.axes[0])))]
+
+
+def _basis(up: Array) -> Array:
+    """(3, 3) rows: east, up and south, unit and right-handed, for a world whose up is `up` (any length)."""
+    length = float(np.linalg.norm(up))
+    if not 0.0 < length < math.inf:
+        raise InputError("the world's up vector has no direction; give another up")
+    up = up / length
+    # y up: east is x and south is z, as in a camera that looks down -z
+    east = np.cross(up, np.eye(3)[2] if abs(up[2]) < 0.9 else -np.eye(3)[1])
+    east = east / np.linalg.norm(east)
+    return np.stack([east, up, np.cross(east, up)])
+
+
+def _axes(yaw: float, pitch: float, world: Array) -> Array:
+    """(3, 3) rows: right, up and backward of the level view; yaw turns right from north, pitch up from level, radians."""
+    (sin_y, cos_y), (sin_p, cos_p) = ((math.sin(a), math.cos(a)) for a in (yaw, pitch))
+    right = np.array([cos_y, 0.0, sin_y])
+    backward = np.array([-cos_p * sin_y, -sin_p, cos_p * cos_y])
+    return np.stack([right, np.cross(backward, right), backward]) @ world
+
+
+def _angles(axes: Array, world: Array) -> tuple[float, float]:
+    """Yaw and pitch in radians of a view by its axes, as `_axes` takes them; straight up or down, its right says the heading."""
+    east, up, south = world @ -axes[2]
+    level = math.hypot(east, south)
+    if level < POLE:
+        right_east, _, right_south = world @ axes[0]
+        return math.atan2(right_south, right_east), math.atan2(up, level)
+    return math.atan2(east, -south), math.atan2(up, level)

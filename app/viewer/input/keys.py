@@ -1,0 +1,110 @@
+"""Every key of the viewer, stated once: what is pressed, what it does, and how the help sheet and the README say it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from irrsplat.app.viewer.show.legend import SHOWINGS
+
+
+@dataclass(frozen=True)
+class Key:
+    """name: as moderngl-window's keys have it, with Ctrl or without. action: a method of Desk, argument: what it takes."""
+
+    name: str
+    action: str
+    help: str
+    argument: str | None = None
+    ctrl: bool = False
+
+    @property
+    def shown(self) -> str:
+        """The key as a user reads it, such as ``Ctrl+F12``."""
+        word = _WORDS.get(self.name, self.name.removeprefix("NUMBER_").title() if len(self.name) > 3 else self.name)
+        return "Ctrl+" + word if self.ctrl else word
+
+
+_WORDS = {
+    "LEFT_BRACKET": "[",
+    "RIGHT_BRACKET": "]",
+    "BACKSLASH": "\\",
+    "MINUS": "-",
+    "EQUAL": "=",
+    "ESCAPE": "Esc",
+    "TAB": "Tab",
+}
+_NUMBERS = ("1", "2", "3", "4", "5", "6", "7", "8", "9", "0", "MINUS", "EQUAL")  # emission is in the menu
+
+BUFFERS = tuple(
+    Key(f"NUMBER_{key}" if len(key) == 1 else key, "show", SHOWINGS[name].title, name)
+    for key, name in zip(_NUMBERS, SHOWINGS, strict=False)
+)
+CAMERA = (
+    Key("HOME", "home", "back to the first camera"),
+    Key("C", "copy_line", "copy the camera as a line of a .scene"),
+    Key("C", "copy_flags", "copy it as flags of irrsplat render", ctrl=True),
+    Key("B", "bookmark", "keep the camera as a bookmark of this scene"),
+    Key("R", "record", "record the flight to a path file; again: end it"),
+    Key("P", "play", "play the last path; again: stop"),
+)
+OVERLAYS = (
+    Key("Z", "toggle", "record points", "points"),
+    Key("X", "toggle", "record discs: how far each reaches", "discs"),
+    Key("V", "toggle", "record normals", "normals"),
+    Key("G", "toggle", "colour records by age instead of by radius", "by_age"),
+    Key("L", "toggle", "points of the surface cache", "sites"),
+    Key("T", "toggle", "wireframe", "wire"),
+    Key("I", "toggle", "the record under the cursor; a click holds it", "inspect"),
+)
+CACHE = (
+    Key("F", "toggle", "freeze the cache, to see it from elsewhere", "frozen"),
+    Key("N", "step", "freeze, and gather one round"),
+    Key("DELETE", "clear", "clear the cache"),
+)
+PICTURE = (
+    Key("LEFT_BRACKET", "darker", "half a stop darker"),
+    Key("RIGHT_BRACKET", "brighter", "half a stop brighter"),
+    Key("BACKSLASH", "auto_exposure", "exposure by itself again"),
+    Key("TAB", "split", "split view: off, two buffers, two presets"),
+    Key("M", "swap_preset", "from this preset to paper and back"),
+    Key("Y", "trace", "path-trace the truth of this view; again: stop"),
+)
+WINDOW = (
+    Key("F1", "toggle", "this sheet", "help"),
+    Key("F2", "toggle", "hide the interface", "hidden"),
+    Key("F3", "toggle", "settings", "settings"),
+    Key("F4", "toggle", "lights", "lights"),
+    Key("F5", "reload", "read shaders and scene again"),
+    Key("F6", "toggle", "times and numbers", "hud"),
+    Key("F11", "fullscreen", "fullscreen"),
+    Key("F12", "screenshot", "screenshot, PNG and EXR"),
+    Key("F12", "screenshot_bare", "screenshot without the interface", ctrl=True),
+    Key("O", "open_dialog", "open a scene", ctrl=True),
+    Key("Q", "quit", "quit", ctrl=True),
+    Key("ESCAPE", "escape", "let go of the mouse, stop; never quits"),
+)
+GROUPS: dict[str, tuple[Key, ...]] = {
+    "camera": CAMERA,
+    "buffers": BUFFERS,
+    "overlays": OVERLAYS,
+    "cache": CACHE,
+    "picture": PICTURE,
+    "window": WINDOW,
+}
+KEYS: tuple[Key, ...] = tuple(key for group in GROUPS.values() for key in group)
+
+FLYING = (  # what is held, not pressed
+    ("right mouse", "hold and move to look"),
+    ("W A S D, E Q", "fly; up and down"),
+    ("Shift, Ctrl", "fast, slow"),
+    ("wheel", "nearer to the cursor; right mouse held: speed"),
+    ("left mouse", "drag to orbit about a point; or the divider"),
+)
+
+
+def action(keys: object, key: object, ctrl: bool) -> Key | None:
+    """What the window's key number `key` does (its `keys` are moderngl-window's); None for a key that does nothing."""
+    for one in KEYS:
+        if one.ctrl == ctrl and getattr(keys, one.name, None) == key:
+            return one
+    return None

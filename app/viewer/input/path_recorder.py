@@ -1,0 +1,60 @@
+"""Records the camera's flight as a path, and plays paths."""
+
+from __future__ import annotations
+
+from irrsplat.scene.camera_path import Path
+from irrsplat.scene.model import Camera
+
+FPS = 30.0  # frames a second of a path
+KEY_EVERY = 0.2  # seconds between the keys of a recorded one
+
+
+class Tape:
+    """path: the one recorded or opened last. playing: seconds into it, None while it does not play."""
+
+    def __init__(self, path: Path | None = None) -> None:
+        self.path = path
+        self.playing: float | None = None
+        self.recording: list[Camera] | None = None
+        self._recorded = 0.0  # seconds
+
+    @property
+    def camera(self) -> Camera | None:
+        """The path's camera while it plays."""
+        if self.playing is None or self.path is None:
+            return None
+        return self.path.camera(min(self.playing * FPS, self.path.frames - 1))
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether it neither plays nor records."""
+        return self.playing is None and self.recording is None
+
+    def tick(self, dt: float, camera: Camera) -> Camera | None:
+        """Go on by `dt` seconds, with what is looked through now; the path's last camera where it has come to its end."""
+        if self.recording is not None:
+            self._recorded += dt
+            while self._recorded >= KEY_EVERY * len(self.recording):
+                self.recording.append(camera)
+        if self.playing is None or self.path is None:
+            return None
+        self.playing += dt
+        return self.stop() if self.playing * FPS >= self.path.frames else None
+
+    def record(self, camera: Camera) -> Path | None:
+        """Begin to record from `camera` on, or end it: then the path."""
+        if self.recording is None:
+            self.recording, self._recorded = [camera], 0.0
+            return None
+        keys, self.recording = self.recording, None
+        self.path = Path(tuple(keys), 1 + round((len(keys) - 1) * KEY_EVERY * FPS))
+        return self.path
+
+    def play(self) -> None:
+        """Play the path from its begin, where there is one."""
+        self.playing = None if self.path is None else 0.0
+
+    def stop(self) -> Camera | None:
+        """End the playing; the camera where it stopped, None where it did not play."""
+        camera, self.playing = self.camera, None
+        return camera

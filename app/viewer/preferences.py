@@ -1,0 +1,199 @@
+"""What the viewer remembers from one session to the next, as JSON in the user's configuration folder: choices and bookmarks."""
+
+from __future__ import annotations
+
+import json
+import os
+import reprlib
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import platformdirs
+
+from irrsplat.core import paths
+from irrsplat.core.errors import InputError, IrrsplatError
+from irrsplat.image.frame import write_text
+from irrsplat.scene import Camera, bundled
+from irrsplat.scene.io.lines import GREATEST, quote
+from irrsplat.settings import PRESETS, SETTINGS
+
+VERSION = 1  # of both files
+RECENT = 10  # scenes
+SIDE = 32768  # pixels: no window is wider or higher
+_CHOICES, _BOOKMARKS = "viewer.json", "bookmarks.json"
+
+
+@dataclass
+class Memory:
+    """size: of the window, pixels. values: the settings that differ from the preset. ui: panels shown and such, plain JSON.
+
+    recent: scenes, newest first, at most RECENT, each an absolute path or a bundled scene's name.
+    """
+
+    size: tuple[int, int] | None = None
+    fullscreen: bool = False
+    preset: str = "default"
+    values: dict[str, Any] = field(default_factory=dict)
+    ui: dict[str, Any] = field(default_factory=dict)
+    recent: list[str] = field(default_factory=list)
+
+    def opened(self, source: str) -> None:
+        """Put the scene at a path, or the bundled one of that name, in front of the recent ones."""
+        newest = _key(source, os.path.abspath)
+        self.recent = [newest, *(other for other in self.recent if other != newest)][:RECENT]
+
+
+def folder() -> Path:
+    """Where the files lie: what IRRSPLAT_CONFIG names, else the user's configuration folder; IrrsplatError where none is."""
+    if named := os.environ.get("IRRSPLAT_CONFIG"):
+        return Path(named)
+    found = platformdirs.user_config_path("irrsplat", appauthor=False)
+    if not found.is_absolute():
+        raise IrrsplatError("there is no home folder to remember things in; name a folder in IRRSPLAT_CONFIG")
+    return found
+
+
+def load() -> tuple[Memory, list[str]]:
+    """What was saved last, and notices, one line each, of what is wrong in either file and was dropped; never raises.
+
+    A file that is damaged or of another version is renamed to ``….broken``, and defaults stand in. A missing one is no news.
+    """
+    notices: list[str] = []
+    memory = _checked(_peek(_CHOICES, notices), notices)
+    for key, entries in _peek(_BOOKMARKS, notices).get("scenes", {}).items():
+        if len(_cameras(entries)) != (len(entries) if isinstance(entries, list) else -1):
+            notices.append(f"{_BOOKMARKS}: some bookmarks of {quote(key)} are damaged; left out")
+    return memory, list(dict.fromkeys(notices))  # where no folder is, that is said once
+
+
+def save(memory: Memory) -> str | None:
+    """Write `memory`; None, or one line: why that failed, or which damaged file was renamed and written anew."""
+    return _write(_CHOICES, lambda _: asdict(memory))
+
+
+def bookmarks(scene_path: str) -> list[Camera]:
+    """The cameras kept for the scene at a path (links are followed), or for the bundled one of that name; never raises."""
+    return _cameras(_peek(_BOOKMARKS, []).get("scenes", {}).get(_key(scene_path), []))
+
+
+def set_bookmarks(scene_path: str, cameras: Sequence[Camera]) -> str | None:
+    """Keep `cameras` for that scene instead of those before; the answer is as `save`'s.
+
+    Those of the other scenes stay as they are in the file by now, whichever viewer wrote them.
+    """
+    key = _key(scene_path)
+    points = ("eye", "target", "up")
+    kept = [{"name": c.name, **{p: [float(x) for x in getattr(c, p)] for p in points}, "fov": float(c.fov)} for c in cameras]
+
+    return _write(_BOOKMARKS, lambda data: {"scenes": {**data.get("scenes", {}), key: kept}})
+
+
+def _peek(name: str, notices: list[str]) -> dict[str, Any]:
+    """What a file holds, {} where it cannot be read; `notices` says why."""
+    try:
+        data, said = _read(folder() / name)
+    except IrrsplatError as error:
+        data, said = {}, [_line(error)]
+    notices += said
+    return data
+
+
+def _read(path: Path) -> tuple[dict[str, Any], list[str]]:
+    """The object in a file, and notices; {} where there is no file, or a damaged one, which is then renamed.
+
+    Raises IrrsplatError where the file can neither be read nor renamed: nobody may write over it.
+    """
+    try:
+        data = json.loads(path.read_bytes().decode("utf-8-sig"))
+        json.dumps(data, allow_nan=False)  # NaN and infinity are no JSON
+        if not isinstance(data, dict) or not isinstance(data.get("scenes", {}), dict):
+            raise ValueError("not what irrsplat writes")
+        if data.get("version") != VERSION:
+            raise ValueError(f"not of version {VERSION}")
+        return data, []
+    except FileNotFoundError:
+        return {}, []
+    except OSError as error:
+        raise IrrsplatError(f"{path}: cannot read: {error.strerror or error}") from error
+    except (ValueError, RecursionError) as error:
+        aside, n = path.with_name(path.name + ".broken"), 1
+        while os.path.lexists(aside):
+            n += 1
+            aside = path.with_name(f"{path.name}.broken-{n}")
+        try:
+            os.rename(path, aside)
+        except OSError as failed:
+            raise IrrsplatError(f"{path}: damaged, but cannot be renamed: {failed.strerror or failed}") from error
+        return {}, [_line(f"{path}: cannot be used ({error}); it is now called {aside.name}, and defaults stand in")]
+
+
+def _write(name: str, change: Callable[[dict[str, Any]], dict[str, Any]]) -> str | None:
+    """Put `change` of what a file holds by now in its place, whole or not at all."""
+    try:
+        path = folder() / name
+        data, notices = _read(path)
+        # in ASCII, so that a path that is not Unicode survives as lone surrogates
+        text = json.dumps({"version": VERSION} | change(data), indent=1, allow_nan=False)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_text(path, text + "\n")
+    except (IrrsplatError, OSError, TypeError, ValueError, RecursionError) as error:
+        return _line(error if isinstance(error, IrrsplatError) else f"{path}: cannot write: {error}")
+    return notices[0] if notices else None
+
+
+_GOOD: dict[str, Callable[[Any], bool]] = {
+    "size": lambda it: it is None or (isinstance(it, list) and [type(n) is int and 1 <= n <= SIDE for n in it] == [True] * 2),
+    "fullscreen": lambda it: isinstance(it, bool),
+    "preset": lambda it: isinstance(it, str) and it in PRESETS,
+    "values": lambda it: isinstance(it, dict),
+    "ui": lambda it: isinstance(it, dict),
+    "recent": lambda it: isinstance(it, list),
+}
+
+
+def _checked(data: dict[str, Any], notices: list[str]) -> Memory:
+    """The Memory of what a file holds; what is wrong in it is left out, and `notices` says so."""
+    defaults = asdict(Memory())
+    given = {name: data.get(name, default) for name, default in defaults.items()}
+    wrong = [(f"'{name}'", given[name]) for name, good in _GOOD.items() if not good(given[name])]
+    given = {name: value if _GOOD[name](value) else defaults[name] for name, value in given.items()}
+    memory = Memory(**given | {"size": given["size"] and tuple(given["size"]), "values": {}, "recent": []})
+    for name, value in given["values"].items():
+        try:
+            memory.values[name] = SETTINGS[name].check(value)
+        except (InputError, KeyError, OverflowError):
+            wrong.append((f"setting {quote(name)}", value))
+    for source in given["recent"]:
+        if not isinstance(source, str) or not (os.path.isabs(source) or source in bundled()):
+            wrong.append(("a recent scene", source))
+        elif source not in memory.recent and len(memory.recent) < RECENT:
+            memory.recent.append(source)
+    notices += [f"{_CHOICES}: {what} cannot be {reprlib.repr(value)}; left out" for what, value in wrong]
+    return memory
+
+
+def _cameras(entries: Any) -> list[Camera]:
+    """The cameras of a list of them; what is none is left out."""
+    found = []
+    for entry in entries if isinstance(entries, list) else []:
+        with suppress(InputError, KeyError, TypeError, ValueError):
+            eye, target, up = ((x, y, z) for x, y, z in (entry["eye"], entry["target"], entry["up"]))
+            numbers = (*eye, *target, *up, entry["fov"])
+            if isinstance(entry["name"], str) and all(type(x) in (int, float) and abs(x) <= GREATEST for x in numbers):
+                found.append(Camera(eye, target, up, entry["fov"], entry["name"]))
+    return found
+
+
+def _key(source: str, absolute: Callable[[str], str] = os.path.realpath) -> str:
+    """The name of the bundled scene that `source`, a path or a name, stands for, else its absolute path."""
+    if not os.path.isfile(source):
+        return source if source in bundled() else absolute(source)
+    path = Path(os.path.realpath(source))
+    return path.stem if path == paths.folder("scenes") / path.stem / f"{path.stem}.scene" else absolute(source)
+
+
+def _line(said: object) -> str:
+    return " ".join(str(said).split())

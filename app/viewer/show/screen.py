@@ -1,0 +1,101 @@
+"""The few things that all drawing to the screen needs: the window as a target, programs made on first use, single texels."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from irrsplat.core.buffers import GBuffer
+from irrsplat.gpu.program import Program
+from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.target import Target
+from irrsplat.image.tonemap import srgb, viridis
+from irrsplat.scene.model import Camera
+
+Region = tuple[int, int, int, int]  # x, y, width, height in pixels, from the lower left corner
+
+_COLOURS = 1024  # of each table
+
+
+class Screen(Target):
+    """A framebuffer that somebody else owns, such as a window's, as a target to draw into; size (width, height) in pixels."""
+
+    def __init__(self, framebuffer: moderngl.Framebuffer, size: tuple[int, int] | None = None) -> None:
+        self.ctx = framebuffer.ctx
+        self.size = size or framebuffer.size
+        self.textures, self.depth = [], None
+        self.gl = framebuffer
+
+    def use(self, viewport: Region | None = None, scissor: Region | None = None, keep: bool = False) -> None:
+        """Bind for drawing, as Target.use."""
+        self.gl.viewport = viewport or (0, 0, *self.size)
+        self.gl.scissor = scissor  # type: ignore[assignment]
+        self.gl.color_mask = (True,) * 4
+        self.gl.depth_mask = not keep
+        self.gl.use()
+
+    def release(self) -> None:
+        """Nothing: its owner frees it."""
+
+
+class Programs(Holder):
+    """Programs that are linked when they are first asked for, and kept."""
+
+    def __init__(self, ctx: moderngl.Context) -> None:
+        self.ctx = ctx
+
+    def __call__(self, fragment: str, vertex: str = "lib/fullscreen", **defines: object) -> Program:
+        """The program of these files and defines."""
+        key = f"{fragment} {vertex} {sorted(defines.items())}"
+        if key not in vars(self):
+            vars(self)[key] = Program(self.ctx, fragment, vertex, defines)
+        made: Program = vars(self)[key]
+        return made
+
+
+def colours(ctx: moderngl.Context) -> moderngl.Texture:
+    """The table that shaders/viewer/buffers/colours.glsl reads: viridis, and above it sRGB, of 0..1."""
+    t = np.linspace(0.0, 1.0, _COLOURS)
+    rows = np.stack([viridis(t), np.repeat(srgb(t)[:, None], 3, axis=1)])
+    return ctx.texture((_COLOURS, 2), 3, rows.astype("f4").tobytes(), dtype="f4")  # moderngl's filter is linear
+
+
+def scale(target: Target, gbuffer: GBuffer) -> tuple[float, float]:
+    """Pixels of the view per pixel of the target, in x and y."""
+    return gbuffer.position.width / target.size[0], gbuffer.position.height / target.size[1]
+
+
+def clear(target: Target, colour: tuple[float, float, float], region: Region | None = None) -> None:
+    """Fill the target, or a region of it, with a display colour."""
+    target.use(scissor=region)
+    target.gl.clear(*colour, 1.0, viewport=region)
+
+
+def view_uniforms(target: Target, gbuffer: GBuffer, camera: Camera) -> dict[str, Any]:
+    """What shaders/viewer/buffers/hidden.glsl and all that draws in the view take; the matrix clips nothing with depth clamp on."""
+    width, height = gbuffer.position.size
+    return {
+        "position": gbuffer.position,
+        "normal": gbuffer.normal,
+        "albedo": gbuffer.albedo,
+        "pixel": camera.screen / height,
+        "scale": scale(target, gbuffer),
+        "clip_from_world": camera.clip_from_view(width / height, 1e-3, 1e3) @ camera.view_from_world,
+    }
+
+
+class Texels(Holder):
+    """Reads single texels by way of a target of one pixel, so that nothing is made for it and no whole texture comes over."""
+
+    def __init__(self, ctx: moderngl.Context) -> None:
+        self.program = Program(ctx, "viewer/buffers/texel", "lib/fullscreen")
+        self.target = Target(ctx, (1, 1), (4,))
+
+    def __call__(self, texture: moderngl.Texture, x: int, y: int) -> np.ndarray:
+        """The components of one texel, float32; (0, 0) is the upper left one. ValueError where there is none."""
+        if not (0 <= x < texture.width and 0 <= y < texture.height):
+            raise ValueError(f"no texel ({x}, {y}) in {texture.width}x{texture.height}")
+        self.program(self.target, values=texture, place=(x, texture.height - 1 - y))
+        return self.target.read()[0, 0, : texture.components]

@@ -1,0 +1,218 @@
+"""What flows between the stages: one table of the image channels, and the frozen bundles of GPU handles.
+
+EXR layers, NPZ keys, overlays and the documentation are made from `CHANNELS`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Channel:
+    """One image buffer: its name, number of components, unit, how it is shown, and what it is."""
+
+    name: str
+    components: int  # 1: H W, 3: H W 3
+    unit: str
+    show: str  # "radiance" (exposed, tone-mapped), "unit" (0..1), "signed" (-1..1), "range" (bounds), "heat" (colour map)
+    help: str
+
+
+CHANNELS: dict[str, Channel] = {
+    c.name: c
+    for c in (
+        Channel("image", 3, "W/(m² sr)", "radiance", "blended direct + indirect, plus emission and sky, before exposure"),
+        Channel("direct", 3, "W/(m² sr)", "radiance", "direct outgoing radiance from the scene's lights, ρ/π·E_direct"),
+        Channel("indirect", 3, "W/(m² sr)", "radiance", "indirect outgoing radiance, ρ/π·E"),
+        Channel("irradiance", 3, "W/m²", "radiance", "interpolated indirect irradiance E at the pixel"),
+        Channel("emission", 3, "W/(m² sr)", "radiance", "emitted radiance of the surface, or the sky's"),
+        Channel("weight", 1, "1", "heat", "Σ of raw w over the records that speak for the pixel"),
+        Channel("position", 3, "m", "range", "world space, at the pixel's centre"),
+        Channel("normal", 3, "1", "signed", "world space shading normal, turned to the camera"),
+        Channel("albedo", 3, "1", "unit", "diffuse reflectance ρ, linear"),
+        Channel("depth", 1, "m", "heat", "distance along the view axis; +inf where the camera sees nothing"),
+    )
+}
+
+
+class Filmic(NamedTuple):
+    """Hable's filmic curve (2010, "Filmic Tonemapping Operators"): f(scale·x)/f(white), per channel, clipped to 0..1.
+
+    f(x) = (x(ax + cb) + de)/(x(ax + b) + df) − e/f. With `scale` mid grey 0.18 stays 0.18 before sRGB, and radiance 9.1 is white.
+    """
+
+    a: float = 0.15
+    b: float = 0.50
+    c: float = 0.10
+    d: float = 0.20
+    e: float = 0.02
+    f: float = 0.30
+    white: float = 32.0
+    scale: float = 3.5170872
+
+    @property
+    def defines(self) -> dict[str, float]:
+        """FILMIC_A … FILMIC_SCALE, as the shaders have them."""
+        return {f"FILMIC_{name.upper()}": value for name, value in self._asdict().items()}
+
+
+FILMIC = Filmic()
+
+
+NOTHING_SEEN = 1e30  # the splat buffer's weight where the camera sees nothing: no record is wanted there
+
+
+@dataclass(frozen=True)
+class GBuffer:
+    """What the eye sees, as RGBA32F textures of one size, bottom row first.
+
+    position: xyz world space at the pixel's centre, w depth along the view axis (0 where nothing is seen).
+    normal: xyz shading normal turned to the camera, w the geometric normal's octahedral x.
+    albedo: rgb reflectance, w the geometric normal's octahedral y. emission: rgb emitted radiance, w the triangle's number.
+    """
+
+    position: Any
+    normal: Any
+    albedo: Any
+    emission: Any
+
+
+@dataclass(frozen=True)
+class ShadowMaps:
+    """Every light's depth tiles in one texture, and the table that finds them (shaders/lighting/lights.glsl reads both).
+
+    depth: depth texture of all tiles. table: (8·lights, 4) float, eight rows a light (eight of zeros for none).
+    layout: a tile's side in texels, the tiles per row, and the near plane of the perspective ones in metres.
+    """
+
+    depth: Any
+    table: np.ndarray
+    layout: tuple[float, float, float]
+
+    @property
+    def uniforms(self) -> dict[str, Any]:
+        """The uniforms that shaders/lighting/lights.glsl declares."""
+        return {
+            "light_table": self.table,
+            "shadow_depth": self.depth,
+            "shadow_layout": self.layout,
+        }
+
+
+@dataclass(frozen=True)
+class HitLight:
+    """What lights the surfaces that a gather sees: the lamps, with their shadow maps, and from the second bounce on the surface
+    cache, as the uniforms of shaders/surface_cache/surface_cache.glsl and lib/bvh.glsl."""
+
+    shadows: ShadowMaps
+    surface: Mapping[str, Any]
+
+    @property
+    def uniforms(self) -> dict[str, Any]:
+        """The uniforms of both."""
+        return {**self.shadows.uniforms, **self.surface}
+
+
+@dataclass(frozen=True)
+class SplatBuffer:
+    """The sums that splatting leaves: `sums` RGBA32F (Σ k·E, Σ k) and `weight` RG32F (Σ of raw w, or NOTHING_SEEN; Σ k·Y² of
+    the luminances Y of the E, which tells how far the records contradict each other). `dark`: as in Records."""
+
+    sums: Any
+    weight: Any
+    dark: float = 0.0
+
+
+@dataclass(frozen=True)
+class Sites:
+    """Where records are to be made, numpy float32: `position`, shading `normal` and `geometric` normal, each (N, 3).
+
+    triangle: (N,) the numbers of the triangles that they lie on, where known. turn: (N,) what turns the frames that they look in,
+    where that is not the records' own numbers.
+    """
+
+    position: np.ndarray
+    normal: np.ndarray
+    geometric: np.ndarray
+    triangle: np.ndarray | None = None
+    turn: np.ndarray | None = None
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+    def turns(self, numbers: np.ndarray) -> np.ndarray:
+        """(N,) what turns the frames of records here that have these `numbers` (N,)."""
+        return numbers if self.turn is None else self.turn
+
+    def __getitem__(self, rows: slice | np.ndarray) -> Sites:
+        triangle, turn = (None if one is None else one[rows] for one in (self.triangle, self.turn))
+        return Sites(self.position[rows], self.normal[rows], self.geometric[rows], triangle, turn)
+
+
+@dataclass(frozen=True)
+class Atlas:
+    """What a batch of records sees, a cell each: row-major cells of `cell` (width, height) texels, `columns` per row.
+
+    radiance: RGBA32F texture, rgb W/(m² sr), a distance in metres (0 where nothing was hit).
+    planes: RGBA32F texture, the plane of what was hit: 1/distance in the unit direction w is xyz·w, 1/m (0 where nothing was).
+    table: RGBA32F texture of one cell, xyz direction in the record's frame (tangent, bitangent, normal), w cosθ·dω.
+    edges: RGBA32F texture of two texels a texel, see hemisphere.edge_table.
+    frames: RGBA32F texture; texels (i, 0..2) are record i's tangent, bitangent and normal, (i, 3) its geometric normal in
+    that frame and, w, its number in the cache.
+    count: the number of records. block: the texels that the first reduction step sums at once, as (width, height).
+    """
+
+    radiance: Any
+    planes: Any
+    table: Any
+    edges: Any
+    frames: Any
+    count: int
+    columns: int
+    cell: tuple[int, int]
+    block: tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Records:
+    """The cache on the GPU, RGBA32F textures of `columns` texels a row; record i is texel (i % columns, i // columns).
+
+    position: xyz world. normal: xyz world. irradiance: rgb E in W/m², w R_k in metres. count: how many there are.
+    limit: R32F, the share of its radii that a record may reach at most (see passes/adapt.py).
+    vectors: of red, green and blue the irradiance vectors M = ∫L·ω·dω (E = n·M), then of each the gradient ∇E in W/m³. Their w,
+    in this order: the unit axis in the tangent plane along which the light bends least (0: not known), the second derivatives of
+    luminance along it and across it over the luminance itself, 1/m², and the greatest radius that these may come to, metres, no
+    more than settings.WIDE·R_k.
+    walls: two walls that stand on the record's surface, xy and zw, by coordinates along that axis and across it, 1/m: beyond one
+    is where (p - p_k)·wall > 1 (0: none). dark: W/m², a luminance below which errors count as if it were that.
+    """
+
+    position: Any
+    normal: Any
+    irradiance: Any
+    vectors: tuple[Any, ...]
+    walls: Any
+    count: int
+    columns: int
+    limit: Any
+    dark: float = 0.0
+
+    @property
+    def uniforms(self) -> dict[str, Any]:
+        """The uniforms with which shaders/records/record.glsl reads them."""
+        names = ("records_m_r", "records_m_g", "records_m_b", "records_g_r", "records_g_g", "records_g_b")
+        return {
+            "records_position": self.position,
+            "records_normal": self.normal,
+            "records_irradiance": self.irradiance,
+            "records_walls": self.walls,
+            "records_limit": self.limit,
+            "record_columns": self.columns,
+            "dark": self.dark,
+            **dict(zip(names, self.vectors, strict=True)),
+        }

@@ -1,0 +1,185 @@
+"""Which gather is faster: for a single bounce in a small scene both are timed on it once, and the times are kept.
+
+A record costs a raster gather more the more triangles there are, and rays hardly; but how much either costs at all goes by the
+machine, its driver and the scene's lights.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from irrsplat.core import paths
+from irrsplat.core.buffers import Sites
+from irrsplat.core.errors import IrrsplatError
+from irrsplat.gather.raster import GatherPass
+from irrsplat.gather.reduce import ReducePass
+from irrsplat.gather.trace import TracePass, Tree
+from irrsplat.gpu import context
+from irrsplat.gpu.geometry import Geometry
+from irrsplat.image.frame import write_text
+from irrsplat.lighting.light_table import light_defines
+from irrsplat.lighting.shadow_maps import ShadowPass
+from irrsplat.records.record_cache import RecordCache
+from irrsplat.scene.flatten import flatten
+from irrsplat.scene.model import Scene
+from irrsplat.settings import Settings
+
+# Triangles up to which it is not obvious that rays are faster. On llvmpipe a hemicube of 64 costs 1.1 times what 64² rays cost at
+# 30 triangles, 1.4 times at 2500, and 3 times at 20 thousand; a GPU draws triangles far faster.
+DOUBTFUL = {True: 2000, False: 100_000}  # by whether OpenGL is software
+_GUESS = {True: 100, False: 1000}  # triangles up to which it is rasters where nothing can be kept
+_SIDES = (16, 32, 64)  # gather sizes that are timed; others go by the next smaller one
+_SITES = 16  # records that either gathers
+_TIMES = 3  # of which the best counts
+_SHADOWS = 64  # texels of a tile
+_FILE, _VERSION, _MOST = "gathers.json", 1, 500  # entries
+
+Times = tuple[float, float]  # milliseconds a record: by rasters, by rays
+_known: dict[str, str] = {}  # what has been decided in this process, so that it stays
+
+
+def kind(ctx: moderngl.Context, scene: Scene, settings: Settings) -> str:
+    """How records are gathered in `scene`: "plane", "raster" or "trace" (the setting `gather`, its auto resolved).
+
+    auto: rays for more than one bounce, which need the rays' tree anyway and look up more than they light, and in large scenes.
+    Else both are timed, and the choice is the same for all of the process and, where it can be kept, from one to the next.
+    """
+    if settings.gather != "auto":
+        return settings.gather
+    triangles = scene.triangles
+    if settings.most_bounces > 1 or triangles > max(DOUBTFUL.values()):
+        return "trace"
+    about = context.describe(ctx)
+    software = bool(about["software"])
+    guess = "raster" if triangles <= _GUESS[software] else "trace"
+    if triangles > DOUBTFUL[software] or not triangles or not settings.most_bounces:
+        return guess
+    side = max((s for s in _SIDES if s <= settings.gather_size), default=_SIDES[0])
+    lights = " ".join(map(str, light_defines(scene).values()))
+    name = f"{machine(about)}; {triangles} triangles; lights {lights}; {side} texels"
+    if name not in _known:
+        times = _times(name, lambda: race(ctx, scene, side))
+        _known[name] = guess if times is None else "raster" if rasters(times) else "trace"
+    return _known[name]
+
+
+def gather_pass(ctx: moderngl.Context, scene: Scene, settings: Settings, capacity: int | None = None) -> GatherPass | TracePass:
+    """The pass that gathers as `settings` say in `scene`, at most `capacity` records at once (None: as many as are worth it)."""
+    how, lights, more = kind(ctx, scene, settings), light_defines(scene), settings.most_bounces > 1
+    if how == "trace":
+        return TracePass(ctx, settings.gather_size, scene.diagonal, lights, capacity, surface=more)
+    return GatherPass(ctx, how, settings.gather_size, scene.diagonal, lights, capacity, surface=more)
+
+
+def machine(about: dict[str, Any]) -> str:
+    """What times hold for: the OpenGL that `about` describes (see gpu.context.describe), and this version of irrsplat."""
+    try:
+        version = metadata.version("irrsplat")
+    except metadata.PackageNotFoundError:
+        version = ""
+    return f"{about['renderer']}; {about['version']}; irrsplat {version}"
+
+
+def rasters(times: Times) -> bool:
+    """Whether rasters are faster."""
+    return times[0] <= times[1]
+
+
+def kept(about: dict[str, Any]) -> list[Times]:
+    """The times that were kept on this machine."""
+    path = _path()
+    return [] if path is None else [times for name, times in _read(path).items() if name.startswith(machine(about) + ";")]
+
+
+def race(ctx: moderngl.Context, scene: Scene, side: int) -> Times:
+    """Milliseconds a record takes in `scene` with gather size `side`, gathered and reduced: by rasters and by rays."""
+    vertices, faces, closed = flatten(scene)
+    geometry, tree = Geometry(ctx, vertices, faces, closed), Tree(ctx, vertices, faces)
+    shadow, reduce, cache = ShadowPass(ctx), ReducePass(ctx, gradients=True), RecordCache(ctx)
+    light, sites, defines = shadow(scene, geometry, _SHADOWS), _sites(scene, geometry.corners, closed), light_defines(scene)
+    cache.append(sites)
+    raster = GatherPass(ctx, "raster", side, scene.diagonal, defines, _SITES)
+    trace = TracePass(ctx, side, scene.diagonal, defines, _SITES)
+    best = [float("inf")] * 2
+    rivals: tuple[tuple[Any, Any], ...] = (raster, geometry), (trace, tree)
+    for turn in range(1 + _TIMES):  # the first one compiles
+        for i, (gather, world) in enumerate(rivals):
+            done, start = 0, time.perf_counter()
+            while done < len(sites):
+                part = slice(done, min(done + gather.capacity, len(sites)))
+                atlas = gather(world, light, sites[part], np.arange(len(sites))[part], 0)
+                reduce(atlas, cache.records, scene.sky, gather.radii)
+                done = part.stop
+            ctx.finish()
+            if turn:
+                best[i] = min(best[i], 1e3 * (time.perf_counter() - start) / len(sites))
+    for thing in (geometry, tree, shadow, reduce, cache, raster, trace):
+        thing.release()
+    return best[0], best[1]
+
+
+def _sites(scene: Scene, corners: np.ndarray, closed: int) -> Sites:
+    """Points on the triangles (F, 3, 3), evenly by area; above closed meshes, and on the inner side of open ones, as it seems."""
+    draw = np.random.default_rng(0)
+    corners = corners.astype(float)
+    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = np.linalg.norm(across, axis=1)
+    which = draw.choice(len(area), _SITES, p=area / area.sum())
+    share = draw.dirichlet((1.0, 1.0, 1.0), _SITES)
+    position = np.einsum("nk,nki->ni", share, corners[which])
+    normal = across[which] / area[which, None]
+    inward = ((scene.bounds.mean(0) - position) * normal).sum(1) >= 0.0
+    normal[~inward & (which >= closed)] *= -1.0
+    found = [array.astype("f4") for array in (position, normal, normal)]
+    return Sites(found[0], found[1], found[2], which)
+
+
+# ---- the file ----------------------------------------------------------------------------------------------------------
+
+
+def _path() -> Path | None:
+    folder = paths.cache_folder()
+    return None if folder is None else folder / _FILE
+
+
+def _times(name: str, measure: Callable[[], Times]) -> Times | None:
+    """The times kept under this name; measured, and kept, where there are none; None where they cannot be kept."""
+    path = _path()
+    if path is None:
+        return None
+    found = _read(path)
+    if name in found:
+        return found[name]
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if not os.access(path.parent, os.W_OK) or path.is_dir():
+            return None
+        times = measure()
+        entries = _read(path) | {name: times}  # others may have written meanwhile
+        newest = dict(list(entries.items())[-_MOST:])
+        write_text(path, json.dumps({"version": _VERSION, "milliseconds": newest}, indent=1) + "\n")
+    except (OSError, IrrsplatError):
+        return None
+    return times
+
+
+def _read(path: Path) -> dict[str, Times]:
+    """What the file holds; what is no pair of times is left out, and so is all of a file that is none of ours."""
+    found: dict[str, Times] = {}
+    with suppress(OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
+        data = json.loads(path.read_bytes())
+        if data["version"] == _VERSION:
+            for name, pair in data["milliseconds"].items():
+                if isinstance(pair, list) and len(pair) == 2 and all(type(x) is float and 0.0 < x < 1e9 for x in pair):
+                    found[name] = pair[0], pair[1]
+    return found

@@ -1,0 +1,217 @@
+"""The gather: what many records see at once, drawn into an atlas (Jones 2010, section 3.4).
+
+A scene of few triangles is one instanced draw. Of many, a face draws those meshlets alone that may reach into it, and only marks
+which triangle each texel sees; then the light from there is found once, whatever lies behind it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from irrsplat.core.buffers import Atlas, HitLight, ShadowMaps, Sites
+from irrsplat.gather.hemicube import edge_table, faces, frames, hemisphere_table
+from irrsplat.gather.record_frame import OFFSET, atlas_grid, eyes, frame_rows
+from irrsplat.gpu.geometry import Geometry
+from irrsplat.gpu.program import Draw, Program, State
+from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.target import COLUMNS, Target, float_texture, table_texture
+from irrsplat.scene.meshlets import Meshlets
+
+FEW = 128  # triangles that one draw takes; on llvmpipe both ways cost about the same there
+_ROWS = 8  # of a view, as shaders/gather/views.glsl has them
+_PAIRS = 1 << 21  # of faces and meshlets that are looked at together, at most: 16 MiB of those that are drawn
+
+
+class GatherPass(Holder):
+    """Draws what records see: hemicubes or planes of `side` texels, for a scene of the given `diagonal` in metres.
+
+    lights: light_defines of the scene. capacity: how many records one call takes at most (default: what a 96 MiB atlas holds).
+    surface: the light that it is called with has a surface cache, too.
+    """
+
+    def __init__(
+        self,
+        ctx: moderngl.Context,
+        kind: str,
+        side: int,
+        diagonal: float,
+        lights: Mapping[str, int],
+        capacity: int | None = None,
+        *,
+        surface: bool = False,
+    ) -> None:
+        self.ctx = ctx
+        self.side = max(4, side // 4 * 4)  # so that four by four blocks fill a face
+        self.kind = kind
+        self.fit(diagonal)
+        self.faces, cells = faces(kind)
+        self.cells = cells * (self.side // 2)
+        table = hemisphere_table(kind, self.side)
+        self.cell = (table.shape[1], table.shape[0])
+        self.share = table[..., 3]  # cosθ·dω of every texel of a cell
+        self.table = table_texture(ctx, table)
+        self.edges = table_texture(ctx, edge_table(kind, self.side))
+        self.columns, self.capacity = atlas_grid(self.cell, capacity, int(ctx.info["GL_MAX_TEXTURE_SIZE"]))
+        self.size = self.columns * self.cell[0], self.capacity // self.columns * self.cell[1]
+        self.defines = {**lights, "SURFACE": int(surface)}
+        self.few: Few | None = None  # either is made when it is first wanted
+        self.many: Many | None = None
+        self.target: Target | None = None  # of the last call
+        self.frames = float_texture(ctx, (self.capacity, 4))
+        self.views = float_texture(ctx, (self.capacity, _ROWS * len(self.faces)))
+
+    def fit(self, diagonal: float) -> None:
+        """The scene's diagonal is of so many metres from now on."""
+        self.offset = OFFSET * diagonal
+        self.radii = (self.offset, diagonal)  # R_k in metres: nothing is nearer than the offset, a miss is a diagonal away
+
+    def __call__(self, geometry: Geometry, light: ShadowMaps | HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
+        """What records at `sites` (at most `capacity`) see; `numbers` (N,) are theirs in the cache."""
+        count = len(sites)
+        frame = frames(sites.normal, sites.turns(numbers), seed)
+        self.frames.write(frame_rows(frame, sites, numbers).tobytes(), viewport=(0, 0, count, 4))
+        rows = self._views(frame, eyes(sites, geometry.corners, self.offset))
+        self.views.write(rows.reshape(-1, count, 4).astype("f4").tobytes(), viewport=(0, 0, count, _ROWS * len(self.faces)))
+        draw: Few | Many
+        if geometry.triangles <= FEW:
+            draw = self.few = self.few or Few(self.ctx, self.size, self.defines)
+        else:
+            draw = self.many = self.many or Many(self.ctx, self.size, self.defines)
+        used = (0, 0, self.size[0], -(-count // self.columns) * self.cell[1])
+        target = self.target = draw(geometry, light, Views(rows, self.views, used, self.offset))
+        block = (self.side // 4, self.side // 4)
+        radiance, planes = target.textures
+        return Atlas(radiance, planes, self.table, self.edges, self.frames, count, self.columns, self.cell, block)
+
+    def _views(self, frame: np.ndarray, eye: np.ndarray) -> np.ndarray:
+        """(F, 8, N, 4) float64: the rows of shaders/gather/views.glsl, of records with these frames (N, 3, 3) and eyes (N, 3)."""
+        count = len(eye)
+        rows = np.zeros((len(self.faces), _ROWS, count, 4))
+        rows[:, :3, :, :3] = np.einsum("fij,njk->fink", self.faces, frame)
+        rows[:, :3, :, 3] = -np.einsum("fink,nk->fin", rows[:, :3, :, :3], eye)
+        corner = np.stack([np.arange(count) % self.columns, np.arange(count) // self.columns], axis=-1) * self.cell
+        half = self.cells[:, 2:] / 2.0
+        rows[:, 3, :, :2] = corner + (self.cells[:, :2] + half)[:, None]
+        rows[:, 3, :, 2:] = half[:, None]
+        rows[:, 4, :, :3] = eye
+        # the direction of (x, y) is F⁻¹(x, y, 1), F = face·frame; x and y advance by 1/half a texel
+        ways = np.einsum("fij,nik->fjnk", np.linalg.inv(self.faces), frame)
+        rows[:, 5:, :, :3] = ways / np.insert(half, 2, 1.0, axis=1)[:, :, None, None]
+        return rows
+
+
+@dataclass(frozen=True)
+class Views:
+    """What one call looks through: `rows` (F, 8, N, 4) of F faces of N records, as shaders/gather/views.glsl has them, and the
+    texture that holds them; the rectangle of the atlas that is `used`; near: the records' offset in metres."""
+
+    rows: np.ndarray
+    texture: moderngl.Texture
+    used: tuple[int, int, int, int]
+    near: float
+
+    @property
+    def uniforms(self) -> dict[str, Any]:
+        """Those of the programs that draw every face of every record."""
+        return {"views": self.texture, "faces": len(self.rows), "near": self.near}
+
+    @property
+    def count(self) -> int:
+        """How many faces there are in all."""
+        return self.rows.shape[0] * self.rows.shape[2]
+
+
+class Few(Holder):
+    """One draw of all triangles in all views, into an atlas of `size` texels."""
+
+    def __init__(self, ctx: moderngl.Context, size: tuple[int, int], defines: Mapping[str, int]) -> None:
+        self.program = Program(ctx, "gather/gather", defines={**defines, "MANY": 0})
+        self.target = Target(ctx, size, (4, 4), depth=True)
+
+    def __call__(self, geometry: Geometry, light: ShadowMaps | HitLight, views: Views) -> Target:
+        """The target with these views drawn anew."""
+        self.target.use(scissor=views.used)
+        self.target.gl.clear(viewport=views.used)
+        self.program(
+            self.target,
+            geometry=geometry,
+            instances=views.count,
+            state=State(depth="<", clamp=True, clips=5),
+            atlas=self.target.size,
+            **views.uniforms,
+            **geometry.uniforms,
+            **light.uniforms,
+        )
+        return self.target
+
+
+class Many(Holder):
+    """The same for many triangles: a draw for each meshlet, in the views that it may reach into."""
+
+    def __init__(self, ctx: moderngl.Context, size: tuple[int, int], defines: Mapping[str, int]) -> None:
+        self.ctx = ctx
+        self.marking = Program(ctx, "gather/gather_seen", "gather/gather", {"MANY": 1})
+        self.lighting = Program(ctx, "gather/gather_light", defines={**defines, "MANY": 0})
+        self.seen = Target(ctx, size, (1,), depth=True)
+        self.target = Target(ctx, size, (4, 4))
+        self.pairs: moderngl.Texture | None = None
+
+    def __call__(self, geometry: Geometry, light: ShadowMaps | HitLight, views: Views) -> Target:
+        """As Few's."""
+        pieces, rows = geometry.pieces, views.rows
+        self.seen.use(scissor=views.used)
+        self.seen.gl.clear(viewport=views.used)
+        step = max(_PAIRS // max(len(rows) * len(pieces.meshlets), 1), 1)
+        for start in range(0, rows.shape[2], step):
+            for clips, draws in self._draws(pieces.meshlets, rows[:, :3, start : start + step], start, views.near):
+                self.marking(
+                    self.seen,
+                    geometry=pieces,
+                    draws=draws,
+                    state=State(depth="<", clamp=True, clips=clips),
+                    near=views.near,
+                    atlas=self.seen.size,
+                    views=views.texture,
+                    pairs=self.pairs,
+                )
+        self.lighting(
+            self.target,
+            vertices=4,
+            mode=moderngl.TRIANGLE_STRIP,
+            instances=views.count,
+            seen=self.seen.textures[0],
+            atlas=self.target.size,
+            **views.uniforms,
+            **pieces.uniforms,
+            **geometry.uniforms,
+            **light.uniforms,
+        )
+        return self.target
+
+    def _draws(self, meshlets: Meshlets, rows: np.ndarray, start: int, near: float) -> Iterator[tuple[int, list[Draw]]]:
+        """How many clip planes are needed, and draws, of the meshlets that views with these x, y and w (F, 3, N, 4) see: an
+        instance is a view, by the pairs that this writes. start: the number of their first record."""
+        some, within = meshlets.seen(rows.swapaxes(1, 2), near)
+        parts = [np.stack(np.nonzero(part)) for part in (some & ~within, within)]
+        meshlet, face, record = np.concatenate(parts, axis=1)
+        height = -(-max(len(meshlet), 1) // COLUMNS)
+        table = np.zeros((height * COLUMNS, 2), "f4")
+        table[: len(meshlet)] = np.stack([record + start, face], axis=1)
+        if self.pairs is None or self.pairs.height < height:
+            if self.pairs is not None:
+                self.pairs.release()
+            self.pairs = float_texture(self.ctx, (COLUMNS, height), 2)
+        self.pairs.write(table.tobytes(), viewport=(0, 0, COLUMNS, height))
+        before = 0
+        for clips, part in zip((5, 0), parts, strict=True):
+            instances = np.bincount(part[0], minlength=len(meshlets))
+            first = before + np.cumsum(instances) - instances
+            before += len(part[0])
+            numbers = np.stack([meshlets.first, meshlets.count, instances, first], axis=1)[instances > 0]
+            if len(numbers):
+                yield clips, [Draw(3 * t, 3 * n, i, {"piece": (p, t)}) for t, n, i, p in numbers.tolist()]

@@ -1,0 +1,68 @@
+"""The reduction: from what a batch of records sees to their irradiance and harmonic mean distance, on the GPU.
+
+E = Σ L·cosθ·dω (Larsen and Christensen 2004), R = Σ cosθ·dω / Σ (cosθ·dω / r).
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import moderngl
+
+from irrsplat.core.buffers import Atlas, Records
+from irrsplat.gpu.program import Program
+from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.target import Target
+from irrsplat.settings import WIDE
+
+_SUMS = ("sums", "share", "sums_m_r", "sums_m_g", "sums_m_b", "sums_g_r", "sums_g_g", "sums_g_b")  # as reduce.frag has them
+
+
+class ReducePass(Holder):
+    """Sums the cells of an atlas, block by block and then record by record; `gradients`: M and ∇E too."""
+
+    def __init__(self, ctx: moderngl.Context, gradients: bool) -> None:
+        self.ctx = ctx
+        defines = {"GRADIENTS": int(gradients)}
+        self.components = (4, 2, 4, 4, 4, 4, 4, 4) if gradients else (4, 2)
+        self.blocks = Program(ctx, "gather/reduce", "lib/fullscreen", defines)
+        self.total = Program(ctx, "gather/reduce_total", defines=defines | {"WIDE": WIDE})
+        self.target: Target | None = None
+        self.out: Target | None = None  # the cache's own textures
+
+    def __call__(self, atlas: Atlas, records: Records, sky: tuple[float, float, float], radii: tuple[float, float]) -> None:
+        """Write E, R, M and ∇E of the atlas's records into `records`, each at its number; R is kept within `radii`."""
+        size = atlas.radiance.width // atlas.block[0], atlas.radiance.height // atlas.block[1]
+        if self.target is None or self.target.size != size:
+            if self.target is not None:
+                self.target.release()
+            self.target = Target(self.ctx, size, self.components)
+        per_cell = atlas.cell[0] // atlas.block[0], atlas.cell[1] // atlas.block[1]
+        used = (0, 0, size[0], -(-atlas.count // atlas.columns) * per_cell[1])
+        self.blocks(
+            self.target,
+            scissor=used,
+            radiance=atlas.radiance,
+            table=atlas.table,
+            planes=atlas.planes,
+            edges=atlas.edges,
+            frames=atlas.frames,
+            cell=atlas.cell,
+            block=atlas.block,
+            columns=atlas.columns,
+            sky=sky,
+        )
+        sums: dict[str, Any] = dict(zip(_SUMS, self.target.textures, strict=False))
+        if self.out is None or self.out.textures[0] is not records.irradiance:
+            self.out = Target(self.ctx, records.irradiance.size, textures=[records.irradiance, *records.vectors, records.walls])
+        self.total(
+            self.out,
+            vertices=atlas.count,
+            mode=moderngl.POINTS,
+            **sums,
+            frames=atlas.frames,
+            blocks=per_cell,
+            columns=atlas.columns,
+            table=records.irradiance.size,
+            radii=radii,
+        )

@@ -1,0 +1,152 @@
+"""The gather by rays: what many records see along cosine-stratified directions, through a tree of the scene's triangles.
+
+A fragment is a ray. What it brings goes into the same kind of atlas as a raster gather's, so that the same reduction sums it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from irrsplat.core.buffers import Atlas, HitLight, ShadowMaps, Sites
+from irrsplat.core.errors import InputError
+from irrsplat.gather.hemicube import frames
+from irrsplat.gather.record_frame import OFFSET, atlas_grid, eyes, frame_rows
+from irrsplat.gather.stratified import stratum_edges, stratum_table
+from irrsplat.gpu.program import Program
+from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.target import COLUMNS, Target, float_texture, listed, table_texture
+from irrsplat.scene.bvh import build
+
+
+class Tree(Holder):
+    """The scene's triangles on the GPU as rays find them.
+
+    vertices: (V, 12) float32 rows of position, normal, albedo, emission; faces: (F, 3) int, as scene.flat.flatten gives them.
+    order: (F,) the triangles' numbers in the order in which shaders count them.
+    Raises InputError for more triangles than the GPU's textures hold.
+    """
+
+    def __init__(self, ctx: moderngl.Context, vertices: np.ndarray, faces: np.ndarray) -> None:
+        corners = vertices[faces, :3]
+        bvh = build(corners)
+        limit = int(ctx.info["GL_MAX_TEXTURE_SIZE"])
+        if max(bvh.nodes[..., 0].size, len(vertices), len(faces)) > COLUMNS * limit or limit < 3 * COLUMNS:
+            raise InputError(f"{len(faces)} triangles are too many to trace here: use --gather raster")
+        self.corners = corners
+        self.order = bvh.order
+        self.count = bvh.nodes.shape[1]
+        self.grid = bvh.grid
+        nodes = listed(bvh.nodes.reshape(-1, 1, 4))
+        self.nodes = ctx.texture((nodes.shape[1], nodes.shape[0]), 4, np.ascontiguousarray(nodes).tobytes(), dtype="u4")
+        self.nodes.filter = moderngl.NEAREST, moderngl.NEAREST
+        leaves = np.concatenate([corners[bvh.order], faces[bvh.order, :, None]], axis=-1, dtype="f4")
+        self.triangles = table_texture(ctx, listed(leaves))
+        looks = np.zeros((len(vertices), 3, 4), "f4")
+        looks[..., :3] = vertices[:, 3:].reshape(-1, 3, 3)
+        self.looks = table_texture(ctx, listed(looks))
+
+    @property
+    def rays(self) -> dict[str, Any]:
+        """The uniforms of shaders/lib/bvh.glsl."""
+        return {
+            "bvh_nodes": self.nodes,
+            "bvh_triangles": self.triangles,
+            "bvh_count": self.count,
+            "bvh_start": self.grid[0],
+            "bvh_step": self.grid[1],
+        }
+
+    @property
+    def uniforms(self) -> dict[str, Any]:
+        """The same, and the vertices' table."""
+        return self.rays | {"looks": self.looks}
+
+
+class TracePass(Holder):
+    """Traces side² rays a record, for a scene of the given `diagonal` in metres; called as GatherPass is, with a Tree.
+
+    lights: light_defines of the scene. capacity: how many records one call takes at most (default: what a 96 MiB atlas holds).
+    surface: the light that it is called with has a surface cache, too. hits: of that cache it is only noted which of its values
+    speak for what the rays hit, for `hits`.
+    """
+
+    def __init__(
+        self,
+        ctx: moderngl.Context,
+        side: int,
+        diagonal: float,
+        lights: Mapping[str, int],
+        capacity: int | None = None,
+        *,
+        surface: bool = False,
+        hits: bool = False,
+    ) -> None:
+        self.ctx = ctx
+        self.side = max(4, side // 4 * 4)  # so that blocks fill a cell
+        self.kind = "trace"
+        self.fit(diagonal)
+        table = stratum_table(self.side)
+        self.cell = (table.shape[1], table.shape[0])
+        self.share = table[..., 3]  # cosθ·dω of every texel of a cell
+        self.ways = table[..., :3].reshape(-1, 3)  # their directions in a record's frame
+        self.table = table_texture(ctx, table)
+        self.edges = table_texture(ctx, stratum_edges(self.side))
+        self.program = Program(
+            ctx, "gather/trace", "lib/fullscreen", defines={**lights, "SURFACE": int(surface), "HITS": int(hits)}
+        )
+        self.outputs = (4, 4, 4, 4) if hits else (4, 4)
+        self.columns, self.capacity = atlas_grid(self.cell, capacity, int(ctx.info["GL_MAX_TEXTURE_SIZE"]))
+        self.target: Target | None = None
+        self.frames = float_texture(ctx, (self.capacity, 5))
+
+    def fit(self, diagonal: float) -> None:
+        """The scene's diagonal is of so many metres from now on."""
+        self.offset = OFFSET * diagonal
+        self.radii = (self.offset, diagonal)  # R_k in metres: nothing is nearer than the offset, a miss is a diagonal away
+
+    def __call__(self, tree: Tree, light: ShadowMaps | HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
+        """What records at `sites` (at most `capacity`) see; `numbers` (N,) are theirs in the cache."""
+        if self.target is None:
+            down = self.capacity // self.columns
+            self.target = Target(self.ctx, (self.columns * self.cell[0], down * self.cell[1]), self.outputs)
+        count = len(sites)
+        rows = np.zeros((5, count, 4), "f4")
+        rows[:4] = frame_rows(frames(sites.normal, sites.turns(numbers), seed), sites, numbers)
+        rows[4, :, :3] = eyes(sites, tree.corners, self.offset)
+        self.frames.write(rows.tobytes(), viewport=(0, 0, count, 5))
+        lines, rest = divmod(count, self.columns)
+        width, height = self.cell
+        for area in ((0, 0, self.columns * width, lines * height), (0, lines * height, rest * width, height)):
+            if area[2] * area[3]:
+                self.program(
+                    self.target,
+                    scissor=area,
+                    frames=self.frames,
+                    cell=self.cell,
+                    columns=self.columns,
+                    near=self.offset,
+                    **(tree.uniforms | light.uniforms),
+                )
+        block = (self.side // 4, self.side // 4)
+        radiance, planes = self.target.textures[:2]
+        return Atlas(radiance, planes, self.table, self.edges, self.frames, count, self.columns, self.cell, block)
+
+    def hits(self, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What the last call's first `count` records' rays hit, of the surface cache: the numbers of three values (N, M·N, 3),
+        how much each speaks for the hit, 0..1, and the reflectance there, both (N, M·N, 3); rays in the order of the cell."""
+        assert self.target is not None
+        lines, (width, height) = self.target.size[1] // self.cell[1], self.cell
+        first, second = (
+            np.frombuffer(texture.read(), "f4")
+            .reshape(lines, height, self.columns, width, 4)
+            .swapaxes(1, 2)
+            .reshape(-1, width * height, 4)[:count]
+            for texture in self.target.textures[2:]
+        )
+        weights = np.stack([first[..., 3], second[..., 3], 1.0 - first[..., 3] - second[..., 3]], axis=-1)
+        weights[first[..., 0] < 0.0] = 0.0
+        return np.maximum(first[..., :3], 0.0).astype(np.intp), weights, second[..., :3]

@@ -1,0 +1,107 @@
+"""The composite: normalised indirect light, blended with direct, then exposure, a filmic curve and sRGB (Jones 2010, 3.6)."""
+
+from __future__ import annotations
+
+import math
+
+import moderngl
+import numpy as np
+
+from irrsplat.core.buffers import FILMIC, GBuffer, SplatBuffer
+from irrsplat.gpu.program import Program
+from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.target import Target
+from irrsplat.image.tonemap import MID_GREY
+from irrsplat.scene.model import Camera
+from irrsplat.settings import Settings
+
+_METER = 64  # blocks along each side of the image
+_SMOOTH = 0.01  # radius of the smoothing, of the image height
+
+
+class CompositePass(Holder):
+    """Makes irradiance, image and display picture of a view of `size` (width, height)."""
+
+    def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
+        self.size = size
+        self.overture = Program(ctx, "image/composite_overture", "lib/fullscreen")
+        self.smooth = Program(ctx, "image/composite_smooth", "lib/fullscreen")
+        self.blend = Program(ctx, "image/composite", "lib/fullscreen")
+        self.meter = Program(ctx, "image/composite_meter", "lib/fullscreen")
+        self.display = Program(ctx, "image/composite_display", "lib/fullscreen", FILMIC.defines)
+        self.target = Target(ctx, size, (4,))
+        self.overture_target: Target | None = None
+        self.smooth_target: Target | None = None
+        self.meter_block = (-(-size[0] // _METER), -(-size[1] // _METER))
+        self.meter_target = Target(ctx, (-(-size[0] // self.meter_block[0]), -(-size[1] // self.meter_block[1])), (2,))
+        self.reading = ctx.buffer(reserve=8 * self.meter_target.size[0] * self.meter_target.size[1], dynamic=True)
+
+    def __call__(
+        self,
+        splats: SplatBuffer,
+        direct: moderngl.Texture,
+        gbuffer: GBuffer,
+        sky: tuple[float, float, float],
+        camera: Camera,
+        settings: Settings,
+        filling: bool = False,
+    ) -> tuple[moderngl.Texture, moderngl.Texture]:
+        """The image before exposure, and the sums (Σ k·E, Σ k) whose quotient is E, smoothed where the settings ask for it; while
+        the view is `filling`, holes borrow from around them.
+
+        Direct and indirect light have the weights Settings.mix; emission and sky are whole.
+        """
+        sums = self._filled(splats.sums, gbuffer) if filling else splats.sums
+        if settings.smooth:
+            self.smooth_target = self.smooth_target or Target(self.target.ctx, self.size, (4,))
+            sums = self.smoothed(sums, gbuffer, camera, self.smooth_target)
+        self.blend(
+            self.target,
+            position=gbuffer.position,
+            albedo=gbuffer.albedo,
+            emission=gbuffer.emission,
+            direct=direct,
+            sums=sums,
+            blend=settings.mix,
+            sky=sky,
+        )
+        return self.target.textures[0], sums
+
+    def _filled(self, sums: moderngl.Texture, gbuffer: GBuffer) -> moderngl.Texture:
+        self.overture_target = self.overture_target or Target(self.target.ctx, self.size, (4,))
+        sums.build_mipmaps()
+        sums.filter = moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR
+        levels = max(self.size).bit_length()
+        self.overture(self.overture_target, position=gbuffer.position, sums=sums, levels=levels)
+        return self.overture_target.textures[0]
+
+    def smoothed(self, sums: moderngl.Texture, gbuffer: GBuffer, camera: Camera, target: Target) -> moderngl.Texture:
+        """(E, 1), smoothed along surfaces, of (Σ k·E, Σ k), in the target's texture."""
+        self.smooth(
+            target,
+            position=gbuffer.position,
+            normal=gbuffer.normal,
+            sums=sums,
+            smooth_radius=max(1, round(_SMOOTH * self.size[1])),
+            pixel_size=camera.screen / self.size[1],
+        )
+        return target.textures[0]
+
+    def exposure(self, image: moderngl.Texture) -> float:
+        """The stops that bring the image's geometric mean luminance (of its lit pixels) to mid grey; 0 for a black image."""
+        self.measure(image)
+        return self.metered()
+
+    def measure(self, image: moderngl.Texture) -> None:
+        """Begin to find the image's `exposure`; `metered` a frame later has it without waiting for the GPU."""
+        self.meter(self.meter_target, image=image, block=self.meter_block)
+        self.meter_target.textures[0].read_into(self.reading)
+
+    def metered(self) -> float:
+        """The exposure of the image that was measured last."""
+        total, lit = np.frombuffer(self.reading.read(), "f4").reshape(-1, 2).sum(0, dtype=float)
+        return math.log2(MID_GREY) - float(total / lit) if lit else 0.0
+
+    def show(self, image: moderngl.Texture, exposure: float, target: Target) -> None:
+        """Draw the image into `target` (of the same size) as a screen takes it: exposed by `exposure` stops, filmic, sRGB."""
+        self.display(target, image=image, exposure=exposure)

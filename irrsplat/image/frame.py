@@ -1,0 +1,278 @@
+"""The finished frame as numpy arrays, and the files it can become: PNG, EXR, NPZ, or a folder of pictures."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import re
+import secrets
+import shutil
+import stat
+import string
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from irrsplat.core.buffers import CHANNELS
+from irrsplat.core.errors import InputError, IrrsplatError
+from irrsplat.image.tonemap import exposure_of, show, tonemap
+
+Pathlike = str | os.PathLike[str]
+
+ENDINGS = (".png", ".exr", ".npz")
+RECORDS = ("records_position", "records_normal", "records_irradiance", "records_radius")
+BUFFERS = (*CHANNELS, *RECORDS)
+_NUMBER = re.compile(r"0?[0-9]{0,2}[dxXob]?")  # how {frame} may be spelled: two frames never have one name
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One rendered view; every array belongs to the caller, float32, linear, top row first (see buffers.CHANNELS).
+
+    image, direct, indirect, emission: means over the samples of a pixel; all others are of its centre.
+    records_*: the cache, N rows. stats: records, rounds, converged, ms per stage with the clock's name, GL renderer,
+    settings, exposure (stops, resolved). figures: further (H, W, 3) pictures by name, for the figures of the paper:
+    radiance "first_samples" and "splat_buffer", and "quad", which is in display values 0..1.
+    """
+
+    image: np.ndarray
+    direct: np.ndarray
+    indirect: np.ndarray
+    irradiance: np.ndarray
+    emission: np.ndarray
+    weight: np.ndarray
+    position: np.ndarray
+    normal: np.ndarray
+    albedo: np.ndarray
+    depth: np.ndarray
+    records_position: np.ndarray
+    records_normal: np.ndarray
+    records_irradiance: np.ndarray
+    records_radius: np.ndarray
+    stats: dict[str, Any] = field(default_factory=dict)
+    figures: dict[str, np.ndarray] = field(default_factory=dict)
+
+    @property
+    def exposure(self) -> float:
+        """The picture's exposure in stops (stats["exposure"]; 0 where that is missing)."""
+        return float(self.stats.get("exposure", 0.0))
+
+    def save(self, path: Pathlike, buffers: Sequence[str] | None = None) -> None:
+        """Write this frame in the format that `path`'s ending names; a file there is replaced whole, or not at all.
+
+        .png: the picture, exposed, tone-mapped, sRGB, 8 bit. .exr: a float32 layer per buffer. .npz: every buffer, the records
+        and the stats (JSON text). A path without an ending, with a slash at its end, or of an existing folder: a PNG per
+        buffer, and the paper's figures. buffers: the names of those that go into EXR, NPZ or folder (default: all).
+        Raises InputError for a path or name that cannot be right, IrrsplatError where writing fails.
+        """
+        ending = check_writable(path, buffers)
+        names = tuple(BUFFERS) if buffers is None else tuple(buffers)
+        if not ending:
+            _write_folder(Path(os.path.realpath(path)), self._pictures(names))
+            return
+        write = {".png": self._write_png, ".exr": self._write_exr, ".npz": self._write_npz}[ending]
+        _write_file(path, lambda part: write(part, names))
+
+    def _write_png(self, part: Path, names: Sequence[str]) -> None:
+        _png(part, tonemap(self.image, self.exposure))
+
+    def _write_exr(self, part: Path, names: Sequence[str]) -> None:
+        import OpenEXR
+
+        layers = {name: np.ascontiguousarray(getattr(self, name), np.float32) for name in names if name in CHANNELS}
+        header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, "stats": stats_json(self.stats)}
+        with OpenEXR.File(header, layers) as file:
+            file.write(str(part))
+
+    def _write_npz(self, part: Path, names: Sequence[str]) -> None:
+        arrays: dict[str, Any] = {name: np.asarray(getattr(self, name), np.float32) for name in names}
+        with open(part, "wb") as file:  # by handle: given a name, numpy would append .npz to it
+            np.savez(file, allow_pickle=False, stats=np.array(stats_json(self.stats)), **arrays)
+
+    def _pictures(self, names: Sequence[str]) -> Iterator[tuple[str, np.ndarray]]:
+        """The file names and (H, W, 3) display images, 0..1, of a folder: the named buffers, then the paper's figures."""
+        seen = np.isfinite(self.depth)
+        for name in names:
+            if name in CHANNELS:
+                yield f"{name}.png", show(name, getattr(self, name), self.exposure, seen)
+        if "quad" in self.figures:
+            yield "figure1_quad.png", np.clip(self.figures["quad"], 0.0, 1.0)
+        yield "figure2_direct.png", tonemap(self.direct, self.exposure)
+        sums = [name for name in ("splat_buffer", "first_samples") if name in self.figures]
+        stops = (
+            exposure_of(self.figures[sums[0]]) if sums else 0.0
+        )  # sums are not radiance; one exposure, so that 3 and 4 compare
+        for name, file in (("first_samples", "figure3_first_samples.png"), ("splat_buffer", "figure4_splat_buffer.png")):
+            if name in sums:
+                yield file, tonemap(self.figures[name], stops)
+        yield "figure5_normalized.png", tonemap(self.indirect, self.exposure)
+        yield "figure6_combined.png", tonemap(self.image, self.exposure)
+
+
+def check_writable(path: Pathlike, buffers: Sequence[str] | None = None) -> str:
+    """The ending of an output, one of ENDINGS, or "" for a folder; tried out, so that a long rendering is not lost at its end.
+
+    Raises InputError where the ending or a buffer's name is unknown, or nothing can be written there. Leaves nothing behind.
+    """
+    for name in buffers or ():
+        if name not in BUFFERS:
+            raise InputError(f"unknown buffer '{name}'; the buffers are {', '.join(BUFFERS)}")
+    text = os.fspath(path)
+    ending = os.path.splitext(text)[1].lower()
+    if "{frame" in text:
+        raise InputError("{frame} is for the frames of a path; give --path as well, or a plain name", text)
+    if ending not in ENDINGS and (not ending or text.endswith(("/", os.sep)) or os.path.isdir(text)):
+        _try_folder(text)
+        return ""
+    if ending not in ENDINGS:
+        raise InputError(f"unknown ending '{ending}'; an output ends in {', '.join(ENDINGS)}, or is a folder (no ending)", text)
+    if ending == ".exr" and buffers is not None and not set(buffers) & set(CHANNELS):
+        raise InputError("none of the chosen buffers is an image, so there is nothing to write; choose another or .npz", text)
+    check_file(text)
+    return ending
+
+
+def numbered(pattern: str, frame: int) -> str:
+    """The output's name for one frame of a path: its number in place of each {frame}, {frame:4d}, {frame:04d}, {frame:x} ….
+
+    Raises InputError for any other field and for a brace that is not closed; {{ and }} are plain braces.
+    """
+    try:
+        for _, name, spec, conversion in string.Formatter().parse(pattern):
+            if name is not None and (name != "frame" or conversion or not _NUMBER.fullmatch(spec or "")):
+                raise ValueError
+        return pattern.format(frame=frame)
+    except ValueError:
+        raise InputError("the one field in an output's name is {frame}, or with digits such as {frame:04d}", pattern) from None
+
+
+def check_file(path: Pathlike) -> None:
+    """Raises InputError where `path` cannot be written as a file; leaves nothing behind."""
+    text = os.fspath(path)
+    if os.path.isdir(text) or text.endswith(("/", os.sep)):
+        raise InputError("cannot write: it is a folder, not a file", text)
+    target = Path(os.path.realpath(text))
+    try:
+        mode = target.stat().st_mode
+    except FileNotFoundError:
+        mode = stat.S_IFREG
+    except OSError as error:  # a name too long, a file where a folder should be, …
+        raise InputError(f"cannot write: {error.strerror or error}", text) from error
+    if not stat.S_ISREG(mode):
+        raise InputError("cannot write: it is not a regular file", text)
+    if target.is_file() and not os.access(target, os.W_OK):
+        raise InputError("cannot write: permission denied", text)
+    _try_inside(target.parent, text)
+
+
+def write_text(path: Pathlike, text: str) -> None:
+    """Write `text` (UTF-8) to `path`, whole or not at all; raises IrrsplatError where that fails."""
+    _write_file(path, lambda part: part.write_text(text, encoding="utf-8"))
+
+
+def write_bytes(path: Pathlike, data: bytes) -> None:
+    """Write `data` to `path`, whole or not at all; raises IrrsplatError where that fails."""
+    _write_file(path, lambda part: part.write_bytes(data))
+
+
+def write_picture(path: Pathlike, display: np.ndarray) -> None:
+    """Write (H, W, 3) display values 0..1 as a PNG, whole or not at all; raises IrrsplatError where that fails."""
+    _write_file(path, lambda part: _png(part, display))
+
+
+def stats_json(stats: dict[str, Any]) -> str:
+    """The stats as strict JSON: numpy values become plain ones, and what is not finite becomes null."""
+
+    def plain(value: Any) -> Any:
+        if isinstance(value, dict):
+            return {str(k): plain(v) for k, v in value.items()}
+        if isinstance(value, (list, tuple)):
+            return [plain(v) for v in value]
+        if isinstance(value, (np.generic, np.ndarray)):
+            return plain(value.tolist())
+        if isinstance(value, float) and not math.isfinite(value):
+            return None
+        return value if isinstance(value, (str, int, float, bool, type(None))) else str(value)
+
+    return json.dumps(plain(stats), indent=2, allow_nan=False, ensure_ascii=False)
+
+
+def _png(path: Path, display: np.ndarray) -> None:
+    from PIL import Image
+
+    Image.fromarray(np.round(np.clip(display, 0.0, 1.0) * 255.0).astype(np.uint8)).save(path, "PNG")
+
+
+def _part(folder: Path, ending: str = "") -> Path:
+    """A name in `folder` that nobody has yet."""
+    return folder / f".irrsplat-{secrets.token_hex(6)}.part{ending}"
+
+
+@contextmanager
+def _speaking_of(path: Pathlike) -> Iterator[None]:
+    """What the system, numpy or OpenEXR say of a failed write, as one IrrsplatError that names `path`."""
+    try:
+        yield
+    except (OSError, RuntimeError, ValueError) as error:
+        reason = (error.strerror if isinstance(error, OSError) else "") or str(error) or type(error).__name__
+        raise IrrsplatError(f"{os.fspath(path)}: cannot write: {reason}") from error
+
+
+def _write_file(path: Pathlike, write: Callable[[Path], object]) -> None:
+    """Let `write` fill a file beside `path`, then rename it, so that `path` is at no time half written."""
+    target = Path(os.path.realpath(path))  # what a link points to is replaced, not the link
+    part = _part(target.parent, target.suffix)
+    try:
+        with _speaking_of(path):
+            write(part)
+            os.replace(part, target)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _write_folder(folder: Path, pictures: Iterator[tuple[str, np.ndarray]]) -> None:
+    """Write all pictures into a new folder, then rename it, or the files in it where `folder` exists already."""
+    exists = folder.is_dir()
+    part = _part(folder if exists else folder.parent)
+    try:
+        with _speaking_of(folder):
+            part.mkdir()
+            names = []
+            for name, display in pictures:
+                _png(part / name, display)
+                names.append(name)
+            if not exists:
+                os.replace(part, folder)
+                return
+            for name in names:
+                os.replace(part / name, folder / name)
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+
+
+def _try_folder(text: str) -> None:
+    folder = Path(os.path.realpath(text))
+    if not text:
+        raise InputError("an output path is empty")
+    if os.path.lexists(folder) and not folder.is_dir():
+        raise InputError("cannot write: it exists and is not a folder; give an ending or another name", text)
+    _try_inside(folder if folder.is_dir() else folder.parent, text)
+
+
+def _try_inside(folder: Path, text: str) -> None:
+    """Raises InputError, speaking of `text`, where no file can be made in `folder`."""
+    if not folder.is_dir():
+        raise InputError(f"cannot write: the folder '{folder}' does not exist; make it first", text)
+    part = _part(folder)
+    try:
+        part.touch(exist_ok=False)
+    except OSError as error:
+        raise InputError(f"cannot write: {error.strerror or error}", text) from error
+    finally:
+        with suppress(OSError):
+            part.unlink()

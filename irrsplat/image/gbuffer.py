@@ -1,0 +1,56 @@
+"""The g-buffer: position, normals and material at every pixel's centre (Jones 2010, section 3.2)."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+
+from irrsplat.core.buffers import GBuffer
+from irrsplat.gpu.geometry import Geometry
+from irrsplat.gpu.program import Program, State
+from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.target import Target
+from irrsplat.scene.model import Camera, Scene
+
+_NEAR = 1e-6  # of the far distance: only the matrix has it, nothing is clipped there
+
+
+class GBufferTarget(Target):
+    """What a g-buffer is drawn into: the four textures of buffers.GBuffer, and depth."""
+
+    def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
+        super().__init__(ctx, size, (4, 4, 4, 4), depth=True)
+        self.marked = Target(ctx, size, textures=self.textures[:1], depth_attachment=self.depth)
+
+    def release(self) -> None:
+        """Free all of it."""
+        self.marked.release()
+        super().release()
+
+
+class GBufferPass(Holder):
+    """Draws the scene from the eye into four float textures of `size` (width, height)."""
+
+    def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
+        self.program = Program(ctx, "image/gbuffer")
+        self.target = GBufferTarget(ctx, size)
+
+    def __call__(self, scene: Scene, geometry: Geometry, camera: Camera, target: GBufferTarget | None = None) -> GBuffer:
+        """What `camera` sees; the textures are the target's (default: this pass's own), and hold until it is drawn into again."""
+        target = target or self.target
+        width, height = target.size
+        eye = np.asarray(camera.eye, float)
+        far = 1.01 * float(np.linalg.norm(scene.corners - eye, axis=1).max()) + 1e-3 * scene.diagonal
+        target.marked.clear()  # depth 0 says that a pixel sees nothing: the other textures are not looked at there
+        self.program(
+            target,
+            geometry=geometry,
+            state=State(depth="<", clamp=True),
+            clip_from_world=camera.clip_from_view(width / height, _NEAR * far, far) @ camera.view_from_world,
+            eye=eye,
+            forward=-camera.axes[2],
+            far=far,
+            closed=geometry.parts["closed"][1] // 3,
+            **geometry.uniforms,
+        )
+        return GBuffer(*target.textures)

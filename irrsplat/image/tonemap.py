@@ -1,0 +1,99 @@
+"""How numbers become something to look at: exposure, the filmic curve, sRGB, and colours for scalars."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from irrsplat.core.buffers import CHANNELS, FILMIC
+
+MID_GREY = 0.18
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # Rec. 709
+
+# Viridis (van der Walt & Smith 2015) as the polynomial of degree six fitted by Matt Zucker ("matplotlib colormaps", CC0, 2019).
+_VIRIDIS = np.array(
+    [
+        [0.2777273272234177, 0.005407344544966578, 0.3340998053353061],
+        [0.1050930431085774, 1.404613529898575, 1.384590162594685],
+        [-0.3308618287255563, 0.214847559468213, 0.09509516302823659],
+        [-4.634230498983486, -5.799100973351585, -19.33244095627987],
+        [6.228269936347081, 14.17993336680509, 56.69055260068105],
+        [4.776384997670288, -13.74514537774601, -65.35303263337234],
+        [-5.435455855934631, 4.645852612178535, 26.3124352495832],
+    ]
+)
+
+
+def srgb(linear: np.ndarray) -> np.ndarray:
+    """Linear 0..1 as sRGB-encoded 0..1 (IEC 61966-2-1), any shape, clipped."""
+    x = np.clip(linear, 0.0, 1.0)
+    return np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.maximum(x, 0.0031308) ** (1 / 2.4) - 0.055)
+
+
+def filmic(x: np.ndarray) -> np.ndarray:
+    """Exposed radiance, any shape, through Hable's curve (buffers.FILMIC): linear display values 0..1, per channel."""
+    c = FILMIC
+
+    def f(v: np.ndarray) -> np.ndarray:
+        return (v * (c.a * v + c.c * c.b) + c.d * c.e) / (v * (c.a * v + c.b) + c.d * c.f) - c.e / c.f
+
+    bounded = np.clip(x, 0.0, c.white / c.scale)  # the curve is white there; infinity would be inf/inf
+    return np.clip(f(c.scale * bounded) / f(np.asarray(c.white)), 0.0, 1.0)
+
+
+def tonemap(radiance: np.ndarray, exposure: float) -> np.ndarray:
+    """Linear radiance, any shape, as sRGB-encoded 0..1: brighter by `exposure` stops, then the filmic curve, then sRGB."""
+    return srgb(filmic(np.asarray(radiance, np.float32) * np.float32(2.0**exposure)))
+
+
+def exposure_of(radiance: np.ndarray) -> float:
+    """The stops that bring the lit pixels of (H, W, 3) `radiance`, their geometric mean luminance, to mid grey; 0: all dark."""
+    luminance = radiance @ LUMINANCE
+    lit = luminance[luminance > 0.0]
+    return float(np.log2(MID_GREY) - np.log2(lit).mean()) if lit.size else 0.0
+
+
+def viridis(t: np.ndarray) -> np.ndarray:
+    """Numbers of any shape as (..., 3) display colours 0..1: dark blue at 0, yellow at 1, clipped there."""
+    t = np.clip(t, 0.0, 1.0)[..., None]
+    colour = np.zeros((*t.shape[:-1], 3))
+    for coefficient in _VIRIDIS[::-1]:  # Horner
+        colour = colour * t + coefficient
+    return np.clip(colour, 0.0, 1.0)
+
+
+def heat(values: np.ndarray, seen: np.ndarray | None = None) -> np.ndarray:
+    """(H, W) scalars as (H, W, 3) display colours, dark blue to yellow from the 1st to the 99th percentile of the seen pixels,
+    on a logarithmic scale where a few are far above the rest.
+
+    seen: (H, W) bool, the pixels that count (those of finite value in any case); all others are black.
+    """
+    seen = np.isfinite(values) if seen is None else seen & np.isfinite(values)
+    if not seen.any():
+        return np.zeros((*values.shape, 3))
+    values = np.where(seen, values, values[seen][0])
+    low, middle, high = np.percentile(values[seen], (1, 50, 99))
+    if low >= 0.0 and high > 10.0 * middle > 0.0:  # a long tail, such as the weights': their logarithm shows more
+        values, low, high = np.log(values + middle), np.log(low + middle), np.log(high + middle)
+    return np.where(seen[..., None], viridis((values - low) / ((high - low) or 1.0)), 0.0)
+
+
+def show(name: str, values: np.ndarray, exposure: float, seen: np.ndarray) -> np.ndarray:
+    """The buffer `name` of buffers.CHANNELS as an (H, W, 3) display image in 0..1.
+
+    values: (H, W) or (H, W, 3). exposure: the picture's, in stops. seen: (H, W) bool, where the camera sees a surface.
+    """
+    way = CHANNELS[name].show
+    if way == "radiance":
+        # irradiance is shown as a white diffuse surface would send it out, so that it compares with the picture
+        return tonemap(values / np.float32(np.pi) if name == "irradiance" else values, exposure)
+    if way == "heat":
+        return heat(values, seen)
+    if way == "unit":
+        return srgb(values)
+    if way == "signed":
+        return np.where(seen[..., None], np.clip(0.5 * values + 0.5, 0.0, 1.0), 0.0)
+    assert way == "range", way
+    if not seen.any():
+        return np.zeros(values.shape)
+    low, high = values[seen].min(axis=0), values[seen].max(axis=0)
+    return np.where(seen[..., None], np.clip((values - low) / np.where(high > low, high - low, 1.0), 0.0, 1.0), 0.0)

@@ -1,0 +1,124 @@
+"""One view of the scene while it refines: the GPU handles of its buffers, how far it has come, and its frame on the CPU."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, fields, replace
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from irrsplat.core.buffers import GBuffer, SplatBuffer
+from irrsplat.gpu.target import pixels
+from irrsplat.image.frame import Frame
+from irrsplat.scene.model import Camera, Scene
+from irrsplat.settings import Settings
+
+
+@dataclass(frozen=True)
+class View:
+    """One round's picture as GPU handles, valid until the next round: what the viewer shows and `render` reads back.
+
+    sums: (Σ k·E, Σ k) of which the picture is made, the splat buffer's own or smoothed; E is their quotient.
+    samples: of a pixel. Of more than one, the first at its centre, `image`, `direct`, `indirect` and `emission` (the sky's too)
+    are the means; of one alone, the last two follow from the rest. All others are of the centre.
+    """
+
+    camera: Camera
+    gbuffer: GBuffer
+    direct: moderngl.Texture
+    splats: SplatBuffer
+    sums: moderngl.Texture
+    image: moderngl.Texture
+    samples: int = 1
+    indirect: moderngl.Texture | None = None
+    emission: moderngl.Texture | None = None
+
+    def mean(self, name: str) -> moderngl.Texture | None:
+        """The texture that holds `image`, `direct`, `indirect` or `emission` of every pixel; None for one that has none."""
+        return {"image": self.image, "direct": self.direct, "indirect": self.indirect, "emission": self.emission}.get(name)
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where a view stands after a tick: whole rounds so far, `records` in the cache, `new` among them, and `coverage` of the
+    seen pixels, 0..1, at the round's begin. renewed: old records gathered again; stale: how many still wait for that.
+    whole: False while sites of a round, or the pixels between every other one, are left over for the next tick. surface: how much
+    of the surface cache is made, 0..1. full: whether this view needs more records than `max_records`. sampled: the share of a
+    render's samples that are taken, 0..1, once it comes to those."""
+
+    round: int
+    records: int
+    new: int
+    coverage: float
+    renewed: int = 0
+    stale: int = 0
+    whole: bool = True
+    surface: float = 1.0
+    full: bool = False
+    sampled: float = 0.0
+
+    @property
+    def still(self) -> bool:
+        """Whether nothing was gathered, and nothing would be in the next tick."""
+        return self.whole and self.surface == 1.0 and not (self.new or self.renewed or self.stale)
+
+    @property
+    def done(self) -> bool:
+        """Whether nothing is left to gather in this view, or nothing may be."""
+        return self.still and (self.coverage == 1.0 or self.full)
+
+
+def sampling(progress: Callable[[Progress], None] | None, stats: dict[str, Any]) -> Callable[[float], None] | None:
+    """What is called with the share of the samples done, and calls `progress` in turn, where the view stands as in `stats`."""
+    if progress is None:
+        return None
+    now = Progress(stats["rounds"], stats["records"], 0, stats["coverage"])
+    return lambda share: progress(replace(now, sampled=share))
+
+
+def read(view: View, sky: tuple[float, float, float], records: dict[str, np.ndarray], stats: dict[str, Any]) -> Frame:
+    """The view as a Frame: every buffer copied, cleaned where nothing is seen, with the cache's records beside them."""
+    buffers = {f.name: pixels(getattr(view.gbuffer, f.name)) for f in fields(GBuffer)}
+    seen = buffers["position"][..., 3:] > 0.0
+    position, normal, albedo, emission = (np.where(seen, b[..., :3], np.float32(0.0)) for b in buffers.values())
+    sums = pixels(view.sums)
+    irradiance = sums[..., :3] / np.where(sums[..., 3:] > 0.0, sums[..., 3:], np.float32(1.0))
+    return Frame(
+        image=_rgb(view.image),
+        direct=_rgb(view.direct),
+        indirect=_rgb(view.indirect) if view.indirect is not None else albedo * irradiance / np.float32(np.pi),
+        irradiance=irradiance,
+        emission=_rgb(view.emission) if view.emission is not None else np.where(seen, emission, np.asarray(sky, "f4")),
+        weight=np.where(seen[..., 0], pixels(view.splats.weight)[..., 0], np.float32(0.0)),
+        position=position,
+        normal=normal,
+        albedo=albedo,
+        depth=np.where(seen, buffers["position"][..., 3:], np.float32(np.inf))[..., 0],
+        records_position=records["position"],
+        records_normal=records["normal"],
+        records_irradiance=records["irradiance"],
+        records_radius=records["radius"],
+        stats=stats,
+    )
+
+
+def _rgb(texture: moderngl.Texture) -> np.ndarray:
+    return pixels(texture)[..., :3].copy()
+
+
+def statistics(
+    about: dict[str, Any], scene: Scene, size: tuple[int, int], preset: str, settings: Settings, exposure: float
+) -> dict[str, Any]:
+    """What a Frame's stats say of where, what and how: of the OpenGL context (`about`), scene and settings; exposure in stops."""
+    return {
+        "renderer": about["renderer"],
+        "version": about["version"],
+        "preset": preset,
+        "settings": asdict(settings),
+        "exposure": exposure,
+        "size": list(size),
+        "triangles": scene.triangles,
+        "scene": scene.name,
+    }

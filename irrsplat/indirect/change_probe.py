@@ -1,0 +1,56 @@
+"""Which records a moved mesh concerns: what a few directions of each bring, held against what the same ones brought before."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from irrsplat.core.buffers import Sites
+from irrsplat.gather.raster import GatherPass
+from irrsplat.gather.reduce import ReducePass
+from irrsplat.gather.trace import TracePass
+from irrsplat.gpu.resource import Holder
+from irrsplat.records.record_cache import RecordCache
+
+SIDE = 8  # side² directions, a small part of a gather's; as a gather's side
+MOST = 4096  # records that are looked from at once
+_CHANGE = 0.02  # of E or of R, in sum over all moves since a record was gathered: what is less is not worth gathering it again
+
+
+class Probes(Holder):
+    """Looks from records with `look`, a gather of SIDE."""
+
+    def __init__(self, look: GatherPass | TracePass) -> None:
+        self.look = look
+        self.reduce = ReducePass(look.ctx, gradients=False)
+        self.records = RecordCache(look.ctx)
+
+    def __call__(self, world: Any, light: Any, sites: Sites, sky: tuple[float, float, float], seed: int) -> np.ndarray:
+        """(N, 4) float32: rough E of records at `sites`, W/m², and R, metres."""
+        self.records.truncate(0)
+        self.records.append(sites)
+        for start in range(0, len(sites), self.look.capacity):
+            some = sites[start : start + self.look.capacity]
+            atlas = self.look(world, light, some, start + np.arange(len(some)), seed)
+            self.reduce(atlas, self.records.records, sky, self.look.radii)
+        found = self.records.read()
+        return np.column_stack([found["irradiance"], found["radius"]])
+
+
+def change(before: np.ndarray, after: np.ndarray, dark: float) -> np.ndarray:
+    """(N,) the greater of the changes of E and R (N, 4), as shares of the greater value; of E, of `dark` W/m² at least.
+
+    Infinite where before has no R: nothing is known of that record.
+    """
+    E = np.maximum(np.maximum(before, after)[:, :3].max(1), max(dark, 1e-20))
+    off = np.abs(after - before)
+    share: np.ndarray = np.maximum(off[:, :3].max(1) / E, off[:, 3] / np.maximum(before, after)[:, 3])
+    return np.where(before[:, 3] > 0.0, share, np.inf)
+
+
+def concerned(cache: RecordCache, found: np.ndarray) -> np.ndarray:
+    """The numbers of the records that change too much, now that they have `found` (N, 4)."""
+    cache.drift[:] = np.minimum(cache.drift + change(cache.probes, found, cache.dark), 1.0)
+    cache.probes[:] = found
+    return np.flatnonzero(cache.drift > _CHANGE)

@@ -1,0 +1,133 @@
+"""The examination: finds pixels that no record speaks for, or that records do not agree about, and chooses where to make records
+(Jones 2010, section 2.3).
+
+The screen is cut into tiles of a hundredth of its height, whose worst served pixels come back as one small table; from
+that, sites are chosen coarse to fine, so that those of one round lie apart.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+
+from irrsplat.core.buffers import NOTHING_SEEN, GBuffer, Sites, SplatBuffer
+from irrsplat.gpu.program import Program
+from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.target import Target
+from irrsplat.settings import Settings
+
+_TILES = 100  # along the image's height
+_FEW = 256  # tiles; so few are asked for in one round
+
+
+@dataclass(frozen=True)
+class Examination:
+    """A round's finding, per tile (h, w): `asking` and `seen` pixels, and the worst served pixel as a site, (h, w, 3); triangle
+    (h, w) is its number."""
+
+    asking: np.ndarray
+    seen: np.ndarray
+    position: np.ndarray
+    normal: np.ndarray
+    geometric: np.ndarray
+    triangle: np.ndarray
+
+    @property
+    def missing(self) -> float:
+        """The share of the pixels that see anything which ask for a record, 0..1."""
+        return float(self.asking.sum(dtype=float) / max(self.seen.sum(dtype=float), 1.0))
+
+    def at(self, tiles: tuple[np.ndarray, np.ndarray]) -> Sites:
+        """The sites of the given tiles (rows, columns)."""
+        return Sites(self.position[tiles], self.normal[tiles], self.geometric[tiles], self.triangle[tiles])
+
+
+class ExaminePass(Holder):
+    """Looks for pixels that ask for a record in a view of `size` (width, height)."""
+
+    def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
+        self.ctx = ctx
+        self.side = max(2, size[1] // _TILES)  # pixels
+        self.program = Program(ctx, "indirect/examine", "lib/fullscreen", {"NOTHING_SEEN": NOTHING_SEEN})
+        self.target: Target | None = None
+
+    def __call__(self, gbuffer: GBuffer, splats: SplatBuffer, settings: Settings, every: int = 1) -> Examination:
+        """Every tile's count of pixels that ask, by `tolerance` and `spread`, and the worst served of them.
+
+        every: 2 where the splats are of every other pixel of the g-buffer; the tiles are as wide then, and have fewer.
+        """
+        side = max(2, self.side // every)
+        tiles = -(-splats.weight.width // side), -(-splats.weight.height // side)
+        if self.target is None or self.target.size != tiles:
+            if self.target is not None:
+                self.target.release()
+            self.target = Target(self.ctx, tiles, (4, 4, 4))
+        self.program(
+            self.target,
+            every=every,
+            side=side,
+            position=gbuffer.position,
+            normal=gbuffer.normal,
+            albedo=gbuffer.albedo,
+            emission=gbuffer.emission,
+            weight=splats.weight,
+            sums=splats.sums,
+            spread=settings.spread,
+            dark=splats.dark,
+            stride=_stride(side**2),
+            tolerance=settings.threshold,
+            seed=settings.seed,
+        )
+        position, normal, rest = (self.target.read(i) for i in range(3))
+        geometric = octahedral_decode(normal[..., 3], rest[..., 0])
+        triangle = rest[..., 3].astype(np.intp)
+        return Examination(position[..., 3], rest[..., 2], position[..., :3], normal[..., :3], geometric, triangle)
+
+
+def _stride(count: int) -> int:
+    """A number coprime to `count`, near its golden section, so that steps by it visit all and hop about."""
+    wanted = max(1, round(0.618 * count))
+    return next(n for n in range(wanted, wanted + count + 1) if math.gcd(n, count) == 1)
+
+
+def octahedral_decode(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """The unit vectors (..., 3) that shaders/lib/octahedral.glsl encoded as x and y."""
+    z = 1.0 - np.abs(x) - np.abs(y)
+    fold = np.maximum(-z, 0.0)
+    v = np.stack([x - np.copysign(fold, x), y - np.copysign(fold, y), z], axis=-1)
+    return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-30)
+
+
+def spacing(step: int, reach: float, asking: int) -> tuple[int, int]:
+    """The spacing in tiles, and the colour of the chess board (-1: both), for a view's step 0, 1, 2, …
+
+    From squares as wide as the farthest reach of a record (`reach`, in tiles) down to single tiles, two steps each; where
+    few tiles are `asking`, as after a small move of the camera, at once.
+    """
+    if asking < _FEW:
+        return (2, -1) if step == 0 else (1, -1)
+    levels = max(int(math.log2(max(reach, 1.0))), 0)
+    level = step // 2
+    return (2 ** (levels - level), step % 2) if level < levels else (1, -1)
+
+
+def choose(asking: np.ndarray, spacing: int, phase: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """At most one asking tile in every other square of `spacing` tiles: (rows, columns).
+
+    The squares are taken like the fields of a chess board, `phase` 0 or 1 the colour (-1: both); of a square, a tile
+    drawn at random asks. They come in random order, so that the first few are spread over the screen.
+    """
+    height, width = asking.shape
+    rows, columns = np.nonzero(asking > 0)
+    squares = (rows // spacing) * -(-width // spacing) + columns // spacing
+    if phase >= 0:
+        mine = (rows // spacing + columns // spacing) % 2 == phase
+        rows, columns, squares = rows[mine], columns[mine], squares[mine]
+    order = np.random.default_rng((seed, spacing, phase + 1)).permutation(height * width)[rows * width + columns]
+    pick = np.lexsort((order, squares))
+    _, first = np.unique(squares[pick], return_index=True)
+    chosen = pick[first][np.argsort(order[pick[first]])]
+    return rows[chosen], columns[chosen]

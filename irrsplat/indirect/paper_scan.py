@@ -1,0 +1,179 @@
+"""The seed paper's algorithm as published (Jones 2010), one record at a time: the baseline of every comparison.
+
+Kept as it was: random warm-up records, a single plane of 150° per record, one blocking read-back and a sum on the CPU for
+each, a traversal of the splat buffer in scan order with the new records' weights splatted on the CPU, a kernel that is
+cut off at 1/a. Mended, since the program did not do what its formulas say: the plane's coordinates, the distances
+(true ones, weighted by cosθ·dω), the threshold (Σw against 1/a, not a), black records and the background, the splat's
+bounding quad, and shadow maps drawn once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from irrsplat.core.buffers import GBuffer, HitLight, ShadowMaps, Sites
+from irrsplat.gpu.target import pixels
+from irrsplat.indirect.examine import octahedral_decode
+from irrsplat.records.weight import splat_radius
+from irrsplat.scene.model import Camera
+from irrsplat.settings import IN_FRONT, LEAST_ERROR, Settings
+
+
+@dataclass(frozen=True)
+class Seen:
+    """The g-buffer on the CPU, top row first: position, normal, geometric (H, W, 3), mask (H, W), True where a surface is,
+    and the number of the triangle (H, W) there, where known."""
+
+    position: np.ndarray
+    normal: np.ndarray
+    geometric: np.ndarray
+    mask: np.ndarray
+    triangle: np.ndarray | None = None
+
+    def site(self, row: int, column: int) -> Sites:
+        """The pixel as a place for one record."""
+        at = (slice(row, row + 1), column)
+        triangle = None if self.triangle is None else self.triangle[at]
+        return Sites(self.position[at], self.normal[at], self.geometric[at], triangle)
+
+
+class View:
+    """A view as the algorithm goes through it: `seen`, and how many of its first samples are made (`warmed`)."""
+
+    def __init__(self, gbuffer: GBuffer, warmed: int) -> None:
+        self.seen, self.warmed = read_back(gbuffer), warmed
+
+    def ask(self, weight: np.ndarray, record: Recorder, camera: Camera, settings: Settings) -> tuple[Sites, np.ndarray, float]:
+        """Make the first samples, or else traverse the view, as far as `record` goes: what `traverse` returns."""
+        if self.warmed >= settings.warmup:
+            return traverse(self.seen, weight, record, camera, settings)
+        sites, values = warm_up(self.seen, record, settings, self.warmed)
+        self.warmed = self.warmed + len(sites) if record.stopped else settings.warmup
+        return sites, values, float(self.seen.mask.any())
+
+
+def read_back(gbuffer: GBuffer) -> Seen:
+    """Section 3.2: the visible points, their normals and materials are stored on the CPU."""
+    position, normal, albedo, emission = (pixels(t) for t in (gbuffer.position, gbuffer.normal, gbuffer.albedo, gbuffer.emission))
+    mask = position[..., 3] > 0.0
+    triangle = np.where(mask, emission[..., 3], 0.0).astype(np.intp)
+    return Seen(position[..., :3], normal[..., :3], octahedral_decode(normal[..., 3], albedo[..., 3]), mask, triangle)
+
+
+class Recorder:
+    """Section 3.4: makes one record, by a picture of the scene seen from it and a sum on the CPU.
+
+    gather: a GatherPass and the `geometry` that it draws, or a TracePass and its Tree. goes_on is asked after each record; where
+    it says no, `stopped` is True from then on, and who makes records makes no more.
+    """
+
+    def __init__(
+        self,
+        gather: Any,
+        geometry: Any,
+        light: ShadowMaps | HitLight,
+        sky: tuple[float, float, float],
+        goes_on: Callable[[], bool] = lambda: True,
+    ) -> None:
+        self.gather, self.geometry, self.light, self.goes_on = gather, geometry, light, goes_on
+        self.sky = np.asarray(sky, "f4")
+        self.stopped = False
+
+    def __call__(self, site: Sites) -> np.ndarray:
+        """(4,): E = Σ L·ΔA/(1+x²+y²)² in W/m² and R_k, the harmonic mean distance in metres."""
+        atlas = self.gather(self.geometry, self.light, site, np.zeros(1), 0)
+        width, height = atlas.cell
+        seen = np.frombuffer(atlas.radiance.read(), "f4").reshape(height, width, 4)
+        share = self.gather.share  # cosθ·dω, which on the plane at distance 1 is ΔA/(1+x²+y²)²
+        hit = seen[..., 3] > 0.0
+        E = np.einsum("ij,ijc->c", share, np.where(hit[..., None], seen[..., :3], self.sky))
+        inverse = (share[hit] / seen[..., 3][hit]).sum()
+        R = np.clip(share.sum() / max(inverse, 1e-30), *self.gather.radii)
+        self.stopped = not self.goes_on()
+        return np.array([*E, R], "f4")
+
+
+def warm_up(seen: Seen, record: Recorder, settings: Settings, first: int = 0) -> tuple[Sites, np.ndarray]:
+    """Step 1: records at visible pixels chosen at random; their sites and (N, 4) values E, R. first: so many are made already."""
+    visible = np.argwhere(seen.mask)
+    chosen = np.random.default_rng(settings.seed).permutation(len(visible))[first : settings.warmup]
+    sites, values = [], []
+    for row, column in visible[chosen]:
+        sites.append(seen.site(row, column))
+        values.append(record(sites[-1]))
+        if record.stopped:
+            break
+    return _join(sites), np.array(values, "f4").reshape(-1, 4)
+
+
+def traverse(
+    seen: Seen, weight: np.ndarray, record: Recorder, camera: Camera, settings: Settings
+) -> tuple[Sites, np.ndarray, float]:
+    """Step 3: the pixels in scan order; where Σw (H, W) is too low a record is made, and its weight splatted on the CPU.
+
+    Returns the new records' sites, their (N, 4) values E, R, and the share of the seen pixels that lacked one at first.
+    """
+    weight = weight.copy()
+    sites, values = [], []
+    missing = (seen.mask & (weight < settings.threshold)).sum() / max(seen.mask.sum(), 1)
+    for row in range(len(weight)):
+        column = 0
+        while not record.stopped:
+            asking = seen.mask[row, column:] & (weight[row, column:] < settings.threshold)
+            column += int(asking.argmax()) if asking.any() else len(asking)
+            if column == weight.shape[1]:
+                break
+            site = seen.site(row, column)
+            values.append(record(site))
+            sites.append(site)
+            splat_weight(weight, seen, site, float(values[-1][3]), camera, settings)
+            column += 1
+    return _join(sites), np.array(values, "f4").reshape(-1, 4), float(missing)
+
+
+def splat_weight(weight: np.ndarray, seen: Seen, site: Sites, R: float, camera: Camera, settings: Settings) -> None:
+    """Section 3.5.2: add a record's w to the CPU's copy of the weights, in the box of pixels that bounds its sphere."""
+    height, width = weight.shape
+    p_k, n_k, a = site.position[0], site.normal[0], np.float32(settings.a)
+    d = float(np.linalg.norm(p_k - np.asarray(camera.eye)))
+    r = float(splat_radius(R, d, camera, settings))
+    rows, columns = _box(p_k, r, camera, width, height)
+    apart = seen.position[rows, columns] - p_k
+    n = seen.normal[rows, columns]
+    cosine = n @ n_k
+    error = np.sqrt((apart * apart).sum(-1)) / np.float32(r / settings.a) + np.sqrt(np.maximum(0.0, 1.0 - cosine))
+    w = 1.0 / np.maximum(error, np.float32(LEAST_ERROR))
+    speaks = seen.mask[rows, columns] & (w > 1.0 / a)
+    if settings.in_front:
+        speaks &= (cosine > 0.0) & (np.abs((apart * (n + n_k)).sum(-1)) * 0.5 <= IN_FRONT * r / settings.a)
+    weight[rows, columns] += np.where(speaks, w, np.float32(0.0))
+
+
+def _box(centre: np.ndarray, r: float, camera: Camera, width: int, height: int) -> tuple[slice, slice]:
+    """The rows and columns of pixels (top row first) that a sphere may cover; all of them where it reaches the eye's plane."""
+    x, y, z = camera.axes @ (centre - np.asarray(camera.eye))
+    if -z <= r:
+        return slice(0, height), slice(0, width)
+    f = height / camera.screen  # pixels
+
+    def span(lateral: float, size: int) -> tuple[int, int]:
+        # the sphere's tangents in the plane of this axis and the view axis
+        half = math.asin(min(1.0, r / math.hypot(lateral, z)))
+        angle = math.atan2(lateral, -z)
+        low, high = (f * math.tan(max(-1.57, min(1.57, t))) + 0.5 * size for t in (angle - half, angle + half))
+        return max(0, math.floor(low) - 1), max(0, min(size, math.ceil(high) + 1))
+
+    (left, right), (bottom, top) = span(x, width), span(y, height)
+    return slice(max(0, height - top), height - min(bottom, height)), slice(left, right)
+
+
+def _join(sites: list[Sites]) -> Sites:
+    empty = np.zeros((0, 3), "f4")
+    p, n, g = (np.concatenate([empty, *(getattr(s, k) for s in sites)]) for k in ("position", "normal", "geometric"))
+    known = [s.triangle for s in sites if s.triangle is not None]
+    return Sites(p, n, g, np.concatenate(known) if sites and len(known) == len(sites) else None)

@@ -1,0 +1,89 @@
+"""Splatting: every record adds its share to the pixels that it speaks for (Jones 2010, sections 2.2 and 3.5)."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+
+from irrsplat.core.buffers import NOTHING_SEEN, GBuffer, Records, SplatBuffer
+from irrsplat.gpu.program import Program, State
+from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.target import Target
+from irrsplat.records.weight import reach_uniforms
+from irrsplat.scene.model import Camera
+from irrsplat.settings import Settings, weight_defines
+
+TILE = 16  # pixels
+
+
+class SplatPass(Holder):
+    """Adds records to a splat buffer of `size` (width, height), with their gradients or without.
+
+    It has a second, smaller buffer for `every` other pixel in both directions: every = 2 below; 1 is all of them.
+    """
+
+    def __init__(self, ctx: moderngl.Context, size: tuple[int, int], gradients: bool) -> None:
+        self.ctx = ctx
+        self.numbers = ctx.buffer(reserve=4)  # of the records that are drawn
+        self.program = Program(ctx, "indirect/splat", defines=weight_defines(gradients))
+        self.empty = Program(ctx, "indirect/splat_clear", "lib/fullscreen", {"NOTHING_SEEN": NOTHING_SEEN})
+        self.target = Target(ctx, size, (4, 2))
+        self.small: Target | None = None  # made when it is first wanted
+        self.tiles = Program(ctx, "indirect/splat_farthest", "lib/fullscreen", {"SIDE": TILE})
+        self.distances = Target(ctx, (-(-size[0] // TILE), -(-size[1] // TILE)), (1,))
+
+    def _of(self, every: int) -> Target:
+        if every == 1:
+            return self.target
+        width, height = self.target.size
+        self.small = self.small or Target(self.ctx, ((width + 1) // 2, (height + 1) // 2), (4, 2))
+        return self.small
+
+    def clear(self, gbuffer: GBuffer, every: int = 1, target: Target | None = None) -> None:
+        """Start again from no records; the weight is NOTHING_SEEN where the g-buffer sees nothing."""
+        self.empty(target or self._of(every), position=gbuffer.position, every=every)
+
+    def farthest(self, gbuffer: GBuffer, camera: Camera) -> np.ndarray:
+        """(h, w) float32, bottom row first: how far each tile of TILE² pixels sees, in metres from the eye; 0: nowhere."""
+        self.tiles(self.distances, position=gbuffer.position, eye=camera.eye)
+        return self.distances.read()[::-1, :, 0]
+
+    def __call__(
+        self,
+        records: Records,
+        numbers: np.ndarray,
+        gbuffer: GBuffer,
+        camera: Camera,
+        settings: Settings,
+        every: int = 1,
+        target: Target | None = None,
+    ) -> None:
+        """Add the records of these numbers (N,), in their order, to what `target` holds (default: this pass's own buffer)."""
+        width, height = self.target.size
+        if not len(numbers):
+            return
+        data = numbers.astype("i4").tobytes()
+        self.numbers.orphan(max(len(data), self.numbers.size))  # a draw before this may still read the old ones
+        self.numbers.write(data)
+        self.program(
+            target or self._of(every),
+            vertices=4,
+            mode=moderngl.TRIANGLE_STRIP,
+            instances=len(numbers),
+            numbers=self.numbers,
+            state=State(blend="add", clamp=True),
+            **records.uniforms,
+            clip_from_world=camera.clip_from_view(width / height, 1e-3, 1e3) @ camera.view_from_world,
+            **reach_uniforms(camera, settings),
+            pixel=camera.screen / height * every,
+            position=gbuffer.position,
+            normal=gbuffer.normal,
+            every=every,
+            cut=settings.kernel == "cut",
+            in_front=settings.in_front,
+        )
+
+    def sums(self, dark: float, every: int = 1) -> SplatBuffer:
+        """What has been added up so far, this pass's own textures; dark: as in Records."""
+        sums, weight = self._of(every).textures
+        return SplatBuffer(sums, weight, dark)

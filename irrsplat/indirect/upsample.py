@@ -1,0 +1,46 @@
+"""From splats of every other pixel to all of them, along surfaces: a joint bilateral upsampling (Kopf et al. 2007)."""
+
+from __future__ import annotations
+
+import moderngl
+
+from irrsplat.core.buffers import NOTHING_SEEN, GBuffer, SplatBuffer
+from irrsplat.gpu.program import Program, State
+from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.target import Target
+from irrsplat.scene.model import Camera
+
+
+class UpsamplePass(Holder):
+    """Brings sums made at every other pixel of a view of `size` (width, height) to all of them.
+
+    Most pixels lie between four neighbours of one surface, and take what a linear filter makes of these. The others are marked in
+    the depth buffer, so that a second draw need not look at the rest, and take what they find of their surface farther around.
+    """
+
+    def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
+        self.size = size
+        self.squares = Program(ctx, "indirect/upsample_squares", "lib/fullscreen")
+        self.between = Program(ctx, "indirect/upsample", "lib/fullscreen", {"NOTHING_SEEN": NOTHING_SEEN})
+        self.search = Program(ctx, "indirect/upsample_search", "lib/fullscreen")
+        self.target = Target(ctx, ((size[0] + 1) // 2, (size[1] + 1) // 2), (4, 4))
+        self.target.textures[0].filter = moderngl.LINEAR, moderngl.LINEAR
+        self.out = Target(ctx, size, (4, 2), depth=True)
+
+    def __call__(self, splats: SplatBuffer, gbuffer: GBuffer, camera: Camera) -> SplatBuffer:
+        """For every pixel the sums of one record instead of all: E and 1, and Σw as between its neighbours; the textures are this
+        pass's own."""
+        seen = {"position": gbuffer.position, "normal": gbuffer.normal}
+        self.squares(self.target, **seen, sums=splats.sums, weight=splats.weight)
+        irradiance, planes = self.target.textures
+        self.between(
+            self.out,
+            state=State(depth="1"),
+            position=gbuffer.position,
+            irradiance=irradiance,
+            planes=planes,
+            pixel=camera.screen / self.size[1],
+        )
+        self.search(self.out, state=State(depth="<", keep=True), **seen, sums=splats.sums, weight=splats.weight)
+        sums, weight = self.out.textures
+        return SplatBuffer(sums, weight, splats.dark)

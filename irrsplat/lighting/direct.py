@@ -1,0 +1,37 @@
+"""Direct light from the eye, shadow mapped and antialiased by dithered samples (Jones 2010, section 2.4)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import moderngl
+
+from irrsplat.core.buffers import GBuffer, ShadowMaps
+from irrsplat.gpu.program import Program
+from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.target import Target
+
+
+class DirectPass(Holder):
+    """Draws the direct outgoing radiance of a view of `size` (width, height)."""
+
+    def __init__(self, ctx: moderngl.Context, size: tuple[int, int], lights: Mapping[str, int]) -> None:
+        self.lights = lights
+        self.program = Program(ctx, "lighting/direct", "lib/fullscreen", lights)
+        self.target = Target(ctx, size, (4,))
+
+    def fit(self, lights: Mapping[str, int]) -> None:
+        """Lights are of these kinds from now on."""
+        if lights != self.lights:
+            self.lights = lights
+            self.program.release()
+            self.program = Program(self.target.ctx, "lighting/direct", "lib/fullscreen", lights)
+
+    def __call__(
+        self, gbuffer: GBuffer, shadows: ShadowMaps, turn: float = 0.0, target: Target | None = None
+    ) -> moderngl.Texture:
+        """ρ/π·E_direct as an RGBA32F texture, the target's (default: this pass's own). turn: of the shadow samples, radians."""
+        target = target or self.target
+        g = gbuffer
+        self.program(target, position=g.position, normal=g.normal, albedo=g.albedo, turn=turn, **shadows.uniforms)
+        return target.textures[0]

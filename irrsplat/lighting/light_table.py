@@ -1,0 +1,137 @@
+"""The scene's lights as the shaders take them: a table of numbers, the tiles of their shadow maps, and what kinds there are.
+
+A point light among the geometry, or a cone wider than 160°, has six tiles; a narrower cone, a light that stands outside and
+a directional light have one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from irrsplat.core.errors import InputError
+from irrsplat.scene.model import Light, Scene
+
+# right, up, forward of the cube faces +x -x +y -y +z -z, in the order that lighting/lights.glsl counts them;
+# right × up = -forward as in any OpenGL view, so that windings keep their sense
+_X, _Y, _Z = np.eye(3)
+_CUBE = np.array([[_Z, _Y, _X], [_Y, _Z, -_X], [_X, _Z, _Y], [_Z, _X, -_Y], [_Y, _X, _Z], [_X, _Y, -_Z]])
+_WIDEST_CONE = 80.0  # degrees, half angle
+_GUARD = 2  # texels around a tile, so that dithered samples stay inside it
+_NEAR = 1e-3  # of the scene's diagonal
+_ROWS = 8  # of the light table per light, as lighting/lights.glsl counts them
+_TILE = 5  # the first of them that holds a single tile's matrix
+
+
+def _axes(forward: np.ndarray) -> np.ndarray:
+    """(3, 3) rows right, up, forward: an orthonormal frame about the unit vector `forward`."""
+    helper = np.eye(3)[np.argmin(np.abs(forward))]
+    right = np.cross(helper, forward)
+    right /= np.linalg.norm(right)
+    return np.stack([right, np.cross(right, forward), forward])
+
+
+def _unit(v: np.ndarray) -> np.ndarray:
+    return v / np.linalg.norm(v)
+
+
+def _single(light: Light, scene: Scene) -> tuple[np.ndarray, float] | None:
+    """Axis and half angle's tangent of the one perspective tile that shows all that the light reaches; None: it takes six."""
+    position = np.asarray(light.position, float)
+    if light.spot_target is not None and light.spot_cutoff <= _WIDEST_CONE:
+        return _unit(np.subtract(light.spot_target, position)), float(np.tan(np.radians(light.spot_cutoff)))
+    low, high = scene.bounds
+    if (position >= low).all() and (position <= high).all():
+        return None
+    # from outside, the corners of the bounding box bound all of it
+    axes = _axes(_unit(scene.bounds.mean(0) - position))
+    corners = (scene.corners - position) @ axes.T
+    if corners[:, 2].min() <= 0.0:
+        return None
+    tangent = float((np.abs(corners[:, :2]).max(1) / corners[:, 2]).max())
+    return (axes[2], 1.01 * tangent) if tangent <= np.tan(np.radians(_WIDEST_CONE)) else None
+
+
+def _is_square(light: Light) -> bool:
+    return not light.directional and (light.physical or not any(light.attenuation[:2]))
+
+
+def _tiles(light: Light, scene: Scene, side: int) -> tuple[np.ndarray, float, float]:
+    """The light's tiles (T, 3, 4) as rows dotted with (p, 1), their scale, and their depth in metres (0: perspective)."""
+    position = np.asarray(light.position, float)
+    grow = side / (side - 2 * _GUARD)
+    if light.directional:
+        centre, radius = scene.bounds.mean(0), 0.5 * scene.diagonal * 1.001
+        axes = _axes(-_unit(position))
+        scale = 1.0 / (radius * grow)
+        rows = np.concatenate([axes, -(axes @ centre)[:, None]], axis=1)
+        rows[:2] *= scale
+        rows[2] = (rows[2] + [0, 0, 0, radius]) / (2 * radius)
+        return rows[None], scale, 2 * radius
+    single = _single(light, scene)
+    axes, tangent = (_CUBE, 1.0) if single is None else (_axes(single[0])[None], single[1])
+    scale = 1.0 / (tangent * grow)
+    rows = np.concatenate([axes, -(axes @ position)[..., None]], axis=2)
+    rows[:, :2] *= scale
+    return rows, scale, 0.0
+
+
+@dataclass(frozen=True)
+class LightTable:
+    """rows: (8·lights, 4), eight rows a light (eight of zeros for none), as shaders/lighting/lights.glsl reads them.
+
+    tiles: (T, 3, 4) rows right·scale, up·scale, forward of every tile, dotted with (p, 1). near: (T,) the near plane in
+    metres of a perspective tile, 0 for a parallel one.
+    """
+
+    rows: np.ndarray
+    tiles: np.ndarray
+    near: np.ndarray
+
+
+def light_table(scene: Scene, side: int) -> LightTable:
+    """The table of the scene's lights for shadow tiles of `side` texels."""
+    near = _NEAR * scene.diagonal
+    table = np.zeros((max(len(scene.lights), 1), _ROWS, 4))
+    tiles: list[np.ndarray] = []
+    nears: list[float] = []
+    for light, row in zip(scene.lights, table, strict=False):
+        matrices, scale, depth = _tiles(light, scene, side)
+        direction = np.asarray(light.position, float)
+        row[0] = [*(_unit(direction) if light.directional else direction), light.directional]
+        # OpenGL's light: E = π·diffuse·cosθ·spot/(k_c + k_l·d + k_q·d²); a physical one: E = I·cosθ·spot/d²
+        row[1] = [*(np.asarray(light.color) * (1.0 if light.physical else np.pi)), len(matrices)]
+        row[2] = [*((0, 0, 1) if light.physical else light.attenuation), light.spot_exponent]
+        if light.spot_target is not None:
+            row[3] = [*_unit(np.subtract(light.spot_target, light.position)), 1.0]
+        row[4] = [np.radians(light.spot_cutoff), np.radians(light.spot_inner), len(tiles), scale]
+        if light.directional:
+            row[4, 0] = depth
+        if len(matrices) == 1:
+            row[_TILE:] = matrices[0]
+        tiles += list(matrices)
+        nears += [0.0 if light.directional else near] * len(matrices)
+    return LightTable(table.reshape(-1, 4), np.array(tiles).reshape(-1, 3, 4), np.array(nears))
+
+
+def sheet(count: int, side: int, limit: int) -> tuple[int, int]:
+    """Columns and rows in which `count` tiles of `side` texels fit into a texture of `limit` a side; InputError: they do not."""
+    columns = min(max(count, 1), 8, max(limit // side, 1))
+    rows = -(-max(count, 1) // columns)
+    if side * max(columns, rows) > limit:
+        raise InputError(f"the lights need {count} shadow tiles of {side} texels, more than fit here: lower --shadow-size")
+    return columns, rows
+
+
+def light_defines(scene: Scene) -> dict[str, int]:
+    """What shaders/lighting/lights.glsl is compiled for: how many lights, and which kinds, so that no other costs anything."""
+    cubes = [not light.directional and _single(light, scene) is None for light in scene.lights]
+    return {
+        "LIGHTS": len(scene.lights),
+        "LIGHTS_WITH_CUBE": int(any(cubes)),
+        "LIGHTS_WITH_TILE": int(not all(cubes)),
+        "LIGHTS_PARALLEL": int(any(light.directional for light in scene.lights)),
+        "LIGHTS_WITH_SQUARE": int(any(_is_square(light) for light in scene.lights)),
+        "LIGHTS_WITH_CONE": int(any(light.spot_target is not None for light in scene.lights)),
+    }

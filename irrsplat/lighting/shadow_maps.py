@@ -1,0 +1,56 @@
+"""Shadow maps: every light's view of the scene as tiles of one depth texture (Jones 2010, section 3.3)."""
+
+from __future__ import annotations
+
+import moderngl
+
+from irrsplat.core.buffers import ShadowMaps
+from irrsplat.gpu.geometry import Geometry
+from irrsplat.gpu.program import Program, State
+from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.target import Target
+from irrsplat.lighting.light_table import light_table, sheet
+from irrsplat.scene.model import Scene
+
+# Front faces are culled, the paper's cure for acne, where the far side of a closed mesh stands for them. That alone leaks
+# where the far side touches what it shades, a box on the floor: so the front faces are drawn as well, pushed back.
+_DRAWS = (
+    ("open", State(depth="<", clamp=True)),
+    ("closed", State(depth="<", clamp=True, cull="front")),
+    ("closed", State(depth="<", clamp=True, cull="back", push=(2.0, 16.0))),
+)
+
+
+class ShadowPass(Holder):
+    """Draws the shadow maps of a scene's lights."""
+
+    def __init__(self, ctx: moderngl.Context) -> None:
+        self.ctx = ctx
+        self.program = Program(ctx, "lighting/shadow")
+        self.target: Target | None = None
+
+    def __call__(self, scene: Scene, geometry: Geometry, side: int) -> ShadowMaps:
+        """Every light's tiles, `side` texels square, and the table that lighting/lights.glsl reads; InputError for too many lights."""
+        lights = light_table(scene, side)
+        columns, lines = sheet(len(lights.tiles), side, int(self.ctx.info["GL_MAX_TEXTURE_SIZE"]))
+        if self.target is not None:
+            self.target.release()
+        self.target = Target(self.ctx, (side * columns, side * lines), depth=True)
+        self.target.clear()
+        for i, (matrix, near) in enumerate(zip(lights.tiles, lights.near, strict=True)):
+            cell = (side * (i % columns), side * (i // columns), side, side)
+            for part, state in _DRAWS:
+                self.program(
+                    self.target,
+                    geometry=geometry,
+                    part=part,
+                    state=state,
+                    viewport=cell,
+                    scissor=cell,
+                    tile_right=matrix[0],
+                    tile_up=matrix[1],
+                    tile_forward=matrix[2],
+                    tile_near=float(near),
+                )
+        near = float(lights.near.max(initial=0.0)) or 1.0  # all perspective tiles share one
+        return ShadowMaps(self.target.depth, lights.rows, (side, columns, near))

@@ -1,0 +1,101 @@
+"""The truth that a render is held to where there is no path tracer: a fine gather at every pixel tested, no interpolation."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from irrsplat.core.buffers import Sites
+from irrsplat.gather.raster import GatherPass
+from irrsplat.gather.reduce import ReducePass
+from irrsplat.gather.trace import TracePass, Tree
+from irrsplat.gpu.geometry import Geometry
+from irrsplat.indirect.paper_scan import Seen
+from irrsplat.lighting.light_table import light_defines
+from irrsplat.lighting.shadow_maps import ShadowPass
+from irrsplat.records.record_cache import RecordCache
+from irrsplat.scene.flatten import flatten
+from irrsplat.scene.model import Scene
+
+SIDE = 128  # of a hemicube's front face in texels, 49 thousand directions; or of a square of rays, 16 thousand
+_RASTERS = 1000  # triangles up to which they are
+_BATCH = 32  # pixels gathered at once
+_ANGLE = 18.0  # degrees between a pixel's normal and its neighbours'
+_OFF = 0.01  # of the scene's diagonal: how far neighbours may lie from a pixel's tangent plane
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Indirect irradiance E (N, 3) in W/m², one bounce, at N pixels given by row and column (N, 2), top row first."""
+
+    pixels: np.ndarray
+    irradiance: np.ndarray
+
+    def error(self, irradiance: np.ndarray) -> float | None:
+        """√mean((E − E_ref)²)/mean(E_ref) of a picture (H, W, 3), over pixels and channels; None where there is no light."""
+        E_ref = self.irradiance.astype(float)
+        if not E_ref.any():
+            return None
+        return float(np.sqrt(np.mean((irradiance[tuple(self.pixels.T)] - E_ref) ** 2)) / E_ref.mean())
+
+
+def gather(
+    ctx: moderngl.Context, scene: Scene, geometry: Geometry, seen: Seen, shadow_size: int, count: int = 500, seconds: float = 10.0
+) -> Truth:
+    """The truth at `count` of the smooth pixels of `seen`, drawn at random, or at as many as `seconds` allow."""
+    candidates = np.argwhere(smooth(seen, _OFF * scene.diagonal))
+    pixels = np.random.default_rng(0).permutation(candidates)[:count]
+    at = tuple(pixels.T)
+    triangle = None if seen.triangle is None else seen.triangle[at]
+    sites = Sites(seen.position[at], seen.normal[at], seen.geometric[at], triangle)
+    cast, lights, tree = ShadowPass(ctx), light_defines(scene), None
+    shadows = cast(scene, geometry, shadow_size)
+    look: Any
+    if rasters(scene):
+        look = GatherPass(ctx, "raster", SIDE, scene.diagonal, lights, capacity=_BATCH)
+    else:
+        tree, look = Tree(ctx, *flatten(scene)[:2]), TracePass(ctx, SIDE, scene.diagonal, lights, capacity=_BATCH)
+    reduce, cache = ReducePass(ctx, gradients=False), RecordCache(ctx)
+    start = time.perf_counter()
+    while cache.count < len(sites) and time.perf_counter() - start < seconds:
+        batch = sites[cache.count : cache.count + look.capacity]
+        numbers = cache.count + np.arange(len(batch))
+        cache.append(batch)
+        reduce(look(tree or geometry, shadows, batch, numbers, 0), cache.records, scene.sky, look.radii)
+        ctx.finish()
+    truth = Truth(pixels[: cache.count], cache.read()["irradiance"])
+    for thing in (cache, look, reduce, cast, *([tree] if tree else [])):
+        thing.release()
+    return truth
+
+
+def rasters(scene: Scene) -> bool:
+    """Whether a record's look at the scene is cheaper by rasters than by rays."""
+    return scene.triangles <= _RASTERS  # not by the clock: a truth is the same each time
+
+
+def directions(scene: Scene) -> int:
+    """How many directions the truth of a pixel has."""
+    return 6 * SIDE**2 // 2 if rasters(scene) else SIDE**2
+
+
+def smooth(seen: Seen, off: float) -> np.ndarray:
+    """(H, W), True where all of a pixel's 3×3 neighbours have its normal, nearly, and lie near its tangent plane."""
+    smooth = np.zeros_like(seen.mask)
+    inner = (slice(1, -1), slice(1, -1))
+    height, width = seen.mask.shape
+    if min(height, width) < 3:
+        return smooth
+    smooth[inner] = seen.mask[inner]
+    p, n = seen.position[inner], seen.normal[inner]
+    for dy in (0, 1, 2):
+        for dx in (0, 1, 2):
+            there = (slice(dy, dy + height - 2), slice(dx, dx + width - 2))
+            smooth[inner] &= seen.mask[there]
+            smooth[inner] &= (seen.normal[there] * n).sum(-1) >= np.cos(np.radians(_ANGLE))
+            smooth[inner] &= np.abs(((seen.position[there] - p) * n).sum(-1)) <= off
+    return smooth

@@ -1,0 +1,154 @@
+"""Irradiance at given points by path tracing, with more and more samples, each timed: what other renderers are held to.
+
+Importing this needs the extra `reference`. `main` is the process that the benchmark starts.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from irrsplat.core.errors import IrrsplatError
+from irrsplat.reference.path_tracer import Tracer, cosine_hemisphere, has_cone
+from irrsplat.reference.trace_view import serve
+from irrsplat.scene.model import Light, Mesh, Scene
+
+METHODS = ("path", "joined")
+_BATCH = 4  # samples of every point at once, by Mitsuba's own integrator
+_SIDES = (1, 2, 3, 4, 6, 8, 11, 16, 23, 32)  # of the stratified grids of the other
+
+
+def timed(
+    scene: Scene,
+    points: tuple[np.ndarray, np.ndarray, np.ndarray],
+    judged: np.ndarray,
+    truth: np.ndarray,
+    method: str,
+    bounces: int,
+    enough: float,
+    seconds: float,
+    report: Callable[[float], object],
+) -> dict[str, Any]:
+    """Irradiance of so many `bounces` at `points`, each (N, 3): positions, shading and geometric normals.
+
+    judged: (M,) numbers of the points whose irradiance is `truth` (M, 3). method: "path", Mitsuba's own integrator on
+    cosine-distributed rays, or "joined", Tracer's, which joins every vertex to what each lamp shines on as well.
+    Goes on until the relative RMSE is at most `enough`, or for so many `seconds`. Returns "load", seconds until the scene can be
+    traced; "threads"; and "levels": (samples a point, seconds, relative RMSE), the first computation's compiling left out.
+    """
+    start = time.perf_counter()
+    levels = {"path": _path, "joined": _joined}[method](scene, points, bounces)
+    next(levels)
+    load = time.perf_counter() - start
+    found: list[tuple[int, float, float]] = []
+    for count, took, E in levels:
+        off = E[judged] - truth
+        found.append((count, took, float(np.sqrt(np.mean(off**2)) / truth.mean())))
+        report(min(took / seconds, 1.0))
+        if found[-1][2] <= enough or took >= seconds:
+            break
+    return {"load": load, "threads": dr.thread_count(), "levels": found}
+
+
+def main() -> None:
+    """`timed`, for who started this process."""
+    serve(timed)
+
+
+Level = tuple[int, float, np.ndarray]  # samples a point, seconds so far, irradiance (N, 3)
+
+
+def _path(scene: Scene, points: tuple[np.ndarray, np.ndarray, np.ndarray], bounces: int) -> Iterator[Any]:
+    """None once the scene is there; then a Level whenever the samples have doubled."""
+    world, epsilon = _world(scene), 2e-5 * scene.diagonal
+    p, n, g = (mi.Vector3f(a.T.astype(np.float32)) for a in points)
+    # with one bounce there is nothing but direct light at the hit, and `path` would send a further ray for nothing
+    direct = {"type": "direct", "emitter_samples": 1, "bsdf_samples": 0}
+    integrator = mi.load_dict(direct if bounces == 1 else {"type": "path", "max_depth": bounces + 1})
+    yield None
+
+    def batch(seed: int) -> np.ndarray:
+        lanes = len(points[0]) * _BATCH
+        sampler = mi.load_dict({"type": "independent"})
+        sampler.seed(seed, lanes)
+        point = dr.arange(mi.UInt32, lanes) // _BATCH
+        origin, normal, geometric = (dr.gather(mi.Vector3f, v, point) for v in (p, n, g))
+        way = mi.Frame3f(normal).to_world(cosine_hemisphere(sampler.next_2d()))
+        ray = mi.RayDifferential3f(mi.Point3f(origin + epsilon * way), way)
+        radiance, _, _ = integrator.sample(world, sampler, ray, active=dr.dot(way, geometric) > 0.0)
+        sums = [dr.block_sum(radiance[k], _BATCH) for k in range(3)]
+        return np.stack([np.array(s, dtype=np.float64) for s in sums], axis=1) * np.pi
+
+    batch(0)  # compiles
+    done, took, total = 0, 0.0, np.zeros((len(points[0]), 3))
+    while True:
+        start = time.perf_counter()
+        total += batch(1 + done)
+        took, done = took + time.perf_counter() - start, done + 1
+        if done & (done - 1) == 0:
+            yield done * _BATCH, took, total / (done * _BATCH)
+
+
+def _joined(scene: Scene, points: tuple[np.ndarray, np.ndarray, np.ndarray], bounces: int) -> Iterator[Any]:
+    """None once the scene is there; then a Level for every one of _SIDES, each anew: more strata, not more of them."""
+    tracer = Tracer(scene)
+    yield None
+    p, n, g = points
+    for side in _SIDES:
+        few = slice(0, 256)
+        tracer.irradiance(p[few], n[few], g[few], side, 1, bounces)  # compiles
+        start = time.perf_counter()
+        E = tracer.irradiance(p, n, g, side, 1 + side, bounces)
+        yield side * side, time.perf_counter() - start, E
+
+
+def _world(scene: Scene) -> Any:
+    """The scene as Mitsuba has it; raises IrrsplatError for what it lacks."""
+    lit = any(max(mesh.material.emission) > 0.0 for mesh in scene.meshes) or max(scene.sky) > 0.0
+    if lit or any(mesh.colors is not None for mesh in scene.meshes):
+        # emitters would light a hit directly as well, a bounce too many
+        raise IrrsplatError("Mitsuba's own integrator is timed on scenes that lamps alone light, without colours of vertices")
+    parts: dict[str, Any] = {f"mesh{i}": _mesh(mesh) for i, mesh in enumerate(scene.meshes) if len(mesh.faces)}
+    return mi.load_dict({"type": "scene", **parts, **{f"lamp{i}": _lamp(light) for i, light in enumerate(scene.lights)}})
+
+
+def _mesh(mesh: Mesh) -> Any:
+    colour = {"type": "rgb", "value": [float(c) for c in mesh.material.albedo]}
+    properties = mi.Properties()
+    properties["bsdf"] = mi.load_dict({"type": "twosided", "both": {"type": "diffuse", "reflectance": colour}})
+    made = mi.Mesh(
+        "mesh", vertex_count=len(mesh.positions), face_count=len(mesh.faces), has_vertex_normals=True, props=properties
+    )
+    parameters = mi.traverse(made)
+    parameters["vertex_positions"] = mesh.positions.astype(np.float32).ravel()
+    parameters["vertex_normals"] = mesh.normals.astype(np.float32).ravel()
+    parameters["faces"] = mesh.faces.astype(np.uint32).ravel()
+    parameters.update()
+    return made
+
+
+def _lamp(light: Light) -> dict[str, Any]:
+    strength = {"type": "rgb", "value": [float(c) for c in light.color]}
+    if light.directional:
+        toward = [-float(x) for x in light.position]
+        return {"type": "directional", "direction": toward, "irradiance": {**strength, "value": [np.pi * c for c in light.color]}}
+    if not light.physical or light.spot_exponent > 0.0:
+        raise IrrsplatError("Mitsuba has no lamp with OpenGL's attenuation or exponent")
+    if not has_cone(light):
+        return {"type": "point", "position": [float(x) for x in light.position], "intensity": strength}
+    place = mi.ScalarTransform4f().look_at(
+        origin=list(light.position), target=list(light.spot_target or (0, 0, 0)), up=_across(light)
+    )
+    beam = min(light.spot_inner, light.spot_cutoff)
+    return {"type": "spot", "to_world": place, "intensity": strength, "cutoff_angle": light.spot_cutoff, "beam_width": beam}
+
+
+def _across(light: Light) -> list[float]:
+    """A vector that is not parallel to the spot's axis."""
+    axis = np.abs(np.subtract(light.spot_target or (0.0, 0.0, 0.0), light.position))
+    return [float(x) for x in np.eye(3)[axis.argmin()]]

@@ -1,0 +1,114 @@
+"""The path tracer in a process of its own: its libraries print, and with some versions of LLVM abort, as no command may."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import pickle
+import queue
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+
+from irrsplat.core.errors import IrrsplatError
+from irrsplat.scene.model import Camera, Scene
+
+_MAIN = "from irrsplat.reference.trace_view import main; main()"
+_BEAT = 0.1  # seconds between two calls of `progress`, at most
+INSTALL = "pip install 'irrsplat[reference]'"
+
+
+def require() -> None:
+    """Raises IrrsplatError where Mitsuba is not installed; whether it runs, only `trace` tells."""
+    if importlib.util.find_spec("mitsuba") is None:
+        raise IrrsplatError(f"there is no path tracer here (Mitsuba 3); run: {INSTALL}")
+
+
+def trace(
+    scene: Scene,
+    camera: Camera,
+    size: tuple[int, int],
+    side: int,
+    bounces: int,
+    progress: Callable[[float], object] | None = None,
+) -> dict[str, np.ndarray]:
+    """What `irrsplat.reference.trace_view.trace` returns, from another process; see `call`."""
+    return call(_MAIN, (scene, camera, size, side, bounces), progress)
+
+
+def call(code: str, arguments: tuple[Any, ...], progress: Callable[[float], object] | None = None) -> Any:
+    """What Python code that ends in `irrsplat.reference.trace_view.serve` makes of the arguments, in another process.
+
+    progress: called with the share done, 0..1, several times a second; whatever it raises ends the process, and is raised here.
+    Raises IrrsplatError, one line, where Mitsuba or LLVM is missing, and where the process fails.
+    """
+    require()
+    paths = os.pathsep.join(path or os.getcwd() for path in sys.path)
+    environment = os.environ | {"PYTHONPATH": paths, "PYTHONSAFEPATH": "1"}
+    with tempfile.TemporaryFile() as said:
+        process = subprocess.Popen(
+            [sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=said, env=environment
+        )
+        assert process.stdin is not None and process.stdout is not None
+        try:
+            with suppress(BrokenPipeError):  # it ended before it had read all: that shows in its answer
+                pickle.dump(arguments, process.stdin)
+                process.stdin.close()
+            kind, value = _answer(process.stdout, progress)
+            if kind is None:
+                with suppress(subprocess.TimeoutExpired):
+                    process.wait(10.0)  # its own exit status tells why
+        finally:
+            process.kill()
+            process.wait()
+            with suppress(BrokenPipeError):
+                process.stdin.close()
+            process.stdout.close()
+        if kind == "error":
+            raise IrrsplatError(value)
+        if kind is None:
+            raise IrrsplatError(_obituary(process.returncode, said))
+    return value
+
+
+def _answer(stream: Any, progress: Callable[[float], object] | None) -> tuple[str | None, Any]:
+    """The last message of the process; (None, None) where it ended without one."""
+    messages: queue.SimpleQueue[tuple[str | None, Any]] = queue.SimpleQueue()
+
+    def read() -> None:
+        with suppress(EOFError, pickle.UnpicklingError, ValueError):  # ValueError: who waited has closed the stream
+            kind = "progress"
+            while kind == "progress":
+                kind, value = pickle.load(stream)
+                messages.put((kind, value))
+        messages.put((None, None))
+
+    threading.Thread(target=read, name="answers", daemon=True).start()
+    share = 0.0
+    while True:
+        with suppress(queue.Empty):
+            kind, value = messages.get(timeout=_BEAT)
+            if kind != "progress":
+                return kind, value
+            share = value
+        if progress is not None:
+            progress(share)
+
+
+def _obituary(status: int, said: Any) -> str:
+    """Why the process ended without an answer, from its exit status and the last line on its stderr."""
+    said.seek(0)
+    lines = said.read().decode("utf-8", "replace").split("\n")
+    last = next((line.strip() for line in reversed(lines) if line.strip()), "it said nothing")
+    how = f"status {status}"
+    if status < 0:
+        with suppress(ValueError):
+            how = signal.Signals(-status).name
+    return f"the path tracer failed ({how}: {last[:200]}); with LLVM older than 19 it may: install libllvm19, then try again"

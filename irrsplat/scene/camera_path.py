@@ -1,0 +1,197 @@
+"""A flight through a scene: cameras as keys, a smooth curve between them, and the text file that holds both."""
+
+from __future__ import annotations
+
+import math
+import os
+import pathlib
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from irrsplat.core.errors import InputError
+from irrsplat.scene.io.lines import Line, lines, number, quote
+from irrsplat.scene.io.scene_text import USAGE
+from irrsplat.scene.model import Array, Camera
+
+SEGMENT = 30  # frames from key to key where a file does not say how many there are
+_CAM = f"{USAGE['cam']} (a name may follow 'cam')"
+_FRAMES = "frames N, a whole number of at least 1"
+_LEVEL = 0.01  # the least sine between the view and the up vector that is still trusted
+_NEAR = 1e-9  # of the eye's coordinates: a target nearer than that is lost in rounding
+
+
+@dataclass(frozen=True)
+class Path:
+    """Keys (at least one) and the number of frames (at least one) in which a camera passes through them; else InputError."""
+
+    keys: tuple[Camera, ...]
+    frames: int
+
+    def __post_init__(self) -> None:
+        if not self.keys:
+            raise InputError("a path needs at least one camera as its key")
+        if self.frames < 1:
+            raise InputError(f"a path has at least 1 frame, not {self.frames}")
+
+    def __iter__(self) -> Iterator[Camera]:
+        """The cameras of all frames, in order."""
+        return map(self.camera, range(self.frames))
+
+    def camera(self, frame: float) -> Camera:
+        """The camera at `frame`, which may lie between two frames: 0 is the first key, frames - 1 the last one.
+
+        Before and after those it stands still. Keys are evenly spaced in time. Whatever the keys are, the camera is a valid one.
+        """
+        if not math.isfinite(frame):
+            raise InputError(f"a frame is a finite number, not {frame}")
+        last = len(self.keys) - 1
+        place = min(max(frame * last / max(self.frames - 1, 1), 0.0), float(last))
+        i = math.floor(place)
+        if place == i:
+            return self.keys[i]
+        around = [self.keys[min(max(k, 0), last)] for k in range(i - 1, i + 3)]  # the end keys count twice
+        return _between(around, place - i)
+
+
+def load_path(file: str | os.PathLike[str], fov: float = 45.0) -> Path:
+    """The path in the text file `file`: a `cam` line a key, and `frames N` at most once (without it: 30 from key to key).
+
+    fov: of every key, vertical, in degrees. Raises InputError with file and line for whatever is wrong in it.
+    """
+    where = pathlib.Path(file)
+    keys: list[Camera] = []
+    frames: Line | None = None
+    for line in lines(where):
+        if line.word == "cam":
+            keys.append(_cam(line, fov))
+        elif line.word != "frames":
+            raise line.error(f"unknown word {quote(line.word)}; a path knows cam and frames")
+        elif frames is not None:
+            raise line.error(f"'frames' is given twice; first in line {frames.number}")
+        else:
+            frames = line
+    if not keys:
+        raise InputError(f"there is no 'cam' line; expected at least one: {_CAM}", where)
+    return Path(tuple(keys), SEGMENT * (len(keys) - 1) + 1 if frames is None else _count(frames))
+
+
+def path_text(path: Path) -> str:
+    """The text of a path's file, from which `load_path` reads the same eyes, targets, ups and frames again, bit by bit.
+
+    The field of view is not in it, nor are the keys' names.
+    """
+    return "".join([f"frames {path.frames}\n", *(f"cam {'  '.join(_words(key)[:3])}\n" for key in path.keys)])
+
+
+def camera_line(camera: Camera) -> str:
+    """The `cam` line of one camera, as a `.scene` or a path has it, in numbers of six digits; without name and end of line."""
+    return f"cam {'  '.join(_words(camera, _short)[:3])}"
+
+
+def camera_flags(camera: Camera) -> str:
+    """One camera as flags of the command line: --eye, --target, --up and --fov, in numbers of six digits."""
+    eye, target, up, fov = _words(camera, _short)
+    return f"--eye {eye} --target {target} --up {up} --fov {fov}"
+
+
+# ---- the curve -----------------------------------------------------------------------------------------------------------
+
+
+def _between(around: list[Camera], t: float) -> Camera:
+    """The camera at 0 < t < 1 from the second to the third of four keys, by Catmull and Rom's spline (1974).
+
+    Eye, unit view direction, unit up, log target distance and log tan(fov/2) are interpolated. Directions instead of targets:
+    the target never meets the eye on the way, a far target beside a near one does not throw the view about, and in an orbit
+    at constant distance the directions are the eyes' offsets negated, so that the view stays on the centre exactly.
+    """
+    w = _weights(t)
+    eye = w @ np.array([key.eye for key in around])
+    gaze = [np.subtract(key.target, key.eye) for key in around]
+    distance = math.exp(w @ np.log([np.linalg.norm(g) for g in gaze]))
+    distance = max(distance, _NEAR * float(np.abs(eye).max()))
+    view = _view(around, w, t)
+    zoom = w @ np.log(np.clip([key.screen / 2.0 for key in around], 1e-9, 1e9))  # beyond, the curve's fov rounds to 0 or 180
+    fov = math.degrees(2.0 * math.atan(math.exp(zoom)))
+    return Camera(_triple(eye), _triple(eye + distance * view), _triple(_up(around, w, t, view)), fov)
+
+
+def _weights(t: float) -> Array:
+    """(4,): what the four keys count at t; 0 1 0 0 at t = 0 and 0 0 1 0 at t = 1, of sum 1."""
+    return 0.5 * np.array([-t + 2 * t**2 - t**3, 2 - 5 * t**2 + 3 * t**3, t + 4 * t**2 - 3 * t**3, -(t**2) + t**3])
+
+
+def _view(around: list[Camera], w: Array, t: float) -> Array:
+    """(3,) unit: the interpolated view direction.
+
+    Where the view turns by more than 120°, the directions would nearly cancel out on the way: a swing to the side is added,
+    up to a whole unit for a turn back. It is 0 at both keys, and so is its slope. The sum is never shorter than 0.36.
+    """
+    views = np.array([-key.axes[2] for key in around])
+    half = views[1] + views[2]
+    swing = max(0.0, 1.0 - float(np.linalg.norm(half)))
+    right = around[1].axes[0]
+    side = right if half @ right >= 0.0 else -right
+    view = w @ views + 16.0 * (t * (1.0 - t)) ** 2 * swing * side
+    return view / np.linalg.norm(view)
+
+
+def _up(around: list[Camera], w: Array, t: float, view: Array) -> Array:
+    """(3,): the interpolated up vector; where that is parallel to `view`, or nearly, the nearer key's, turned along with it."""
+    up = w @ np.array([np.divide(key.up, np.linalg.norm(key.up)) for key in around])
+    if np.linalg.norm(np.cross(view, up)) > _LEVEL:
+        return up
+    key = around[1] if t < 0.5 else around[2]
+    ahead, up = -key.axes[2], key.axes[1]
+    return up - (up @ view) / (1.0 + ahead @ view) * (ahead + view)  # by the least turn that takes ahead to view
+
+
+def _triple(values: Sequence[float] | Array) -> tuple[float, float, float]:
+    x, y, z = (float(v) for v in values)
+    return x, y, z
+
+
+# ---- the text ------------------------------------------------------------------------------------------------------------
+
+
+def _cam(line: Line, fov: float) -> Camera:
+    args = line.args
+    if len(args) == 10:
+        try:
+            number(args[0])
+        except ValueError:
+            args = args[1:]
+    if len(args) != 9:
+        raise line.error(f"'cam' has {len(args)} values; expected: {_CAM}")
+    values = line.numbers(USAGE["cam"], args)
+    try:
+        return Camera(_triple(values[0:3]), _triple(values[3:6]), _triple(values[6:9]), fov)
+    except InputError as error:
+        raise line.error(str(error)) from None
+
+
+def _count(line: Line) -> int:
+    if len(line.args) != 1 or not re.fullmatch(r"0*[1-9][0-9]{0,8}", line.args[0]):
+        raise line.error(f"expected: {_FRAMES}")
+    return int(line.args[0])
+
+
+def _words(camera: Camera, write: Callable[[float], str] = repr) -> tuple[str, str, str, str]:
+    """Eye, target, up and fov as words, the numbers spelled by `write`; in full where the short ones would make no camera."""
+    eye, target, up = (" ".join(write(float(x)) for x in point) for point in (camera.eye, camera.target, camera.up))
+    fov = write(float(camera.fov))
+    try:
+        Camera(_read(eye), _read(target), _read(up), float(fov))
+    except InputError:
+        return _words(camera)
+    return eye, target, up, fov
+
+
+def _read(words: str) -> tuple[float, float, float]:
+    return _triple([float(word) for word in words.split()])
+
+
+def _short(x: float) -> str:
+    return f"{x:.6g}"

@@ -1,0 +1,232 @@
+"""Reads geometry and diffuse colours from OBJ, PLY, STL and glTF files; trimesh does the formats, this file the doubting.
+
+A material's albedo is its base colour alone (metalness, roughness and transparency are not read); a texture counts by its mean
+colour. Where a file names no colour, the albedo is 0.5, as in a `.scene`.
+"""
+
+from __future__ import annotations
+
+import io
+import logging
+import re
+import warnings
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+
+import numpy as np
+
+from irrsplat.core.color import clip_color, linear_from_srgb
+from irrsplat.core.errors import InputError
+from irrsplat.scene.io import gltf
+from irrsplat.scene.io.defaults import finish
+from irrsplat.scene.io.lines import read_bytes
+from irrsplat.scene.io.mesh_builder import build_mesh
+from irrsplat.scene.io.mtl import load_mtl
+from irrsplat.scene.io.obj import load_obj
+from irrsplat.scene.model import Array, Material, Scene
+
+
+@dataclass(frozen=True)
+class Part:
+    """Triangles of one material before their transform: what `build_mesh` takes, by its names."""
+
+    positions: Array
+    corners: Array
+    normals: Array | None = None
+    corner_normals: Array | None = None
+    matrix: Array | None = None
+    material: Material = Material()
+    colors: Array | None = None
+    name: str = ""
+    files: tuple[Path, ...] = ()  # that it was read from, apart from the main one
+
+
+def load_asset(path: Path) -> Scene:
+    """The geometry of a `.obj`, `.ply`, `.stl`, `.glb` or `.gltf` file, with diffuse colours and emission, in metres.
+
+    Vertex normals are the file's; a mesh without any gets face normals. Scene.notices say what was dropped or invented.
+    Raises InputError, one line with the file's path, for a file that is missing, empty, truncated, garbage, not finite, or
+    that needs a feature which is not read.
+    """
+    notices: list[str] = []
+    readers: dict[str, Callable[[Path, list[str]], list[Part]]] = {".obj": _obj, ".ply": _ply, ".stl": _stl}
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            parts = readers.get(path.suffix.lower(), _gltf)(path, notices)
+    except InputError:
+        raise
+    except Exception as error:  # a damaged file may break trimesh, or us, anywhere
+        reason = (str(error).splitlines() or [""])[0].strip("'\" ")[:80]
+        said = f" ({reason})" if reason and not isinstance(error, ImportError) else ""  # it guesses encodings by an extra package
+        kind = path.suffix[1:].upper()
+        raise InputError(f"this is no {kind} file, or a damaged one{said}; export it again", path) from None
+    meshes, dropped = [], 0
+    for part in parts:
+        mesh, lost = _build(path, part)
+        meshes.append(mesh)
+        dropped += lost
+    files = [file for part in parts for file in part.files]
+    return finish(path, meshes, (), (), None, Counter({str(path): dropped}), notices, files)
+
+
+def _build(path: Path, part: Part) -> Any:
+    corners, count = part.corners.astype(np.int64), len(part.positions)
+    if len(corners) and not 0 <= corners.min() <= corners.max() < count:
+        bad = corners.min() if corners.min() < 0 else corners.max()
+        raise InputError(f"a face refers to vertex {bad} (from 0), but there are {count} vertices", path)
+    if not np.isfinite(part.positions).all():
+        raise InputError("a vertex is not finite (NaN or infinity); expected finite coordinates", path)
+    normals = np.zeros((0, 3)) if part.normals is None else np.nan_to_num(part.normals.astype(float), posinf=0.0, neginf=0.0)
+    corner_normals = part.corner_normals
+    if corner_normals is None:
+        corner_normals = corners if part.normals is not None else np.full_like(corners, -1)
+    matrix = np.eye(4) if part.matrix is None else part.matrix
+    try:
+        return build_mesh(
+            part.positions.astype(float), corners, normals, corner_normals, matrix, part.material, part.colors, part.name
+        )
+    except InputError as error:
+        raise InputError(str(error), path) from None
+
+
+def _obj(path: Path, notices: list[str]) -> list[Part]:
+    shape = load_obj(path)
+    if not len(shape.corners):
+        raise InputError("there are no faces in this file; expected 'f' lines", path)
+    materials: dict[str, Material] = {}
+    for library in shape.libraries:
+        file = path.parent / library
+        if file.is_file():
+            materials |= load_mtl(file)
+        else:
+            notices.append(f"{path}: there is no material file '{library}'; its colours are 0.5")
+    parts = []
+    for i, name in enumerate(shape.names):
+        which = shape.materials == i
+        if which.any():
+            part = Part(
+                shape.positions,
+                shape.corners[which],
+                shape.normals,
+                shape.corner_normals[which],
+                material=materials.get(name, Material()),
+                name=name or path.stem,
+                files=tuple(path.parent / library for library in shape.libraries),
+            )
+            parts.append(part)
+    return parts
+
+
+def _trimesh(path: Path, data: bytes, ending: str) -> Any:
+    """The trimesh Scene of `data`, as it is in the file; raises whatever trimesh raises."""
+    import trimesh  # 0.4 s: only who opens such a file pays for it
+    from trimesh.resolvers import FilePathResolver
+
+    logging.getLogger("trimesh").addHandler(logging.NullHandler())  # else its warnings land on stderr
+    return trimesh.load_scene(io.BytesIO(data), file_type=ending, process=False, resolver=FilePathResolver(str(path)))
+
+
+def _ply(path: Path, notices: list[str]) -> list[Part]:
+    data = read_bytes(path)
+    if not re.match(rb"ply\s", data) or b"end_header" not in data[:100_000]:
+        raise InputError("this is no PLY file (it has no PLY header); export it again", path)
+    scene = _trimesh(path, data, "ply")
+    parts = []
+    for mesh in scene.geometry.values():
+        raw = mesh.metadata.get("_ply_raw", {})
+        for name, element in raw.items():
+            if element["length"] and name in ("vertex", "face"):
+                _check_length(path, name, element)
+        faces = np.asarray(getattr(mesh, "faces", np.zeros((0, 3))))
+        vertex = {key: np.asarray(raw["vertex"]["data"][key]).reshape(-1) for key in raw["vertex"]["properties"]}
+        names = raw["vertex"]["properties"]
+        positions = np.asarray(mesh.vertices)
+        own = all(len(vertex[axis]) == len(positions) for axis in "xyz")  # trimesh splits vertices along texture seams
+        normals = np.stack([vertex[n] for n in ("nx", "ny", "nz")], -1) if own and {"nx", "ny", "nz"} <= set(names) else None
+        colors = None
+        rgb = next(
+            (c for c in (("red", "green", "blue"), ("diffuse_red", "diffuse_green", "diffuse_blue")) if c[0] in names), None
+        )
+        if own and rgb and set(rgb) <= set(names):
+            colors = _unit_colors(np.stack([vertex[n] for n in rgb], -1), np.dtype(names[rgb[0]]))
+        elif mesh.visual.kind == "face":
+            colors = np.repeat(linear_from_srgb(np.asarray(mesh.visual.face_colors)[:, :3] / 255.0), 3, axis=0)
+            positions, faces = positions[faces].reshape(-1, 3), np.arange(3 * len(faces)).reshape(-1, 3)
+            normals = None
+        parts.append(Part(positions, faces, normals, colors=colors, name=path.stem))
+    counted = re.search(rb"element\s+face\s+(\d+)", data[:100_000])
+    faces_read = sum(len(part.corners) for part in parts)
+    if not faces_read:
+        raise InputError("there are no faces in this file; a cloud of points can't be lit", path)
+    if counted and faces_read < int(counted[1]):
+        raise InputError(f"only {faces_read} of {int(counted[1])} faces can be read; save it with triangles only", path)
+    return parts
+
+
+def _check_length(path: Path, name: str, element: dict[str, Any]) -> None:
+    """Raises InputError where less of a PLY element is there than its header announces."""
+    data = element.get("data")
+    columns = [data[key] for key in data] if isinstance(data, dict) else [] if data is None else [data]
+    if not columns or any(len(column) != element["length"] for column in columns):
+        raise InputError(f"the file is truncated: its header announces {element['length']} of '{name}'", path)
+
+
+def _unit_colors(values: Array, kind: np.dtype[Any]) -> Array:
+    """(V, 3) linear reflectance for sRGB colours, either integers of some width or floats in 0..1."""
+    scale = float(np.iinfo(kind).max) if kind.kind in "ui" else 1.0
+    return linear_from_srgb(np.clip(np.nan_to_num(values.astype(float) / scale), 0.0, 1.0))
+
+
+def _stl(path: Path, notices: list[str]) -> list[Part]:
+    data = read_bytes(path)
+    scene = _trimesh(path, data, "stl")
+    parts = [Part(np.asarray(m.vertices), np.asarray(m.faces), name=path.stem) for m in scene.geometry.values()]
+    count = sum(len(part.corners) for part in parts)
+    binary = len(data) >= 84 and 84 + 50 * int.from_bytes(data[80:84], "little") == len(data)
+    if not binary and count != data.lower().count(b"endfacet"):
+        raise InputError("this is no STL file, or a truncated one; export it again", path)
+    if not count:
+        raise InputError("there are no triangles in this file", path)
+    return parts
+
+
+def _gltf(path: Path, notices: list[str]) -> list[Part]:
+    ending = path.suffix.lower()[1:]
+    document = gltf.read(path)
+    if not document.tree.get("meshes"):
+        return []
+    scene = _trimesh(path, document.labelled(), ending)
+    uris = [str(buffer.get("uri", "data:")) for buffer in document.tree.get("buffers", ())]
+    files = tuple(path.parent / unquote(uri) for uri in uris if not uri.startswith("data:"))
+    return [replace(part, files=files) for part in _placed(path, scene, document)]
+
+
+def _placed(path: Path, scene: Any, document: gltf.Document) -> Iterator[Part]:
+    for node in scene.graph.nodes_geometry:
+        matrix, name = scene.graph[node]
+        mesh = scene.geometry[name]
+        if not hasattr(mesh, "faces"):  # lines and points
+            continue
+        primitive, material = document.primitive(mesh.visual.material.name)
+        attributes = primitive.get("attributes", {})
+        albedo, emission = gltf.colors(material, mesh.visual.material)
+        colors = None
+        if "COLOR_0" in attributes:  # linear, as glTF 2.0 section 3.9.2 has it
+            raw = np.asarray(mesh.visual.vertex_attributes["color"])[:, :3]
+            scale = float(np.iinfo(raw.dtype).max) if raw.dtype.kind in "ui" else 1.0
+            colors = np.clip(np.nan_to_num(raw / scale) * (albedo if material is not None else 1.0), 0.0, 1.0)
+        normals = np.asarray(mesh.vertex_normals) if "NORMAL" in attributes else None
+        yield Part(
+            np.asarray(mesh.vertices),
+            np.asarray(mesh.faces),
+            normals,
+            matrix=np.asarray(matrix, float),
+            material=Material(clip_color(albedo), emission),
+            colors=colors,
+            name=str(node),
+        )

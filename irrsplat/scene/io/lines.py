@@ -1,0 +1,117 @@
+"""Reads text files line by line, so that whatever is wrong in one becomes a single sentence with file and line."""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from irrsplat.core.errors import InputError
+
+
+def quote(text: str) -> str:
+    """`text` in quotes, at most 40 characters of it, fit to stand in a one-line message."""
+    return ascii(text if len(text) <= 40 else text[:39] + "…") if not text.isprintable() else f"'{text[:40]}'"
+
+
+def read_bytes(path: Path) -> bytes:
+    """The bytes of a file that is there and not empty; raises InputError for a missing, unreadable or empty one."""
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        raise InputError("there is no such file", path) from None
+    except IsADirectoryError:
+        raise InputError("this is a directory; give a file in it", path) from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot read this file: {getattr(error, 'strerror', None) or error}", path) from None
+    if not data.strip():
+        raise InputError("the file is empty", path)
+    return data
+
+
+def text_bytes(path: Path) -> bytes:
+    """The bytes of a UTF-8 text file without byte-order mark, lines ended by ``\\n``; raises InputError for any other."""
+    data = read_bytes(path)
+    if data[:2] in (b"\xff\xfe", b"\xfe\xff") or max(data[0::2].count(0), data[1::2].count(0)) > 0.4 * (len(data) // 2):
+        raise InputError("the text is UTF-16; save it as UTF-8", path)
+    if b"\0" in data:
+        raise InputError("this is binary data; expected a text file in UTF-8", path)
+    data = data.removeprefix(b"\xef\xbb\xbf").replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    try:
+        data.decode()
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise InputError("this is not UTF-8 text (binary data, or another encoding); save it as UTF-8", path, line) from None
+    return data
+
+
+GREATEST = 1e15  # its square, and light summed up from it, is still a float32
+
+
+def number(word: str) -> float:
+    """The finite number that `word` spells; raises ValueError with the reason where it is none."""
+    try:
+        value = float(word)
+    except ValueError:
+        value = None
+    if value is None or "_" in word:
+        raise ValueError(f"{quote(word)} is not a number")
+    if not math.isfinite(value):
+        raise ValueError(f"{quote(word)} is not a finite number")
+    if abs(value) > GREATEST:
+        raise ValueError(f"{quote(word)} is beyond {GREATEST:g}, the greatest number that 32-bit floats can reckon with here")
+    return value
+
+
+@dataclass(frozen=True)
+class Line:
+    """One command of a text file: its first word, the words after it, and where it stands."""
+
+    path: Path
+    number: int
+    word: str
+    args: tuple[str, ...]
+    rest: str
+
+    def error(self, message: str) -> InputError:
+        """`message` with this line's place in front of it."""
+        return InputError(message, self.path, self.number)
+
+    def numbers(self, usage: str, args: tuple[str, ...] | None = None) -> tuple[float, ...]:
+        """The finite values of a command that is written as `usage`, such as ``sky R G B``; else InputError.
+
+        args: the words to read, where they are not all that follow the command.
+        """
+        args = self.args if args is None else args
+        names = [name for name in usage.split()[1:] if name != "NAME"]
+        if len(args) != len(names):
+            raise self.error(f"'{self.word}' has {len(args)} values; expected: {usage}")
+        try:
+            return tuple(number(word) for word in args)
+        except ValueError as error:
+            raise self.error(f"{error}; expected: {usage}") from None
+
+    def file(self, usage: str) -> Path:
+        """The path that stands after the command, relative to this line's file; raises InputError where none is there."""
+        if not self.rest:
+            raise self.error(f"'{self.word}' names no file; expected: {usage}")
+        path = self.path.parent / self.rest
+        try:
+            if path.is_dir():
+                raise self.error(f"{quote(self.rest)} is a directory; expected: {usage}")
+            if os.path.exists(path):
+                return path
+        except (OSError, ValueError):
+            pass
+        raise self.error(f"there is no file {quote(self.rest)}; paths are relative to {self.path.name}")
+
+
+def lines(path: Path) -> Iterator[Line]:
+    """The commands of a text file: blank lines and what follows a ``#`` are left out; raises InputError as `text_bytes`."""
+    for i, text in enumerate(text_bytes(path).decode().split("\n"), 1):
+        words = text.split("#", 1)[0].strip().split(maxsplit=1)
+        if words:
+            rest = words[1] if len(words) > 1 else ""
+            yield Line(path, i, words[0], tuple(rest.split()), rest)

@@ -1,0 +1,188 @@
+"""Reads a `.scene` file, the seed paper's own text format, which maps to OpenGL's matrix commands."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from irrsplat.core.errors import InputError
+from irrsplat.scene.io.defaults import finish
+from irrsplat.scene.io.light_text import load_light
+from irrsplat.scene.io.lines import Line, lines, number, quote
+from irrsplat.scene.io.mesh_builder import build_mesh
+from irrsplat.scene.io.obj import Shape, load_obj
+from irrsplat.scene.model import Array, Camera, Light, Material, Mesh, Scene
+
+USAGE = {
+    "cam": "cam EX EY EZ TX TY TZ UX UY UZ",
+    "proj": "proj FOVY ASPECT NEAR FAR",
+    "light": "light FILE.light",
+    "brdf": "brdf diffuse R G B A, or: brdf emission R G B",
+    "sky": "sky R G B",
+    "push": "push",
+    "pop": "pop",
+    "trans": "trans X Y Z",
+    "rotate": "rotate DEG X Y Z",
+    "scale": "scale X Y Z",
+    "obj": "obj FILE.obj",
+}
+_NAMED = "cam NAME EX EY EZ TX TY TZ UX UY UZ"
+
+
+def load_text(path: Path) -> Scene:
+    """The scene in the `.scene` file at `path`; raises InputError with file and line for whatever is wrong in it.
+
+    Matrices multiply on the right, as glTranslate, glRotate and glScale do, in float64. Scene.cameras[0] is the unnamed
+    `cam`, else the first named one, else a camera that sees everything. Notices say what was dropped or invented.
+    """
+    reader = _Reader()
+    for line in lines(path):
+        command = getattr(reader, f"_{line.word}", None) if line.word in USAGE else None
+        if command is None:
+            raise line.error(f"unknown word {quote(line.word)}; a .scene knows {', '.join(USAGE)}")
+        command(line)
+    return reader.scene(path)
+
+
+@dataclass
+class _Reader:
+    """What has been read so far: OpenGL's state, and the scene that grows from it. One method per command."""
+
+    matrix: Array = field(default_factory=lambda: np.eye(4))  # world_from_object
+    stack: list[tuple[Line, Array]] = field(default_factory=list)
+    material: Material = field(default_factory=Material)
+    once: dict[str, Line] = field(default_factory=dict)
+    fov: float = 45.0  # degrees
+    cams: list[tuple[Line, str, tuple[float, ...]]] = field(default_factory=list)
+    sky: tuple[float, float, float] | None = None
+    lights: list[Light] = field(default_factory=list)
+    meshes: list[Mesh] = field(default_factory=list)
+    shapes: dict[Path, Shape] = field(default_factory=dict)
+    dropped: Counter[str] = field(default_factory=Counter)
+    files: list[Path] = field(default_factory=list)
+
+    def scene(self, path: Path) -> Scene:
+        if self.stack:
+            raise self.stack[-1][0].error("this 'push' has no 'pop'; add one, or remove it")
+        cameras = []
+        for line, name, values in sorted(self.cams, key=lambda cam: cam[1] != ""):  # stable: the unnamed one first
+            eye, target, up = ((values[i], values[i + 1], values[i + 2]) for i in (0, 3, 6))
+            try:
+                cameras.append(Camera(eye, target, up, self.fov, name))
+            except InputError as error:
+                raise line.error(str(error)) from None
+        return finish(path, self.meshes, self.lights, cameras, self.sky, self.dropped, files=self.files)
+
+    def _first(self, key: str, line: Line) -> None:
+        if key in self.once:
+            raise line.error(f"'{key}' is given twice; first in line {self.once[key].number}")
+        self.once[key] = line
+
+    def _cam(self, line: Line) -> None:
+        name, args = "", line.args
+        if len(args) == 10:
+            name, args = args[0], args[1:]
+            if _is_number(name):
+                raise line.error(f"'cam' has 10 numbers; expected: {USAGE['cam']}, or: {_NAMED}")
+        elif len(args) != 9:
+            raise line.error(f"'cam' has {len(args)} values; expected: {USAGE['cam']}, or: {_NAMED}")
+        self._first(f"cam {name}".strip(), line)
+        self.cams.append((line, name, line.numbers(_NAMED if name else USAGE["cam"], args)))
+
+    def _proj(self, line: Line) -> None:
+        fov, aspect, near, far = line.numbers(USAGE["proj"])
+        self._first("proj", line)
+        if not 0.0 < fov < 180.0:
+            raise line.error(f"the field of view is {fov:g}; expected FOVY between 0 and 180 degrees")
+        if not (aspect > 0.0 and near >= 0.0 and far > near):
+            raise line.error(f"expected ASPECT above 0 and 0 <= NEAR < FAR: {USAGE['proj']}")
+        self.fov = fov
+
+    def _light(self, line: Line) -> None:
+        self.files.append(line.file(USAGE["light"]))
+        self.lights.append(load_light(self.files[-1]))
+
+    def _brdf(self, line: Line) -> None:
+        kind = line.args[0] if line.args else ""
+        if kind == "diffuse":
+            r, g, b, _ = line.numbers("diffuse R G B A", line.args[1:])
+            if not 0.0 <= min(r, g, b) <= max(r, g, b) <= 1.0:
+                raise line.error(f"the reflectance is {r:g} {g:g} {b:g}; expected values from 0 to 1")
+            self.material = Material((r, g, b), self.material.emission)
+        elif kind == "emission":
+            r, g, b = line.numbers("emission R G B", line.args[1:])
+            if min(r, g, b) < 0.0:
+                raise line.error(f"the emission is {r:g} {g:g} {b:g}; expected values of 0 or more")
+            self.material = Material(self.material.albedo, (r, g, b))
+        else:
+            raise line.error(f"{quote(kind)} is no kind of brdf; expected: {USAGE['brdf']}")
+
+    def _sky(self, line: Line) -> None:
+        r, g, b = line.numbers(USAGE["sky"])
+        self._first("sky", line)
+        if min(r, g, b) < 0.0:
+            raise line.error(f"the sky is {r:g} {g:g} {b:g}; expected values of 0 or more")
+        self.sky = (r, g, b)
+
+    def _push(self, line: Line) -> None:
+        line.numbers(USAGE["push"])
+        self.stack.append((line, self.matrix))
+
+    def _pop(self, line: Line) -> None:
+        line.numbers(USAGE["pop"])
+        if not self.stack:
+            raise line.error("this 'pop' has no 'push' before it; add one, or remove it")
+        _, self.matrix = self.stack.pop()
+
+    def _trans(self, line: Line) -> None:
+        step = np.eye(4)
+        step[:3, 3] = line.numbers(USAGE["trans"])
+        self.matrix = self.matrix @ step
+
+    def _rotate(self, line: Line) -> None:
+        angle, *axis = line.numbers(USAGE["rotate"])
+        if not any(axis):
+            raise line.error(f"the rotation axis is 0 0 0; expected: {USAGE['rotate']}, with an axis of any other length")
+        self.matrix = self.matrix @ _rotation(angle, np.array(axis))
+
+    def _scale(self, line: Line) -> None:
+        values = line.numbers(USAGE["scale"])
+        if 0.0 in values:
+            raise line.error("a scale of 0 flattens what follows; expected three values other than 0")
+        self.matrix = self.matrix @ np.diag([*values, 1.0])
+
+    def _obj(self, line: Line) -> None:
+        path = line.file(USAGE["obj"])
+        if path not in self.shapes:
+            self.shapes[path] = load_obj(path)
+            self.files.append(path)
+        shape = self.shapes[path]
+        try:
+            mesh, dropped = build_mesh(
+                shape.positions, shape.corners, shape.normals, shape.corner_normals, self.matrix, self.material, name=path.stem
+            )
+        except InputError as error:
+            raise line.error(str(error)) from None
+        self.meshes.append(mesh)
+        self.dropped[str(path)] += dropped
+
+
+def _is_number(word: str) -> bool:
+    try:
+        number(word)
+    except ValueError:
+        return False
+    return True
+
+
+def _rotation(angle: float, axis: Array) -> Array:
+    """(4, 4): a turn by `angle` degrees about `axis` (of any length), as glRotate; Rodrigues' formula."""
+    x, y, z = axis / np.abs(axis).max() / np.linalg.norm(axis / np.abs(axis).max())
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    radians = np.radians(angle)
+    matrix = np.eye(4)
+    matrix[:3, :3] += np.sin(radians) * cross + (1.0 - np.cos(radians)) * (cross @ cross)
+    return matrix

@@ -1,0 +1,51 @@
+"""The tables by which shaders look the surface cache up: the cells of every triangle, and the values at their corners."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.target import COLUMNS, listed, table_texture
+
+
+class Lookup(Holder):
+    """As shaders/surface_cache/surface_cache.glsl has them, on the GPU.
+
+    rows: (F, 3, 4) of the triangles, as Lattice.table has them. cells: (C, 2, 4), the numbers of values at cells' corners on
+    either side. most: values. order: (F,) the triangles as the tree of rays counts them.
+    """
+
+    def __init__(self, ctx: moderngl.Context, rows: np.ndarray, cells: np.ndarray, most: int, order: np.ndarray) -> None:
+        self._rows = rows
+        self.cells = table_texture(ctx, listed(cells))
+        self.values = table_texture(ctx, np.zeros((-(-most // COLUMNS), COLUMNS, 4)))
+        self.triangles = table_texture(ctx, listed(rows))
+        self.leaves = table_texture(ctx, listed(rows[order]))
+
+    def uniforms(self, leaves: bool) -> dict[str, Any]:
+        """The uniforms; `leaves`: by the triangles' numbers in the tree."""
+        return {
+            "surface_triangles": self.leaves if leaves else self.triangles,
+            "surface_cells": self.cells,
+            "surface_values": self.values,
+        }
+
+    def write(self, values: np.ndarray) -> None:
+        """Set the values, (S, 3) of W/m²."""
+        rows = np.zeros((self.values.width * self.values.height, 4), "f4")
+        rows[: len(values), :3] = values
+        self.values.write(rows.tobytes())
+
+    def follow(self, corners: np.ndarray, order: np.ndarray) -> None:
+        """Triangles have other corners (F, 3, 3), and another order (F,) in the tree; each keeps its cells and their values."""
+        if len(self._rows) != len(corners):  # nothing was made yet
+            return
+        rows = self._rows.copy()
+        rows[:, 0, :3] = corners[:, 0]
+        rows[:, 1:, :3] = corners[:, 1:] - corners[:, :1]
+        self._rows = rows
+        self.triangles.write(np.ascontiguousarray(listed(rows), "f4").tobytes())
+        self.leaves.write(np.ascontiguousarray(listed(rows[order]), "f4").tobytes())

@@ -1,0 +1,108 @@
+"""A scene's surfaces cut into small triangular cells, so that a value at their corners can be looked up anywhere on them.
+
+A triangle has a regular lattice: its edges are cut into n equal steps and it into n² cells. So a large wall has many cells, and a
+small triangle is one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+_MOST = 1 << 17  # cells at most, beyond one for every triangle
+_SMALL = 0.2  # of the spacing: a triangle that is smaller has one point for all of its corners
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """The cells of F triangles.
+
+    table: (F, 3, 4) float32 for the shader: a triangle's first corner and its number of steps n, then its edges to the second
+    and the third corner, with the number of its first cell behind the second.
+    corners: (C, 3) numbers of the points that are a cell's corners, in the order of its weights (shaders/surface_cache/surface_cache.glsl).
+    A point belongs to one cell; one so small that its corners need no difference has one point for all three.
+    position: (P, 3) of the points, moved by `inset` metres into their cells, so that a point on the edge of a wall sees the wall.
+    normal: (P, 3) shading normals and geometric: (P, 3) those of the triangles, unit, both on the side that the winding tells.
+    face: (P,) the triangles' numbers. area: (P,) m², the share of its cell that each stands for.
+    """
+
+    table: np.ndarray
+    corners: np.ndarray
+    position: np.ndarray
+    normal: np.ndarray
+    geometric: np.ndarray
+    face: np.ndarray
+    area: np.ndarray
+
+    @property
+    def cells(self) -> int:
+        """The number of cells."""
+        return len(self.corners)
+
+
+def lattice(vertices: np.ndarray, faces: np.ndarray, spacing: float, inset: float) -> Lattice:
+    """The lattice whose steps are `spacing` metres at most, or as long as _MOST wants them.
+
+    vertices: (V, 12) rows of position, normal, albedo, emission; faces: (F, 3), as scene.flat.flatten gives them.
+    """
+    p, normals = vertices[faces, :3].astype(float), vertices[faces, 3:6].astype(float)
+    edges = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
+    longest = np.sqrt(np.max([(e * e).sum(1) for e in (*edges, edges[1] - edges[0])], axis=0, initial=0.0))
+    n = steps(longest, spacing)
+    first = np.cumsum(n * n) - n * n
+    table = np.zeros((len(faces), 3, 4), np.float32)
+    table[:, 0, :3], table[:, 0, 3] = p[:, 0], n
+    table[:, 1, :3], table[:, 1, 3] = edges[0], first
+    table[:, 2, :3] = edges[1]
+
+    cross = np.cross(*edges)
+    size = np.linalg.norm(cross, axis=1)
+    geometric = cross / np.maximum(size, 1e-300)[:, None]
+    face = np.repeat(np.arange(len(faces)), n * n)
+    small = longest[face] <= _SMALL * spacing
+    ends = np.cumsum(np.where(small, 1, 3))  # where each cell's points end
+    corners = ends[:, None] - np.where(small[:, None], 1, [3, 2, 1])
+    count = int(ends[-1]) if len(ends) else 0
+    position, shading, facing = np.empty((3, count, 3), np.float32)
+    made = Lattice(table, corners, position, shading, facing, np.empty(count, np.intp), np.empty(count))
+    for points, cells in ((1, np.flatnonzero(small)), (3, np.flatnonzero(~small))):  # most cells of a fine mesh have one
+        of, at = face[cells], corners[cells, :points]
+        i, j = _corners(cells - first[of], n[of])
+        u, v = i / n[of][:, None], j / n[of][:, None]  # of the edges, (C, 3)
+        if points == 1:
+            u, v = u.mean(1, keepdims=True), v.mean(1, keepdims=True)
+        place = p[of, None, 0] + u[..., None] * edges[0][of, None] + v[..., None] * edges[1][of, None]
+        inward = place.mean(1, keepdims=True) - place
+        length = np.linalg.norm(inward, axis=-1, keepdims=True)
+        position[at] = place + inward * np.minimum(inset / np.maximum(length, 1e-300), 0.5)
+        normal = np.einsum("ckj,cjx->ckx", np.stack([1.0 - u - v, u, v], axis=-1), normals[of])
+        normal *= np.sign((normal * geometric[of, None]).sum(-1, keepdims=True))
+        length = np.linalg.norm(normal, axis=-1, keepdims=True)
+        shading[at] = np.where(length > 0.0, normal / np.maximum(length, 1e-300), geometric[of, None])
+        facing[at], made.face[at] = geometric[of, None], of[:, None]
+        made.area[at] = 1.0 / points * (0.5 * size / (n * n))[of, None]
+    return made
+
+
+def steps(longest: np.ndarray, spacing: float) -> np.ndarray:
+    """(F,) the steps n of triangles by their longest edges (F,) in metres."""
+    while True:
+        n = np.maximum(np.ceil(np.minimum(longest / spacing - 1e-6, 1e6)), 1.0).astype(np.intp)
+        if (n * n).sum() <= len(n) + _MOST:
+            return n
+        spacing *= 1.25
+
+
+def _corners(cell: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(C, 3) each, steps along the two edges from a triangle's first corner to the corners of its cells, numbered row by row.
+
+    Row j has 2(n - j) - 1 cells, and n² - (n - j)² are before it. The even ones of a row have (i, j) as a corner and lie as the
+    triangle does; the odd ones are turned by 180°, between (i + 1, j + 1) and its neighbours.
+    """
+    j = (n - np.ceil(np.sqrt(n * n - cell))).astype(np.intp)  # squares are exact
+    i, odd = np.divmod(cell - j * (2 * n - j), 2)
+    return (
+        np.stack([i + odd, i + 1 - odd, i + odd], axis=1),
+        np.stack([j + odd, j + odd, j + 1 - odd], axis=1),
+    )

@@ -1,0 +1,35 @@
+"""The surface cache as the eye sees it: what it says of every pixel."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import moderngl
+
+from irrsplat.core.buffers import GBuffer
+from irrsplat.gpu.program import Program
+from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.target import Target
+
+
+class SurfacePass(Holder):
+    """Looks the surface cache up at pixels."""
+
+    def __init__(self, ctx: moderngl.Context) -> None:
+        self.ctx = ctx
+        self.program = Program(ctx, "surface_cache/surface", "lib/fullscreen")
+        self.target: Target | None = None
+
+    def __call__(self, gbuffer: GBuffer, surface: Mapping[str, Any]) -> moderngl.Texture:
+        """RGBA32F texture of indirect irradiance in W/m²; a: 1 where a surface is seen, else 0. It is this pass's own.
+
+        surface: the cache's uniforms, by the triangles' own numbers.
+        """
+        if self.target is None or self.target.size != gbuffer.position.size:
+            if self.target is not None:
+                self.target.release()
+            self.target = Target(self.ctx, gbuffer.position.size, (4,))
+        g = gbuffer
+        self.program(self.target, position=g.position, normal=g.normal, albedo=g.albedo, emission=g.emission, **surface)
+        return self.target.textures[0]

@@ -1,0 +1,97 @@
+// Last step of the reduction: a record's blocks become its irradiance, its harmonic mean distance and its gradients.
+#include "lib/constants.glsl"
+
+uniform sampler2D sums;
+uniform sampler2D share;
+#if GRADIENTS
+uniform sampler2D sums_m_r;
+uniform sampler2D sums_m_g;
+uniform sampler2D sums_m_b;
+uniform sampler2D sums_g_r;
+uniform sampler2D sums_g_g;
+uniform sampler2D sums_g_b;
+#endif
+uniform sampler2D frames;    // texels (i, 0..2): the batch's record i's tangent, bitangent, normal
+uniform ivec2 blocks;        // per cell
+uniform int columns;         // cells per row
+uniform vec2 radii;          // metres: the least and the greatest radius there is
+
+flat in int v_index;         // in the batch
+
+layout(location = 0) out vec4 out_record;  // E in W/m², R_k in metres
+layout(location = 1) out vec4 out_m_r;     // M and ∇E of red, green and blue, world space; w: the bend, as records/record.glsl has it
+layout(location = 2) out vec4 out_m_g;
+layout(location = 3) out vec4 out_m_b;
+layout(location = 4) out vec4 out_g_r;
+layout(location = 5) out vec4 out_g_g;
+layout(location = 6) out vec4 out_g_b;
+layout(location = 7) out vec4 out_walls;   // two walls, as records/record.glsl has them
+
+void main()
+{
+    int i = v_index;
+    ivec2 corner = ivec2(i % columns, i / columns) * blocks;
+    vec4 total = vec4(0.0);
+    float solid = 0.0;
+    mat3 M = mat3(0.0), G = mat3(0.0);
+    vec3 H = vec3(0.0), axis = vec3(0.0);
+    vec2 bend = vec2(0.0), wall = vec2(0.0), second = vec2(0.0);
+    float farthest = 0.0;
+    for (int y = 0; y < blocks.y; ++y)
+        for (int x = 0; x < blocks.x; ++x)
+        {
+            ivec2 at = corner + ivec2(x, y);
+            total += texelFetch(sums, at, 0);
+            solid += texelFetch(share, at, 0).x;
+#if GRADIENTS
+            vec4 r = texelFetch(sums_m_r, at, 0), g = texelFetch(sums_m_g, at, 0), b = texelFetch(sums_m_b, at, 0);
+            M += mat3(r.xyz, g.xyz, b.xyz);
+            H += vec3(r.w, g.w, b.w);
+            r = texelFetch(sums_g_r, at, 0);
+            g = texelFetch(sums_g_g, at, 0);
+            G += mat3(r.xyz, g.xyz, texelFetch(sums_g_b, at, 0).xyz);
+            vec2 line = vec2(r.w, g.w);
+            wall = dot(line, line) > dot(wall, wall) ? line : wall;
+#endif
+        }
+#if GRADIENTS
+    // the nearest one that is not in the first one's plane
+    for (int y = 0; y < blocks.y; ++y)
+        for (int x = 0; x < blocks.x; ++x)
+        {
+            ivec2 at = corner + ivec2(x, y);
+            vec2 line = vec2(texelFetch(sums_g_r, at, 0).w, texelFetch(sums_g_g, at, 0).w);
+            second = dot(line, line) > dot(second, second) && dot(wall, line) < 0.7 * dot(line, line) ? line : second;
+        }
+#endif
+    // Ward et al. 1988: R = Σ cosθ·dω / Σ (cosθ·dω / r)
+    out_record = vec4(total.rgb, clamp(solid / max(total.a, 1e-30), radii.x, radii.y));
+    vec3 normal = texelFetch(frames, ivec2(i, 2), 0).xyz;
+#if GRADIENTS
+    mat3 world = mat3(texelFetch(frames, ivec2(i, 0), 0).xyz, texelFetch(frames, ivec2(i, 1), 0).xyz, normal);
+    M = world * M;
+    G = world * G;
+    // the Hessian's eigenvalues, and the axis of the lesser of them
+    float middle = 0.5 * (H.x + H.z), apart = length(vec2(0.5 * (H.x - H.z), H.y));
+    float lesser = middle < 0.0 ? middle + apart : middle - apart, greater = 2.0 * middle - lesser;
+    vec2 along = abs(H.x - lesser) > abs(H.z - lesser) ? vec2(H.y, lesser - H.x) : vec2(lesser - H.z, H.y);
+    along = dot(along, along) > 0.0 ? normalize(along) : vec2(1.0, 0.0);
+    axis = world * vec3(along, 0.0);
+    mat2 turn = mat2(along.x, -along.y, along.y, along.x);
+    wall = turn * wall;
+    second = turn * second;
+    bend = vec2(lesser, greater) / max(dot(total.rgb, LUMINANCE), 1e-20);
+    // as radii, √(2/|bend|), no less than there is
+    bend = clamp(bend, vec2(-2.0 / (radii.x * radii.x)), vec2(2.0 / (radii.x * radii.x)));
+    farthest = min(radii.y, WIDE * out_record.a);  // settings.py's, however little its light bends
+#else
+    M = outerProduct(normal, total.rgb);  // E = n_k·M, whatever the pixel's normal
+#endif
+    out_m_r = vec4(M[0], axis.x);
+    out_m_g = vec4(M[1], axis.y);
+    out_m_b = vec4(M[2], axis.z);
+    out_g_r = vec4(G[0], bend.x);
+    out_g_g = vec4(G[1], bend.y);
+    out_g_b = vec4(G[2], farthest);
+    out_walls = vec4(wall, second);
+}

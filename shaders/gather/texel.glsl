@@ -1,0 +1,58 @@
+// What comes along the ray of a texel from the triangle that it sees: emission and shadow-mapped direct light, and how far it is.
+#define FOOTPRINT
+#include "lighting/lights.glsl"
+#include "lib/surface.glsl"
+#if SURFACE
+#include "surface_cache/surface_cache.glsl"
+#endif
+
+uniform float near;  // metres
+
+flat in vec2 v_centre;
+flat in vec3 v_eye;
+flat in vec3 v_right;
+flat in vec3 v_up;
+flat in vec3 v_ahead;
+
+layout(location = 0) out vec4 out_radiance;  // rgb W/(m² sr), a distance in metres (0: nothing hit, the sky)
+layout(location = 1) out vec4 out_plane;     // of what is hit: 1/distance in the unit direction w is dot(xyz, w), metres⁻¹
+
+const float FARTHEST = 4.0;  // times the centre's depth, where a corner looks past the plane's horizon
+
+// The direction whose w is 1.
+vec3 texel_ray()
+{
+    vec2 from_centre = gl_FragCoord.xy - v_centre;
+    return v_ahead + from_centre.x * v_right + from_centre.y * v_up;
+}
+
+// The outputs, for the triangle of this number and its interpolated looks.
+void see(int triangle, vec3 q, vec3 normal, vec3 albedo, vec3 emission)
+{
+    // The surface's place by intersection of the texel's ray with the triangle's plane: an interpolated one is too coarse for
+    // the shadow test where a large triangle passes close to the record.
+    vec4 plane = face_plane(triangle);
+    float k = plane.w - dot(plane.xyz, v_eye);
+    vec3 g = k > 0.0 ? -plane.xyz : plane.xyz;  // turned to the record
+    k = -abs(k);
+    float depth = k / min(dot(g, q), -1e-20);
+    vec3 away = q * depth;
+
+    // what the texel sees of that plane
+    vec3 x = 0.5 * v_right, y = 0.5 * v_up;
+    vec3 corners[4] = vec3[](q - x - y, q + x - y, q + x + y, q - x + y);
+    for (int i = 0; i < 4; ++i)
+    {
+        float t = k / min(dot(g, corners[i]), -1e-20);
+        footprint[i] = corners[i] * min(t, FARTHEST * depth) - away;
+    }
+    footprint_area = 0.5 * length(cross(footprint[2] - footprint[0], footprint[3] - footprint[1])) + 1e-30;
+
+    Receiver receiver = Receiver(v_eye + away, shading_normal(normal, g), g);
+    vec3 E = direct_irradiance(receiver, 1, vec2(1.0, 0.0));
+#if SURFACE
+    E += surface_irradiance(triangle, receiver.p, g);
+#endif
+    out_radiance = vec4(emission + albedo * INV_PI * E, max(length(away), 0.05 * near));
+    out_plane = vec4(g / min(k, -0.05 * near), 0.0);
+}

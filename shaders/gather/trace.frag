@@ -1,0 +1,94 @@
+// Radiance that comes to a record along one ray, and how far it comes: the fragment is the ray's stratum in the record's cell.
+#define FOOTPRINT
+#include "lighting/lights.glsl"
+#include "lib/normals.glsl"
+#include "lib/bvh.glsl"
+#if SURFACE
+#include "surface_cache/surface_cache.glsl"
+#endif
+
+uniform sampler2D looks;     // three texels a vertex, in rows of 1024 of them: shading normal, albedo, emission
+uniform sampler2D frames;    // texels (i, 0..2): record i's tangent, bitangent and normal, (i, 4): where it looks from
+uniform ivec2 cell;          // azimuths and elevations of a record
+uniform int columns;         // cells per row
+uniform float near;          // metres
+
+layout(location = 0) out vec4 out_radiance;  // rgb W/(m² sr), a distance in metres (0: nothing hit, the sky)
+layout(location = 1) out vec4 out_plane;     // of what is hit: 1/distance in the unit direction w is dot(xyz, w), metres⁻¹
+#if HITS
+layout(location = 2) out vec4 out_values;  // numbers of the three values of the surface cache at the hit, weight of the first
+layout(location = 3) out vec4 out_albedo;  // reflectance there, weight of the second; the third's is the rest
+#endif
+
+const float FARTHEST = 4.0;  // times the ray's length, where a corner looks past the plane's horizon
+const int PARTS = 4;         // of a stratum
+
+vec3 vertex(int i, int column)
+{
+    return texelFetch(looks, ivec2(3 * (i & 1023) + column, i >> 10), 0).xyz;
+}
+
+vec3 blend(ivec3 corners, vec3 share, int column)
+{
+    return share.x * vertex(corners.x, column) + share.y * vertex(corners.y, column) + share.z * vertex(corners.z, column);
+}
+
+void main()
+{
+    vec2 place = floor(gl_FragCoord.xy / vec2(cell)), inside = gl_FragCoord.xy - place * vec2(cell);
+    int record = int(place.y) * columns + int(place.x);
+    mat3 frame = mat3(texelFetch(frames, ivec2(record, 0), 0).xyz, texelFetch(frames, ivec2(record, 1), 0).xyz,
+                      texelFetch(frames, ivec2(record, 2), 0).xyz);
+    vec3 eye = texelFetch(frames, ivec2(record, 4), 0).xyz;
+
+    // equal steps of azimuth and of sin²θ are equal shares of E; the middle of both stands for the stratum
+    vec3 azimuth = (inside.x + vec3(0.0, -0.5, 0.5)) * (2.0 * PI / float(cell.x));
+    vec3 square = (inside.y + vec3(0.0, -0.5, 0.5)) / float(cell.y);
+    vec3 x = cos(azimuth), y = sin(azimuth);
+    vec3 d = normalize(frame * vec3(sqrt(square.x) * vec2(x.x, y.x), sqrt(1.0 - square.x)));
+
+    Hit hit = bvh_closest(eye, d, 0.0);
+    vec3 corner[3] = vec3[](bvh_corner(hit.triangle, 0).xyz, bvh_corner(hit.triangle, 1).xyz, bvh_corner(hit.triangle, 2).xyz);
+    ivec3 at = ivec3(bvh_corner(hit.triangle, 0).w, bvh_corner(hit.triangle, 1).w, bvh_corner(hit.triangle, 2).w);
+    vec3 g = normalize(cross(corner[1] - corner[0], corner[2] - corner[0]));
+    g = dot(g, d) > 0.0 ? -g : g;  // turned to the record
+    vec3 away = d * hit.t;
+
+    // what the stratum sees of the triangle's plane, part by part from the zenith down: where it is seen at a low angle a
+    // stratum reaches far, and its parts of equal share are of very different area
+    float k = dot(g, away);
+    vec3 left[PARTS + 1], right[PARTS + 1];
+    for (int i = 0; i <= PARTS; ++i)
+    {
+        float u = mix(square.y, square.z, float(i) / float(PARTS)), s = sqrt(u), c = sqrt(max(1.0 - u, 0.0));
+        vec3 l = frame * vec3(s * x.y, s * y.y, c), r = frame * vec3(s * x.z, s * y.z, c);
+        left[i] = l * min(k / min(dot(g, l), -1e-20), FARTHEST * hit.t) - away;
+        right[i] = r * min(k / min(dot(g, r), -1e-20), FARTHEST * hit.t) - away;
+    }
+    Receiver receiver = Receiver(eye + away, shading_normal(blend(at, hit.share, 0), g), g);
+    vec3 E = vec3(0.0);
+    for (int light = 0; light < LIGHTS; ++light)
+    {
+        vec3 sum = vec3(0.0);
+        for (int i = 0; i < PARTS; ++i)
+        {
+            footprint = vec3[](left[i], right[i], right[i + 1], left[i + 1]);
+            footprint_area = 0.5 * length(cross(right[i + 1] - left[i], left[i + 1] - right[i])) + 1e-30;
+            sum += light_irradiance(light, receiver);
+        }
+        if (sum.r + sum.g + sum.b > 0.0) E += sum / float(PARTS) * visibility(light, receiver, 1, vec2(1.0, 0.0));
+    }
+    vec3 albedo = blend(at, hit.share, 1);
+#if HITS
+    // HITS goes with SURFACE
+    Look look = surface_look(hit.triangle, receiver.p, g);
+    bool lit = hit.t < FARTHEST_HIT && look.weights.x + look.weights.y + look.weights.z > 0.0;
+    out_values = lit ? vec4(look.values, look.weights.x) : vec4(-1.0, -1.0, -1.0, 0.0);
+    out_albedo = lit ? vec4(albedo, look.weights.y) : vec4(0.0);
+#elif SURFACE
+    E += surface_irradiance(hit.triangle, receiver.p, g);
+#endif
+    vec3 L = blend(at, hit.share, 2) + albedo * INV_PI * E;
+    out_radiance = hit.t < FARTHEST_HIT ? vec4(L, max(hit.t, 0.05 * near)) : vec4(0.0);
+    out_plane = hit.t < FARTHEST_HIT ? vec4(g / min(k, -0.05 * near), 0.0) : vec4(0.0);
+}

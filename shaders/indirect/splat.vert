@@ -1,0 +1,77 @@
+// A record as a quad that bounds its sphere of influence on screen (Jones 2010, figure 1); an instance is a record.
+#include "records/reach.glsl"
+
+in int in_number;                      // of the record
+
+uniform mat4 clip_from_world;
+uniform bool in_front;                 // reject records in front of the pixel's surface, or behind it
+uniform float pixel;                   // size of a pixel at distance 1, in metres
+
+flat out vec3 v_place;                 // p_k
+flat out vec3 v_normal;
+flat out vec3 v_axis;                  // of the ellipse that it reaches
+flat out vec2 v_radii;                 // R along it and across it, as clamped for this view
+#if GRADIENTS
+flat out vec2 v_bend;
+flat out vec4 v_walls;                 // 0: none
+flat out mat3 v_m;
+flat out mat3 v_g;
+#else
+flat out vec3 v_irradiance;
+#endif
+
+void main()
+{
+    ivec2 texel = record_texel(in_number);
+    vec3 p = texelFetch(records_position, texel, 0).xyz;
+    vec4 record = texelFetch(records_irradiance, texel, 0);
+
+    vec3 to_eye = eye - p;
+    float d = length(to_eye);
+    float trust;
+    Ellipse ellipse = record_reach(texel, d, trust);
+    float r = ellipse.along;
+    v_place = p;
+    v_axis = ellipse.axis;
+    v_radii = vec2(ellipse.along, ellipse.across) / a;
+    v_normal = texelFetch(records_normal, texel, 0).xyz;
+#if GRADIENTS
+    v_m = record_vectors(texel);
+    v_walls = record_walls(texel);
+    v_g = record_gradient(texel) * trust;  // derivatives hold for R alone, not for what the least radius added
+    v_bend = record_bends(texel) * trust * trust;
+#else
+    v_irradiance = record.rgb;
+#endif
+
+    vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0;
+    r *= 1.0 + 1e-5;  // rounding must not cut the rim
+    if (d <= r)
+    {
+        gl_Position = vec4(corner, 0.0, 1.0);  // the eye is inside: the whole screen
+        return;
+    }
+    // in the plane through the centre that faces the eye, a half size of r·d/√(d² - r²) bounds the silhouette
+    vec3 axis = to_eye / d;
+    vec3 u = normalize(abs(axis.y) < 0.9 ? cross(vec3(0.0, 1.0, 0.0), axis) : cross(vec3(1.0, 0.0, 0.0), axis));
+    vec2 half_size = vec2(r * d / sqrt(d * d - r * r));
+    if (in_front)
+    {
+        // Then only a slab of the ellipsoid can be served. With x = |p - p_k|/R, y = √(1 - n·n_k) and x + y < a, |(p - p_k)·n_k|
+        // is at most (IN_FRONT + x·y/√2)·R, x·y at most a²/4: the quad turns as the ellipse lies on screen, and shrinks to it.
+        float thickness = IN_FRONT / a * ellipse.across + 0.177 * a * r;
+        vec3 along = ellipse.along * ellipse.axis, across = ellipse.across * cross(v_normal, ellipse.axis), v = cross(axis, u);
+        mat2 seen = mat2(dot(along, u), dot(across, u), dot(along, v), dot(across, v));
+        float turn = 0.5 * atan(2.0 * dot(seen[0], seen[1]), dot(seen[0], seen[0]) - dot(seen[1], seen[1]) + 1e-30);
+        u = cos(turn) * u + sin(turn) * v;
+        v = cross(axis, u);
+        vec3 extent;
+        extent.x = length(vec2(dot(along, u), dot(across, u))) + thickness * abs(dot(v_normal, u));
+        extent.y = length(vec2(dot(along, v), dot(across, v))) + thickness * abs(dot(v_normal, v));
+        extent.z = length(vec2(dot(along, axis), dot(across, axis))) + thickness * abs(dot(v_normal, axis));
+        if (extent.z < d) half_size = min(half_size, extent.xy * d / (d - extent.z));
+    }
+    vec3 v = cross(axis, u);
+    half_size = max(half_size, pixel * d);  // a quad between pixel centres would be lost
+    gl_Position = clip_from_world * vec4(p + half_size.x * corner.x * u + half_size.y * corner.y * v, 1.0);
+}

@@ -1,0 +1,29 @@
+// What the markers of records share: an instance is a record, coloured by its radius or its age.
+#include "records/reach.glsl"
+#include "viewer/buffers/colours.glsl"
+
+uniform mat4 clip_from_world;
+uniform vec2 size;    // of the target in pixels
+uniform bool by_age;  // colour by number; else by the logarithm of a·R_k in metres
+uniform vec2 span;    // where the colours begin, and by how much they advance
+
+flat out vec3 v_color;
+
+vec3 record_color(ivec2 texel)
+{
+    float value = by_age ? float(gl_InstanceID) : log(max(a * texelFetch(records_irradiance, texel, 0).a, 1e-30));
+    return heat((value - span.x) * span.y);
+}
+
+// A clip space point moved by so many pixels of the target.
+vec4 moved(vec4 clip, vec2 pixels)
+{
+    return vec4(clip.xy + pixels * 2.0 / size * clip.w, clip.zw);
+}
+
+// The unit direction on screen, in pixels, in which a point goes that moves by `clip_step` in clip space.
+vec2 heading(vec4 clip, vec4 clip_step)
+{
+    vec2 way = (clip_step.xy * clip.w - clip.xy * clip_step.w) * size;
+    return way / max(length(way), 1e-20);
+}

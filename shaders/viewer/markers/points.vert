@@ -1,0 +1,19 @@
+// A record as a dot of constant size, where the camera sees it.
+#include "viewer/buffers/record.glsl"
+#include "viewer/buffers/hidden.glsl"
+
+uniform float radius;  // pixels
+
+out vec2 v_at;  // pixels from the centre
+
+void main()
+{
+    ivec2 texel = record_texel(gl_InstanceID);
+    vec3 p = texelFetch(records_position, texel, 0).xyz;
+    vec4 clip = clip_from_world * vec4(p, 1.0);
+    v_color = record_color(texel);
+    v_at = (vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0) * (radius + 1.0);
+    vec2 at = (clip.xy / clip.w * 0.5 + 0.5) * vec2(textureSize(position, 0));
+    bool lost = clip.w <= 0.0 || any(greaterThan(abs(clip.xy), vec2(1.05 * clip.w))) || hidden(p, ivec2(floor(at)));
+    gl_Position = lost ? vec4(0.0, 0.0, 2.0, 1.0) : moved(clip, v_at);  // all four vertices in one place draw nothing
+}
