@@ -64,6 +64,7 @@ def render(args: argparse.Namespace) -> int:
     """`irrsplat render`: a scene to files. Whatever can be checked before the work is checked before it."""
     from irrsplat import settings
     from irrsplat.app import render_path
+    from irrsplat.core import files
     from irrsplat.image import frame as output
 
     settings.preset(args.preset, **args.values)
@@ -71,9 +72,9 @@ def render(args: argparse.Namespace) -> int:
     names = args.output if args.path is None else render_path.first_names(args)
     folders = [output.check_writable(name, buffers) == "" for name in names]
     if args.stats is not None:
-        output.check_file(args.stats)
+        files.check_file(args.stats)
     if args.cache is not None:
-        output.check_file(args.cache)
+        files.check_file(args.cache)
         if os.path.realpath(args.cache) in map(os.path.realpath, (*names, args.stats or "")):
             raise InputError("--cache and an output are one file; give another name", args.cache)
 
@@ -100,7 +101,7 @@ def render(args: argparse.Namespace) -> int:
         return _sequence(args, done, None if whole else f"{len(done)} of {len(planned.numbers)} frames were written")
     stats = frame.stats
     if args.stats is not None:
-        output.write_text(args.stats, output.stats_json(stats) + "\n")
+        files.write_text(args.stats, output.stats_json(stats) + "\n")
     if stats.get("interrupted"):
         return _fail(f"interrupted; the files hold what {stats.get('rounds', 0)} whole rounds gave", INTERRUPTED)
     if not stats.get("converged", True):
@@ -110,10 +111,11 @@ def render(args: argparse.Namespace) -> int:
 
 def _sequence(args: argparse.Namespace, done: list[dict[str, Any]], interrupted: str | None) -> int:
     """The end of a path: the stats of the frames that are `done`, and what is to be said. interrupted: how far it came."""
+    from irrsplat.core import files
     from irrsplat.image import frame as output
 
     if args.stats is not None:
-        output.write_text(args.stats, output.stats_json({"frames": done}) + "\n")
+        files.write_text(args.stats, output.stats_json({"frames": done}) + "\n")
     if interrupted is not None:
         return _fail(f"interrupted; {interrupted}", INTERRUPTED)
     if short := sum(not stats.get("converged", True) for stats in done):
@@ -151,10 +153,10 @@ def view(args: argparse.Namespace) -> int:
 def _check_cache(path: str, scene: Scene, preset: str, values: dict[str, Any]) -> None:
     """Raises InputError where a cache file cannot be written, or is there and not of this scene and these settings."""
     from irrsplat import settings
-    from irrsplat.image import frame as output
+    from irrsplat.core import files
     from irrsplat.records import cache_file
 
-    output.check_file(path)
+    files.check_file(path)
     if os.path.exists(path):
         cache_file.check(path, scene, settings.preset(preset, **values))
 
@@ -177,7 +179,7 @@ def doctor(args: argparse.Namespace) -> int:
 def bench(args: argparse.Namespace) -> int:
     """`irrsplat bench`: the times."""
     if args.json is not None:
-        from irrsplat.image.frame import check_file
+        from irrsplat.core.files import check_file
 
         check_file(args.json)
     if args.growth:

@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import Any, NoReturn
 
+from irrsplat.app.common.version import version
 from irrsplat.core.errors import InputError
 from irrsplat.settings import PRESETS, SETTINGS, Declaration
 
@@ -275,13 +276,3 @@ class _Version(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
         print(f"irrsplat {version()}")
         parser.exit()
-
-
-def version() -> str:
-    """The installed version."""
-    from importlib import metadata
-
-    try:
-        return metadata.version("irrsplat")
-    except metadata.PackageNotFoundError:
-        return "(not installed)"

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from importlib import metadata
 from typing import TYPE_CHECKING
 
-from irrsplat.app.flags import version
+from irrsplat.app.common.version import version
 from irrsplat.core.errors import IrrsplatError
 
 if TYPE_CHECKING:

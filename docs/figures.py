@@ -11,8 +11,8 @@ import numpy as np
 from PIL import Image
 
 import irrsplat
+from irrsplat.core.color import LUMINANCE, srgb
 from irrsplat.image.frame import Frame
-from irrsplat.image.tonemap import LUMINANCE, srgb
 
 ROOT = Path(__file__).resolve().parent.parent
 IMAGES = ROOT / "docs" / "images"
@@ -36,9 +36,9 @@ def keep(picture: Path, name: str) -> None:
 
 def shown() -> tuple[list[str], list[str]]:
     """What the README shows: the file names of the paper's figures, and the names of bundled scenes."""
-    names = re.findall(r"\(docs/images/([\w-]+)\.png\)", (ROOT / "README.md").read_text(encoding="utf-8"))
-    figures = [f"{name}.png" for name in names if name.startswith("figure")]
-    return figures, [name for name in names if not name.startswith(("figure", "view", "rims", "curve", "peers"))]
+    names = re.findall(r"\(docs/images/([\w/-]+)\.png\)", (ROOT / "README.md").read_text(encoding="utf-8"))
+    figures = [f"{name}.png" for name in names if name.startswith("paper/")]
+    return figures, [name for name in names if "/" not in name and not name.startswith(("rims", "curve", "peers"))]
 
 
 def slope(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
@@ -85,7 +85,7 @@ def main() -> None:
             if scene == PAPER:
                 frame.save(folder / "paper")
                 for figure in figures:
-                    keep(folder / "paper" / figure, figure)
+                    keep(folder / figure, figure)
             if scene in scenes:
                 frame.save(folder / f"{scene}.png")
                 keep(folder / f"{scene}.png", f"{scene}.png")

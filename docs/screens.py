@@ -60,22 +60,22 @@ def show(scene: str, size: tuple[int, int], take: Callable[[Viewer], None], came
 def whole(viewer: Viewer) -> None:
     """The window as it opens, records over it, and both kinds of split view."""
     desk, look = viewer.desk, viewer.desk.session.look
-    keep(viewer, "view")
+    keep(viewer, "viewer/window")
     desk.panels.settings = False
     look.buffers[0], look.discs, look.points, look.inspect = "irradiance", True, True, True
     viewer.mouse = (0.36 * LARGE[0], 0.3 * LARGE[1])
     viewer.gui.mouse_position(*viewer.mouse)
-    keep(viewer, "view_records")
+    keep(viewer, "viewer/records")
     look.discs = look.points = look.inspect = False
     look.buffers[0] = "image"
     viewer.on_mouse_position_event(-1, -1, 0, 0)
     desk.session.split("buffers")
     look.buffers[1] = "weight"
-    keep(viewer, "view_split_buffers")
+    keep(viewer, "viewer/split_buffers")
     look.buffers[0] = "irradiance"
     desk.session.split("presets")
     desk.panels.hud = False
-    keep(viewer, "view_split_presets")
+    keep(viewer, "viewer/split_presets")
 
 
 def buffers(viewer: Viewer) -> None:
@@ -91,7 +91,7 @@ def buffers(viewer: Viewer) -> None:
                 settled(viewer)
         if name != "emission":
             desk.session.look.buffers[0] = name
-            keep(viewer, f"view_{name}")
+            keep(viewer, f"buffers/{name}")
         if name == "asking":
             desk.toggle("frozen")
 
@@ -102,7 +102,7 @@ def sky(viewer: Viewer) -> None:
     desk.session.change(0, bounces=0)
     desk.panels.settings = desk.panels.hud = False
     desk.session.look.buffers[0] = "emission"
-    keep(viewer, "view_emission")
+    keep(viewer, "buffers/emission")
 
 
 def main() -> None:

@@ -11,7 +11,7 @@ from irrsplat.app import flags
 from irrsplat.app.verify import ablation, error_curve
 from irrsplat.app.verify.measure import percent
 from irrsplat.app.verify.verify import heading
-from irrsplat.image.frame import write_picture
+from irrsplat.core.files import write_picture
 
 PAGE = Path(__file__).resolve().parent / "techniques.md"
 FULL = ("cornell", "door")  # with a row per technique

@@ -18,7 +18,7 @@ from irrsplat.gather import autotune
 from irrsplat.gpu import context
 from irrsplat.image.frame import Frame
 from irrsplat.scene import Scene, load
-from tests.viewing import Driver, fresh, viewing, write_room
+from tests.support.viewing import Driver, fresh, viewing, write_room
 
 PLAIN = """cam 0 0 5 0 0 0 0 1 0
 proj 40 1 0.1 100

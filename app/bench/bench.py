@@ -28,7 +28,7 @@ def run(args: Namespace) -> int:
     Raises InputError and IrrsplatError, one line, for what cannot be; KeyboardInterrupt where the user ended it.
     """
     import irrsplat
-    from irrsplat.image.frame import write_text
+    from irrsplat.core.files import write_text
 
     bounces = _bounces(args.bounces)
     earlier = None if args.compare is None else compare.read(args.compare)

@@ -13,7 +13,7 @@ from typing import Any
 
 import moderngl
 
-from irrsplat.app.flags import version
+from irrsplat.app.common.version import version
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.resource import Holder
 from irrsplat.gpu.target import Target

@@ -20,6 +20,7 @@ from irrsplat.app.bench.cases import TURN, turned
 from irrsplat.app.common.plot import Line, loglog
 from irrsplat.app.common.terminal import columns, progress
 from irrsplat.app.verify.measure import silent
+from irrsplat.core import files
 from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.image import frame
 
@@ -90,9 +91,9 @@ def run(args: Namespace) -> int:
     print(f"a record costs {times:.1f} times as much with {last.triangles:,} triangles as with {middle.triangles:,}")
     if args.json is not None:
         runs = [entry for row in rows for entry in _runs(row)]
-        frame.write_text(args.json, json.dumps({"machine": rows[0].machine, "runs": runs}, indent=2) + "\n")
+        files.write_text(args.json, json.dumps({"machine": rows[0].machine, "runs": runs}, indent=2) + "\n")
     if args.output is not None:
-        frame.write_picture(args.output, plot(by_triangles, by_pixels))
+        files.write_picture(args.output, plot(by_triangles, by_pixels))
     return 0
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from irrsplat.app.common.terminal import columns, progress
 from irrsplat.app.verify.measure import Measured, measurer, percent, silent
-from irrsplat.image import frame
+from irrsplat.core import files
 from irrsplat.settings import SETTINGS, preset
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def run(scene: Scene, camera: Camera, args: Namespace, heading: str) -> None:
     for name, found in curves.items():
         print("\n".join(["", *columns(rows(name, found), left=1), f"  {steepness(found)}"]))
     if args.output is not None:
-        frame.write_picture(args.output, plot(curves, heading))
+        files.write_picture(args.output, plot(curves, heading))
 
 
 def measured(scene: Scene, camera: Camera, args: Namespace) -> dict[str, list[Measured]]:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from irrsplat.core import files
 from irrsplat.core.errors import IrrsplatError
 from irrsplat.image import frame
 from irrsplat.reference.truth import Traced
@@ -43,7 +44,7 @@ def signed_error(irradiance: np.ndarray, truth: Traced) -> np.ndarray:
 def write(name: str, shown: tuple[np.ndarray, np.ndarray], error: np.ndarray, flipped: np.ndarray | None) -> None:
     """A .png with truth, picture and error side by side, or a folder with one of each, and FLIP's map."""
     if frame.check_writable(name):
-        frame.write_picture(name, _with_legend(np.concatenate([*shown, error], axis=1)))
+        files.write_picture(name, _with_legend(np.concatenate([*shown, error], axis=1)))
         return
     pictures = {"truth": shown[0], "picture": shown[1], "error": _with_legend(error)} | (
         {} if flipped is None else {"flip": flipped}
@@ -53,7 +54,7 @@ def write(name: str, shown: tuple[np.ndarray, np.ndarray], error: np.ndarray, fl
     except OSError as failed:
         raise IrrsplatError(f"{name}: cannot write: {failed.strerror or failed}") from failed
     for stem, picture in pictures.items():
-        frame.write_picture(Path(name) / f"{stem}.png", picture)
+        files.write_picture(Path(name) / f"{stem}.png", picture)
 
 
 def _with_legend(picture: np.ndarray) -> np.ndarray:

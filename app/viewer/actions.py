@@ -20,8 +20,8 @@ from irrsplat.app.viewer.input.keys import Key
 from irrsplat.app.viewer.session import SPLITS, Session, overrides
 from irrsplat.app.viewer.show.legend import SHOWINGS
 from irrsplat.core.errors import IrrsplatError
+from irrsplat.core.files import write_picture, write_text
 from irrsplat.gpu.resource import Holder
-from irrsplat.image.frame import write_picture, write_text
 from irrsplat.scene.camera_path import camera_flags, camera_line, load_path, path_text
 from irrsplat.scene.model import Camera, Light, Scene
 

@@ -15,7 +15,7 @@ import platformdirs
 
 from irrsplat.core import paths
 from irrsplat.core.errors import InputError, IrrsplatError
-from irrsplat.image.frame import write_text
+from irrsplat.core.files import write_text
 from irrsplat.scene import Camera, bundled
 from irrsplat.scene.io.lines import GREATEST, quote
 from irrsplat.settings import PRESETS, SETTINGS

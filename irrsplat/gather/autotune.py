@@ -21,12 +21,13 @@ import numpy as np
 from irrsplat.core import paths
 from irrsplat.core.buffers import Sites
 from irrsplat.core.errors import IrrsplatError
+from irrsplat.core.files import write_text
 from irrsplat.gather.raster import GatherPass
 from irrsplat.gather.reduce import ReducePass
-from irrsplat.gather.trace import TracePass, Tree
+from irrsplat.gather.trace import TracePass
 from irrsplat.gpu import context
+from irrsplat.gpu.bvh_table import Tree
 from irrsplat.gpu.geometry import Geometry
-from irrsplat.image.frame import write_text
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.records.record_cache import RecordCache

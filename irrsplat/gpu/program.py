@@ -47,7 +47,7 @@ class Draw:
 
 
 class Program:
-    """`Program(ctx, "image/gbuffer")` is shaders/image/gbuffer.vert and .frag, linked when it is first wanted; a call draws into a target.
+    """`Program(ctx, "image/gbuffer")` is shaders/image/gbuffer.vert and .frag, linked at its first draw into a target.
 
     Every uniform that the shaders declare must be given by name (samplers take textures), and no other; else TypeError.
     What does not compile is a ShaderError then, not at once.

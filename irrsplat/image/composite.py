@@ -8,10 +8,10 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import FILMIC, GBuffer, SplatBuffer
+from irrsplat.core.color import MID_GREY
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Holder
 from irrsplat.gpu.target import Target
-from irrsplat.image.tonemap import MID_GREY
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
 

@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from irrsplat.core.buffers import CHANNELS, FILMIC
-
-MID_GREY = 0.18
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # Rec. 709
+from irrsplat.core.color import LUMINANCE, MID_GREY, srgb
 
 # Viridis (van der Walt & Smith 2015) as the polynomial of degree six fitted by Matt Zucker ("matplotlib colormaps", CC0, 2019).
 _VIRIDIS = np.array(
@@ -21,12 +19,6 @@ _VIRIDIS = np.array(
         [-5.435455855934631, 4.645852612178535, 26.3124352495832],
     ]
 )
-
-
-def srgb(linear: np.ndarray) -> np.ndarray:
-    """Linear 0..1 as sRGB-encoded 0..1 (IEC 61966-2-1), any shape, clipped."""
-    x = np.clip(linear, 0.0, 1.0)
-    return np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.maximum(x, 0.0031308) ** (1 / 2.4) - 0.055)
 
 
 def filmic(x: np.ndarray) -> np.ndarray:

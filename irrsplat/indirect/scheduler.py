@@ -12,7 +12,8 @@ from irrsplat.core.buffers import Atlas, GBuffer, HitLight, ShadowMaps, Sites, S
 from irrsplat.gather import autotune
 from irrsplat.gather.raster import GatherPass
 from irrsplat.gather.reduce import ReducePass
-from irrsplat.gather.trace import TracePass, Tree
+from irrsplat.gather.trace import TracePass
+from irrsplat.gpu.bvh_table import Tree
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.resource import Holder
 from irrsplat.gpu.target import pixels
@@ -20,7 +21,8 @@ from irrsplat.gpu.time_budget import Budget, Pace
 from irrsplat.gpu.timers import Timers
 from irrsplat.indirect import paper_scan
 from irrsplat.indirect.change_probe import MOST, SIDE, Probes, concerned
-from irrsplat.indirect.examine import ExaminePass, choose, spacing
+from irrsplat.indirect.examine import ExaminePass
+from irrsplat.indirect.site_selection import choose, spacing
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.records.adaptive_radius import Adaptation
 from irrsplat.records.culling import within

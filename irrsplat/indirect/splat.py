@@ -9,11 +9,10 @@ from irrsplat.core.buffers import NOTHING_SEEN, GBuffer, Records, SplatBuffer
 from irrsplat.gpu.program import Program, State
 from irrsplat.gpu.resource import Holder
 from irrsplat.gpu.target import Target
+from irrsplat.records.culling import TILE
 from irrsplat.records.weight import reach_uniforms
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings, weight_defines
-
-TILE = 16  # pixels
 
 
 class SplatPass(Holder):

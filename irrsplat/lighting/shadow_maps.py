@@ -30,7 +30,7 @@ class ShadowPass(Holder):
         self.target: Target | None = None
 
     def __call__(self, scene: Scene, geometry: Geometry, side: int) -> ShadowMaps:
-        """Every light's tiles, `side` texels square, and the table that lighting/lights.glsl reads; InputError for too many lights."""
+        """Every light's tiles, `side` texels square, and the table that lights.glsl reads; InputError for too many lights."""
         lights = light_table(scene, side)
         columns, lines = sheet(len(lights.tiles), side, int(self.ctx.info["GL_MAX_TEXTURE_SIZE"]))
         if self.target is not None:

@@ -16,9 +16,9 @@ from typing import Any
 
 import numpy as np
 
+from irrsplat.core import files
 from irrsplat.core.errors import InputError
 from irrsplat.gpu.resource import Holder
-from irrsplat.image import frame
 from irrsplat.indirect.scheduler import Placement
 from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Scene
@@ -43,7 +43,7 @@ def key(scene: Scene, settings: Settings) -> dict[str, Any]:
     }
 
 
-def save(path: frame.Pathlike, placement: Placement) -> None:
+def save(path: files.Pathlike, placement: Placement) -> None:
     """Write the records of `placement`, whole or not at all; raises IrrsplatError where that fails."""
     state = placement.cache.state()
     if placement.moved or (placement.resumed is None and placement.bounced < 1.0):
@@ -54,10 +54,10 @@ def save(path: frame.Pathlike, placement: Placement) -> None:
     payload = io.BytesIO()
     np.savez(payload, **arrays)
     data = payload.getvalue()
-    frame.write_bytes(path, _NAME + b"%d\n" % FORMAT + hashlib.sha256(data).digest() + data)
+    files.write_bytes(path, _NAME + b"%d\n" % FORMAT + hashlib.sha256(data).digest() + data)
 
 
-def load(path: frame.Pathlike, placement: Placement) -> None:
+def load(path: files.Pathlike, placement: Placement) -> None:
     """Take the records of a file in place of those that there are; raises what `check` raises, and then changes nothing."""
     about, state = check(path, placement.scene, placement.settings)
     try:
@@ -69,7 +69,7 @@ def load(path: frame.Pathlike, placement: Placement) -> None:
         raise InputError(f"a damaged record cache ({type(error).__name__}); {_ANEW}", path) from error
 
 
-def check(path: frame.Pathlike, scene: Scene, settings: Settings) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+def check(path: files.Pathlike, scene: Scene, settings: Settings) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """What a file has to say of its records, and their arrays.
 
     Raises InputError where it cannot be read, is no record cache, is damaged, or was made for another scene, other lights or with
@@ -89,7 +89,7 @@ def check(path: frame.Pathlike, scene: Scene, settings: Settings) -> tuple[dict[
     return about["about"], state
 
 
-def _read(path: frame.Pathlike) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+def _read(path: files.Pathlike) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     try:
         with open(path, "rb") as file:
             name, rest = file.readline(len(_NAME) + 20), file.read()
@@ -151,7 +151,7 @@ class Stored(Holder, ABC):
         Raises InputError where `path` cannot be written to, IrrsplatError where writing fails.
         """
         self._use()
-        frame.check_file(path)
+        files.check_file(path)
         save(path, self.placement)
 
     def load_cache(self, path: str | os.PathLike[str]) -> None:

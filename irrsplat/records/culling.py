@@ -6,11 +6,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from irrsplat.indirect.splat import TILE
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
 
+TILE = 16  # pixels: a side of the tiles for whose farthest surface a view is asked
 _SLACK = 1e-3, 1e-5  # of a sphere's radius, and of all distances: far more than rounding, here and on the GPU
 _BESIDE = 1.6  # pixels: more than samples lie beside the centres
 _MANY = 1000  # records in the pyramid: with fewer it does not pay to look for those that are hidden

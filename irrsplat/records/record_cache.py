@@ -10,13 +10,13 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import Records, Sites
+from irrsplat.core.color import LUMINANCE
+from irrsplat.core.vectors import unit
 from irrsplat.gpu import texel_table
 from irrsplat.gpu.resource import Holder
 from irrsplat.gpu.target import float_texture
-from irrsplat.image.tonemap import LUMINANCE
-from irrsplat.scene.io.mesh_builder import unit
+from irrsplat.records.motion import Ride, ride, untouched
 from irrsplat.scene.model import Scene
-from irrsplat.scene.motion import Ride, ride, untouched
 
 _DARK = 0.02  # of the records' mean luminance
 _COLUMNS = 1024

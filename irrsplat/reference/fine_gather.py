@@ -12,7 +12,8 @@ import numpy as np
 from irrsplat.core.buffers import Sites
 from irrsplat.gather.raster import GatherPass
 from irrsplat.gather.reduce import ReducePass
-from irrsplat.gather.trace import TracePass, Tree
+from irrsplat.gather.trace import TracePass
+from irrsplat.gpu.bvh_table import Tree
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.indirect.paper_scan import Seen
 from irrsplat.lighting.light_table import light_defines

@@ -14,7 +14,7 @@ import numpy as np
 from irrsplat.core.errors import InputError
 from irrsplat.scene.io.lines import Line, lines, number, quote
 from irrsplat.scene.io.scene_text import USAGE
-from irrsplat.scene.model import Array, Camera
+from irrsplat.scene.model import Camera
 
 SEGMENT = 30  # frames from key to key where a file does not say how many there are
 _CAM = f"{USAGE['cam']} (a name may follow 'cam')"
@@ -118,12 +118,12 @@ def _between(around: list[Camera], t: float) -> Camera:
     return Camera(_triple(eye), _triple(eye + distance * view), _triple(_up(around, w, t, view)), fov)
 
 
-def _weights(t: float) -> Array:
+def _weights(t: float) -> np.ndarray:
     """(4,): what the four keys count at t; 0 1 0 0 at t = 0 and 0 0 1 0 at t = 1, of sum 1."""
     return 0.5 * np.array([-t + 2 * t**2 - t**3, 2 - 5 * t**2 + 3 * t**3, t + 4 * t**2 - 3 * t**3, -(t**2) + t**3])
 
 
-def _view(around: list[Camera], w: Array, t: float) -> Array:
+def _view(around: list[Camera], w: np.ndarray, t: float) -> np.ndarray:
     """(3,) unit: the interpolated view direction.
 
     Where the view turns by more than 120°, the directions would nearly cancel out on the way: a swing to the side is added,
@@ -138,7 +138,7 @@ def _view(around: list[Camera], w: Array, t: float) -> Array:
     return view / np.linalg.norm(view)
 
 
-def _up(around: list[Camera], w: Array, t: float, view: Array) -> Array:
+def _up(around: list[Camera], w: np.ndarray, t: float, view: np.ndarray) -> np.ndarray:
     """(3,): the interpolated up vector; where that is parallel to `view`, or nearly, the nearer key's, turned along with it."""
     up = w @ np.array([np.divide(key.up, np.linalg.norm(key.up)) for key in around])
     if np.linalg.norm(np.cross(view, up)) > _LEVEL:
@@ -148,7 +148,7 @@ def _up(around: list[Camera], w: Array, t: float, view: Array) -> Array:
     return up - (up @ view) / (1.0 + ahead @ view) * (ahead + view)  # by the least turn that takes ahead to view
 
 
-def _triple(values: Sequence[float] | Array) -> tuple[float, float, float]:
+def _triple(values: Sequence[float] | np.ndarray) -> tuple[float, float, float]:
     x, y, z = (float(v) for v in values)
     return x, y, z
 

@@ -10,8 +10,6 @@ import numpy as np
 
 from irrsplat.core.errors import InputError
 
-Array = np.ndarray
-
 
 @dataclass(frozen=True)
 class Material:
@@ -30,11 +28,11 @@ class Mesh:
     closed: True only where the surface is watertight and wound outward (in world space).
     """
 
-    positions: Array
-    normals: Array
-    faces: Array
+    positions: np.ndarray
+    normals: np.ndarray
+    faces: np.ndarray
     material: Material = field(default_factory=Material)
-    colors: Array | None = None
+    colors: np.ndarray | None = None
     closed: bool = False
     name: str = ""
 
@@ -91,7 +89,7 @@ class Camera:
         return 2.0 * math.tan(math.radians(self.fov) / 2.0)
 
     @cached_property
-    def axes(self) -> Array:
+    def axes(self) -> np.ndarray:
         """(3, 3) rows: right, up and backward, unit, world space."""
         backward = np.subtract(self.eye, self.target)
         backward = backward / np.linalg.norm(backward)
@@ -100,14 +98,14 @@ class Camera:
         return np.stack([right, np.cross(backward, right), backward])
 
     @cached_property
-    def view_from_world(self) -> Array:
+    def view_from_world(self) -> np.ndarray:
         """(4, 4) float64: right-handed view space that looks down -z, as gluLookAt."""
         matrix = np.eye(4)
         matrix[:3, :3] = self.axes
         matrix[:3, 3] = -self.axes @ np.asarray(self.eye)
         return matrix
 
-    def clip_from_view(self, aspect: float, near: float, far: float) -> Array:
+    def clip_from_view(self, aspect: float, near: float, far: float) -> np.ndarray:
         """(4, 4) float64, as gluPerspective with this camera's vertical field of view."""
         f = 1.0 / np.tan(np.radians(self.fov) / 2.0)
         return np.array(
@@ -138,13 +136,13 @@ class Scene:
     files: tuple[str, ...] = ()
 
     @cached_property
-    def bounds(self) -> Array:
+    def bounds(self) -> np.ndarray:
         """(2, 3) float64: the least and greatest corner of the geometry; zeros where there is none."""
         corners = [c for m in self.meshes if len(m.positions) for c in (m.positions.min(0), m.positions.max(0))]
         return np.array([np.min(corners, 0), np.max(corners, 0)], float) if corners else np.zeros((2, 3))
 
     @property
-    def corners(self) -> Array:
+    def corners(self) -> np.ndarray:
         """(8, 3) float64: the corners of the bounding box."""
         return np.array(np.meshgrid(*self.bounds.T)).reshape(3, -1).T
 

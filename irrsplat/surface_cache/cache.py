@@ -16,7 +16,8 @@ from irrsplat.core.buffers import GBuffer, HitLight, ShadowMaps, Sites
 from irrsplat.gather.hemicube import frames
 from irrsplat.gather.record_frame import OFFSET
 from irrsplat.gather.reduce import ReducePass
-from irrsplat.gather.trace import TracePass, Tree
+from irrsplat.gather.trace import TracePass
+from irrsplat.gpu.bvh_table import Tree
 from irrsplat.gpu.resource import Holder
 from irrsplat.gpu.time_budget import Budget, Pace
 from irrsplat.gpu.timers import Timers
@@ -76,7 +77,7 @@ class SurfaceCache(Holder):
         return TracePass(self.ctx, SIDE, self.scene.diagonal, lights, _BATCH, surface=True, hits=True)
 
     def uniforms(self, leaves: bool = False, lookup: Lookup | None = None) -> dict[str, Any]:
-        """The uniforms of shaders/surface_cache/surface_cache.glsl and bvh.glsl; `leaves`: by the triangles' numbers in the tree."""
+        """The uniforms of surface_cache/surface_cache.glsl and lib/bvh.glsl; `leaves`: by the triangles' numbers in the tree."""
         return {**self.tree.rays, **(lookup or self.lookup).uniforms(leaves), "surface_offset": self.offset}
 
     @property

@@ -19,7 +19,7 @@ from irrsplat.reference.trace_view import direct_light, distance_to, valid_pixel
 from irrsplat.reference.truth import MOST_BOUNCES
 from irrsplat.scene import load
 from irrsplat.scene.model import Scene
-from tests.truth import FOLDER, SIZE, camera_numbers, scene_hash
+from tests.support.truth import FOLDER, SIZE, camera_numbers, scene_hash
 
 SCENES = ("cornell", "cornell-paper", "furnace", "door", "curved", "atrium")
 POINTS = 3000  # pixels kept per scene

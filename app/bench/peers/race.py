@@ -16,6 +16,7 @@ from irrsplat.app.bench.cases import TURN, turned
 from irrsplat.app.bench.peers import contestants, radiance
 from irrsplat.app.bench.peers.contestants import CPUS, Entry
 from irrsplat.app.common.terminal import columns, doing, say
+from irrsplat.core import files
 from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.image import frame
 from irrsplat.reference.truth import in_words
@@ -70,7 +71,7 @@ def run(scenes: Sequence[Scene], args: Namespace, bounces: int | str) -> dict[st
             for entry in entries:
                 written["peers"] += [same | asdict(point) for point in entry.points] or [same | {"failed": entry.about}]
             if args.output is not None:
-                frame.write_picture(args.output, plot(title, entries))
+                files.write_picture(args.output, plot(title, entries))
     return written
 
 

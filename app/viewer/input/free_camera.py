@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from irrsplat.core.errors import InputError
-from irrsplat.scene.model import Array, Camera
+from irrsplat.scene.model import Camera
 
 PITCH = math.radians(89.0)  # up and down as far as a look goes
 STALL = 0.25  # seconds: the longest time step that counts, so that a stall flings nobody through a wall
@@ -97,7 +97,7 @@ class Flight:
         right, above = camera.axes[:2] @ self._world[1]
         self._level = bool(abs(right) < POLE and above > 0.0 and abs(self._pitch) <= PITCH)
 
-    def _turn(self, right: float, down: float, about: Array | None = None) -> None:
+    def _turn(self, right: float, down: float, about: np.ndarray | None = None) -> None:
         """Add radians to yaw and pitch, about the eye or the point `about`."""
         yaw, pitch = self._yaw, self._pitch
         if not math.isfinite(right + down) or (right == 0.0 and down == 0.0):
@@ -113,7 +113,7 @@ class Flight:
         if self._stand(eye, axes, about):
             self._yaw, self._pitch, self._level = yaw, pitch, True
 
-    def _stand(self, eye: Array, axes: Array | None = None, about: Array | None = None) -> bool:
+    def _stand(self, eye: np.ndarray, axes: np.ndarray | None = None, about: np.ndarray | None = None) -> bool:
         """Put the camera at `eye` with `axes` (None: as they are), its target as far as `about`; whether it may stand there."""
         if not np.isfinite(eye).all() or (axes is None and (eye == self._eye).all()):
             return False
@@ -135,11 +135,11 @@ class Flight:
         return min(max(reach, NEAR * self._diagonal), FAR * self._diagonal)
 
 
-def _point(values: Array) -> tuple[float, float, float]:
+def _point(values: np.ndarray) -> tuple[float, float, float]:
     return float(values[0]), float(values[1]), float(values[2])
 
 
-def _upward(camera: Camera) -> Array:
+def _upward(camera: Camera) -> np.ndarray:
     """(3,) the axis nearest to the camera's up, those preferred about which it has no roll: right ⟂ the world's up.
 
     A steep view whose up was made perpendicular to it leans nearer to a horizontal axis; its right tells them apart.
@@ -149,7 +149,7 @@ def _upward(camera: Camera) -> Array:
     return axes[int(np.argmax(axes @ up - np.abs(axes @ camera.axes[0])))]
 
 
-def _basis(up: Array) -> Array:
+def _basis(up: np.ndarray) -> np.ndarray:
     """(3, 3) rows: east, up and south, unit and right-handed, for a world whose up is `up` (any length)."""
     length = float(np.linalg.norm(up))
     if not 0.0 < length < math.inf:
@@ -161,7 +161,7 @@ def _basis(up: Array) -> Array:
     return np.stack([east, up, np.cross(east, up)])
 
 
-def _axes(yaw: float, pitch: float, world: Array) -> Array:
+def _axes(yaw: float, pitch: float, world: np.ndarray) -> np.ndarray:
     """(3, 3) rows: right, up and backward of the level view; yaw turns right from north, pitch up from level, radians."""
     (sin_y, cos_y), (sin_p, cos_p) = ((math.sin(a), math.cos(a)) for a in (yaw, pitch))
     right = np.array([cos_y, 0.0, sin_y])
@@ -169,7 +169,7 @@ def _axes(yaw: float, pitch: float, world: Array) -> Array:
     return np.stack([right, np.cross(backward, right), backward]) @ world
 
 
-def _angles(axes: Array, world: Array) -> tuple[float, float]:
+def _angles(axes: np.ndarray, world: np.ndarray) -> tuple[float, float]:
     """Yaw and pitch in radians of a view by its axes, as `_axes` takes them; straight up or down, its right says the heading."""
     east, up, south = world @ -axes[2]
     level = math.hypot(east, south)

@@ -11,12 +11,12 @@ import numpy as np
 from irrsplat.app.viewer.show.buffer_view import Overlay
 from irrsplat.app.viewer.show.screen import Texels
 from irrsplat.core.buffers import HitLight, Records, ShadowMaps, Sites
+from irrsplat.core.color import LUMINANCE
 from irrsplat.gather import autotune
-from irrsplat.gather.trace import Tree
+from irrsplat.gpu.bvh_table import Tree
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.resource import Holder
 from irrsplat.gpu.target import Target
-from irrsplat.image.tonemap import LUMINANCE
 from irrsplat.image.view import View
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.records.weight import splat_radius

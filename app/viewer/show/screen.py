@@ -8,10 +8,11 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import GBuffer
+from irrsplat.core.color import srgb
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Holder
 from irrsplat.gpu.target import Target
-from irrsplat.image.tonemap import srgb, viridis
+from irrsplat.image.tonemap import viridis
 from irrsplat.scene.model import Camera
 
 Region = tuple[int, int, int, int]  # x, y, width, height in pixels, from the lower left corner
@@ -74,7 +75,8 @@ def clear(target: Target, colour: tuple[float, float, float], region: Region | N
 
 
 def view_uniforms(target: Target, gbuffer: GBuffer, camera: Camera) -> dict[str, Any]:
-    """What shaders/viewer/buffers/hidden.glsl and all that draws in the view take; the matrix clips nothing with depth clamp on."""
+    """The uniforms of shaders/viewer/buffers/hidden.glsl and of all that draws in the view; the matrix clips nothing with
+    depth clamp on."""
     width, height = gbuffer.position.size
     return {
         "position": gbuffer.position,

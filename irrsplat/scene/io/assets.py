@@ -27,20 +27,20 @@ from irrsplat.scene.io.lines import read_bytes
 from irrsplat.scene.io.mesh_builder import build_mesh
 from irrsplat.scene.io.mtl import load_mtl
 from irrsplat.scene.io.obj import load_obj
-from irrsplat.scene.model import Array, Material, Scene
+from irrsplat.scene.model import Material, Scene
 
 
 @dataclass(frozen=True)
 class Part:
     """Triangles of one material before their transform: what `build_mesh` takes, by its names."""
 
-    positions: Array
-    corners: Array
-    normals: Array | None = None
-    corner_normals: Array | None = None
-    matrix: Array | None = None
+    positions: np.ndarray
+    corners: np.ndarray
+    normals: np.ndarray | None = None
+    corner_normals: np.ndarray | None = None
+    matrix: np.ndarray | None = None
     material: Material = Material()
-    colors: Array | None = None
+    colors: np.ndarray | None = None
     name: str = ""
     files: tuple[Path, ...] = ()  # that it was read from, apart from the main one
 
@@ -176,7 +176,7 @@ def _check_length(path: Path, name: str, element: dict[str, Any]) -> None:
         raise InputError(f"the file is truncated: its header announces {element['length']} of '{name}'", path)
 
 
-def _unit_colors(values: Array, kind: np.dtype[Any]) -> Array:
+def _unit_colors(values: np.ndarray, kind: np.dtype[Any]) -> np.ndarray:
     """(V, 3) linear reflectance for sRGB colours, either integers of some width or floats in 0..1."""
     scale = float(np.iinfo(kind).max) if kind.kind in "ui" else 1.0
     return linear_from_srgb(np.clip(np.nan_to_num(values.astype(float) / scale), 0.0, 1.0))

@@ -14,7 +14,6 @@ import numpy as np
 from irrsplat.core.color import mean_color
 from irrsplat.core.errors import InputError
 from irrsplat.scene.io.lines import read_bytes
-from irrsplat.scene.model import Array
 
 _UNREAD = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression", "KHR_mesh_quantization")
 _JSON = 0x4E4F534A
@@ -89,7 +88,7 @@ def _glb(path: Path, data: bytes) -> Document:
     return Document(json.loads(data[20 : 20 + size]), data[20 + size : length])
 
 
-def colors(material: dict[str, Any] | None, loaded: Any) -> tuple[Array, _Vector]:
+def colors(material: dict[str, Any] | None, loaded: Any) -> tuple[np.ndarray, _Vector]:
     """(3,) linear albedo, not clipped, and emitted radiance of a glTF material; no material at all: 0.5 and none.
 
     loaded: trimesh's PBRMaterial for it, which holds the textures.

@@ -5,19 +5,20 @@ from __future__ import annotations
 import numpy as np
 
 from irrsplat.core.errors import InputError
-from irrsplat.scene.model import Array, Material, Mesh
+from irrsplat.core.vectors import times, unit
+from irrsplat.scene.model import Material, Mesh
 
 _FLAT = 1e-12  # twice the area over the longest edge squared; less is rounding, no triangle
 
 
 def build_mesh(
-    positions: Array,
-    corners: Array,
-    normals: Array,
-    corner_normals: Array,
-    matrix: Array,
+    positions: np.ndarray,
+    corners: np.ndarray,
+    normals: np.ndarray,
+    corner_normals: np.ndarray,
+    matrix: np.ndarray,
     material: Material,
-    colors: Array | None = None,
+    colors: np.ndarray | None = None,
     name: str = "",
 ) -> tuple[Mesh, int]:
     """A world-space Mesh, and how many degenerate triangles were dropped on the way.
@@ -44,7 +45,7 @@ def build_mesh(
     corners, corner_normals, cross = corners[good], corner_normals[good], cross[good]
 
     nonzero = np.append(normals.any(axis=1), False)  # the last one is what an index of -1 finds
-    given: Array = nonzero[corner_normals].all(axis=1)
+    given: np.ndarray = nonzero[corner_normals].all(axis=1)
     smooth, flat = np.flatnonzero(given), np.flatnonzero(~given)
     pair, inverse = np.unique(corners[smooth] * (len(normals) + 1) + corner_normals[smooth], return_inverse=True)
     source, source_normal = pair // (len(normals) + 1), pair % (len(normals) + 1)
@@ -66,20 +67,7 @@ def build_mesh(
     return mesh, int((~good).sum())
 
 
-def times(vectors: Array, matrix: Array) -> Array:
-    """Each row of vectors (N, 3) turned by matrix (3, 3), to the same bits wherever the row stands (a BLAS promises less)."""
-    return vectors[:, :1] * matrix[:, 0] + vectors[:, 1:2] * matrix[:, 1] + vectors[:, 2:] * matrix[:, 2]
-
-
-def unit(vectors: Array) -> Array:
-    """Each row scaled to length 1; rows of zeros stay zeros."""
-    largest = np.abs(vectors).max(axis=1, keepdims=True, initial=0.0)
-    scaled = vectors / np.where(largest > 0.0, largest, 1.0)  # so that the squares of tiny ones don't vanish
-    length = np.linalg.norm(scaled, axis=1, keepdims=True)
-    return scaled / np.where(length > 0.0, length, 1.0)
-
-
-def is_closed(positions: Array, faces: Array) -> bool:
+def is_closed(positions: np.ndarray, faces: np.ndarray) -> bool:
     """Whether the triangles (F, 3) over positions (V, 3) bound solids and are wound outward, counter-clockwise seen from outside.
 
     Vertices at exactly the same place count as one. True where each edge belongs to exactly two triangles that run through it
@@ -104,7 +92,7 @@ def is_closed(positions: Array, faces: Array) -> bool:
     return bool((volume[np.unique(part)] > 0.0).all())
 
 
-def _parts(edges: Array, count: int) -> Array:
+def _parts(edges: np.ndarray, count: int) -> np.ndarray:
     """(count,) the least vertex that each vertex is connected with, by hooking and pointer jumping (Shiloach & Vishkin 1982)."""
     label = np.arange(count)
     while True:

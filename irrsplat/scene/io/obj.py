@@ -11,7 +11,6 @@ import numpy as np
 
 from irrsplat.core.errors import InputError
 from irrsplat.scene.io.lines import number, quote, text_bytes
-from irrsplat.scene.model import Array
 
 _SPACE = np.isin(np.arange(256), list(b" \t\n\v\f"))
 _KINDS = (b"v", b"vn", b"f", b"usemtl", b"mtllib")
@@ -29,11 +28,11 @@ class Shape:
     libraries: the mtllib files, as written.
     """
 
-    positions: Array
-    normals: Array
-    corners: Array
-    corner_normals: Array
-    materials: Array
+    positions: np.ndarray
+    normals: np.ndarray
+    corners: np.ndarray
+    corner_normals: np.ndarray
+    materials: np.ndarray
     names: tuple[str, ...] = ("",)
     libraries: tuple[str, ...] = ()
 
@@ -44,13 +43,13 @@ class _Lines:
 
     path: Path
     data: bytes
-    start: Array
-    end: Array
-    words: Array
-    kind: Array
-    form: Array
+    start: np.ndarray
+    end: np.ndarray
+    words: np.ndarray
+    kind: np.ndarray
+    form: np.ndarray
 
-    def text(self, which: Array) -> bytes:
+    def text(self, which: np.ndarray) -> bytes:
         """The lines that `which` (a mask) picks, one after another."""
         if not which.any():
             return b""
@@ -136,7 +135,7 @@ def _refuse_other_text(lines: _Lines) -> None:
         raise InputError("no line of this file is OBJ; expected 'v', 'vn' and 'f' lines", lines.path)
 
 
-def _vectors(lines: _Lines, kind: int, counts: tuple[int, ...], usage: str) -> Array:
+def _vectors(lines: _Lines, kind: int, counts: tuple[int, ...], usage: str) -> np.ndarray:
     """(N, 3) float64: the first three numbers of each line of one kind, in file order."""
     which = lines.kind == kind
     out = np.empty((int(which.sum()), 3))
@@ -160,7 +159,7 @@ def _vectors(lines: _Lines, kind: int, counts: tuple[int, ...], usage: str) -> A
     return out
 
 
-def _explain_vector(lines: _Lines, which: Array, counts: tuple[int, ...], usage: str) -> NoReturn:
+def _explain_vector(lines: _Lines, which: np.ndarray, counts: tuple[int, ...], usage: str) -> NoReturn:
     for line in np.flatnonzero(which):
         args = lines.args(line)
         if len(args) not in counts:
@@ -173,7 +172,7 @@ def _explain_vector(lines: _Lines, which: Array, counts: tuple[int, ...], usage:
     raise InputError(f"a malformed line; expected: {usage}", lines.path)
 
 
-def _faces(lines: _Lines, vertices: int, normals: int) -> tuple[Array, Array, Array]:
+def _faces(lines: _Lines, vertices: int, normals: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(F, 3) corners, (F, 3) normals of the corners (-1: none) and (F,) the line each triangle stands in."""
     which = lines.kind == _FACE
     bad = which & ((lines.words < 4) | ~np.isin(lines.form, list(_FORMS)))
@@ -208,7 +207,7 @@ def _faces(lines: _Lines, vertices: int, normals: int) -> tuple[Array, Array, Ar
     return np.concatenate(corners)[order], np.concatenate(corner_normals)[order], line[order]
 
 
-def _resolve(lines: _Lines, at: Array, index: Array, count: int, above: Array, what: str, word: str) -> Array:
+def _resolve(lines: _Lines, at: np.ndarray, index: np.ndarray, count: int, above: np.ndarray, what: str, word: str) -> np.ndarray:
     """Indices from 0 for OBJ's, which count from 1, or back from the last one above the face where negative."""
     resolved = np.where(index < 0, above[at][:, None] + index, index - 1)
     bad = (index == 0) | (resolved < 0) | (resolved >= count)
@@ -221,7 +220,7 @@ def _resolve(lines: _Lines, at: Array, index: Array, count: int, above: Array, w
     return resolved
 
 
-def _explain_first_face(lines: _Lines, group: Array) -> NoReturn:
+def _explain_first_face(lines: _Lines, group: np.ndarray) -> NoReturn:
     for line in np.flatnonzero(group):
         if not all(_CORNER.fullmatch(word) for word in lines.args(line)):
             _explain_face(lines, int(line))

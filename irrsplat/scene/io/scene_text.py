@@ -14,7 +14,7 @@ from irrsplat.scene.io.light_text import load_light
 from irrsplat.scene.io.lines import Line, lines, number, quote
 from irrsplat.scene.io.mesh_builder import build_mesh
 from irrsplat.scene.io.obj import Shape, load_obj
-from irrsplat.scene.model import Array, Camera, Light, Material, Mesh, Scene
+from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
 
 USAGE = {
     "cam": "cam EX EY EZ TX TY TZ UX UY UZ",
@@ -51,8 +51,8 @@ def load_text(path: Path) -> Scene:
 class _Reader:
     """What has been read so far: OpenGL's state, and the scene that grows from it. One method per command."""
 
-    matrix: Array = field(default_factory=lambda: np.eye(4))  # world_from_object
-    stack: list[tuple[Line, Array]] = field(default_factory=list)
+    matrix: np.ndarray = field(default_factory=lambda: np.eye(4))  # world_from_object
+    stack: list[tuple[Line, np.ndarray]] = field(default_factory=list)
     material: Material = field(default_factory=Material)
     once: dict[str, Line] = field(default_factory=dict)
     fov: float = 45.0  # degrees
@@ -178,7 +178,7 @@ def _is_number(word: str) -> bool:
     return True
 
 
-def _rotation(angle: float, axis: Array) -> Array:
+def _rotation(angle: float, axis: np.ndarray) -> np.ndarray:
     """(4, 4): a turn by `angle` degrees about `axis` (of any length), as glRotate; Rodrigues' formula."""
     x, y, z = axis / np.abs(axis).max() / np.linalg.norm(axis / np.abs(axis).max())
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])

@@ -1,0 +1,127 @@
+"""Files written whole or not at all: beside their place first, then renamed."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import shutil
+import stat
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import numpy as np
+
+from irrsplat.core.errors import InputError, IrrsplatError
+
+Pathlike = str | os.PathLike[str]
+
+
+def check_file(path: Pathlike) -> None:
+    """Raises InputError where `path` cannot be written as a file; leaves nothing behind."""
+    text = os.fspath(path)
+    if os.path.isdir(text) or text.endswith(("/", os.sep)):
+        raise InputError("cannot write: it is a folder, not a file", text)
+    target = Path(os.path.realpath(text))
+    try:
+        mode = target.stat().st_mode
+    except FileNotFoundError:
+        mode = stat.S_IFREG
+    except OSError as error:  # a name too long, a file where a folder should be, …
+        raise InputError(f"cannot write: {error.strerror or error}", text) from error
+    if not stat.S_ISREG(mode):
+        raise InputError("cannot write: it is not a regular file", text)
+    if target.is_file() and not os.access(target, os.W_OK):
+        raise InputError("cannot write: permission denied", text)
+    _try_inside(target.parent, text)
+
+
+def write_text(path: Pathlike, text: str) -> None:
+    """Write `text` (UTF-8) to `path`, whole or not at all; raises IrrsplatError where that fails."""
+    _write_file(path, lambda part: part.write_text(text, encoding="utf-8"))
+
+
+def write_bytes(path: Pathlike, data: bytes) -> None:
+    """Write `data` to `path`, whole or not at all; raises IrrsplatError where that fails."""
+    _write_file(path, lambda part: part.write_bytes(data))
+
+
+def write_picture(path: Pathlike, display: np.ndarray) -> None:
+    """Write (H, W, 3) display values 0..1 as a PNG, whole or not at all; raises IrrsplatError where that fails."""
+    _write_file(path, lambda part: _png(part, display))
+
+
+def _png(path: Path, display: np.ndarray) -> None:
+    from PIL import Image
+
+    Image.fromarray(np.round(np.clip(display, 0.0, 1.0) * 255.0).astype(np.uint8)).save(path, "PNG")
+
+
+def _part(folder: Path, ending: str = "") -> Path:
+    """A name in `folder` that nobody has yet."""
+    return folder / f".irrsplat-{secrets.token_hex(6)}.part{ending}"
+
+
+@contextmanager
+def _speaking_of(path: Pathlike) -> Iterator[None]:
+    """What the system, numpy or OpenEXR say of a failed write, as one IrrsplatError that names `path`."""
+    try:
+        yield
+    except (OSError, RuntimeError, ValueError) as error:
+        reason = (error.strerror if isinstance(error, OSError) else "") or str(error) or type(error).__name__
+        raise IrrsplatError(f"{os.fspath(path)}: cannot write: {reason}") from error
+
+
+def _write_file(path: Pathlike, write: Callable[[Path], object]) -> None:
+    """Let `write` fill a file beside `path`, then rename it, so that `path` is at no time half written."""
+    target = Path(os.path.realpath(path))  # what a link points to is replaced, not the link
+    part = _part(target.parent, target.suffix)
+    try:
+        with _speaking_of(path):
+            write(part)
+            os.replace(part, target)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _write_folder(folder: Path, pictures: Iterator[tuple[str, np.ndarray]]) -> None:
+    """Write all pictures into a new folder, then rename it, or the files in it where `folder` exists already."""
+    exists = folder.is_dir()
+    part = _part(folder if exists else folder.parent)
+    try:
+        with _speaking_of(folder):
+            part.mkdir()
+            names = []
+            for name, display in pictures:
+                _png(part / name, display)
+                names.append(name)
+            if not exists:
+                os.replace(part, folder)
+                return
+            for name in names:
+                os.replace(part / name, folder / name)
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+
+
+def _try_folder(text: str) -> None:
+    folder = Path(os.path.realpath(text))
+    if not text:
+        raise InputError("an output path is empty")
+    if os.path.lexists(folder) and not folder.is_dir():
+        raise InputError("cannot write: it exists and is not a folder; give an ending or another name", text)
+    _try_inside(folder if folder.is_dir() else folder.parent, text)
+
+
+def _try_inside(folder: Path, text: str) -> None:
+    """Raises InputError, speaking of `text`, where no file can be made in `folder`."""
+    if not folder.is_dir():
+        raise InputError(f"cannot write: the folder '{folder}' does not exist; make it first", text)
+    part = _part(folder)
+    try:
+        part.touch(exist_ok=False)
+    except OSError as error:
+        raise InputError(f"cannot write: {error.strerror or error}", text) from error
+    finally:
+        with suppress(OSError):
+            part.unlink()

@@ -1,0 +1,317 @@
+"""Every buffer on the screen, against what display.py makes of the same numbers, and the numbers under the cursor."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+import pytest
+
+import irrsplat
+from irrsplat.app.viewer.show.buffer_view import Overlay
+from irrsplat.app.viewer.show.legend import SHOWINGS, TRUTHS, depth_range, legend, shadow_range, weight_range
+from irrsplat.app.viewer.show.screen import Screen, clear
+from irrsplat.core.buffers import CHANNELS, Atlas
+from irrsplat.gpu import context
+from irrsplat.gpu.target import Target, pixels, table_texture
+from irrsplat.image.frame import Frame
+from irrsplat.image.tonemap import exposure_of, show, tonemap, viridis
+from irrsplat.image.view import View, read
+from irrsplat.renderer import Renderer
+from irrsplat.scene.model import Light, Scene
+from tests.support import worlds
+
+SIZE = (97, 61)
+UNTOUCHED = (0.25, 0.5, 0.75)
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A view after one round, some of whose pixels still ask for records, and the same as arrays."""
+
+    renderer: Renderer
+    view: View
+    frame: Frame
+    exposure: float
+    overlay: Overlay
+
+    def draw(self, target: Target, name: str, **rest: object) -> np.ndarray:
+        """The picture (H, W, 3), top row first."""
+        r = self.renderer
+        lent = {"settings": r.settings, "scene": r.scene, "exposure": self.exposure}
+        self.overlay.draw(target, name, self.view, **(lent | {"shadows": r.shadows, "atlas": r.placement.atlas} | rest))  # type: ignore[arg-type]
+        return target.read()[..., :3]
+
+
+def shown(scene: Scene, rounds: int = 2) -> Shown:
+    renderer = Renderer(scene, SIZE, ctx=context.shared(), bounces=1, gather_size=16, shadow_size=128)
+    for _ in range(rounds):
+        view, _ = renderer.frame()
+    frame = read(view, scene.sky, renderer.cache.read(), {})
+    return Shown(renderer, view, frame, exposure_of(frame.image), Overlay(renderer.ctx))
+
+
+@pytest.fixture(scope="module")
+def cornell() -> Iterator[Shown]:
+    with context.shared():
+        made = shown(irrsplat.load("cornell"))
+    weight, seen = made.frame.weight, np.isfinite(made.frame.depth)
+    asking = (weight < made.renderer.settings.threshold) & seen
+    assert 0.02 < asking.mean() < 0.9 and 0.02 < (~seen).mean() < 0.5, "pixels of every kind"
+    yield made
+    with context.shared():
+        made.renderer.release()
+
+
+@pytest.fixture
+def target(ctx: moderngl.Context) -> Iterator[Target]:
+    """A float target, so that nothing is rounded; no picture has its colour."""
+    target = Target(ctx, SIZE, (4,))
+    clear(target, UNTOUCHED)
+    yield target
+    target.release()
+
+
+def test_the_table_is_the_channels_and_six_more() -> None:
+    assert set(SHOWINGS) == {*CHANNELS, "asking", "shadow", "atlas", "surface", *TRUTHS}
+    first = ["image", "direct", "indirect", "irradiance", "weight", "position", "normal", "albedo", "depth"]
+    assert list(SHOWINGS)[:9] == first, "the keys 1 to 9"
+    assert all(s.title and s.help for s in SHOWINGS.values())
+
+
+@pytest.mark.parametrize("name", ["image", "direct", "indirect", "irradiance", "emission", "normal", "albedo"])
+def test_buffers_are_shown_as_in_files(cornell: Shown, target: Target, name: str) -> None:
+    picture = cornell.draw(target, name)
+    expected = show(name, getattr(cornell.frame, name), cornell.exposure, np.isfinite(cornell.frame.depth))
+    if name != "emission":  # this box emits nothing
+        assert expected.std() > 0.1, "there is something to see"
+    assert np.abs(picture - expected).max() < 1.0 / 255.0
+
+
+def test_the_sky_is_in_the_image_and_in_the_emission_alone(ctx: moderngl.Context, target: Target) -> None:
+    made = shown(worlds.scene(worlds.floor(0.5), lights=(worlds.lamp((0, 2, 0)),), sky=(0.2, 0.5, 0.8)))
+    unseen = ~np.isfinite(made.frame.depth)
+    assert 0.2 < unseen.mean() < 0.95
+    for name in SHOWINGS:
+        if SHOWINGS[name].how in ("shadow", "atlas", "asking", "surface", *TRUTHS):
+            continue
+        expected = tonemap(np.array([0.2, 0.5, 0.8]), made.exposure) if name in ("image", "emission") else 0.0
+        assert np.abs(made.draw(target, name)[unseen] - expected).max() < 1.0 / 255.0, name
+    made.renderer.release()
+
+
+def test_positions_run_through_the_scene_s_bounds(cornell: Shown, target: Target) -> None:
+    low, high = cornell.renderer.scene.bounds
+    seen = np.isfinite(cornell.frame.depth)
+    expected = (cornell.frame.position[seen] - low) / (high - low)
+    assert np.abs(cornell.draw(target, "position")[seen] - expected).max() < 1e-3
+
+
+def test_depth_runs_through_what_the_camera_can_see(cornell: Shown, target: Target) -> None:
+    """The legend's ends are the nearest and farthest corner of the bounds, along the axis from eye to target."""
+    camera, depth = cornell.view.camera, cornell.frame.depth
+    axis = np.subtract(camera.target, camera.eye) / np.linalg.norm(np.subtract(camera.target, camera.eye))
+    along = (cornell.renderer.scene.corners - camera.eye) @ axis
+    assert depth_range(cornell.renderer.scene, camera) == pytest.approx((along.min(), along.max()))
+    seen = np.isfinite(depth)
+    expected = viridis((depth[seen] - along.min()) / (along.max() - along.min()))
+    assert np.abs(cornell.draw(target, "depth")[seen] - expected).max() < 1.0 / 255.0
+
+
+def test_the_contour_runs_between_pixels_on_different_sides(cornell: Shown, target: Target) -> None:
+    """White where a pixel has enough and one of its four neighbours has not, black on that other side, the scale elsewhere."""
+    weight, threshold = cornell.frame.weight, cornell.renderer.settings.threshold
+    seen = np.isfinite(cornell.frame.depth)
+    below = weight < threshold
+    line = np.zeros(weight.shape, bool)
+    for axis in (0, 1):
+        one, other = slice(None, -1), slice(1, None)
+        a, b = ((..., one), (..., other)) if axis else ((one,), (other,))
+        pad = [(0, 0), (0, 0)]
+        pad[axis] = (0, 1)
+        differ = (below[a] != below[b]) & seen[a] & seen[b]
+        line |= np.pad(differ, pad) | np.pad(differ, [p[::-1] for p in pad])
+    assert line.sum() > 50
+    picture = cornell.draw(target, "weight")
+    assert (picture[line] == np.where(below[line], 0.0, 1.0)[:, None]).all()
+    low, high = weight_range(cornell.renderer.settings)
+    scale = viridis(np.log(np.maximum(weight, low) / low) / np.log(high / low))
+    rest = seen & ~line
+    assert np.abs(picture[rest] - scale[rest]).max() < 1.0 / 255.0
+    assert not ((picture == 1.0).all(-1) | (picture == 0.0).all(-1))[rest].any(), "no line anywhere else"
+
+
+def test_a_silhouette_is_no_contour(ctx: moderngl.Context, target: Target) -> None:
+    """Before anything is splatted every pixel of the surface is below the threshold, and there is no other side to it."""
+    with Renderer(worlds.scene(worlds.floor(1.0)), SIZE, ctx=ctx, bounces=0) as renderer:
+        view, _ = renderer.frame()
+        overlay = Overlay(ctx)
+        overlay.draw(target, "weight", view, settings=renderer.settings, scene=renderer.scene, exposure=0.0)
+        overlay.release()
+        seen = read(view, (0, 0, 0), renderer.cache.read(), {}).depth < np.inf
+    expected = np.where(seen[..., None], viridis(np.zeros(seen.shape)), 0.0)
+    assert 0.1 < seen.mean() < 0.9 and np.abs(target.read()[..., :3] - expected).max() < 1.0 / 255.0
+
+
+def test_asking_marks_exactly_the_pixels_that_ask(cornell: Shown, target: Target) -> None:
+    """The rest is grey: only what asks has a colour, of too little weight or of records that contradict each other."""
+    settings = cornell.renderer.settings
+    weight, squares = np.moveaxis(pixels(cornell.view.splats.weight)[..., :2].astype(float), -1, 0)
+    sums = pixels(cornell.view.splats.sums).astype(float)
+    k = np.maximum(sums[..., 3], 1e-20)
+    mean = sums[..., :3] @ (0.2126, 0.7152, 0.0722) / k
+    contradict = np.sqrt(np.maximum(squares / k - mean**2, 0.0)) > settings.spread * np.maximum(mean, cornell.view.splats.dark)
+    few = weight < settings.threshold
+    asks = (few | (contradict & (weight < 3.0 * settings.threshold))) & np.isfinite(cornell.frame.depth)
+    assert (asks & ~few).any() and (asks & few).any()
+    picture = cornell.draw(target, "asking")
+    coloured = np.ptp(picture, axis=-1) > 0.1
+    assert np.array_equal(coloured, asks)
+    assert picture[~asks].max() < 0.5, "the picture behind is dim"
+
+
+@pytest.mark.parametrize("name", [n for n in SHOWINGS if n not in ("shadow", "atlas", "surface", *TRUTHS)])
+def test_values_are_those_of_the_pixel_under_the_cursor(cornell: Shown, ctx: moderngl.Context, name: str) -> None:
+    """(0, 0) is the upper left pixel; nothing is a number where nothing is seen, but the depth, the image and the outside."""
+    overlay, frame = cornell.overlay, cornell.frame
+    array = frame.weight if name == "asking" else getattr(frame, name)
+    seen = np.isfinite(frame.depth)
+    rng = np.random.default_rng(3)
+    for y, x in [*rng.permutation(np.argwhere(seen))[:12], *rng.permutation(np.argwhere(~seen))[:3]]:
+        value = overlay.value(name, cornell.view, int(x), int(y))
+        if not seen[y, x] and name not in ("image", "depth"):
+            assert value is None
+        else:
+            assert value is not None and value.shape == np.atleast_1d(array[y, x]).shape
+            assert np.allclose(value, array[y, x], rtol=1e-6)
+    assert overlay.value(name, cornell.view, SIZE[0], 0) is None and overlay.value(name, cornell.view, 0, -1) is None
+
+
+@pytest.mark.parametrize("name", SHOWINGS)
+def test_a_region_bounds_what_is_drawn(cornell: Shown, target: Target, name: str) -> None:
+    """And inside of it lies what lies there without it."""
+    x, y, width, height = region = (31, 7, 40, 33)
+    part = cornell.draw(target, name, region=region).copy()
+    whole = cornell.draw(target, name)
+    inside = np.zeros((SIZE[1], SIZE[0]), bool)
+    inside[SIZE[1] - y - height : SIZE[1] - y, x : x + width] = True
+    assert (part[~inside] == np.array(UNTOUCHED, "f4")).all()
+    assert np.array_equal(part[inside], whole[inside])
+    assert not (whole == np.array(UNTOUCHED, "f4")).all(-1).any(), "without a region all of it is drawn"
+
+
+def test_a_window_s_framebuffer_is_a_target(cornell: Shown, ctx: moderngl.Context, target: Target) -> None:
+    texture = ctx.texture(SIZE, 4)
+    framebuffer = ctx.framebuffer([texture])
+    screen = Screen(framebuffer)
+    assert screen.size == SIZE
+    clear(screen, (0.0, 0.0, 0.0))
+    renderer = cornell.renderer
+    cornell.overlay.draw(screen, "normal", cornell.view, settings=renderer.settings, scene=renderer.scene, exposure=0.0)
+    found = np.frombuffer(texture.read(), "u1").reshape(SIZE[1], SIZE[0], 4)[::-1, :, :3] / 255.0
+    assert np.abs(found - cornell.draw(target, "normal")).max() <= 0.51 / 255.0
+    screen.release()
+    assert framebuffer.read(viewport=(0, 0, 1, 1)), "it is not the screen's to free"
+    ctx.detect_framebuffer(0).use()
+    framebuffer.release()
+
+
+def test_a_larger_target_shows_each_pixel_larger(cornell: Shown, ctx: moderngl.Context, target: Target) -> None:
+    large = Target(ctx, (2 * SIZE[0], 2 * SIZE[1]), (4,))
+    for name in ("image", "weight"):
+        twice = cornell.draw(large, name)
+        assert np.array_equal(twice, cornell.draw(target, name).repeat(2, 0).repeat(2, 1))
+    large.release()
+
+
+# ---- shadow maps and the atlas ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["spot", "sun"])
+def test_a_shadow_map_shows_distances_from_the_light(ctx: moderngl.Context, target: Target, kind: str) -> None:
+    """Straight above a floor: its tile sees the floor at one distance, a box's top of height 1 nearer by 1.
+
+    A spot at height 3 stores near/z, the sun z in a depth of 1.001 diagonals about the middle of the bounds.
+    """
+    bodies = worlds.floor(2.0), worlds.box((-0.3, 0.0, -0.3), (0.3, 1.0, 0.3))
+    spot = worlds.lamp((0, 3, 0), spot_target=(0, 0, 0), spot_cutoff=40.0, spot_inner=40.0)
+    light = spot if kind == "spot" else Light((0, 1, 0), (1, 1, 1), directional=True)
+    made = shown(worlds.scene(*bodies, lights=(light,)), rounds=1)
+    scene, shadows = made.renderer.scene, made.renderer.shadows
+    assert shadows is not None
+    low, high = shadow_range(scene, shadows)
+    thick = 1.001 * scene.diagonal
+    top = 2.0 if kind == "spot" else thick / 2 - 0.5  # the middle of the bounds is at height ½
+    expected = [(low, high), (2.0, 3.0) if kind == "spot" else (0.0, thick)]
+    assert expected[0] == pytest.approx(expected[1])
+    picture = made.draw(target, "shadow")
+    centre = picture[SIZE[1] // 2, SIZE[0] // 2]
+    beside = picture[SIZE[1] // 2, SIZE[0] // 2 + 12]  # the floor, inside the tile and outside the box
+    assert np.abs(centre - viridis(np.array((top - low) / (high - low)))).max() < 0.02
+    assert np.abs(beside - viridis(np.array((top + 1.0 - low) / (high - low)))).max() < 0.02
+    text = legend("shadow", settings=made.renderer.settings, scene=scene, camera=made.view.camera, exposure=0, shadows=shadows)
+    assert (float(text.low), float(text.high)) == pytest.approx((low, high), rel=0.01) and text.unit == "m"
+    made.renderer.release()
+
+
+def test_without_lights_and_batches_there_is_only_ground(ctx: moderngl.Context, target: Target) -> None:
+    made = shown(worlds.scene(worlds.floor(), sky=1.0), rounds=1)
+    for name in ("shadow", "atlas"):
+        picture = made.draw(target, name, atlas=None)
+        assert (picture == picture[0, 0]).all() and picture[0, 0, 0] != UNTOUCHED[0]
+    text = legend("shadow", settings=made.renderer.settings, scene=made.renderer.scene, camera=made.view.camera, exposure=0)
+    assert "no light" in text.text
+    made.renderer.release()
+
+
+def test_the_atlas_shows_its_cells_from_the_upper_left(cornell: Shown, ctx: moderngl.Context) -> None:
+    """Three cells of 4x3 texels, two in an atlas row, in a target with room for just 3x1 of ten times that, 2 pixels apart."""
+    radiance = np.zeros((6, 8, 4))
+    for i, (x, y) in enumerate([(0, 0), (4, 0), (0, 3)]):
+        radiance[y : y + 3, x : x + 4] = [*np.eye(3)[i], 1.0]
+        radiance[y + 2, x : x + 4] = 0.5  # its upper row
+        radiance[y, x] = 0.0  # one texel hits nothing
+    sky = (0.25, 0.5, 1.0)
+    table = table_texture(ctx, radiance)
+    atlas = Atlas(table, None, None, None, None, 3, 2, (4, 3), (1, 1))
+    target = Target(ctx, (124, 30), (4,))
+    Overlay(ctx).atlas(target, atlas, 2.0, sky)
+    picture = target.read()[..., :3]
+    for i in range(3):
+        x = i * 42
+        assert np.allclose(picture[14, x + 15], tonemap(np.eye(3)[i], 1.0), atol=1 / 255)
+        assert np.allclose(picture[:10, x : x + 40], tonemap(np.full(3, 0.5), 1.0), atol=1 / 255), "upper row up"
+        assert np.allclose(picture[-10:, x : x + 10], tonemap(np.array(sky), 1.0), atol=1 / 255), "the sky where nothing is hit"
+        assert np.allclose(picture[10:20, x : x + 40], picture[14, x + 15], atol=1 / 255), "the whole row is the cell's"
+    assert (picture[:, 40:42] == picture[0, 40]).all() and picture[0, 40, 0] < 0.2, "ground between the cells"
+    target.release()
+    table.release()
+
+
+# ---- legends ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", SHOWINGS)
+def test_every_showing_has_a_legend(cornell: Shown, name: str) -> None:
+    r = cornell.renderer
+    made = legend(name, settings=r.settings, scene=r.scene, camera=cornell.view.camera, exposure=2.34, shadows=r.shadows)
+    assert made.text
+    assert (made.colours is None) or made.colours.shape[1:] == (3,)
+    if SHOWINGS[name].how in ("radiance", "irradiance", "indirect"):
+        assert "+2.3 stops" in made.text and made.unit in made.text
+
+
+@pytest.mark.parametrize("tolerance", ["auto", 0.01, 3.0, 1e5, 0.0])
+def test_the_threshold_has_its_place_on_the_scale_of_weights(cornell: Shown, tolerance: object) -> None:
+    """On a logarithmic scale from low to high the mark is at threshold = low·(high/low)^mark; a threshold of 0 has no place."""
+    settings = cornell.renderer.settings.with_values({"tolerance": tolerance})
+    made = legend("weight", settings=settings, scene=cornell.renderer.scene, camera=cornell.view.camera, exposure=0)
+    low, high = weight_range(settings)
+    assert low < high and (float(made.low), float(made.high)) == pytest.approx((low, high), rel=0.01)
+    if tolerance == 0.0:
+        assert made.mark is None
+    else:
+        assert made.mark is not None and 0.0 < made.mark < 1.0
+        assert low * (high / low) ** made.mark == pytest.approx(settings.threshold)

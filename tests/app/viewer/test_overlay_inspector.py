@@ -1,0 +1,166 @@
+"""The record under the cursor: the weights on the CPU against the GPU's, what is said of it, and what it sees."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+import moderngl
+import numpy as np
+import pytest
+
+import irrsplat
+from irrsplat.app.viewer.show import record_inspector
+from irrsplat.app.viewer.show.record_inspector import Inspector, Table
+from irrsplat.app.viewer.show.screen import Texels
+from irrsplat.gpu import context
+from irrsplat.image.tonemap import tonemap
+from irrsplat.image.view import View, read
+from irrsplat.renderer import Renderer
+from irrsplat.scene.model import Camera, Scene
+from tests.support import worlds
+
+SIZE = (97, 61)
+INSIDE = Camera((0.0, 0.3, 0.8), (0.0, -0.5, -0.5))
+
+
+@pytest.fixture(scope="module")
+def cornell() -> Iterator[tuple[Renderer, View, Table, irrsplat.Frame]]:
+    """A view after two rounds: every record is splatted but the last round's."""
+    with context.shared():
+        renderer = Renderer(irrsplat.load("cornell"), SIZE, ctx=context.shared(), bounces=1, gather_size=16, shadow_size=128)
+        renderer.frame()
+        renderer.frame()
+        view, _ = renderer.frame(gather=False)
+        made = renderer, view, record_inspector.read(renderer.cache.records), read(view, (0, 0, 0), renderer.cache.read(), {})
+    yield made
+    with context.shared():
+        renderer.release()
+
+
+Cornell = tuple[Renderer, View, Table, irrsplat.Frame]
+
+
+def test_the_table_is_the_cache(cornell: Cornell, ctx: moderngl.Context) -> None:
+    renderer, _, table, frame = cornell
+    assert len(table) == renderer.cache.count == len(frame.records_radius)
+    assert np.array_equal(table.position, frame.records_position) and np.array_equal(table.normal, frame.records_normal)
+    assert np.array_equal(table.irradiance, frame.records_irradiance) and np.array_equal(table.radius, frame.records_radius)
+    assert (table.slope() > 0.0).any() and np.isfinite(table.slope()).all()
+
+
+def test_the_weights_add_up_to_what_was_splatted(cornell: Cornell, ctx: moderngl.Context) -> None:
+    """Σw at a pixel is the sum over all records of what each weighs there: the splat buffer's, but for pixels at a rim."""
+    renderer, view, table, frame = cornell
+    seen = np.argwhere(np.isfinite(frame.depth))
+    sums, found = [], []
+    for y, x in np.random.default_rng(6).permutation(seen)[:200]:
+        sums.append(table.weights(frame.position[y, x], frame.normal[y, x], view.camera, renderer.settings).sum())
+        found.append(frame.weight[y, x])
+    same = np.isclose(sums, found, rtol=2e-3)
+    assert same.mean() > 0.95
+    assert np.mean(np.array(found) > 0.0) > 0.4 and not np.all(np.array(found) > 0.0)
+
+
+def test_the_record_that_weighs_most_is_picked(cornell: Cornell, ctx: moderngl.Context) -> None:
+    """None where nothing is seen, where no record speaks, and outside of the picture."""
+    renderer, view, table, frame = cornell
+    settings, rng, texel = renderer.settings, np.random.default_rng(7), Texels(ctx)
+    served, lacking = (np.argwhere(np.isfinite(frame.depth) & m) for m in (frame.weight > 0.0, frame.weight == 0.0))
+    for y, x in rng.permutation(served)[:40]:
+        w = table.weights(frame.position[y, x], frame.normal[y, x], view.camera, settings)
+        number = record_inspector.pick(texel, table, view, settings, int(x), int(y))
+        assert number == int(np.argmax(w))
+        apart, axis = frame.position[y, x] - table.position[number], table.axis[number]
+        along, across = table.reach(view.camera, settings)[number]
+        aside = apart - (apart @ axis) * axis
+        assert (apart @ axis / along) ** 2 + (aside @ aside) / across**2 <= 1.0, "and the pixel lies within its ellipse"
+    for y, x in [*rng.permutation(lacking)[:10], *np.argwhere(~np.isfinite(frame.depth))[:3]]:
+        assert record_inspector.pick(texel, table, view, settings, int(x), int(y)) is None
+    assert (
+        record_inspector.pick(texel, table, view, settings, -1, 0) is None
+        and record_inspector.pick(texel, table, view, settings, 0, SIZE[1]) is None
+    )
+
+
+def test_no_records_are_none_to_pick(ctx: moderngl.Context) -> None:
+    with Renderer(worlds.scene(worlds.floor()), SIZE, ctx=ctx, bounces=0) as renderer:
+        view, _ = renderer.frame()
+        table, texel = record_inspector.read(renderer.cache.records), Texels(ctx)
+        assert len(table) == 0 and record_inspector.pick(texel, table, view, renderer.settings, 48, 30) is None
+
+
+def test_what_is_said_of_a_record(cornell: Cornell, ctx: moderngl.Context) -> None:
+    renderer, view, table, _ = cornell
+    said = dict(record_inspector.describe(17, table, view, renderer.settings))
+    assert said["record"] == f"17 of {len(table)}"
+    assert [float(v) for v in said["position"].split()[:3]] == pytest.approx(table.position[17], abs=1e-3)
+    assert [float(v) for v in said["irradiance"].split()[:3]] == pytest.approx(table.irradiance[17], rel=0.01)
+    assert float(said["R"].split()[0]) == pytest.approx(table.radius[17], rel=0.01)
+    assert "W/m³" in said["|grad E|"] and "W/m²" in said["irradiance"]
+    assert [float(v) for v in re.findall(r"-?[\d.]+(?:e[+-]\d+)?", said["bend"])[:2]] == pytest.approx(table.bend[17], rel=0.01)
+    along, across = table.reach(view.camera, renderer.settings)[17]
+    assert said["a·R"].endswith(f"here {along:.3g} by {across:.3g} m") and along >= across > 0.0
+    flat = renderer.settings.with_values({"gradients": False})
+    assert "|grad E|" not in dict(record_inspector.describe(17, table, view, flat))
+
+
+# ---- the hemisphere ---------------------------------------------------------------------------------------------------
+
+
+def picture(texture: moderngl.Texture) -> np.ndarray:
+    return np.frombuffer(texture.read(), "u1").reshape(texture.height, texture.width, 4)[..., :3] / 255.0
+
+
+@pytest.mark.parametrize("kind", ["raster", "plane"])
+def test_a_record_in_a_furnace_sees_one_radiance(ctx: moderngl.Context, kind: str) -> None:
+    """The walls of a box emit L in all directions: every texel of every hemisphere is L, exposed and tone-mapped."""
+    L = (0.9, 0.3, 0.1)
+    room = worlds.scene(worlds.box((-1, -1, -1), (1, 1, 1), worlds.material(0.0, L), outward=False), camera=INSIDE)
+    made = hemispheres(ctx, room, kind)
+    assert np.abs(made - tonemap(np.array(L), -1.0)).max() <= 0.51 / 255.0
+
+
+def test_where_nothing_is_hit_there_is_the_sky(ctx: moderngl.Context) -> None:
+    made = hemispheres(ctx, worlds.scene(worlds.floor(), sky=(0.1, 0.5, 0.9)), "raster")
+    assert np.abs(made - tonemap(np.array([0.1, 0.5, 0.9]), -1.0)).max() <= 0.51 / 255.0
+
+
+def hemispheres(ctx: moderngl.Context, world: Scene, kind: str) -> np.ndarray:
+    """What a record on the floor of `world` sees, exposed by -1 stops."""
+    with Renderer(world, SIZE, ctx=ctx, bounces=1, gather=kind, gather_size=16, placement="tiles") as renderer:
+        renderer.frame()
+        where, number = renderer.cache.sites(np.array([3])), 3
+        assert renderer.shadows is not None
+        looker = Inspector(ctx)
+        texture = looker.hemisphere(
+            number, where, renderer.geometry, renderer.shadows, scene=world, settings=renderer.settings, exposure=-1.0
+        )
+        made = picture(texture)
+        ctx.detect_framebuffer(0).use()
+        looker.release()
+    return made
+
+
+def test_a_record_that_is_gathered_again_is_the_same(cornell: Cornell, ctx: moderngl.Context) -> None:
+    """E = Σ L·cosθ·dω over the texels of its cell is what the cache has, and the picture is their radiance."""
+    renderer, _, table, _ = cornell
+    looker = Inspector(ctx)
+    assert renderer.shadows is not None
+    for number in (0, 33, len(table) - 1):
+        where = renderer.cache.sites(np.array([number]))
+        arguments = {"scene": renderer.scene, "settings": renderer.settings, "exposure": 1.0}
+        texture = looker.hemisphere(number, where, renderer.geometry, renderer.shadows, **arguments)  # type: ignore[arg-type]
+        gather = looker.gather_pass
+        assert gather is not None and gather.target is not None
+        seen = gather.target.read()[::-1, :, :3]
+        assert np.einsum("ij,ijc->c", gather.share, seen) == pytest.approx(table.irradiance[number], rel=1e-3)
+        assert np.abs(picture(texture) - tonemap(seen, 1.0)).max() <= 0.6 / 255.0
+        assert picture(texture).std() > 0.05
+    first = looker.gather_pass
+    coarse = renderer.settings.with_values({"gather_size": 8})
+    arguments = {"scene": renderer.scene, "settings": coarse, "exposure": 1.0}
+    texture = looker.hemisphere(0, where, renderer.geometry, renderer.shadows, **arguments)  # type: ignore[arg-type]
+    assert looker.gather_pass is not first and texture.size == (16, 12)
+    ctx.detect_framebuffer(0).use()
+    looker.release()

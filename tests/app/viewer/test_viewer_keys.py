@@ -1,0 +1,342 @@
+"""Every key of the viewer: what it changes, by numbers or by pixels; and the keys that are held to fly."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from irrsplat.app.flags import parse
+from irrsplat.app.viewer import preferences
+from irrsplat.app.viewer.input.keys import BUFFERS, GROUPS, Key
+from irrsplat.app.viewer.session import overrides
+from irrsplat.app.viewer.show.legend import SHOWINGS
+from irrsplat.scene import load
+from irrsplat.scene.camera_path import load_path
+from tests.support.viewing import FAST, Cases, Driver, Tracer, push
+
+CASES = Cases("camera", "overlays", "cache", "picture")
+case = CASES.case
+
+
+def test_every_key_has_its_case() -> None:
+    CASES.check()
+    assert set(GROUPS) == {*CASES.groups, "buffers", "window"}, "which have their tests below, and in test_viewer_window.py"
+
+
+@pytest.mark.parametrize("shown", CASES.keys)
+def test_a_key_does_what_it_says(driver: Driver, shown: str) -> None:
+    before = driver.session.camera
+    CASES.made[shown](driver, shown)
+    assert shown in ("Home", "P", "R") or driver.session.camera == before
+    assert not driver.desk.quitting and not any(m.error for m in driver.desk.messages)
+
+
+# ---- buffers -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("found", BUFFERS, ids=[k.shown for k in BUFFERS])
+def test_a_number_shows_its_buffer(driver: Driver, found: Key) -> None:
+    """Another picture, with its own legend, and nothing else is drawn again; the title is said once."""
+    push(driver, "2" if found.argument == "image" else "1")
+    driver.settle()
+    canvas, cache = driver.canvas(), driver.session.renderers[0].cache
+    state = cache.count, cache.edits
+    push(driver, found.shown)
+    assert driver.session.look.buffers[0] == found.argument
+    assert (driver.canvas() != canvas).any()
+    assert driver.session.ms == {} and (cache.count, cache.edits) == state
+    assert driver.said == SHOWINGS[str(found.argument)].title
+
+
+def test_the_buffers_are_all_different_pictures(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
+    tracer = Tracer(monkeypatch)
+    driver.desk.trace()
+    tracer.finish(driver)
+    pictures = {}
+    for name in SHOWINGS:
+        driver.desk.show(name)
+        driver.frame()
+        pictures[name] = driver.canvas()
+    for name, picture in pictures.items():
+        assert not [other for other in pictures if other != name and np.array_equal(pictures[other], picture)], name
+
+
+# ---- camera --------------------------------------------------------------------------------------------------------------
+
+
+def away(driver: Driver) -> None:
+    driver.session.flight.move(1.0, 0.0, 1.0, 0.2)
+    driver.frame()
+
+
+@case("Home")
+def home(driver: Driver, shown: str) -> None:
+    first = driver.session.scene.camera()
+    away(driver)
+    assert driver.session.camera != first
+    push(driver, shown)
+    assert driver.session.camera == first
+
+
+@case("C")
+def copy_line(driver: Driver, shown: str) -> None:
+    """The line stands in a .scene instead of the first camera, and that camera sees the same."""
+    push(driver, shown)
+    line, there = driver.viewer.desktop.text, Path(driver.desk.source)
+    text = there.read_text().splitlines()
+    assert text[0].startswith("cam ")
+    copy = there.with_name("copy.scene")
+    copy.write_text("\n".join([line, *text[1:]]))
+    made, camera = load(copy).camera(), driver.session.camera
+    assert np.allclose([*made.eye, *made.target, *made.up], [*camera.eye, *camera.target, *camera.up], atol=1e-5)
+
+
+@case("Ctrl+C")
+def copy_flags(driver: Driver, shown: str) -> None:
+    push(driver, shown)
+    args = parse(["render", "-o", "a.png", *shlex.split(driver.viewer.desktop.text)])
+    camera = driver.session.camera
+    assert np.allclose([args.eye, args.target, args.up], [camera.eye, camera.target, camera.up], atol=1e-5)
+    assert args.fov == pytest.approx(camera.fov, abs=1e-3)
+
+
+@case("B")
+def bookmark(driver: Driver, shown: str) -> None:
+    """Each is kept in the user's folder under a name of its own."""
+    push(driver, shown)
+    push(driver, shown)
+    kept = preferences.bookmarks(driver.desk.source)
+    assert [b.name for b in kept] == ["bookmark 1", "bookmark 2"] and kept == driver.desk.bookmarks
+    assert kept[0].eye == driver.session.camera.eye and kept[0].fov == driver.session.camera.fov
+
+
+@case("R")
+def record(driver: Driver, shown: str) -> None:
+    """The file's path, 30 frames a second, is where the flight was."""
+    begin = driver.session.camera
+    push(driver, shown)
+    for _ in range(20):
+        driver.session.flight.move(0.0, 0.0, 1.0, 0.05)
+        driver.frame()
+    end = driver.session.camera
+    driver.frame(10)
+    assert driver.session.tape.recording is not None and not driver.session.at_rest
+    push(driver, shown)
+    (file,) = Path().glob("flight-room-*.path")
+    path = load_path(file, begin.fov)
+    assert path.frames == 1 + 30 * 1.4, "1.55 s are recorded, a key every 0.2 s"
+    assert path.camera(0) == begin and np.allclose(path.camera(path.frames).eye, end.eye)
+    speed = driver.session.flight.speed
+    assert begin.eye[2] - path.camera(24).eye[2] == pytest.approx(0.8 * speed, abs=0.06 * speed), "where it was after 0.8 s"
+
+
+@case("P")
+def play(driver: Driver, shown: str) -> None:
+    push(driver, shown)
+    assert "no path yet" in driver.said
+    driver.desk.record()
+    for _ in range(20):
+        driver.session.flight.move(0.0, 0.0, 1.0, 0.05)
+        driver.frame()
+    driver.desk.record()
+    path, tape = driver.session.tape.path, driver.session.tape
+    assert path is not None
+    push(driver, "Home")
+    push(driver, shown)
+    assert tape.playing is not None and not driver.session.at_rest
+    driver.frame(4)
+    assert driver.session.views[0].camera == path.camera(5 * 0.05 * 30)
+    push(driver, shown)
+    assert tape.playing is None and np.allclose(driver.session.camera.eye, path.camera(6 * 0.05 * 30).eye, atol=0.05)
+    push(driver, shown)
+    driver.frame(30)
+    assert tape.playing is None and driver.session.camera == path.camera(path.frames), "it stays where the path ends"
+
+
+# ---- overlays, cache -----------------------------------------------------------------------------------------------------
+
+
+def changed(driver: Driver, shown: str) -> float:
+    """The share of the picture's pixels that the key changes; nothing below is drawn again, and the next press undoes it."""
+    before = driver.canvas()
+    push(driver, shown)
+    after = driver.canvas()
+    assert driver.session.ms == {}
+    push(driver, shown)
+    assert np.array_equal(driver.canvas(), before)
+    return float((after != before).any(-1).mean())
+
+
+@case("Z", "X", "V", "T")
+def overlay(driver: Driver, shown: str) -> None:
+    """Part of the pixels change, whatever lies below."""
+    for name in ("image", "normal"):
+        driver.desk.show(name)
+        driver.frame()
+        assert 0.002 < changed(driver, shown) < 0.7
+    driver.desk.show("atlas")
+    driver.frame()
+    assert changed(driver, shown) == 0.0, "there the records are nowhere"
+
+
+@case("L")
+def sites(driver: Driver, shown: str) -> None:
+    """Dots where the surface cache has its sites; for a single bounce there are none."""
+    assert changed(driver, shown) == 0.0
+    driver.session.change(0, bounces=2)
+    driver.settle()
+    assert 0.1 < changed(driver, shown) < 0.95
+
+
+@case("G")
+def by_age(driver: Driver, shown: str) -> None:
+    """Other colours of the same dots."""
+    assert changed(driver, shown) == 0.0
+    bare = driver.canvas()
+    push(driver, "Z")
+    dots = driver.canvas()
+    push(driver, shown)
+    aged = driver.canvas()
+    assert (aged != dots).any() and np.array_equal((aged != bare).any(-1), (dots != bare).any(-1))
+
+
+@case("I")
+def inspect(driver: Driver, shown: str) -> None:
+    """The pixels that the record under the cursor serves are tinted, as many as it says."""
+    driver.move(120, 120)
+    driver.frame(2)
+    before = driver.canvas()
+    push(driver, shown)
+    found = driver.viewer.inspected
+    assert found is not None and found.lines[0][1].startswith(f"{found.number} of ")
+    assert (driver.canvas() != before).any(-1).sum() == found.served > 10
+    x, y = 120, 120
+    view, renderer = driver.session.views[0], driver.session.renderers[0]
+    here, record = driver.session.overlay.value("position", view, x, y), renderer.cache.read()["position"][found.number]
+    assert here is not None and np.linalg.norm(here - record) < 2.0 * renderer.settings.a * renderer.scene.diagonal
+    driver.session.held = 0, found.number
+    push(driver, shown)
+    assert driver.viewer.inspected is None and driver.session.held is None
+    assert np.array_equal(driver.canvas(), before)
+
+
+@case("F")
+def freeze(driver: Driver, shown: str) -> None:
+    """From elsewhere, the cache stays as it is until it thaws."""
+    count = driver.session.renderers[0].cache.count
+    push(driver, shown)
+    driver.session.flight.go(driver.session.scene.camera("corner"))
+    driver.frame(5)
+    assert driver.session.renderers[0].cache.count == count and driver.session.progress[0].coverage < 1.0
+    assert driver.session.at_rest
+    push(driver, shown)
+    driver.settle()
+    assert driver.session.renderers[0].cache.count > count and driver.session.progress[0].coverage == 1.0
+    driver.session.flight.home()
+
+
+@case("N")
+def step(driver: Driver, shown: str) -> None:
+    """Frozen, each press gathers one whole round, in however many ticks that takes."""
+    driver.session.clear()
+    driver.session.look.frozen = True
+    driver.frame(2)
+    counts = [driver.session.renderers[0].cache.count]
+    for turn in (1, 2):
+        push(driver, shown)
+        driver.frame(10)
+        assert driver.session.look.frozen and driver.session.progress[0].round == turn
+        counts.append(driver.session.renderers[0].cache.count)
+    assert counts[0] == 0 < counts[1] < counts[2]
+
+
+@case("Delete")
+def clear(driver: Driver, shown: str) -> None:
+    """No record is left, and as many come again; the shadow maps stay."""
+    cache, shadows = driver.session.renderers[0].cache, driver.session.renderers[0].shadows
+    count = cache.count
+    driver.session.look.frozen = True
+    push(driver, shown)
+    assert cache.count == 0
+    driver.session.look.frozen = False
+    driver.settle()
+    assert abs(cache.count - count) < 0.2 * count and driver.session.renderers[0].shadows is shadows
+
+
+# ---- picture -------------------------------------------------------------------------------------------------------------
+
+
+@case("[", "]")
+def expose(driver: Driver, shown: str) -> None:
+    """Half a stop: the picture is darker, or brighter, in every pixel that shows something; buffers of numbers stay."""
+    before = driver.canvas().astype(int)
+    push(driver, shown)
+    way = 1 if shown == "]" else -1
+    assert driver.session.settings(0)[1].exposure == FAST["exposure"] + 0.5 * way == driver.session.exposure
+    after = driver.canvas().astype(int)
+    assert (way * (after - before) >= 0).all() and (after != before).mean() > 0.5
+    assert driver.session.ms == {}
+    driver.desk.show("normal")
+    driver.frame()
+    assert changed(driver, "[") == 0.0 if shown == "]" else True
+
+
+@case("\\")
+def auto_exposure(driver: Driver, shown: str) -> None:
+    """It comes to the exposure that brings the mean to mid grey, by and by."""
+    push(driver, shown)
+    renderer, view = driver.session.renderers[0], driver.session.views[0]
+    goal = renderer.composite_pass.exposure(view.image)
+    between = driver.session.exposure
+    driver.settle()
+    assert renderer.settings.exposure == "auto"
+    assert driver.session.exposure == pytest.approx(goal, abs=0.02) and abs(between - goal) > 0.1
+
+
+@case("Tab")
+def split(driver: Driver, shown: str) -> None:
+    """Off, two buffers, two presets, off; the left half stays what it was, up to the white line between."""
+    before, middle = driver.canvas(), driver.wnd.width // 2
+    for way in ("buffers", "presets"):
+        push(driver, shown)
+        if way == "presets":  # the paper's own settings take a while
+            driver.session.change(1, warmup=20, a=0.5)
+        driver.settle()
+        picture = driver.canvas()
+        assert driver.session.look.split == way and (picture[:, middle - 1 : middle + 1] == 255).all()
+        assert np.array_equal(picture[:, : middle - 1], before[:, : middle - 1])
+        assert (picture[:, middle + 1 :] != before[:, middle + 1 :]).any(-1).mean() > 0.2
+    assert [r.preset for r in driver.session.active] == ["default", "paper"]
+    push(driver, shown)
+    assert driver.session.look.split == "off" and np.array_equal(driver.canvas(), before)
+
+
+@case("M")
+def swap_preset(driver: Driver, shown: str) -> None:
+    """To the paper's settings and back to ours, budget and exposure apart."""
+    for name in ("paper", "default"):
+        push(driver, shown)
+        preset, settings = driver.session.settings(0)
+        assert preset == name
+        assert overrides(name, settings).keys() <= {"exposure", "budget"} and settings.exposure == FAST["exposure"]
+
+
+@case("Y")
+def trace(driver: Driver, shown: str) -> None:
+    """Again while it traces: it stops. Else, a while later, the truth of this view is there, and is not traced again."""
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        tracer, truths = Tracer(monkeypatch), driver.session.truths
+        push(driver, shown)
+        assert truths.share is not None
+        push(driver, shown)
+        assert truths.share is None and "stopped" in driver.said
+        push(driver, shown)
+        tracer.finish(driver)
+        (truth,) = truths.kept
+        assert truth.camera == driver.session.camera and truth.size == driver.wnd.buffer_size
+        count = len(tracer.calls)
+        push(driver, shown)
+        assert truths.share is None and len(tracer.calls) == count and truths.kept == [truth] and "already" in driver.said

@@ -1,0 +1,308 @@
+"""The panels by the mouse: a widget for every setting, presets, menus, the lights, the buttons over the picture."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from irrsplat.app.viewer.session import overrides
+from irrsplat.app.viewer.show.legend import SHOWINGS
+from irrsplat.settings import PRESETS, SETTINGS, preset
+from tests.support.viewing import FAST, Driver, fresh, viewing, write_room
+
+TALL = (460, 1160)  # so that the whole panel fits
+
+# a setting, what is typed into its slider or chosen, and what it is then; None: a click on the box
+CHANGES: dict[str, tuple[str | None, Any]] = {
+    "shadow_size": ("128", 128),
+    "seed": ("7", 7),
+    "bounces": ("0", 0),
+    "gather": ("plane", "plane"),
+    "gather_size": ("12", 12),
+    "gradients": (None, False),
+    "second_order": (None, False),
+    "radius": ("harmonic", "harmonic"),
+    "a": ("0.8", 0.8),
+    "adapt": ("1.5", 1.5),
+    "kernel": ("cut", "cut"),
+    "in_front": (None, False),
+    "walls": (None, False),
+    "neighbours": (None, True),
+    "radius_min": ("3.5", 3.5),
+    "radius_max": ("60", 60.0),  # beyond the slider's span, which is for dragging only
+    "coarse": (None, False),
+    "tolerance": ("4", 4.0),
+    "spread": ("0.7", 0.7),
+    "placement": ("scan", "scan"),
+    "warmup": ("30", 30),
+    "max_rounds": ("5", 5),
+    "max_records": ("9000", 9000),
+    "blend": ("0.9", 0.9),
+    "smooth": (None, True),
+    "overture": (None, False),
+    "exposure": ("-2", -2.0),
+    "samples": ("4", 4),
+    "budget": ("25", 25.0),
+    "rest": ("2", 2),
+}
+
+
+@pytest.fixture(scope="module")
+def one(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Driver]:
+    with viewing(write_room(tmp_path_factory.mktemp("room")), TALL, radius_max=40.0) as driver:
+        yield driver
+
+
+@pytest.fixture
+def driver(one: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Driver]:
+    """The viewer as at first, at rest; it remembers and writes in `tmp_path`."""
+    yield from fresh(one, tmp_path, monkeypatch)
+
+
+@pytest.fixture
+def panel(driver: Driver) -> Driver:
+    """All stages of the settings' panel unfolded."""
+    driver.desk.panels.settings = True
+    driver.frame(3)
+    for stage in ("view", "composite", "examine", "splat", "gather", "shadow"):
+        if all(d.stage != stage or label(d.name) not in shown(driver) for d in SETTINGS.values()):
+            driver.click(*driver.find(stage, header=True).at())
+            driver.frame(2)
+    return driver
+
+
+def value(driver: Driver, name: str) -> Any:
+    return getattr(driver.session.settings(0)[1], name)
+
+
+def shown(driver: Driver) -> set[str]:
+    """The labels of all widgets but those that unfold others."""
+    return {w.label for w in driver.widgets if w.kind != "collapsing_header"}
+
+
+def label(name: str) -> str:
+    return name.replace("_", " ")
+
+
+# ---- settings ---------------------------------------------------------------------------------------------------------
+
+
+def test_every_setting_has_its_line() -> None:
+    assert set(CHANGES) == set(SETTINGS)
+
+
+def test_the_panel_shows_every_setting(panel: Driver) -> None:
+    assert {label(name) for name in SETTINGS} <= shown(panel)
+
+
+@pytest.mark.parametrize("name", SETTINGS)
+def test_a_widget_changes_its_setting_alone_and_the_arrow_takes_it_back(panel: Driver, name: str) -> None:
+    """Typed by Ctrl+click, chosen from a list or clicked; the camera stays."""
+    typed, expected = CHANGES[name]
+    old, camera = panel.session.settings(0)[1], panel.session.camera
+    if SETTINGS[name].word and value(panel, name) == SETTINGS[name].word:
+        panel.click(*panel.find("auto", beside=label(name)).at())
+        assert value(panel, name) == pytest.approx(old.threshold if name == "tolerance" else panel.session.exposure, abs=1e-3)
+    widget = panel.find(label(name))
+    if SETTINGS[name].kind == "choice":
+        panel.session.look.frozen = True  # what it costs to gather anew is not of interest here
+        panel.click(*widget.at())
+        x, y = widget.at()
+        step = widget.box[3] - widget.box[1]
+        for row in range(1, 6):
+            if value(panel, name) == typed:
+                break
+            panel.click(x, y + row * 0.8 * step)
+            if value(panel, name) != typed:
+                panel.click(*panel.find(label(name)).at())
+    elif typed is None:
+        panel.click(widget.box[0] + 8.0, widget.at()[1])
+    else:
+        panel.enter(widget, typed)
+    assert value(panel, name) == expected
+    changed = panel.session.settings(0)[1]
+    assert [n for n in SETTINGS if getattr(changed, n) != getattr(old, n)] == [name]
+    assert panel.session.camera == camera
+    panel.click(*panel.find("←", beside=label(name)).at())
+    assert value(panel, name) == getattr(preset("default"), name)
+
+
+@pytest.mark.parametrize("name", ["a", "blend", "max_rounds", "seed"])
+def test_a_slider_is_dragged(panel: Driver, name: str) -> None:
+    """From end to end: the least and the greatest value of its span. What all records hang on waits for the button to go up."""
+    widget, seen = panel.find(label(name)), []
+    panel.session.look.frozen = True
+    panel.move(*widget.at())
+    panel.frame(2)
+    panel.button(True)
+    for along in (0.3, 0.6, 0.99):
+        panel.move(*widget.at(along))
+        panel.frame()
+        seen.append(value(panel, name))
+    panel.button(False)
+    panel.frame(2)
+    declaration = SETTINGS[name]
+    most = {"max_rounds": 200, "seed": 100}.get(name, declaration.high)
+    assert value(panel, name) == pytest.approx(most, rel=0.03)
+    assert seen == [0] * 3 if name == "seed" else seen == sorted(set(seen)), "waits, or follows"
+    panel.drag(panel.find(label(name)).at(0.97), panel.find(label(name)).at(0.0))
+    assert value(panel, name) == pytest.approx(declaration.low, abs=0.011)
+
+
+def test_a_logarithmic_slider_has_its_geometric_mean_in_the_middle(panel: Driver) -> None:
+    """Of 0.01..2 that is √0.02 = 0.14, where a linear one has 1."""
+    panel.drag(panel.find("a").at(0.9), panel.find("a").at(0.5))
+    assert value(panel, "a") == pytest.approx(0.02**0.5, rel=0.1)
+
+
+def test_auto_and_back(panel: Driver) -> None:
+    """Switched off, the value stays where it is: the picture does not jump."""
+    assert value(panel, "exposure") == FAST["exposure"]
+    panel.click(*panel.find("auto", beside="exposure").at(0.1))
+    assert value(panel, "exposure") == "auto"
+    panel.settle()
+    shown = panel.session.exposure
+    panel.click(*panel.find("auto", beside="exposure").at(0.1))
+    assert value(panel, "exposure") == pytest.approx(shown, abs=2e-3)
+
+
+def test_all_bounces_and_as_many_as_they_were(panel: Driver) -> None:
+    """Switched off, it stays at the number that was made."""
+    panel.click(*panel.find("all", beside="bounces").at(0.1))
+    assert value(panel, "bounces") == "all"
+    panel.settle()
+    made = panel.session.frame().stats["bounces"]
+    assert 2 < made < 64
+    panel.click(*panel.find("all", beside="bounces").at(0.1))
+    assert value(panel, "bounces") == made
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_presets_are_in_the_list_and_in_the_menu(panel: Driver, name: str) -> None:
+    panel.session.look.frozen = True
+    for way in ("menu", "list"):
+        panel.session.use(0, "preview" if name != "preview" else "default")
+        panel.frame(2)
+        panel.choose("Preset" if way == "menu" else "preset")
+        panel.choose(name)
+        assert panel.session.settings(0)[0] == name, way
+        assert overrides(*panel.session.settings(0)).keys() <= {"exposure", "budget"}
+
+
+def test_the_side_at_hand_gets_the_setting(panel: Driver) -> None:
+    panel.session.look.frozen = True
+    panel.session.split("presets")
+    panel.frame(3)
+    panel.choose("right")
+    panel.enter(panel.find("blend"), "0.25")
+    assert [r.settings.blend for r in panel.session.renderers] == [0.5, 0.25]
+    panel.enter(panel.find("budget"), "33")
+    assert [r.settings.budget for r in panel.session.renderers] == [33.0, 33.0], "which holds for both"
+    panel.session.split("off")
+    panel.frame(2)
+    panel.enter(panel.find("blend"), "0.75")
+    assert [r.settings.blend for r in panel.session.renderers] == [0.75, 0.25], "the right side is out of sight"
+
+
+# ---- menus -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", SHOWINGS)
+def test_the_menu_shows_every_buffer(driver: Driver, name: str) -> None:
+    driver.session.look.buffers[0] = "albedo" if name != "albedo" else "image"
+    driver.frame()
+    before = driver.canvas()
+    driver.choose("Show", SHOWINGS[name].title)
+    assert driver.session.look.buffers[0] == name and (driver.canvas() != before).any()
+
+
+@pytest.mark.parametrize(("menu", "item", "attribute"), [
+    ("Over it", "record points", "points"), ("Over it", "record discs: how far each reaches", "discs"),
+    ("Over it", "record normals", "normals"), ("Over it", "wireframe", "wire"),
+    ("Over it", "colour records by age instead of by radius", "by_age"),
+    ("Over it", "the record under the cursor", "inspect"), ("Cache", "freeze the cache, to see it from elsewhere", "frozen"),
+])  # fmt: skip
+def test_the_menus_toggle(driver: Driver, menu: str, item: str, attribute: str) -> None:
+    for wanted in (True, False):
+        driver.choose(menu, item)
+        assert getattr(driver.session.look, attribute) is wanted
+
+
+def test_the_camera_menu_has_the_scene_s_cameras_and_bookmarks(driver: Driver) -> None:
+    corner = driver.session.scene.camera("corner")
+    driver.choose("Camera", "corner")
+    assert driver.session.camera == corner
+    driver.choose("Camera", "keep the camera as a bookmark of this scene")
+    driver.choose("Camera", "back to the first camera")
+    assert driver.session.camera == driver.session.scene.camera()
+    driver.choose("Camera", "bookmark 1", "go there")
+    assert driver.session.camera.eye == corner.eye
+    driver.choose("Camera", "bookmark 1", "forget it")
+    assert driver.desk.bookmarks == []
+
+
+def test_the_split_from_the_menu(driver: Driver) -> None:
+    driver.session.look.frozen = True
+    for word, way in (("two buffers", "buffers"), ("two presets", "presets"), ("one picture", "off")):
+        driver.choose("Show", word)
+        assert driver.session.look.split == way
+
+
+def test_the_buttons_over_the_picture(driver: Driver) -> None:
+    driver.desk.panels.hud = True
+    driver.frame(3)
+    driver.choose("freeze")
+    assert driver.session.look.frozen
+    driver.choose("clear")
+    assert driver.session.renderers[0].cache.count == 0
+    driver.choose("thaw")
+    driver.settle()
+    assert not driver.session.look.frozen and driver.session.progress[0].coverage == 1.0
+
+
+# ---- lights ------------------------------------------------------------------------------------------------------------
+
+
+def test_lights_are_moved_dimmed_switched_and_put_back(driver: Driver) -> None:
+    """Records are gathered again where they are; switched off, the room is black, for nothing else lights it."""
+    loaded, count = driver.session.scene.lights, driver.session.renderers[0].cache.count
+    driver.desk.panels.lights = True
+    driver.settle()
+    canvas = driver.canvas()
+
+    def light() -> Any:
+        return driver.session.scene.lights[0]
+
+    driver.enter(driver.find("stops"), "-1")
+    driver.settle()
+    assert light().color == pytest.approx(np.array(loaded[0].color) / 2) and light().position == loaded[0].position
+    assert driver.canvas().mean() < canvas.mean()
+    driver.drag(driver.find("position").at(0.15), driver.find("position").at(0.3))
+    assert light().position[0] > loaded[0].position[0] and light().position[1:] == pytest.approx(loaded[0].position[1:])
+    driver.choose("to the eye")
+    assert light().position == driver.session.camera.eye
+    driver.click(*driver.find("on").at(0.2))
+    driver.settle()
+    assert light().color == (0.0, 0.0, 0.0)
+    assert not driver.canvas()[100:900].any(), "but for the legend"
+    driver.choose("as loaded")
+    driver.settle()
+    assert driver.session.scene.lights == loaded
+    assert np.abs(driver.canvas().astype(float) - canvas).mean() < 1.0
+    assert driver.session.renderers[0].cache.count >= count
+
+
+def test_a_black_light_gets_its_colour_back(driver: Driver) -> None:
+    driver.desk.panels.lights = True
+    lamp = driver.desk.lamps[0]
+    lamp.light = replace(lamp.light, color=(0.0, 0.0, 0.0))
+    driver.desk.relight()
+    driver.frame(3)
+    box = driver.find("colour").box
+    driver.drag((box[0] + 15.0, box[1] + 10.0), (box[0] + 215.0, box[1] + 10.0))
+    assert driver.session.scene.lights[0].color[0] > 0.1

@@ -1,0 +1,91 @@
+"""The README says what is so: its commands run, its Python runs, and its pictures are there and small."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from irrsplat.app import cli
+from irrsplat.app.bench import cases, fly_through
+from irrsplat.app.viewer import viewer
+from irrsplat.app.viewer.window import open_window
+from irrsplat.reference import fine_gather
+
+ROOT = Path(__file__).resolve().parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+COMMANDS = [line for block in re.findall(r"```sh\n(.*?)```", README, re.S) for line in block.splitlines() if line.strip()]
+IRRSPLAT = [line for line in COMMANDS if line.startswith("irrsplat ")]
+
+
+def small(words: list[str]) -> list[str]:
+    """The same command with a small picture: this is about the command, not about its result."""
+    if words[0] not in ("view", "render", "bench"):
+        return words
+    if "--size" in words:
+        i = words.index("--size")
+        words = words[:i] + words[i + 3 :]
+    quick = [] if words[0] == "bench" else ["--gather-size", "8", "--warmup", "20"]
+    return [*words, "--size", "24", "24", *quick]
+
+
+def test_there_is_a_quick_start_of_two_commands() -> None:
+    """`make test` is what CI itself runs (.ci/run), and `make demo` is render commands as below: so neither is run from here."""
+    assert COMMANDS[:2] == ["make demo", "make test"]
+    assert set(COMMANDS) == {"make demo", "make test", *IRRSPLAT}
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    for target in re.findall(r"`make (\w+)`", README):
+        assert re.search(rf"^{target}:", makefile, re.M), f"the Makefile has no {target}"
+
+
+@pytest.mark.parametrize("command", IRRSPLAT)
+def test_the_commands_run(
+    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("IRRSPLAT_CONFIG", str(tmp_path / "config"))
+    monkeypatch.setenv("IRRSPLAT_CACHE", str(tmp_path / "cache"))
+    # a window in memory that closes after some frames (tests/test_window.py opens a real one)
+    monkeypatch.setattr(viewer, "open_window", lambda size: open_window(size, headless=True))
+    monkeypatch.setattr(viewer.Viewer, "loop", lambda self: [self.frame(0.1) for _ in range(5)])
+    monkeypatch.setattr(fly_through, "FRAMES", 5)
+    monkeypatch.setattr(cases, "REPETITIONS", 1)
+    monkeypatch.setattr(fine_gather, "SIDE", 32)
+    words = shlex.split(command)[1:]
+    assert cli.main(small(words)) == 0, capsys.readouterr().err
+    if words[0] == "view":
+        assert (tmp_path / "config" / "viewer.json").is_file()
+    for flag, name in pairwise(words):
+        if flag in ("-o", "--stats", "--json"):
+            assert (tmp_path / name.format(frame=0)).exists()
+
+
+def test_the_demo_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The render commands of `make demo`, at small size."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "out").mkdir()
+    commands = re.findall(r"^\t\.venv/bin/irrsplat (render .*)$", (ROOT / "Makefile").read_text(encoding="utf-8"), re.M)
+    assert len(commands) == 2
+    for command in commands:
+        assert cli.main(small(shlex.split(command))) == 0
+    assert len(list((tmp_path / "out/figures").glob("figure*.png"))) == 6
+    assert (tmp_path / "out/cornell.png").is_file()
+
+
+def test_the_python_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.chdir(tmp_path)
+    (code,) = re.findall(r"```python\n(.*?)```", README, re.S)
+    exec(compile(code.replace("(200, 200)", "(24, 24)"), "README.md", "exec"), {})
+    assert "(24, 24, 3)" in capsys.readouterr().out
+    assert (tmp_path / "out.exr").is_file()
+
+
+def test_the_pictures_are_there_and_small() -> None:
+    pictures = re.findall(r"!\[[^\]]*\]\(([^)]+)\)", README)
+    assert pictures
+    for name in pictures:
+        assert (ROOT / name).is_file(), f"{name} is missing; run: make figures"
+        assert (ROOT / name).stat().st_size <= 200_000, f"{name} is too large; run: make figures"

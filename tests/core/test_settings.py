@@ -1,0 +1,89 @@
+"""The settings: declared once, checked at the border, and the same in the README as in the code."""
+
+from __future__ import annotations
+
+import importlib.util
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from irrsplat.core.errors import InputError
+from irrsplat.settings import PRESETS, SETTINGS, Declaration, Settings, preset
+
+ROOT = Path(__file__).resolve().parents[2]
+FIXED = ("a", "tolerance", "blend", "exposure", "bounces", "gather", "smooth", "seed")  # names that others build on
+
+
+def module(path: Path) -> ModuleType:
+    """The script at `path`, imported."""
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    assert spec is not None and spec.loader is not None
+    it = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(it)
+    return it
+
+
+def test_the_tables_of_the_readme_are_current() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert module(ROOT / "docs/readme.py").filled(text) == text, "run: python docs/readme.py"
+
+
+def test_the_fixed_names_are_there() -> None:
+    assert set(FIXED) <= set(SETTINGS)
+
+
+@pytest.mark.parametrize("declaration", SETTINGS.values(), ids=SETTINGS)
+def test_defaults_are_legal_and_ranges_hold(declaration: Declaration) -> None:
+    assert declaration.check(declaration.default) == declaration.default
+    assert declaration.help
+    if declaration.low is not None and declaration.high is not None:
+        for value in (declaration.low, declaration.high):
+            assert declaration.check(type(declaration.low)(value)) == value
+        for value in (declaration.low - 1, declaration.high + 1):
+            with pytest.raises(InputError, match=declaration.name):
+                declaration.check(value)
+    for value in (float("nan"), float("inf"), None, [], "nonsense"):
+        with pytest.raises(InputError, match=declaration.name):
+            declaration.check(value)
+
+
+@pytest.mark.parametrize("declaration", SETTINGS.values(), ids=SETTINGS)
+@pytest.mark.parametrize("text", ["", "nonsense", "nan", "inf", "-inf", "1e999"])
+def test_words_that_are_no_value(declaration: Declaration, text: str) -> None:
+    with pytest.raises(InputError, match=f"({declaration.flag}|'{declaration.name}') takes"):
+        declaration.parse(text)
+
+
+def test_words_that_are_values() -> None:
+    assert SETTINGS["a"].parse("0.3") == 0.3
+    assert SETTINGS["seed"].parse("7") == 7
+    assert SETTINGS["tolerance"].parse("AUTO") == "auto"
+    assert (SETTINGS["bounces"].parse("All"), SETTINGS["bounces"].parse("3")) == ("all", 3)
+    assert SETTINGS["smooth"].parse("on") is True
+    assert SETTINGS["gather"].parse("plane") == "plane"
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_presets_are_legal_and_overrides_win(name: str) -> None:
+    assert preset(name) == Settings(**PRESETS[name])
+    assert preset(name, a=0.7).a == 0.7
+
+
+def test_auto_tolerance_is_one_over_a() -> None:
+    assert preset(a=0.25).threshold == 4.0
+    assert preset(a=0.25, tolerance=9).threshold == 9.0
+
+
+def test_all_bounces_are_as_many_as_the_range_has() -> None:
+    assert [preset(bounces=n).most_bounces for n in (0, 1, 7, "all")] == [0, 1, 7, 64]
+    assert preset().bounces == "all" and preset("paper").bounces == 1
+    with pytest.raises(InputError, match=r"'bounces' takes 0..64 or all, not 'auto'"):
+        preset(bounces="auto")
+
+
+def test_unknown_names() -> None:
+    with pytest.raises(InputError, match="unknown preset 'fast'; the presets are default"):
+        preset("fast")
+    with pytest.raises(InputError, match="unknown setting 'alpha'"):
+        preset(alpha=1)

@@ -1,0 +1,328 @@
+"""The gather against scenes whose irradiance is known: furnace, sky, walls, patches, lights over planes, lamps near walls."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+import pytest
+
+from irrsplat.core.buffers import Sites
+from irrsplat.gather.hemicube import PLANE_FIELD, hemisphere_table
+from irrsplat.gather.raster import GatherPass
+from irrsplat.gpu.geometry import Geometry
+from irrsplat.lighting.light_table import light_defines
+from irrsplat.lighting.shadow_maps import ShadowPass
+from irrsplat.scene.flatten import flatten
+from irrsplat.scene.model import Light, Scene
+from tests.gather.test_hemisphere import share_of_plane
+from tests.support.worlds import box, floor, gather, lamp, material, polygon_vector, quad, scene, sites
+
+UP = (0.0, 1.0, 0.0)
+EMITTER = (1.0, 2.0, 3.0)  # W/(m² sr), different in each channel
+BLACK = material(0.0)
+SPAN = share_of_plane(PLANE_FIELD)  # of the hemisphere, 0.945
+
+
+def inside(count: int, seed: int = 5) -> np.ndarray:
+    """Random points about the origin."""
+    return np.random.default_rng(seed).uniform(-0.7, 0.7, (count, 3))
+
+
+@pytest.mark.parametrize("side", [16, 32, 64])
+@pytest.mark.parametrize(("kind", "share"), [("raster", 1.0), ("plane", SPAN)])
+def test_furnace(ctx: moderngl.Context, kind: str, share: float, side: int) -> None:
+    """Where every direction brings L_e, E = π·L_e; the paper's plane sees 94.5 % of that."""
+    world = scene(box((-1, -1, -1), (1, 1, 1), material(0.5, EMITTER), outward=False))
+    normals = np.random.default_rng(3).normal(size=(20, 3))
+    found = gather(ctx, world, sites(inside(20), normals), side, kind)
+    assert np.allclose(found.E, np.pi * share * np.array(EMITTER), rtol=2e-3 if kind == "raster" else 5e-3)
+    if kind == "raster":  # ∫ L·ω·dω over the hemisphere of n is π·L·n, and no direction differs from another
+        n = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+        assert np.allclose(found.M, np.pi * np.array(EMITTER)[None, :, None] * n[:, None, :], atol=0.02)
+        assert np.abs(found.gradient).max() < 1e-3
+
+
+@pytest.mark.parametrize(("kind", "share"), [("raster", 1.0), ("plane", SPAN)])
+def test_sky_over_an_unlit_plane(ctx: moderngl.Context, kind: str, share: float) -> None:
+    """Nothing but sky of radiance L above: E = π·L. R, where every direction misses, is the scene's diagonal."""
+    world = scene(floor(2.0), sky=EMITTER)
+    found = gather(ctx, world, sites(inside(8) * (1, 0, 1), UP), 32, kind)
+    assert np.allclose(found.E, np.pi * share * np.array(EMITTER), rtol=2e-3 if kind == "raster" else 5e-3)
+    assert np.allclose(found.R, world.diagonal, rtol=1e-6)
+
+
+def perpendicular(height: float, half_width: float, distance: float) -> float:
+    """The form factor of a point on the floor to a wall that stands on it `distance` away, its foot's middle nearest.
+
+    Howell C-12, a rectangle in a perpendicular plane with a corner nearest, twice: with X = a/b, Y = c/b for height a, width b,
+    distance c: F = 1/(2π)·[atan(1/Y) - Y/√(X²+Y²)·atan(1/√(X²+Y²))].
+    """
+    X, Y = height / half_width, distance / half_width
+    root = np.hypot(X, Y)
+    return float((np.arctan(1 / Y) - Y / root * np.arctan(1 / root)) / np.pi)
+
+
+def parallel(half: float, distance: float) -> float:
+    """The form factor of a point to a square of 2·half above its zenith: Howell C-11 four times, X = Y = half/distance."""
+    x = half / distance
+    return float(4 / np.pi * x / np.hypot(1, x) * np.arctan(x / np.hypot(1, x)))
+
+
+def test_the_published_form_factors_are_lamberts() -> None:
+    """The catalogue's two formulas, as written above, against Lambert's for polygons."""
+    wall = np.array([(-0.8, 0, 0.5), (0.8, 0, 0.5), (0.8, 1.7, 0.5), (-0.8, 1.7, 0.5)])
+    roof = np.array([(-0.6, 0.9, -0.6), (0.6, 0.9, -0.6), (0.6, 0.9, 0.6), (-0.6, 0.9, 0.6)])
+    assert polygon_vector(wall, np.zeros(3))[1] / np.pi == pytest.approx(perpendicular(1.7, 0.8, 0.5), rel=1e-9)
+    assert polygon_vector(roof, np.zeros(3))[1] / np.pi == pytest.approx(parallel(0.6, 0.9), rel=1e-9)
+    assert perpendicular(1e6, 1e6, 1.0) == pytest.approx(0.5, abs=1e-5), "an endless wall hides half of the sky"
+
+
+@pytest.mark.parametrize("distance", [0.05, 0.3, 1.0])
+def test_a_black_wall_hides_half_of_the_sky(ctx: moderngl.Context, distance: float) -> None:
+    """A wall of 40 m × 20 m: E = π·L·(1 - F), F being nearly one half."""
+    wall = quad((-20, 0, distance), (40, 0, 0), (0, 20, 0), BLACK)
+    found = gather(ctx, scene(wall, sky=1.0), sites(np.zeros((16, 3)), UP), 32)
+    F = perpendicular(20.0, 20.0, distance)
+    assert pytest.approx(0.5, abs=0.03) == F
+    assert np.allclose(found.E, np.pi * (1 - F), rtol=0.01)
+
+
+def off(E: np.ndarray, truth: np.ndarray) -> tuple[float, float]:
+    """The relative error of E (N, 3) in the mean over the records, and in root mean square."""
+    error = E / truth - 1.0
+    return float(np.abs(error.mean(0)).max()), float(np.sqrt((error**2).mean()))
+
+
+@pytest.mark.parametrize("side", [32, 64, 128])
+@pytest.mark.parametrize(("half", "distance"), [(0.5, 1.0), (1.0, 0.4), (0.3, 1.2)])
+def test_parallel_patch(ctx: moderngl.Context, half: float, distance: float, side: int) -> None:
+    """E = π·L_e·F of a square overhead, over 64 frames turned by different angles.
+
+    A texel that an edge cuts counts whole or not at all. Of a square of n = side·half/distance texels the 4n on its rim are off
+    by ±½ at random, by √(4n/12) in sum of n²: 0.58·n^(-3/2), 2.5 % at n = 8 and 0.3 % at n = 32; the mean has no such error.
+    """
+    patch = quad((-half, distance, -half), (2 * half, 0, 0), (0, 0, 2 * half), material(0.0, EMITTER))
+    truth = np.pi * parallel(half, distance) * np.array(EMITTER)
+    mean, rms = off(gather(ctx, scene(patch), sites(np.zeros((64, 3)), UP), side).E, truth)
+    assert mean < 0.01
+    assert rms < max(0.01, 0.58 * (side * half / distance) ** -1.5)
+
+
+@pytest.mark.parametrize("side", [32, 64, 128])
+@pytest.mark.parametrize(("height", "distance"), [(1.0, 0.5), (0.5, 0.1), (2.0, 1.5)])
+def test_perpendicular_patch(ctx: moderngl.Context, height: float, distance: float, side: int) -> None:
+    """E = π·L_e·F of a wall at the record's feet, likewise."""
+    patch = quad((-1, 0, distance), (2, 0, 0), (0, height, 0), material(0.0, EMITTER))
+    truth = np.pi * perpendicular(height, 1.0, distance) * np.array(EMITTER)
+    mean, rms = off(gather(ctx, scene(patch), sites(np.zeros((64, 3)), UP), side).E, truth)
+    assert mean < 0.01
+    assert rms < (0.02 if side == 32 else 0.01)
+
+
+def test_radius_is_the_harmonic_mean_distance(ctx: moderngl.Context) -> None:
+    """Under a ceiling that is 14 times as wide as its height h, 1/r = cosθ/h: 1/R = ∫ cosθ·cosθ/h dω/π = 2/(3h), R = 1.5·h."""
+    world = scene(quad((-5, 0.7, -5), (10, 0, 0), (0, 0, 10)))
+    found = gather(ctx, world, sites(np.zeros((8, 3)), UP), 32)
+    assert np.allclose(found.R, 1.5 * 0.7, rtol=0.01)
+
+
+# ---- direct light as records see it -----------------------------------------------------------------------------------
+
+ROOF = quad((-3, 1.5, -3), (6, 0, 0), (0, 0, 6), material((0.2, 0.5, 0.9)))
+LIGHTS = {
+    "physical": lamp((0.4, -1.0, 0.2), 5.0),
+    "opengl": Light((0.4, -1.0, 0.2), (1.0, 2.0, 3.0), attenuation=(0.5, 0.25, 0.125)),
+    "no falloff": Light((0.4, -1.0, 0.2), (1.0, 2.0, 3.0)),
+    "directional": Light((0.5, -2.0, 0.25), (1.0, 2.0, 3.0), directional=True),
+    "hard cone": lamp((0.4, -1.0, 0.2), 5.0, spot_target=(0.0, 1.5, 0.0), spot_cutoff=35.0, spot_inner=35.0),
+    "soft cone": lamp((0.4, -1.0, 0.2), 5.0, spot_target=(0.0, 1.5, 0.0), spot_cutoff=45.0, spot_inner=20.0),
+    "exponent": Light((0.4, -1.0, 0.2), (1, 1, 1), spot_target=(0, 1.5, 0), spot_cutoff=60.0, spot_inner=60.0, spot_exponent=8.0),
+    "wide cone": lamp((0.4, -1.0, 0.2), 5.0, spot_target=(0.0, 1.5, 0.0), spot_cutoff=85.0, spot_inner=60.0),
+}
+
+
+def irradiance(light: Light, p: np.ndarray, n: np.ndarray) -> np.ndarray:
+    """E (..., 3) that `light` brings unshadowed to points p with normals n, by the formulas of the scene grammar."""
+    at = np.asarray(light.position, float)
+    to = np.broadcast_to(at, p.shape) if light.directional else at - p
+    d = np.linalg.norm(to, axis=-1)
+    cosine = np.maximum((to * n).sum(-1) / d, 0.0)
+    spot = np.ones_like(d)
+    if light.spot_target is not None:
+        axis = np.subtract(light.spot_target, at)
+        c = np.clip(-(to @ axis) / d / np.linalg.norm(axis), -1.0, 1.0)
+        angle = np.degrees(np.arccos(c))
+        if light.spot_inner < light.spot_cutoff:
+            spot = np.clip((light.spot_cutoff - angle) / (light.spot_cutoff - light.spot_inner), 0.0, 1.0)
+        else:
+            spot = (angle <= light.spot_cutoff).astype(float)
+        spot = spot * np.maximum(c, 0.0) ** light.spot_exponent
+    if light.physical:
+        strength = 1.0 / d**2
+    elif light.directional:
+        strength = np.pi * np.ones_like(d)
+    else:
+        strength = np.pi / (light.attenuation[0] + light.attenuation[1] * d + light.attenuation[2] * d * d)
+    return (cosine * spot * strength)[..., None] * np.asarray(light.color)
+
+
+@pytest.mark.parametrize("name", LIGHTS)
+@pytest.mark.parametrize("kind", ["raster", "plane"])
+def test_what_a_texel_sees_of_a_lit_plane(ctx: moderngl.Context, name: str, kind: str) -> None:
+    """Each texel brings ρ/π·E from where its ray meets the plane, at the ray's length.
+
+    A texel's ray goes through its centre on the face, its table's direction is a mean: the two differ by second order.
+    """
+    world, light = scene(ROOF, lights=(LIGHTS[name],)), LIGHTS[name]
+    geometry, shadows = Geometry(ctx, *flatten(world)), ShadowPass(ctx)(world, Geometry(ctx, *flatten(world)), 256)
+    gather = GatherPass(ctx, kind, 64, world.diagonal, light_defines(world))
+    where = sites((0.1, 0.0, -0.2), UP)
+    atlas = gather(geometry, shadows, where, np.zeros(1), 0)
+    width, height = atlas.cell
+    seen = np.frombuffer(atlas.radiance.read(), "f4").reshape(atlas.radiance.height, -1, 4)[:height, :width]
+    frame = np.frombuffer(atlas.frames.read(), "f4").reshape(4, -1, 4)[:3, 0, :3]
+    table = np.frombuffer(atlas.table.read(), "f4").reshape(height, width, 4)
+    direction = table[..., :3] @ frame
+    t = 1.5 / direction[..., 1]
+    hit = where.position[0] + t[..., None] * direction
+    on = (np.abs(hit[..., [0, 2]]) < 2.9).all(-1)
+    off = (np.abs(hit[..., [0, 2]]) > 3.2).any(-1)
+    assert not seen[off].any() and on.sum() > 500
+    assert np.allclose(seen[on][:, 3], t[on], rtol=0.01)
+    truth = np.array([0.2, 0.5, 0.9]) / np.pi * irradiance(light, hit[on], np.array([0.0, -1.0, 0.0]))
+    wrong = np.abs(seen[on][:, :3] - truth).max(-1) > 0.02 * truth.max(-1) + 0.005 * truth.max()
+    if name in ("hard cone", "soft cone"):  # the rim cuts texels
+        angle = rim_distance(light, hit[on])
+        wrong &= np.abs(angle) > 3.0
+    assert wrong.mean() < 0.002, f"{wrong.sum()} of {wrong.size} texels"
+
+
+def rim_distance(light: Light, p: np.ndarray) -> np.ndarray:
+    """Degrees between points and the rim of a light's cone."""
+    axis, to = np.subtract(light.spot_target, light.position), p - np.asarray(light.position)  # type: ignore[arg-type]
+    c = to @ axis / np.linalg.norm(to, axis=-1) / np.linalg.norm(axis)
+    return np.degrees(np.arccos(c)) - light.spot_cutoff
+
+
+def lamp_under_roof(gap: float, record: float) -> float:
+    """E/(ρ·I) at a point `record` below an endless roof, on the vertical through a lamp `gap` below it, in quadrature.
+
+    L(s) = ρ/π·I·g/(g²+s²)^1.5 at a distance s from the lamp's foot; E = ∫ L·h²/(h²+s²)² 2πs ds; s = g·tan t spreads the points.
+    """
+    t = (np.arange(200_000) + 0.5) / 200_000 * np.pi / 2
+    s, ds = gap * np.tan(t), gap / np.cos(t) ** 2 * (np.pi / 2 / 200_000)
+    L = gap / (gap * gap + s * s) ** 1.5 / np.pi
+    return float((L * record**2 / (record**2 + s * s) ** 2 * 2 * np.pi * s * ds).sum())
+
+
+def test_the_quadrature_has_the_right_limit() -> None:
+    """A lamp that touches the roof lights a point: Φ/2 = ∫ E dA = 2π·I there, so that E = ρ/π·2π·I/h² = 2ρI/h²."""
+    assert lamp_under_roof(1e-3, 2.0) == pytest.approx(2.0 / 4.0, rel=3e-3)
+
+
+@pytest.mark.parametrize("gap", [0.02, 0.05, 0.1])
+def test_a_lamp_near_a_wall_does_not_alias(ctx: moderngl.Context, gap: float) -> None:
+    """Its spot is far smaller than a texel of 32², and yet E is right within a few per cent, wherever the texels fall."""
+    roof = quad((-5, 2, -5), (10, 0, 0), (0, 0, 10), material(0.6))
+    world = scene(roof, lights=(lamp((0.0, 2.0 - gap, 0.0), 7.0),))
+    aside = np.random.default_rng(2).uniform(-0.02, 0.02, (64, 3)) * (1, 0, 1)
+    E = gather(ctx, world, sites(aside, UP), 32).E[:, 0]
+    truth = 0.6 * 7.0 * lamp_under_roof(gap, 2.0)
+    assert E.mean() == pytest.approx(truth, rel=0.02)
+    assert np.abs(E / truth - 1.0).max() < 0.08, f"{E.min() / truth:.3f} to {E.max() / truth:.3f}"
+
+
+# ---- many records at once ---------------------------------------------------------------------------------------------
+
+
+def room() -> Scene:
+    """A room with things in it, so that normals, colours and shadows differ from triangle to triangle."""
+    return scene(
+        box((-1, -1, -1), (1, 1, 1), material((0.7, 0.4, 0.2), (0.1, 0.2, 0.3)), outward=False),
+        box((-0.6, -1, -0.5), (-0.1, -0.2, 0.1), material((0.1, 0.8, 0.3))),
+        quad((0.2, -0.4, -0.6), (0.5, 0.1, 0.2), (-0.1, 0.3, 0.4), material((0.9, 0.1, 0.6), (0.5, 0.0, 0.2))),
+        lights=(lamp((0.3, 0.7, 0.2), 2.0),),
+    )
+
+
+@pytest.mark.parametrize("kind", ["raster", "plane"])
+def test_many_records_at_once_equal_each_alone(ctx: moderngl.Context, kind: str) -> None:
+    """Neither the cell in the atlas nor what else is drawn may matter; a triangle's number starts anew in each instance.
+
+    A texel whose centre lies on an edge may fall to either side of it as rounding goes: a few of ten thousand.
+    """
+    rng, world = np.random.default_rng(7), room()
+    where = sites(rng.uniform(-0.9, 0.9, (23, 3)), rng.normal(size=(23, 3)))
+    geometry, shadows = Geometry(ctx, *flatten(world)), ShadowPass(ctx)(world, Geometry(ctx, *flatten(world)), 128)
+    look = GatherPass(ctx, kind, 16, world.diagonal, light_defines(world), len(where))
+
+    def cells(where: Sites, first: int) -> np.ndarray:
+        atlas = look(geometry, shadows, where, first + np.arange(len(where)), 0)
+        (width, height), texels = atlas.cell, np.frombuffer(atlas.radiance.read(), "f4")
+        tiled = texels.reshape(-1, height, atlas.columns, width, 4).swapaxes(1, 2)
+        return tiled.reshape(-1, height, width, 4)[: len(where)]
+
+    together, share = (
+        np.concatenate([cells(where[i : i + look.capacity], i) for i in range(0, 23, look.capacity)]),
+        hemisphere_table(kind, 16)[..., 3],
+    )
+    alone = np.concatenate([cells(where[i : i + 1], i) for i in range(len(where))])
+    differ = (np.abs(alone - together) > 1e-3 * (1.0 + np.abs(together))).any(-1)
+    assert differ.mean() <= 1e-3, f"{differ.sum()} texels differ"
+    E = [np.einsum("ij,nijc->nc", share, cell) for cell in (alone, together)]
+    assert np.allclose(E[0], E[1], rtol=3e-3)
+    assert together[..., :3].std() > 0.1, "there is something to see"
+
+
+def test_a_full_atlas_is_as_good_as_a_small_one(ctx: moderngl.Context) -> None:
+    """As many records as a call takes, all at one place: the last cell holds what the first one does."""
+    world = scene(box((-1, -1, -1), (1, 1, 1), material(0.5, EMITTER), outward=False))
+    capacity = GatherPass(ctx, "raster", 16, world.diagonal, light_defines(world)).capacity
+    found = gather(ctx, world, sites(np.zeros((capacity, 3)), UP), 16, capacity=capacity)
+    assert np.allclose(found.E, np.pi * np.array(EMITTER), rtol=5e-3)
+
+
+def test_directions_below_the_geometric_surface_count_as_nothing(ctx: moderngl.Context) -> None:
+    """With the shading normal 60° off, of the cosine-weighted hemisphere (1 + cos 60°)/2 = 3/4 lies above the surface."""
+    world = scene(box((-1, -1, -1), (1, 1, 1), material(0.5, 1.0), outward=False))
+    tilted = (np.sin(np.radians(60)), np.cos(np.radians(60)), 0.0)
+    found = gather(ctx, world, sites(inside(16), tilted, geometric=UP), 32)
+    assert np.allclose(found.E, np.pi * 0.75, rtol=0.02)
+
+
+def test_no_geometry_is_sky(ctx: moderngl.Context) -> None:
+    world = scene(sky=2.0)
+    assert isinstance(Geometry(ctx, *flatten(world)), Geometry)
+    found = gather(ctx, world, sites(np.zeros((3, 3)), UP), 16)
+    assert np.allclose(found.E, 2.0 * np.pi, rtol=5e-3)
+
+
+@pytest.mark.parametrize("away", [1e-2, 1e-3, 4e-4, 1e-4, 3e-5])
+def test_a_record_in_a_corner_does_not_see_through_the_wall(ctx: moderngl.Context, away: float) -> None:
+    """Outside it is bright, in the black box it is dark, also `away` metres from a wall; what a pixel sees does lie that near.
+
+    Where the record is nearer to the wall than it looks from above its floor, texels at a seam may be lost: 2 % of the sky.
+    """
+    world = scene(box((-1, -1, -1), (1, 1, 1), BLACK, outward=False), sky=100.0)
+    along = np.random.default_rng(0).uniform(-0.9, 0.9, 64)
+    near = np.stack([along, np.full(64, -1.0), np.full(64, -1.0 + away)], 1)
+    E = gather(ctx, world, sites(near, UP), 32).E / (100.0 * np.pi)
+    assert E.max() <= (0.0 if away > 1e-4 * world.diagonal else 0.02), (
+        f"{E.max():.2%} of the sky, {(E[:, 0] > 0).mean():.0%} see any"
+    )
+
+
+def test_a_site_in_the_corner_line_sees_the_wall(ctx: moderngl.Context) -> None:
+    """On the floor of a furnace, exactly where a wall begins, that wall fills half of the sky: E = π·L_e there as everywhere.
+
+    Seen from the very line the wall is edge-on and vanishes; from within the floor's own triangle it does not.
+    """
+    world = scene(box((-1, -1, -1), (1, 1, 1), material(0.5, EMITTER), outward=False))
+    vertices, faces, _ = flatten(world)
+    corners = vertices[faces, :3]
+    on_line = ((corners[..., 0] == 1.0) & (corners[..., 1] == -1.0)).sum(1) == 2
+    floor_triangle = int(np.flatnonzero(on_line & (corners[..., 1] == -1.0).all(1))[0])
+    p = np.array([(1.0, -1.0, z) for z in (-0.5, 0.0, 0.5)])
+    bare = sites(p, UP)
+    known = Sites(bare.position, bare.normal, bare.geometric, np.full(3, floor_triangle))
+    assert np.allclose(gather(ctx, world, known).E, np.pi * np.array(EMITTER), rtol=5e-3)

@@ -1,0 +1,69 @@
+"""The context without a window: what it is, and what is said where there is none."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import moderngl
+import pytest
+
+from irrsplat.core.errors import GLError
+from irrsplat.gpu import context
+
+pytest_plugins = ["pytester"]
+
+
+def test_a_context_is_at_least_what_is_required(ctx: moderngl.Context) -> None:
+    about = context.describe(ctx)
+    assert about["version_code"] >= context.REQUIRED
+    assert about["max_texture_size"] >= 1024  # the least that OpenGL 3.3 promises
+    assert isinstance(about["software"], bool)
+    assert about["renderer"] and about["version"] and about["vendor"]
+
+
+def test_too_much_asked_is_one_line_of_advice() -> None:
+    with pytest.raises(GLError) as error:
+        context.create(require=990)
+    assert "\n" not in str(error.value)
+    assert "apt-get install" in str(error.value)
+
+
+# what moderngl 5.13 and glcontext 3.1 say, seen on bare Debian 12 images -> the package that mends it
+@pytest.mark.parametrize(
+    ("message", "package"),
+    [
+        ("libGL.so not loaded", "libgl1"),
+        ("libEGL.so not loaded", "libegl1"),
+        ("requested device index 0, but found 0 devices", "libegl-mesa0"),
+        ("eglInitialize failed (0x3001)", "libgl1-mesa-dri"),
+        ("eglCreateContext failed (0x3009)", "libgl1-mesa-dri"),
+        ("(standalone) XOpenDisplay: cannot open display", "libegl1"),
+        ("something new", "libgl1"),
+    ],
+)
+def test_advice_names_the_package(message: str, package: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(**_: object) -> None:
+        raise Exception(message)
+
+    monkeypatch.setattr(moderngl, "create_context", fail)
+    with pytest.raises(GLError) as error:
+        context.create()
+    assert str(error.value).endswith(package) or f" {package}" in str(error.value)
+    assert "\n" not in str(error.value)
+    assert context.diagnose() == {"ok": False, "advice": str(error.value)}
+
+
+def test_the_watch_sees_gl_errors(pytester: pytest.Pytester) -> None:
+    """The fixture of conftest.py fails a test that asks OpenGL for a capability that no machine has."""
+    pytester.makeconftest((Path(__file__).resolve().parents[1] / "conftest.py").read_text(encoding="utf-8"))
+    pytester.makepyfile(
+        """
+        def test_wrong(ctx):
+            ctx.enable_direct(0xFFFF)  # no such capability: GL_INVALID_ENUM
+
+        def test_right(ctx):
+            ctx.enable(ctx.BLEND)
+        """
+    )
+    result = pytester.runpytest_inprocess("-p", "no:cacheprovider")
+    result.assert_outcomes(passed=2, errors=1)

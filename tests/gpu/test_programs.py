@@ -1,0 +1,155 @@
+"""Programs are linked when they are first drawn with; so that none hides a mistake, all of them are linked here, as used."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import moderngl
+import pytest
+
+from irrsplat import Renderer
+from irrsplat.core import paths
+from irrsplat.gather.raster import Few, Many
+from irrsplat.gather.reduce import ReducePass
+from irrsplat.gather.trace import TracePass
+from irrsplat.gpu import program, shader_source
+from irrsplat.gpu.program import Program
+from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.target import Target
+from irrsplat.image.antialias import AccumulatePass
+from irrsplat.image.composite import CompositePass
+from irrsplat.image.gbuffer import GBufferPass
+from irrsplat.indirect.examine import ExaminePass
+from irrsplat.indirect.splat import SplatPass
+from irrsplat.indirect.upsample import UpsamplePass
+from irrsplat.lighting.direct import DirectPass
+from irrsplat.lighting.light_table import light_defines
+from irrsplat.lighting.shadow_maps import ShadowPass
+from irrsplat.records.adaptive_radius import AdaptPass
+from irrsplat.records.coverage_pass import RankPass
+from irrsplat.scene.model import Light
+from irrsplat.surface_cache.view import SurfacePass
+from irrsplat.surface_cache.visibility import SightPass
+from tests.gather.test_analytic import LIGHTS
+from tests.renderer.test_renderer import FAST, SIZE, room
+from tests.support.worlds import floor, scene
+
+KINDS: dict[str, tuple[Light, ...]] = {
+    "none": (),
+    **{name: (one,) for name, one in LIGHTS.items()},
+    "all": tuple(LIGHTS.values()),
+}
+
+LIT = {
+    "lighting/direct",
+    "gather/gather",
+    "gather/gather_seen",
+    "gather/gather_light",
+    "gather/trace",
+}  # stages whose shaders go by the lights
+
+
+def lit(ctx: moderngl.Context, lights: tuple[Light, ...]) -> Iterator[Holder]:
+    """Every pass whose shaders are made for the lights that there are."""
+    defines = light_defines(scene(floor(), lights=lights))
+    yield DirectPass(ctx, SIZE, defines)
+    for surface in (False, True):
+        for gather in (Few, Many):
+            yield gather(ctx, SIZE, {**defines, "SURFACE": int(surface)})
+        yield TracePass(ctx, 8, 1.0, defines, 1, surface=surface)
+    yield TracePass(ctx, 8, 1.0, defines, 1, surface=True, hits=True)
+
+
+def unlit(ctx: moderngl.Context) -> Iterator[Holder]:
+    """Every other pass of the core, as settings may have it."""
+    for gradients in (False, True):
+        yield SplatPass(ctx, SIZE, gradients)
+        yield ReducePass(ctx, gradients)
+        yield RankPass(ctx, gradients)
+        for neighbours in (False, True):
+            yield AdaptPass(ctx, gradients, neighbours)
+    for kind in (ShadowPass, SightPass, SurfacePass):
+        yield kind(ctx)
+    for kind in (GBufferPass, ExaminePass, CompositePass, AccumulatePass, UpsamplePass):
+        yield kind(ctx, SIZE)
+
+
+def linked(ctx: moderngl.Context, passes: Iterator[Holder]) -> set[str]:
+    """The names of all their programs, each linked and freed again."""
+    names = set()
+    for one in passes:
+        names |= {each.name for each in one.programs() if each.gl}
+        one.release()
+    ctx.detect_framebuffer(0).use()
+    return names
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_shaders_for_all_kinds_of_lights_compile(ctx: moderngl.Context, kind: str) -> None:
+    assert linked(ctx, lit(ctx, KINDS[kind])) == LIT
+
+
+def test_all_other_shaders_of_the_core_compile(ctx: moderngl.Context) -> None:
+    """Those of the viewer are all drawn with in its tests."""
+    folder = paths.folder("shaders")
+    stages = {path.relative_to(folder).with_suffix("").as_posix() for path in folder.rglob("*.frag")}
+    core = {name for name in stages if not name.startswith("viewer/")}
+    assert linked(ctx, unlit(ctx)) == core - LIT
+
+
+@pytest.fixture
+def made(monkeypatch: pytest.MonkeyPatch) -> list[Program]:
+    """The programs that are linked from now on."""
+    found: list[Program] = []
+    plain = Program._linked
+
+    def link(self: Program, sources: Any) -> Any:
+        found.append(self)
+        return plain(self, sources)
+
+    monkeypatch.setattr(Program, "_linked", link)
+    return found
+
+
+def test_a_render_links_what_it_draws_with_and_nothing_else(made: list[Program]) -> None:
+    """And each once, however many frames there are."""
+    with Renderer(room(), SIZE, **FAST, exposure=0.0) as renderer:
+        assert made == []
+        renderer.render()
+        renderer.render()
+        names = [one.name for one in made]
+        assert sorted(names) == sorted(set(names))
+        assert "image/gbuffer" in names
+        assert not {f"image/{name}" for name in ("composite_smooth", "composite_meter", "composite_display", "accumulate")} & set(
+            names
+        )
+
+
+def test_shaders_that_were_not_drawn_with_are_read_again_too(
+    ctx: moderngl.Context, tmp_path: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """F5: what is wrong in one is told with its place, drawn with before or not, and all go on as they were."""
+    monkeypatch.setattr(shader_source, "folder", lambda name: tmp_path)
+    (tmp_path / "v.vert").write_text(
+        "void main() { gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0, 0, 1); }\n"
+    )
+    text = "out vec4 color;\nvoid main() { color = vec4(VALUE); }\n"
+    for name in ("drawn", "waiting"):
+        (tmp_path / f"{name}.frag").write_text(text.replace("VALUE", "1.0"))
+    drawn, waiting = (Program(ctx, name, "v") for name in ("drawn", "waiting"))
+    target = Target(ctx, (1, 1), (4,))
+    drawn(target)
+    (tmp_path / "drawn.frag").write_text(text.replace("VALUE", "2.0"))
+    (tmp_path / "waiting.frag").write_text(text.replace("VALUE", "nowhere"))
+    with pytest.raises(shader_source.ShaderError, match=r"^waiting\.frag:2: .*nowhere"):
+        program.reload([drawn, waiting])
+    ctx.clear_errors()
+    for one in (drawn, waiting):
+        one(target)
+        assert target.read()[0, 0, 0] == 1.0, "the last good one, though its file is broken by now"
+    (tmp_path / "waiting.frag").write_text(text.replace("VALUE", "3.0"))
+    program.reload([drawn, waiting])
+    for one, value in ((drawn, 2.0), (waiting, 3.0)):
+        one(target)
+        assert target.read()[0, 0, 0] == value

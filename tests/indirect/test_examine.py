@@ -1,0 +1,179 @@
+"""The examination against numpy: which pixels ask, which of a tile is served worst, and how sites keep apart."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+import pytest
+
+from irrsplat.core.buffers import NOTHING_SEEN, SplatBuffer
+from irrsplat.gpu.target import float_texture
+from irrsplat.indirect.examine import Examination, ExaminePass, octahedral_decode
+from irrsplat.indirect.site_selection import choose
+from irrsplat.settings import Settings
+from tests.support.worlds import encode, gbuffer_of
+
+TOLERANCE = 2.5
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # Rec. 709
+
+
+def made_up(size: tuple[int, int], seed: int) -> dict[str, np.ndarray]:
+    """Random positions and normals, an eighth of the pixels seeing nothing, weights of which half are 0 and some are equal."""
+    rng = np.random.default_rng(seed)
+    shape = (size[1], size[0])
+    normal, geometric = (v / np.linalg.norm(v, axis=-1, keepdims=True) for v in rng.normal(size=(2, *shape, 3)))
+    weight = np.where(rng.random(shape) < 0.5, 0.0, np.round(rng.uniform(0.0, 6.0, shape), 1))
+    sums = rng.uniform(0.0, 2.0, (*shape, 4)) * np.where(weight > 0.0, 1.0, 0.0)[..., None]
+    squares = (sums[..., :3] @ LUMINANCE) ** 2 / np.maximum(sums[..., 3], 1e-20) * (1.0 + rng.uniform(0.0, 0.3, shape))
+    depth = np.where(rng.random(shape) < 0.125, 0.0, rng.uniform(1.0, 2.0, shape))
+    depth[: shape[0] // 3, : shape[1] // 3] = 0.0  # whole tiles that see nothing
+    surface = {"position": rng.normal(size=(*shape, 3)), "normal": normal, "geometric": geometric, "depth": depth}
+    return surface | {"weight": weight, "sums": sums, "squares": squares}
+
+
+def counted(data: dict[str, np.ndarray], spread: float, dark: float = 0.0) -> np.ndarray:
+    """(H, W) Σw, or where that is below three tolerances and the luminances deviate from their mean by more than `spread` of
+    it, or of what is dark, so much less than the tolerance."""
+    weight, sums, squares = (data[name].astype("f4").astype(float) for name in ("weight", "sums", "squares"))
+    k = np.maximum(sums[..., 3], 1e-20)
+    mean = sums[..., :3] @ LUMINANCE / k
+    off = np.sqrt(np.maximum(squares / k - mean**2, 0.0))
+    doubted = (weight < 3.0 * TOLERANCE) & (off > 0.0) & (spread > 0.0)
+    return np.where(doubted, np.minimum(weight, TOLERANCE * spread * np.maximum(mean, dark) / np.maximum(off, 1e-20)), weight)
+
+
+def examine(
+    ctx: moderngl.Context,
+    size: tuple[int, int],
+    data: dict[str, np.ndarray],
+    seed: int = 0,
+    spread: float = 0.0,
+    dark: float = 0.0,
+) -> tuple[Examination, int]:
+    gbuffer = gbuffer_of(ctx, data["position"], data["normal"], data["depth"], geometric=data["geometric"])
+    weight, sums, there = float_texture(ctx, size, 2), float_texture(ctx, size, 4), data["depth"] > 0.0
+    pair = np.stack([np.where(there, data["weight"], NOTHING_SEEN), np.where(there, data["squares"], 0.0)], -1)
+    weight.write(pair[::-1].astype("f4").tobytes())
+    sums.write(np.where(there[..., None], data["sums"], 0.0)[::-1].astype("f4").tobytes())
+    examination = ExaminePass(ctx, size)
+    settings = Settings(tolerance=TOLERANCE, spread=spread, seed=seed)
+    return examination(gbuffer, SplatBuffer(sums, weight, dark), settings), examination.side
+
+
+def tiles(values: np.ndarray, side: int, fill: float) -> np.ndarray:
+    """(h, w, side²) the pixels of every tile; tiles are counted from the bottom left, as OpenGL does, and come back top first."""
+    height, width = values.shape
+    padded = np.full((-(-height // side) * side, -(-width // side) * side), fill)
+    padded[:height, :width] = values[::-1]
+    blocks = padded.reshape(padded.shape[0] // side, side, -1, side).swapaxes(1, 2)
+    return blocks.reshape(*blocks.shape[:2], -1)[::-1]
+
+
+@pytest.mark.parametrize(("spread", "dark"), [(0.0, 0.0), (0.2, 0.0), (0.2, 0.7), (0.5, 0.0)])
+@pytest.mark.parametrize("size", [(1, 1), (7, 5), (33, 41), (200, 310), (90, 530)])
+def test_examination_equals_numpy(ctx: moderngl.Context, size: tuple[int, int], spread: float, dark: float) -> None:
+    data = made_up(size, seed=size[0])
+    found, side = examine(ctx, size, data, spread=spread, dark=dark)
+    weight, surface = counted(data, spread, dark), data["depth"] > 0.0
+    asks = surface & (weight < np.float32(TOLERANCE))
+    assert np.array_equal(found.asking, tiles(asks, side, 0).sum(-1))
+    assert np.array_equal(found.seen, tiles(surface, side, 0).sum(-1))
+    assert found.missing == pytest.approx(asks.sum() / max(surface.sum(), 1))
+    if spread and asks.size > 1000:
+        doubted = asks & (data["weight"] >= TOLERANCE)
+        assert doubted.sum() / asks.sum() > 0.02 and (surface & ~asks).any()
+
+    least = tiles(np.where(asks, weight, np.inf), side, np.inf).min(-1)
+    names = map(tuple, data["position"].astype("f4").reshape(-1, 3))
+    place = dict(zip(names, np.ndindex(size[1], size[0]), strict=True))
+    index = tiles(np.arange(size[0] * size[1]).reshape(size[1], size[0]), side, -1)
+    for tile in np.argwhere(found.asking > 0):
+        at = tuple(tile)
+        pixel = place[tuple(found.position[at])]
+        assert pixel[0] * size[0] + pixel[1] in index[at], "a tile names one of its own pixels"
+        assert asks[pixel] and weight[pixel] == pytest.approx(least[at], rel=1e-3), "and the one that is served worst"
+        assert np.allclose(found.normal[at], data["normal"][pixel], atol=1e-6)
+        assert np.allclose(found.geometric[at], data["geometric"][pixel], atol=1e-6)
+
+
+def test_equals_are_drawn_by_lot(ctx: moderngl.Context) -> None:
+    """Where all weights are 0, every place in a tile is chosen about equally often, and another seed chooses otherwise."""
+    size = (300, 300)
+    data = made_up(size, 1)
+    data["depth"][:], data["weight"][:] = 1.0, 0.0
+    y, x = np.indices((size[1], size[0]))
+    data["position"] = np.stack([x, y, 0 * x], -1).astype(float)
+    (one, side), (other, _) = examine(ctx, size, data), examine(ctx, size, data, seed=1)
+    assert not np.array_equal(one.position, other.position)
+    assert np.array_equal(one.position, examine(ctx, size, data)[0].position), "the same seed, the same bits"
+    inside = one.position[..., :2].astype(int) % side
+    times = np.bincount((inside[..., 1] * side + inside[..., 0]).ravel(), minlength=side**2)
+    expected = one.asking.size / side**2
+    assert times.min() > 0.7 * expected and times.max() < 1.3 * expected, times
+
+
+def test_nothing_asks_where_all_is_served(ctx: moderngl.Context) -> None:
+    data = made_up((20, 20), 2)
+    data["weight"][:] = TOLERANCE  # not below it
+    found, _ = examine(ctx, (20, 20), data)
+    assert not found.asking.any() and found.missing == 0.0
+
+
+@pytest.mark.parametrize(("other", "weight", "asks"), [(1.3, 1.2, False), (2.0, 1.2, True), (2.0, 3.1, False), (0.0, 1.2, True)])
+def test_a_pixel_whose_records_contradict_each_other_asks(ctx: moderngl.Context, other: float, weight: float, asks: bool) -> None:
+    """Two records of like weight say 1 and `other`: deviation over mean is |1 - other|/(1 + other), allowed is 0.3. Near a
+    record, by three tolerances of weight, that does not count."""
+    data = made_up((20, 20), 2)
+    data["depth"][:], data["weight"][:] = 1.0, weight * TOLERANCE
+    data["sums"][:] = [0.7 * (1.0 + other)] * 3 + [1.4]
+    data["squares"][:] = 0.7 * (1.0 + other**2)
+    found, _ = examine(ctx, (20, 20), data, spread=0.3)
+    assert found.missing == float(asks)
+
+
+@pytest.mark.parametrize("light", [0.0, 1e-30, 3.0, 1e8])
+def test_one_record_or_records_that_agree_are_never_doubted(ctx: moderngl.Context, light: float) -> None:
+    """Black and the very bright too: Σ k·Y² / Σ k - Y² is nothing but rounding then."""
+    data = made_up((40, 40), 2)
+    k = np.random.default_rng(1).uniform(0.01, 9.0, (40, 40))
+    data["weight"][:] = TOLERANCE * 1.1
+    data["sums"] = np.stack([light * k] * 3 + [k], -1).astype("f4")
+    data["squares"] = (k * np.float32(light) ** 2).astype("f4")
+    found, _ = examine(ctx, (40, 40), data, spread=0.05)
+    assert not found.asking.any()
+
+
+def test_octahedral_map_is_a_round_trip() -> None:
+    v = np.random.default_rng(0).normal(size=(1000, 3))
+    v[:6] = np.concatenate([np.eye(3), -np.eye(3)])
+    v /= np.linalg.norm(v, axis=1, keepdims=True)
+    assert np.allclose(octahedral_decode(*encode(v).T), v, atol=1e-12)
+
+
+@pytest.mark.parametrize("spacing", [1, 2, 4, 8])
+@pytest.mark.parametrize("phase", [-1, 0, 1])
+def test_sites_of_a_round_keep_apart(spacing: int, phase: int) -> None:
+    """One asking tile of each square of `spacing` tiles, the squares of one colour of the chess board, or all."""
+    asking = np.random.default_rng(3).integers(0, 3, (23, 31))
+    rows, columns = choose(asking, spacing, phase, seed=0)
+    assert (asking[rows, columns] > 0).all()
+    squares = list(zip((rows // spacing).tolist(), (columns // spacing).tolist(), strict=True))
+    assert len(set(squares)) == len(squares)
+    wanted = {
+        (r // spacing, c // spacing)
+        for r, c in np.argwhere(asking > 0).tolist()
+        if phase < 0 or (r // spacing + c // spacing) % 2 == phase
+    }
+    assert set(squares) == wanted, "no square that asks is left out"
+    again = choose(asking, spacing, phase, seed=0)
+    assert np.array_equal(rows, again[0]) and np.array_equal(columns, again[1])
+
+
+def test_every_tile_of_a_square_has_its_chance() -> None:
+    chosen = {tuple(np.concatenate(choose(np.ones((4, 4)), 4, -1, seed)).tolist()) for seed in range(200)}
+    assert len(chosen) == 16
+
+
+def test_no_tile_asks_no_site() -> None:
+    rows, columns = choose(np.zeros((5, 5)), 2, 0, 0)
+    assert len(rows) == len(columns) == 0

@@ -1,0 +1,360 @@
+"""Splatting against a loop over every record and pixel in numpy: which pixels a record speaks for, and with what weight."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import moderngl
+import numpy as np
+import pytest
+
+from irrsplat.core.buffers import NOTHING_SEEN, GBuffer, Records
+from irrsplat.gpu.target import table_texture
+from irrsplat.indirect.splat import SplatPass
+from irrsplat.scene.model import Camera
+from irrsplat.settings import Settings
+from tests.support.worlds import gbuffer_of, on_plane, rays
+
+SIZE = (37, 29)
+CAMERA = Camera((0.3, 0.2, 3.0), (0.0, 0.0, 0.0), (0.1, 1.0, 0.0), 50.0)
+COLUMNS = 8
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # Rec. 709
+DARK = 0.6  # W/m²: what is darker may be off by a share of this
+BASE = Settings(a=0.5, radius_min=0.0, radius_max=0.0)
+
+
+@dataclass(frozen=True)
+class View:
+    """A made-up picture: pixels (H, W, 3) on their own rays, normals towards the eye, depth 0 where nothing is seen."""
+
+    position: np.ndarray
+    normal: np.ndarray
+    depth: np.ndarray
+
+    def gbuffer(self, ctx: moderngl.Context) -> GBuffer:
+        return gbuffer_of(ctx, self.position, self.normal, self.depth)
+
+
+@dataclass(frozen=True)
+class Table:
+    """Records: p and n (N, 3), E (N, 3), R (N,), M and ∇E (N, channel, 3), the share of their radii that they may reach (N,), and
+    the axis along which they bend least (N, 3), 0 where it is not known, with the bends along and across it (N, 2) and the
+    greatest radius that they may come to (N,). walls: (N, 4) two each, 0 for none, by coordinates along that axis and across."""
+
+    p: np.ndarray
+    n: np.ndarray
+    E: np.ndarray
+    R: np.ndarray
+    M: np.ndarray
+    gradient: np.ndarray
+    limit: np.ndarray
+    axis: np.ndarray
+    bend: np.ndarray
+    farthest: np.ndarray
+    walls: np.ndarray
+
+    def records(self, ctx: moderngl.Context) -> Records:
+        count = len(self.p)
+        rows = -(-count // COLUMNS)
+
+        def texture(rgb: np.ndarray, w: np.ndarray | float = 0.0) -> moderngl.Texture:
+            whole = np.full((rows * COLUMNS, 4), 1e6)  # beyond the last record lies rubbish
+            whole[:count, :3], whole[:count, 3] = rgb, w
+            return table_texture(ctx, whole.reshape(rows, COLUMNS, 4))
+
+        limit = texture(np.repeat(self.limit[:, None], 3, axis=1))
+        rest = np.column_stack([self.axis, self.bend, self.farthest])
+        both = np.concatenate([self.M, self.gradient], axis=1)
+        vectors = [texture(both[:, i], rest[:, i]) for i in range(6)]
+        walls = texture(self.walls[:, :3], self.walls[:, 3])
+        return Records(
+            texture(self.p), texture(self.n), texture(self.E, self.R), tuple(vectors), walls, count, COLUMNS, limit, DARK
+        )
+
+
+def unit(v: np.ndarray) -> np.ndarray:
+    return v / np.linalg.norm(v, axis=-1, keepdims=True)
+
+
+def view(seed: int = 0) -> View:
+    """A wavy, noisy surface at depth 3, a twentieth of it holes."""
+    rng = np.random.default_rng(seed)
+    d = rays(CAMERA, SIZE)
+    y, x = np.indices(d.shape[:2])
+    depth = 3.0 + 0.5 * np.sin(x / 5.0) * np.cos(y / 7.0) + 0.02 * rng.random(d.shape[:2])
+    normal = unit(np.array([0.0, 0.0, 1.0]) + 0.15 * rng.normal(size=d.shape))
+    position = (np.asarray(CAMERA.eye) + depth[..., None] * d).astype("f4").astype(float)
+    return View(position, normal.astype("f4").astype(float), np.where(rng.random(depth.shape) < 0.05, 0.0, depth))
+
+
+def grazing(seed: int = 0) -> View:
+    """A floor seen at an angle of a few degrees and up to the horizon, its normals a little noisy."""
+    rng = np.random.default_rng(seed)
+    position, depth = on_plane(CAMERA, SIZE, (0.0, -0.05, 0.0), (0.0, 1.0, 0.0))
+    normal = unit(np.array([0.0, 1.0, 0.0]) + 0.05 * rng.normal(size=position.shape))
+    depth = np.where((depth > 0.2) & (depth < 20.0), depth, 0.0)
+    position = np.where(depth[..., None] > 0.0, position, 0.0)
+    return View(position.astype("f4").astype(float), normal.astype("f4").astype(float), depth)
+
+
+def table(count: int = 200, seed: int = 1, on: View | None = None) -> Table:
+    """Records near the surface of `on` (default: `view`), some of them beside the picture, behind the eye, and around it.
+
+    Their ellipses are up to 8 times as long as wide; of one in five no bend is known.
+    """
+    rng = np.random.default_rng(seed)
+    on = on or view()
+    there = np.flatnonzero(on.depth.ravel() > 0.0)
+    at = rng.choice(there, count)
+    p = on.position.reshape(-1, 3)[at] + rng.uniform(-0.02, 0.02, (count, 3))
+    n = unit(on.normal.reshape(-1, 3)[there].mean(0) + 0.1 * rng.normal(size=(count, 3)))
+    R = rng.uniform(0.1, 1.5, count)
+    if count > 4:
+        p[:4] = [(2.5, 0, 0), (0, 0, 3.6), (0.3, 0.2, 3.05), (0.0, 0.1, 4.0)]
+        R[:4] = 3.0, 8.0, 9.0, 12.0
+    values = [p, n, rng.uniform(0, 3, (count, 3)), R]
+    values += [n[:, None] * values[2][..., None] + 0.3 * rng.normal(size=(count, 3, 3)), 0.5 * rng.normal(size=(count, 3, 3))]
+    values.append(np.where(rng.random(count) < 0.3, rng.uniform(0.05, 1.0, count), 1.0))
+    known = (rng.random(count) < 0.8) | (count == 1)
+    values.append(known[:, None] * unit(np.cross(n, rng.normal(size=(count, 3)))))
+    radii = R[:, None] * np.stack([rng.uniform(1.0, 8.0, count) ** 0.5, rng.uniform(1.0, 8.0, count) ** -0.5], 1)
+    values.append(known[:, None] * rng.choice([-2.0, 2.0], (count, 2)) / radii**2)
+    values.append(np.where(rng.random(count) < 0.2, R, 100.0))
+    angle, distance = rng.uniform(0.0, 2.0 * np.pi, (count, 2)), R[:, None] * rng.uniform(0.02, 0.3, (count, 2))
+    some = known & (rng.random(count) < 0.6) & (count > 1)
+    values.append((np.stack([np.cos(angle), np.sin(angle)], -1) / distance[..., None] * some[:, None, None]).reshape(count, 4))
+    return Table(*(v.astype("f4").astype(float) for v in values))
+
+
+def splat(seen: View, records: Table, settings: Settings) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Sums (H, W, 4), weight (H, W, 2), and the pixels where rounding may decide what a record says.
+
+    Ward et al. 1988: w = 1/(|p-p_k|/R + √(1-n·n_k)), where w > 1/a, |p-p_k|/R being taken along and across an axis,
+    R = √(2/|bend|) or the greatest there is; else R at most E/|∇E| on luminance where there are gradients. Finite, limited by the
+    share that is allowed and by the view; neither in front of the pixel's surface nor behind it by more than R/20.
+    Nothing beyond a wall is spoken for. The second weight is Σ k·Y².
+    """
+    sums, weight = np.zeros((*seen.depth.shape, 4)), np.zeros((*seen.depth.shape, 2))
+    unsure = np.zeros(seen.depth.shape, bool)
+    screen = 2.0 * np.tan(np.radians(CAMERA.fov) / 2.0) / 100.0
+    a = settings.a
+    for p_k, n_k, E_k, R_k, M, gradient, limit, axis, bend, most, walls in zip(*vars(records).values(), strict=True):
+        d = np.linalg.norm(np.asarray(CAMERA.eye) - p_k)
+        known = settings.gradients and axis.any()
+        own = np.array([R_k, R_k])
+        if known and settings.radius == "hessian":
+            share = max(E_k @ LUMINANCE, DARK) / max(E_k @ LUMINANCE, 1e-20)
+            own = np.minimum(np.sqrt(2.0 * share / np.maximum(np.abs(bend), 1e-30)), most)
+        elif settings.gradients:
+            own = np.minimum(own, max(E_k @ LUMINANCE, DARK) / np.maximum(np.linalg.norm(LUMINANCE @ gradient), 1e-30))
+        r = np.maximum(a * own * limit, settings.radius_min * screen * d)
+        if settings.radius_max > 0.0:
+            r = np.minimum(r, settings.radius_max * screen * d)
+        R = r / a
+        trust = min(1.0, a * own[1] * limit / r[1])
+        apart = seen.position - p_k
+        cosine = seen.normal @ n_k
+        along = apart @ axis
+        turn = np.sqrt(np.maximum(0.0, 1.0 - cosine))
+        e = np.sqrt(along**2 / R[0] ** 2 + ((apart**2).sum(-1) - along**2) / R[1] ** 2) + turn
+        w = 1.0 / np.maximum(e, 1e-3)
+        front = 0.05 * R[1] - np.abs((apart * (seen.normal + n_k)).sum(-1)) / 2.0
+        speaks = (seen.depth > 0.0) & (w > 1.0 / a)
+        near = np.abs(w * a - 1.0) < 2e-4
+        near |= speaks & (w * 6e-8 / np.maximum(turn, 1e-6) > 1e-4)  # of nearly equal normals, 1 - n·n_k is rounding
+        if settings.in_front:
+            speaks &= (cosine > 0.0) & (front >= 0.0)
+            near |= (np.abs(front) < 1e-5) | (np.abs(cosine) < 1e-5)
+        if settings.gradients and settings.walls:
+            place = np.stack([along, apart @ np.cross(n_k, axis)], -1)
+            beyond = np.maximum(place @ walls[:2], place @ walls[2:])
+            near |= speaks & (np.abs(beyond - 1.0) < 1e-4)
+            speaks &= beyond <= 1.0
+        unsure |= near & (seen.depth > 0.0)
+        k = np.where(speaks, w if settings.kernel == "cut" else w - 1.0 / a, 0.0)
+        E: np.ndarray = np.broadcast_to(E_k, seen.position.shape)
+        if settings.gradients:
+            E = seen.normal @ M.T
+            moved = E + apart @ (gradient.T * trust)
+            if settings.second_order and known:
+                across = (apart**2).sum(-1) - along**2 - (apart @ n_k) ** 2
+                more = trust**2 * (bend[0] * along**2 + bend[1] * across) / 2.0
+                moved = moved + np.clip(more, -0.5, 0.5)[..., None] * E
+            E = np.clip(moved, 0.0, np.maximum(2.0 * E, 0.0))
+        sums += k[..., None] * np.concatenate([E, np.ones_like(E[..., :1])], -1)
+        weight += np.stack([np.where(speaks, w, 0.0), k * (E @ LUMINANCE) ** 2], -1)
+    return sums, weight, unsure
+
+
+def drawn(ctx: moderngl.Context, seen: View, records: Table, settings: Settings, *parts: int) -> tuple[np.ndarray, np.ndarray]:
+    """The GPU's sums and weight, the records splatted in parts that end at the given counts, and at last all."""
+    gbuffer, splatter = seen.gbuffer(ctx), SplatPass(ctx, SIZE, settings.gradients)
+    splatter.clear(gbuffer)
+    first = 0
+    for count in (*parts, len(records.p)):
+        splatter(records.records(ctx), np.arange(first, count), gbuffer, CAMERA, settings)
+        first = count
+    return splatter.target.read(0).copy(), splatter.target.read(1)[..., :2].copy()
+
+
+VARIANTS = {
+    "smooth": BASE,
+    "cut": replace(BASE, kernel="cut"),
+    "no in-front test": replace(BASE, in_front=False),
+    "without gradients": replace(BASE, gradients=False),
+    "harmonic": replace(BASE, radius="harmonic"),
+    "first order": replace(BASE, second_order=False),
+    "harmonic, first order": replace(BASE, radius="harmonic", second_order=False),
+    "no walls": replace(BASE, walls=False),
+    "paper": replace(BASE, gradients=False, second_order=False, radius="harmonic", kernel="cut", in_front=False, a=0.3),
+    "large a": replace(BASE, a=1.5),
+    "least radius": replace(BASE, radius_min=12.0),
+    "greatest radius": replace(BASE, radius_max=8.0),
+    "both": replace(BASE, radius_min=6.0, radius_max=8.0),
+}
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+@pytest.mark.parametrize("surface", [view, grazing])
+def test_splatting_equals_numpy(ctx: moderngl.Context, surface: Callable[[], View], name: str) -> None:
+    """Every pixel that numpy says is served is: no quad cuts an ellipse, however long it is and however low it is seen."""
+    seen, settings = surface(), VARIANTS[name]
+    records = table(on=seen)
+    sums, weight, unsure = splat(seen, records, settings)
+    found_sums, found_weight = drawn(ctx, seen, records, settings)
+    visible = seen.depth > 0.0
+    here = ~unsure & visible
+    assert here.sum() > 0.8 * visible.sum() and (weight[here, 0] > 0.0).mean() > 0.2, "the test has something to compare"
+    assert np.allclose(found_weight[here, 0], weight[here, 0], rtol=1e-4)
+    assert np.allclose(found_weight[here, 1], weight[here, 1], rtol=1e-3, atol=1e-5 * weight[here, 1].max())
+    scale = np.abs(sums[visible]).max()
+    assert np.allclose(found_sums[here], sums[here], rtol=5e-4, atol=1e-5 * scale)
+    assert (found_weight[~visible, 0] >= NOTHING_SEEN).all() and not found_sums[~visible].any(), "nothing is said of nothing"
+    assert not found_weight[~visible, 1].any()
+
+
+@pytest.mark.parametrize("surface", [view, grazing])
+@pytest.mark.parametrize("stretch", [1.0, 5.0, 40.0])
+def test_no_quad_cuts_an_ellipse(ctx: moderngl.Context, surface: Callable[[], View], stretch: float) -> None:
+    """Record by record, so that none hides what another one lacks."""
+    seen, served = surface(), 0
+    records = table(80, seed=5, on=seen)
+    narrow = np.random.default_rng(6).uniform(0.1, 0.8, 80)
+    records.bend[:], records.walls[:] = 2.0 / (narrow[:, None] * (stretch, 1.0)) ** 2, 0.0
+    for i in range(4, 80):
+        one = Table(*(v[i : i + 1] for v in vars(records).values()))
+        _, weight, unsure = splat(seen, one, BASE)
+        _, found = drawn(ctx, seen, one, BASE)
+        here = ~unsure & (seen.depth > 0.0)
+        assert np.array_equal(found[here, 0] > 0.0, weight[here, 0] > 0.0), i
+        served += (weight[here, 0] > 0.0).sum()
+    assert served > 200
+
+
+def test_an_ellipse_lies_as_its_axis_does(ctx: moderngl.Context) -> None:
+    """Of radii 1 and 0.25 m, a = ½: on a plane that faces the eye, pixels up to ½ m away along the axis, and ⅛ m across."""
+    position, depth = on_plane(CAMERA, SIZE, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    seen = View(position, np.broadcast_to([0.0, 0.0, 1.0], position.shape), depth)
+    axis = unit(np.array([0.8, 0.6, 0.0]))
+    records = table(1)
+    records.p[0], records.n[0], records.axis[0], records.limit[0] = position[14, 18], (0, 0, 1), axis, 1.0
+    records.bend[0] = 2.0, -32.0
+    _, weight = drawn(ctx, seen, records, BASE)
+    apart = (position - position[14, 18])[weight[..., 0] > 0.0]
+    pixel = 2.0 * np.tan(np.radians(25.0)) * 3.0 / SIZE[1]
+    along, across = np.abs(apart @ axis).max(), np.abs(apart @ np.cross((0, 0, 1), axis)).max()
+    assert 0.5 - 1.5 * pixel < along <= 0.5 and 0.125 - 1.5 * pixel < across <= 0.125
+
+
+@pytest.mark.parametrize("second_order", [True, False])
+def test_a_quadratic_field_is_said_exactly(ctx: moderngl.Context, second_order: bool) -> None:
+    """E = 2 + s·q + ½ Σ h q², q in the plane's own axes: one record with its derivatives says all of it, and without the second
+    ones it does not."""
+    position, depth = on_plane(CAMERA, SIZE, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    seen = View(position, np.broadcast_to([0.0, 0.0, 1.0], position.shape), depth)
+    axis, slope, h = unit(np.array([0.6, -0.8, 0.0])), np.array([0.3, 0.2, 0.0]), np.array([-0.1, 0.7])
+    other = np.cross((0, 0, 1), axis)
+    colour = np.array([1.0, 0.5, 2.0])
+    records = table(1)
+    records.p[0], records.n[0], records.limit[0] = position[14, 18], (0, 0, 1), 1.0
+    records.E[0], records.M[0], records.gradient[0] = 2.0 * colour, 2.0 * np.outer(colour, (0, 0, 1)), np.outer(colour, slope)
+    records.axis[0], records.bend[0] = axis, h / 2.0
+    settings = replace(BASE, a=0.4, second_order=second_order)
+    sums, _ = drawn(ctx, seen, records, settings)
+    q = position - position[14, 18]
+    truth = (2.0 + q @ slope + 0.5 * (h[0] * (q @ axis) ** 2 + h[1] * (q @ other) ** 2))[..., None] * colour
+    served = sums[..., 3] > 0.02
+    assert served.sum() > 100
+    off = np.abs(sums[served][:, :3] / sums[served][:, 3:] - truth[served]) / truth[served]
+    assert off.max() < 1e-3 if second_order else off.max() > 0.05
+
+
+def test_records_of_black_say_black(ctx: moderngl.Context) -> None:
+    """E = 0, no derivatives and radii as great as there are: 0, and no NaN."""
+    seen, records = view(), table(3)
+    records.E[:], records.M[:], records.gradient[:] = 0.0, 0.0, 0.0
+    records.bend[:], records.farthest[:], records.walls[:] = 0.0, 4.0, 0.0
+    for settings in (BASE, VARIANTS["harmonic"], VARIANTS["without gradients"]):
+        sums, weight = drawn(ctx, seen, records, settings)
+        assert not sums[..., :3].any() and np.isfinite(sums).all() and np.isfinite(weight).all()
+        assert (weight[seen.depth > 0.0, 0] > 0.0).any()
+
+
+def test_a_record_at_its_own_pixel_is_finite(ctx: moderngl.Context) -> None:
+    """e = 0 there, and w = 1/max(e, 10⁻³) = 1000."""
+    seen = view()
+    seen.depth[:] = 3.0
+    records = table(1)
+    records.p[0], records.n[0], records.bend[0] = seen.position[11, 13], seen.normal[11, 13], 2.0 / 0.2**2
+    _, weight = drawn(ctx, seen, records, BASE)
+    assert weight[11, 13, 0] == pytest.approx(1000.0, rel=1e-3)
+
+
+def test_the_smallest_record_reaches_its_pixel(ctx: moderngl.Context) -> None:
+    """A sphere far smaller than a pixel must still serve the pixel that asked for it, or it would be asked for for ever."""
+    seen = view()
+    seen.depth[:] = 3.0
+    for row, column in ((0, 0), (28, 36), (14, 18)):
+        records = table(1)
+        records.p[0], records.n[0], records.bend[0] = seen.position[row, column], seen.normal[row, column], 2.0 / 1e-6**2
+        _, weight = drawn(ctx, seen, records, BASE)
+        assert weight[row, column, 0] > 1.0 / BASE.a
+        assert ((weight[..., 0] > 0.0) & (seen.depth > 0.0)).sum() == 1
+
+
+def test_parts_are_the_whole_bit_for_bit(ctx: moderngl.Context) -> None:
+    """Blending adds in the records' order, however many draws there are."""
+    seen, records = view(), table()
+    for one, other in zip(drawn(ctx, seen, records, BASE), drawn(ctx, seen, records, BASE, 1, 17, 40), strict=True):
+        assert np.array_equal(one, other)
+
+
+def test_no_extrapolation_below_black_or_beyond_twice(ctx: moderngl.Context) -> None:
+    """However steep the gradient is, 0 ≤ E ≤ 2·n·M."""
+    seen, records = view(), table(1)
+    records.p[0], records.bend[0], records.n[0] = seen.position[14, 18], 2.0 / 3.0**2, (0, 0, 1)
+    records.E[0], records.M[0], records.gradient[0] = 1.0, (0.0, 0.0, 1.0), 100.0
+    sums, _ = drawn(ctx, seen, records, BASE)
+    E = sums[..., :3][sums[..., 3] > 0] / sums[..., 3:][sums[..., 3] > 0]
+    assert len(E) > 50
+    assert E.min() >= 0.0 and E.max() <= 2.0 + 1e-4
+
+
+def test_a_gradient_is_bounded_where_the_radius_was_raised(ctx: moderngl.Context) -> None:
+    """A record of a·R = 1 cm that the view raises to 70 cm: at its new rim E differs by what its gradient says of 1 cm."""
+    seen, records = view(), table(1)
+    records.p[0], records.n[0], records.limit[0] = seen.position[14, 18], (0, 0, 1), 1.0
+    records.axis[0], records.bend[0] = (1, 0, 0), 2.0 / 0.02**2
+    records.E[0], records.M[0], records.gradient[0] = 1e6, (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
+    records.gradient[0, :, 0] = 20.0  # per metre
+    flat = View(
+        seen.position * (1.0, 1.0, 0.0) + records.p[0] * (0.0, 0.0, 1.0),
+        np.broadcast_to((0.0, 0.0, 1.0), seen.normal.shape),
+        seen.depth,
+    )
+    flat.depth[:] = 3.0
+    sums, _ = drawn(ctx, flat, records, replace(BASE, radius_min=25.0, second_order=False))
+    E = sums[..., 0][sums[..., 3] > 0] / sums[..., 3][sums[..., 3] > 0]
+    assert len(E) > 100
+    assert 0.1 < np.abs(E - 1.0).max() <= 20.0 * 0.01

@@ -1,0 +1,231 @@
+"""Adaptive radii against plain numpy, whatever the order in which records come; and that they pay."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import moderngl
+import numpy as np
+import pytest
+
+import irrsplat
+from irrsplat.records.adaptive_radius import AdaptPass
+from irrsplat.records.record_cache import RecordCache
+from irrsplat.settings import Settings
+from tests.renderer.test_renderer import FAST, SIZE, room
+from tests.support.truth import SIZE as FULL
+from tests.support.truth import compare, load_reference
+from tests.support.worlds import sites
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
+
+
+class Made:
+    """A cache of records on a wavy floor, their vectors, gradients, bends and walls at random; of one in five the bend is not
+    known, of half there are no walls."""
+
+    def __init__(self, ctx: moderngl.Context, count: int, seed: int = 0) -> None:
+        rng = np.random.default_rng(seed)
+        self.p = rng.uniform(-1, 1, (count, 3)) * (1.0, 0.02, 1.0)
+        self.n = np.array([0.0, 1.0, 0.0]) + rng.normal(size=(count, 3)) * 0.25
+        self.n /= np.linalg.norm(self.n, axis=1, keepdims=True)
+        self.E = 10.0 ** rng.uniform(-1, 1, (count, 3))
+        self.R = 10.0 ** rng.uniform(-1.0, 0.4, count)
+        self.M = self.n[:, None, :] * self.E[..., None] * rng.uniform(0.8, 1.2, (count, 3, 3))
+        self.gradient = rng.normal(size=(count, 3, 3)) * self.E[..., None]
+        aside = np.cross(self.n, rng.normal(size=(count, 3)))
+        self.axis = np.where(rng.random(count) < 0.2, 0.0, 1.0)[:, None] * aside / np.linalg.norm(aside, axis=1, keepdims=True)
+        radii = rng.uniform(0.1, 1.0, count)[:, None] * np.stack([rng.uniform(1.0, 5.0, count), np.ones(count)], 1)
+        self.bend = rng.choice([-1.0, 1.0], (count, 2)) * 2.0 / radii**2 * self.axis.any(1)[:, None]
+        self.farthest = np.minimum(rng.uniform(0.3, 3.0, count), 3.0 * self.R)
+        angle, distance = rng.uniform(0.0, 2.0 * np.pi, (count, 2)), rng.uniform(0.05, 0.5, (count, 2, 1))
+        self.walls = (
+            np.stack([np.cos(angle), np.sin(angle)], -1)
+            / distance
+            * (self.axis.any(1) & (rng.random(count) < 0.6))[:, None, None]
+        )
+        self.dark = 0.5
+        self.ctx = ctx
+
+    def limits(self, settings: Settings, *parts: int) -> np.ndarray:
+        """What the pass leaves, the records coming in parts that end at the given counts, and at last all.
+
+        -n in place of a count: the last n are forgotten again.
+        """
+        cache = RecordCache(self.ctx)
+        rest = np.column_stack([self.axis, self.bend, self.farthest])
+        vectors = [*np.moveaxis(self.M, 1, 0), *np.moveaxis(self.gradient, 1, 0)]
+        one, first = AdaptPass(self.ctx, settings.gradients, settings.neighbours), 0
+        for count in (*parts, len(self.p)):
+            if count < 0:
+                cache.truncate(first := first + count)
+                continue
+            new = slice(first, count)
+            cache.append(sites(self.p[new], self.n[new]), np.column_stack([self.E, self.R])[new])
+            for i, values in enumerate(vectors):
+                cache._put(3 + i, first, np.column_stack([values, rest[:, i]])[new])
+            cache._put(9, first, self.walls.reshape(-1, 4)[new])
+            cache.dark = self.dark
+            one(cache, first, settings)
+            first = count
+        found = np.frombuffer(cache.records.limit.read(), "f4").copy()
+        one.release()
+        cache.release()
+        self.ctx.detect_framebuffer(0).use()
+        return found
+
+
+def truth(made: Made, settings: Settings) -> np.ndarray:
+    """(N,) the least of the limits that the others set, as shares of a record's radii.
+
+    A witness lies within two reaches, on the same surface, not beyond a wall. Of what record i says of j by Taylor's expansion
+    the error is off_ij, relative to the brighter or to what is dark; off·(x/a)² = adapt at the share that is allowed, x being
+    |p_j - p_i| in radii.
+    """
+    Y, known = made.E @ LUMINANCE, made.axis.any(1)
+    radii, M, gradient, bend = np.stack([made.R, made.R], 1), made.n * Y[:, None], np.zeros((len(Y), 3)), 0.0 * made.bend
+    if settings.gradients:
+        M, gradient = (np.einsum("ncx,c->nx", v, LUMINANCE) for v in (made.M, made.gradient))
+        E = np.maximum(Y, made.dark)
+        radii = np.minimum(radii, (E / np.linalg.norm(gradient, axis=1))[:, None])
+        if settings.radius == "hessian":
+            bends = np.abs(made.bend[known]) * (Y / E)[known, None]
+            radii[known] = np.minimum(np.sqrt(2.0 / bends), made.farthest[known, None])
+        if settings.second_order:
+            bend = made.bend
+    apart = made.p[None] - made.p[:, None]
+    d = np.linalg.norm(apart, axis=2)
+    along = np.einsum("ijx,ix->ij", apart, made.axis)
+    x = np.sqrt((along / radii[:, :1]) ** 2 + (d**2 - along**2) / radii[:, 1:] ** 2)
+    front = np.abs(np.einsum("ijx,ijx->ij", apart, made.n[None] + made.n[:, None])) / 2.0
+    alike = made.n @ made.n.T >= 0.7
+    witness = (d > 0.0) & (x < 2.0 * settings.a) & alike & (front <= 0.05 * radii[:, 1:])
+    here = M @ made.n.T
+    across = d**2 - along**2 - np.einsum("ijx,ix->ij", apart, made.n) ** 2
+    more = np.clip((bend[:, :1] * along**2 + bend[:, 1:] * across) / 2.0, -0.5, 0.5)
+    said = np.clip(here * (1.0 + more) + np.einsum("ix,ijx->ij", gradient, apart), 0.0, np.maximum(2.0 * here, 0.0))
+    off = np.abs(said - Y[None]) / np.maximum(np.maximum(Y[None], Y[:, None]), made.dark)
+    if settings.gradients and settings.walls:
+        aside = np.einsum("ijx,ix->ij", apart, np.cross(made.n, made.axis))
+        place = np.stack([along, aside], -1)
+        witness &= (np.einsum("ijk,iwk->ijw", place, made.walls) <= 1.0).all(-1)
+    share = np.ones_like(off)
+    if settings.adapt > 0.0:
+        share = x / settings.a * np.sqrt(settings.adapt / np.maximum(off, 1e-30))
+    if settings.neighbours:
+        share = np.minimum(share, (made.R[None] + d) / made.R[:, None])
+    return np.minimum(np.where(witness, share, 1.0).min(1), 1.0)
+
+
+BASE = Settings(a=0.4, adapt=0.3)
+VARIANTS = {
+    "default": BASE,
+    "without gradients": replace(BASE, gradients=False),
+    "harmonic": replace(BASE, radius="harmonic"),
+    "harmonic, first order": replace(BASE, radius="harmonic", second_order=False),
+    "first order": replace(BASE, second_order=False),
+    "no walls": replace(BASE, walls=False),
+    "neighbours": replace(BASE, neighbours=True),
+    "neighbours alone": replace(BASE, neighbours=True, adapt=0.0, radius="harmonic"),
+}
+
+
+@pytest.mark.parametrize("name", VARIANTS)
+@pytest.mark.parametrize("parts", [(), (1,), (700,), (3, 1024, 1025)])
+def test_limits_equal_numpy_in_any_order(ctx: moderngl.Context, name: str, parts: tuple[int, ...]) -> None:
+    """The least of many limits is the same in whatever order they come; a witness at the very rim may fall to either side."""
+    made, settings = Made(ctx, 1300), VARIANTS[name]
+    found, expected = made.limits(settings, *parts), truth(made, settings)
+    assert (found[1300:] == 1.0).all(), "beyond the last record nothing is written"
+    assert 0.05 < (expected < 1.0).mean() <= 1.0 and 0.0 < expected.min() < 0.9
+    agree = np.isclose(found[:1300], expected, rtol=1e-3)
+    assert agree.mean() > 0.99
+    assert np.array_equal(found, made.limits(settings)), "bit for bit, in parts as at once"
+
+
+def test_the_variants_differ(ctx: moderngl.Context) -> None:
+    """Each setting that the limits are said to depend on moves them, so that the comparison above is one."""
+    made = Made(ctx, 200)
+    found = [made.limits(settings)[:200] for settings in VARIANTS.values()]
+    differ = [(np.abs(a - b) > 0.002).mean() for i, a in enumerate(found) for b in found[:i]]
+    assert min(differ) > 0.01, differ
+
+
+def of_field(ctx: moderngl.Context, slope: np.ndarray, second: np.ndarray) -> Made:
+    """Records on a plane where E = 5 + slope·p + ½ p·second·p, of the true derivatives; `second` bends least along x."""
+    made = Made(ctx, 200)
+    x, z = np.divmod(np.arange(200), 20)  # a grid, so that no two are so near that rounding tells them apart
+    made.p, made.n[:] = np.stack([x / 5.0 - 0.9, 0.0 * x, z / 10.0 - 0.95], 1) + 0.2 * made.p * (0.2, 0.0, 0.1), (0.0, 1.0, 0.0)
+    made.E = np.repeat((5.0 + made.p @ slope + 0.5 * (made.p**2) @ second)[:, None], 3, axis=1)
+    made.M = made.n[:, None, :] * made.E[..., None]
+    made.gradient = np.repeat((slope + made.p * second)[:, None], 3, axis=1)
+    made.axis[:], made.R[:], made.farthest[:], made.walls[:] = (1.0, 0.0, 0.0), 7.0, 20.0, 0.0
+    made.bend = second[[0, 2]] / made.E[:, :1]
+    return made
+
+
+def test_a_record_that_is_right_about_others_reaches_as_far_as_it_did(ctx: moderngl.Context) -> None:
+    """On a plane where E is linear, with true gradients, every record says what every other one found; quadratic, by bends."""
+    slope = np.array([0.5, 0.0, 0.3])
+    linear, bent = of_field(ctx, slope, np.array([1e-6, 0.0, 1e-6])), of_field(ctx, slope, np.array([-0.3, 0.0, 0.8]))
+    assert (linear.limits(Settings(adapt=0.01, radius="harmonic", second_order=False))[:200] == 1.0).all()
+    assert (bent.limits(Settings(adapt=0.01))[:200] == 1.0).all()
+    assert (bent.limits(Settings(adapt=0.01, second_order=False))[:200] < 0.5).mean() > 0.9
+
+
+def test_a_witness_beyond_the_rim_counts_and_one_beyond_two_reaches_does_not(ctx: moderngl.Context) -> None:
+    """A bright record and a dark one, x reaches apart: the error at x, and by its square what is allowed of the reach."""
+    settings = Settings(a=0.5, adapt=0.2, gradients=False)
+    for x in (0.3, 0.9, 1.5, 1.9, 2.1):
+        made = Made(ctx, 2)
+        made.p, made.n[:] = np.array([[0.0, 0.0, 0.0], [0.5 * x, 0.0, 0.0]]), (0.0, 1.0, 0.0)
+        made.E, made.R = np.array([[4.0] * 3, [1.0] * 3]), np.array([1.0, 1.0])
+        expected = min(1.0, x * np.sqrt(0.2 / 0.75)) if x < 2.0 else 1.0
+        assert np.allclose(made.limits(settings)[:2], expected, rtol=1e-4), x
+
+
+@pytest.mark.parametrize(("name", "error", "records"), [("door", 0.9, 1.0), ("curved", 1.05, 0.75)])
+def test_records_that_may_not_contradict_each_other_are_worth_more(name: str, error: float, records: float) -> None:
+    """Against smaller radii of all records: in `door` nearer to the truth with no more, in `curved` as near with fewer."""
+    scene, reference = irrsplat.load(name), load_reference(name)
+    adapted, plain = (
+        irrsplat.render(scene, (FULL, FULL), bounces=1, spread=0.0, **more) for more in ({}, {"adapt": 0.0, "a": 0.3})
+    )
+    assert adapted.stats["records"] <= records * plain.stats["records"]
+    assert compare(adapted, reference)["rmse"] < error * compare(plain, reference)["rmse"]
+
+
+def test_turned_off_and_on_again() -> None:
+    with irrsplat.Renderer(room(), SIZE, **FAST, adapt=0.0) as plain, irrsplat.Renderer(room(), SIZE, **FAST) as renderer:
+        before = plain.render()
+        renderer.render()
+        limits = np.frombuffer(renderer.cache.records.limit.read(), "f4")
+        assert (limits < 1.0).any()
+        renderer.change(replace(renderer.settings, adapt=0.0))
+        renderer.forget()
+        after = renderer.render()
+    assert np.array_equal(after.records_position, before.records_position)
+    assert np.array_equal(after.weight, before.weight)
+
+
+def test_the_limits_of_many_are_those_of_the_few_near_them(ctx: moderngl.Context) -> None:
+    """More records than one grid takes, in rooms far from each other: in each room what it would be alone, in whatever parts.
+
+    Those of some rooms come late, and some rooms' first records are forgotten again, so that grids are made anew.
+    """
+    settings, many = replace(BASE, radius="harmonic"), 45
+    rooms = [Made(ctx, 900, seed) for seed in (1, 2, 3)]
+    alone = [made.limits(settings)[:900] for made in rooms]
+    whole = Made(ctx, 900 * many)
+    for i in range(many):
+        made, part = rooms[i % 3], slice(900 * i, 900 * (i + 1))
+        for name, values in vars(made).items():
+            if isinstance(values, np.ndarray):
+                getattr(whole, name)[part] = values
+        whole.p[part] += (32.0 * (i // 7), 0.0, 32.0 * (i % 7))
+    found = whole.limits(settings, 900, 7000, 33000, 40000)[: 900 * many].reshape(many, 900)
+    for i in range(many):
+        assert np.isclose(found[i], alone[i % 3], rtol=2e-3, atol=1e-4).mean() > 0.99
+    shortened = Made(ctx, 1300)
+    again = shortened.limits(settings, 700, -100)
+    assert np.array_equal(again, shortened.limits(settings))

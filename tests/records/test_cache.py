@@ -1,0 +1,98 @@
+"""The record cache: what goes in comes out, also where it grows, is cut short, and is filled again."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+import pytest
+
+from irrsplat.records.record_cache import RecordCache
+from tests.support.worlds import sites
+
+
+def made_up(count: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Positions, unit normals and (N, 4) values."""
+    rng = np.random.default_rng(seed)
+    normal = rng.normal(size=(count, 3))
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    return rng.normal(size=(count, 3)), normal, rng.uniform(0, 9, (count, 4)).astype("f4")
+
+
+def texels(texture: moderngl.Texture, count: int) -> np.ndarray:
+    return np.frombuffer(texture.read(), "f4").reshape(-1, 4)[:count]
+
+
+def test_an_empty_cache(ctx: moderngl.Context) -> None:
+    cache = RecordCache(ctx)
+    found = cache.read()
+    assert cache.count == 0 and {k: v.shape for k, v in found.items()} == {
+        "position": (0, 3),
+        "normal": (0, 3),
+        "irradiance": (0, 3),
+        "radius": (0,),
+    }
+    cache.release()
+
+
+@pytest.mark.parametrize("parts", [(1,), (5, 1, 1019, 3), (1024, 1024), (4096, 1), (3000, 3000, 9000)])
+def test_records_come_back_in_their_order(ctx: moderngl.Context, parts: tuple[int, ...]) -> None:
+    """Also across the rows of 1024 and where the textures grow beyond 4096; on the GPU they are the same as on the CPU."""
+    cache = RecordCache(ctx)
+    p, n, values = made_up(sum(parts))
+    start = 0
+    for count in parts:
+        part = slice(start, start + count)
+        assert cache.append(sites(p[part], n[part]), values[part]) == start
+        start += count
+    found, records = cache.read(), cache.records
+    assert cache.count == records.count == start
+    assert np.array_equal(found["position"], p.astype("f4")) and np.array_equal(found["normal"], sites(p, n).normal)
+    assert np.array_equal(found["irradiance"], values[:, :3]) and np.array_equal(found["radius"], values[:, 3])
+    assert np.array_equal(texels(records.position, start)[:, :3], p.astype("f4"))
+    assert np.array_equal(texels(records.normal, start)[:, :3], found["normal"])
+    for i, vector in enumerate(records.vectors):  # E = n_k·M without directions: M = E·n_k, and no gradient
+        truth = found["normal"] * values[:, i : i + 1] if i < 3 else 0.0 * p
+        assert np.allclose(texels(vector, start)[:, :3], truth, rtol=1e-6)
+    cache.release()
+
+
+def test_growth_keeps_what_the_gpu_wrote(ctx: moderngl.Context) -> None:
+    """The reduction writes E and R into the textures, past this module: growing copies them all the same."""
+    cache = RecordCache(ctx)
+    p, n, values = made_up(4096)
+    cache.append(sites(p, n))
+    cache.records.irradiance.write(values.tobytes())
+    for i, vector in enumerate(cache.records.vectors):
+        vector.write((values + i).tobytes())
+    cache.append(sites(*made_up(1)[:2]))
+    assert np.array_equal(cache.read()["irradiance"][:4096], values[:, :3])
+    for i, vector in enumerate(cache.records.vectors):
+        assert np.array_equal(texels(vector, 4096), values + i)
+    cache.release()
+
+
+def test_truncate_forgets_the_last_ones(ctx: moderngl.Context) -> None:
+    cache = RecordCache(ctx)
+    p, n, values = made_up(50)
+    cache.append(sites(p, n), values)
+    cache.truncate(70)
+    assert cache.count == 50, "there are no more than there are"
+    cache.truncate(20)
+    assert cache.count == 20 and np.array_equal(cache.read()["irradiance"], values[:20, :3])
+    other = made_up(10, seed=1)
+    assert cache.append(sites(*other[:2]), other[2]) == 20
+    assert np.array_equal(cache.read()["irradiance"], np.concatenate([values[:20, :3], other[2][:, :3]]))
+    assert np.array_equal(cache.read()["position"], np.concatenate([p[:20], other[0]]).astype("f4"))
+    cache.truncate(0)
+    assert cache.count == 0 and len(cache.read()["radius"]) == 0
+    cache.release()
+
+
+def test_what_is_read_belongs_to_the_caller(ctx: moderngl.Context) -> None:
+    cache = RecordCache(ctx)
+    p, n, values = made_up(3)
+    cache.append(sites(p, n), values)
+    cache.read()["position"][:] = 7.0
+    cache.read()["irradiance"][:] = 7.0
+    assert np.array_equal(cache.read()["position"], p.astype("f4")) and np.array_equal(cache.read()["irradiance"], values[:, :3])
+    cache.release()

@@ -1,0 +1,334 @@
+"""Record caches in files: they go on to the bit, and what is stale, foreign or damaged is refused with its reason."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from irrsplat import Frame, InputError, Renderer
+from irrsplat.core.buffers import CHANNELS
+from irrsplat.core.errors import IrrsplatError
+from irrsplat.records import cache_file
+from irrsplat.scene.model import Camera, Light, Scene
+from irrsplat.settings import Settings, preset
+from irrsplat.surface_cache.cache import SurfaceCache
+from tests.renderer.test_persistence import turned
+from tests.renderer.test_renderer import FAST, FRONT, room
+from tests.support.worlds import box, material
+
+SIZE = (40, 40)
+ALL: dict[str, Any] = FAST | {"bounces": "all"}
+RECORDS = ("records_position", "records_normal", "records_irradiance", "records_radius")
+
+
+def same(one: Frame, other: Frame) -> bool:
+    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in (*CHANNELS, *RECORDS))
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "room.cache"
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The cache of `room`, seen from FRONT, of one bounce; not to be changed."""
+    path = tmp_path_factory.mktemp("saved") / "room.cache"
+    with Renderer(room(), SIZE, **FAST) as renderer:
+        renderer.render()
+        renderer.save_cache(path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def renderer() -> Iterator[Renderer]:
+    with Renderer(room(), SIZE, **FAST) as made:
+        yield made
+
+
+# ---- going on ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        FAST,
+        ALL,
+        FAST | {"preset": "paper", "a": 0.4, "warmup": 60},
+        FAST | {"neighbours": True, "gather": "raster"},
+        FAST | {"max_records": 300},
+    ],
+)
+def test_a_flight_goes_on_to_the_bit_in_another_process(path: Path, settings: dict[str, Any]) -> None:
+    """Views, a file, and further views by a fresh renderer: each is what one renderer makes of all of them."""
+    cameras = [turned(FRONT, angle) for angle in (0.0, 40.0, 100.0, 160.0)]
+    with Renderer(room(), SIZE, **settings) as whole:
+        before = [whole.render(camera) for camera in cameras[:2]]
+        whole.save_cache(path)
+        after = [whole.render(camera) for camera in cameras[2:]]
+    with Renderer(room(), SIZE, **settings) as fresh:
+        fresh.load_cache(path)
+        again = fresh.render(cameras[1])
+        assert same(again, before[1]) and again.stats["rounds"] == 1, "the last view asks for nothing"
+        for camera, frame in zip(cameras[2:], after, strict=True):
+            assert same(fresh.render(camera), frame)
+
+
+def test_a_known_view_makes_no_surface_cache_and_an_unknown_one_the_same(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All bounces: the picture is there without any ray; what it says of its bounces is what was said when they were made."""
+    advanced: list[int] = []
+    advance = SurfaceCache.advance
+    monkeypatch.setattr(SurfaceCache, "advance", lambda *args: advanced.append(1) or advance(*args))
+    with Renderer(room(), SIZE, **ALL) as first:
+        known = first.render()
+        first.save_cache(path)
+        unknown = first.render(turned(FRONT, 60.0))
+    assert advanced
+    advanced.clear()
+    with Renderer(room(), SIZE, **ALL) as fresh:
+        fresh.load_cache(path)
+        frame = fresh.render()
+        assert not advanced and same(frame, known) and not {"gather", "surface"} & set(frame.stats["stages_ms"])
+        assert frame.stats["converged"]
+        assert all(frame.stats[name] == known.stats[name] for name in ("bounces", "bounces_converged"))
+        fresh.save_cache(path)  # before there is any surface cache
+        assert same(fresh.render(turned(FRONT, 60.0)), unknown) and advanced
+    with Renderer(room(), SIZE, **ALL) as third:
+        third.load_cache(path)
+        third.renew()  # everything is gathered again, by a surface cache that is made for it
+        third.render()
+        assert third.cache.renewals and not len(third.cache.stale)
+
+
+def test_a_tick_with_a_budget_shows_what_there_is_at_once(path: Path) -> None:
+    """The viewer's way: the records of the file in its first picture, then the surface cache, and no record gathered anew."""
+    with Renderer(room(), SIZE, **ALL) as first:
+        known = first.render()
+        first.save_cache(path)
+    with Renderer(room(), SIZE, **ALL) as fresh:
+        fresh.load_cache(path)
+        view, progress = fresh.frame(seconds=0.001)
+        assert progress.coverage == 1.0 and progress.surface < 1.0 and not progress.done
+        image = np.frombuffer(view.image.read(), "f4").reshape(*SIZE, 4)[::-1, :, :3]
+        assert np.array_equal(image, known.image)
+        for _ in range(500):
+            _, progress = fresh.frame(seconds=0.05)
+            if progress.done:
+                break
+        assert progress.done and progress.surface == 1.0 and progress.records == known.stats["records"]
+        assert fresh.cache.renewals == 0 and same(fresh.render(), known)
+
+
+def test_stale_records_stay_stale(path: Path) -> None:
+    """Saved in the middle of a change of light: what was not gathered again yet is gathered again by who loads it."""
+    with Renderer(room(), SIZE, **FAST) as first:
+        first.render()
+        lights = [replace(light, color=(1.0, 2.0, 3.0)) for light in first.scene.lights]
+        first.relight(lights)
+        first.frame(seconds=0.0)
+        stale = first.cache.stale
+        assert 0 < len(stale) < first.cache.count
+        first.save_cache(path)
+        after = first.render()
+    with Renderer(replace(room(), lights=tuple(lights)), SIZE, **FAST) as fresh:
+        fresh.load_cache(path)
+        assert np.array_equal(fresh.cache.stale, stale)
+        assert same(fresh.render(), after)
+
+
+def test_records_by_a_surface_cache_that_is_out_of_date_are_stale(path: Path) -> None:
+    """Other bounces are wanted, and the values that records go by are not made yet: all are to be gathered again."""
+    with Renderer(room(), SIZE, **FAST | {"bounces": 3}) as first:
+        first.render()
+        first.change(first.settings.with_values({"bounces": 2}))
+        assert not len(first.cache.stale)
+        first.save_cache(path)
+        after = first.render()
+    with Renderer(room(), SIZE, **FAST | {"bounces": 2}) as fresh:
+        fresh.load_cache(path)
+        assert len(fresh.cache.stale) == fresh.cache.count
+        assert np.allclose(fresh.render().irradiance, after.irradiance, rtol=1e-4)
+
+
+def test_what_only_splatting_depends_on_may_be_another(saved: Path) -> None:
+    """Other a, kernels and radii: records are what they are, and how far they reach is found anew, as in one renderer."""
+    other = {"a": 0.8, "adapt": 0.2, "kernel": "cut", "radius": "harmonic", "max_rounds": 50, "blend": 0.7, "neighbours": True}
+    with Renderer(room(), SIZE, **FAST) as whole:
+        whole.render()
+        whole.change(whole.settings.with_values(other))
+        expected = whole.render()
+    with Renderer(room(), SIZE, **FAST | other) as fresh:
+        fresh.load_cache(saved)
+        assert same(fresh.render(), expected)
+
+
+def test_loading_takes_the_place_of_what_there_is(saved: Path, renderer: Renderer) -> None:
+    renderer.render(turned(FRONT, 90.0))
+    renderer.load_cache(saved)
+    with Renderer(room(), SIZE, **FAST) as fresh:
+        expected = fresh.render()
+    assert same(renderer.render(), expected)
+
+
+def test_more_records_than_one_may_have(saved: Path) -> None:
+    with Renderer(room(), SIZE, **FAST, max_records=100, a=0.8) as bounded:
+        bounded.load_cache(saved)
+        assert bounded.cache.count > 100
+        frame = bounded.render(Camera((0.0, 0.0, -0.9), (0.0, 0.0, -5.0)))
+        assert frame.stats["records"] <= 100 or frame.stats["full"]
+
+
+# ---- refusals ---------------------------------------------------------------------------------------------------------
+
+
+def relit(**values: Any) -> Scene:
+    world = room()
+    return replace(world, lights=(replace(world.lights[0], **values), *world.lights[1:]))
+
+
+SCENES: dict[str, tuple[Callable[[], Scene], str]] = {
+    "geometry": (lambda: replace(room(), meshes=(*room().meshes, box((0, 0, 0), (0.1, 0.1, 0.1)))), "another scene"),
+    "material": (
+        lambda: replace(room(), meshes=(replace(room().meshes[0], material=material(0.1234)), *room().meshes[1:])),
+        "materials",
+    ),
+    "sky": (lambda: replace(room(), sky=(0.1, 0.0, 0.0)), "another scene"),
+    "light moved": (lambda: relit(position=(0.1, 0.1, 0.1)), "other lights"),
+    "light dimmed": (lambda: relit(color=(0.1, 0.1, 0.1)), "other lights"),
+    "one light more": (lambda: replace(room(), lights=(*room().lights, Light((0, 0, 0), (1, 1, 1)))), "other lights"),
+}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_another_scene_is_refused(saved: Path, name: str) -> None:
+    world, said = SCENES[name]
+    with pytest.raises(InputError, match=said) as error:
+        cache_file.check(saved, world(), preset(**FAST))
+    assert str(error.value).startswith(f"{saved}: ") and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),
+    [
+        ({"bounces": 2}, "--bounces 1, not --bounces 2"),
+        ({"gather": "trace"}, "--gather auto, not --gather trace"),
+        ({"gather_size": 16}, "--gather-size 8, not --gather-size 16"),
+        ({"seed": 1}, "--seed 0, not --seed 1"),
+        ({"shadow_size": 128}, "--shadow-size 64, not --shadow-size 128"),
+        ({"gradients": False}, "--gradients on, not --gradients off"),
+        ({"placement": "scan", "seed": 3}, "--seed 0 --placement tiles, not --seed 3 --placement scan --warmup 1000"),
+    ],
+)
+def test_other_settings_are_refused_by_name(saved: Path, values: dict[str, Any], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        cache_file.check(saved, room(), preset(**FAST | values))
+
+
+def test_what_records_do_not_depend_on_is_no_reason(saved: Path) -> None:
+    """Names of lights, cameras, and where the scene came from; settings of the splat and the examination."""
+    world = replace(relit(name="lamp"), cameras=(Camera((0, 0, 1), (0, 0, 0)),), name="other", path="elsewhere")
+    cache_file.check(saved, world, preset(**FAST, a=0.1, adapt=0.0, spread=0.0, warmup=3, max_records=100))
+    known = cache_file.key(room(), Settings(placement="scan"))["settings"]
+    assert known["warmup"] == 1000, "the random first records of scan placement"
+
+
+def refused(renderer: Renderer, path: Path) -> str:
+    """What is said of a file, which must leave the renderer's records alone, and the file."""
+    count, content = renderer.cache.count, path.read_bytes() if path.is_file() else b""
+    with pytest.raises(InputError) as error:
+        renderer.load_cache(path)
+    assert renderer.cache.count == count and (path.read_bytes() if path.is_file() else b"") == content
+    message = str(error.value)
+    assert message.startswith(f"{path}: ") and "\n" not in message
+    return message
+
+
+def test_a_damaged_file_is_refused(saved: Path, path: Path, renderer: Renderer) -> None:
+    """Cut short anywhere, any bit turned, or something appended."""
+    whole = saved.read_bytes()
+    rng = np.random.default_rng(0)
+    renderer.render()
+    for length in (len(whole) - 1, len(whole) // 2, 60, 30):
+        path.write_bytes(whole[:length])
+        assert "damaged" in refused(renderer, path)
+    for place in (30, 50, *rng.integers(60, len(whole), 5)):
+        turned_bit = bytearray(whole)
+        turned_bit[place] ^= 1 << int(rng.integers(8))
+        path.write_bytes(turned_bit)
+        assert "damaged" in refused(renderer, path)
+    path.write_bytes(whole + b"x")
+    assert "damaged" in refused(renderer, path)
+
+
+def test_a_foreign_file_is_refused(saved: Path, path: Path, renderer: Renderer) -> None:
+    for content in (b"", b"irrsplat", b"\x89PNG\r\n", b"cam 0 0 5 0 0 0 0 1 0\n" * 50, bytes(1000), saved.read_bytes()[:15]):
+        path.write_bytes(content)
+        assert "not a record cache" in refused(renderer, path)
+    with Renderer(room(), SIZE, **FAST) as other:
+        other.render().save(path.with_suffix(".npz"))
+    assert "not a record cache" in refused(renderer, path.with_suffix(".npz"))
+    assert "cannot read: " in refused(renderer, path.with_name("missing"))
+    assert "cannot read: " in refused(renderer, path.parent)
+
+
+def test_another_format_is_refused(saved: Path, path: Path, renderer: Renderer) -> None:
+    whole = saved.read_bytes()
+    path.write_bytes(whole.replace(b"cache 1\n", b"cache 2\n", 1))
+    assert "format 2" in refused(renderer, path) and whole != path.read_bytes()
+
+
+@pytest.mark.parametrize("missing", ["content", "limit", "position", "about", None])
+def test_a_file_that_lacks_something_is_refused(saved: Path, path: Path, renderer: Renderer, missing: str | None) -> None:
+    """Right by its checksum, wrong by what is in it: an array gone, or (None) one of another length."""
+    whole = saved.read_bytes()
+    head = whole.index(b"\n") + 1
+    with np.load(io.BytesIO(whole[head + 32 :])) as arrays:
+        kept = {name: arrays[name] for name in arrays.files if name != missing}
+    if missing is None:
+        kept["limit"] = kept["limit"][:-1]
+    content = io.BytesIO()
+    np.savez(content, **kept)
+    data = content.getvalue()
+    path.write_bytes(whole[:head] + hashlib.sha256(data).digest() + data)
+    renderer.render()
+    assert "damaged" in refused(renderer, path)
+
+
+# ---- writing ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_file_is_written_whole_or_not_at_all(
+    saved: Path, path: Path, renderer: Renderer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A full disk leaves what was there, and nothing beside it."""
+    path.write_bytes(saved.read_bytes())
+    renderer.load_cache(path)
+
+    def full(*_: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Path, "write_bytes", full)
+        with pytest.raises(IrrsplatError, match="No space left"):
+            renderer.save_cache(path)
+    assert path.read_bytes() == saved.read_bytes() and [p.name for p in path.parent.iterdir()] == [path.name]
+    renderer.save_cache(path)
+    assert [p.name for p in path.parent.iterdir()] == [path.name]
+    renderer.load_cache(path)
+    for wrong in (path.parent, path.parent / "none" / "a.cache"):
+        with pytest.raises(InputError, match="cannot write"):
+            renderer.save_cache(wrong)
+
+
+def test_an_empty_cache_is_a_cache(path: Path) -> None:
+    with Renderer(room(), SIZE, **FAST) as fresh:
+        fresh.save_cache(path)
+        fresh.load_cache(path)
+        assert fresh.cache.count == 0 and fresh.render().stats["converged"]

@@ -1,0 +1,195 @@
+"""The path tracer itself, where Mitsuba is installed: against formulas, against the references, and in the command."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import irrsplat
+from irrsplat.app import cli
+from irrsplat.core.errors import IrrsplatError
+from irrsplat.reference.truth import MOST_BOUNCES, traced, vertices
+from irrsplat.scene.model import Camera, Light, Scene
+from tests.app.verify.test_verify import rows
+from tests.support.truth import SIZE, load_reference
+from tests.support.worlds import box, material, quad
+
+CAMERA = Camera((0.0, 0.0, 0.9), (0.0, 0.0, 0.0))
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An empty cache folder."""
+    monkeypatch.setenv("IRRSPLAT_CACHE", str(tmp_path / "cache"))
+
+
+@pytest.fixture(scope="module")
+def mitsuba() -> Any:
+    """The module of the tracer, in a variant that runs here."""
+    pytest.importorskip("mitsuba")
+    from irrsplat.reference import path_tracer
+
+    try:
+        path_tracer.choose_variant()
+    except IrrsplatError as error:
+        pytest.skip(str(error))
+    return path_tracer
+
+
+# ---- formulas ------------------------------------------------------------------------------------------------------------
+
+
+def inside(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Points spread evenly over the inner sides of the cube from -1 to 1, count² a side, and their normals; (N, 3) each."""
+    s = (np.arange(count) + 0.5) / count * 2.0 - 1.0
+    u, v = (x.ravel() for x in np.meshgrid(s, s))
+    sides = [(np.roll(np.stack([np.full_like(u, end), u, v], 1), axis, 1), axis, end) for axis in range(3) for end in (-1.0, 1.0)]
+    normals = [np.tile(-end * np.eye(3)[axis], (count * count, 1)) for _, axis, end in sides]
+    return np.concatenate([p for p, _, _ in sides]).astype("f4"), np.concatenate(normals).astype("f4")
+
+
+@pytest.mark.parametrize("bounces", [0, 1, 2, 3, 7, MOST_BOUNCES])
+def test_a_furnace_of_many_bounces(mitsuba: Any, bounces: int) -> None:
+    """Every direction brings L_e + ρ/π·E_(N-1), so that E_N = π·L_e·(1 + ρ + … + ρ^(N-1)), and of all π·L_e/(1-ρ).
+
+    Without noise as long as no path may end: while the brightest channel's ρ^k is above LEAST_WEIGHT. (In thousands of paths
+    one may slip out through an edge of the room.)
+    """
+    albedo, emission = np.array([0.3, 0.8, 0.5]), np.array([1.0, 2.0, 3.0])
+    path_tracer = mitsuba.Tracer(Scene((box((-1, -1, -1), (1, 1, 1), material(tuple(albedo), tuple(emission))),), (), (CAMERA,)))
+    p, n = inside(2)
+    E = path_tracer.irradiance(p, n, n, 32, 5, bounces)
+    expected = np.pi * emission * (1.0 - albedo**bounces) / (1.0 - albedo)
+    assert E.shape == (24, 3)
+    exact = 0.8**bounces > mitsuba.LEAST_WEIGHT
+    assert np.allclose(E, expected, rtol=1e-3 if exact else 0.02)
+    assert np.allclose(E.mean(axis=0), expected, rtol=1e-4 if exact else 0.003)
+
+
+@pytest.mark.parametrize("light", ["in the middle", "by the wall", "spot", "of the OpenGL kind"])
+@pytest.mark.parametrize("bounces", [1, 2, 4, MOST_BOUNCES])
+def test_a_lamp_in_a_closed_room(mitsuba: Any, bounces: int, light: str) -> None:
+    """What a lamp sends out arrives, Φ = A·mean(E_direct); of that every bounce sends ρ on: mean(E_N) = mean(E_direct)·Σ ρ^k.
+
+    k from 1 to N. A lamp of I sends 4π·I; a spot I·2π·(1 - cos 40°); of OpenGL's lamp, E_direct is summed over the room.
+    """
+    lamp = {
+        "in the middle": Light((0.0, 0.0, 0.0), (1.0, 2.0, 3.0), physical=True),
+        "by the wall": Light((0.2, 0.95, -0.3), (1.0, 2.0, 3.0), physical=True),
+        "spot": Light(
+            (0.2, 0.9, -0.3), (1.0, 2.0, 3.0), physical=True, spot_target=(0, -1, 0), spot_cutoff=40.0, spot_inner=40.0
+        ),
+        "of the OpenGL kind": Light((0.2, 0.5, -0.3), (1.0, 2.0, 3.0), attenuation=(1.0, 0.5, 0.2)),
+    }[light]
+    albedo = np.array([0.3, 0.9, 0.6])
+    path_tracer = mitsuba.Tracer(Scene((box((-1, -1, -1), (1, 1, 1), material(tuple(albedo))),), (lamp,), (CAMERA,)))
+    flux = {"spot": 2.0 * np.pi * (1.0 - np.cos(np.radians(40.0)))}.get(light, 4.0 * np.pi)
+    direct = flux / 24.0 * np.array([1.0, 2.0, 3.0])
+    if light == "of the OpenGL kind":
+        q, m = (mitsuba.mi.Vector3f(a.T) for a in inside(100))
+        direct = np.array(path_tracer.unoccluded(lamp, mitsuba.mi.Point3f(q), m, m)[0]).mean(axis=1)
+    p, n = inside(12)
+    E = path_tracer.irradiance(p, n, n, 16, 3, bounces).mean(axis=0)
+    assert np.allclose(E, direct * albedo * (1.0 - albedo**bounces) / (1.0 - albedo), rtol=0.01)
+
+
+def test_a_second_bounce_is_the_first_one_seen_from_there(mitsuba: Any) -> None:
+    """E_2(p) = E_1(p) + mean over cosine-distributed rays from p of ρ(q)·E_1(q): with a sky, a lamp, and open space between."""
+    room = [box((-1, -1, -1), (1, 1, 1), material((0.7, 0.5, 0.2))), quad((-0.4, -0.5, 0.4), (0.8, 0, 0), (0, 0.1, -0.8))]
+    positions = room[0].positions[room[0].faces].mean(axis=1)
+    room[0] = irrsplat.Mesh(room[0].positions, room[0].normals, room[0].faces[positions[:, 2] < 0.9], room[0].material)
+    scene = Scene(tuple(room), (Light((0.5, 0.9, 0.0), (1.0, 1.0, 2.0), physical=True),), (CAMERA,), sky=(0.2, 0.1, 0.3))
+    path_tracer, mi = mitsuba.Tracer(scene), mitsuba.mi
+    p, up = np.array([[0.1, -1.0, 0.2]], "f4"), np.array([[0.0, 1.0, 0.0]], "f4")
+    found = path_tracer.irradiance(p, up, up, 256, 1, 2)
+    u = (np.indices((64, 64)).reshape(2, -1) + np.random.default_rng(0).random((2, 4096))) / 64
+    directions = mi.Frame3f(mi.Vector3f(0.0, 1.0, 0.0)).to_world(mitsuba.cosine_hemisphere(mi.Point2f(u)))
+    q = path_tracer.hit(mi.Point3f(*p[0].tolist()), directions)
+    at, n, g, albedo = (np.array(x).T for x in (q.p, q.n, q.g, q.albedo))
+    hit = np.array(q.valid)
+    further = np.zeros((4096, 3))
+    further[hit] = albedo[hit] * path_tracer.irradiance(at[hit], n[hit], g[hit], 16, 7)
+    expected = path_tracer.irradiance(p, up, up, 256, 2) + further.mean(axis=0)
+    assert 0.5 < hit.mean() < 1.0 and (further.mean(axis=0) > 0.1 * expected).all()
+    assert np.allclose(found, expected, rtol=0.01)
+
+
+def test_more_bounces_begin_as_fewer_do(mitsuba: Any) -> None:
+    """What one bounce sees is the same to the last bit in a path of more, which only adds to it."""
+    scene, reference = irrsplat.load("cornell"), load_reference("cornell")
+    path_tracer = mitsuba.Tracer(scene)
+    p, n = reference.position[::60], reference.normal[::60]
+    E = [path_tracer.irradiance(p, n, n, 8, 1, bounces) for bounces in (1, 2, 3)]
+    assert np.array_equal(E[0], path_tracer.irradiance(p, n, n, 8, 1))
+    assert (E[1] >= E[0]).all() and (E[2] >= E[1]).all() and E[2].mean() > 1.1 * E[1].mean() > 1.2 * E[0].mean()
+
+
+# ---- the references ------------------------------------------------------------------------------------------------------
+
+
+def test_the_furnace_is_traced(mitsuba: Any) -> None:
+    """E = π·L_e = π, whatever the directions, so not even noise is left."""
+    scene = irrsplat.load("furnace")
+    truth = traced(scene, scene.cameras[0], (24, 16), 1, 32)
+    assert truth.valid.any() and truth.seen.all()
+    assert np.allclose(truth.irradiance[truth.valid], np.pi, rtol=1e-4)
+    assert not truth.direct.any()
+
+
+@pytest.mark.parametrize("bounces", [1, "all"])
+def test_a_traced_view_is_that_of_the_references(mitsuba: Any, bounces: int | str) -> None:
+    """Pixel i of 80 has its centre where pixel 5i + 2 of 400 has: (i + ½)/80 = (5i + 2 + ½)/400."""
+    scene, reference = irrsplat.load("cornell"), load_reference("cornell")
+    truth = traced(scene, scene.cameras[0], (80, 80), bounces, 2048)
+    common = (reference.pixels % 5 == 2).all(axis=1)
+    at = tuple(reference.pixels[common].T // 5)
+    E_ref, agreement = reference.of(bounces)
+    E, E_ref = truth.irradiance[at].astype(float), E_ref[common].astype(float)
+    noise = truth.noise
+    assert common.sum() > 50 and noise is not None and noise < 0.03
+    # 3·(the two noises together) for the RMS over so many pixels; the mean is known better by the root of their number
+    off = np.hypot(noise, agreement / 2.0)
+    assert np.sqrt(np.mean((E - E_ref) ** 2)) / E_ref.mean() <= 3.0 * off
+    assert abs(E.mean() / E_ref.mean() - 1.0) <= 4.0 * off / np.sqrt(common.sum())
+    clear = common & (reference.edge > 3)
+    assert np.allclose(truth.direct[tuple(reference.pixels[clear].T // 5)], reference.direct[clear], rtol=2e-3, atol=1e-5)
+
+
+@pytest.mark.parametrize("bounces", [1, "all"])
+def test_the_same_pixels_traced_apart(mitsuba: Any, bounces: int | str) -> None:
+    """The tracer at some of the reference's own pixels, with other random numbers: they differ by noise alone."""
+    scene, reference = irrsplat.load("cornell"), load_reference("cornell")
+    path_tracer = mitsuba.Tracer(scene)
+    hit = mitsuba.look(path_tracer, scene.cameras[0], (SIZE, SIZE))
+    at = tuple(reference.pixels[::10].T)
+    p, n, g = (mitsuba.image(v, (SIZE, SIZE))[at] for v in (hit.p, hit.n, hit.g))
+    assert np.allclose(p, reference.position[::10], atol=1e-4 * scene.diagonal)
+    halves = [path_tracer.irradiance(p, n, g, 48, seed, vertices(bounces)) for seed in (901, 902)]
+    E_ref, agreement = reference.of(bounces)
+    E, E_ref = np.mean(halves, axis=0), E_ref[::10].astype(float)
+    noise = np.hypot(np.sqrt(np.mean((halves[0] - halves[1]) ** 2)) / 2.0 / E.mean(), agreement / 2.0)
+    assert np.sqrt(np.mean((E - E_ref) ** 2)) / E_ref.mean() <= 2.0 * noise <= 0.03
+
+
+def test_a_wide_view_has_a_square_one_in_its_middle(mitsuba: Any) -> None:
+    """The field of view is vertical, so that twice the width adds a quarter of the columns on either side."""
+    camera = irrsplat.load("cornell").cameras[0]
+    wide = mitsuba.camera_rays(camera, (48, 24)).reshape(24, 48, 3)
+    assert np.allclose(wide[:, 12:36], mitsuba.camera_rays(camera, (24, 24)).reshape(24, 24, 3), atol=1e-12)
+
+
+def test_the_command_on_a_real_scene(mitsuba: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The renderer sees what the tracer sees: direct light agrees, and the irradiance within what the default promises."""
+    assert (
+        cli.main(["verify", "cornell", "--size", "64", "64", "--samples", "512", "--bounces", "1", "-o", str(tmp_path / "out")])
+        == 0
+    )
+    out, _ = capsys.readouterr()
+    found = {name: float(value.split()[0].replace(",", "")) for name, value in rows(out).items()}
+    assert found["relative RMSE"] <= 8.0 and abs(found["bias of the mean"]) <= 2.0
+    assert found["direct light RMSE"] <= 1.0
+    assert found["noise of the truth"] <= 3.0
+    assert (tmp_path / "out/error.png").is_file()

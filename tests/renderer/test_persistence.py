@@ -1,0 +1,165 @@
+"""Renders again, elsewhere, and beside each other: records persist, pictures repeat to the bit, renderers keep apart."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from irrsplat import Frame, Renderer
+from irrsplat.core.buffers import CHANNELS
+from irrsplat.gpu import context
+from irrsplat.scene.model import Camera
+from tests.renderer.test_renderer import FAST, FRONT, SIZE, rendered, room, unserved
+from tests.support.worlds import box, floor, lamp, scene
+
+
+@pytest.fixture(scope="module")
+def renderer() -> Iterator[Renderer]:
+    """One renderer of `room` that has rendered FRONT once."""
+    with Renderer(room(), SIZE, **FAST) as made:
+        made.render()
+        yield made
+
+
+def same(one: Frame, other: Frame, names: tuple[str, ...] = tuple(CHANNELS)) -> bool:
+    return all(np.array_equal(getattr(one, name), getattr(other, name)) for name in names)
+
+
+# ---- the same again ---------------------------------------------------------------------------------------------------
+
+
+def test_the_same_camera_again_gathers_nothing(renderer: Renderer) -> None:
+    one, again = renderer.render(), renderer.render()
+    assert one.stats["records"] == again.stats["records"] and again.stats["rounds"] == 1
+    assert same(one, again)
+
+
+@pytest.mark.parametrize("settings", [{}, {"preset": "paper", "warmup": 100}, {"smooth": True, "seed": 3}])
+def test_fresh_renderers_agree_bit_for_bit(settings: dict[str, Any]) -> None:
+    one, other = rendered(room(), **settings), rendered(room(), **settings)
+    assert same(one, other)
+    for name in ("position", "normal", "irradiance", "radius"):
+        assert np.array_equal(getattr(one, f"records_{name}"), getattr(other, f"records_{name}"))
+
+
+def test_another_seed_is_another_picture_but_not_much() -> None:
+    one, other = rendered(room(), gather_size=16), rendered(room(), gather_size=16, seed=1)
+    assert not np.array_equal(one.irradiance, other.irradiance) and not np.array_equal(
+        one.records_position[:5], other.records_position[:5]
+    )
+    assert np.array_equal(one.direct, other.direct) and np.array_equal(one.position, other.position)
+    assert np.sqrt(np.mean((one.irradiance - other.irradiance) ** 2)) < 0.25 * one.irradiance.mean()
+    assert one.irradiance.mean() == pytest.approx(other.irradiance.mean(), rel=0.03)
+
+
+def test_away_and_back_gathers_nothing_the_second_time(renderer: Renderer) -> None:
+    before = renderer.render()
+    away = renderer.render(Camera((0.2, 0.3, 0.9), (0.5, -0.5, -1.0), fov=50.0))
+    back = renderer.render()
+    assert away.stats["records"] > before.stats["records"]
+    assert back.stats["records"] == away.stats["records"] and back.stats["rounds"] == 1
+    assert unserved(back) == 0 and same(before, back, ("position", "normal", "albedo", "depth", "direct", "emission"))
+    assert np.sqrt(np.mean((back.irradiance - before.irradiance) ** 2)) < 0.1 * before.irradiance.mean()
+
+
+def turned(camera: Camera, degrees: float) -> Camera:
+    """The camera turned to the left about its own up vector."""
+    t = np.radians(degrees)
+    right, up, backward = camera.axes
+    forward = -np.cos(t) * backward - np.sin(t) * right
+    return Camera(camera.eye, tuple(np.asarray(camera.eye) + forward), tuple(up), camera.fov)
+
+
+@pytest.mark.parametrize("degrees", [0.2, 1.0, 5.0])
+def test_turning_the_camera_gathers_few(degrees: float) -> None:
+    """Of 60° of view 5° are new, 8 %: fewer than a quarter of the records, and every pixel is served all the same.
+
+    Those at the old border are asked about again, since new ones beside them may say otherwise.
+    """
+    with Renderer(room(), (100, 100), **FAST) as fresh:
+        first = fresh.render().stats["records"]
+        frame = fresh.render(turned(FRONT, degrees))
+    assert frame.stats["records"] - first < (0.25 if degrees == 5.0 else 0.1) * first
+    assert frame.stats["converged"] and unserved(frame) == 0
+
+
+def test_incremental_splats_are_one_full_splat_bit_for_bit() -> None:
+    """What the rounds added up one after the other is what one draw of all records gives: a picture depends on records alone."""
+    with Renderer(room(), SIZE, **FAST) as fresh:
+        rounds = fresh.render()
+        fresh.render(turned(FRONT, 90.0))
+        cleared = fresh.render()  # drawn anew: every record in one go, those of the other view last
+        count = rounds.stats["records"]
+        fresh.cache.truncate(count)
+        fresh.forget(records=False)
+        once = fresh.render()
+    assert rounds.stats["rounds"] > 2 and once.stats["rounds"] == 1 and once.stats["records"] == count
+    assert same(rounds, once)
+    assert cleared.stats["records"] > count
+
+
+def test_smoothing_smooths(renderer: Renderer) -> None:
+    """Second differences of irradiance along the rows of the back wall shrink; its mean stays; direct light stays as it was."""
+    size = (60, 300)  # high enough for a radius of three pixels
+    rough_settings: dict[str, Any] = {"kernel": "cut", "gradients": False}  # the paper's circles
+    plain, smooth = (rendered(room(), size, smooth=on, **rough_settings) for on in (False, True))
+    wall = (slice(50, 120), slice(10, 50))
+    assert np.ptp(plain.position[wall][..., 2]) < 1e-3
+    rough = [np.abs(np.diff(f.irradiance[wall], 2, axis=1)).mean() for f in (plain, smooth)]
+    assert rough[1] < 0.5 * rough[0], rough
+    assert smooth.irradiance[wall].mean() == pytest.approx(plain.irradiance[wall].mean(), rel=0.01)
+    assert same(plain, smooth, ("direct", "weight", "position"))
+
+
+# ---- several at once --------------------------------------------------------------------------------------------------
+
+
+def test_renderers_do_not_disturb_each_other() -> None:
+    """Two renderers of different scenes and sizes, by turns, and each released while the other lives: as if they were alone."""
+    worlds = {(48, 40): room(), (30, 50): scene(floor(1.0), box((0, 0, 0), (0.3, 0.4, 0.3)), lights=(lamp((1, 2, 1)),), sky=0.2)}
+    alone = {}
+    for size, world in worlds.items():
+        with Renderer(world, size, **FAST) as one:
+            alone[size] = [one.render(), one.render(turned(world.camera(), 20.0))]
+    pair = {size: Renderer(world, size, **FAST) for size, world in worlds.items()}
+    by_turns: dict[tuple[int, int], list[Frame]] = {size: [] for size in worlds}
+    for angle in (0.0, 20.0):
+        for size, one in pair.items():
+            camera = one.scene.camera()
+            by_turns[size].append(one.render(turned(camera, angle) if angle else camera))
+    for size, one in pair.items():
+        assert all(same(a, b) for a, b in zip(alone[size], by_turns[size], strict=True)), size
+        one.release()
+
+
+def test_rounds_of_two_renderers_interleave() -> None:
+    """frame() by frame(), as two windows would draw."""
+    with Renderer(room(), SIZE, **FAST) as one, Renderer(room(), SIZE, **FAST) as other:
+        for _ in range(12):
+            for each in (one, other):
+                each.frame()
+        first, second = one.render(), other.render()
+    assert same(first, second) and same(first, rendered(room()))
+
+
+def test_a_given_context_is_left_to_its_owner() -> None:
+    """A renderer in its caller's context draws the same picture, and leaves that context alive and current, as a window needs."""
+    alone = rendered(room())
+    mine = context.create()
+    with Renderer(room(), SIZE, ctx=mine, **FAST) as one:
+        frame = one.render()
+        assert mine.buffer(b"alive").read() == b"alive", "after a render"
+    assert mine.buffer(b"alive").read() == b"alive", "after the release"
+    mine.release()
+    assert same(frame, alone)
+
+
+def test_frame_lends_handles_that_can_be_read() -> None:
+    """The View of frame() holds textures, valid until the next round: their owner shows or reads them at once."""
+    with Renderer(room(), SIZE, **FAST) as one:
+        view, progress = one.frame()
+        image = np.frombuffer(view.image.read(), "f4").reshape(SIZE[1], SIZE[0], 4)
+        assert progress.new > 0 and np.isfinite(image).all() and image[..., :3].max() > 0.0

@@ -1,0 +1,145 @@
+"""Other lights: which records are gathered again first, and that in the end they are those of a fresh render."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import irrsplat
+from irrsplat import Renderer
+from irrsplat.core.buffers import NOTHING_SEEN
+from irrsplat.gpu.target import pixels
+from irrsplat.gpu.time_budget import Budget
+from irrsplat.indirect import paper_scan
+from irrsplat.reference import fine_gather
+from irrsplat.scene.model import Camera, Light, Scene
+from tests.renderer.test_live import TICK, dimmed, ticks
+from tests.renderer.test_renderer import FAST, FRONT, SIZE, room
+from tests.support.worlds import lamp
+
+MOVED = (lamp((-0.5, 0.2, 0.5), 5.0),)
+COLOURED = (replace(room().lights[0], color=(3.0, 1.2, 0.3)),)
+AWAY = Camera((0.0, 0.0, 0.95), (0.9, -0.1, 0.4), fov=60.0)
+
+
+@pytest.fixture
+def renderer() -> Iterator[Renderer]:
+    """A renderer of `room` that has served two views, FRONT last."""
+    with Renderer(room(), SIZE, **FAST, radius_max=25.0) as made:
+        made.render(AWAY)
+        made.render(FRONT)
+        yield made
+
+
+def served(renderer: Renderer) -> np.ndarray:
+    """(N,) the pixels that each record adds to, by splatting it alone."""
+    counts = []
+    gbuffer, records, splat = renderer._seen(FRONT), renderer.cache.records, renderer.splatting.splat_pass
+    for i in range(records.count):
+        splat.clear(gbuffer)
+        splat(records, np.array([i]), gbuffer, FRONT, renderer.settings)
+        found = splat.target.read(1)[..., 0]
+        counts.append(np.count_nonzero((found > 0.0) & (found < NOTHING_SEEN)))
+    renderer.forget(records=False, lights=False)
+    return np.array(counts)
+
+
+def test_records_are_ranked_by_the_pixels_that_they_serve(renderer: Renderer) -> None:
+    true = served(renderer)
+    rank = renderer.placement.renewal.rank_pass(renderer.cache.records, renderer._seen(FRONT), FRONT, renderer.settings)
+    assert len(rank) == len(true) and (true == 0).mean() > 0.1 and true.max() > 100
+    assert np.corrcoef(true, rank)[0, 1] > 0.95 and rank.sum() == pytest.approx(true.sum(), rel=0.2)
+    assert rank[true == 0].max() < 0.05 * true.max(), "hidden, or off the screen"
+    assert rank[true > 0.3 * true.max()].min() > 0.1 * true.max()
+
+
+def test_what_is_seen_most_and_longest_comes_first(renderer: Renderer) -> None:
+    """Pixels times how often they have become stale; what is not seen at all, last, the stalest of it first."""
+    cache, renewal = renderer.cache, renderer.placement.renewal
+    gbuffer = renderer._seen(FRONT)
+    rank = renewal.rank_pass(cache.records, gbuffer, FRONT, renderer.settings)
+    assert not len(renewal.order(cache, gbuffer, FRONT, renderer.settings))
+    cache.expire()
+    first = renewal.order(cache, gbuffer, FRONT, renderer.settings)
+    assert sorted(first) == list(range(cache.count)) and (np.diff(rank[first]) <= 0.0).all()
+    half = len(first) // 2
+    cache.renewed(first[:half])
+    assert np.array_equal(renewal.order(cache, gbuffer, FRONT, renderer.settings), first[half:])
+    cache.expire()
+    second = renewal.order(cache, gbuffer, FRONT, renderer.settings)
+    waited = np.where(np.isin(second, first[:half]), 1, 2)
+    assert np.array_equal(cache.age(second), waited) and (np.diff(rank[second] * waited) <= 0.0).all()
+    unseen = waited[rank[second] == 0.0]
+    assert len(unseen) and (np.diff(unseen) <= 0).all()
+    elsewhere = renewal.order(cache, renderer._seen(AWAY), AWAY, renderer.settings)
+    assert sorted(elsewhere) == sorted(second) and not np.array_equal(elsewhere, second), "another view, another order"
+
+
+def test_none_asks_for_more_while_others_are_stale(renderer: Renderer) -> None:
+    """Light that is switched off in half of the records contradicts the other half's, but that goes by itself."""
+    count = renderer.cache.count
+    renderer.relight([dimmed(room().lights[0], 0.02)])
+    told = ticks(renderer, TICK)
+    assert all(p.new == 0 or p.stale == 0 for p in told) and told[-1].done
+    assert told[-1].records <= 1.1 * count
+
+
+@pytest.mark.parametrize("bounces", [1, "all"])
+@pytest.mark.parametrize("lights", [MOVED, (*MOVED, *COLOURED)], ids=["moved", "another"])
+def test_renewed_in_place_is_gathered_from_scratch(lights: tuple[Light, ...], bounces: Any) -> None:
+    """The same sites under the new light, in small ticks and all at once in a fresh cache: bit for bit, records and picture."""
+    settings = {**FAST, "bounces": bounces, "gather": "trace"}
+    with Renderer(room(), SIZE, **settings) as old, Renderer(replace(room(), lights=lights), SIZE, **settings) as fresh:
+        old.render()
+        old.relight(lights)
+        count = old.cache.count
+        for _ in range(2000):
+            progress = old.frame(seconds=0.01)[1]
+            if not progress.stale and progress.surface == 1.0:
+                break
+        assert progress.stale == 0 and progress.surface == 1.0
+        fresh.frame(gather=False)
+        fresh.cache.append(old.cache.sites(slice(0, old.cache.count)))
+        fresh.cache.expire()
+        assert fresh.shadows is not None and fresh.placement.bounce(fresh.shadows, Budget(None))
+        fresh.placement.renew(fresh.shadows, fresh._gbuffer, FRONT, Budget(None))
+        theirs, found = pixels(fresh.frame(gather=False)[0].image), fresh.cache.read()
+        mine = pixels(old.frame(gather=False)[0].image)
+        assert old.cache.count >= count and all(np.array_equal(values, found[name]) for name, values in old.cache.read().items())
+    assert np.array_equal(mine, theirs)
+
+
+def truth(renderer: Renderer, count: int = 250) -> fine_gather.Truth:
+    """The renderer's own fine gather of one bounce at some of its pixels."""
+    seen = paper_scan.read_back(renderer.frame(gather=False)[0].gbuffer)
+    size = renderer.settings.shadow_size
+    return fine_gather.gather(renderer.ctx, renderer.scene, renderer.geometry, seen, size, count, seconds=1e6)
+
+
+def errors(before: Scene, change: Any, after: Scene, seeds: int = 2, **settings: Any) -> tuple[float, float]:
+    """√mean of the squared errors, of so many seeds, against the truth after a change: of fresh renders, and after `change` of a
+    renderer that has served the scene before."""
+    fresh, changed, reference = [], [], None
+    for seed in range(seeds):
+        with Renderer(after, (80, 80), **settings, seed=seed) as new, Renderer(before, (80, 80), **settings, seed=seed) as old:
+            reference = reference or truth(new)
+            fresh.append(reference.error(new.render().irradiance))
+            old.render()
+            change(old)
+            changed.append(reference.error(old.render().irradiance))
+    return float(np.sqrt(np.mean(np.square(fresh)))), float(np.sqrt(np.mean(np.square(changed))))
+
+
+@pytest.mark.parametrize("change", ["moved", "coloured"])
+def test_after_other_lights_errors_are_those_of_a_fresh_render(change: str) -> None:
+    before = irrsplat.load("cornell")
+    (old,) = before.lights
+    x, y, z = old.position
+    new = replace(old, position=(x - 1.0, y, z)) if change == "moved" else replace(old, color=(34.0, 9.6, 0.8))
+    after = replace(before, lights=(new,))
+    fresh, relit = errors(before, lambda r: r.relight(after.lights), after, bounces=1, gather_size=32, shadow_size=512)
+    assert 0.001 < fresh < 0.1 and relit < 1.1 * fresh

@@ -1,0 +1,195 @@
+"""The viewer at rest, and in flight over what it has seen: samples add up, then nothing is drawn, and nothing is made anew."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import moderngl
+import numpy as np
+import pytest
+
+from irrsplat.gpu.program import Program
+from irrsplat.image.view import read
+from tests.app.viewer.test_viewer_leaks import CREATORS
+from tests.support.viewing import Driver, viewing, write_room
+
+SAMPLES = 6
+
+
+@pytest.fixture(scope="module")
+def one(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Driver]:
+    """A viewer that takes SAMPLES a pixel while it rests."""
+    with viewing(write_room(tmp_path_factory.mktemp("room")), (160, 120), rest=SAMPLES) as made:
+        yield made
+
+
+@pytest.fixture
+def spied(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
+    """Counts what is drawn, by program, and what is made, by kind of OpenGL object, from now on; clear it to begin."""
+    counts: Counter[str] = Counter()
+
+    def watch(owner: type, name: str, label: Any) -> None:
+        plain = getattr(owner, name)
+
+        def call(self: Any, *args: Any, **options: Any) -> Any:
+            counts[label(self)] += 1
+            return plain(self, *args, **options)
+
+        monkeypatch.setattr(owner, name, call)
+
+    watch(Program, "__call__", lambda program: program.name)
+    for name in (*CREATORS, "query"):
+        watch(moderngl.Context, name, lambda _, name=name: f"new {name}")
+    return counts
+
+
+def settle(driver: Driver) -> None:
+    """Frames as they come with a budget of 1 ms: a sample a frame."""
+    driver.session.change(0, budget=1.0, rest=SAMPLES)
+    driver.settle()
+
+
+# ---- samples ----------------------------------------------------------------------------------------------------------
+
+
+def test_samples_add_up_until_the_view_rests(driver: Driver) -> None:
+    """One sample a frame in so small a budget, none in the first frame of a view; in the end, the picture that a render has."""
+    settle(driver)
+    session = driver.session
+    assert session.views[0].samples == SAMPLES and session.ms == {}
+    driver.desk.go(replace(session.camera, fov=48.0))
+    counts = []
+    for _ in range(400):
+        driver.frame()
+        counts.append(session.views[0].samples)
+        if session.at_rest:
+            break
+    assert counts[-SAMPLES:] == list(range(1, SAMPLES + 1)) and set(counts[:-SAMPLES]) <= {1}
+    renderer = session.renderers[0]
+    renderer.change(replace(renderer.settings, samples=SAMPLES))
+    mine, frame = session.frame(), renderer.render(session.camera)
+    for name in ("image", "direct", "indirect", "emission", "irradiance"):
+        assert np.allclose(getattr(mine, name), getattr(frame, name), rtol=1e-5, atol=1e-6), name
+    assert mine.stats["samples"] == SAMPLES
+
+
+def test_off_there_are_none(driver: Driver) -> None:
+    for rest in (0, 1):
+        driver.session.change(0, rest=rest)
+        driver.settle()
+        assert driver.session.views[0].samples == 1
+
+
+def test_what_a_picture_does_not_depend_on_leaves_the_samples(driver: Driver, spied: Counter[str]) -> None:
+    """Another exposure, another buffer, marks over it, a record inspected: samples stay. Blend, lamp, camera: they start over."""
+    settle(driver)
+    spied.clear()
+    session, desk = driver.session, driver.desk
+    for act in (desk.brighter, lambda: desk.show("indirect"), lambda: desk.toggle("points"), lambda: desk.toggle("frozen")):
+        act()
+        driver.frame()
+        assert session.at_rest and session.views[0].samples == SAMPLES
+    assert spied["accumulate"] == spied["gbuffer"] == 0
+    desk.toggle("frozen")
+    desk.lamps[0].stops = 1.0
+    moves: tuple[Any, ...] = (
+        lambda: session.change(0, blend=0.7),
+        desk.relight,
+        lambda: desk.go(replace(session.camera, fov=44.0)),
+    )
+    for act in moves:
+        driver.settle()
+        act()
+        driver.frame()
+        assert not session.at_rest and session.views[0].samples == 1
+
+
+def test_two_presets_rest_side_by_side(driver: Driver) -> None:
+    driver.session.split("presets")
+    driver.session.change(1, warmup=20, a=0.5, rest=3)
+    settle(driver)
+    driver.session.change(1, rest=3)
+    driver.settle()
+    assert [v.samples for v in driver.session.views] == [SAMPLES, 3]
+
+
+@pytest.mark.parametrize("name", ["image", "direct", "indirect", "emission"])
+def test_the_means_are_shown_and_read(driver: Driver, name: str) -> None:
+    """What is shown, and the value under the cursor, are the samples' means: those of the frame, at edges too."""
+    driver.desk.show(name)
+    settle(driver)
+    session, view = driver.session, driver.session.views[0]
+    values = getattr(session.frame(), name)
+    once = getattr(read(session._centres[0], session.scene.sky, session.renderers[0].cache.read(), {}), name)
+    assert name == "emission" or np.abs(values - once).max() > 0.1 * values.mean()
+    y, x = np.unravel_index(np.argmax(np.abs(values - once).sum(-1)), values.shape[:2])
+    found = session.overlay.value(name, view, int(x), int(y))
+    if np.isfinite(session.frame().depth[y, x]):
+        assert found is not None and np.allclose(found, values[y, x], rtol=1e-5, atol=1e-6)
+    shown = driver.canvas().astype(int)
+    driver.session.change(0, rest=0)
+    driver.settle()
+    assert name == "emission" or (np.abs(driver.canvas().astype(int) - shown).max(-1)[y, x] > 0)
+
+
+# ---- nothing is drawn, nothing is made --------------------------------------------------------------------------------
+
+
+def idle(driver: Driver, spied: Counter[str], frames: int = 5) -> Counter[str]:
+    settle(driver)
+    driver.frame(2)  # what was opened has its place now
+    spied.clear()
+    driver.frame(frames)
+    return spied
+
+
+@pytest.mark.parametrize("case", ["bare", "panels", "marks", "split", "cursor", "auto"])
+def test_at_rest_nothing_is_drawn_but_the_interface(driver: Driver, spied: Counter[str], case: str) -> None:
+    """Each frame puts the picture that there is into the window, and the interface over it: one copy, and nothing is made."""
+    desk, look = driver.desk, driver.session.look
+    if case == "panels":
+        desk.panels.settings = desk.panels.hud = desk.panels.lights = True
+    elif case == "marks":
+        look.points = look.discs = look.normals = look.wire = True
+    elif case == "split":
+        driver.session.split("buffers")
+    elif case == "cursor":
+        look.inspect = True
+        driver.move(80, 60)
+    elif case == "auto":
+        desk.auto_exposure()
+    assert idle(driver, spied) == {"viewer/buffers/copy": 5}
+
+
+def test_a_flight_over_what_was_seen_makes_nothing(driver: Driver, spied: Counter[str]) -> None:
+    """The same way a second time, with the cursor on the picture, its value shown, and the exposure following."""
+    driver.desk.auto_exposure()
+    driver.desk.panels.hud = True
+    driver.session.change(0, rest=0)
+    home = driver.session.camera
+    cameras = [replace(home, fov=50.0 + step) for step in (1.0, 2.0, 3.0, 4.0)]
+    driver.move(80, 60)
+    for camera in (*cameras, *cameras):  # twice: where a later view's records contradict one, it draws back
+        driver.desk.go(camera)
+        driver.settle()
+    spied.clear()
+    for camera in cameras:
+        driver.desk.go(camera)
+        driver.frame()
+        assert driver.session.progress[0].new == 0
+    assert spied["gbuffer"] == len(cameras) and spied["composite"] == len(cameras)
+    assert not [name for name in spied if name.startswith("new ")], spied
+
+
+def test_samples_make_nothing_once_there_were_some(driver: Driver, spied: Counter[str]) -> None:
+    settle(driver)
+    driver.desk.go(replace(driver.session.camera, fov=47.0))
+    driver.settle()
+    driver.desk.home()
+    spied.clear()
+    driver.settle()
+    assert spied["accumulate"] == SAMPLES
+    assert not [name for name in spied if name.startswith("new ")], spied

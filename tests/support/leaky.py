@@ -1,0 +1,145 @@
+"""Scenes where light must not pass: two rooms, a table, a box, a drape and a ball; their views, and the truth at pixels."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+
+import irrsplat
+from irrsplat.core.buffers import Sites
+from irrsplat.indirect.paper_scan import Seen, read_back
+from irrsplat.scene.model import Camera, Material, Mesh, Scene
+from tests.support.worlds import box, gather, lamp, material, quad, scene, sphere
+
+SIZE = (160, 120)
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # Rec. 709
+UP = (0.0, 1.0, 0.0)
+GREY, RED, WHITE = material(0.5), material((0.7, 0.2, 0.15)), material(0.8)
+X, Y, Z = 4.0, 2.5, 2.0  # metres: each room is X wide, Y high and 2·Z deep; the wall is at x = 0, the lit room where x < 0
+WALL = 0.01  # metres
+DRAPE_SIDE = 1.5e-3  # metres
+
+
+def rooms(wall: float = WALL, without: str = "") -> Scene:
+    """Two rooms under one ceiling on one floor, parted by a `wall` so thick (0: a sheet), a lamp in the one where x < 0.
+
+    without: "ceiling", "end" (the wall at z = Z) or nothing is taken away.
+    """
+    part = quad((0, 0, -Z), (0, 0, 2 * Z), (0, Y, 0), WHITE)
+    if wall:
+        part = box((-wall / 2, 0, -Z), (wall / 2, Y, Z), WHITE)
+    parts = {
+        "floor": quad((-X, 0, Z), (2 * X, 0, 0), (0, 0, -2 * Z), GREY),
+        "ceiling": quad((-X, Y, -Z), (2 * X, 0, 0), (0, 0, 2 * Z), WHITE),
+        "back": quad((-X, 0, -Z), (2 * X, 0, 0), (0, Y, 0), RED),
+        "end": quad((X, 0, Z), (-2 * X, 0, 0), (0, Y, 0), WHITE),
+        "left": quad((-X, 0, Z), (0, 0, -2 * Z), (0, Y, 0), WHITE),
+        "right": quad((X, 0, -Z), (0, 0, 2 * Z), (0, Y, 0), WHITE),
+        "part": part,
+    }
+    return scene(*(mesh for name, mesh in parts.items() if name != without), lights=(lamp((-1.5, 2.0, 0.3), 20.0),))
+
+
+def in_the_dark(position: np.ndarray, normal: np.ndarray, wall: float = WALL) -> np.ndarray:
+    """(…,) bool: which points (…, 3), with normals towards the eye, belong to the room without light."""
+    return (position[..., 0] > wall / 2 + 1e-4) | ((position[..., 0] > wall / 2 - 1e-4) & (normal[..., 0] > 0.5))
+
+
+def table() -> Scene:
+    """A room with a table, 1.6 by 0.9 m, its top 2 cm thick at 70 cm on four legs, and a lamp above it."""
+    legs = [box((x, 0, z), (x + 0.05, 0.68, z + 0.05), RED) for x in (-0.75, 0.70) for z in (-0.4, 0.35)]
+    return scene(room(), box((-0.8, 0.68, -0.45), (0.8, 0.70, 0.45), RED), *legs, lights=(lamp((0.3, 2.0, 0.2), 20.0),))
+
+
+def standing() -> Scene:
+    """A room with a box that stands on its floor, lit from one side."""
+    return scene(room(), box((-0.4, 0, -0.3), (0.4, 0.9, 0.3), RED), lights=(lamp((1.5, 2.2, 1.0), 20.0),))
+
+
+def resting() -> Scene:
+    """A room with a ball of 40 cm radius that rests on its floor."""
+    return scene(room(), sphere((0.0, 0.4, 0.0), 0.4, RED), lights=(lamp((1.2, 2.2, 0.9), 20.0),))
+
+
+def drape() -> Scene:
+    """A room in two by a wavy sheet without thickness, 12 cm deep folds; the lamp is where z is above it."""
+    x = np.linspace(-2.0, 2.0, 161)
+    z = drape_depth(x)
+    steep = 0.06 * 2.0 * np.pi / 0.5 * np.cos(2.0 * np.pi * x / 0.5)
+    n = np.stack([-steep, np.zeros_like(x), np.ones_like(x)], -1) / np.sqrt(1.0 + steep**2)[:, None]
+    points = np.concatenate([np.stack([x, np.full_like(x, y), z], -1) for y in (0.0, Y)])
+    i = np.arange(len(x) - 1)
+    faces = np.concatenate([np.stack([i, i + 1, i + 1 + len(x)], 1), np.stack([i, i + 1 + len(x), i + len(x)], 1)])
+    sheet = Mesh(points.astype("f4"), np.tile(n, (2, 1)).astype("f4"), faces.astype("i4"), RED)
+    return scene(room(), sheet, lights=(lamp((0.4, 2.0, 1.0), 20.0),))
+
+
+def drape_depth(x: np.ndarray) -> np.ndarray:
+    """z of the drape at x, metres; it hangs in straight strips between every 2.5 cm, off by DRAPE_SIDE at most."""
+    return 0.06 * np.sin(2.0 * np.pi * x / 0.5)
+
+
+def room() -> Mesh:
+    """Four by four metres, Y high, seen from within."""
+    return box((-2, 0, -2), (2, Y, 2), Material((0.6, 0.6, 0.6)), outward=False)
+
+
+# ---- what is seen of them -----------------------------------------------------------------------------------------------
+
+
+def camera(eye: Sequence[float], target: Sequence[float], fov: float = 60.0) -> Camera:
+    """A camera that stands upright, unless it looks straight down."""
+    down = np.hypot(eye[0] - target[0], eye[2] - target[2]) < 1e-3
+    return Camera(tuple(eye), tuple(target), (0.0, 0.0, -1.0) if down else UP, fov)  # type: ignore[arg-type]
+
+
+def random_cameras(low: Sequence[float], high: Sequence[float], count: int, seed: int = 3) -> list[Camera]:
+    """Cameras anywhere in a box, looking anywhere in it."""
+    rng = np.random.default_rng(seed)
+    return [camera(*rng.uniform(low, high, (2, 3))) for _ in range(count)]
+
+
+@dataclass(frozen=True)
+class Look:
+    """A view: what the g-buffer has (Seen), and the irradiance (H, W, 3) that the renderer says is there."""
+
+    seen: Seen
+    irradiance: np.ndarray
+    records: int
+
+    def where(self, some: np.ndarray, count: int, seed: int = 1) -> np.ndarray:
+        """(≤ count, 2) rows and columns, drawn at random from the pixels of the mask `some` (H, W)."""
+        return np.random.default_rng(seed).permutation(np.argwhere(some & self.seen.mask))[:count]
+
+    def sites(self, pixels: np.ndarray) -> Sites:
+        """The points at pixels (N, 2)."""
+        at = tuple(pixels.T)
+        seen = self.seen
+        assert seen.triangle is not None
+        return Sites(seen.position[at], seen.normal[at], seen.geometric[at], seen.triangle[at])
+
+
+def look(
+    ctx: moderngl.Context, world: Scene, cameras: Sequence[Camera], how: str, size: tuple[int, int] = SIZE, **rest: object
+) -> list[Look]:
+    """The views from `cameras` in turn by the gather `how`, one cache for all of them."""
+    out = []
+    with irrsplat.Renderer(world, size, ctx=ctx, gather=how, bounces=1, **rest) as renderer:
+        for one in cameras:
+            frame = renderer.render(one)
+            view, _ = renderer.frame(one, gather=False)
+            out.append(Look(read_back(view.gbuffer), frame.irradiance, frame.stats["records"]))
+    return out
+
+
+def truth(ctx: moderngl.Context, world: Scene, views: Sequence[Look], pixels: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """E (N, 3) at pixels (N, 2) of each view, by 49 thousand directions from every one of them: nothing is interpolated."""
+    parts = [view.sites(at) for view, at in zip(views, pixels, strict=True)]
+    joined = Sites(
+        *(np.concatenate([getattr(p, name) for p in parts]) for name in ("position", "normal", "geometric", "triangle"))
+    )
+    E = gather(ctx, world, joined, 128, "raster", 32, 1024).E
+    return np.split(E, np.cumsum([len(p) for p in parts])[:-1])

@@ -1,0 +1,246 @@
+"""Small scenes of known shape, what a pinhole sees of them, Lambert's formula, and pictures of what went wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import moderngl
+import numpy as np
+from PIL import Image
+
+from irrsplat.core.buffers import GBuffer, Sites
+from irrsplat.gather.raster import GatherPass
+from irrsplat.gather.reduce import ReducePass
+from irrsplat.gpu.geometry import Geometry
+from irrsplat.gpu.target import table_texture
+from irrsplat.lighting.light_table import light_defines
+from irrsplat.lighting.shadow_maps import ShadowPass
+from irrsplat.records.record_cache import RecordCache
+from irrsplat.scene.flatten import flatten
+from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
+
+FAILURES = Path(__file__).resolve().parents[1] / "failures"
+Vector = Iterable[float]
+ABOVE = Camera((0.0, 4.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, -1.0), 45.0)  # looks straight down at the origin
+
+
+def material(albedo: float | tuple[float, float, float] = 0.5, emission: float | tuple[float, float, float] = 0.0) -> Material:
+    """A Material of grey or coloured reflectance and emission."""
+    grey = [(v, v, v) if isinstance(v, (int, float)) else v for v in (albedo, emission)]
+    return Material(*grey)
+
+
+def quad(corner: Vector, u: Vector, v: Vector, paint: Material | None = None) -> Mesh:
+    """A parallelogram of two triangles, wound so that u × v is its normal."""
+    c, u, v = (np.asarray(x, float) for x in (corner, u, v))
+    n = np.cross(u, v)
+    positions = np.array([c, c + u, c + u + v, c + v], "f4")
+    normals = np.tile(n / np.linalg.norm(n), (4, 1)).astype("f4")
+    return Mesh(positions, normals, np.array([[0, 1, 2], [0, 2, 3]], "i4"), paint or Material())
+
+
+def floor(half: float = 2.0, height: float = 0.0, paint: Material | None = None) -> Mesh:
+    """A horizontal square about the y axis that faces up."""
+    return quad((-half, height, half), (2 * half, 0, 0), (0, 0, -2 * half), paint)
+
+
+def box(low: Vector, high: Vector, paint: Material | None = None, outward: bool = True) -> Mesh:
+    """An axis-aligned box of 12 triangles: closed where it is wound outward."""
+    low, high = np.asarray(low, float), np.asarray(high, float)
+    parts = []
+    for axis in range(3):
+        u, v = np.zeros(3), np.zeros(3)
+        u[(axis + 1) % 3] = (high - low)[(axis + 1) % 3]
+        v[(axis + 2) % 3] = (high - low)[(axis + 2) % 3]
+        top = low.copy()
+        top[axis] = high[axis]
+        parts += [quad(low, v, u), quad(top, u, v)] if outward else [quad(low, u, v), quad(top, v, u)]
+    faces = np.concatenate([p.faces + 4 * i for i, p in enumerate(parts)])
+    return Mesh(
+        np.concatenate([p.positions for p in parts]),
+        np.concatenate([p.normals for p in parts]),
+        faces,
+        paint or Material(),
+        closed=outward,
+    )
+
+
+def sphere(centre: Vector, radius: float, paint: Material | None = None, rings: int = 24, segments: int = 48) -> Mesh:
+    """A closed sphere with smooth normals."""
+    theta, phi = np.meshgrid(np.linspace(0, np.pi, rings + 1), 2 * np.pi * np.arange(segments) / segments, indexing="ij")
+    unit = np.stack([np.sin(theta) * np.cos(phi), np.cos(theta), np.sin(theta) * np.sin(phi)], -1)
+    unit[0], unit[-1] = (0, 1, 0), (0, -1, 0)
+    i, j = (x.ravel() for x in np.meshgrid(np.arange(rings), np.arange(segments), indexing="ij"))
+    k = (j + 1) % segments
+    a, b, c, d = i * segments + j, i * segments + k, (i + 1) * segments + k, (i + 1) * segments + j
+    upper, lower = np.stack([a, b, c], 1)[i > 0], np.stack([a, c, d], 1)[i < rings - 1]
+    points = unit.reshape(-1, 3)
+    return Mesh(
+        (np.asarray(centre) + radius * points).astype("f4"),
+        points.astype("f4"),
+        np.concatenate([upper, lower]).astype("i4"),
+        paint or Material(),
+        closed=True,
+    )
+
+
+def scene(
+    *meshes: Mesh, lights: tuple[Light, ...] = (), sky: float | tuple[float, float, float] = 0.0, camera: Camera = ABOVE
+) -> Scene:
+    """A Scene of these parts; sky grey or coloured."""
+    return Scene(meshes, lights, (camera,), (sky, sky, sky) if isinstance(sky, (int, float)) else sky)
+
+
+def lamp(position: Vector, power: float = 1.0, **rest: Any) -> Light:
+    """A physical point light, `power` in W/sr for each channel."""
+    return Light(tuple(position), (power, power, power), physical=True, **rest)  # type: ignore[arg-type]
+
+
+# ---- what a pinhole sees ----------------------------------------------------------------------------------------------
+
+
+def rays(camera: Camera, size: tuple[int, int]) -> np.ndarray:
+    """(H, W, 3) float64 directions through the pixels' centres, top row first, of length 1 along the view axis."""
+    width, height = size
+    t = np.tan(np.radians(camera.fov) / 2.0)
+    x = (2.0 * (np.arange(width) + 0.5) / width - 1.0) * t * width / height
+    y = (1.0 - 2.0 * (np.arange(height) + 0.5) / height) * t
+    right, up, backward = camera.axes
+    return x[None, :, None] * right + y[:, None, None] * up - backward
+
+
+def on_plane(camera: Camera, size: tuple[int, int], point: Vector, normal: Vector) -> tuple[np.ndarray, np.ndarray]:
+    """Where each pixel's ray meets a plane, (H, W, 3), and its depth along the view axis (negative: behind the eye)."""
+    d, n, eye = rays(camera, size), np.asarray(normal, float), np.asarray(camera.eye, float)
+    with np.errstate(divide="ignore"):
+        t = ((np.asarray(point, float) - eye) @ n) / (d @ n)
+    return eye + t[..., None] * d, t
+
+
+def gbuffer_of(ctx: moderngl.Context, position: np.ndarray, normal: np.ndarray, depth: np.ndarray, **rest: np.ndarray) -> GBuffer:
+    """A GBuffer of (H, W, 3) arrays, top row first; the geometric normal is the shading normal unless `geometric` is given.
+
+    depth: (H, W), 0 where nothing is seen.
+    """
+    octahedral = encode(rest.get("geometric", normal))
+    albedo, emission = rest.get("albedo", np.full_like(position, 0.5)), rest.get("emission", np.zeros_like(position))
+
+    def texture(rgb: np.ndarray, w: np.ndarray) -> moderngl.Texture:
+        return table_texture(ctx, np.concatenate([rgb, w[..., None]], -1)[::-1])
+
+    return GBuffer(
+        texture(position, depth),
+        texture(normal, octahedral[..., 0]),
+        texture(albedo, octahedral[..., 1]),
+        texture(emission, np.ones_like(depth)),
+    )
+
+
+def encode(v: np.ndarray) -> np.ndarray:
+    """The octahedral map (Meyer et al. 2010), (..., 3) to (..., 2)."""
+    v = v / np.abs(v).sum(-1, keepdims=True)
+    folded = (1.0 - np.abs(v[..., 1::-1])) * np.where(v[..., :2] >= 0.0, 1.0, -1.0)
+    return np.where(v[..., 2:] >= 0.0, v[..., :2], folded)
+
+
+# ---- records ----------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Gathered:
+    """N records: E (N, 3), R (N,), M and ∇E (N, 3 channels, 3), the axis (N, 3) along which they bend least, the bends (N, 2)."""
+
+    E: np.ndarray
+    R: np.ndarray
+    M: np.ndarray
+    gradient: np.ndarray
+    axis: np.ndarray
+    bend: np.ndarray
+
+
+def gathered(cache: RecordCache) -> Gathered:
+    """What a cache holds, read from the GPU."""
+    textures = (cache.records.irradiance, *cache.records.vectors)
+    last, *vectors = (np.frombuffer(t.read(), "f4").reshape(-1, 4)[: cache.count] for t in textures)
+    columns, rest = np.stack([v[:, :3] for v in vectors], 1), np.stack([v[:, 3] for v in vectors], 1)
+    return Gathered(last[:, :3], last[:, 3], columns[:, :3], columns[:, 3:], rest[:, :3], rest[:, 3:5])
+
+
+def sites(position: Any, normal: Any, geometric: Any = None) -> Sites:
+    """Sites of (N, 3) or (3,) arrays, normals made unit."""
+    p, n = (np.atleast_2d(np.asarray(x, float)) for x in (position, normal))
+    n = np.broadcast_to(n / np.linalg.norm(n, axis=1, keepdims=True), p.shape)
+    g = n if geometric is None else np.broadcast_to(geometric, p.shape)
+    return Sites(p.astype("f4"), n.astype("f4"), np.asarray(g, "f4"))
+
+
+def gather(
+    ctx: moderngl.Context,
+    world: Scene,
+    where: Sites,
+    side: int = 32,
+    kind: str = "raster",
+    capacity: int | None = None,
+    shadow: int = 256,
+) -> Gathered:
+    """What gather and reduction make of records at `where`, `capacity` of them a call (default: about all)."""
+    geometry, lit = Geometry(ctx, *flatten(world)), ShadowPass(ctx)
+    shadows = lit(world, geometry, shadow)
+    look = GatherPass(ctx, kind, side, world.diagonal, light_defines(world), capacity or len(where))
+    reduce, cache = ReducePass(ctx, True), RecordCache(ctx)
+    for start in range(0, len(where), look.capacity):
+        batch = where[start : start + look.capacity]
+        atlas = look(geometry, shadows, batch, cache.count + np.arange(len(batch)), 0)
+        cache.append(batch)
+        reduce(atlas, cache.records, world.sky, look.radii)
+    found = gathered(cache)
+    # what comes next must not find a released framebuffer bound, see test_target.py
+    ctx.detect_framebuffer(0).use()
+    for target in (lit.target, look, reduce.target, cache, geometry):
+        if target is not None:
+            target.release()
+    return found
+
+
+# ---- Lambert's formula ------------------------------------------------------------------------------------------------
+
+
+def polygon_vector(corners: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """∫ ω dω, (..., 3), over what a polygon (C, 3) or (..., C, 3) takes up in the sky of points p (..., 3), towards it.
+
+    Lambert 1760: half the sum of the edges' angles times their planes' normals. Its product with n is the irradiance from
+    unit radiance, where the whole polygon lies above the horizon.
+    """
+    v = corners - p[..., None, :]
+    v = v / np.linalg.norm(v, axis=-1, keepdims=True)
+    w = np.roll(v, -1, axis=-2)
+    across = np.cross(v, w)
+    sine = np.linalg.norm(across, axis=-1, keepdims=True)
+    angle = np.arctan2(sine, (v * w).sum(-1, keepdims=True))
+    vector = 0.5 * (angle * across / np.maximum(sine, 1e-300)).sum(-2)
+    return vector * np.sign((vector * v.mean(-2)).sum(-1, keepdims=True))
+
+
+# ---- pictures ---------------------------------------------------------------------------------------------------------
+
+
+def assert_pictures(name: str, picture: np.ndarray, truth: np.ndarray, limit: Any, where: Any = True) -> None:
+    """Fail where |picture - truth| > limit (pixels of `where` only), and leave picture, reference and difference behind."""
+    picture, truth = np.asarray(picture, float), np.broadcast_to(truth, np.shape(picture)).astype(float)
+    wrong = ~(np.abs(picture - truth) <= limit)  # NaN is wrong too
+    counted = np.broadcast_to(where, picture.shape[:2])
+    wrong = (wrong.any(-1) if wrong.ndim == 3 else wrong) & counted
+    if wrong.any():
+        FAILURES.mkdir(exist_ok=True)
+        white = max(float(np.nanpercentile(np.abs(truth), 99)), 1e-9)
+        difference = np.where(counted if picture.ndim == 2 else counted[..., None], np.abs(picture - truth), 0.0)
+        for kind, values in {"picture": picture, "reference": truth, "difference": difference}.items():
+            shown = np.clip(np.nan_to_num(values / white), 0.0, 1.0) ** (1 / 2.2) * 255.0 + 0.5
+            Image.fromarray(shown.astype(np.uint8)).save(FAILURES / f"{name}_{kind}.png")
+    worst = np.nanmax(np.where(counted if picture.ndim == 2 else counted[..., None], np.abs(picture - truth), 0.0))
+    assert not wrong.any(), (
+        f"{name}: {wrong.sum()} of {counted.sum()} pixels are off, by {worst:.3g} at most: pictures in {FAILURES}"
+    )

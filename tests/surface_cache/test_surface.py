@@ -1,0 +1,252 @@
+"""The surface cache: cells and their points, who shares a site with whom, what is seen from where, and what a lookup finds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import moderngl
+import numpy as np
+import pytest
+
+import irrsplat
+from irrsplat import Renderer
+from irrsplat.gpu.bvh_table import Tree
+from irrsplat.gpu.target import pixels
+from irrsplat.gpu.time_budget import Budget
+from irrsplat.scene.flatten import flatten
+from irrsplat.scene.model import Camera, Scene
+from irrsplat.surface_cache import cache as surface
+from irrsplat.surface_cache import clustering
+from irrsplat.surface_cache.cache import SurfaceCache
+from irrsplat.surface_cache.tessellation import Lattice, lattice, steps
+from irrsplat.surface_cache.visibility import SightPass
+from tests.renderer.test_renderer import FAST
+from tests.support.worlds import assert_pictures, box, floor, gather, lamp, material, quad, scene, sites, sphere
+
+SIZE = (80, 60)
+INSET = 1e-4  # metres
+
+
+def cut(world: Scene, spacing: float) -> Lattice:
+    return lattice(*flatten(world)[:2], spacing, INSET)
+
+
+# ---- cells ------------------------------------------------------------------------------------------------------------
+
+
+def test_a_triangle_has_as_many_steps_as_its_longest_edge_needs() -> None:
+    assert steps(np.array([0.1, 1.0, 1.01, 7.5]), 1.0).tolist() == [1, 1, 2, 8]
+    many = steps(np.full(1000, 100.0), 0.01)
+    assert 1000 + (1 << 16) < (many**2).sum() <= 1000 + (1 << 17), "fewer where there would be too many cells"
+
+
+def test_cells_fill_their_triangles() -> None:
+    """Of a floor of 4×2 m in steps of at most 1 m (n = 5 for edges of √20 m): n² cells a triangle, each with three points, all of
+    their areas alike, and every point of the triangle in one of them."""
+    found = cut(scene(quad((0, 0, 0), (0, 0, 2), (4, 0, 0))), 1.0)
+    assert found.cells == 50 and len(found.position) == 150 and found.table[:, 0, 3].tolist() == [5, 5]
+    assert found.table[:, 1, 3].tolist() == [0, 25]
+    assert found.area.sum() == pytest.approx(8.0) and np.allclose(found.area, 8.0 / 150)
+    assert np.allclose(found.geometric, (0, 1, 0)) and np.allclose(found.normal, (0, 1, 0))
+    corners = found.position[found.corners][..., [0, 2]].astype(float)
+    u, v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    assert np.allclose(0.5 * np.abs(u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]), 8.0 / 50, rtol=1e-2)
+    points = np.random.default_rng(0).uniform((0.01, 0.01), (3.99, 1.99), (400, 2))
+    share, _ = inside(corners[None], points[:, None])
+    assert ((share.min(-1) > -0.002).sum(1) >= 1).all() and ((share.min(-1) > 0.002).sum(1) <= 1).all()
+
+
+def inside(corners: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Barycentric coordinates (…, 3) of points (…, 2) in triangles (…, 3, 2), and the triangles' doubled areas."""
+    a, b, c = (corners[..., k, :] - points for k in range(3))
+    parts = np.stack([x[..., 0] * y[..., 1] - x[..., 1] * y[..., 0] for x, y in ((b, c), (c, a), (a, b))], axis=-1)
+    whole = parts.sum(-1, keepdims=True)
+    return parts / whole, whole[..., 0]
+
+
+def test_small_triangles_are_one_point_and_smooth_normals_are_blended() -> None:
+    ball = sphere((0, 0, 0), 1.0, rings=24, segments=48)
+    coarse, fine = cut(scene(ball), 2.0), cut(scene(ball), 0.2)
+    count = len(ball.faces)
+    assert coarse.cells == count == len(coarse.position) and (coarse.corners == np.arange(count)[:, None]).all()
+    assert coarse.area.sum() == pytest.approx(4 * np.pi, rel=0.01) and fine.area.sum() == pytest.approx(coarse.area.sum())
+    assert fine.cells == count and len(fine.position) > 2 * count
+    for found in (coarse, fine):
+        outward = found.position / np.linalg.norm(found.position, axis=1, keepdims=True)
+        assert (found.normal * outward).sum(1).min() > 0.9999 and (found.geometric * outward).sum(1).min() > 0.98
+
+
+# ---- sites ------------------------------------------------------------------------------------------------------------
+
+
+def test_who_shares_a_name() -> None:
+    """The corners where cells meet, on one side; not the other side, another wall, or the next voxel."""
+    some = clustering.members(
+        cut(scene(quad((0, 0, 0), (0, 0, 2), (2, 0, 0)), quad((0, 0, 0), (2, 0, 0), (0, 2, 0))), 0.5), INSET
+    )
+    names = clustering.keys(some, 0.3)
+    apart = np.linalg.norm(some.position[:, None] - some.position[None], axis=-1)
+    same = names[:, None] == names[None]
+    facing = some.normal @ some.normal.T
+    assert same[(apart < 0.001) & (facing > 0.99)].mean() > 0.9
+    assert not same[facing < 0.5].any() and not same[apart > 0.3 * 3**0.5].any()
+    chosen, whose = clustering.choose(names, some.position, np.ones(len(some)), 0.0, 1000)
+    assert (names[chosen[whose]] == names).all() and len(chosen) == len(np.unique(names))
+    few, whose = clustering.choose(names, some.position, np.ones(len(some)), 0.0, 5)
+    assert len(few) == 5 and set(whose) == {-1, 0, 1, 2, 3, 4}
+    assert np.bincount(whose[whose >= 0]).min() >= np.unique(names[whose < 0], return_counts=True)[1].max(), "the largest"
+
+
+def test_what_no_light_reaches() -> None:
+    """The inside of a closed box is dark, unless it shines, or a lamp or what shines is in it; an open one's may be lit."""
+    case = box((0, 0, 0), (1, 1, 1))
+    count = len(case.faces)
+    assert clustering.sealed(scene(floor(), case)).tolist() == [True] * count + [False] * 2, "closed ones come first"
+    assert not clustering.sealed(scene(case, lights=(lamp((0.5, 0.5, 0.5)),))).any()
+    assert clustering.sealed(scene(case, lights=(lamp((0.5, 1.5, 0.5)),))).all()
+    assert not clustering.sealed(scene(box((0, 0, 0), (1, 1, 1), material(0.5, 1.0)))).any()
+    assert not clustering.sealed(scene(case, quad((0.2, 0.2, 0.2), (0.1, 0, 0), (0, 0, 0.1), material(0.0, 1.0))))[:count].any()
+    assert not clustering.sealed(scene(box((0, 0, 0), (1, 1, 1), outward=False))).any()
+
+
+def test_what_sees_nothing_of_the_scene() -> None:
+    world = scene(box((0, 0, 0), (1, 2, 3), outward=False))
+    some = clustering.members(cut(world, 1.0), INSET)
+    inward = ((world.bounds.mean(0) - some.position) * some.geometric).sum(1) > 0.0
+    assert (clustering.outside(some, world.bounds) == ~inward).all() and inward.mean() == 0.5
+
+
+def test_what_stands_in_the_way(ctx: moderngl.Context) -> None:
+    """Straight ways past a wall and through it; over a ball by the tangents; round by a corner of one's own."""
+    tree, sight = Tree(ctx, *flatten(scene(quad((0, 0, -1), (0, 0, 2), (0, 1, 0))))[:2]), SightPass(ctx)
+    a, b = np.array([-0.5, 0.5, 0.0]), np.array([0.5, 0.5, 0.0])
+    ways = np.array([[a, (a + b) / 2, b], [a, (0, 1.2, 0), b], [a, (-0.1, 0.5, 0), a], [a, a, a]])
+    assert sight(tree.rays, ways.astype("f4")).tolist() == [False, True, True, True]
+    many = np.tile(ways.astype("f4"), (300, 1, 1))
+    assert (sight(tree.rays, many) == np.tile([False, True, True, True], 300)).all()
+
+    some = clustering.members(cut(scene(sphere((0, 0, 0), 1.0)), 2.0), 1e-3)
+    ball = Tree(ctx, *flatten(scene(sphere((0, 0, 0), 1.0)))[:2])
+    pairs = np.random.default_rng(4).integers(0, len(some) // 2, (2000, 2)).T
+    near = (some.geometric[pairs[0]] * some.geometric[pairs[1]]).sum(1) > 0.5
+    assert sight(ball.rays, clustering.ways(some, *pairs[:, near])).all(), "on the outside, over the bulge"
+    assert sight(ball.rays, clustering.ways(some, *(pairs[:, near] + len(some) // 2))).all(), "on the inside, straight"
+    assert not sight(ball.rays, clustering.ways(some, pairs[0], pairs[0] + len(some) // 2)).any(), "never through it"
+
+
+# ---- lookups ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def looked(ctx: moderngl.Context) -> Iterator[tuple[Renderer, SurfaceCache]]:
+    """A floor and a ball of small triangles beside it, with their cache of two bounces."""
+    eye = Camera((0.5, 3.0, 2.5), (0.3, 0.0, 0.0), fov=60.0)
+    world = scene(floor(1.5), sphere((0.6, 0.8, 0.2), 0.4), lights=(lamp((0, 2, 0.5), 3.0),), camera=eye)
+    with Renderer(world, SIZE, ctx=ctx, **{**FAST, "bounces": 2}) as renderer:
+        renderer.frame(gather=False)
+        assert renderer.shadows is not None and renderer.placement.surface is not None
+        renderer.placement.bounce(renderer.shadows, Budget(None))
+        yield renderer, renderer.placement.surface
+
+
+def oracle(cache: SurfaceCache, values: np.ndarray, p: np.ndarray, triangle: np.ndarray, side: np.ndarray) -> np.ndarray:
+    """(N, 3): of all cells of the point's triangle the one that it lies in, and the mean of its corners' values."""
+    cut = cache.lattice
+    assert cut is not None
+    numbers = np.frombuffer(cache.lookup.cells.read(), "f4").reshape(-1, 2, 4)
+    n = cut.table[:, 0, 3].astype(int)
+    out = np.zeros((len(p), 3))
+    for i, (point, t, s) in enumerate(zip(p, triangle, side, strict=True)):
+        first = int(cut.table[t, 1, 3])
+        cells = slice(first, first + n[t] ** 2)
+        right, up = (cut.table[t, k, :3].astype(float) for k in (1, 2))
+        basis = np.stack([right, np.cross(np.cross(right, up), right)], axis=1)
+        basis /= np.linalg.norm(basis, axis=0)
+        corners = (cut.position[cut.corners[cells]] - cut.table[t, 0, :3]) @ basis
+        if n[t] ** 2 == 1 and len(np.unique(cut.corners[cells])) == 1:
+            out[i] = values[int(numbers[first, s, 0])]
+            continue
+        share, _ = inside(corners, ((point - cut.table[t, 0, :3]) @ basis)[None])
+        best = int(np.argmax(share.min(1)))
+        weight = np.maximum(share[best], 0.0) * (numbers[first + best, s, :3] >= 0.0)
+        out[i] = weight @ values[numbers[first + best, s, :3].astype(int)] / max(weight.sum(), 1e-9)
+    return out
+
+
+def test_a_lookup_is_what_plain_sums_say(ctx: moderngl.Context, looked: tuple[Renderer, SurfaceCache]) -> None:
+    """Every value another number; where nothing stands on the cell."""
+    renderer, cache = looked
+    values = np.random.default_rng(0).uniform(0.0, 1.0, (surface.MOST, 3)).astype("f4")
+    cache.lookup.values.write(np.pad(values, ((0, 0), (0, 1))).tobytes())
+    view, _ = renderer.frame(gather=False)
+    found = pixels(cache.view(view.gbuffer)).reshape(-1, 4)
+    position, normal, emission = (
+        pixels(t).reshape(-1, 4) for t in (view.gbuffer.position, view.gbuffer.normal, view.gbuffer.emission)
+    )
+    seen = position[:, 3] > 0.0
+    assert 0.2 < seen.mean() < 1.0 and (found[:, 3] == seen).all() and not found[~seen].any()
+    triangle = emission[seen, 3].astype(int)
+    cut = cache.lattice
+    assert cut is not None
+    facing = np.cross(cut.table[triangle, 1, :3], cut.table[triangle, 2, :3])
+    side = ((facing * normal[seen, :3]).sum(1) < 0.0).astype(int)
+    expected = oracle(cache, values, position[seen, :3].astype(float), triangle, side)
+    off = np.abs(found[seen, :3] - expected).max(1)
+    assert (off < 0.01).mean() > 0.99 and np.median(off) < 3e-3, "but for the inset of the points"
+
+
+def test_a_linear_field_is_found_as_it_is(ctx: moderngl.Context) -> None:
+    """Where every corner has a site of its own, a field that is linear in space is looked up exactly, but for the inset."""
+    world = scene(floor(1.5), camera=Camera((0.2, 2.5, 2.0), (0.0, 0.0, 0.0), fov=60.0), sky=1.0, lights=(lamp((0, 1, 0)),))
+    # something above, or the floor would see nothing
+    world = scene(*world.meshes, quad((-1, 5, -1), (2, 0, 0), (0, 0, 2)), lights=world.lights, camera=world.cameras[0])
+    with Renderer(world, SIZE, ctx=ctx, **{**FAST, "bounces": 2}) as renderer:
+        renderer.frame(gather=False)
+        cache = renderer.placement.surface
+        assert renderer.shadows is not None and cache is not None
+        renderer.placement.bounce(renderer.shadows, Budget(None))
+        assert cache.lattice is not None
+        values = np.zeros((surface.MOST, 4), "f4")
+        place = cache.sites.position
+        values[2 : 2 + len(place), :3] = 1.0 + place * (0.2, 0.0, 0.3) + place[:, ::-1] * (0.1, 0.0, 0.0)
+        cache.lookup.values.write(values.tobytes())
+        view, _ = renderer.frame(gather=False)
+        p, found = pixels(view.gbuffer.position), pixels(cache.view(view.gbuffer))
+    expected = 1.0 + p[..., :3] * (0.2, 0.0, 0.3) + p[..., 2::-1] * (0.1, 0.0, 0.0)
+    seen = (p[..., 3] > 0.0) & (p[..., 1] < 1.0)
+    assert seen.mean() > 0.3
+    assert np.median(np.abs(found[..., :3] - expected)[seen]) < 1e-3
+    assert_pictures("linear_field", found[..., :3], expected, 0.05, seen)
+
+
+def test_no_dark_rim_about_a_box(ctx: moderngl.Context) -> None:
+    """The floor under a box is dark, but who stands beside it does not see that: a lookup there is about what a gather finds."""
+    grey = material(0.6)
+    eye = Camera((1.2, 1.6, 1.4), (0.1, 0.0, 0.0), fov=50.0)
+    parts = (box((-2, 0, -2), (2, 2, 2), grey, outward=False), box((-0.41, 0, -0.33), (0.37, 0.5, 0.29), grey))
+    world = scene(*parts, lights=(lamp((0.6, 1.7, 0.8), 4.0),), camera=eye)
+    with Renderer(world, (60, 60), ctx=ctx, **{**FAST, "bounces": 2, "shadow_size": 512}) as renderer:
+        view, _ = renderer.frame(gather=False)
+        assert renderer.shadows is not None and renderer.placement.surface is not None
+        renderer.placement.bounce(renderer.shadows, Budget(None))
+        found = pixels(renderer.placement.surface.view(view.gbuffer))[..., :3]
+        p = pixels(view.gbuffer.position)
+    beyond = np.max(np.abs(p[..., :3] - (-0.02, 0.0, -0.02)) - (0.39, 9.0, 0.31), axis=-1)  # metres from the box's foot
+    rim = (p[..., 3] > 0.0) & (np.abs(p[..., 1]) < 1e-3) & (beyond > 0.002) & (beyond < 0.15)
+    assert rim.sum() > 60
+    E = gather(ctx, world, sites(p[rim, :3], (0, 1, 0)), 32, shadow=512).E
+    ratio = found[rim].mean(1) / E.mean(1)
+    assert ratio.min() > 0.6 and ratio.max() < 1.7 and np.median(ratio) == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_cache_of_a_bundled_scene() -> None:
+    """About as many points as are wanted, hardly a corner without a site, all of it within the limits."""
+    with Renderer(irrsplat.load("curved"), (16, 16), **{**FAST, "bounces": 2}) as renderer:
+        renderer.frame(gather=False)
+        cache = renderer.placement.surface
+        assert renderer.shadows is not None and cache is not None
+        renderer.placement.bounce(renderer.shadows, Budget(None))
+        assert cache.lattice is not None
+        numbers = np.frombuffer(cache.lookup.cells.read(), "f4").reshape(-1, 4)[: 2 * cache.lattice.cells, :3]
+        assert surface.POINTS / 2 < len(cache.sites) < surface.MOST
+        assert (numbers < 0.0).mean() < 0.01 and numbers.max() < len(cache.sites) + 2
