@@ -17,6 +17,7 @@ from irrsplat.core.buffers import GBuffer, ShadowMaps, SplatBuffer
 from irrsplat.core.errors import InputError
 from irrsplat.gpu import context, program
 from irrsplat.gpu.geometry import Geometry
+from irrsplat.gpu.resource import Resource
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.image.antialias import Accumulator, Passes, Seen, Told
@@ -91,6 +92,11 @@ class Renderer(Stored):
         self._coverage = 0.0  # at the present round's begin
         self._idle = 0  # rounds that gained nothing
         self._reserve = 0.0, 0.0  # seconds that splatting, and all that follows gathering, took in the last tick
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        passes = self.shadow_pass, self.gbuffer_pass, self.direct_pass, self.composite_pass
+        return (self.geometry, self.cache, self.splatting, self.placement, self.accumulator, *passes)
 
     # ---- the frame -------------------------------------------------------------------------------------------------
 
@@ -262,7 +268,7 @@ class Renderer(Stored):
     def reload(self) -> None:
         """Read the shaders' files again and draw with them; raises ShaderError, and goes on as before, where one is wrong."""
         self._use()
-        program.reload(self.programs())
+        program.reload(program.programs_of(self))
         self.renew()
 
     def renew(self) -> None:
@@ -346,8 +352,10 @@ class Renderer(Stored):
 
     def release(self) -> None:
         """Free everything on the GPU, the context too where this renderer made it."""
-        holder: Any = self.ctx if self._owns_ctx else super()
-        holder.release()
+        if self._owns_ctx:
+            self.ctx.release()
+        else:
+            super().release()
 
 
 def render(

@@ -8,15 +8,12 @@ import platform
 import subprocess
 import sys
 from contextlib import suppress
-from dataclasses import is_dataclass
 from typing import Any
 
 import moderngl
 
 from irrsplat.app.common.version import version
-from irrsplat.gpu.geometry import Geometry
-from irrsplat.gpu.resource import Holder
-from irrsplat.gpu.target import Target
+from irrsplat.gpu.resource import Owner
 
 _STATUS, _CLEAR = "/proc/self/status", "/proc/self/clear_refs"  # Linux: the peak of the resident set, and what begins it anew
 _BYTES = {"f1": 1, "f2": 2, "f4": 4, "u4": 4}  # of a component of a texture, by its dtype
@@ -28,11 +25,12 @@ import irrsplat
 irrsplat.Renderer
 times.append(time.perf_counter())
 from irrsplat.gpu import context
+from irrsplat.gpu.program import programs_of
 ctx = context.create()
 times.append(time.perf_counter())
 scene = irrsplat.load(source)
 times.append(time.perf_counter())
-for program in irrsplat.Renderer(scene, size, ctx=ctx, bounces=1).programs():
+for program in programs_of(irrsplat.Renderer(scene, size, ctx=ctx, bounces=1)):
     program.gl  # they are linked when they are first wanted
 times.append(time.perf_counter())
 print(json.dumps(dict(zip(("import", "context", "load", "shaders"), (b - a for a, b in zip(times, times[1:]))))))
@@ -83,26 +81,11 @@ def peak_memory() -> int | None:
     return most if sys.platform == "darwin" else 1024 * most
 
 
-def gpu_memory(thing: object) -> int:
-    """Bytes of the textures and buffers that a Renderer, or anything else that holds some, has on the GPU."""
-    found: dict[int, int] = {}
-
-    def look(it: object) -> None:
-        if id(it) in found:
-            return
-        if isinstance(it, (moderngl.Texture, moderngl.Buffer)):
-            if not isinstance(it.mglo, moderngl.InvalidObject):  # released
-                found[id(it)] = it.size if isinstance(it, moderngl.Buffer) else _texture(it)
-        elif isinstance(it, (Holder, Target, Geometry)) or (is_dataclass(it) and not isinstance(it, type)):
-            found[id(it)] = 0
-            for part in vars(it).values():
-                look(part)
-        elif isinstance(it, (list, tuple)) and len(it) < 64:  # of a few things; a long one is data
-            for part in it:
-                look(part)
-
-    look(thing)
-    return sum(found.values())
+def gpu_memory(owner: Owner) -> int:
+    """Bytes of the textures and buffers that a Renderer, or anything else that owns some, has on the GPU."""
+    found = {id(it): it for it in owner.resources() if isinstance(it, (moderngl.Texture, moderngl.Buffer))}
+    alive = (it for it in found.values() if not isinstance(it.mglo, moderngl.InvalidObject))  # not released
+    return sum(it.size if isinstance(it, moderngl.Buffer) else _texture(it) for it in alive)
 
 
 def _texture(texture: moderngl.Texture) -> int:

@@ -21,7 +21,7 @@ from irrsplat.app.viewer.session import SPLITS, Session, overrides
 from irrsplat.app.viewer.show.legend import SHOWINGS
 from irrsplat.core.errors import IrrsplatError
 from irrsplat.core.files import write_picture, write_text
-from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.program import Program
 from irrsplat.scene.camera_path import camera_flags, camera_line, load_path, path_text
 from irrsplat.scene.model import Camera, Light, Scene
 
@@ -69,7 +69,7 @@ class Lamp:
 class Desk:
     """The viewer without its window. source: what the scene was loaded from. copy: takes text to the clipboard.
 
-    others: what else holds shaders that F5 reads again.
+    others: further programs that F5 reads again.
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class Desk:
     ) -> None:
         self.memory, self.source, self.copy = remembered, source, copy
         self.session = Session(ctx, scene, size, remembered.preset, remembered.values, camera)
-        self.others: tuple[Holder, ...] = ()
+        self.others: tuple[Program, ...] = ()
         self.panels = Panels()
         self._restore(remembered.ui)
         self.side = 0  # that keys and panels are about

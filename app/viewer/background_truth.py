@@ -11,7 +11,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.app.verify.error_image import FULL
-from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import table_texture
 from irrsplat.reference.truth import Traced, in_words, traced
 from irrsplat.scene.model import Camera, Scene
@@ -120,7 +120,7 @@ class _Work(Thread):
         self.share = share
 
 
-class Truths(Holder):
+class Truths(Owner):
     """The truths of the last KEPT views, and the one that is being traced; drawing never waits for it."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
@@ -128,6 +128,10 @@ class Truths(Holder):
         self.kept: list[Truth] = []
         self._work: _Work | None = None
         self._threads: list[_Work] = []  # the present one, and those that have yet to notice that they are stopped
+
+    def owned(self) -> tuple[Resource, ...]:
+        """What this frees."""
+        return tuple(truth.values for truth in self.kept)
 
     @property
     def share(self) -> float | None:

@@ -20,7 +20,7 @@ from irrsplat.app.viewer.show.markers import By, Markers
 from irrsplat.app.viewer.show.screen import Region, clear
 from irrsplat.core.errors import IrrsplatError
 from irrsplat.gpu import program
-from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.image.frame import Frame
 from irrsplat.image.view import Progress, View, read
@@ -51,7 +51,7 @@ class Look:
     frozen: bool = False
 
 
-class Session(Holder):
+class Session(Owner):
     """One scene on show in a context of the caller's. size: pixels. values: settings on top of the preset.
 
     Raises what Renderer raises; whatever fails later leaves all as it was.
@@ -308,10 +308,9 @@ class Session(Holder):
             self.tape = Tape()
         self.views, self.progress, self.held, self._tables = [], [], None, {}
 
-    def reload_shaders(self, *others: Holder) -> None:
+    def reload_shaders(self, *others: program.Program) -> None:
         """Read all shaders again, those of `others` too; raises ShaderError, and all goes on as before, where one is wrong."""
-        holders: list[Holder] = [*self.renderers, self.overlay, self.markers, self.inspector, *others]
-        program.reload(p for holder in holders for p in holder.programs())
+        program.reload([*program.programs_of(self), *others])
         for renderer in self.renderers:
             renderer.renew()
 
@@ -332,11 +331,9 @@ class Session(Holder):
         stats |= renderer.stats(view) | {"exposure": self.exposure}
         return read(view, self.scene.sky, renderer.cache.read(), stats)
 
-    def release(self) -> None:
-        """Free all that is on the GPU, but for the context."""
-        for renderer in self.renderers:
-            renderer.release()
-        super().release()
+    def owned(self) -> tuple[Resource, ...]:
+        """What this frees: all that is on the GPU but the context."""
+        return (*self.renderers, self.overlay, self.markers, self.inspector, self.truths)
 
 
 def overrides(name: str, settings: Settings) -> dict[str, Any]:

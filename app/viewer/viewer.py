@@ -25,7 +25,6 @@ from irrsplat.app.viewer.ui.menu import Menu
 from irrsplat.app.viewer.ui.panel import Panel
 from irrsplat.app.viewer.window import TITLE, Desktop, open_window
 from irrsplat.gpu.program import Program
-from irrsplat.gpu.resource import Holder
 from irrsplat.gpu.target import Target
 from irrsplat.scene.model import Camera, Scene
 
@@ -54,9 +53,7 @@ class Viewer(Controls, moderngl_window.WindowConfig):
         self._drawn: tuple[Any, ...] = ()  # what the canvas shows, by value
         self._shown: list[Any] = []  # and by identity: the same texture may hold something new
         self._rest = 0.0  # seconds that all but the core's tick takes
-        shaders = Holder()
-        vars(shaders).update(copy=self.copy, gui=self.gui.program)
-        self.desk.others = (shaders,)
+        self.desk.others = (self.copy, self.gui.program)
         self.desktop.listen(self.on_drop, self.on_focus, self.on_scale)
         for notice in scene.notices:
             self.desk.say(notice)

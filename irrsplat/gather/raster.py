@@ -18,7 +18,7 @@ from irrsplat.gather.hemicube import edge_table, faces, frames, hemisphere_table
 from irrsplat.gather.record_frame import OFFSET, atlas_grid, eyes, frame_rows
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.program import Draw, Program, State
-from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import COLUMNS, Target, float_texture, table_texture
 from irrsplat.scene.meshlets import Meshlets
 
@@ -27,7 +27,7 @@ _ROWS = 8  # of a view, as shaders/gather/views.glsl has them
 _PAIRS = 1 << 21  # of faces and meshlets that are looked at together, at most: 16 MiB of those that are drawn
 
 
-class GatherPass(Holder):
+class GatherPass(Owner):
     """Draws what records see: hemicubes or planes of `side` texels, for a scene of the given `diagonal` in metres.
 
     lights: light_defines of the scene. capacity: how many records one call takes at most (default: what a 96 MiB atlas holds).
@@ -64,6 +64,10 @@ class GatherPass(Holder):
         self.target: Target | None = None  # of the last call
         self.frames = float_texture(ctx, (self.capacity, 4))
         self.views = float_texture(ctx, (self.capacity, _ROWS * len(self.faces)))
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.table, self.edges, self.few, self.many, self.frames, self.views)
 
     def fit(self, diagonal: float) -> None:
         """The scene's diagonal is of so many metres from now on."""
@@ -126,12 +130,16 @@ class Views:
         return self.rows.shape[0] * self.rows.shape[2]
 
 
-class Few(Holder):
+class Few(Owner):
     """One draw of all triangles in all views, into an atlas of `size` texels."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], defines: Mapping[str, int]) -> None:
         self.program = Program(ctx, "gather/gather", defines={**defines, "MANY": 0})
         self.target = Target(ctx, size, (4, 4), depth=True)
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.program, self.target)
 
     def __call__(self, geometry: Geometry, light: ShadowMaps | HitLight, views: Views) -> Target:
         """The target with these views drawn anew."""
@@ -150,7 +158,7 @@ class Few(Holder):
         return self.target
 
 
-class Many(Holder):
+class Many(Owner):
     """The same for many triangles: a draw for each meshlet, in the views that it may reach into."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], defines: Mapping[str, int]) -> None:
@@ -160,6 +168,10 @@ class Many(Holder):
         self.seen = Target(ctx, size, (1,), depth=True)
         self.target = Target(ctx, size, (4, 4))
         self.pairs: moderngl.Texture | None = None
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.marking, self.lighting, self.seen, self.target, self.pairs)
 
     def __call__(self, geometry: Geometry, light: ShadowMaps | HitLight, views: Views) -> Target:
         """As Few's."""

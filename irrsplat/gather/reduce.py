@@ -11,14 +11,14 @@ import moderngl
 
 from irrsplat.core.buffers import Atlas, Records
 from irrsplat.gpu.program import Program
-from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.settings import WIDE
 
 _SUMS = ("sums", "share", "sums_m_r", "sums_m_g", "sums_m_b", "sums_g_r", "sums_g_g", "sums_g_b")  # as reduce.frag has them
 
 
-class ReducePass(Holder):
+class ReducePass(Owner):
     """Sums the cells of an atlas, block by block and then record by record; `gradients`: M and ∇E too."""
 
     def __init__(self, ctx: moderngl.Context, gradients: bool) -> None:
@@ -29,6 +29,10 @@ class ReducePass(Holder):
         self.total = Program(ctx, "gather/reduce_total", defines=defines | {"WIDE": WIDE})
         self.target: Target | None = None
         self.out: Target | None = None  # the cache's own textures
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.blocks, self.total, self.target, self.out)
 
     def __call__(self, atlas: Atlas, records: Records, sky: tuple[float, float, float], radii: tuple[float, float]) -> None:
         """Write E, R, M and ∇E of the atlas's records into `records`, each at its number; R is kept within `radii`."""

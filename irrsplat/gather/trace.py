@@ -16,11 +16,11 @@ from irrsplat.gather.record_frame import OFFSET, atlas_grid, eyes, frame_rows
 from irrsplat.gather.stratified import stratum_edges, stratum_table
 from irrsplat.gpu.bvh_table import Tree
 from irrsplat.gpu.program import Program
-from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target, float_texture, table_texture
 
 
-class TracePass(Holder):
+class TracePass(Owner):
     """Traces side² rays a record, for a scene of the given `diagonal` in metres; called as GatherPass is, with a Tree.
 
     lights: light_defines of the scene. capacity: how many records one call takes at most (default: what a 96 MiB atlas holds).
@@ -56,6 +56,10 @@ class TracePass(Holder):
         self.columns, self.capacity = atlas_grid(self.cell, capacity, int(ctx.info["GL_MAX_TEXTURE_SIZE"]))
         self.target: Target | None = None
         self.frames = float_texture(ctx, (self.capacity, 5))
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.table, self.edges, self.program, self.target, self.frames)
 
     def fit(self, diagonal: float) -> None:
         """The scene's diagonal is of so many metres from now on."""

@@ -8,12 +8,12 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.errors import InputError
-from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import COLUMNS, listed, table_texture
 from irrsplat.scene.bvh import build
 
 
-class Tree(Holder):
+class Tree(Owner):
     """The scene's triangles on the GPU as rays find them.
 
     vertices: (V, 12) float32 rows of position, normal, albedo, emission; faces: (F, 3) int, as scene.flat.flatten gives them.
@@ -39,6 +39,10 @@ class Tree(Holder):
         looks = np.zeros((len(vertices), 3, 4), "f4")
         looks[..., :3] = vertices[:, 3:].reshape(-1, 3, 3)
         self.looks = table_texture(ctx, listed(looks))
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.nodes, self.triangles, self.looks)
 
     @property
     def rays(self) -> dict[str, Any]:

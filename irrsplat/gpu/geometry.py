@@ -7,13 +7,14 @@ from typing import Any
 import moderngl
 import numpy as np
 
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import listed, table_texture
 from irrsplat.scene.meshlets import Meshlets, cut
 
 _COLUMNS = 1024  # of the table of planes, as shaders/lib/surface.glsl has it
 
 
-class Pieces:
+class Pieces(Owner):
     """The same triangles, meshlet by meshlet, to be drawn as a Geometry is.
 
     corners: RGBA32F texture, a texel a triangle in that order: its vertices' numbers, and its own in the Geometry.
@@ -43,13 +44,12 @@ class Pieces:
         """The uniforms with which shaders/gather/gather_light.frag finds what is seen."""
         return {"triangle_table": self.corners, "vertex_table": self.looks}
 
-    def release(self) -> None:
-        """Free what is not the Geometry's."""
-        for thing in (self.indices, self.corners, self.looks):
-            thing.release()
+    def owned(self) -> tuple[Resource, ...]:
+        """What this frees: all but the vertices, which are the Geometry's."""
+        return (self.indices, self.corners, self.looks)
 
 
-class Geometry:
+class Geometry(Owner):
     """An indexed triangle list.
 
     vertices: (V, 12) float32 rows of position, normal, albedo, emission. faces: (F, 3) int32.
@@ -101,13 +101,9 @@ class Geometry:
         if self._pieces is not None:
             self._pieces.update(vertices, faces)
 
-    def release(self) -> None:
-        """Free the buffers and the tables."""
-        if self._pieces is not None:
-            self._pieces.release()
-        self.vertices.release()
-        self.indices.release()
-        self.planes.release()
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self._pieces, self.vertices, self.indices, self.planes)
 
 
 def _planes(corners: np.ndarray) -> np.ndarray:

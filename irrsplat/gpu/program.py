@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from irrsplat.gpu import shader_source
 from irrsplat.gpu.geometry import Geometry, Pieces
+from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.target import Target
 
 DEPTH_CLAMP = 0x864F
@@ -203,6 +204,11 @@ class Program:
         self._arrays.clear()
         if self._gl is not None:
             self._gl.release()
+
+
+def programs_of(*owners: Owner) -> Iterator[Program]:
+    """Every program that these own, and what they own."""
+    return (thing for owner in owners for thing in owner.resources() if isinstance(thing, Program))
 
 
 def reload(programs: Iterable[Program]) -> None:

@@ -1,20 +1,25 @@
-"""Whoever holds things on the GPU: frees them all, and finds the programs among them."""
+"""Who owns what on the GPU: an owner lists what it frees, in the open."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Self
-
-import moderngl
-
-from irrsplat.gpu.geometry import Geometry
-from irrsplat.gpu.program import Program
-from irrsplat.gpu.target import Target
+from abc import ABC, abstractmethod
+from collections.abc import Iterator, Sequence
+from typing import Protocol, Self
 
 
-class Holder:
-    """An object whose attributes are targets, programs, geometry, textures and buffers, or others of its kind; at the end of a
-    `with` block it is released."""
+class Resource(Protocol):
+    """Anything that `release` frees: textures, buffers, programs, and owners of such."""
+
+    def release(self) -> object:
+        """Free it."""
+
+
+class Owner(ABC):
+    """Owns resources and frees them at the end of a `with` block, or by `release`; what it has borrowed it does not list."""
+
+    @abstractmethod
+    def owned(self) -> Sequence[Resource | None]:
+        """What this frees; None stands for what has not been made yet."""
 
     def __enter__(self) -> Self:
         return self
@@ -23,15 +28,15 @@ class Holder:
         self.release()
 
     def release(self) -> None:
-        """Free all of them; twice does no harm."""
-        for thing in vars(self).values():
-            if isinstance(thing, (Holder, Target, Program, Geometry, moderngl.Texture, moderngl.Buffer)):
+        """Free everything that is owned; twice does no harm."""
+        for thing in self.owned():
+            if thing is not None:
                 thing.release()
 
-    def programs(self) -> Iterator[Program]:
-        """Every program here, and in what is held."""
-        for thing in vars(self).values():
-            if isinstance(thing, Program):
+    def resources(self) -> Iterator[Resource]:
+        """Everything that is owned, here and by owners that are owned, the owners themselves left out."""
+        for thing in self.owned():
+            if isinstance(thing, Owner):
+                yield from thing.resources()
+            elif thing is not None:
                 yield thing
-            elif isinstance(thing, Holder):
-                yield from thing.programs()

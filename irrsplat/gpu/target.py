@@ -7,6 +7,8 @@ from collections.abc import Sequence
 import moderngl
 import numpy as np
 
+from irrsplat.gpu.resource import Owner, Resource
+
 COLUMNS = 1024  # things per row of the tables that shaders find by number
 
 
@@ -49,7 +51,7 @@ def pixels(texture: moderngl.Texture) -> np.ndarray:
     return np.frombuffer(texture.read(), "f4").reshape(texture.height, texture.width, texture.components)[::-1]
 
 
-class Target:
+class Target(Owner):
     """A framebuffer that owns its textures: `textures` in the order of the shader's outputs, `depth` or None."""
 
     def __init__(
@@ -91,12 +93,12 @@ class Target:
         """The attachment as (H, W, C) float32, top row first; C is 1 for a scalar texture too."""
         return pixels(self.textures[attachment])
 
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees: the textures that it made, and the framebuffer."""
+        return (self.gl, *self.textures, self.depth) if self._owned else (self.gl,)
+
     def release(self) -> None:
         """Free the framebuffer and the textures that it made."""
         if self.ctx.fbo is self.gl:
             self.ctx.detect_framebuffer(0).use()  # moderngl would go on to bind a framebuffer that is gone
-        self.gl.release()
-        for texture in self.textures if self._owned else ():
-            texture.release()
-        if self.depth is not None and self._owned:
-            self.depth.release()
+        super().release()

@@ -14,7 +14,7 @@ import numpy as np
 from irrsplat.core.buffers import GBuffer, ShadowMaps
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.program import Program, State
-from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
@@ -29,12 +29,16 @@ from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import Settings
 
 
-class AccumulatePass(Holder):
+class AccumulatePass(Owner):
     """Keeps the means of image, direct, indirect and emission of a view of `size` (width, height)."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.program = Program(ctx, "image/accumulate", "lib/fullscreen")
         self.target = Target(ctx, size, (4, 4, 4, 4))
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.program, self.target)
 
     def __call__(
         self,
@@ -131,7 +135,7 @@ class Seen:
     settings: Settings
 
 
-class Accumulator(Holder):
+class Accumulator(Owner):
     """Adds samples to one view after the other. Its targets are as large as the view, and made when they are first wanted."""
 
     def __init__(self, ctx: moderngl.Context, timers: Timers) -> None:
@@ -139,6 +143,10 @@ class Accumulator(Holder):
         self.targets: Targets | None = None
         self._of: View | None = None  # the view that is being sampled, as the frame gave it
         self._view: View | None = None  # the same with its samples
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.targets,)
 
     def __call__(
         self,
@@ -191,7 +199,7 @@ class Accumulator(Holder):
         return self.targets
 
 
-class Targets(Holder):
+class Targets(Owner):
     """What samples of a view of `size` (width, height) are drawn into, and their means."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
@@ -201,6 +209,10 @@ class Targets(Holder):
         self.splat = Target(ctx, size, (4, 2))
         self.direct = Target(ctx, size, (4,))
         self.smooth: Target | None = None  # made when it is first wanted
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.mean, self.gbuffer, self.splat, self.direct, self.smooth)
 
 
 def _add(number: int, view: View, passes: Passes, seen: Seen, targets: Targets) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from irrsplat.core.buffers import FILMIC, GBuffer, SplatBuffer
 from irrsplat.core.color import MID_GREY
 from irrsplat.gpu.program import Program
-from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
@@ -19,7 +19,7 @@ _METER = 64  # blocks along each side of the image
 _SMOOTH = 0.01  # radius of the smoothing, of the image height
 
 
-class CompositePass(Holder):
+class CompositePass(Owner):
     """Makes irradiance, image and display picture of a view of `size` (width, height)."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
@@ -35,6 +35,12 @@ class CompositePass(Holder):
         self.meter_block = (-(-size[0] // _METER), -(-size[1] // _METER))
         self.meter_target = Target(ctx, (-(-size[0] // self.meter_block[0]), -(-size[1] // self.meter_block[1])), (2,))
         self.reading = ctx.buffer(reserve=8 * self.meter_target.size[0] * self.meter_target.size[1], dynamic=True)
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        programs = self.overture, self.smooth, self.blend, self.meter, self.display
+        targets = self.target, self.overture_target, self.smooth_target, self.meter_target
+        return (*programs, *targets, self.reading)
 
     def __call__(
         self,

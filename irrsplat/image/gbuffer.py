@@ -8,7 +8,7 @@ import numpy as np
 from irrsplat.core.buffers import GBuffer
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.program import Program, State
-from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.scene.model import Camera, Scene
 
@@ -22,18 +22,21 @@ class GBufferTarget(Target):
         super().__init__(ctx, size, (4, 4, 4, 4), depth=True)
         self.marked = Target(ctx, size, textures=self.textures[:1], depth_attachment=self.depth)
 
-    def release(self) -> None:
-        """Free all of it."""
-        self.marked.release()
-        super().release()
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.marked, *super().owned())
 
 
-class GBufferPass(Holder):
+class GBufferPass(Owner):
     """Draws the scene from the eye into four float textures of `size` (width, height)."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.program = Program(ctx, "image/gbuffer")
         self.target = GBufferTarget(ctx, size)
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.program, self.target)
 
     def __call__(self, scene: Scene, geometry: Geometry, camera: Camera, target: GBufferTarget | None = None) -> GBuffer:
         """What `camera` sees; the textures are the target's (default: this pass's own), and hold until it is drawn into again."""

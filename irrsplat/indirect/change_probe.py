@@ -10,7 +10,7 @@ from irrsplat.core.buffers import Sites
 from irrsplat.gather.raster import GatherPass
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.trace import TracePass
-from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.records.record_cache import RecordCache
 
 SIDE = 8  # side² directions, a small part of a gather's; as a gather's side
@@ -18,13 +18,17 @@ MOST = 4096  # records that are looked from at once
 _CHANGE = 0.02  # of E or of R, in sum over all moves since a record was gathered: what is less is not worth gathering it again
 
 
-class Probes(Holder):
+class Probes(Owner):
     """Looks from records with `look`, a gather of SIDE."""
 
     def __init__(self, look: GatherPass | TracePass) -> None:
         self.look = look
         self.reduce = ReducePass(look.ctx, gradients=False)
         self.records = RecordCache(look.ctx)
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.look, self.reduce, self.records)
 
     def __call__(self, world: Any, light: Any, sites: Sites, sky: tuple[float, float, float], seed: int) -> np.ndarray:
         """(N, 4) float32: rough E of records at `sites`, W/m², and R, metres."""

@@ -15,7 +15,7 @@ import numpy as np
 
 from irrsplat.core.buffers import NOTHING_SEEN, GBuffer, Sites, SplatBuffer
 from irrsplat.gpu.program import Program
-from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.settings import Settings
 
@@ -44,7 +44,7 @@ class Examination:
         return Sites(self.position[tiles], self.normal[tiles], self.geometric[tiles], self.triangle[tiles])
 
 
-class ExaminePass(Holder):
+class ExaminePass(Owner):
     """Looks for pixels that ask for a record in a view of `size` (width, height)."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
@@ -52,6 +52,10 @@ class ExaminePass(Holder):
         self.side = max(2, size[1] // _TILES)  # pixels
         self.program = Program(ctx, "indirect/examine", "lib/fullscreen", {"NOTHING_SEEN": NOTHING_SEEN})
         self.target: Target | None = None
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.program, self.target)
 
     def __call__(self, gbuffer: GBuffer, splats: SplatBuffer, settings: Settings, every: int = 1) -> Examination:
         """Every tile's count of pixels that ask, by `tolerance` and `spread`, and the worst served of them.

@@ -15,7 +15,7 @@ from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.trace import TracePass
 from irrsplat.gpu.bvh_table import Tree
 from irrsplat.gpu.geometry import Geometry
-from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import pixels
 from irrsplat.gpu.time_budget import Budget, Pace
 from irrsplat.gpu.timers import Timers
@@ -48,7 +48,7 @@ class Asked:
     whole: bool
 
 
-class Placement(Holder):
+class Placement(Owner):
     """Examines what a view of `size` (width, height) lacks, and fills the `cache` by it."""
 
     def __init__(
@@ -76,6 +76,11 @@ class Placement(Holder):
         self.atlas: Atlas | None = None  # the last one gathered
         self._pace = Pace(ctx)
         self.new_view()
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        passes = self.gather_pass, self.reduce_pass, self.examine_pass
+        return (self.tree, self.surface, *passes, self.adaptation, self.probes, self.renewal)
 
     def _gather_pass(self) -> GatherPass | TracePass:
         one = 1 if self.settings.placement == "scan" else None  # the paper: one at a time

@@ -7,7 +7,7 @@ import numpy as np
 
 from irrsplat.core.buffers import NOTHING_SEEN, GBuffer, Records, SplatBuffer
 from irrsplat.gpu.program import Program, State
-from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.records.culling import TILE
 from irrsplat.records.weight import reach_uniforms
@@ -15,7 +15,7 @@ from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings, weight_defines
 
 
-class SplatPass(Holder):
+class SplatPass(Owner):
     """Adds records to a splat buffer of `size` (width, height), with their gradients or without.
 
     It has a second, smaller buffer for `every` other pixel in both directions: every = 2 below; 1 is all of them.
@@ -30,6 +30,10 @@ class SplatPass(Holder):
         self.small: Target | None = None  # made when it is first wanted
         self.tiles = Program(ctx, "indirect/splat_farthest", "lib/fullscreen", {"SIDE": TILE})
         self.distances = Target(ctx, (-(-size[0] // TILE), -(-size[1] // TILE)), (1,))
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.numbers, self.program, self.empty, self.target, self.small, self.tiles, self.distances)
 
     def _of(self, every: int) -> Target:
         if every == 1:

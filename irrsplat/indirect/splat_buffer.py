@@ -9,7 +9,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import GBuffer, Records, SplatBuffer
-from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.timers import Timers
 from irrsplat.indirect.splat import SplatPass
 from irrsplat.indirect.upsample import UpsamplePass
@@ -21,7 +21,7 @@ from irrsplat.settings import Settings
 _LEAST = 400  # pixels along the height: below it a tile of the examination has too few of every other one
 
 
-class Splatting(Holder):
+class Splatting(Owner):
     """Keeps the splat buffer of a view of `size` (width, height); what it holds already is not splatted again.
 
     every: 2 where it is of every other pixel, in both directions, else 1. state: what it was made of, to be compared.
@@ -33,6 +33,10 @@ class Splatting(Holder):
         self.upsample_pass: UpsamplePass | None = None  # made when it is first wanted: renders end with all pixels
         self.every = self._next = 1
         self.forget()
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.splat_pass, self.upsample_pass)
 
     def forget(self) -> None:
         """Make all of it again next time."""

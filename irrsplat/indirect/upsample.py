@@ -6,12 +6,12 @@ import moderngl
 
 from irrsplat.core.buffers import NOTHING_SEEN, GBuffer, SplatBuffer
 from irrsplat.gpu.program import Program, State
-from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.scene.model import Camera
 
 
-class UpsamplePass(Holder):
+class UpsamplePass(Owner):
     """Brings sums made at every other pixel of a view of `size` (width, height) to all of them.
 
     Most pixels lie between four neighbours of one surface, and take what a linear filter makes of these. The others are marked in
@@ -26,6 +26,10 @@ class UpsamplePass(Holder):
         self.target = Target(ctx, ((size[0] + 1) // 2, (size[1] + 1) // 2), (4, 4))
         self.target.textures[0].filter = moderngl.LINEAR, moderngl.LINEAR
         self.out = Target(ctx, size, (4, 2), depth=True)
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.squares, self.between, self.search, self.target, self.out)
 
     def __call__(self, splats: SplatBuffer, gbuffer: GBuffer, camera: Camera) -> SplatBuffer:
         """For every pixel the sums of one record instead of all: E and 1, and Σw as between its neighbours; the textures are this

@@ -8,17 +8,21 @@ import moderngl
 
 from irrsplat.core.buffers import GBuffer, ShadowMaps
 from irrsplat.gpu.program import Program
-from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 
 
-class DirectPass(Holder):
+class DirectPass(Owner):
     """Draws the direct outgoing radiance of a view of `size` (width, height)."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], lights: Mapping[str, int]) -> None:
         self.lights = lights
         self.program = Program(ctx, "lighting/direct", "lib/fullscreen", lights)
         self.target = Target(ctx, size, (4,))
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.program, self.target)
 
     def fit(self, lights: Mapping[str, int]) -> None:
         """Lights are of these kinds from now on."""

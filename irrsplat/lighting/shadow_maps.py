@@ -7,7 +7,7 @@ import moderngl
 from irrsplat.core.buffers import ShadowMaps
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.program import Program, State
-from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.lighting.light_table import light_table, sheet
 from irrsplat.scene.model import Scene
@@ -21,13 +21,17 @@ _DRAWS = (
 )
 
 
-class ShadowPass(Holder):
+class ShadowPass(Owner):
     """Draws the shadow maps of a scene's lights."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
         self.program = Program(ctx, "lighting/shadow")
         self.target: Target | None = None
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.program, self.target)
 
     def __call__(self, scene: Scene, geometry: Geometry, side: int) -> ShadowMaps:
         """Every light's tiles, `side` texels square, and the table that lights.glsl reads; InputError for too many lights."""

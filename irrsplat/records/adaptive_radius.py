@@ -16,7 +16,7 @@ import numpy as np
 
 from irrsplat.gpu import texel_table
 from irrsplat.gpu.program import Program, State
-from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target, float_texture, table_texture
 from irrsplat.gpu.timers import Timers
 from irrsplat.records import point_grid
@@ -32,7 +32,7 @@ _MOST = 32768
 _LATELY = 2048  # records that are in a grid of their own until there are so many
 
 
-class AdaptPass(Holder):
+class AdaptPass(Owner):
     """Writes the limits of records' radii into the cache; neighbours: they may not differ by more than the records' distance."""
 
     def __init__(self, ctx: moderngl.Context, gradients: bool, neighbours: bool) -> None:
@@ -44,6 +44,10 @@ class AdaptPass(Holder):
         self.found = Target(ctx, _SIZE, (1,))
         self.out: Target | None = None  # the cache's own texture
         self._grids: dict[tuple[int, int], _Tables] = {}
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.program, self.place, self.targets, self.found, self.out, *self._grids.values())
 
     def __call__(self, cache: RecordCache, first: int, settings: Settings, old: bool = True) -> None:
         """Limit the records from number `first` on by all others, and, where `old` ones are wanted, those before it by them."""
@@ -108,13 +112,8 @@ class AdaptPass(Holder):
             one.release()
         self._grids.clear()
 
-    def release(self) -> None:
-        """Free all of it, the grids too."""
-        self._forget()
-        super().release()
 
-
-class _Tables(Holder):
+class _Tables(Owner):
     """A grid of points (N, 3) on the GPU, as shaders/records/grid.glsl has it; first: the number of the first of them."""
 
     def __init__(self, ctx: moderngl.Context, points: np.ndarray, first: int) -> None:
@@ -125,6 +124,10 @@ class _Tables(Holder):
         texel_table.write(self.starts, 0, starts[:, None])
         self.places = float_texture(ctx, (_COLUMNS, -(-len(order) // _COLUMNS)))
         texel_table.write(self.places, 0, np.column_stack([points[order], first + order]))
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.edges, self.starts, self.places)
 
     @property
     def uniforms(self) -> dict[str, Any]:
@@ -149,7 +152,7 @@ def _reaching(cache: RecordCache, first: int, settings: Settings) -> np.ndarray:
 _BY = ("a", "adapt", "neighbours", "gradients", "second_order", "radius", "walls")
 
 
-class Adaptation(Holder):
+class Adaptation(Owner):
     """Keeps the limits of the `cache`'s records as they are to be."""
 
     def __init__(self, ctx: moderngl.Context, settings: Settings, cache: RecordCache, timers: Timers) -> None:
@@ -160,6 +163,10 @@ class Adaptation(Holder):
         self._adapted: tuple[int, int, tuple[Any, ...] | None] = 0, 0, None
         self._gauged = 0, 0  # of how many records, and how often gathered again, the cache has the gauge
         self._begun = False  # whether the view's splats are made
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.adapt_pass,)
 
     def new_view(self) -> None:
         """Another view begins, all of whose splats are made anew."""

@@ -18,7 +18,7 @@ import numpy as np
 
 from irrsplat.core import files
 from irrsplat.core.errors import InputError
-from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.resource import Owner
 from irrsplat.indirect.scheduler import Placement
 from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Scene
@@ -133,7 +133,7 @@ def _hash(*parts: bytes) -> str:
     return whole.hexdigest()
 
 
-class Stored(Holder, ABC):
+class Stored(Owner, ABC):
     """Whose records can be kept in files: a Renderer."""
 
     placement: Placement

@@ -7,20 +7,24 @@ import numpy as np
 
 from irrsplat.core.buffers import GBuffer, Records
 from irrsplat.gpu.program import Program
-from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.records.weight import reach_uniforms
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings, weight_defines
 
 
-class RankPass(Holder):
+class RankPass(Owner):
     """Estimates the pixels that records serve, with their gradients or without, by some samples of what bounds each on screen."""
 
     def __init__(self, ctx: moderngl.Context, gradients: bool) -> None:
         self.ctx = ctx
         self.program = Program(ctx, "records/rank", "lib/fullscreen", weight_defines(gradients))
         self.target: Target | None = None
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.program, self.target)
 
     def __call__(self, records: Records, gbuffer: GBuffer, camera: Camera, settings: Settings) -> np.ndarray:
         """(N,) float32 pixels, about; 0 for records that are hidden or off the screen."""

@@ -13,7 +13,7 @@ from irrsplat.core.buffers import Records, Sites
 from irrsplat.core.color import LUMINANCE
 from irrsplat.core.vectors import unit
 from irrsplat.gpu import texel_table
-from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import float_texture
 from irrsplat.records.motion import Ride, ride, untouched
 from irrsplat.scene.model import Scene
@@ -44,7 +44,7 @@ _KNOWN: dict[str, tuple[tuple[int, ...], str]] = {
 _KEPT = tuple(name for name in _KNOWN if name not in ("values", "read"))  # in files; E and R are among the textures
 
 
-class RecordCache(Holder):
+class RecordCache(Owner):
     """Records in the order in which they were asked for; what they hold is on the GPU, and where they lie is known here too.
 
     A change of what records are gathered from makes all of them `stale`; they keep what they have until `renewed`.
@@ -65,6 +65,10 @@ class RecordCache(Holder):
         self._textures = [float_texture(ctx, (_COLUMNS, _ROWS)) for _ in range(_TEXTURES)]
         self._limit = float_texture(ctx, (_COLUMNS, _ROWS), 1)
         self.unlimit()
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (*self._textures, self._limit)
 
     @property
     def records(self) -> Records:

@@ -6,20 +6,24 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import GBuffer
-from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.records.coverage_pass import RankPass
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
 
 
-class Renewal(Holder):
+class Renewal(Owner):
     """Puts a cache's stale records in order, anew for every view and whenever more of them are stale."""
 
     def __init__(self, ctx: moderngl.Context, gradients: bool) -> None:
         self.rank_pass = RankPass(ctx, gradients)
         self._order = np.zeros(0, np.intp)
         self._made_of: tuple[GBuffer | None, int, int] = None, -1, 0  # the view, the cache's era, and how many have been evicted
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.rank_pass,)
 
     def order(self, cache: RecordCache, gbuffer: GBuffer, camera: Camera, settings: Settings) -> np.ndarray:
         """(N,) the numbers of the stale records.

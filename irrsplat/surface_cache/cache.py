@@ -18,7 +18,7 @@ from irrsplat.gather.record_frame import OFFSET
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.trace import TracePass
 from irrsplat.gpu.bvh_table import Tree
-from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.time_budget import Budget, Pace
 from irrsplat.gpu.timers import Timers
 from irrsplat.lighting.light_table import light_defines
@@ -46,7 +46,7 @@ _VOXEL = 0.7  # of the spacing: how near members of one site lie
 _LEAST = 0.02  # of the spacing squared: what is smaller gets a site of its own only where there are some left
 
 
-class SurfaceCache(Holder):
+class SurfaceCache(Owner):
     """The surface cache of one scene, whose triangles are in `tree`."""
 
     def __init__(self, ctx: moderngl.Context, scene: Scene, settings: Settings, tree: Tree, timers: Timers) -> None:
@@ -71,6 +71,10 @@ class SurfaceCache(Holder):
         self._viewed: tuple[GBuffer, Bounced | None, moderngl.Texture] | None = None
         nothing = Lookup(ctx, np.zeros((0, 3, 4)), np.zeros((0, 2, 4)), 1, np.zeros(0, np.intp))
         self.lookup = self.making = nothing  # the one in use, and the one whose values are not made yet, or the same
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.sight, self.look, self.reduce, self.records, self.seen, self.lookup, self.making)
 
     def _look(self) -> TracePass:
         lights = light_defines(self.scene)

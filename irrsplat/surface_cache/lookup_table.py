@@ -7,11 +7,11 @@ from typing import Any
 import moderngl
 import numpy as np
 
-from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import COLUMNS, listed, table_texture
 
 
-class Lookup(Holder):
+class Lookup(Owner):
     """As shaders/surface_cache/surface_cache.glsl has them, on the GPU.
 
     rows: (F, 3, 4) of the triangles, as Lattice.table has them. cells: (C, 2, 4), the numbers of values at cells' corners on
@@ -24,6 +24,10 @@ class Lookup(Holder):
         self.values = table_texture(ctx, np.zeros((-(-most // COLUMNS), COLUMNS, 4)))
         self.triangles = table_texture(ctx, listed(rows))
         self.leaves = table_texture(ctx, listed(rows[order]))
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.cells, self.values, self.triangles, self.leaves)
 
     def uniforms(self, leaves: bool) -> dict[str, Any]:
         """The uniforms; `leaves`: by the triangles' numbers in the tree."""

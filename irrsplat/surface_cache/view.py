@@ -9,17 +9,21 @@ import moderngl
 
 from irrsplat.core.buffers import GBuffer
 from irrsplat.gpu.program import Program
-from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 
 
-class SurfacePass(Holder):
+class SurfacePass(Owner):
     """Looks the surface cache up at pixels."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
         self.program = Program(ctx, "surface_cache/surface", "lib/fullscreen")
         self.target: Target | None = None
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.program, self.target)
 
     def __call__(self, gbuffer: GBuffer, surface: Mapping[str, Any]) -> moderngl.Texture:
         """RGBA32F texture of indirect irradiance in W/m²; a: 1 where a surface is seen, else 0. It is this pass's own.

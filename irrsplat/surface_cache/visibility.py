@@ -9,13 +9,13 @@ import moderngl
 import numpy as np
 
 from irrsplat.gpu.program import Program
-from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import COLUMNS, Target, float_texture, listed
 
 _LINES = 16  # of pairs in a batch
 
 
-class SightPass(Holder):
+class SightPass(Owner):
     """Tests `capacity` ways at once."""
 
     capacity = COLUMNS * _LINES
@@ -24,6 +24,10 @@ class SightPass(Holder):
         self.program = Program(ctx, "surface_cache/sight", "lib/fullscreen")
         self.ways = float_texture(ctx, (3 * COLUMNS, _LINES))
         self.target = Target(ctx, (COLUMNS, _LINES), (1,))
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.program, self.ways, self.target)
 
     def __call__(self, rays: Mapping[str, Any], ways: np.ndarray) -> np.ndarray:
         """(N,) True where nothing stands in the way from ways[:, 0] by ways[:, 1] to ways[:, 2], (N, 3, 3) in metres.

@@ -14,8 +14,8 @@ from irrsplat.gather.raster import Few, Many
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.trace import TracePass
 from irrsplat.gpu import program, shader_source
-from irrsplat.gpu.program import Program
-from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.program import Program, programs_of
+from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.target import Target
 from irrsplat.image.antialias import AccumulatePass
 from irrsplat.image.composite import CompositePass
@@ -50,7 +50,7 @@ LIT = {
 }  # stages whose shaders go by the lights
 
 
-def lit(ctx: moderngl.Context, lights: tuple[Light, ...]) -> Iterator[Holder]:
+def lit(ctx: moderngl.Context, lights: tuple[Light, ...]) -> Iterator[Owner]:
     """Every pass whose shaders are made for the lights that there are."""
     defines = light_defines(scene(floor(), lights=lights))
     yield DirectPass(ctx, SIZE, defines)
@@ -61,7 +61,7 @@ def lit(ctx: moderngl.Context, lights: tuple[Light, ...]) -> Iterator[Holder]:
     yield TracePass(ctx, 8, 1.0, defines, 1, surface=True, hits=True)
 
 
-def unlit(ctx: moderngl.Context) -> Iterator[Holder]:
+def unlit(ctx: moderngl.Context) -> Iterator[Owner]:
     """Every other pass of the core, as settings may have it."""
     for gradients in (False, True):
         yield SplatPass(ctx, SIZE, gradients)
@@ -75,11 +75,11 @@ def unlit(ctx: moderngl.Context) -> Iterator[Holder]:
         yield kind(ctx, SIZE)
 
 
-def linked(ctx: moderngl.Context, passes: Iterator[Holder]) -> set[str]:
+def linked(ctx: moderngl.Context, passes: Iterator[Owner]) -> set[str]:
     """The names of all their programs, each linked and freed again."""
     names = set()
     for one in passes:
-        names |= {each.name for each in one.programs() if each.gl}
+        names |= {each.name for each in programs_of(one) if each.gl}
         one.release()
     ctx.detect_framebuffer(0).use()
     return names

@@ -12,7 +12,7 @@ from irrsplat.app.viewer.background_truth import Lattice, Truth
 from irrsplat.app.viewer.show.legend import SHOWINGS, TRUTHS, depth_range, light_tiles, shadow_range, weight_range
 from irrsplat.app.viewer.show.screen import Programs, Region, Texels, clear, colours, scale
 from irrsplat.core.buffers import FILMIC, NOTHING_SEEN, Atlas, ShadowMaps
-from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.image.view import View
 from irrsplat.scene.model import Scene
@@ -25,7 +25,7 @@ _GAP = 2.0  # pixels between them
 _EVERY = Lattice(1, (0, 0), (0, 0))  # a buffer of the view has a texel for every pixel
 
 
-class Overlay(Holder):
+class Overlay(Owner):
     """Draws what SHOWINGS names into targets of any size, best of the view's own."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
@@ -33,6 +33,10 @@ class Overlay(Holder):
         self.program = Programs(ctx)
         self.colours = colours(ctx)
         self.texel = Texels(ctx)
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.program, self.colours, self.texel)
 
     def draw(
         self,

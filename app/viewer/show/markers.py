@@ -13,7 +13,7 @@ from irrsplat.app.viewer.show.screen import Programs, Region, colours, view_unif
 from irrsplat.core.buffers import FILMIC, Records
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.program import Program, State
-from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.image.tonemap import viridis
 from irrsplat.image.view import View
@@ -33,7 +33,7 @@ _SERVED = (0.1, 0.85, 1.0)
 _SPAN = 0.01, 0.5  # of a·diagonal: the radii that the colours go from and to
 
 
-class Markers(Holder):
+class Markers(Owner):
     """Draws over what is in a target already, in `region` of it alone where one is given; what surfaces hide is left out."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
@@ -42,6 +42,10 @@ class Markers(Holder):
         self.colours = colours(ctx)
         self.query = ctx.query(samples=True)
         self.number = ctx.buffer(reserve=4)  # of the one record that `serves` is about
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.program, self.colours, self.number)
 
     def points(
         self,

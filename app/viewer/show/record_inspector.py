@@ -15,7 +15,7 @@ from irrsplat.core.color import LUMINANCE
 from irrsplat.gather import autotune
 from irrsplat.gpu.bvh_table import Tree
 from irrsplat.gpu.geometry import Geometry
-from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.image.view import View
 from irrsplat.lighting.light_table import light_defines
@@ -145,7 +145,7 @@ def describe(number: int, table: Table, view: View, settings: Settings) -> list[
     return lines
 
 
-class Inspector(Holder):
+class Inspector(Owner):
     """Gathers single records again, to show what they see."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
@@ -155,6 +155,10 @@ class Inspector(Holder):
         self.target: Target | None = None
         self.picture: moderngl.Texture | None = None
         self._made_for: tuple[object, ...] = ()
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.overlay, self.gather_pass, self.target, self.picture)
 
     def hemisphere(
         self,

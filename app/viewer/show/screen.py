@@ -10,7 +10,7 @@ import numpy as np
 from irrsplat.core.buffers import GBuffer
 from irrsplat.core.color import srgb
 from irrsplat.gpu.program import Program
-from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.image.tonemap import viridis
 from irrsplat.scene.model import Camera
@@ -41,19 +41,23 @@ class Screen(Target):
         """Nothing: its owner frees it."""
 
 
-class Programs(Holder):
+class Programs(Owner):
     """Programs that are linked when they are first asked for, and kept."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
+        self._made: dict[str, Program] = {}
+
+    def owned(self) -> tuple[Resource, ...]:
+        """What this frees."""
+        return tuple(self._made.values())
 
     def __call__(self, fragment: str, vertex: str = "lib/fullscreen", **defines: object) -> Program:
         """The program of these files and defines."""
         key = f"{fragment} {vertex} {sorted(defines.items())}"
-        if key not in vars(self):
-            vars(self)[key] = Program(self.ctx, fragment, vertex, defines)
-        made: Program = vars(self)[key]
-        return made
+        if key not in self._made:
+            self._made[key] = Program(self.ctx, fragment, vertex, defines)
+        return self._made[key]
 
 
 def colours(ctx: moderngl.Context) -> moderngl.Texture:
@@ -88,12 +92,16 @@ def view_uniforms(target: Target, gbuffer: GBuffer, camera: Camera) -> dict[str,
     }
 
 
-class Texels(Holder):
+class Texels(Owner):
     """Reads single texels by way of a target of one pixel, so that nothing is made for it and no whole texture comes over."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self.program = Program(ctx, "viewer/buffers/texel", "lib/fullscreen")
         self.target = Target(ctx, (1, 1), (4,))
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.program, self.target)
 
     def __call__(self, texture: moderngl.Texture, x: int, y: int) -> np.ndarray:
         """The components of one texel, float32; (0, 0) is the upper left one. ValueError where there is none."""

@@ -15,7 +15,7 @@ import irrsplat
 from irrsplat.app import cli
 from irrsplat.app.bench import cases, fly_through, gather_truth, machine, paper_times
 from irrsplat.gather.hemicube import hemisphere_table
-from irrsplat.gpu.resource import Holder
+from irrsplat.gpu.resource import Owner
 from irrsplat.indirect import paper_scan
 from irrsplat.reference import fine_gather
 from irrsplat.scene.model import Camera
@@ -168,7 +168,7 @@ def test_a_lamp_moves_towards_the_middle() -> None:
 def test_memory_counts_textures_and_buffers_once(ctx: moderngl.Context) -> None:
     """A 4x2 RGBA32F texture that two hold, a buffer of 100 bytes, and a released one that counts no more."""
 
-    class Kept(Holder):
+    class Kept(Owner):
         def __init__(self) -> None:
             self.texture = ctx.texture((4, 2), 4, dtype="f4")
             self.again = [self.texture]
