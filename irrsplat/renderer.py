@@ -26,7 +26,7 @@ from irrsplat.image.figures import figure1
 from irrsplat.image.frame import Frame
 from irrsplat.image.gbuffer import GBufferPass
 from irrsplat.image.view import Progress, View, read, sampling, statistics
-from irrsplat.indirect.scheduler import Asked, Placement
+from irrsplat.indirect.scheduler import RoundResult, RecordScheduler
 from irrsplat.indirect.splat_buffer import Splatting
 from irrsplat.lighting import gl_limits
 from irrsplat.lighting.direct import DirectPass
@@ -78,7 +78,7 @@ class Renderer(Stored):
         self.shadow_pass = ShadowPass(self.ctx)
         self.gbuffer_pass = GBufferPass(self.ctx, self.size)
         self.splatting = Splatting(self.ctx, self.size, self.settings, self.timers)
-        self.placement = Placement(self.ctx, scene, self.size, self.settings, self.geometry, self.cache, self.timers)
+        self.scheduler = RecordScheduler(self.ctx, scene, self.size, self.settings, self.geometry, self.cache, self.timers)
         self.direct_pass = DirectPass(self.ctx, self.size, light_defines(scene))
         self.composite_pass = CompositePass(self.ctx, self.size)
         self.accumulator = Accumulator(self.ctx, self.timers)
@@ -96,7 +96,7 @@ class Renderer(Stored):
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
         passes = self.shadow_pass, self.gbuffer_pass, self.direct_pass, self.composite_pass
-        return (self.geometry, self.cache, self.splatting, self.placement, self.accumulator, *passes)
+        return (self.geometry, self.cache, self.splatting, self.scheduler, self.accumulator, *passes)
 
     # ---- the frame -------------------------------------------------------------------------------------------------
 
@@ -135,28 +135,28 @@ class Renderer(Stored):
         shadows = self._lit()
         gbuffer = self._seen(camera)
         bounces, renewed = self.settings.most_bounces > 0, 0
-        ready = gather and bounces and self.placement.ready(shadows, budget.part(1.0, sum(self._reserve)))
+        ready = gather and bounces and self.scheduler.ready(shadows, budget.part(1.0, sum(self._reserve)))
         if ready:
             share = 1.0 if self._coverage == 1.0 else _RENEWAL
-            renewed = self.placement.renew(shadows, gbuffer, camera, budget.part(share, sum(self._reserve)))
+            renewed = self.scheduler.renew(shadows, gbuffer, camera, budget.part(share, sum(self._reserve)))
         start = time.perf_counter()
-        self.placement.adapt()
+        self.scheduler.adapt()
         if self._idle >= _IDLE and self.splatting.refine():
             self._idle = 0
         splats = self.splatting(self.cache, gbuffer, camera, self.settings, self._made_of["gbuffer"])
         self._reserve = time.perf_counter() - start, self._reserve[1]
-        asked = Asked(0, 0.0, True)
+        asked = RoundResult(0, 0.0, True)
         if not bounces:
             self._coverage = 1.0
         elif not ready:
             if self._other("looked at", self.splatting.state, self.settings.asking):
-                self._coverage = 1.0 - self.placement.missing(gbuffer, splats, self.splatting.every)
-            asked = Asked(0, 0.0, gather or not self.splatting.refine())
+                self._coverage = 1.0 - self.scheduler.missing(gbuffer, splats, self.splatting.every)
+            asked = RoundResult(0, 0.0, gather or not self.splatting.refine())
         elif self._idle < _IDLE and (self.splatting.state, self.settings.asking) != self._settled:
             asked = self._ask(gbuffer, splats, shadows, camera, budget)
-        stale, made = (len(self.cache.stale), self.placement.bounced) if bounces else (0, 1.0)
-        full = self.placement.full
-        return Progress(self._round, self.cache.count, asked.new, self._coverage, renewed, stale, asked.whole, made, full)
+        stale, made = (len(self.cache.stale), self.scheduler.bounced) if bounces else (0, 1.0)
+        full = self.scheduler.full
+        return Progress(self._round, self.cache.count, asked.new, self._coverage, renewed, stale, asked.complete, made, full)
 
     def _lit(self) -> ShadowMaps:
         """The shadow maps, drawn again only for other lights."""
@@ -170,22 +170,22 @@ class Renderer(Stored):
         if self._other("gbuffer", camera, self.size) or self._gbuffer is None:
             with self.timers("gbuffer"):
                 self._gbuffer = self.gbuffer_pass(self.scene, self.geometry, camera)
-            self.placement.new_view()
+            self.scheduler.new_view()
             self.splatting.start(self.settings)
             self._round, self._coverage, self._idle = 0, 0.0, 0
         return self._gbuffer
 
-    def _ask(self, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps, camera: Camera, budget: Budget) -> Asked:
+    def _ask(self, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps, camera: Camera, budget: Budget) -> RoundResult:
         """Gather where the view lacks records, as far as the budget goes."""
-        asked = self.placement.ask(gbuffer, splats, shadows, camera, budget.part(1.0, self._reserve[1]), self.splatting.every)
+        asked = self.scheduler.ask(gbuffer, splats, shadows, camera, budget.part(1.0, self._reserve[1]), self.splatting.every)
         before, self._coverage = self._coverage, 1.0 - asked.missing
-        if asked.whole:
+        if asked.complete:
             self._idle = 0 if self._coverage > before else self._idle + 1
             self._round += 1
             if not asked.new:
-                limited = self.placement.adapt(last=True)
+                limited = self.scheduler.adapt(last=True)
                 if self.splatting.refine() or limited:
-                    return replace(asked, whole=False)
+                    return replace(asked, complete=False)
                 self._settled = self.splatting.state, self.settings.asking
         return asked
 
@@ -224,7 +224,7 @@ class Renderer(Stored):
             self.splatting = Splatting(self.ctx, self.size, settings, self.timers)
         self.splatting.start(settings)
         self.settings, self.preset, self._idle = settings, preset or self.preset, 0
-        self.placement.change(settings, self.scene)
+        self.scheduler.change(settings, self.scene)
 
     def relight(self, lights: Sequence[Light]) -> None:
         """Go on with other lights; records are gathered again in place. Raises InputError for too many of them."""
@@ -244,7 +244,7 @@ class Renderer(Stored):
         gl_limits.check(self.ctx, self.size, scene, self.settings.shadow_size)
         before, self.scene, self._idle = self.scene, scene, 0
         self.splatting.start(self.settings)
-        self.placement.change(self.settings, scene, self.shadows)  # which looks once more at what was there before
+        self.scheduler.change(self.settings, scene, self.shadows)  # which looks once more at what was there before
         self.direct_pass.fit(light_defines(scene))
         if before.meshes is not scene.meshes:
             self.geometry.update(*flatten(scene)[:2])
@@ -262,7 +262,7 @@ class Renderer(Stored):
         self.splatting = Splatting(self.ctx, self.size, self.settings, self.timers)
         self.direct_pass = DirectPass(self.ctx, self.size, light_defines(self.scene))
         self.composite_pass = CompositePass(self.ctx, self.size)
-        self.placement.resize(self.size)
+        self.scheduler.resize(self.size)
         self._gbuffer = self._direct = self._view = None
 
     def reload(self) -> None:
@@ -273,7 +273,7 @@ class Renderer(Stored):
 
     def renew(self) -> None:
         """Draw everything again, and gather all records again in place."""
-        self.placement.expire()
+        self.scheduler.expire()
         self.forget(records=False)
 
     def forget(self, records: bool = True, lights: bool = True) -> None:
@@ -303,7 +303,7 @@ class Renderer(Stored):
         try:
             while not ended and stats["rounds"] < self.settings.max_rounds and self._idle < _IDLE:
                 now = self._advance(camera, budget)
-                whole, ended = self.cache.count + self.cache.evicted, now.new == 0 and now.whole
+                whole, ended = self.cache.count + self.cache.evicted, now.new == 0 and now.complete
                 stats["rounds"] += 1
                 stats["coverage"], stats["full"], stats["converged"] = now.coverage, now.full, ended and not now.full
                 if progress is not None:
@@ -312,7 +312,7 @@ class Renderer(Stored):
             stats["interrupted"] = True
             self.cache.truncate(whole - self.cache.evicted)
         if not stats["converged"]:  # what the last round gathered is still to be splatted
-            self.placement.adapt(last=True)
+            self.scheduler.adapt(last=True)
             self.splatting.refine()
             stats["coverage"] = self._advance(camera, budget, gather=False).coverage
         self.ctx.finish()
@@ -347,7 +347,7 @@ class Renderer(Stored):
     def stats(self, view: View) -> dict[str, Any]:
         exposure, settings = self.settings.exposure, self.settings
         stops = self.composite_pass.exposure(view.image) if exposure == "auto" else float(exposure)
-        made = {"stages_ms": self.timers.milliseconds(), "clock": self.timers.clock, **self.placement.bounces(settings)}
+        made = {"stages_ms": self.timers.milliseconds(), "clock": self.timers.clock, **self.scheduler.bounces(settings)}
         return {"samples": view.samples} | made | statistics(self.about, self.scene, self.size, self.preset, settings, stops)
 
     def release(self) -> None:

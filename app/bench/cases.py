@@ -130,7 +130,7 @@ def from_records(renderer: Any, camera: Camera, records: int) -> list[Timing]:
 
     def prepare(_: int) -> None:
         if not records:
-            renderer.placement.expire()  # of further bounces, what surfaces send to each other
+            renderer.scheduler.expire()  # of further bounces, what surfaces send to each other
         renderer.forget(records=not records, lights=not records)
         renderer.cache.truncate(records)
 

@@ -109,7 +109,7 @@ class Session(Owner):
 
     def _quiet(self, progress: Progress) -> bool:
         """Whether a side's cache stays as it is."""
-        return progress.still or (self.look.frozen and progress.new == 0 and progress.whole)
+        return progress.still or (self.look.frozen and progress.new == 0 and progress.complete)
 
     def tick(self, dt: float, seconds: float) -> None:
         """Go on by `dt` seconds: play, record, and give the caches `seconds` of time."""
@@ -128,7 +128,7 @@ class Session(Owner):
             self.progress.append(progress)
             for stage, ms in renderer.timers.milliseconds().items():
                 self.ms[stage] = self.ms.get(stage, 0.0) + ms
-        self._stepping = self._stepping and not all(p.whole for p in self.progress)
+        self._stepping = self._stepping and not all(p.complete for p in self.progress)
         self._let_go()
         self.eye.tick(self.renderers[0], self._centres[0], dt)
 
@@ -168,8 +168,8 @@ class Session(Owner):
                 scene=self.scene,
                 exposure=self.exposure,
                 shadows=renderer.shadows,
-                atlas=renderer.placement.atlas,
-                surface=renderer.placement.surface_seen(view.gbuffer) if name == "surface" else None,
+                atlas=renderer.scheduler.atlas,
+                surface=renderer.scheduler.surface_seen(view.gbuffer) if name == "surface" else None,
                 truth=self.truths.of(self.scene, view.camera, self.size, settings.bounces),
                 region=region,
             )
@@ -182,7 +182,7 @@ class Session(Owner):
                 if wanted:
                     draw(screen, view, renderer.cache.records, settings=settings, scene=self.scene, by=by, region=region)
             if look.sites:
-                self.markers.sites(screen, view, renderer.placement.surface, exposure=self.exposure, region=region)
+                self.markers.sites(screen, view, renderer.scheduler.surface, exposure=self.exposure, region=region)
         found = self._inspect(screen, cursor) if look.inspect else None
         for side, region in list(self.sides())[1:]:
             assert region is not None and side
@@ -202,7 +202,7 @@ class Session(Owner):
         region = dict(self.sides())[side]
         served = self.markers.serves(screen, view, records, number, settings=settings, region=region)
         site = renderer.cache.sites(slice(number, number + 1))
-        world, light = renderer.placement.world, renderer.placement.light(renderer.shadows)
+        world, light = renderer.scheduler.world, renderer.scheduler.light(renderer.shadows)
         picture = self.inspector.hemisphere(
             number, site, world, light, scene=self.scene, settings=settings, exposure=self.exposure
         )

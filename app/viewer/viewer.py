@@ -107,8 +107,8 @@ class Viewer(Controls, moderngl_window.WindowConfig):
         """Draw the picture, where it is not what was drawn last."""
         session, start = self.desk.session, time.perf_counter()
         look = session.look
-        handles = [*session.views, *(thing for r in session.active for thing in (r.shadows, r.placement.atlas))]
-        handles += [r.placement.surface.result for r in session.active if r.placement.surface is not None]
+        handles = [*session.views, *(thing for r in session.active for thing in (r.shadows, r.scheduler.atlas))]
+        handles += [r.scheduler.surface.result for r in session.active if r.scheduler.surface is not None]
         handles += [session.truths.of(session.scene, session.camera, session.size, r.settings.bounces) for r in session.active]
         about = [(r.settings, r.cache.count, r.cache.edits) for r in session.active]
         state = about, asdict(look), session.exposure, session.held, look.inspect and cursor, self.canvas

@@ -42,11 +42,14 @@ class View:
 
 @dataclass(frozen=True)
 class Progress:
-    """Where a view stands after a tick: whole rounds so far, `records` in the cache, `new` among them, and `coverage` of the
-    seen pixels, 0..1, at the round's begin. renewed: old records gathered again; stale: how many still wait for that.
-    whole: False while sites of a round, or the pixels between every other one, are left over for the next tick. surface: how much
-    of the surface cache is made, 0..1. full: whether this view needs more records than `max_records`. sampled: the share of a
-    render's samples that are taken, 0..1, once it comes to those."""
+    """How far a view has come after a tick.
+
+    round: complete rounds so far. records: in the cache; new: those made in this tick. coverage: the share of the seen pixels, 0..1,
+    that asked for nothing when the round began. renewed: old records gathered again in this tick; stale: those that still wait.
+    complete: False while the round has sites left, or the view has only every other pixel splatted. surface: how much of the
+    surface cache is made, 0..1. full: the view needs more records than `max_records`. sampled: the share of a render's samples
+    that are taken, 0..1.
+    """
 
     round: int
     records: int
@@ -54,7 +57,7 @@ class Progress:
     coverage: float
     renewed: int = 0
     stale: int = 0
-    whole: bool = True
+    complete: bool = True
     surface: float = 1.0
     full: bool = False
     sampled: float = 0.0
@@ -62,7 +65,7 @@ class Progress:
     @property
     def still(self) -> bool:
         """Whether nothing was gathered, and nothing would be in the next tick."""
-        return self.whole and self.surface == 1.0 and not (self.new or self.renewed or self.stale)
+        return self.complete and self.surface == 1.0 and not (self.new or self.renewed or self.stale)
 
     @property
     def done(self) -> bool:

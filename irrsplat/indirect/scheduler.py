@@ -39,16 +39,16 @@ _ASKING = ("gather", "splat", "examine")  # the stages whose settings decide whe
 
 
 @dataclass(frozen=True)
-class Asked:
+class RoundResult:
     """What came of a look at the splat buffer: the records made, the share of the seen pixels that asked for one, and whether
     all sites of the round are gathered."""
 
     new: int
     missing: float
-    whole: bool
+    complete: bool
 
 
-class Placement(Owner):
+class RecordScheduler(Owner):
     """Examines what a view of `size` (width, height) lacks, and fills the `cache` by it."""
 
     def __init__(
@@ -263,7 +263,7 @@ class Placement(Owner):
 
     def ask(
         self, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps, camera: Camera, budget: Budget, every: int = 1
-    ) -> Asked:
+    ) -> RoundResult:
         """Gather where the examination of this view asks for records; every: of how many pixels the splats are."""
         if self.settings.placement == "scan":
             return self._scan(gbuffer, splats, shadows, camera, budget)
@@ -278,7 +278,7 @@ class Placement(Owner):
             self._gather(shadows, numbers)
             done += count
         self._queue = self._queue[done:] if done < len(self._queue) else None
-        return Asked(done, self._missing, self._queue is None)
+        return RoundResult(done, self._missing, self._queue is None)
 
     def _room(self, wanted: int, camera: Camera) -> int:
         """How many more records there may be, once those have gone that are in the way of `wanted` new ones, if they may."""
@@ -312,7 +312,7 @@ class Placement(Owner):
             self._pattern += 1
             return found.at(tiles), found.missing
 
-    def _scan(self, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps, camera: Camera, budget: Budget) -> Asked:
+    def _scan(self, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps, camera: Camera, budget: Budget) -> RoundResult:
         """The same by the paper's own algorithm: random warm-up records, then a traversal in scan order on the CPU."""
         if self._view is None:
             with self.timers("gbuffer"):
@@ -320,7 +320,7 @@ class Placement(Owner):
         if self.resumed is not None:
             self.bounce(shadows, budget)
         if not (room := self._room(1, camera)):
-            return Asked(0, self.missing(gbuffer, splats), True)
+            return RoundResult(0, self.missing(gbuffer, splats), True)
         more, light = iter(range(1, room)), self.light(shadows)
 
         def goes_on() -> bool:
@@ -331,7 +331,7 @@ class Placement(Owner):
             sites, values, missing = self._view.ask(pixels(splats.weight)[..., 0], record, camera, self.settings)
         if len(sites):
             self.cache.append(sites, values)
-        return Asked(len(sites), missing, not record.stopped)
+        return RoundResult(len(sites), missing, not record.stopped)
 
     def _how(self, settings: Settings) -> tuple[object, ...]:
         """What a record at its place says, and how well, goes by these."""

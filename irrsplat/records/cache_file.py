@@ -19,7 +19,7 @@ import numpy as np
 from irrsplat.core import files
 from irrsplat.core.errors import InputError
 from irrsplat.gpu.resource import Owner
-from irrsplat.indirect.scheduler import Placement
+from irrsplat.indirect.scheduler import RecordScheduler
 from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Scene
 from irrsplat.settings import SETTINGS, Settings
@@ -43,7 +43,7 @@ def key(scene: Scene, settings: Settings) -> dict[str, Any]:
     }
 
 
-def save(path: files.Pathlike, placement: Placement) -> None:
+def save(path: files.Pathlike, placement: RecordScheduler) -> None:
     """Write the records of `placement`, whole or not at all; raises IrrsplatError where that fails."""
     state = placement.cache.state()
     if placement.moved or (placement.resumed is None and placement.bounced < 1.0):
@@ -57,7 +57,7 @@ def save(path: files.Pathlike, placement: Placement) -> None:
     files.write_bytes(path, _NAME + b"%d\n" % FORMAT + hashlib.sha256(data).digest() + data)
 
 
-def load(path: files.Pathlike, placement: Placement) -> None:
+def load(path: files.Pathlike, placement: RecordScheduler) -> None:
     """Take the records of a file in place of those that there are; raises what `check` raises, and then changes nothing."""
     about, state = check(path, placement.scene, placement.settings)
     try:
@@ -136,7 +136,7 @@ def _hash(*parts: bytes) -> str:
 class Stored(Owner, ABC):
     """Whose records can be kept in files: a Renderer."""
 
-    placement: Placement
+    placement: RecordScheduler
 
     @abstractmethod
     def _use(self) -> None: ...
@@ -152,7 +152,7 @@ class Stored(Owner, ABC):
         """
         self._use()
         files.check_file(path)
-        save(path, self.placement)
+        save(path, self.scheduler)
 
     def load_cache(self, path: str | os.PathLike[str]) -> None:
         """Take the records of a file in place of those that there are.
@@ -161,5 +161,5 @@ class Stored(Owner, ABC):
         another scene, other lights or other settings than this renderer's (those by which records are gathered; see `key`).
         """
         self._use()
-        load(path, self.placement)
+        load(path, self.scheduler)
         self.forget(records=False)

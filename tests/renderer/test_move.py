@@ -206,8 +206,8 @@ def test_a_moved_scene_is_as_if_it_had_been_loaded_so(transform: np.ndarray, bou
         assert np.array_equal(frame.direct, pixels(view.direct)[..., :3])
         fresh.cache.append(where)
         fresh.cache.expire()
-        assert fresh.placement.bounce(fresh.shadows, Budget(None))
-        fresh.placement.renew(fresh.shadows, fresh._gbuffer, FRONT, Budget(None))
+        assert fresh.scheduler.bounce(fresh.shadows, Budget(None))
+        fresh.scheduler.renew(fresh.shadows, fresh._gbuffer, FRONT, Budget(None))
         found = fresh.cache.read()
     assert np.array_equal(found["irradiance"], frame.records_irradiance)
     assert np.array_equal(found["radius"], frame.records_radius)
@@ -282,7 +282,7 @@ def test_the_surface_cache_rides_along() -> None:
     """Until its values are made again, what a box's sides held moves with it: an eye that moves too finds the same there."""
     with Renderer(room(), SIZE, **{**FAST, "bounces": 2}) as renderer:
         renderer.render()
-        cache, here = renderer.placement.surface, FRONT
+        cache, here = renderer.scheduler.surface, FRONT
         assert cache is not None
         before, view = pixels(cache.view(renderer._gbuffer)), pixels(renderer._gbuffer.emission)[..., 3]
         renderer.move(BOX, shift(0.05, 0.0, -0.1))
@@ -296,8 +296,8 @@ def test_the_surface_cache_rides_along() -> None:
         held = cache.result.irradiance
         with Renderer(renderer.scene, SIZE, **{**FAST, "bounces": 2}) as fresh:
             fresh.render()
-            assert fresh.placement.surface is not None and fresh.placement.surface.result is not None
-            assert np.array_equal(fresh.placement.surface.result.irradiance, held)
+            assert fresh.scheduler.surface is not None and fresh.scheduler.surface.result is not None
+            assert np.array_equal(fresh.scheduler.surface.result.irradiance, held)
 
 
 @pytest.mark.parametrize("bounces", [1, "all"])

@@ -50,7 +50,7 @@ def served(renderer: Renderer) -> np.ndarray:
 
 def test_records_are_ranked_by_the_pixels_that_they_serve(renderer: Renderer) -> None:
     true = served(renderer)
-    rank = renderer.placement.renewal.rank_pass(renderer.cache.records, renderer._seen(FRONT), FRONT, renderer.settings)
+    rank = renderer.scheduler.renewal.rank_pass(renderer.cache.records, renderer._seen(FRONT), FRONT, renderer.settings)
     assert len(rank) == len(true) and (true == 0).mean() > 0.1 and true.max() > 100
     assert np.corrcoef(true, rank)[0, 1] > 0.95 and rank.sum() == pytest.approx(true.sum(), rel=0.2)
     assert rank[true == 0].max() < 0.05 * true.max(), "hidden, or off the screen"
@@ -59,7 +59,7 @@ def test_records_are_ranked_by_the_pixels_that_they_serve(renderer: Renderer) ->
 
 def test_what_is_seen_most_and_longest_comes_first(renderer: Renderer) -> None:
     """Pixels times how often they have become stale; what is not seen at all, last, the stalest of it first."""
-    cache, renewal = renderer.cache, renderer.placement.renewal
+    cache, renewal = renderer.cache, renderer.scheduler.renewal
     gbuffer = renderer._seen(FRONT)
     rank = renewal.rank_pass(cache.records, gbuffer, FRONT, renderer.settings)
     assert not len(renewal.order(cache, gbuffer, FRONT, renderer.settings))
@@ -105,8 +105,8 @@ def test_renewed_in_place_is_gathered_from_scratch(lights: tuple[Light, ...], bo
         fresh.frame(gather=False)
         fresh.cache.append(old.cache.sites(slice(0, old.cache.count)))
         fresh.cache.expire()
-        assert fresh.shadows is not None and fresh.placement.bounce(fresh.shadows, Budget(None))
-        fresh.placement.renew(fresh.shadows, fresh._gbuffer, FRONT, Budget(None))
+        assert fresh.shadows is not None and fresh.scheduler.bounce(fresh.shadows, Budget(None))
+        fresh.scheduler.renew(fresh.shadows, fresh._gbuffer, FRONT, Budget(None))
         theirs, found = pixels(fresh.frame(gather=False)[0].image), fresh.cache.read()
         mine = pixels(old.frame(gather=False)[0].image)
         assert old.cache.count >= count and all(np.array_equal(values, found[name]) for name, values in old.cache.read().items())

@@ -55,7 +55,7 @@ class Overlay(Owner):
     ) -> None:
         """Draw the showing `name` of `view`, exposed by `exposure` stops, in `region` of the target alone (None: all of it).
 
-        shadows, atlas and surface (Placement.surface_seen) are needed by the showings of these names; without them there is
+        shadows, atlas and surface (RecordScheduler.surface_seen) are needed by the showings of these names; without them there is
         nothing but their ground. Without the truth of this very view, what is shown of it is the picture, dim and grey.
         """
         gain = 2.0**exposure

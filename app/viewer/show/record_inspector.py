@@ -173,7 +173,7 @@ class Inspector(Owner):
     ) -> moderngl.Texture:
         """What record `number`, which lies at the one `site`, sees: its cell of the atlas as it is, exposed by `exposure` stops.
 
-        world, light: what the settings' gather looks at, and what lights that, as Placement has them.
+        world, light: what the settings' gather looks at, and what lights that, as RecordScheduler has them.
 
         The texture is RGBA8, bottom row first, this object's own, and holds until the next call.
         """

@@ -145,7 +145,7 @@ class Panel:
         session = self.desk.session
         _, settings = session.settings(self.desk.side)
         if d.name == "bounces":
-            return int(session.active[min(self.desk.side, len(session.active) - 1)].placement.bounces(settings)["bounces"])
+            return int(session.active[min(self.desk.side, len(session.active) - 1)].scheduler.bounces(settings)["bounces"])
         return settings.threshold if d.name == "tolerance" else session.exposure
 
     # ---- lights ----------------------------------------------------------------------------------------------------
