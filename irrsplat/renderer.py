@@ -26,7 +26,7 @@ from irrsplat.image.figures import figure1
 from irrsplat.image.frame import Frame
 from irrsplat.image.gbuffer import GBufferPass
 from irrsplat.image.view import Progress, View, read, sampling, statistics
-from irrsplat.indirect.scheduler import RoundResult, RecordScheduler
+from irrsplat.indirect.scheduler import RecordScheduler, RoundResult
 from irrsplat.indirect.splat_buffer import Splatting
 from irrsplat.lighting import gl_limits
 from irrsplat.lighting.direct import DirectPass

@@ -44,8 +44,8 @@ class View:
 class Progress:
     """How far a view has come after a tick.
 
-    round: complete rounds so far. records: in the cache; new: those made in this tick. coverage: the share of the seen pixels, 0..1,
-    that asked for nothing when the round began. renewed: old records gathered again in this tick; stale: those that still wait.
+    round: complete rounds so far. records: in the cache; new: those made in this tick. coverage: the share of the seen pixels,
+    0..1, that asked for nothing when the round began. renewed: old records gathered again in this tick; stale: those that still wait.
     complete: False while the round has sites left, or the view has only every other pixel splatted. surface: how much of the
     surface cache is made, 0..1. full: the view needs more records than `max_records`. sampled: the share of a render's samples
     that are taken, 0..1.

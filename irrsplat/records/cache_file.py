@@ -136,7 +136,7 @@ def _hash(*parts: bytes) -> str:
 class Stored(Owner, ABC):
     """Whose records can be kept in files: a Renderer."""
 
-    placement: RecordScheduler
+    scheduler: RecordScheduler
 
     @abstractmethod
     def _use(self) -> None: ...
