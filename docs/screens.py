@@ -11,7 +11,7 @@ import numpy as np
 from PIL import Image
 
 import irrsplat
-from irrsplat.app.viewer.preferences import Memory
+from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.show.legend import SHOWINGS, TRUTHS
 from irrsplat.app.viewer.viewer import Viewer
 from irrsplat.app.viewer.window import open_window
@@ -27,9 +27,9 @@ def settled(viewer: Viewer) -> None:
     """Frames until nothing changes any more, messages gone."""
     for _ in range(3000):
         viewer.frame(DT)
-        if viewer.desk.session.at_rest:
+        if viewer.actions.session.at_rest:
             break
-    viewer.desk.messages.clear()
+    viewer.actions.messages.clear()
     for _ in range(3):  # windows take their size from the frame before
         viewer.frame(DT)
 
@@ -51,7 +51,7 @@ def keep(viewer: Viewer, name: str) -> None:
 def show(scene: str, size: tuple[int, int], take: Callable[[Viewer], None], camera: Camera | None = None) -> None:
     """Open a window in memory on a bundled scene, and take pictures of it."""
     wnd = open_window(size, headless=True)
-    viewer = Viewer(wnd, irrsplat.load(scene), scene, Memory(), camera)
+    viewer = Viewer(wnd, irrsplat.load(scene), scene, Preferences(), camera)
     take(viewer)
     viewer.close(remember=False)
     wnd.destroy()
@@ -59,49 +59,49 @@ def show(scene: str, size: tuple[int, int], take: Callable[[Viewer], None], came
 
 def whole(viewer: Viewer) -> None:
     """The window as it opens, records over it, and both kinds of split view."""
-    desk, look = viewer.desk, viewer.desk.session.look
+    actions, options = viewer.actions, viewer.actions.session.options
     keep(viewer, "viewer/window")
-    desk.panels.settings = False
-    look.buffers[0], look.discs, look.points, look.inspect = "irradiance", True, True, True
+    actions.panels.settings = False
+    options.buffers[0], options.discs, options.points, options.inspect = "irradiance", True, True, True
     viewer.mouse = (0.36 * LARGE[0], 0.3 * LARGE[1])
-    viewer.gui.mouse_position(*viewer.mouse)
+    viewer.backend.mouse_position(*viewer.mouse)
     keep(viewer, "viewer/records")
-    look.discs = look.points = look.inspect = False
-    look.buffers[0] = "image"
+    options.discs = options.points = options.inspect = False
+    options.buffers[0] = "image"
     viewer.on_mouse_position_event(-1, -1, 0, 0)
-    desk.session.split("buffers")
-    look.buffers[1] = "weight"
+    actions.session.split("buffers")
+    options.buffers[1] = "weight"
     keep(viewer, "viewer/split_buffers")
-    look.buffers[0] = "irradiance"
-    desk.session.split("presets")
-    desk.panels.hud = False
+    options.buffers[0] = "irradiance"
+    actions.session.split("presets")
+    actions.panels.hud = False
     keep(viewer, "viewer/split_presets")
 
 
 def buffers(viewer: Viewer) -> None:
     """Every buffer, by itself with its legend; but for those that need a path tracer."""
-    desk = viewer.desk
-    desk.panels.settings = desk.panels.hud = False
+    actions = viewer.actions
+    actions.panels.settings = actions.panels.hud = False
     settled(viewer)
     for name in (name for name in SHOWINGS if name not in TRUTHS):
         if name == "asking":  # something must be left to ask for: two rounds only
-            desk.clear()
+            actions.clear()
             for _ in range(2):
-                desk.step()
+                actions.step()
                 settled(viewer)
         if name != "emission":
-            desk.session.look.buffers[0] = name
+            actions.session.options.buffers[0] = name
             keep(viewer, f"buffers/{name}")
         if name == "asking":
-            desk.toggle("frozen")
+            actions.toggle("frozen")
 
 
 def sky(viewer: Viewer) -> None:
     """What shines by itself: in this scene, the sky."""
-    desk = viewer.desk
-    desk.session.change(0, bounces=0)
-    desk.panels.settings = desk.panels.hud = False
-    desk.session.look.buffers[0] = "emission"
+    actions = viewer.actions
+    actions.session.change(0, bounces=0)
+    actions.panels.settings = actions.panels.hud = False
+    actions.session.options.buffers[0] = "emission"
     keep(viewer, "buffers/emission")
 
 

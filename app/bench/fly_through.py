@@ -73,7 +73,7 @@ def _moved(camera: Camera, ahead: float, degrees: float) -> Camera:
 
 def fly(scene: Scene, size: tuple[int, int], frames: int = FRAMES) -> Iterator[Flown]:
     """Both flights through `scene`, in a window of `size`; the user's folder is not touched. Raises what the viewer raises."""
-    from irrsplat.app.viewer.preferences import Memory
+    from irrsplat.app.viewer.preferences import Preferences
     from irrsplat.app.viewer.viewer import Viewer
     from irrsplat.app.viewer.window import open_window
 
@@ -82,16 +82,16 @@ def fly(scene: Scene, size: tuple[int, int], frames: int = FRAMES) -> Iterator[F
     start = time.perf_counter()
     wnd = open_window(size, headless=True)
     try:
-        viewer = Viewer(wnd, scene, scene.name, Memory())
+        viewer = Viewer(wnd, scene, scene.name, Preferences())
         try:
             _frame(viewer, cameras[0])
             first = time.perf_counter() - start
-            while viewer.desk.session.progress[0].surface < 1.0:
+            while viewer.actions.session.progress[0].surface < 1.0:
                 _frame(viewer, cameras[0])
-            viewer.desk.clear()
+            viewer.actions.clear()
             yield _flight("filling", first, viewer, cameras)
             for camera in cameras:
-                viewer.desk.session.renderers[0].converge(camera)
+                viewer.actions.session.renderers[0].converge(camera)
             yield _flight("warm", first, viewer, cameras)
         finally:
             viewer.close(remember=False)
@@ -102,7 +102,7 @@ def fly(scene: Scene, size: tuple[int, int], frames: int = FRAMES) -> Iterator[F
 def _frame(viewer: Any, camera: Camera) -> float:
     """One frame from `camera`; the milliseconds that it took."""
     start = time.perf_counter()
-    viewer.desk.session.flight.go(camera)
+    viewer.actions.session.free_camera.go(camera)
     viewer.wnd.use()
     viewer.frame(DT)
     viewer.wnd.swap_buffers()
@@ -113,8 +113,8 @@ def _flight(case: str, first: float, viewer: Any, cameras: Sequence[Camera]) -> 
     ms, stages, new = [], dict[str, float](), 0
     for camera in cameras:
         ms.append(_frame(viewer, camera))
-        session = viewer.desk.session
+        session = viewer.actions.session
         new += sum(p.new for p in session.progress)
         for stage, took in {**session.ms, **viewer.hud.extra}.items():
             stages[stage] = stages.get(stage, 0.0) + took / len(cameras)
-    return Flown(case, first, np.array(ms), stages, new, viewer.desk.session.progress[0].records)
+    return Flown(case, first, np.array(ms), stages, new, viewer.actions.session.progress[0].records)

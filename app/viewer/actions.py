@@ -15,7 +15,7 @@ import numpy as np
 
 import irrsplat
 from irrsplat.app.viewer import preferences
-from irrsplat.app.viewer.file_watch import Watch
+from irrsplat.app.viewer.file_watch import FileWatch
 from irrsplat.app.viewer.input.keys import Key
 from irrsplat.app.viewer.session import SPLITS, Session, overrides
 from irrsplat.app.viewer.show.legend import SHOWINGS
@@ -66,7 +66,7 @@ class Lamp:
         return replace(self.light, color=(red * gain, green * gain, blue * gain))
 
 
-class Desk:
+class Actions:
     """The viewer without its window. source: what the scene was loaded from. copy: takes text to the clipboard.
 
     others: further programs that F5 reads again.
@@ -78,11 +78,11 @@ class Desk:
         scene: Scene,
         source: str,
         size: tuple[int, int],
-        remembered: preferences.Memory,
+        remembered: preferences.Preferences,
         camera: Camera | None = None,
         copy: Callable[[str], None] = lambda text: None,
     ) -> None:
-        self.memory, self.source, self.copy = remembered, source, copy
+        self.preferences, self.source, self.copy = remembered, source, copy
         self.session = Session(ctx, scene, size, remembered.preset, remembered.values, camera)
         self.others: tuple[Program, ...] = ()
         self.panels = Panels()
@@ -96,7 +96,7 @@ class Desk:
         self.quitting = False
         self.wants_fullscreen = remembered.fullscreen
         self.bookmarks = preferences.bookmarks(source)
-        self.watch = Watch(scene.files)
+        self.watch = FileWatch(scene.files)
         remembered.opened(source)
 
     # ---- messages and memory ---------------------------------------------------------------------------------------
@@ -113,16 +113,16 @@ class Desk:
 
     def remember(self, size: tuple[int, int] | None, fullscreen: bool) -> str | None:
         """Keep what is set now for the next time; None, or one line that tells what went wrong."""
-        renderer, look = self.session.renderers[0], self.session.look
-        self.memory.size, self.memory.fullscreen = size or self.memory.size, fullscreen
-        self.memory.preset, self.memory.values = renderer.preset, overrides(renderer.preset, renderer.settings)
-        kept = {f: getattr(look, f) for f in ("points", "discs", "normals", "by_age", "sites", "wire")}
+        renderer, options = self.session.renderers[0], self.session.options
+        self.preferences.size, self.preferences.fullscreen = size or self.preferences.size, fullscreen
+        self.preferences.preset, self.preferences.values = renderer.preset, overrides(renderer.preset, renderer.settings)
+        kept = {f: getattr(options, f) for f in ("points", "discs", "normals", "by_age", "sites", "wire")}
         panels = {k: v for k, v in asdict(self.panels).items() if k not in ("help", "open", "hidden")}
-        self.memory.ui = {"look": kept, "panels": panels}
-        return preferences.save(self.memory)
+        self.preferences.ui = {"look": kept, "panels": panels}
+        return preferences.save(self.preferences)
 
     def _restore(self, ui: dict[str, Any]) -> None:
-        for name, target in (("look", self.session.look), ("panels", self.panels)):
+        for name, target in (("look", self.session.options), ("panels", self.panels)):
             values = ui.get(name)
             for one in fields(target):
                 value = values.get(one.name) if isinstance(values, dict) else None
@@ -147,12 +147,12 @@ class Desk:
 
     def show(self, name: str) -> None:
         """Show a buffer on the side at hand."""
-        self.session.look.buffers[self.side if self.session.look.split != "off" else 0] = name
+        self.session.options.buffers[self.side if self.session.options.split != "off" else 0] = name
         self.say(SHOWINGS[name].title, topic="show")
 
     def toggle(self, name: str) -> None:
         """Turn an overlay or a panel on or off."""
-        target: Any = self.panels if hasattr(self.panels, name) else self.session.look
+        target: Any = self.panels if hasattr(self.panels, name) else self.session.options
         setattr(target, name, not getattr(target, name))
         if name == "inspect":
             self.session.held = None
@@ -160,12 +160,12 @@ class Desk:
     def home(self) -> None:
         """Back to the first camera."""
         self.stop()
-        self.session.flight.home()
+        self.session.free_camera.home()
 
     def go(self, camera: Camera) -> None:
         """Jump to a camera."""
         self.stop()
-        self.session.flight.go(camera)
+        self.session.free_camera.go(camera)
 
     def copy_line(self) -> None:
         """The camera as a line of a .scene, to the clipboard."""
@@ -194,7 +194,7 @@ class Desk:
 
     def record(self) -> None:
         """Begin to record the flight, or end it and write the path file."""
-        path = self.session.tape.record(self.session.camera)
+        path = self.session.path_recorder.record(self.session.camera)
         if path is None:
             self.say("recording the flight; R ends it")
             return
@@ -204,18 +204,18 @@ class Desk:
 
     def play(self) -> None:
         """Play the path, or stop it."""
-        if self.session.tape.playing is not None:
+        if self.session.path_recorder.playing is not None:
             self.stop()
-        elif self.session.tape.path is None:
+        elif self.session.path_recorder.path is None:
             self.say("there is no path yet; R records one, and a .path dropped here is opened")
         else:
-            self.session.tape.play()
+            self.session.path_recorder.play()
 
     def stop(self) -> None:
         """Stop playing; the flight goes on from there."""
-        camera = self.session.tape.stop()
+        camera = self.session.path_recorder.stop()
         if camera is not None:
-            self.session.flight.go(camera)
+            self.session.free_camera.go(camera)
 
     def escape(self) -> None:
         """Stop playing, let go of a record, close the sheet."""
@@ -233,7 +233,7 @@ class Desk:
 
     def split(self) -> None:
         """The next way to split the view."""
-        way = SPLITS[(SPLITS.index(self.session.look.split) + 1) % len(SPLITS)]
+        way = SPLITS[(SPLITS.index(self.session.options.split) + 1) % len(SPLITS)]
         self.session.split(way)
         self.say({"off": "one picture", "buffers": "two buffers", "presets": "two presets"}[way], topic="split")
 
@@ -291,18 +291,18 @@ class Desk:
     def open(self, source: str) -> None:
         """Show the scene at a path, or play the .path there."""
         if Path(source).suffix == ".path":
-            self.session.tape.path = load_path(source, self.session.camera.fov)
-            self.session.tape.play()
+            self.session.path_recorder.path = load_path(source, self.session.camera.fov)
+            self.session.path_recorder.play()
             return
         self._load(source, keep_camera=False)
         self.source, self.bookmarks = source, preferences.bookmarks(source)
-        self.memory.opened(source)
+        self.preferences.opened(source)
         self.panels.open = False
 
     def _load(self, source: str, keep_camera: bool) -> None:
         scene = irrsplat.load(source)
         self.session.open(scene, keep_camera)
-        self._as_loaded, self.watch = scene.lights, Watch(scene.files)
+        self._as_loaded, self.watch = scene.lights, FileWatch(scene.files)
         self.lamps, self.lamp = [Lamp(light) for light in scene.lights], 0
         self.messages = [m for m in self.messages if not m.error]
         for notice in scene.notices:

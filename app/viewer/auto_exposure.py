@@ -12,7 +12,7 @@ _TIME = 0.25  # seconds in which it goes 63 % of its way
 _NEAR = 0.01  # stops
 
 
-class Adaptation:
+class AutoExposure:
     """The stops that both sides are exposed by, so that they compare; NaN until there is a picture."""
 
     def __init__(self) -> None:

@@ -10,7 +10,7 @@ _EVERY = 0.5  # seconds
 _STILL = 0.2  # seconds that a file must have been left alone: an editor may write in several steps
 
 
-class Watch:
+class FileWatch:
     """Of `files` (paths), those that are missing now count as changed when they appear."""
 
     def __init__(self, files: Sequence[str]) -> None:

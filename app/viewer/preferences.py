@@ -27,7 +27,7 @@ _CHOICES, _BOOKMARKS = "viewer.json", "bookmarks.json"
 
 
 @dataclass
-class Memory:
+class Preferences:
     """size: of the window, pixels. values: the settings that differ from the preset. ui: panels shown and such, plain JSON.
 
     recent: scenes, newest first, at most RECENT, each an absolute path or a bundled scene's name.
@@ -56,22 +56,22 @@ def folder() -> Path:
     return found
 
 
-def load() -> tuple[Memory, list[str]]:
+def load() -> tuple[Preferences, list[str]]:
     """What was saved last, and notices, one line each, of what is wrong in either file and was dropped; never raises.
 
     A file that is damaged or of another version is renamed to ``….broken``, and defaults stand in. A missing one is no news.
     """
     notices: list[str] = []
-    memory = _checked(_peek(_CHOICES, notices), notices)
+    preferences = _checked(_peek(_CHOICES, notices), notices)
     for key, entries in _peek(_BOOKMARKS, notices).get("scenes", {}).items():
         if len(_cameras(entries)) != (len(entries) if isinstance(entries, list) else -1):
             notices.append(f"{_BOOKMARKS}: some bookmarks of {quote(key)} are damaged; left out")
-    return memory, list(dict.fromkeys(notices))  # where no folder is, that is said once
+    return preferences, list(dict.fromkeys(notices))  # where no folder is, that is said once
 
 
-def save(memory: Memory) -> str | None:
-    """Write `memory`; None, or one line: why that failed, or which damaged file was renamed and written anew."""
-    return _write(_CHOICES, lambda _: asdict(memory))
+def save(preferences: Preferences) -> str | None:
+    """Write `preferences`; None, or one line: why that failed, or which damaged file was renamed and written anew."""
+    return _write(_CHOICES, lambda _: asdict(preferences))
 
 
 def bookmarks(scene_path: str) -> list[Camera]:
@@ -154,25 +154,25 @@ _GOOD: dict[str, Callable[[Any], bool]] = {
 }
 
 
-def _checked(data: dict[str, Any], notices: list[str]) -> Memory:
-    """The Memory of what a file holds; what is wrong in it is left out, and `notices` says so."""
-    defaults = asdict(Memory())
+def _checked(data: dict[str, Any], notices: list[str]) -> Preferences:
+    """The Preferences of what a file holds; what is wrong in it is left out, and `notices` says so."""
+    defaults = asdict(Preferences())
     given = {name: data.get(name, default) for name, default in defaults.items()}
     wrong = [(f"'{name}'", given[name]) for name, good in _GOOD.items() if not good(given[name])]
     given = {name: value if _GOOD[name](value) else defaults[name] for name, value in given.items()}
-    memory = Memory(**given | {"size": given["size"] and tuple(given["size"]), "values": {}, "recent": []})
+    preferences = Preferences(**given | {"size": given["size"] and tuple(given["size"]), "values": {}, "recent": []})
     for name, value in given["values"].items():
         try:
-            memory.values[name] = SETTINGS[name].check(value)
+            preferences.values[name] = SETTINGS[name].check(value)
         except (InputError, KeyError, OverflowError):
             wrong.append((f"setting {quote(name)}", value))
     for source in given["recent"]:
         if not isinstance(source, str) or not (os.path.isabs(source) or source in bundled()):
             wrong.append(("a recent scene", source))
-        elif source not in memory.recent and len(memory.recent) < RECENT:
-            memory.recent.append(source)
+        elif source not in preferences.recent and len(preferences.recent) < RECENT:
+            preferences.recent.append(source)
     notices += [f"{_CHOICES}: {what} cannot be {reprlib.repr(value)}; left out" for what, value in wrong]
-    return memory
+    return preferences
 
 
 def _cameras(entries: Any) -> list[Camera]:

@@ -9,12 +9,12 @@ from typing import Any, Literal
 
 import moderngl
 
-from irrsplat.app.viewer.auto_exposure import Adaptation
+from irrsplat.app.viewer.auto_exposure import AutoExposure
 from irrsplat.app.viewer.background_truth import Truths
-from irrsplat.app.viewer.input.free_camera import Flight
-from irrsplat.app.viewer.input.path_recorder import Tape
+from irrsplat.app.viewer.input.free_camera import FreeCamera
+from irrsplat.app.viewer.input.path_recorder import PathRecorder
 from irrsplat.app.viewer.show import record_inspector
-from irrsplat.app.viewer.show.buffer_view import Overlay
+from irrsplat.app.viewer.show.buffer_view import BufferView
 from irrsplat.app.viewer.show.legend import SHOWINGS
 from irrsplat.app.viewer.show.markers import By, Markers
 from irrsplat.app.viewer.show.screen import Region, clear
@@ -35,7 +35,7 @@ _KEPT = ("budget", "exposure")  # settings that a change of the preset leaves al
 
 
 @dataclass
-class Look:
+class ViewOptions:
     """What is shown, and over what; the interface reads and writes it."""
 
     buffers: list[str] = field(default_factory=lambda: ["image", "irradiance"])  # of the left side, and of the right one
@@ -67,18 +67,18 @@ class Session(Owner):
         camera: Camera | None = None,
     ) -> None:
         self.ctx, self.size, self.scene = ctx, size, scene
-        self.look = Look()
+        self.options = ViewOptions()
         self.renderers = [Renderer(scene, size, preset, ctx=ctx, **(values or {}))]  # of the left side; of the right one too
-        self.overlay, self.markers, self.inspector = Overlay(ctx), Markers(ctx), record_inspector.Inspector(ctx)
-        self.flight = Flight(scene.camera(), scene.diagonal)
+        self.buffer_view, self.markers, self.inspector = BufferView(ctx), Markers(ctx), record_inspector.RecordInspector(ctx)
+        self.free_camera = FreeCamera(scene.camera(), scene.diagonal)
         if camera is not None:
-            self.flight.go(camera)
+            self.free_camera.go(camera)
         self.views: list[View] = []
         self.progress: list[Progress] = []
         self.ms: dict[str, float] = {}  # of the last tick by stage
-        self.eye = Adaptation()
+        self.auto_exposure = AutoExposure()
         self._centres: list[View] = []  # the views as they were before samples beside the pixels' centres came to them
-        self.tape, self.truths = Tape(), Truths(ctx)
+        self.path_recorder, self.truths = PathRecorder(), Truths(ctx)
         self._stepping = False
         self.held: tuple[int, int] | None = None  # the side and the name of the record that a click holds
         self._tables: dict[int, tuple[tuple[int, int], record_inspector.Table]] = {}
@@ -88,38 +88,38 @@ class Session(Owner):
     @property
     def active(self) -> list[Renderer]:
         """The renderers at work: two where two presets are compared."""
-        return self.renderers[: 2 if self.look.split == "presets" else 1]
+        return self.renderers[: 2 if self.options.split == "presets" else 1]
 
     @property
     def camera(self) -> Camera:
         """What is looked through now: the tape's camera while it plays, else the flight's."""
-        return self.tape.camera or self.flight.camera
+        return self.path_recorder.camera or self.free_camera.camera
 
     @property
     def at_rest(self) -> bool:
         """Whether another tick would show the same."""
         served = bool(self.views) and all(self._quiet(p) for p in self.progress)
         sampled = all(v.samples >= r.settings.rest for v, r in zip(self.views, self.active, strict=False) if r.settings.rest > 1)
-        return served and sampled and self.eye.settled and not self._stepping and self.tape.at_rest
+        return served and sampled and self.auto_exposure.settled and not self._stepping and self.path_recorder.at_rest
 
     @property
     def exposure(self) -> float:
         """Stops, as shown on both sides; NaN before the first picture."""
-        return self.eye.stops
+        return self.auto_exposure.stops
 
     def _quiet(self, progress: Progress) -> bool:
         """Whether a side's cache stays as it is."""
-        return progress.still or (self.look.frozen and progress.new == 0 and progress.complete)
+        return progress.still or (self.options.frozen and progress.new == 0 and progress.complete)
 
     def tick(self, dt: float, seconds: float) -> None:
         """Go on by `dt` seconds: play, record, and give the caches `seconds` of time."""
-        last = self.tape.tick(dt, self.camera)
+        last = self.path_recorder.tick(dt, self.camera)
         if last is not None:
-            self.flight.go(last)
+            self.free_camera.go(last)
         renderers, before = self.active, self._centres
         self.views, self.progress, self.ms, self._centres = [], [], {}, []
         for renderer in renderers:
-            gather, end = self._stepping or not self.look.frozen, time.perf_counter() + seconds / len(renderers)
+            gather, end = self._stepping or not self.options.frozen, time.perf_counter() + seconds / len(renderers)
             view, progress = renderer.frame(self.camera, seconds / len(renderers), gather)
             self._centres.append(view)
             if self._quiet(progress) and any(view is one for one in before):  # nothing has moved since
@@ -130,37 +130,37 @@ class Session(Owner):
                 self.ms[stage] = self.ms.get(stage, 0.0) + ms
         self._stepping = self._stepping and not all(p.complete for p in self.progress)
         self._let_go()
-        self.eye.tick(self.renderers[0], self._centres[0], dt)
+        self.auto_exposure.tick(self.renderers[0], self._centres[0], dt)
 
     # ---- the picture -----------------------------------------------------------------------------------------------
 
     def sides(self) -> Iterator[tuple[int, Region | None]]:
         """The sides on show, 0 and perhaps 1, and the part of the window that each takes (None: all of it)."""
         width, height = self.size
-        if self.look.split == "off":
+        if self.options.split == "off":
             yield 0, None
             return
-        middle = min(max(round(self.look.divider * width), 1), width - 1)
+        middle = min(max(round(self.options.divider * width), 1), width - 1)
         yield 0, (0, 0, middle, height)
         yield 1, (middle, 0, width - middle, height)
 
     def side_at(self, x: float) -> int:
         """The side at `x`, pixels from the left."""
-        return int(self.look.split != "off" and x >= round(self.look.divider * self.size[0]))
+        return int(self.options.split != "off" and x >= round(self.options.divider * self.size[0]))
 
     def of(self, side: int) -> tuple[Renderer, View]:
         """The renderer of a side, and its view."""
-        i = side if len(self.views) == 2 and self.look.split == "presets" else 0
+        i = side if len(self.views) == 2 and self.options.split == "presets" else 0
         return self.renderers[i], self.views[i]
 
-    def draw(self, screen: Target, cursor: tuple[int, int] | None = None) -> record_inspector.Inspected | None:
+    def draw(self, screen: Target, cursor: tuple[int, int] | None = None) -> record_inspector.InspectedRecord | None:
         """Draw both sides with what lies over them; the record under `cursor` (pixels, from the top left), if that is on show."""
-        look = self.look
-        by: By = "age" if look.by_age else "radius"
+        options = self.options
+        by: By = "age" if options.by_age else "radius"
         for side, region in self.sides():
             renderer, view = self.of(side)
-            name, settings = look.buffers[side], renderer.settings
-            self.overlay.draw(
+            name, settings = options.buffers[side], renderer.settings
+            self.buffer_view.draw(
                 screen,
                 name,
                 view,
@@ -175,27 +175,31 @@ class Session(Owner):
             )
             if SHOWINGS[name].how in ("shadow", "atlas"):
                 continue
-            if look.wire:
+            if options.wire:
                 self.markers.wireframe(screen, view, renderer.geometry, region=region)
-            marks = ((look.discs, self.markers.discs), (look.normals, self.markers.normals), (look.points, self.markers.points))
+            marks = (
+                (options.discs, self.markers.discs),
+                (options.normals, self.markers.normals),
+                (options.points, self.markers.points),
+            )
             for wanted, draw in marks:
                 if wanted:
                     draw(screen, view, renderer.cache.records, settings=settings, scene=self.scene, by=by, region=region)
-            if look.sites:
+            if options.sites:
                 self.markers.sites(screen, view, renderer.scheduler.surface, exposure=self.exposure, region=region)
-        found = self._inspect(screen, cursor) if look.inspect else None
+        found = self._inspect(screen, cursor) if options.inspect else None
         for side, region in list(self.sides())[1:]:
             assert region is not None and side
             clear(screen, (1.0, 1.0, 1.0), (region[0] - 1, 0, 2, region[3]))
         return found
 
-    def _inspect(self, screen: Target, cursor: tuple[int, int] | None) -> record_inspector.Inspected | None:
+    def _inspect(self, screen: Target, cursor: tuple[int, int] | None) -> record_inspector.InspectedRecord | None:
         held = self.held
         side = held[0] if held is not None else self.side_at(cursor[0]) if cursor is not None else 0
         renderer, view = self.of(side)
         table, number = self.table(renderer), renderer.cache.find(held[1]) if held is not None else None
         if number is None and cursor is not None:
-            number = record_inspector.pick(self.overlay.texel, table, view, renderer.settings, *cursor)
+            number = record_inspector.pick(self.buffer_view.texel, table, view, renderer.settings, *cursor)
         if number is None or number >= len(table) or renderer.shadows is None:
             return None
         settings, records = renderer.settings, renderer.cache.records
@@ -206,7 +210,9 @@ class Session(Owner):
         picture = self.inspector.hemisphere(
             number, site, world, light, scene=self.scene, settings=settings, exposure=self.exposure
         )
-        return record_inspector.Inspected(number, side, record_inspector.describe(number, table, view, settings), picture, served)
+        return record_inspector.InspectedRecord(
+            number, side, record_inspector.describe(number, table, view, settings), picture, served
+        )
 
     def table(self, renderer: Renderer) -> record_inspector.Table:
         """The renderer's records on the CPU, read again where they have changed."""
@@ -220,7 +226,7 @@ class Session(Owner):
         side, was = self.side_at(cursor[0]), self.held
         renderer, view = self.of(side)
         number = (
-            record_inspector.pick(self.overlay.texel, self.table(renderer), view, renderer.settings, *cursor)
+            record_inspector.pick(self.buffer_view.texel, self.table(renderer), view, renderer.settings, *cursor)
             if was is None
             else None
         )
@@ -230,7 +236,7 @@ class Session(Owner):
         """The world point seen at the cursor; None where there is none."""
         if not self.views:
             return None
-        found = self.overlay.value("position", self.of(self.side_at(cursor[0]))[1], *cursor)
+        found = self.buffer_view.value("position", self.of(self.side_at(cursor[0]))[1], *cursor)
         return None if found is None else (float(found[0]), float(found[1]), float(found[2]))
 
     # ---- what changes ----------------------------------------------------------------------------------------------
@@ -270,10 +276,10 @@ class Session(Owner):
             kept = {key: getattr(left.settings, key) for key in _KEPT}
             self.renderers.append(Renderer(self.scene, self.size, other, ctx=self.ctx, **kept))
         if way == "presets":
-            self.look.buffers[1] = self.look.buffers[0]
-        elif way == "buffers" and self.look.buffers[0] == self.look.buffers[1]:
-            self.look.buffers[1] = "irradiance" if self.look.buffers[0] != "irradiance" else "image"
-        self.look.split, self.held = way, None
+            self.options.buffers[1] = self.options.buffers[0]
+        elif way == "buffers" and self.options.buffers[0] == self.options.buffers[1]:
+            self.options.buffers[1] = "irradiance" if self.options.buffers[0] != "irradiance" else "image"
+        self.options.split, self.held = way, None
 
     def relight(self, lights: Sequence[Light]) -> None:
         """Other lights: records are gathered again in place, tick by tick."""
@@ -300,12 +306,12 @@ class Session(Owner):
         for renderer in self.renderers:
             renderer.release()
         self.renderers, self.scene = made, scene
-        flown, self.flight = self.flight, Flight(scene.camera(), scene.diagonal)
+        flown, self.free_camera = self.free_camera, FreeCamera(scene.camera(), scene.diagonal)
         if keep_camera:
-            self.flight.go(flown.camera)
-            self.flight.speed = flown.speed
+            self.free_camera.go(flown.camera)
+            self.free_camera.speed = flown.speed
         else:
-            self.tape = Tape()
+            self.path_recorder = PathRecorder()
         self.views, self.progress, self.held, self._tables = [], [], None, {}
 
     def reload_shaders(self, *others: program.Program) -> None:
@@ -322,7 +328,7 @@ class Session(Owner):
 
     def step(self) -> None:
         """Freeze the cache, and gather one whole round in as many ticks as it takes."""
-        self.look.frozen = self._stepping = True
+        self.options.frozen = self._stepping = True
 
     def frame(self) -> Frame:
         """Every buffer of the left side's view as it is now."""
@@ -333,7 +339,7 @@ class Session(Owner):
 
     def owned(self) -> tuple[Resource, ...]:
         """What this frees: all that is on the GPU but the context."""
-        return (*self.renderers, self.overlay, self.markers, self.inspector, self.truths)
+        return (*self.renderers, self.buffer_view, self.markers, self.inspector, self.truths)
 
 
 def overrides(name: str, settings: Settings) -> dict[str, Any]:

@@ -47,9 +47,9 @@ def settle(shown: viewer.Viewer) -> None:
     """Frames until nothing is left to do."""
     for _ in range(400):
         shown.frame(0.1)
-        if shown.desk.session.at_rest:
+        if shown.actions.session.at_rest:
             return
-    pytest.fail(f"not at rest: {shown.desk.session.progress}")
+    pytest.fail(f"not at rest: {shown.actions.session.progress}")
 
 
 def stats(name: str) -> dict[str, Any]:
@@ -161,16 +161,16 @@ def test_the_window_goes_on_where_it_was_closed(place: Path, window: Any, capsys
 
     def look(shown: viewer.Viewer) -> None:
         settle(shown)
-        counts.append(shown.desk.session.renderers[0].cache.count)
+        counts.append(shown.actions.session.renderers[0].cache.count)
 
     window(look)
     assert cli.main(VIEW) == 0
 
     def again(shown: viewer.Viewer) -> None:
         shown.frame(0.1)
-        assert shown.desk.session.progress[0].coverage == 1.0
+        assert shown.actions.session.progress[0].coverage == 1.0
         look(shown)
-        assert shown.desk.session.renderers[0].cache.renewals == 0
+        assert shown.actions.session.renderers[0].cache.renewals == 0
 
     window(again)
     assert cli.main(VIEW) == 0 and counts[0] == counts[1] > 0
@@ -181,22 +181,22 @@ def test_the_window_goes_on_where_it_was_closed(place: Path, window: Any, capsys
 
 def cleared(shown: viewer.Viewer) -> None:
     shown.frame(0.1)
-    shown.desk.toggle("frozen")
-    shown.desk.clear()
+    shown.actions.toggle("frozen")
+    shown.actions.clear()
     shown.frame(0.1)
-    assert shown.desk.session.renderers[0].cache.count == 0
+    assert shown.actions.session.renderers[0].cache.count == 0
 
 
 def elsewhere(shown: viewer.Viewer) -> None:
     shown.frame(0.1)
-    shown.desk.open("other.scene")
+    shown.actions.open("other.scene")
     settle(shown)
 
 
 def relit(shown: viewer.Viewer) -> None:
     shown.frame(0.1)
-    shown.desk.lamps[0].stops = 1.0
-    shown.desk.relight()
+    shown.actions.lamps[0].stops = 1.0
+    shown.actions.relight()
     settle(shown)
 
 
@@ -234,7 +234,7 @@ def test_settings_of_the_window_are_those_of_its_file(place: Path, window: Any) 
     """What is set in the window is remembered, and so the file goes with it the next time."""
 
     def change(shown: viewer.Viewer) -> None:
-        shown.desk.session.change(0, gather_size=12, bounces=1)
+        shown.actions.session.change(0, gather_size=12, bounces=1)
         settle(shown)
 
     window(change)

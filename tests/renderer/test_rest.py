@@ -60,7 +60,7 @@ def test_samples_add_up_until_the_view_rests(driver: Driver) -> None:
     settle(driver)
     session = driver.session
     assert session.views[0].samples == SAMPLES and session.ms == {}
-    driver.desk.go(replace(session.camera, fov=48.0))
+    driver.actions.go(replace(session.camera, fov=48.0))
     counts = []
     for _ in range(400):
         driver.frame()
@@ -87,18 +87,23 @@ def test_what_a_picture_does_not_depend_on_leaves_the_samples(driver: Driver, sp
     """Another exposure, another buffer, marks over it, a record inspected: samples stay. Blend, lamp, camera: they start over."""
     settle(driver)
     spied.clear()
-    session, desk = driver.session, driver.desk
-    for act in (desk.brighter, lambda: desk.show("indirect"), lambda: desk.toggle("points"), lambda: desk.toggle("frozen")):
+    session, actions = driver.session, driver.actions
+    for act in (
+        actions.brighter,
+        lambda: actions.show("indirect"),
+        lambda: actions.toggle("points"),
+        lambda: actions.toggle("frozen"),
+    ):
         act()
         driver.frame()
         assert session.at_rest and session.views[0].samples == SAMPLES
     assert spied["accumulate"] == spied["gbuffer"] == 0
-    desk.toggle("frozen")
-    desk.lamps[0].stops = 1.0
+    actions.toggle("frozen")
+    actions.lamps[0].stops = 1.0
     moves: tuple[Any, ...] = (
         lambda: session.change(0, blend=0.7),
-        desk.relight,
-        lambda: desk.go(replace(session.camera, fov=44.0)),
+        actions.relight,
+        lambda: actions.go(replace(session.camera, fov=44.0)),
     )
     for act in moves:
         driver.settle()
@@ -119,14 +124,14 @@ def test_two_presets_rest_side_by_side(driver: Driver) -> None:
 @pytest.mark.parametrize("name", ["image", "direct", "indirect", "emission"])
 def test_the_means_are_shown_and_read(driver: Driver, name: str) -> None:
     """What is shown, and the value under the cursor, are the samples' means: those of the frame, at edges too."""
-    driver.desk.show(name)
+    driver.actions.show(name)
     settle(driver)
     session, view = driver.session, driver.session.views[0]
     values = getattr(session.frame(), name)
     once = getattr(read(session._centres[0], session.scene.sky, session.renderers[0].cache.read(), {}), name)
     assert name == "emission" or np.abs(values - once).max() > 0.1 * values.mean()
     y, x = np.unravel_index(np.argmax(np.abs(values - once).sum(-1)), values.shape[:2])
-    found = session.overlay.value(name, view, int(x), int(y))
+    found = session.buffer_view.value(name, view, int(x), int(y))
     if np.isfinite(session.frame().depth[y, x]):
         assert found is not None and np.allclose(found, values[y, x], rtol=1e-5, atol=1e-6)
     shown = driver.canvas().astype(int)
@@ -149,35 +154,35 @@ def idle(driver: Driver, spied: Counter[str], frames: int = 5) -> Counter[str]:
 @pytest.mark.parametrize("case", ["bare", "panels", "marks", "split", "cursor", "auto"])
 def test_at_rest_nothing_is_drawn_but_the_interface(driver: Driver, spied: Counter[str], case: str) -> None:
     """Each frame puts the picture that there is into the window, and the interface over it: one copy, and nothing is made."""
-    desk, look = driver.desk, driver.session.look
+    actions, options = driver.actions, driver.session.options
     if case == "panels":
-        desk.panels.settings = desk.panels.hud = desk.panels.lights = True
+        actions.panels.settings = actions.panels.hud = actions.panels.lights = True
     elif case == "marks":
-        look.points = look.discs = look.normals = look.wire = True
+        options.points = options.discs = options.normals = options.wire = True
     elif case == "split":
         driver.session.split("buffers")
     elif case == "cursor":
-        look.inspect = True
+        options.inspect = True
         driver.move(80, 60)
     elif case == "auto":
-        desk.auto_exposure()
+        actions.auto_exposure()
     assert idle(driver, spied) == {"viewer/buffers/copy": 5}
 
 
 def test_a_flight_over_what_was_seen_makes_nothing(driver: Driver, spied: Counter[str]) -> None:
     """The same way a second time, with the cursor on the picture, its value shown, and the exposure following."""
-    driver.desk.auto_exposure()
-    driver.desk.panels.hud = True
+    driver.actions.auto_exposure()
+    driver.actions.panels.hud = True
     driver.session.change(0, rest=0)
     home = driver.session.camera
     cameras = [replace(home, fov=50.0 + step) for step in (1.0, 2.0, 3.0, 4.0)]
     driver.move(80, 60)
     for camera in (*cameras, *cameras):  # twice: where a later view's records contradict one, it draws back
-        driver.desk.go(camera)
+        driver.actions.go(camera)
         driver.settle()
     spied.clear()
     for camera in cameras:
-        driver.desk.go(camera)
+        driver.actions.go(camera)
         driver.frame()
         assert driver.session.progress[0].new == 0
     assert spied["gbuffer"] == len(cameras) and spied["composite"] == len(cameras)
@@ -186,9 +191,9 @@ def test_a_flight_over_what_was_seen_makes_nothing(driver: Driver, spied: Counte
 
 def test_samples_make_nothing_once_there_were_some(driver: Driver, spied: Counter[str]) -> None:
     settle(driver)
-    driver.desk.go(replace(driver.session.camera, fov=47.0))
+    driver.actions.go(replace(driver.session.camera, fov=47.0))
     driver.settle()
-    driver.desk.home()
+    driver.actions.home()
     spied.clear()
     driver.settle()
     assert spied["accumulate"] == SAMPLES

@@ -17,10 +17,10 @@ from moderngl_window.context.base import KeyModifiers
 
 import irrsplat
 from irrsplat.app.viewer import preferences
-from irrsplat.app.viewer.actions import Desk, Panels
+from irrsplat.app.viewer.actions import Actions, Panels
 from irrsplat.app.viewer.input.keys import GROUPS, KEYS
-from irrsplat.app.viewer.input.path_recorder import Tape
-from irrsplat.app.viewer.session import Look, Session
+from irrsplat.app.viewer.input.path_recorder import PathRecorder
+from irrsplat.app.viewer.session import Session, ViewOptions
 from irrsplat.app.viewer.viewer import Viewer
 from irrsplat.app.viewer.window import open_window
 from irrsplat.reference import worker
@@ -97,17 +97,17 @@ class Driver:
         self.widgets: list[Widget] = []  # of the last frame
 
     @property
-    def desk(self) -> Desk:
-        return self.viewer.desk
+    def actions(self) -> Actions:
+        return self.viewer.actions
 
     @property
     def session(self) -> Session:
-        return self.viewer.desk.session
+        return self.viewer.actions.session
 
     @property
     def said(self) -> str:
         """All messages on show."""
-        return "\n".join(m.text for m in self.desk.messages)
+        return "\n".join(m.text for m in self.actions.messages)
 
     # ---- time and pictures ---------------------------------------------------------------------------------------
 
@@ -236,25 +236,25 @@ class Driver:
 
     def reset(self) -> None:
         """As at first: look, panels, camera, settings, lamps; nothing under the mouse, and at rest."""
-        desk, session = self.desk, self.session
+        actions, session = self.actions, self.session
         self.resize(self.size)
         self.viewer.on_focus(True)
         self.modifiers = KeyModifiers()
         self.viewer.on_mouse_release_event(0, 0, LEFT)
         self.viewer.on_mouse_release_event(0, 0, RIGHT)
         session.split("off")
-        desk.panels, desk.side, desk.messages, desk.shot = Panels(settings=False, hud=False), 0, [], ""
-        session.look, session.held, session.tape = Look(), None, Tape()
+        actions.panels, actions.side, actions.messages, actions.shot = Panels(settings=False, hud=False), 0, [], ""
+        session.options, session.held, session.path_recorder = ViewOptions(), None, PathRecorder()
         session.truths.release()
-        desk.bookmarks, desk.wants_fullscreen, desk.quitting = [], False, False
+        actions.bookmarks, actions.wants_fullscreen, actions.quitting = [], False, False
         speed = session.scene.diagonal / 6.0
-        session.flight.speed = speed
-        session.flight.home()
+        session.free_camera.speed = speed
+        session.free_camera.home()
         for renderer in session.renderers:
             renderer.change(preset("default", **FAST), "default")
-        desk.lamps = [desk.loaded(i) for i in range(len(desk.lamps))]
-        if [lamp.shone for lamp in desk.lamps] != list(session.scene.lights):
-            desk.relight()
+        actions.lamps = [actions.loaded(i) for i in range(len(actions.lamps))]
+        if [lamp.shone for lamp in actions.lamps] != list(session.scene.lights):
+            actions.relight()
         self.move(self.wnd.width - 20.0, self.wnd.height - 20.0)
         self.settle()
 
@@ -293,11 +293,11 @@ def watched(driver: Driver) -> Iterator[None]:
 
 @contextmanager
 def viewing(
-    source: str | Path, size: tuple[int, int] = SIZE, remembered: preferences.Memory | None = None, **settings: Any
+    source: str | Path, size: tuple[int, int] = SIZE, remembered: preferences.Preferences | None = None, **settings: Any
 ) -> Iterator[Driver]:
     """A viewer of the scene at `source`, with settings for fast pictures; closed in the end, nothing remembered."""
     if remembered is None:
-        remembered = preferences.Memory(values={**FAST, **settings}, ui={"panels": {"settings": False, "hud": False}})
+        remembered = preferences.Preferences(values={**FAST, **settings}, ui={"panels": {"settings": False, "hud": False}})
     wnd = open_window(size, headless=True)
     viewer = Viewer(wnd, irrsplat.load(source), str(source), remembered)
     driver = Driver(viewer)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat.app.viewer.show.buffer_view import Overlay
+from irrsplat.app.viewer.show.buffer_view import BufferView
 from irrsplat.app.viewer.show.legend import NO_SURFACE, legend
 from irrsplat.app.viewer.show.markers import Markers
 from irrsplat.app.viewer.show.screen import clear
@@ -49,21 +49,21 @@ def test_the_buffer_is_what_a_lookup_says(cornell: tuple[Renderer, View], ctx: m
     renderer, view = cornell
     seen = renderer.scheduler.surface_seen(view.gbuffer)
     assert seen is not None and renderer.scheduler.surface_seen(view.gbuffer) is seen
-    found, overlay = pixels(seen), Overlay(ctx)
+    found, buffer_view = pixels(seen), BufferView(ctx)
     lent = {"settings": renderer.settings, "scene": renderer.scene, "exposure": EXPOSURE}
-    overlay.draw(target, "surface", view, surface=seen, **lent)  # type: ignore[arg-type]
+    buffer_view.draw(target, "surface", view, surface=seen, **lent)  # type: ignore[arg-type]
     mask = pixels(view.gbuffer.position)[..., 3] > 0.0
     expected = np.where(mask[..., None], tonemap(found[..., :3] / np.pi, EXPOSURE), 0.0)
     assert expected[mask].std() > 0.1 and (found[..., 3] == mask).all()
     assert np.abs(target.read()[..., :3] - expected).max() < 1.0 / 255.0
     for y, x in np.random.default_rng(1).permutation(np.argwhere(mask))[:5]:
-        value = overlay.value("surface", view, int(x), int(y), surface=seen)
+        value = buffer_view.value("surface", view, int(x), int(y), surface=seen)
         assert value is not None and np.array_equal(value, found[y, x, :3])
-    assert overlay.value("surface", view, *np.argwhere(~mask)[0][::-1], surface=seen) is None
-    assert overlay.value("surface", view, SIZE[0] // 2, SIZE[1] // 2) is None
-    overlay.draw(target, "surface", view, **lent)  # type: ignore[arg-type]
+    assert buffer_view.value("surface", view, *np.argwhere(~mask)[0][::-1], surface=seen) is None
+    assert buffer_view.value("surface", view, SIZE[0] // 2, SIZE[1] // 2) is None
+    buffer_view.draw(target, "surface", view, **lent)  # type: ignore[arg-type]
     assert np.ptp(target.read()[..., :3].reshape(-1, 3), axis=0).max() == 0.0
-    overlay.release()
+    buffer_view.release()
     told = [legend("surface", camera=view.camera, surface=s, **lent).text for s in (None, seen)]  # type: ignore[arg-type]
     assert told[0] == NO_SURFACE and "W/m²" in told[1]
 
@@ -97,7 +97,7 @@ def test_sites_are_dots_where_they_lie(cornell: tuple[Renderer, View], ctx: mode
 
 def test_the_viewer_makes_it_tick_by_tick(driver: Driver) -> None:
     """More bounces: the old picture stays until the cache is made, then all records follow, and the room is brighter."""
-    driver.desk.panels.hud = True
+    driver.actions.panels.hud = True
     driver.settle()
     once = driver.session.frame().irradiance.mean()
     driver.session.change(0, bounces="all", budget=10.0)
@@ -111,7 +111,7 @@ def test_the_viewer_makes_it_tick_by_tick(driver: Driver) -> None:
     frame = driver.session.frame()
     assert frame.stats["bounces"] > 2 and frame.stats["bounces_converged"] and frame.irradiance.mean() > 1.1 * once
     bare = driver.canvas()
-    driver.desk.show("surface")
+    driver.actions.show("surface")
     driver.frame()
     assert (driver.canvas() != bare).any(-1).mean() > 0.3
     driver.session.change(0, bounces=1, budget=80.0)

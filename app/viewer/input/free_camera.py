@@ -17,7 +17,7 @@ STEPS = 200.0  # of a wheel in one call; more would overflow
 POLE = 1e-6  # radians: nearer to the world's up, a view's heading is read from its right instead of its forward
 
 
-class Flight:
+class FreeCamera:
     """A camera on the move. Whatever is asked of it, the camera stays valid; where nothing moved, it stays the same object.
 
     Lengths in metres, world space, right-handed. What is not finite, and what leads beyond FAR diagonals from the first

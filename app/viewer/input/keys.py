@@ -9,7 +9,7 @@ from irrsplat.app.viewer.show.legend import SHOWINGS
 
 @dataclass(frozen=True)
 class Key:
-    """name: as moderngl-window's keys have it, with Ctrl or without. action: a method of Desk, argument: what it takes."""
+    """name: as moderngl-window's keys have it, with Ctrl or without. action: a method of Actions, argument: what it takes."""
 
     name: str
     action: str

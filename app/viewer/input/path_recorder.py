@@ -9,7 +9,7 @@ FPS = 30.0  # frames a second of a path
 KEY_EVERY = 0.2  # seconds between the keys of a recorded one
 
 
-class Tape:
+class PathRecorder:
     """path: the one recorded or opened last. playing: seconds into it, None while it does not play."""
 
     def __init__(self, path: Path | None = None) -> None:

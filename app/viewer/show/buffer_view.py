@@ -25,7 +25,7 @@ _GAP = 2.0  # pixels between them
 _EVERY = Lattice(1, (0, 0), (0, 0))  # a buffer of the view has a texel for every pixel
 
 
-class Overlay(Owner):
+class BufferView(Owner):
     """Draws what SHOWINGS names into targets of any size, best of the view's own."""
 
     def __init__(self, ctx: moderngl.Context) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import moderngl
 import numpy as np
 
-from irrsplat.app.viewer.show.buffer_view import Overlay
+from irrsplat.app.viewer.show.buffer_view import BufferView
 from irrsplat.app.viewer.show.screen import Texels
 from irrsplat.core.buffers import HitLight, Records, ShadowMaps, Sites
 from irrsplat.core.color import LUMINANCE
@@ -87,7 +87,7 @@ class Table:
 
 
 @dataclass(frozen=True)
-class Inspected:
+class InspectedRecord:
     """A record on show: what it holds, a label and a text each, the hemisphere that it sees, and how many pixels it serves."""
 
     number: int
@@ -145,12 +145,12 @@ def describe(number: int, table: Table, view: View, settings: Settings) -> list[
     return lines
 
 
-class Inspector(Owner):
+class RecordInspector(Owner):
     """Gathers single records again, to show what they see."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
-        self.overlay = Overlay(ctx)
+        self.buffer_view = BufferView(ctx)
         self.gather_pass: Any = None  # a GatherPass or TracePass
         self.target: Target | None = None
         self.picture: moderngl.Texture | None = None
@@ -158,7 +158,7 @@ class Inspector(Owner):
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.overlay, self.gather_pass, self.target, self.picture)
+        return (self.buffer_view, self.gather_pass, self.target, self.picture)
 
     def hemisphere(
         self,
@@ -187,7 +187,7 @@ class Inspector(Owner):
             self._made_for = made_for
         assert self.target is not None and self.picture is not None
         atlas = self.gather_pass(world, light, site, np.array([number]), settings.seed)
-        self.overlay.atlas(self.target, atlas, 2.0**exposure, scene.sky)
+        self.buffer_view.atlas(self.target, atlas, 2.0**exposure, scene.sky)
         return self.picture
 
     def release_cell(self) -> None:

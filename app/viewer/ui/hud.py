@@ -9,13 +9,13 @@ import moderngl
 import numpy as np
 from imgui_bundle import imgui
 
-from irrsplat.app.viewer.actions import Desk
+from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.background_truth import Truth
 from irrsplat.app.viewer.input.keys import KEYS
 from irrsplat.app.viewer.show.legend import SHOWINGS, TRUTHS, Legend, legend
 from irrsplat.app.viewer.show.markers import radius_legend
-from irrsplat.app.viewer.show.record_inspector import Inspected
-from irrsplat.app.viewer.ui.imgui_backend import Gui
+from irrsplat.app.viewer.show.record_inspector import InspectedRecord
+from irrsplat.app.viewer.ui.imgui_backend import ImguiBackend
 from irrsplat.image.view import View
 
 FRAMES = 120  # in the plot
@@ -34,10 +34,10 @@ _NUMBERS = 212.0  # width of their window, at least: what is to be clicked stays
 
 
 class Hud:
-    """Draws what stands over the picture of a desk, and keeps the times of the last frames."""
+    """Draws what stands over the picture of a actions, and keeps the times of the last frames."""
 
-    def __init__(self, desk: Desk, gui: Gui) -> None:
-        self.desk, self.gui = desk, gui
+    def __init__(self, actions: Actions, backend: ImguiBackend) -> None:
+        self.actions, self.backend = actions, backend
         self.frames: deque[float] = deque(maxlen=FRAMES)  # milliseconds from picture to picture
         self.ticks: deque[float] = deque(maxlen=FRAMES)  # milliseconds of work
         self.legend_height = 0.0  # window coordinates that the legend took
@@ -48,8 +48,8 @@ class Hud:
 
     def numbers(self, scale: float, clock: str) -> None:
         """Frames a second, milliseconds by stage, records, coverage, and the plot of the last frames."""
-        desk, session = self.desk, self.desk.session
-        if not desk.panels.hud or not session.progress:
+        actions, session = self.actions, self.actions.session
+        if not actions.panels.hud or not session.progress:
             return
         view = imgui.get_main_viewport()
         imgui.set_next_window_pos((view.size.x - _MARGIN, 30.0 * scale), imgui.Cond_.always, (1.0, 0.0))
@@ -90,24 +90,24 @@ class Hud:
         imgui.end()
 
     def _buttons(self) -> None:
-        desk = self.desk
-        if imgui.small_button("thaw" if desk.session.look.frozen else "freeze"):
-            desk.toggle("frozen")
+        actions = self.actions
+        if imgui.small_button("thaw" if actions.session.options.frozen else "freeze"):
+            actions.toggle("frozen")
         for word, action in (("step", "step"), ("clear", "clear")):
             imgui.same_line()
             if imgui.small_button(word):
-                desk.press(next(k for k in KEYS if k.action == action))
-        if desk.session.look.frozen:
+                actions.press(next(k for k in KEYS if k.action == action))
+        if actions.session.options.frozen:
             imgui.same_line()
             imgui.text_colored(_AMBER, "frozen")
-        if desk.session.tape.recording is not None:
+        if actions.session.path_recorder.recording is not None:
             imgui.text_colored(_AMBER, "recording (R ends it)")
-        if desk.session.tape.playing is not None:
+        if actions.session.path_recorder.playing is not None:
             imgui.text_colored(_AMBER, "playing (P stops it)")
         self._tracing()
 
     def _tracing(self) -> None:
-        share = self.desk.session.truths.share
+        share = self.actions.session.truths.share
         if share is not None:
             imgui.text_colored(_AMBER, f"tracing, {100.0 * share:.0f} % (Y stops it)")
 
@@ -115,7 +115,7 @@ class Hud:
 
     def legends(self, scale: float, cursor: tuple[int, int] | None) -> None:
         """Of each side: what is shown, in which colours and units, and its value under the cursor."""
-        session = self.desk.session
+        session = self.actions.session
         if not session.views:
             return
         view, height = imgui.get_main_viewport(), 0.0
@@ -134,13 +134,13 @@ class Hud:
         self.legend_height = height + 2.0 * _MARGIN
 
     def _legend(self, side: int, scale: float, cursor: tuple[int, int] | None) -> None:
-        session = self.desk.session
+        session = self.actions.session
         renderer, view = session.of(side)
-        name = session.look.buffers[side]
+        name = session.options.buffers[side]
         showing = SHOWINGS[name]
-        preset = f"  preset {renderer.preset}" if session.look.split == "presets" else ""
+        preset = f"  preset {renderer.preset}" if session.options.split == "presets" else ""
         imgui.text(showing.title + preset)
-        settings, look = renderer.settings, session.look
+        settings, options = renderer.settings, session.options
         truth = session.truths.of(session.scene, view.camera, session.size, settings.bounces)
         surface = renderer.scheduler.surface_seen(view.gbuffer) if name == "surface" else None
         found = legend(
@@ -156,8 +156,8 @@ class Hud:
         _scale(found, scale)
         if showing.how in TRUTHS:
             self._tracing()
-        if look.points or look.discs or look.normals:
-            by = "age" if look.by_age else "radius"
+        if options.points or options.discs or options.normals:
+            by = "age" if options.by_age else "radius"
             _scale(radius_legend(settings, session.scene, by, renderer.cache.count), scale)  # type: ignore[arg-type]
         value = self._value(side, name, view, cursor, truth, surface) if cursor is not None else None
         if value is not None:
@@ -175,18 +175,22 @@ class Hud:
         """What is under the cursor, read again where that, or what is shown, is another."""
         key = (name, *cursor, id(view), id(truth), id(surface))
         if key != self._read.get(side, ((),))[0]:
-            self._read[side] = key, (view, truth, surface), self.desk.session.overlay.value(name, view, *cursor, truth, surface)
+            self._read[side] = (
+                key,
+                (view, truth, surface),
+                self.actions.session.buffer_view.value(name, view, *cursor, truth, surface),
+            )
         return self._read[side][2]
 
     # ---- the rest --------------------------------------------------------------------------------------------------
 
-    def record(self, found: Inspected | None, scale: float) -> None:
+    def record(self, found: InspectedRecord | None, scale: float) -> None:
         """The record inspected: its numbers, the pixels it serves, the hemisphere that it saw."""
         if found is None:
             return
         view = imgui.get_main_viewport()
         # below the numbers where there is room, else beside them
-        width, height = self.numbers_size if self.desk.panels.hud else (0.0, 0.0)
+        width, height = self.numbers_size if self.actions.panels.hud else (0.0, 0.0)
         meets = 30.0 * scale + height + self._record_height + 2.0 * _MARGIN > view.size.y
         right = view.size.x - _MARGIN - (width + _MARGIN if meets else 0.0)
         imgui.set_next_window_pos((right, view.size.y - _MARGIN), imgui.Cond_.always, (1.0, 1.0))
@@ -201,42 +205,42 @@ class Hud:
                 imgui.text(text)
             imgui.end_table()
         width = 170.0 * scale
-        self.gui.image(found.picture, (width, width * found.picture.height / found.picture.width))
+        self.backend.image(found.picture, (width, width * found.picture.height / found.picture.width))
         self._record_height = imgui.get_window_height()
-        imgui.text_disabled("what it sees" + ("; held" if self.desk.session.held is not None else "; a click holds it"))
+        imgui.text_disabled("what it sees" + ("; held" if self.actions.session.held is not None else "; a click holds it"))
         imgui.end()
 
     def messages(self, scale: float) -> None:
         """Lines for the user, at the top in the middle; errors can be closed."""
-        desk = self.desk
-        desk.tidy()
-        if not desk.messages:
+        actions = self.actions
+        actions.tidy()
+        if not actions.messages:
             return
         view = imgui.get_main_viewport()
         imgui.set_next_window_pos((0.5 * view.size.x, 30.0 * scale), imgui.Cond_.always, (0.5, 0.0))
         imgui.set_next_window_size_constraints((0.0, 0.0), (0.9 * view.size.x, view.size.y))
-        errors = [m for m in desk.messages if m.error]
+        errors = [m for m in actions.messages if m.error]
         if errors:
             imgui.push_style_color(imgui.Col_.window_bg, _RED)
         imgui.begin("messages", None, _PLAIN | (0 if errors else imgui.WindowFlags_.no_inputs))
         imgui.push_text_wrap_pos(0.85 * view.size.x)
-        for message in desk.messages:
+        for message in actions.messages:
             imgui.text_wrapped(message.text)
         imgui.pop_text_wrap_pos()
         if errors and imgui.small_button("close"):
-            desk.messages = [m for m in desk.messages if not m.error]
+            actions.messages = [m for m in actions.messages if not m.error]
         imgui.end()
         if errors:
             imgui.pop_style_color()
 
     def lamps(self) -> None:
         """Where the lights are, while their panel is open; the one picked is filled."""
-        session = self.desk.session
-        if not self.desk.panels.lights:
+        session = self.actions.session
+        if not self.actions.panels.lights:
             return
         camera, view = session.camera, imgui.get_main_viewport()
         draw = imgui.get_background_draw_list()
-        for i, lamp in enumerate(self.desk.lamps):
+        for i, lamp in enumerate(self.actions.lamps):
             if lamp.light.directional:
                 continue
             x, y, z = camera.axes @ (np.asarray(lamp.light.position) - np.asarray(camera.eye))
@@ -247,7 +251,7 @@ class Hud:
             colour = imgui.get_color_u32(_AMBER if lamp.on else (0.5, 0.5, 0.5, 1.0))
             draw.add_circle(place, 9.0, imgui.get_color_u32((0.0, 0.0, 0.0, 0.7)), 0, 4.0)
             draw.add_circle(place, 9.0, colour, 0, 2.0)
-            if i == self.desk.lamp:
+            if i == self.actions.lamp:
                 draw.add_circle_filled(place, 5.0, colour)
 
 

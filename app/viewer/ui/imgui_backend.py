@@ -45,7 +45,7 @@ GLFW_KEYS = {39: "apostrophe", 96: "grave_accent", 335: "keypad_enter"}
 GLFW_KEYS |= dict(enumerate((f"{side}_{name}" for side in ("left", "right") for name in MODIFIERS), start=340))
 
 
-class Gui:
+class ImguiBackend:
     """An imgui context of its own, drawn on `ctx`; between `begin` and `draw` it is the current one, to be called.
 
     scale: how large text and widgets are, 1 for a plain monitor. Events may come at any time, whichever context is current.
@@ -195,7 +195,7 @@ class Gui:
         return self._io.want_capture_keyboard
 
     def release(self) -> None:
-        """Free the imgui context and every OpenGL object; the Gui is not used after it."""
+        """Free the imgui context and every OpenGL object; the ImguiBackend is not used after it."""
         owned: list[Any] = [self._array, self._vertices, self._indices, self.program, *self._textures.values()]
         for thing in owned:
             thing.release()

@@ -7,7 +7,7 @@ from typing import Any
 
 from imgui_bundle import imgui
 
-from irrsplat.app.viewer.actions import Desk, Lamp
+from irrsplat.app.viewer.actions import Actions, Lamp
 from irrsplat.settings import PRESETS, SETTINGS, Declaration, preset
 
 WIDTH = 268.0  # of the panels, window coordinates at scale 1
@@ -33,27 +33,27 @@ _STAGES = {"shadow": False, "gather": False, "splat": True, "examine": True, "co
 
 
 class Panel:
-    """Draws the panels of a desk; what is being dragged and not yet let go of is kept here."""
+    """Draws the panels of a actions; what is being dragged and not yet let go of is kept here."""
 
-    def __init__(self, desk: Desk) -> None:
-        self.desk = desk
+    def __init__(self, actions: Actions) -> None:
+        self.actions = actions
         self._drafts: dict[str, Any] = {}
         self.floor = 0.0  # window coordinates kept free below the panels
 
     def settings(self, scale: float) -> None:
         """The window of all settings, stage by stage."""
-        desk = self.desk
-        if not desk.panels.settings:
+        actions = self.actions
+        if not actions.panels.settings:
             return
         _place(8.0, 30.0, scale, self.floor)
-        shown, desk.panels.settings = imgui.begin("settings", True, imgui.WindowFlags_.always_auto_resize)
+        shown, actions.panels.settings = imgui.begin("settings", True, imgui.WindowFlags_.always_auto_resize)
         if shown:
-            if desk.session.look.split == "presets":
+            if actions.session.options.split == "presets":
                 imgui.text("side")
                 for side, word in enumerate(("left", "right")):
                     imgui.same_line()
-                    if imgui.radio_button(word, desk.side == side):
-                        desk.side = side
+                    if imgui.radio_button(word, actions.side == side):
+                        actions.side = side
             self._presets(scale)
             for stage, first in _STAGES.items():
                 flags = imgui.TreeNodeFlags_.default_open if first else 0
@@ -64,7 +64,7 @@ class Panel:
         imgui.end()
 
     def _presets(self, scale: float) -> None:
-        name, settings = self.desk.session.settings(self.desk.side)
+        name, settings = self.actions.session.settings(self.actions.side)
         base = preset(name)
         changed = any(getattr(settings, key) != getattr(base, key) for key in SETTINGS)
         imgui.set_next_item_width(_WIDGET * scale)
@@ -78,12 +78,12 @@ class Panel:
     def use(self, name: str) -> None:
         """Set the side at hand to a preset."""
         self._drafts.clear()
-        self.desk.trying(lambda: self.desk.session.use(self.desk.side, name))
+        self.actions.trying(lambda: self.actions.session.use(self.actions.side, name))
 
     def _setting(self, declaration: Declaration, scale: float) -> None:
         """One line: the widget, its name, and an arrow back to the preset's value where it differs."""
-        d, desk = declaration, self.desk
-        chosen, settings = desk.session.settings(desk.side)
+        d, actions = declaration, self.actions
+        chosen, settings = actions.session.settings(actions.side)
         value, base = getattr(settings, d.name), getattr(preset(chosen), d.name)
         imgui.push_id(d.name)
         new = self._widget(d, value, scale)
@@ -95,7 +95,7 @@ class Panel:
             imgui.set_item_tooltip(f"back to {_word(base)}")
         imgui.pop_id()
         if new != value:
-            desk.trying(lambda: desk.session.change(desk.side, **{d.name: new}))
+            actions.trying(lambda: actions.session.change(actions.side, **{d.name: new}))
 
     def _widget(self, d: Declaration, value: Any, scale: float) -> Any:
         """The value as the user leaves it; sliders of what is dear to change speak when they are let go of."""
@@ -142,35 +142,35 @@ class Panel:
 
     def _resolved(self, d: Declaration) -> float:
         """What a setting's word stands for at the moment."""
-        session = self.desk.session
-        _, settings = session.settings(self.desk.side)
+        session = self.actions.session
+        _, settings = session.settings(self.actions.side)
         if d.name == "bounces":
-            return int(session.active[min(self.desk.side, len(session.active) - 1)].scheduler.bounces(settings)["bounces"])
+            return int(session.active[min(self.actions.side, len(session.active) - 1)].scheduler.bounces(settings)["bounces"])
         return settings.threshold if d.name == "tolerance" else session.exposure
 
     # ---- lights ----------------------------------------------------------------------------------------------------
 
     def lights(self, scale: float) -> None:
         """The window of the scene's lights: pick one, move it, dim it."""
-        desk = self.desk
-        if not desk.panels.lights:
+        actions = self.actions
+        if not actions.panels.lights:
             return
         _place(8.0 + WIDTH, 30.0, scale, self.floor)
-        shown, desk.panels.lights = imgui.begin("lights", True, imgui.WindowFlags_.always_auto_resize)
+        shown, actions.panels.lights = imgui.begin("lights", True, imgui.WindowFlags_.always_auto_resize)
         if shown:
-            if not desk.lamps:
+            if not actions.lamps:
                 imgui.text_disabled("the scene has no lights of its own;\nwhat glows and the sky light it")
-            for i, lamp in enumerate(desk.lamps):
+            for i, lamp in enumerate(actions.lamps):
                 title = lamp.light.name or f"light {i + 1}"
-                if imgui.selectable(f"{title}  {_kind(lamp)}##{i}", i == desk.lamp)[0]:
-                    desk.lamp = i
-            if desk.lamp < len(desk.lamps):
+                if imgui.selectable(f"{title}  {_kind(lamp)}##{i}", i == actions.lamp)[0]:
+                    actions.lamp = i
+            if actions.lamp < len(actions.lamps):
                 imgui.separator()
-                self._lamp(desk.lamps[desk.lamp], scale)
+                self._lamp(actions.lamps[actions.lamp], scale)
         imgui.end()
 
     def _lamp(self, lamp: Lamp, scale: float) -> None:
-        desk, light, scene = self.desk, lamp.light, self.desk.session.scene
+        actions, light, scene = self.actions, lamp.light, self.actions.session.scene
         width = 1.4 * _WIDGET * scale
         changed, lamp.on = imgui.checkbox("on", lamp.on)
         imgui.set_next_item_width(width)
@@ -189,19 +189,19 @@ class Panel:
             if moved and tuple(aim) != tuple(lamp.light.position):
                 lamp.light, changed = replace(lamp.light, spot_target=(aim[0], aim[1], aim[2])), True
         imgui.set_next_item_width(width)
-        most = max(*desk.loaded(desk.lamp).light.color, 1e-30)  # so that black is a way back, too
+        most = max(*actions.loaded(actions.lamp).light.color, 1e-30)  # so that black is a way back, too
         moved, tint = imgui.color_edit3("colour", [c / most for c in light.color], imgui.ColorEditFlags_.float)
         if moved:
             lamp.light, changed = replace(lamp.light, color=(tint[0] * most, tint[1] * most, tint[2] * most)), True
         if not light.directional:
             if imgui.button("to the eye"):
-                lamp.light, changed = replace(lamp.light, position=desk.session.camera.eye), True
+                lamp.light, changed = replace(lamp.light, position=actions.session.camera.eye), True
             imgui.same_line()
         if imgui.button("as loaded"):
-            desk.lamps[desk.lamp] = desk.loaded(desk.lamp)
+            actions.lamps[actions.lamp] = actions.loaded(actions.lamp)
             changed = True
         if changed:
-            desk.relight()
+            actions.relight()
 
 
 def _kind(lamp: Lamp) -> str:

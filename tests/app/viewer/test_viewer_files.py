@@ -26,11 +26,11 @@ PATH = "frames 31\ncam 0 0 2.6  0 0 0  0 1 0\ncam 0.5 0.2 1.6  0 0 0  0 1 0\n"
 @pytest.fixture
 def room(one: Driver) -> Iterator[Path]:
     """The file of the scene on show, put back in the end."""
-    path = Path(one.desk.source)
+    path = Path(one.actions.source)
     yield path
     write_room(path.parent)
     with one.wnd.ctx:
-        one.desk.trying(lambda: one.desk.open(str(path)))
+        one.actions.trying(lambda: one.actions.open(str(path)))
 
 
 @pytest.fixture
@@ -47,11 +47,11 @@ def rewrite(driver: Driver, path: Path, text: str) -> None:
     path.write_text(text)
     then = time.time() - 1000.0 + next(_SAVES)  # another time for each
     os.utime(path, (then, then))
-    driver.desk.watch._next = 0.0
+    driver.actions.watch._next = 0.0
 
 
 def errors(driver: Driver) -> list[str]:
-    return [m.text for m in driver.desk.messages if m.error]
+    return [m.text for m in driver.actions.messages if m.error]
 
 
 # ---- shaders -------------------------------------------------------------------------------------------------------------
@@ -82,7 +82,7 @@ def test_a_broken_shader_is_told_and_the_last_good_one_goes_on(driver: Driver, c
 
 def test_a_changed_shader_shows_at_once(driver: Driver, copied: Path) -> None:
     """The viewer's own shaders, the interface's among them, are read again as the core's are."""
-    driver.desk.panels.settings = True
+    driver.actions.panels.settings = True
     driver.frame(4)
     assert (driver.window() != driver.canvas()).any(-1).mean() > 0.3
     file = copied / "viewer/gui.frag"
@@ -107,12 +107,12 @@ def test_a_changed_core_shader_shows_where_no_record_changes(driver: Driver, cop
     good = file.read_text()
     assert "out_image = vec4(" in good
     file.write_text(good.replace("out_image = vec4(", "out_image = 2.0 * vec4("))
-    driver.session.reload_shaders(*driver.desk.others)
+    driver.session.reload_shaders(*driver.actions.others)
     driver.settle()
     after = driver.canvas().astype(int)
     assert (after >= before).all() and (after > before).mean() > 0.4
     file.write_text(good)
-    driver.session.reload_shaders(*driver.desk.others)
+    driver.session.reload_shaders(*driver.actions.others)
     driver.settle()
     assert np.array_equal(driver.canvas(), before)
 
@@ -123,15 +123,15 @@ def test_a_changed_core_shader_shows_where_no_record_changes(driver: Driver, cop
 def test_a_scene_that_changes_on_disk_is_read_again_where_one_stands(driver: Driver, room: Path) -> None:
     """Camera, speed, settings and what plays stay; so they do through an error, which is told by file and line."""
     driver.session.change(0, a=0.7)
-    driver.session.flight.move(1.0, 0.0, 0.0, 0.2)
-    driver.session.flight.change_speed(2.0)
+    driver.session.free_camera.move(1.0, 0.0, 0.0, 0.2)
+    driver.session.free_camera.change_speed(2.0)
     driver.settle()
-    camera, speed, before = driver.session.camera, driver.session.flight.speed, driver.canvas()
+    camera, speed, before = driver.session.camera, driver.session.free_camera.speed, driver.canvas()
     rewrite(driver, room, ROOM.replace("brdf diffuse 0.7 0.1 0.1 1", "brdf diffuse 0.1 0.1 0.7 1"))
     driver.frame()
     assert "has changed" in driver.said and driver.session.camera == camera
     driver.settle()
-    assert driver.session.flight.speed == speed and driver.session.settings(0)[1].a == 0.7
+    assert driver.session.free_camera.speed == speed and driver.session.settings(0)[1].a == 0.7
     left, was = driver.canvas()[100:140, 20:60].mean((0, 1)), before[100:140, 20:60].mean((0, 1))
     assert was[0] > was[2] and left[2] > left[0], "the left wall is blue now"
     good = driver.canvas()
@@ -153,13 +153,13 @@ def test_a_mesh_or_a_light_that_changes_counts_too(driver: Driver, room: Path) -
     rewrite(driver, room.with_name("lamp.light"), "position 0 0.8 0 1\nintensity 1 2 3\n")
     driver.frame()
     assert driver.session.scene.lights[0].color == (1.0, 2.0, 3.0)
-    assert driver.desk.lamps[0].light.position == (0.0, 0.8, 0.0)
+    assert driver.actions.lamps[0].light.position == (0.0, 0.8, 0.0)
 
 
 def test_while_a_file_is_being_written_nobody_reads_it(driver: Driver, room: Path) -> None:
     renderer = driver.session.renderers[0]
     room.write_text(ROOM[:40])
-    driver.desk.watch._next = 0.0
+    driver.actions.watch._next = 0.0
     driver.frame()
     assert driver.session.renderers[0] is renderer and not driver.said
 
@@ -169,7 +169,7 @@ def test_while_a_file_is_being_written_nobody_reads_it(driver: Driver, room: Pat
 
 def test_a_dropped_scene_is_opened_with_the_same_settings(driver: Driver, room: Path, tmp_path: Path) -> None:
     """From its own first camera, remembered as the newest; two presets stay two."""
-    driver.session.look.frozen = True
+    driver.session.options.frozen = True
     driver.session.split("presets")
     driver.session.change(0, a=0.7)
     other = write_room(tmp_path).rename(tmp_path / "other.scene")
@@ -178,7 +178,7 @@ def test_a_dropped_scene_is_opened_with_the_same_settings(driver: Driver, room: 
     driver.frame()
     assert driver.session.scene.name == "other" and driver.session.camera.eye == (0.0, 0.1, 2.2)
     assert [r.preset for r in driver.session.renderers] == ["default", "paper"] and driver.session.settings(0)[1].a == 0.7
-    assert driver.desk.memory.recent[:2] == [str(other), str(room)] and driver.desk.source == str(other)
+    assert driver.actions.preferences.recent[:2] == [str(other), str(room)] and driver.actions.source == str(other)
     driver.choose("Scene", str(room))
     assert driver.session.scene.name == "room"
 
@@ -189,7 +189,7 @@ def test_nonsense_is_refused_and_nothing_changes(driver: Driver, tmp_path: Path,
     for name in ("a.scene", "a.xyz", "a.path", "a.glb", "missing.scene", "."):
         if name.startswith("a."):
             (tmp_path / name).write_text(content)
-        driver.desk.messages.clear()
+        driver.actions.messages.clear()
         driver.viewer.on_drop([name])
         driver.frame()
         (said,) = errors(driver)
@@ -202,10 +202,10 @@ def test_a_dropped_path_plays_to_its_end(driver: Driver, tmp_path: Path) -> None
     (tmp_path / "flight.path").write_text(PATH)
     driver.viewer.on_drop(["flight.path"])
     driver.frame(10, 0.05)
-    assert driver.session.tape.playing == pytest.approx(0.5)
+    assert driver.session.path_recorder.playing == pytest.approx(0.5)
     assert driver.session.views[0].camera.eye == pytest.approx((0.25, 0.1, 2.1))  # half way, evenly: two keys make a line
     driver.frame(15, 0.05)
-    assert driver.session.tape.playing is None and driver.session.camera.eye == (0.5, 0.2, 1.6)
+    assert driver.session.path_recorder.playing is None and driver.session.camera.eye == (0.5, 0.2, 1.6)
 
 
 def test_a_scene_is_typed_into_the_dialog(driver: Driver, room: Path, tmp_path: Path) -> None:
@@ -214,25 +214,25 @@ def test_a_scene_is_typed_into_the_dialog(driver: Driver, room: Path, tmp_path: 
     driver.frame(3)
     driver.type("nothing.scene")
     driver.press("ENTER")
-    assert "nothing.scene" in errors(driver)[0] and driver.desk.panels.open
+    assert "nothing.scene" in errors(driver)[0] and driver.actions.panels.open
     driver.frame(2)
     (line,) = (w for w in driver.widgets if w.kind == "input_text")
     driver.enter(line, str(other))
-    assert driver.session.scene.name == "typed" and not driver.desk.panels.open and not errors(driver)
+    assert driver.session.scene.name == "typed" and not driver.actions.panels.open and not errors(driver)
 
 
 def test_bookmarks_are_those_of_the_scene(driver: Driver, room: Path, tmp_path: Path) -> None:
     push(driver, "B")
     other = write_room(tmp_path)
-    driver.desk.open(str(other))
-    assert driver.desk.bookmarks == []
-    driver.desk.open(str(room))
-    assert [b.name for b in driver.desk.bookmarks] == ["bookmark 1"]
+    driver.actions.open(str(other))
+    assert driver.actions.bookmarks == []
+    driver.actions.open(str(room))
+    assert [b.name for b in driver.actions.bookmarks] == ["bookmark 1"]
 
 
 def test_too_many_lights_are_refused_and_nothing_is_lost(driver: Driver) -> None:
     """Also for two renderers, of which the first may be made already."""
-    scene = load(driver.desk.source)
+    scene = load(driver.actions.source)
     driver.session.split("presets")
     with pytest.raises(InputError, match="lights"):
         driver.session.open(replace(scene, lights=scene.lights * 10_000))

@@ -31,7 +31,7 @@ def test_a_key_does_what_it_says(driver: Driver, shown: str) -> None:
     before = driver.session.camera
     CASES.made[shown](driver, shown)
     assert shown in ("Home", "P", "R") or driver.session.camera == before
-    assert not driver.desk.quitting and not any(m.error for m in driver.desk.messages)
+    assert not driver.actions.quitting and not any(m.error for m in driver.actions.messages)
 
 
 # ---- buffers -------------------------------------------------------------------------------------------------------------
@@ -45,7 +45,7 @@ def test_a_number_shows_its_buffer(driver: Driver, found: Key) -> None:
     canvas, cache = driver.canvas(), driver.session.renderers[0].cache
     state = cache.count, cache.edits
     push(driver, found.shown)
-    assert driver.session.look.buffers[0] == found.argument
+    assert driver.session.options.buffers[0] == found.argument
     assert (driver.canvas() != canvas).any()
     assert driver.session.ms == {} and (cache.count, cache.edits) == state
     assert driver.said == SHOWINGS[str(found.argument)].title
@@ -53,11 +53,11 @@ def test_a_number_shows_its_buffer(driver: Driver, found: Key) -> None:
 
 def test_the_buffers_are_all_different_pictures(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
     tracer = Tracer(monkeypatch)
-    driver.desk.trace()
+    driver.actions.trace()
     tracer.finish(driver)
     pictures = {}
     for name in SHOWINGS:
-        driver.desk.show(name)
+        driver.actions.show(name)
         driver.frame()
         pictures[name] = driver.canvas()
     for name, picture in pictures.items():
@@ -68,7 +68,7 @@ def test_the_buffers_are_all_different_pictures(driver: Driver, monkeypatch: pyt
 
 
 def away(driver: Driver) -> None:
-    driver.session.flight.move(1.0, 0.0, 1.0, 0.2)
+    driver.session.free_camera.move(1.0, 0.0, 1.0, 0.2)
     driver.frame()
 
 
@@ -85,7 +85,7 @@ def home(driver: Driver, shown: str) -> None:
 def copy_line(driver: Driver, shown: str) -> None:
     """The line stands in a .scene instead of the first camera, and that camera sees the same."""
     push(driver, shown)
-    line, there = driver.viewer.desktop.text, Path(driver.desk.source)
+    line, there = driver.viewer.desktop.text, Path(driver.actions.source)
     text = there.read_text().splitlines()
     assert text[0].startswith("cam ")
     copy = there.with_name("copy.scene")
@@ -108,8 +108,8 @@ def bookmark(driver: Driver, shown: str) -> None:
     """Each is kept in the user's folder under a name of its own."""
     push(driver, shown)
     push(driver, shown)
-    kept = preferences.bookmarks(driver.desk.source)
-    assert [b.name for b in kept] == ["bookmark 1", "bookmark 2"] and kept == driver.desk.bookmarks
+    kept = preferences.bookmarks(driver.actions.source)
+    assert [b.name for b in kept] == ["bookmark 1", "bookmark 2"] and kept == driver.actions.bookmarks
     assert kept[0].eye == driver.session.camera.eye and kept[0].fov == driver.session.camera.fov
 
 
@@ -119,17 +119,17 @@ def record(driver: Driver, shown: str) -> None:
     begin = driver.session.camera
     push(driver, shown)
     for _ in range(20):
-        driver.session.flight.move(0.0, 0.0, 1.0, 0.05)
+        driver.session.free_camera.move(0.0, 0.0, 1.0, 0.05)
         driver.frame()
     end = driver.session.camera
     driver.frame(10)
-    assert driver.session.tape.recording is not None and not driver.session.at_rest
+    assert driver.session.path_recorder.recording is not None and not driver.session.at_rest
     push(driver, shown)
     (file,) = Path().glob("flight-room-*.path")
     path = load_path(file, begin.fov)
     assert path.frames == 1 + 30 * 1.4, "1.55 s are recorded, a key every 0.2 s"
     assert path.camera(0) == begin and np.allclose(path.camera(path.frames).eye, end.eye)
-    speed = driver.session.flight.speed
+    speed = driver.session.free_camera.speed
     assert begin.eye[2] - path.camera(24).eye[2] == pytest.approx(0.8 * speed, abs=0.06 * speed), "where it was after 0.8 s"
 
 
@@ -137,12 +137,12 @@ def record(driver: Driver, shown: str) -> None:
 def play(driver: Driver, shown: str) -> None:
     push(driver, shown)
     assert "no path yet" in driver.said
-    driver.desk.record()
+    driver.actions.record()
     for _ in range(20):
-        driver.session.flight.move(0.0, 0.0, 1.0, 0.05)
+        driver.session.free_camera.move(0.0, 0.0, 1.0, 0.05)
         driver.frame()
-    driver.desk.record()
-    path, tape = driver.session.tape.path, driver.session.tape
+    driver.actions.record()
+    path, tape = driver.session.path_recorder.path, driver.session.path_recorder
     assert path is not None
     push(driver, "Home")
     push(driver, shown)
@@ -174,10 +174,10 @@ def changed(driver: Driver, shown: str) -> float:
 def overlay(driver: Driver, shown: str) -> None:
     """Part of the pixels change, whatever lies below."""
     for name in ("image", "normal"):
-        driver.desk.show(name)
+        driver.actions.show(name)
         driver.frame()
         assert 0.002 < changed(driver, shown) < 0.7
-    driver.desk.show("atlas")
+    driver.actions.show("atlas")
     driver.frame()
     assert changed(driver, shown) == 0.0, "there the records are nowhere"
 
@@ -215,7 +215,7 @@ def inspect(driver: Driver, shown: str) -> None:
     assert (driver.canvas() != before).any(-1).sum() == found.served > 10
     x, y = 120, 120
     view, renderer = driver.session.views[0], driver.session.renderers[0]
-    here, record = driver.session.overlay.value("position", view, x, y), renderer.cache.read()["position"][found.number]
+    here, record = driver.session.buffer_view.value("position", view, x, y), renderer.cache.read()["position"][found.number]
     assert here is not None and np.linalg.norm(here - record) < 2.0 * renderer.settings.a * renderer.scene.diagonal
     driver.session.held = 0, found.number
     push(driver, shown)
@@ -228,27 +228,27 @@ def freeze(driver: Driver, shown: str) -> None:
     """From elsewhere, the cache stays as it is until it thaws."""
     count = driver.session.renderers[0].cache.count
     push(driver, shown)
-    driver.session.flight.go(driver.session.scene.camera("corner"))
+    driver.session.free_camera.go(driver.session.scene.camera("corner"))
     driver.frame(5)
     assert driver.session.renderers[0].cache.count == count and driver.session.progress[0].coverage < 1.0
     assert driver.session.at_rest
     push(driver, shown)
     driver.settle()
     assert driver.session.renderers[0].cache.count > count and driver.session.progress[0].coverage == 1.0
-    driver.session.flight.home()
+    driver.session.free_camera.home()
 
 
 @case("N")
 def step(driver: Driver, shown: str) -> None:
     """Frozen, each press gathers one whole round, in however many ticks that takes."""
     driver.session.clear()
-    driver.session.look.frozen = True
+    driver.session.options.frozen = True
     driver.frame(2)
     counts = [driver.session.renderers[0].cache.count]
     for turn in (1, 2):
         push(driver, shown)
         driver.frame(10)
-        assert driver.session.look.frozen and driver.session.progress[0].round == turn
+        assert driver.session.options.frozen and driver.session.progress[0].round == turn
         counts.append(driver.session.renderers[0].cache.count)
     assert counts[0] == 0 < counts[1] < counts[2]
 
@@ -258,10 +258,10 @@ def clear(driver: Driver, shown: str) -> None:
     """No record is left, and as many come again; the shadow maps stay."""
     cache, shadows = driver.session.renderers[0].cache, driver.session.renderers[0].shadows
     count = cache.count
-    driver.session.look.frozen = True
+    driver.session.options.frozen = True
     push(driver, shown)
     assert cache.count == 0
-    driver.session.look.frozen = False
+    driver.session.options.frozen = False
     driver.settle()
     assert abs(cache.count - count) < 0.2 * count and driver.session.renderers[0].shadows is shadows
 
@@ -279,7 +279,7 @@ def expose(driver: Driver, shown: str) -> None:
     after = driver.canvas().astype(int)
     assert (way * (after - before) >= 0).all() and (after != before).mean() > 0.5
     assert driver.session.ms == {}
-    driver.desk.show("normal")
+    driver.actions.show("normal")
     driver.frame()
     assert changed(driver, "[") == 0.0 if shown == "]" else True
 
@@ -306,12 +306,12 @@ def split(driver: Driver, shown: str) -> None:
             driver.session.change(1, warmup=20, a=0.5)
         driver.settle()
         picture = driver.canvas()
-        assert driver.session.look.split == way and (picture[:, middle - 1 : middle + 1] == 255).all()
+        assert driver.session.options.split == way and (picture[:, middle - 1 : middle + 1] == 255).all()
         assert np.array_equal(picture[:, : middle - 1], before[:, : middle - 1])
         assert (picture[:, middle + 1 :] != before[:, middle + 1 :]).any(-1).mean() > 0.2
     assert [r.preset for r in driver.session.active] == ["default", "paper"]
     push(driver, shown)
-    assert driver.session.look.split == "off" and np.array_equal(driver.canvas(), before)
+    assert driver.session.options.split == "off" and np.array_equal(driver.canvas(), before)
 
 
 @case("M")

@@ -60,7 +60,7 @@ def resident() -> float:
 
 def anything(driver: Driver, chance: random.Random) -> None:
     """One thing that a user may do between two frames."""
-    session, desk = driver.session, driver.desk
+    session, actions = driver.session, driver.actions
     width, height = driver.wnd.size
     place = chance.uniform(0, width), chance.uniform(30, height)  # below the menus, which might open another scene
     what = chance.choice(
@@ -87,7 +87,7 @@ def anything(driver: Driver, chance: random.Random) -> None:
         driver.up(key.name)
         driver.up("LEFT_CTRL")
     elif what == "buffer":
-        desk.show(chance.choice(list(SHOWINGS)))
+        actions.show(chance.choice(list(SHOWINGS)))
     elif what == "set":
         name, values = chance.choice(
             (("a", (0.5, 1.0)), ("smooth", (True, False)), ("gradients", (True, False)), ("gather", ("raster", "plane")),
@@ -96,10 +96,10 @@ def anything(driver: Driver, chance: random.Random) -> None:
         )  # fmt: skip
         session.change(chance.choice((0, 1)), **{name: chance.choice(values)})
     elif what == "light":
-        lamp = desk.lamps[0]
+        lamp = actions.lamps[0]
         lamp.light = replace(lamp.light, position=(chance.uniform(-0.9, 0.9), chance.uniform(-0.9, 0.9), 0.3))
         lamp.on, lamp.stops = chance.random() < 0.8, chance.uniform(-2.0, 2.0)
-        desk.relight()
+        actions.relight()
     elif what == "split":
         session.split(chance.choice(SPLITS))
         for renderer in session.active[1:]:
@@ -107,9 +107,9 @@ def anything(driver: Driver, chance: random.Random) -> None:
     elif what == "size":
         driver.resize(chance.choice(SIZES))
     elif what == "camera":
-        desk.go(session.scene.camera(chance.choice((None, "corner"))))
+        actions.go(session.scene.camera(chance.choice((None, "corner"))))
     else:
-        desk.panels.settings, desk.panels.lights, desk.panels.hud = (chance.random() < 0.5 for _ in range(3))
+        actions.panels.settings, actions.panels.lights, actions.panels.hud = (chance.random() < 0.5 for _ in range(3))
 
 
 def rare(driver: Driver, second: int) -> None:
@@ -117,8 +117,8 @@ def rare(driver: Driver, second: int) -> None:
 
     The records' textures double where they are full: thus they come to the same size in each of these spans.
     """
-    desk = driver.desk
-    {0: desk.reload, 2: desk.screenshot, 4: desk.record, 6: desk.record, 7: desk.play, 9: desk.clear}.get(
+    actions = driver.actions
+    {0: actions.reload, 2: actions.screenshot, 4: actions.record, 6: actions.record, 7: actions.play, 9: actions.clear}.get(
         second % 10, lambda: None
     )()
 
@@ -142,11 +142,11 @@ def test_a_minute_of_anything_leaves_nothing_behind(tmp_path: Path, monkeypatch:
             driver.frame(dt=DT)
             if number % round(1 / DT) == 0:
                 rare(driver, number * round(DT * 1e6) // 1_000_000)
-            assert not [m for m in driver.desk.messages if m.error], driver.said
+            assert not [m for m in driver.actions.messages if m.error], driver.said
             if number % (frames // 3) == 0:
                 driver.session.renderers[1:] = [r for r in driver.session.renderers[1:] if r.release()]  # type: ignore[func-returns-value]
                 driver.reset()
-                driver.desk.reload()
+                driver.actions.reload()
                 driver.settle()
                 counts.append(watch.alive().total())
                 memory.append(resident())

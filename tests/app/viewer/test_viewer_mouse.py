@@ -38,12 +38,12 @@ def test_a_held_key_flies_its_way(driver: Driver, name: str, way: tuple[int, int
     driver.frame(4, DT)
     driver.up(name)
     driver.frame(3, DT)
-    assert gone(driver, before) == pytest.approx(np.array(way) * 4 * DT * driver.session.flight.speed)
+    assert gone(driver, before) == pytest.approx(np.array(way) * 4 * DT * driver.session.free_camera.speed)
 
 
 @pytest.mark.parametrize(("name", "pace"), [("LEFT_SHIFT", 4.0), ("RIGHT_SHIFT", 4.0), ("LEFT_CTRL", 0.25)])
 def test_shift_and_ctrl_change_the_pace_at_once(driver: Driver, name: str, pace: float) -> None:
-    before, metre = driver.session.camera, DT * driver.session.flight.speed
+    before, metre = driver.session.camera, DT * driver.session.free_camera.speed
     driver.down("W")
     for paces in (1.0, 1.0 + pace, 2.0 + pace):
         driver.frame(1, DT)
@@ -67,15 +67,15 @@ def test_keys_are_let_go_of_when_the_window_loses_the_keyboard(driver: Driver) -
 
 
 def test_flying_ends_what_plays(driver: Driver) -> None:
-    driver.desk.record()
+    driver.actions.record()
     driver.frame(10)
-    driver.desk.record()
-    driver.desk.play()
+    driver.actions.record()
+    driver.actions.play()
     driver.frame()
     driver.down("A")
     driver.frame()
     driver.up("A")
-    assert driver.session.tape.playing is None
+    assert driver.session.path_recorder.playing is None
 
 
 # ---- looking, orbiting, the wheel ---------------------------------------------------------------------------------------
@@ -104,14 +104,14 @@ def test_right_mouse_looks_after_the_first_jump(driver: Driver) -> None:
 
 
 def test_the_wheel_sets_the_speed_while_right_mouse_is_held(driver: Driver) -> None:
-    speed, before = driver.session.flight.speed, driver.session.camera
+    speed, before = driver.session.free_camera.speed, driver.session.camera
     driver.move(*WALL)
     driver.button(True, RIGHT)
     for _ in range(3):
         driver.viewer.on_mouse_scroll_event(0.0, 1.0)
     driver.button(False, RIGHT)
-    assert driver.session.flight.speed > 1.5 * speed and driver.session.camera == before
-    assert driver.said == f"speed {driver.session.flight.speed:.3g} m/s", "said once"
+    assert driver.session.free_camera.speed > 1.5 * speed and driver.session.camera == before
+    assert driver.said == f"speed {driver.session.free_camera.speed:.3g} m/s", "said once"
 
 
 def test_the_wheel_dollies_to_the_point_under_the_cursor(driver: Driver) -> None:
@@ -179,17 +179,17 @@ def test_the_divider_is_dragged(driver: Driver) -> None:
     """Left of it the one buffer, right of it the other, wherever it stands; never past the window's edges."""
     whole = {}
     for name in ("image", "normal"):
-        driver.desk.show(name)
+        driver.actions.show(name)
         driver.frame()
         whole[name] = driver.canvas()
-    driver.desk.show("image")
+    driver.actions.show("image")
     driver.session.split("buffers")
-    driver.session.look.buffers[1] = "normal"
+    driver.session.options.buffers[1] = "normal"
     before = driver.session.camera
     for x in (80, 250, 500):
-        driver.drag((driver.session.look.divider * SIZE[0], 60.0), (float(x), 60.0))
+        driver.drag((driver.session.options.divider * SIZE[0], 60.0), (float(x), 60.0))
         place = round(min(x, 0.98 * SIZE[0]))
-        assert driver.session.look.divider * SIZE[0] == pytest.approx(place, abs=1.0)
+        assert driver.session.options.divider * SIZE[0] == pytest.approx(place, abs=1.0)
         canvas = driver.canvas()
         assert np.array_equal(canvas[:, : place - 2], whole["image"][:, : place - 2])
         assert np.array_equal(canvas[:, place + 2 :], whole["normal"][:, place + 2 :])
@@ -202,14 +202,14 @@ def test_keys_are_about_the_side_that_was_clicked(driver: Driver) -> None:
     for x, expected in ((250.0, ["image", "depth"]), (60.0, ["albedo", "depth"])):
         driver.click(x, 60.0)
         push(driver, "9" if x > 160 else "8")
-        assert driver.session.look.buffers == expected
+        assert driver.session.options.buffers == expected
 
 
 # ---- whose the mouse is ---------------------------------------------------------------------------------------------------
 
 
 def test_the_interface_keeps_mouse_and_wheel_from_the_camera(driver: Driver) -> None:
-    driver.desk.panels.settings = True
+    driver.actions.panels.settings = True
     driver.frame(3)
     before = driver.session.camera
     driver.drag((40.0, 80.0), (100.0, 100.0))
@@ -221,7 +221,7 @@ def test_the_interface_keeps_mouse_and_wheel_from_the_camera(driver: Driver) -> 
 
 def test_a_press_right_after_a_jump_is_the_panel_s_or_the_picture_s(driver: Driver) -> None:
     """The mouse may come to a panel and press within one slow frame: who is under it counts, not who was."""
-    driver.desk.panels.settings = True
+    driver.actions.panels.settings = True
     driver.frame(3)
     before = driver.session.camera
     driver.move(290.0, 150.0)
@@ -251,13 +251,13 @@ def test_a_press_right_after_a_jump_is_the_panel_s_or_the_picture_s(driver: Driv
 def test_at_rest_nothing_but_the_interface_is_drawn(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
     """Not a stage of the core, and the picture only where something lies over it that follows the mouse."""
     for name in ("image", "weight", "atlas"):
-        driver.desk.show(name)
+        driver.actions.show(name)
         driver.settle()
         drawn: list[object] = []
         draw = driver.session.draw
         monkeypatch.setattr(driver.session, "draw", lambda *args, draw=draw, drawn=drawn: drawn.append(args) or draw(*args))
         view = driver.session.views[0]
-        driver.desk.panels.hud = driver.desk.panels.settings = True
+        driver.actions.panels.hud = driver.actions.panels.settings = True
         for x in range(250, 300, 10):
             driver.move(x, 100)
             driver.frame()

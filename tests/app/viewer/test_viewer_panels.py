@@ -67,7 +67,7 @@ def driver(one: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iter
 @pytest.fixture
 def panel(driver: Driver) -> Driver:
     """All stages of the settings' panel unfolded."""
-    driver.desk.panels.settings = True
+    driver.actions.panels.settings = True
     driver.frame(3)
     for stage in ("view", "composite", "examine", "splat", "gather", "shadow"):
         if all(d.stage != stage or label(d.name) not in shown(driver) for d in SETTINGS.values()):
@@ -110,7 +110,7 @@ def test_a_widget_changes_its_setting_alone_and_the_arrow_takes_it_back(panel: D
         assert value(panel, name) == pytest.approx(old.threshold if name == "tolerance" else panel.session.exposure, abs=1e-3)
     widget = panel.find(label(name))
     if SETTINGS[name].kind == "choice":
-        panel.session.look.frozen = True  # what it costs to gather anew is not of interest here
+        panel.session.options.frozen = True  # what it costs to gather anew is not of interest here
         panel.click(*widget.at())
         x, y = widget.at()
         step = widget.box[3] - widget.box[1]
@@ -136,7 +136,7 @@ def test_a_widget_changes_its_setting_alone_and_the_arrow_takes_it_back(panel: D
 def test_a_slider_is_dragged(panel: Driver, name: str) -> None:
     """From end to end: the least and the greatest value of its span. What all records hang on waits for the button to go up."""
     widget, seen = panel.find(label(name)), []
-    panel.session.look.frozen = True
+    panel.session.options.frozen = True
     panel.move(*widget.at())
     panel.frame(2)
     panel.button(True)
@@ -184,7 +184,7 @@ def test_all_bounces_and_as_many_as_they_were(panel: Driver) -> None:
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_presets_are_in_the_list_and_in_the_menu(panel: Driver, name: str) -> None:
-    panel.session.look.frozen = True
+    panel.session.options.frozen = True
     for way in ("menu", "list"):
         panel.session.use(0, "preview" if name != "preview" else "default")
         panel.frame(2)
@@ -195,7 +195,7 @@ def test_presets_are_in_the_list_and_in_the_menu(panel: Driver, name: str) -> No
 
 
 def test_the_side_at_hand_gets_the_setting(panel: Driver) -> None:
-    panel.session.look.frozen = True
+    panel.session.options.frozen = True
     panel.session.split("presets")
     panel.frame(3)
     panel.choose("right")
@@ -214,11 +214,11 @@ def test_the_side_at_hand_gets_the_setting(panel: Driver) -> None:
 
 @pytest.mark.parametrize("name", SHOWINGS)
 def test_the_menu_shows_every_buffer(driver: Driver, name: str) -> None:
-    driver.session.look.buffers[0] = "albedo" if name != "albedo" else "image"
+    driver.session.options.buffers[0] = "albedo" if name != "albedo" else "image"
     driver.frame()
     before = driver.canvas()
     driver.choose("Show", SHOWINGS[name].title)
-    assert driver.session.look.buffers[0] == name and (driver.canvas() != before).any()
+    assert driver.session.options.buffers[0] == name and (driver.canvas() != before).any()
 
 
 @pytest.mark.parametrize(("menu", "item", "attribute"), [
@@ -230,7 +230,7 @@ def test_the_menu_shows_every_buffer(driver: Driver, name: str) -> None:
 def test_the_menus_toggle(driver: Driver, menu: str, item: str, attribute: str) -> None:
     for wanted in (True, False):
         driver.choose(menu, item)
-        assert getattr(driver.session.look, attribute) is wanted
+        assert getattr(driver.session.options, attribute) is wanted
 
 
 def test_the_camera_menu_has_the_scene_s_cameras_and_bookmarks(driver: Driver) -> None:
@@ -243,26 +243,26 @@ def test_the_camera_menu_has_the_scene_s_cameras_and_bookmarks(driver: Driver) -
     driver.choose("Camera", "bookmark 1", "go there")
     assert driver.session.camera.eye == corner.eye
     driver.choose("Camera", "bookmark 1", "forget it")
-    assert driver.desk.bookmarks == []
+    assert driver.actions.bookmarks == []
 
 
 def test_the_split_from_the_menu(driver: Driver) -> None:
-    driver.session.look.frozen = True
+    driver.session.options.frozen = True
     for word, way in (("two buffers", "buffers"), ("two presets", "presets"), ("one picture", "off")):
         driver.choose("Show", word)
-        assert driver.session.look.split == way
+        assert driver.session.options.split == way
 
 
 def test_the_buttons_over_the_picture(driver: Driver) -> None:
-    driver.desk.panels.hud = True
+    driver.actions.panels.hud = True
     driver.frame(3)
     driver.choose("freeze")
-    assert driver.session.look.frozen
+    assert driver.session.options.frozen
     driver.choose("clear")
     assert driver.session.renderers[0].cache.count == 0
     driver.choose("thaw")
     driver.settle()
-    assert not driver.session.look.frozen and driver.session.progress[0].coverage == 1.0
+    assert not driver.session.options.frozen and driver.session.progress[0].coverage == 1.0
 
 
 # ---- lights ------------------------------------------------------------------------------------------------------------
@@ -271,7 +271,7 @@ def test_the_buttons_over_the_picture(driver: Driver) -> None:
 def test_lights_are_moved_dimmed_switched_and_put_back(driver: Driver) -> None:
     """Records are gathered again where they are; switched off, the room is black, for nothing else lights it."""
     loaded, count = driver.session.scene.lights, driver.session.renderers[0].cache.count
-    driver.desk.panels.lights = True
+    driver.actions.panels.lights = True
     driver.settle()
     canvas = driver.canvas()
 
@@ -298,10 +298,10 @@ def test_lights_are_moved_dimmed_switched_and_put_back(driver: Driver) -> None:
 
 
 def test_a_black_light_gets_its_colour_back(driver: Driver) -> None:
-    driver.desk.panels.lights = True
-    lamp = driver.desk.lamps[0]
+    driver.actions.panels.lights = True
+    lamp = driver.actions.lamps[0]
     lamp.light = replace(lamp.light, color=(0.0, 0.0, 0.0))
-    driver.desk.relight()
+    driver.actions.relight()
     driver.frame(3)
     box = driver.find("colour").box
     driver.drag((box[0] + 15.0, box[1] + 10.0), (box[0] + 215.0, box[1] + 10.0))

@@ -29,7 +29,7 @@ def test_every_key_has_its_case() -> None:
 def test_a_key_does_what_it_says(driver: Driver, shown: str) -> None:
     before = driver.session.camera
     CASES.made[shown](driver, shown)
-    assert driver.session.camera == before and not any(m.error for m in driver.desk.messages)
+    assert driver.session.camera == before and not any(m.error for m in driver.actions.messages)
 
 
 def covered(driver: Driver) -> float:
@@ -53,15 +53,15 @@ def panel(driver: Driver, shown: str) -> None:
 @case("F2")
 def hide(driver: Driver, shown: str) -> None:
     """Not a pixel of it is left; but errors show all the same."""
-    driver.desk.panels.settings = driver.desk.panels.hud = True
+    driver.actions.panels.settings = driver.actions.panels.hud = True
     driver.frame(2)
     assert covered(driver) > 0.3
     push(driver, shown)
     assert covered(driver) == 0.0
-    driver.desk.say("something is wrong", error=True)
+    driver.actions.say("something is wrong", error=True)
     driver.frame(3)
     assert covered(driver) > 0.01
-    driver.desk.messages.clear()
+    driver.actions.messages.clear()
     push(driver, shown)
     assert covered(driver) > 0.1
 
@@ -69,10 +69,10 @@ def hide(driver: Driver, shown: str) -> None:
 @case("F5")
 def reload(driver: Driver, shown: str) -> None:
     """Everything is made anew from the files, which say what they said: the picture is the same in the end."""
-    driver.session.flight.change_speed(3.0)
-    before, speed, old = driver.canvas().astype(float), driver.session.flight.speed, driver.session.renderers[0]
+    driver.session.free_camera.change_speed(3.0)
+    before, speed, old = driver.canvas().astype(float), driver.session.free_camera.speed, driver.session.renderers[0]
     push(driver, shown)
-    assert "read again" in driver.said and driver.session.renderers[0] is not old and driver.session.flight.speed == speed
+    assert "read again" in driver.said and driver.session.renderers[0] is not old and driver.session.free_camera.speed == speed
     driver.settle()
     assert np.abs(driver.canvas() - before).mean() < 2.0
 
@@ -88,7 +88,7 @@ def fullscreen(driver: Driver, shown: str) -> None:
 @case("F12", "Ctrl+F12")
 def screenshot(driver: Driver, shown: str) -> None:
     """The PNG is the window with its interface, or the picture below it, to the pixel; the EXR has every buffer."""
-    driver.desk.panels.settings = True
+    driver.actions.panels.settings = True
     driver.frame(3)
     push(driver, shown)
     (file,) = Path().glob("irrsplat-room-*.png")
@@ -99,7 +99,7 @@ def screenshot(driver: Driver, shown: str) -> None:
         channels = exr.channels()
         assert {name.split(".")[0] for name in channels} == set(CHANNELS)
         view = driver.session.views[0]
-        seen = driver.session.overlay.value("irradiance", view, 100, 60)
+        seen = driver.session.buffer_view.value("irradiance", view, 100, 60)
         assert seen is not None and channels["irradiance.G"].pixels[60, 100] == pytest.approx(seen[1], rel=1e-5)
     push(driver, shown)
     assert len(list(Path().glob("irrsplat-room-*.png"))) == 2, "the first one is not written over"
@@ -117,12 +117,12 @@ def open_dialog(driver: Driver, shown: str) -> None:
         driver.press(letter)
     driver.type("wasd")
     assert driver.session.camera == here and driver.viewer.held == set(), "W is held no longer"
-    assert driver.viewer.menu._typed == "wasd" and not driver.session.look.points and not driver.session.look.frozen
+    assert driver.viewer.menu._typed == "wasd" and not driver.session.options.points and not driver.session.options.frozen
     push(driver, "Esc")
     driver.frame(5)
-    assert not driver.desk.panels.open and driver.session.camera == here
+    assert not driver.actions.panels.open and driver.session.camera == here
     driver.up("W")
-    driver.session.flight.home()
+    driver.session.free_camera.home()
     driver.settle()
     assert np.array_equal(driver.canvas(), canvas)
     driver.viewer.menu._typed = ""
@@ -139,7 +139,7 @@ def quits(driver: Driver, shown: str) -> None:
     driver.up("Q")
     driver.up("LEFT_CTRL")
     assert not driver.wnd.is_closing and driver.session.camera.eye[1] < -0.01
-    driver.session.flight.home()
+    driver.session.free_camera.home()
     push(driver, shown)
     assert driver.wnd.is_closing
     driver.wnd.is_closing = False
@@ -148,24 +148,24 @@ def quits(driver: Driver, shown: str) -> None:
 @case("Esc")
 def escape(driver: Driver, shown: str) -> None:
     """It lets go of everything, and never quits."""
-    desk = driver.desk
-    desk.record()
+    actions = driver.actions
+    actions.record()
     driver.frame(10)
-    desk.record()
-    desk.play()
+    actions.record()
+    actions.play()
     driver.move(200, 120)
     driver.button(True, 2)
     assert driver.viewer.looking and driver.wnd.mouse_exclusivity
-    driver.session.held, desk.panels.help = (0, 3), True
-    desk.play()
+    driver.session.held, actions.panels.help = (0, 3), True
+    actions.play()
     push(driver, shown)
     assert not driver.viewer.looking and not driver.wnd.mouse_exclusivity
-    assert not desk.panels.help and driver.session.held is None
-    assert driver.session.tape.playing is None
+    assert not actions.panels.help and driver.session.held is None
+    assert driver.session.path_recorder.playing is None
     driver.button(False, 2)
     for _ in range(3):
         push(driver, shown)
-    assert not driver.wnd.is_closing and not desk.quitting
+    assert not driver.wnd.is_closing and not actions.quitting
 
 
 # ---- size ----------------------------------------------------------------------------------------------------------------
@@ -216,17 +216,17 @@ def test_what_was_set_is_there_again(tmp_path: Path, monkeypatch: pytest.MonkeyP
             push(driver, shown)
         driver.resize((260, 200))
         driver.frame()
-        assert driver.desk.remember(driver.wnd.size, False) is None
+        assert driver.actions.remember(driver.wnd.size, False) is None
     remembered, notices = preferences.load()
     assert notices == [] and remembered.size == (260, 200) and remembered.recent[0] == str(room)
     with viewing(room, (260, 200), remembered) as driver:
         driver.frame()
         settings = driver.session.settings(0)[1]
         assert (settings.a, settings.tolerance, settings.gather_size) == (0.7, 3.0, FAST["gather_size"])
-        assert driver.session.look.discs and driver.desk.panels.settings and not driver.desk.panels.hud
+        assert driver.session.options.discs and driver.actions.panels.settings and not driver.actions.panels.hud
     (tmp_path / "config" / "viewer.json").write_text("{ not JSON")
     remembered, notices = preferences.load()
-    assert len(notices) == 1 and "viewer.json" in notices[0] and remembered == preferences.Memory()
+    assert len(notices) == 1 and "viewer.json" in notices[0] and remembered == preferences.Preferences()
 
 
 def test_close_remembers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -238,7 +238,7 @@ def test_close_remembers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(Viewer, "close", lambda self, remember=True: said.append(close(self)))
     said: list[str | None] = []
     with viewing(write_room(tmp_path)) as driver:
-        driver.desk.wants_fullscreen = True
+        driver.actions.wants_fullscreen = True
         driver.frame()
     assert said == ["no room left"] and kept == [True]
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from irrsplat.app.viewer.input.free_camera import FAR, NEAR, STALL, Flight
+from irrsplat.app.viewer.input.free_camera import FAR, NEAR, STALL, FreeCamera
 from irrsplat.core.errors import InputError
 from irrsplat.scene import bundled, load
 from irrsplat.scene.model import Camera
@@ -33,11 +33,11 @@ def on_screen(camera: Camera, point: tuple[float, float, float]) -> np.ndarray:
     return np.array([x, y]) / -z
 
 
-def pitch(flight: Flight, up: tuple[float, float, float] = Y) -> float:
+def pitch(flight: FreeCamera, up: tuple[float, float, float] = Y) -> float:
     return math.degrees(math.asin(np.clip(forward(flight) @ up, -1.0, 1.0)))
 
 
-def roll_free(flight: Flight, up: tuple[float, float, float] = Y) -> bool:
+def roll_free(flight: FreeCamera, up: tuple[float, float, float] = Y) -> bool:
     """A level horizon: right is perpendicular to the world's up, and the picture's up is not below it."""
     return abs(right(flight) @ up) < 1e-9 and float(flight.camera.axes[1] @ up) > 0.0
 
@@ -46,7 +46,7 @@ def roll_free(flight: Flight, up: tuple[float, float, float] = Y) -> bool:
 def test_a_quarter_turn_faces_the_former_right(camera: Camera) -> None:
     # about the world's up by 90°: the level part of the old right becomes the heading, at the same pitch p:
     # forward' = cos p · right + sin p · up, and right, being level already, is that part whole
-    flight = Flight(camera, DIAGONAL)
+    flight = FreeCamera(camera, DIAGONAL)
     side, p = right(flight), math.radians(pitch(flight))
     flight.look(90, 0, DEGREE)
     np.testing.assert_allclose(forward(flight), math.cos(p) * side + math.sin(p) * np.array(Y), atol=1e-12)
@@ -54,7 +54,7 @@ def test_a_quarter_turn_faces_the_former_right(camera: Camera) -> None:
 
 
 def test_the_mouse_down_looks_down_and_four_quarters_are_none() -> None:
-    flight = Flight(PLAIN, DIAGONAL)
+    flight = FreeCamera(PLAIN, DIAGONAL)
     flight.look(0, 30, DEGREE)
     assert pitch(flight) == pytest.approx(-30.0)
     before = forward(flight)
@@ -63,10 +63,10 @@ def test_the_mouse_down_looks_down_and_four_quarters_are_none() -> None:
     np.testing.assert_allclose(forward(flight), before, atol=1e-12)
 
 
-@pytest.mark.parametrize("turn", [Flight.look, lambda flight, *d: flight.orbit(PIVOT, *d)])
+@pytest.mark.parametrize("turn", [FreeCamera.look, lambda flight, *d: flight.orbit(PIVOT, *d)])
 @pytest.mark.parametrize("sign", [1, -1])
 def test_the_pitch_ends_short_of_the_pole(turn: Callable[..., None], sign: int) -> None:
-    flight = Flight(OBLIQUE, DIAGONAL)
+    flight = FreeCamera(OBLIQUE, DIAGONAL)
     heading = forward(flight)[[0, 2]] / np.linalg.norm(forward(flight)[[0, 2]])
     turn(flight, 0, 1000 * sign, DEGREE)
     assert pitch(flight) == pytest.approx(-89.0 * sign)
@@ -82,7 +82,7 @@ def test_every_way_is_as_fast() -> None:
     # the view is level: right, ahead and up are perpendicular, so that a cube's diagonal would be √3 times as fast
     keys = np.array(np.meshgrid(*[[-1, 0, 1]] * 3)).reshape(3, -1).T
     for one in keys[np.any(keys != 0, axis=1)]:
-        flight = Flight(PLAIN, DIAGONAL)
+        flight = FreeCamera(PLAIN, DIAGONAL)
         flight.move(*one, seconds=0.1)
         assert np.linalg.norm(eye(flight) - PLAIN.eye) == pytest.approx(0.1 * DIAGONAL / 6)
         np.testing.assert_allclose((eye(flight) - PLAIN.eye) @ (one * [1, 1, -1]) > 0, True)  # ahead is -z
@@ -91,17 +91,17 @@ def test_every_way_is_as_fast() -> None:
 def test_half_a_key_is_half_as_fast_and_the_pace_multiplies() -> None:
     way = {}
     for name, key, pace in (("whole", 1.0, 1.0), ("half", 0.5, 1.0), ("shift", 1.0, 4.0), ("beyond", 7.0, 1.0)):
-        flight = Flight(PLAIN, DIAGONAL)
+        flight = FreeCamera(PLAIN, DIAGONAL)
         flight.move(0, 0, key, 0.1, pace)
         way[name] = PLAIN.eye[2] - flight.camera.eye[2]
     assert way == pytest.approx({"whole": 0.2, "half": 0.1, "shift": 0.8, "beyond": 0.2})  # 12 m / 6 s · 0.1 s
 
 
 def test_ahead_is_the_views_and_up_is_the_worlds() -> None:
-    flight = Flight(OBLIQUE, DIAGONAL)
+    flight = FreeCamera(OBLIQUE, DIAGONAL)
     flight.move(0, 0, 1, 0.1)
     np.testing.assert_allclose(eye(flight) - OBLIQUE.eye, 0.2 * forward(flight), atol=1e-12)
-    flight = Flight(OBLIQUE, DIAGONAL)
+    flight = FreeCamera(OBLIQUE, DIAGONAL)
     flight.move(0, 1, 0, 0.1)
     np.testing.assert_allclose(eye(flight) - OBLIQUE.eye, [0, 0.2, 0], atol=1e-12)
 
@@ -119,8 +119,10 @@ def test_ahead_is_the_views_and_up_is_the_worlds() -> None:
     ids=["move", "look", "orbit", "dolly", "dolly out", "speed"],
 )
 @pytest.mark.parametrize("camera", [PLAIN, OBLIQUE, ROLLED], ids=["plain", "oblique", "rolled"])
-def test_two_half_steps_are_one_whole(camera: Camera, whole: Callable[[Flight], None], half: Callable[[Flight], None]) -> None:
-    one, two = Flight(camera, DIAGONAL), Flight(camera, DIAGONAL)
+def test_two_half_steps_are_one_whole(
+    camera: Camera, whole: Callable[[FreeCamera], None], half: Callable[[FreeCamera], None]
+) -> None:
+    one, two = FreeCamera(camera, DIAGONAL), FreeCamera(camera, DIAGONAL)
     whole(one)
     half(two)
     half(two)
@@ -130,7 +132,7 @@ def test_two_half_steps_are_one_whole(camera: Camera, whole: Callable[[Flight], 
 
 
 def test_a_stall_counts_a_quarter_second() -> None:
-    flight, slow = Flight(PLAIN, DIAGONAL), Flight(PLAIN, DIAGONAL)
+    flight, slow = FreeCamera(PLAIN, DIAGONAL), FreeCamera(PLAIN, DIAGONAL)
     flight.move(0, 0, 1, STALL)
     slow.move(0, 0, 1, 2.0)
     assert slow.camera == flight.camera
@@ -141,7 +143,7 @@ def test_a_stall_counts_a_quarter_second() -> None:
 
 @pytest.mark.parametrize("camera", [PLAIN, OBLIQUE, ROLLED], ids=["plain", "oblique", "rolled"])
 def test_the_same_camera_where_nothing_moved(camera: Camera) -> None:
-    flight = Flight(camera, DIAGONAL)
+    flight = FreeCamera(camera, DIAGONAL)
     for _ in range(2):
         before = flight.camera
         flight.look(0, 0, DEGREE)
@@ -162,7 +164,7 @@ def test_the_same_camera_where_nothing_moved(camera: Camera) -> None:
 @pytest.mark.parametrize("pivot", [PIVOT, (-2.0, 3.0, -1.0), (3.0, 2.5, 9.0)])
 def test_an_orbit_keeps_the_pivot_in_its_place(camera: Camera, pivot: tuple[float, float, float]) -> None:
     # the view space position of the pivot stays, so its distance does, and its place on the screen, even behind the eye
-    flight = Flight(camera, DIAGONAL)
+    flight = FreeCamera(camera, DIAGONAL)
     for dx, dy in [(40, 0), (0, 15), (-170, -60), (13, 400)]:
         flight.orbit(pivot, dx, dy, DEGREE)
         assert np.linalg.norm(eye(flight) - pivot) == pytest.approx(math.dist(camera.eye, pivot))
@@ -173,7 +175,7 @@ def test_an_orbit_keeps_the_pivot_in_its_place(camera: Camera, pivot: tuple[floa
 def test_an_orbit_by_hand() -> None:
     # PLAIN looks along -z at the pivot, 5 m ahead. The hand drags the scene to the right by 90°: its left side comes to the
     # front, so the eye stands 5 m to the left of the pivot, at -x, and looks along +x
-    flight = Flight(PLAIN, DIAGONAL)
+    flight = FreeCamera(PLAIN, DIAGONAL)
     flight.orbit((0, 1, 0), 90, 0, DEGREE)
     np.testing.assert_allclose(eye(flight), [-5, 1, 0], atol=1e-12)
     np.testing.assert_allclose(forward(flight), [1, 0, 0], atol=1e-12)
@@ -183,7 +185,7 @@ def test_an_orbit_by_hand() -> None:
 
 
 def test_a_step_of_the_wheel_leaves_nine_tenths() -> None:
-    flight = Flight(PLAIN, DIAGONAL)
+    flight = FreeCamera(PLAIN, DIAGONAL)
     flight.dolly(1)
     np.testing.assert_allclose(eye(flight), [0, 1, 4.5])
     flight.dolly(1, (0.0, 11.0, 4.5))  # 10 m above, out of sight: one metre towards it, and the view does not turn
@@ -198,7 +200,7 @@ def test_a_step_of_the_wheel_leaves_nine_tenths() -> None:
 
 @pytest.mark.parametrize("pivot", [None, PIVOT, PLAIN.target])
 def test_a_dolly_never_passes_the_pivot(pivot: tuple[float, float, float] | None) -> None:
-    flight = Flight(PLAIN, DIAGONAL)
+    flight = FreeCamera(PLAIN, DIAGONAL)
     point = np.array(PLAIN.target if pivot is None else pivot)
     for steps in [3] * 40 + [1e9, math.inf]:
         flight.dolly(steps, pivot)
@@ -212,7 +214,7 @@ def test_a_dolly_never_passes_the_pivot(pivot: tuple[float, float, float] | None
 
 
 def test_a_dolly_away_from_where_one_stands_goes_back() -> None:
-    flight = Flight(PLAIN, DIAGONAL)
+    flight = FreeCamera(PLAIN, DIAGONAL)
     flight.dolly(1, PLAIN.eye)
     assert flight.camera is PLAIN
     flight.dolly(-1, PLAIN.eye)
@@ -221,7 +223,7 @@ def test_a_dolly_away_from_where_one_stands_goes_back() -> None:
 
 def test_the_target_follows_what_was_last_dealt_with() -> None:
     # the depth of a pivot (0.4, 0.2, -0.7) before PLAIN, which looks down -z from z = 5, is 5.7
-    flight = Flight(PLAIN, DIAGONAL)
+    flight = FreeCamera(PLAIN, DIAGONAL)
     flight.orbit(PIVOT, 10, 5, DEGREE)
     assert math.dist(flight.camera.eye, flight.camera.target) == pytest.approx(5.7)
     flight.move(0, 0, 1, 0.2)
@@ -231,7 +233,7 @@ def test_the_target_follows_what_was_last_dealt_with() -> None:
 
 
 def test_the_speed_is_bounded() -> None:
-    flight = Flight(PLAIN, DIAGONAL)
+    flight = FreeCamera(PLAIN, DIAGONAL)
     flight.change_speed(2)
     assert flight.speed == pytest.approx(DIAGONAL / 6 * 1.44)
     flight.change_speed(1e6)
@@ -241,7 +243,7 @@ def test_the_speed_is_bounded() -> None:
 
 
 def test_home_and_go() -> None:
-    flight = Flight(PLAIN, DIAGONAL)
+    flight = FreeCamera(PLAIN, DIAGONAL)
     flight.look(10, 10, DEGREE)
     assert flight.camera.name == ""  # no longer the scene's own
     flight.go(OBLIQUE)
@@ -255,7 +257,7 @@ def test_home_and_go() -> None:
 
 
 def test_a_roll_stays_until_the_first_look() -> None:
-    flight = Flight(ROLLED, DIAGONAL)
+    flight = FreeCamera(ROLLED, DIAGONAL)
     flight.move(1, 1, 1, 0.1)
     flight.dolly(2)
     np.testing.assert_allclose(flight.camera.axes, ROLLED.axes, atol=1e-12)
@@ -267,7 +269,7 @@ def test_a_roll_stays_until_the_first_look() -> None:
 
 def test_an_orbit_levels_about_the_pivot() -> None:
     # the pivot's place in view space stays while the roll goes: its distance and its place on the screen hold here too
-    flight = Flight(ROLLED, DIAGONAL)
+    flight = FreeCamera(ROLLED, DIAGONAL)
     flight.orbit(PIVOT, 2, 1, DEGREE)
     assert roll_free(flight)
     np.testing.assert_allclose(on_screen(flight.camera, PIVOT), on_screen(ROLLED, PIVOT), atol=1e-9)
@@ -286,7 +288,7 @@ def steep(up: tuple[float, float, float], heading: float, degrees: float) -> Cam
 @pytest.mark.parametrize("heading, degrees", [(0.0, 0.0), (0.0, 40.0), (0.8, 60.0), (2.5, 75.0), (4.0, -60.0)])
 def test_the_worlds_up_is_found(up: tuple[float, float, float], heading: float, degrees: float) -> None:
     # straight up moves along the world's up; 60° down, the picture's up leans nearer to the horizon than to it
-    flight = Flight(steep(up, heading, degrees), DIAGONAL)
+    flight = FreeCamera(steep(up, heading, degrees), DIAGONAL)
     flight.move(0, 1, 0, 0.1)
     np.testing.assert_allclose(flight.camera.eye, 0.2 * np.array(up), atol=1e-12)
     assert pitch(flight, up) == pytest.approx(-degrees)
@@ -299,7 +301,7 @@ def test_the_worlds_up_is_found(up: tuple[float, float, float], heading: float, 
 def test_the_bundled_cameras_are_level(name: str) -> None:
     scene = load(name)
     for camera in scene.cameras:
-        flight = Flight(camera, scene.diagonal)
+        flight = FreeCamera(camera, scene.diagonal)
         flight.look(0.001, 0, DEGREE)
         np.testing.assert_allclose(flight.camera.axes, camera.axes, atol=1e-4)
 
@@ -308,7 +310,7 @@ def test_the_bundled_cameras_are_level(name: str) -> None:
 def test_a_view_straight_down_turns_about_its_own_heading(sign: float) -> None:
     # the picture's top is north, -z: after the first look, clamped to 89°, it still is. Straight up, the picture's top is south
     camera = Camera((0.0, 5.0, 0.0), (0.0, 5.0 - sign, 0.0), (0.0, 0.0, -sign))
-    flight = Flight(camera, DIAGONAL, up=Y)
+    flight = FreeCamera(camera, DIAGONAL, up=Y)
     np.testing.assert_allclose(right(flight), [1, 0, 0], atol=1e-12)
     flight.look(0, 1e-6, DEGREE)
     np.testing.assert_allclose(right(flight), [1, 0, 0], atol=1e-12)
@@ -319,16 +321,16 @@ def test_a_view_straight_down_turns_about_its_own_heading(sign: float) -> None:
 
 def test_a_given_up_is_any_direction_but_none() -> None:
     up = np.array([1.0, 2.0, -2.0]) / 3.0
-    flight = Flight(PLAIN, DIAGONAL, up=(3.0, 6.0, -6.0))
+    flight = FreeCamera(PLAIN, DIAGONAL, up=(3.0, 6.0, -6.0))
     flight.look(20, 10, DEGREE)
     assert roll_free(flight, tuple(up))
     for nothing in ((0.0, 0.0, 0.0), (math.nan, 0.0, 1.0)):
         with pytest.raises(InputError, match="up"):
-            Flight(PLAIN, DIAGONAL, up=nothing)
+            FreeCamera(PLAIN, DIAGONAL, up=nothing)
 
 
 def test_what_is_not_finite_moves_nothing() -> None:
-    flight, bad = Flight(OBLIQUE, DIAGONAL), math.nan
+    flight, bad = FreeCamera(OBLIQUE, DIAGONAL), math.nan
     with np.errstate(invalid="ignore"):
         flight.look(bad, 0, DEGREE)
         flight.look(0, math.inf, DEGREE)
@@ -351,7 +353,7 @@ def test_no_sequence_breaks_it(place: float, diagonal: float) -> None:
     random = np.random.default_rng(7)
     ahead = diagonal + 1e-3 * place
     first = Camera((place, place, place), (place + ahead, place, place - ahead))
-    flight = Flight(first, diagonal, up=Y)
+    flight = FreeCamera(first, diagonal, up=Y)
     flight.look(1, 1, DEGREE)
     number: Callable[..., Any] = lambda scale: float(random.normal() * scale)  # noqa: E731
     for _ in range(2000):
@@ -376,7 +378,7 @@ def test_no_sequence_breaks_it(place: float, diagonal: float) -> None:
 
 
 def test_nobody_is_lost_beyond_a_thousand_diagonals() -> None:
-    flight = Flight(PLAIN, DIAGONAL)
+    flight = FreeCamera(PLAIN, DIAGONAL)
     for _ in range(300):
         flight.dolly(-10)
     assert 0.3 * FAR * DIAGONAL < math.dist(flight.camera.eye, PLAIN.eye) <= FAR * DIAGONAL

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat.app.viewer.show.buffer_view import Overlay
+from irrsplat.app.viewer.show.buffer_view import BufferView
 from irrsplat.app.viewer.show.legend import SHOWINGS, TRUTHS, depth_range, legend, shadow_range, weight_range
 from irrsplat.app.viewer.show.screen import Screen, clear
 from irrsplat.core.buffers import CHANNELS, Atlas
@@ -35,13 +35,13 @@ class Shown:
     view: View
     frame: Frame
     exposure: float
-    overlay: Overlay
+    overlay: BufferView
 
     def draw(self, target: Target, name: str, **rest: object) -> np.ndarray:
         """The picture (H, W, 3), top row first."""
         r = self.renderer
         lent = {"settings": r.settings, "scene": r.scene, "exposure": self.exposure}
-        self.overlay.draw(target, name, self.view, **(lent | {"shadows": r.shadows, "atlas": r.scheduler.atlas} | rest))  # type: ignore[arg-type]
+        self.buffer_view.draw(target, name, self.view, **(lent | {"shadows": r.shadows, "atlas": r.scheduler.atlas} | rest))  # type: ignore[arg-type]
         return target.read()[..., :3]
 
 
@@ -50,7 +50,7 @@ def shown(scene: Scene, rounds: int = 2) -> Shown:
     for _ in range(rounds):
         view, _ = renderer.frame()
     frame = read(view, scene.sky, renderer.cache.read(), {})
-    return Shown(renderer, view, frame, exposure_of(frame.image), Overlay(renderer.ctx))
+    return Shown(renderer, view, frame, exposure_of(frame.image), BufferView(renderer.ctx))
 
 
 @pytest.fixture(scope="module")
@@ -147,7 +147,7 @@ def test_a_silhouette_is_no_contour(ctx: moderngl.Context, target: Target) -> No
     """Before anything is splatted every pixel of the surface is below the threshold, and there is no other side to it."""
     with Renderer(worlds.scene(worlds.floor(1.0)), SIZE, ctx=ctx, bounces=0) as renderer:
         view, _ = renderer.frame()
-        overlay = Overlay(ctx)
+        overlay = BufferView(ctx)
         overlay.draw(target, "weight", view, settings=renderer.settings, scene=renderer.scene, exposure=0.0)
         overlay.release()
         seen = read(view, (0, 0, 0), renderer.cache.read(), {}).depth < np.inf
@@ -175,7 +175,7 @@ def test_asking_marks_exactly_the_pixels_that_ask(cornell: Shown, target: Target
 @pytest.mark.parametrize("name", [n for n in SHOWINGS if n not in ("shadow", "atlas", "surface", *TRUTHS)])
 def test_values_are_those_of_the_pixel_under_the_cursor(cornell: Shown, ctx: moderngl.Context, name: str) -> None:
     """(0, 0) is the upper left pixel; nothing is a number where nothing is seen, but the depth, the image and the outside."""
-    overlay, frame = cornell.overlay, cornell.frame
+    overlay, frame = cornell.buffer_view, cornell.frame
     array = frame.weight if name == "asking" else getattr(frame, name)
     seen = np.isfinite(frame.depth)
     rng = np.random.default_rng(3)
@@ -209,7 +209,7 @@ def test_a_window_s_framebuffer_is_a_target(cornell: Shown, ctx: moderngl.Contex
     assert screen.size == SIZE
     clear(screen, (0.0, 0.0, 0.0))
     renderer = cornell.renderer
-    cornell.overlay.draw(screen, "normal", cornell.view, settings=renderer.settings, scene=renderer.scene, exposure=0.0)
+    cornell.buffer_view.draw(screen, "normal", cornell.view, settings=renderer.settings, scene=renderer.scene, exposure=0.0)
     found = np.frombuffer(texture.read(), "u1").reshape(SIZE[1], SIZE[0], 4)[::-1, :, :3] / 255.0
     assert np.abs(found - cornell.draw(target, "normal")).max() <= 0.51 / 255.0
     screen.release()
@@ -277,7 +277,7 @@ def test_the_atlas_shows_its_cells_from_the_upper_left(cornell: Shown, ctx: mode
     table = table_texture(ctx, radiance)
     atlas = Atlas(table, None, None, None, None, 3, 2, (4, 3), (1, 1))
     target = Target(ctx, (124, 30), (4,))
-    Overlay(ctx).atlas(target, atlas, 2.0, sky)
+    BufferView(ctx).atlas(target, atlas, 2.0, sky)
     picture = target.read()[..., :3]
     for i in range(3):
         x = i * 42

@@ -15,12 +15,12 @@ import numpy as np
 import platformdirs
 import pytest
 
-from irrsplat.app.viewer.preferences import Memory, bookmarks, load, save, set_bookmarks
+from irrsplat.app.viewer.preferences import Preferences, bookmarks, load, save, set_bookmarks
 from irrsplat.scene import Camera
 from irrsplat.scene import load as load_scene
 from irrsplat.settings import PRESETS, SETTINGS, preset
 
-FULL = Memory(
+FULL = Preferences(
     size=(1280, 720),
     fullscreen=True,
     preset="paper",
@@ -50,7 +50,7 @@ def one_line(text: Any) -> bool:
 
 
 def test_nothing_remembered_is_no_news(place: Path) -> None:
-    assert load() == (Memory(), [])
+    assert load() == (Preferences(), [])
     assert bookmarks("cornell") == []
     assert not place.parent.exists()  # reading makes no folder
 
@@ -58,15 +58,15 @@ def test_nothing_remembered_is_no_news(place: Path) -> None:
 def test_what_is_saved_comes_back(place: Path) -> None:
     assert save(FULL) is None
     assert load() == (FULL, [])
-    assert save(Memory()) is None
-    assert load() == (Memory(), [])
+    assert save(Preferences()) is None
+    assert load() == (Preferences(), [])
     assert names(place) == {"viewer.json"}  # and no partial file
 
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_each_presets_values_come_back_with_their_types(name: str) -> None:
     values = {key: getattr(preset(name), key) for key in SETTINGS}
-    assert save(Memory(preset=name, values=values)) is None
+    assert save(Preferences(preset=name, values=values)) is None
     back, notices = load()
     assert (back.preset, back.values, notices) == (name, values, [])
     assert [type(v) for v in back.values.values()] == [type(v) for v in values.values()]
@@ -88,7 +88,7 @@ def test_where_the_files_lie(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) ->
     monkeypatch.chdir(tmp_path)
     failed = save(FULL)
     assert one_line(failed) and "IRRSPLAT_CONFIG" in str(failed)
-    assert load() == (Memory(), [failed])
+    assert load() == (Preferences(), [failed])
     assert bookmarks("cornell") == []
     assert not (tmp_path / "~").exists()
 
@@ -113,7 +113,7 @@ def test_a_damaged_file_is_kept_aside(place: Path, content: bytes) -> None:
     place.mkdir(parents=True)
     (place / "viewer.json").write_bytes(content)
     back, notices = load()
-    assert back == Memory()
+    assert back == Preferences()
     assert len(notices) == 1 and one_line(notices[0]) and "viewer.json.broken" in notices[0]
     assert (place / "viewer.json.broken").read_bytes() == content
     assert names(place) == {"viewer.json.broken"}
@@ -196,7 +196,7 @@ def test_what_is_dropped_is_said(place: Path) -> None:
     data["values"] = {"a": 99, "splines": 3, "seed": 7, "bounces": True, "gather": "photons"}
     (place / "viewer.json").write_text(json.dumps(data))
     back, notices = load()
-    assert back == Memory(ui=FULL.ui, values={"seed": 7}, recent=["/kept.obj"])
+    assert back == Preferences(ui=FULL.ui, values={"seed": 7}, recent=["/kept.obj"])
     for word in ("preset", "size", "fullscreen", "relative.obj", "recent scene", "'a'", "splines", "bounces", "gather"):
         assert any(word in notice for notice in notices), word
     assert len(notices) == 9  # three choices, four settings, two scenes; nothing of the unknown key
@@ -205,7 +205,7 @@ def test_what_is_dropped_is_said(place: Path) -> None:
 
 def test_recent_scenes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    it = Memory()
+    it = Preferences()
     for source in ["a.obj", "cornell", "b.obj", load_scene("cornell").path, "a.obj"]:
         it.opened(source)
     assert it.recent == [str(tmp_path / "a.obj"), "cornell", str(tmp_path / "b.obj")]
@@ -221,7 +221,7 @@ def test_bookmarks_come_back(place: Path) -> None:
     assert set_bookmarks("cornell", CAMERAS) is None
     assert bookmarks("cornell") == CAMERAS
     assert bookmarks("door") == []
-    assert load() == (Memory(), [])
+    assert load() == (Preferences(), [])
     assert names(place) == {"bookmarks.json"}
     assert set_bookmarks("cornell", []) is None
     assert bookmarks("cornell") == []
@@ -297,13 +297,13 @@ def test_a_folder_that_cannot_be_made(place: Path) -> None:
         assert one_line(said) and str(place) in str(said)
     assert bookmarks("cornell") == []
     back, notices = load()
-    assert back == Memory() and all(map(one_line, notices))
+    assert back == Preferences() and all(map(one_line, notices))
     assert place.parent.read_text() == "a file where the folder should be"
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a folder is not made read-only by its mode there")
 def test_a_folder_that_is_read_only(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    save(Memory(recent=["/old.obj"]))
+    save(Preferences(recent=["/old.obj"]))
     (place / "bookmarks.json").write_text("damaged")
     before = {name: (place / name).read_bytes() for name in names(place)}
     if os.geteuid() == 0:  # nothing is read-only to root: refuse as the system would
@@ -332,14 +332,14 @@ def test_what_cannot_be_read_is_not_written_over(place: Path) -> None:
     (place / "viewer.json" / "kept").write_text("")
     assert one_line(save(FULL))
     back, notices = load()
-    assert back == Memory() and len(notices) == 1 and one_line(notices[0])
+    assert back == Preferences() and len(notices) == 1 and one_line(notices[0])
     assert names(place) == {"viewer.json"} and names(place / "viewer.json") == {"kept"}
 
 
 @pytest.mark.parametrize("ui", [{"x": float("nan")}, {"x": object()}, {"x": np.float32(1)}, {(1, 2): 3}])
 def test_what_is_no_json_is_said_and_the_old_file_stays(place: Path, ui: dict[Any, Any]) -> None:
     save(FULL)
-    assert one_line(save(Memory(ui=ui)))
+    assert one_line(save(Preferences(ui=ui)))
     assert load() == (FULL, [])
     assert names(place) == {"viewer.json"}
 
@@ -353,7 +353,7 @@ def test_a_write_that_breaks_off_leaves_the_old_file(place: Path, monkeypatch: p
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(Path, "write_text", full)
-    said = save(Memory())
+    said = save(Preferences())
     assert one_line(said) and os.strerror(errno.ENOSPC) in str(said)
     assert load() == (FULL, [])
     assert names(place) == {"viewer.json"}
@@ -361,7 +361,7 @@ def test_a_write_that_breaks_off_leaves_the_old_file(place: Path, monkeypatch: p
 
 def test_paths_that_are_no_unicode_come_back() -> None:
     path = os.fsdecode(b"/caf\xe9.obj")
-    it = Memory()
+    it = Preferences()
     it.opened(path)
     assert save(it) is None
     assert load() == (it, [])

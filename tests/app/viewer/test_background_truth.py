@@ -117,19 +117,19 @@ def test_both_buffers_show_every_square_s_truth(
     }
     values = {"reference": found.irradiance, "error": (middles - found.irradiance).mean(-1, keepdims=True)}
     for name, expected in pictures.items():
-        driver.desk.show(name)
+        driver.actions.show(name)
         driver.frame()
         assert np.abs(driver.canvas() / 255.0 - expected).max() < 1.01 / 255.0, name
         (view,) = session.views
         for px, py in ((0, 0), (17, 100), (SIZE[0] - 1, SIZE[1] - 1), (160, 7), (161, 120)):
             at = row[py, px], column[py, px]
-            value = session.overlay.value(name, view, px, py, truth)
+            value = session.buffer_view.value(name, view, px, py, truth)
             if found.seen[at]:
                 assert value is not None and np.allclose(value, values[name][at], rtol=1e-5, atol=1e-6)
             else:
                 assert value is None
-        assert session.overlay.value(name, view, SIZE[0], 0, truth) is None
-        assert session.overlay.value(name, view, 17, 100) is None
+        assert session.buffer_view.value(name, view, SIZE[0], 0, truth) is None
+        assert session.buffer_view.value(name, view, 17, 100) is None
 
 
 def test_the_legend_s_scale_is_that_of_verify(driver: Driver, tracer: Tracer) -> None:
@@ -153,7 +153,7 @@ def test_the_legend_s_scale_is_that_of_verify(driver: Driver, tracer: Tracer) ->
 def test_without_a_truth_the_picture_is_dim_and_the_legend_says_why(
     driver: Driver, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
-    driver.desk.show(name)
+    driver.actions.show(name)
     driver.frame(2)
     picture = driver.canvas()
     assert (np.ptp(picture, axis=-1) == 0).all() and 0 < picture.max() < 128 and picture.std() > 1.0
@@ -165,8 +165,8 @@ def test_without_a_truth_the_picture_is_dim_and_the_legend_says_why(
 
 def test_no_frame_waits_for_a_truth(driver: Driver, tracer: Tracer, monkeypatch: pytest.MonkeyPatch) -> None:
     """Frames go on while the tracer is held; interface and legend say how far it has come."""
-    driver.desk.panels.hud = True
-    driver.desk.show("reference")
+    driver.actions.panels.hud = True
+    driver.actions.show("reference")
     push(driver, "Y")
     for _ in range(400):  # until its first word
         driver.frame()
@@ -185,23 +185,23 @@ def test_no_frame_waits_for_a_truth(driver: Driver, tracer: Tracer, monkeypatch:
 
 def test_it_is_the_truth_of_one_view(driver: Driver, tracer: Tracer) -> None:
     """Of one camera, by whatever name, one size, one lighting; and of them again."""
-    session, desk = driver.session, driver.desk
+    session, actions = driver.session, driver.actions
     truth = traced_truth(driver, tracer)
     home = session.camera
-    desk.go(session.scene.camera("corner"))
+    actions.go(session.scene.camera("corner"))
     driver.frame()
     assert here(driver) is None
-    desk.go(replace(home, name="another"))
+    actions.go(replace(home, name="another"))
     driver.frame()
     assert here(driver) is truth
-    desk.go(replace(home, fov=home.fov + 1.0))
+    actions.go(replace(home, fov=home.fov + 1.0))
     assert here(driver) is None
-    desk.go(home)
-    desk.lamps[0].stops = 1.0
-    desk.relight()
+    actions.go(home)
+    actions.lamps[0].stops = 1.0
+    actions.relight()
     assert here(driver) is None
-    desk.lamps[0].stops = 0.0
-    desk.relight()
+    actions.lamps[0].stops = 0.0
+    actions.relight()
     assert here(driver) is truth
     driver.resize((200, 240))
     driver.frame()
@@ -209,7 +209,7 @@ def test_it_is_the_truth_of_one_view(driver: Driver, tracer: Tracer) -> None:
     driver.resize(SIZE)
     driver.frame()
     assert here(driver) is truth and len(tracer.calls) == 1
-    desk.reload()
+    actions.reload()
     driver.frame()
     assert session.truths.kept == [], "the scene may be another one"
 
@@ -219,7 +219,7 @@ def test_it_is_the_truth_of_so_many_bounces(driver: Driver, tracer: Tracer, monk
     first = driver.session.settings(0)[1].bounces
     truth = traced_truth(driver, tracer)
     driver.session.change(0, bounces=0)
-    driver.desk.show("reference")
+    driver.actions.show("reference")
     driver.frame()
     assert here(driver) is None and NO_TRUTH in words(driver, monkeypatch)
     other = traced_truth(driver, tracer)
@@ -233,17 +233,17 @@ def test_flying_on_while_it_is_traced(driver: Driver, tracer: Tracer) -> None:
     """The truth is that of the view where the key was pressed."""
     home = driver.session.camera
     push(driver, "Y")
-    driver.desk.go(driver.session.scene.camera("corner"))
+    driver.actions.go(driver.session.scene.camera("corner"))
     tracer.finish(driver)
     assert here(driver) is None
-    driver.desk.go(home)
+    driver.actions.go(home)
     assert here(driver) is not None and [call[0] for call in tracer.calls] == [home]
 
 
 def test_the_last_few_are_kept_and_the_others_freed(driver: Driver, tracer: Tracer) -> None:
     home, made = driver.session.camera, []
     for i in range(KEPT + 2):
-        driver.desk.go(replace(home, fov=40.0 + i))
+        driver.actions.go(replace(home, fov=40.0 + i))
         made.append(traced_truth(driver, tracer))
     assert driver.session.truths.kept == made[-KEPT:]
     gone = [type(truth.values.mglo).__name__ == "InvalidObject" for truth in made]
@@ -263,14 +263,14 @@ def test_a_missing_path_tracer_is_told_with_its_remedy(driver: Driver, monkeypat
         if driver.session.truths.share is None:
             break
         time.sleep(0.005)
-    (said,) = [m.text for m in driver.desk.messages if m.error]
+    (said,) = [m.text for m in driver.actions.messages if m.error]
     assert worker.INSTALL in said and "\n" not in said
 
 
 def test_another_scene_ends_the_tracing_of_this_one(driver: Driver, tracer: Tracer) -> None:
     push(driver, "Y")
     (thread,) = driver.session.truths._threads
-    driver.desk.reload()
+    driver.actions.reload()
     driver.frame()
     assert driver.session.truths.share is None
     thread.join(2.0)
@@ -299,7 +299,7 @@ def test_who_stops_it_ends_the_process(driver: Driver, tmp_path: Path, monkeypat
     with pytest.raises(ProcessLookupError):
         os.kill(int(pid.read_text()), 0)
     driver.frame(2)
-    assert driver.session.truths.share is None and not [m for m in driver.desk.messages if m.error]
+    assert driver.session.truths.share is None and not [m for m in driver.actions.messages if m.error]
 
 
 # ---- the path tracer itself ----------------------------------------------------------------------------------------------

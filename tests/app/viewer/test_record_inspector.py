@@ -11,7 +11,7 @@ import pytest
 
 import irrsplat
 from irrsplat.app.viewer.show import record_inspector
-from irrsplat.app.viewer.show.record_inspector import Inspector, Table
+from irrsplat.app.viewer.show.record_inspector import RecordInspector, Table
 from irrsplat.app.viewer.show.screen import Texels
 from irrsplat.gpu import context
 from irrsplat.image.tonemap import tonemap
@@ -132,7 +132,7 @@ def hemispheres(ctx: moderngl.Context, world: Scene, kind: str) -> np.ndarray:
         renderer.frame()
         where, number = renderer.cache.sites(np.array([3])), 3
         assert renderer.shadows is not None
-        looker = Inspector(ctx)
+        looker = RecordInspector(ctx)
         texture = looker.hemisphere(
             number, where, renderer.geometry, renderer.shadows, scene=world, settings=renderer.settings, exposure=-1.0
         )
@@ -145,7 +145,7 @@ def hemispheres(ctx: moderngl.Context, world: Scene, kind: str) -> np.ndarray:
 def test_a_record_that_is_gathered_again_is_the_same(cornell: Cornell, ctx: moderngl.Context) -> None:
     """E = Σ L·cosθ·dω over the texels of its cell is what the cache has, and the picture is their radiance."""
     renderer, _, table, _ = cornell
-    looker = Inspector(ctx)
+    looker = RecordInspector(ctx)
     assert renderer.shadows is not None
     for number in (0, 33, len(table) - 1):
         where = renderer.cache.sites(np.array([number]))

@@ -15,32 +15,32 @@ from moderngl_window.context.glfw.keys import Keys as KEYS
 from moderngl_window.context.headless.keys import Keys as HEADLESS_KEYS
 
 from irrsplat.app.viewer.ui import imgui_backend as module
-from irrsplat.app.viewer.ui.imgui_backend import Gui
+from irrsplat.app.viewer.ui.imgui_backend import ImguiBackend
 
 SIZE = (240, 160)
 BARE = imgui.WindowFlags_.no_decoration | imgui.WindowFlags_.no_saved_settings
 
 
 class Screen:
-    """A Gui and what it is drawn into; `frame` runs one frame and returns the picture (H, W, 4) uint8, top row first."""
+    """A ImguiBackend and what it is drawn into; `frame` runs one frame and returns the picture (H, W, 4) uint8, top row first."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], density: float, scale: float) -> None:
         self.size, self.pixels = size, (round(size[0] * density), round(size[1] * density))
         self.texture = ctx.texture(self.pixels, 4)
         self.target = ctx.framebuffer([self.texture])
-        self.gui = Gui(ctx, scale)
+        self.backend = ImguiBackend(ctx, scale)
         self.released = False
 
     def frame(self, content: Callable[[], Any] = lambda: None, clear: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)) -> np.ndarray:
-        self.gui.begin(self.size, self.pixels, 1 / 60)
+        self.backend.begin(self.size, self.pixels, 1 / 60)
         self.result = content()
         self.target.clear(*clear)
-        self.gui.draw(self.target)
+        self.backend.draw(self.target)
         return np.frombuffer(self.target.read(components=4), "u1").reshape(self.pixels[1], self.pixels[0], 4)[::-1]
 
     def release(self) -> None:
         if not self.released:
-            self.gui.release()
+            self.backend.release()
         self.released = True
         self.target.ctx.detect_framebuffer(0).use()  # moderngl would go on to bind a framebuffer that is gone
         self.target.release()
@@ -385,7 +385,7 @@ def test_a_dense_framebuffer_gets_finer_text_in_the_same_place(screen: Callable[
 
 
 def test_glyphs_that_come_later_are_drawn_as_well(screen: Callable[..., Screen], monkeypatch: pytest.MonkeyPatch) -> None:
-    """They reach the atlas as updates of parts of it; the picture is that of a Gui which had them from the start."""
+    """They reach the atlas as updates of parts of it; the picture is that of a ImguiBackend which had them from the start."""
     updates = []
     write = moderngl.Texture.write
     monkeypatch.setattr(
@@ -422,7 +422,7 @@ def test_release_leaves_nothing_behind(screen: Callable[..., Screen], monkeypatc
     one = screen()
     other = screen()
     watch = Watch(monkeypatch)
-    gui, one.gui = one.gui, Gui(one.gui.ctx)
+    gui, one.gui = one.gui, ImguiBackend(one.gui.ctx)
     for _ in range(3):
         one.frame(text("abc"))
     assert sorted(set(watch.alive())) == ["buffer", "program", "texture", "vertex_array"]
