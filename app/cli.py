@@ -158,7 +158,7 @@ def _check_cache(path: str, scene: Scene, preset: str, values: dict[str, Any]) -
 
     files.check_file(path)
     if os.path.exists(path):
-        cache_file.check(path, scene, settings.preset(preset, **values))
+        cache_file.read(path, cache_file.key(scene, settings.preset(preset, **values)))
 
 
 def info(args: argparse.Namespace) -> int:

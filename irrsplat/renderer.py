@@ -13,11 +13,12 @@ from typing import Any
 import moderngl
 import numpy as np
 
+from irrsplat.core import files
 from irrsplat.core.buffers import GBuffer, ShadowMaps, SplatBuffer
 from irrsplat.core.errors import InputError
 from irrsplat.gpu import context, program
 from irrsplat.gpu.geometry import Geometry
-from irrsplat.gpu.resource import Resource
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.image.antialias import Accumulator, Passes, Seen, Told
@@ -32,7 +33,7 @@ from irrsplat.lighting import gl_limits
 from irrsplat.lighting.direct import DirectPass
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.shadow_maps import ShadowPass
-from irrsplat.records.cache_file import Stored
+from irrsplat.records import cache_file
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Camera, Light, Scene
@@ -44,7 +45,7 @@ _IDLE = 8  # rounds without any gain in coverage after which nothing more is to 
 _RENEWAL = 0.6  # of the time for gathering that stale records may take where new ones are wanted too
 
 
-class Renderer(Stored):
+class Renderer(Owner):
     """Renders views of one scene and keeps the irradiance records that they asked for.
 
     scene: what `irrsplat.load` returns. size: (width, height) in pixels. preset: a name of settings.PRESETS, and any
@@ -283,6 +284,37 @@ class Renderer(Stored):
         self.splatting.forget()
         if records:
             self.cache.truncate(0)
+
+    # ---- files -----------------------------------------------------------------------------------------------------
+
+    def save_cache(self, path: files.Pathlike) -> None:
+        """Write the records to a file, whole or not at all; `load_cache` goes on from it bit for bit, as if nothing had happened.
+
+        Raises InputError where `path` cannot be written to, IrrsplatError where writing fails.
+        """
+        self._use()
+        files.check_file(path)
+        scheduler = self.scheduler
+        # a change of the scene or the surface cache that the records have not been held against yet: all of them are stale then
+        stale = scheduler.moved or (scheduler.resumed is None and scheduler.bounced < 1.0)
+        state = cache_file.CacheState(
+            self.cache.state(stale), scheduler.adaptation.state(), scheduler.bounces(scheduler.settings)
+        )
+        cache_file.write(path, cache_file.key(scheduler.scene, scheduler.settings), state)
+
+    def load_cache(self, path: files.Pathlike) -> None:
+        """Take the records of a file in place of those that there are.
+
+        Raises InputError, and changes nothing, where it is missing, no record cache or damaged, or where its records belong to
+        another scene, other lights or other settings than this renderer's (those that cache_file.key lists).
+        """
+        self._use()
+        scheduler = self.scheduler
+        state = cache_file.read(path, cache_file.key(scheduler.scene, scheduler.settings))
+        self.cache.restore(state.records)
+        scheduler.adaptation.restore(state.adapted, scheduler.settings)
+        scheduler.resume(dict(state.bounces))
+        self.forget(records=False)
 
     # ---- whole renders ---------------------------------------------------------------------------------------------
 

@@ -8,6 +8,7 @@ Others beyond twice its reach tell nothing of a record, so that only those near 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
@@ -152,6 +153,26 @@ def _reaching(cache: RecordCache, first: int, settings: Settings) -> np.ndarray:
 _BY = ("a", "adapt", "neighbours", "gradients", "second_order", "radius", "walls")
 
 
+@dataclass(frozen=True)
+class AdaptationState:
+    """How far adaptation has come: the records with a limit, those of them that are held against all others too, and the values
+    of the settings that both were done with (none: nothing is done yet)."""
+
+    limited: int = 0
+    compared: int = 0
+    settings: tuple[object, ...] = ()
+
+    def as_json(self) -> list[object]:
+        """For a file: one flat list."""
+        return [self.limited, self.compared, *self.settings]
+
+    @classmethod
+    def from_json(cls, values: Sequence[Any]) -> AdaptationState:
+        """Raises TypeError or ValueError where `values` is no such list."""
+        limited, compared, *settings = values
+        return cls(int(limited), int(compared), tuple(settings))
+
+
 class Adaptation(Owner):
     """Keeps the limits of the `cache`'s records as they are to be."""
 
@@ -216,14 +237,15 @@ class Adaptation(Owner):
         cache.edits += changed  # where it is not, the splats of the old ones still hold
         return changed
 
-    def state(self) -> list[Any]:
-        """What `restore` goes on from, as plain JSON."""
+    def state(self) -> AdaptationState:
+        """What `restore` goes on from."""
         count, held, by = self._adapted
-        return [0, 0] if by is None else [count, held, *by[: len(_BY)]]
+        return AdaptationState() if by is None else AdaptationState(count, held, by[: len(_BY)])
 
-    def restore(self, state: Sequence[Any], settings: Settings) -> None:
+    def restore(self, state: AdaptationState, settings: Settings) -> None:
         """Go on from there, where the settings are the same, with the cache that belongs to it; else from nothing."""
-        (count, held, *by), cache = state, self.cache
-        same = by == [getattr(settings, name) for name in _BY]
-        self._adapted = (int(count), int(held), (*by, cache.renewals, cache.dark)) if same else (0, 0, None)
+        cache = self.cache
+        same = state.settings == tuple(getattr(settings, name) for name in _BY)
+        by = *state.settings, cache.renewals, cache.dark
+        self._adapted = (state.limited, state.compared, by) if same else (0, 0, None)
         self._gauged = cache.count, cache.renewals

@@ -1,7 +1,7 @@
-"""A record cache in a file: written whole or not at all, and read only where its records are still what they say.
+"""Record caches in files: written whole or not at all, refused where they do not belong to the scene, its lights or the settings.
 
-The file is a line that names it, a checksum, and arrays (NPZ, nothing that could run). With the records go hashes of what they
-depend on: geometry with materials and sky, lights, and the settings by which they were gathered.
+A file is one line that names the format, a SHA-256 checksum, and arrays (NPZ without pickles, so nothing in it can run). With the
+records it holds hashes of what they depend on: geometry with materials and sky, lights, and the settings they were gathered with.
 """
 
 from __future__ import annotations
@@ -9,84 +9,89 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import os
 import zipfile
-from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
 from irrsplat.core import files
 from irrsplat.core.errors import InputError
-from irrsplat.gpu.resource import Owner
-from irrsplat.indirect.scheduler import RecordScheduler
+from irrsplat.records import record_cache
+from irrsplat.records.adaptive_radius import AdaptationState
 from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Scene
 from irrsplat.settings import SETTINGS, Settings
 
-FORMAT = 1  # to be raised with every change of what is in a file, or of what is gathered
+FORMAT = 1  # to be raised whenever the content of files changes, or what records are gathered from
 _NAME = b"irrsplat record cache "
 _DIGEST = hashlib.sha256().digest_size
-_ANEW = "remove it to have it made anew, or name another file"
+_REMEDY = "remove it to have it made anew, or name another file"
 
 
-def key(scene: Scene, settings: Settings) -> dict[str, Any]:
-    """What records depend on: hashes of "geometry" and "lights", and "settings" by name, as plain JSON."""
+@dataclass(frozen=True)
+class CacheKey:
+    """What records depend on: hashes of the geometry (with materials and sky) and of the lights, and settings by name."""
+
+    geometry: str
+    lights: str
+    settings: Mapping[str, object]
+
+
+@dataclass(frozen=True)
+class CacheState:
+    """All that a renderer needs to go on from saved records as if it had never stopped.
+
+    records: the arrays of RecordCache.state. adapted: how far the records' radii are adapted. bounces: how the records were
+    gathered and with how many bounces, by the names that the statistics have for it.
+    """
+
+    records: Mapping[str, np.ndarray]
+    adapted: AdaptationState
+    bounces: Mapping[str, object]
+
+
+def key(scene: Scene, settings: Settings) -> CacheKey:
+    """What the records of this scene and these settings depend on."""
     vertices, faces, closed = flatten(scene)
-    lights = [[v for name, v in vars(light).items() if name != "name"] for light in scene.lights]
+    lights = [[value for name, value in vars(light).items() if name != "name"] for light in scene.lights]
     names = ["seed", "bounces", "gather", "gather_size", "shadow_size", "gradients", "placement"]
     names += ["warmup"] if settings.placement == "scan" else []
-    return {
-        "geometry": _hash(vertices.tobytes(), faces.tobytes(), repr((closed, tuple(scene.sky))).encode()),
-        "lights": _hash(json.dumps(lights).encode()),
-        "settings": {name: getattr(settings, name) for name in names},
-    }
+    return CacheKey(
+        geometry=_hash(vertices.tobytes(), faces.tobytes(), repr((closed, tuple(scene.sky))).encode()),
+        lights=_hash(json.dumps(lights).encode()),
+        settings={name: getattr(settings, name) for name in names},
+    )
 
 
-def save(path: files.Pathlike, placement: RecordScheduler) -> None:
-    """Write the records of `placement`, whole or not at all; raises IrrsplatError where that fails."""
-    state = placement.cache.state()
-    if placement.moved or (placement.resumed is None and placement.bounced < 1.0):
-        state["clocks"][0] += 1  # the era: all of them will be stale, as soon as what has changed is looked after
-    about = {"adapted": placement.adaptation.state(), "bounces": placement.bounces(placement.settings)}
-    text = json.dumps({"key": key(placement.scene, placement.settings), "about": about})
-    arrays: dict[str, Any] = {"about": np.array(text), **state}
+def write(path: files.Pathlike, key: CacheKey, state: CacheState) -> None:
+    """Write the records, whole or not at all; raises IrrsplatError where that fails."""
+    about = {"adapted": state.adapted.as_json(), "bounces": dict(state.bounces)}
+    text = json.dumps({"key": asdict(key), "about": about})
     payload = io.BytesIO()
-    np.savez(payload, **arrays)
+    arrays: dict[str, np.ndarray] = {"about": np.array(text), **state.records}
+    np.savez(payload, **arrays)  # type: ignore[arg-type]  # numpy's stub takes the arrays for its flag allow_pickle
     data = payload.getvalue()
     files.write_bytes(path, _NAME + b"%d\n" % FORMAT + hashlib.sha256(data).digest() + data)
 
 
-def load(path: files.Pathlike, placement: RecordScheduler) -> None:
-    """Take the records of a file in place of those that there are; raises what `check` raises, and then changes nothing."""
-    about, state = check(path, placement.scene, placement.settings)
-    try:
-        adapted, bounces = list(about["adapted"]), dict(about["bounces"])
-        placement.cache.restore(state)
-        placement.adaptation.restore(adapted, placement.settings)
-        placement.resume(bounces)
-    except (KeyError, ValueError, TypeError) as error:
-        raise InputError(f"a damaged record cache ({type(error).__name__}); {_ANEW}", path) from error
+def read(path: files.Pathlike, key: CacheKey) -> CacheState:
+    """The records of a file.
 
-
-def check(path: files.Pathlike, scene: Scene, settings: Settings) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """What a file has to say of its records, and their arrays.
-
-    Raises InputError where it cannot be read, is no record cache, is damaged, or was made for another scene, other lights or with
-    other settings.
+    Raises InputError where it cannot be read, is no record cache, is damaged, or was made for another key.
     """
-    about, state = _read(path)
-    was, now = about["key"], key(scene, settings)
-    reason = ""
-    if was["geometry"] != now["geometry"]:
-        reason = "for another scene, or other materials"
-    elif was["lights"] != now["lights"]:
-        reason = "for other lights"
-    elif was["settings"] != now["settings"]:
-        reason = "with " + _differing(was["settings"], now["settings"])
-    if reason:
-        raise InputError(f"this record cache was made {reason}; {_ANEW}", path)
-    return about["about"], state
+    header, arrays = _read(path)
+    try:
+        made_for = CacheKey(**header["key"])
+        reason = _difference(made_for, key)
+        if reason:
+            raise InputError(f"this record cache was made {reason}; {_REMEDY}", path)
+        record_cache.check_state(arrays)
+        about = header["about"]
+        return CacheState(arrays, AdaptationState.from_json(about["adapted"]), dict(about["bounces"]))
+    except (KeyError, ValueError, TypeError) as error:
+        raise InputError(f"a damaged record cache ({type(error).__name__}); {_REMEDY}", path) from error
 
 
 def _read(path: files.Pathlike) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
@@ -99,30 +104,41 @@ def _read(path: files.Pathlike) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
         raise InputError("this is not a record cache of irrsplat, and stays as it is; name another file", path)
     number = name[len(_NAME) :].strip().decode("ascii", "replace")
     if number != str(FORMAT):
-        raise InputError(f"a record cache of format {number}, and this irrsplat knows format {FORMAT}; {_ANEW}", path)
+        raise InputError(f"a record cache of format {number}, and this irrsplat knows format {FORMAT}; {_REMEDY}", path)
     digest, data = rest[:_DIGEST], rest[_DIGEST:]
     if hashlib.sha256(data).digest() != digest:
-        raise InputError(f"a damaged record cache (its checksum is wrong); {_ANEW}", path)
+        raise InputError(f"a damaged record cache (its checksum is wrong); {_REMEDY}", path)
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
             state = {name: arrays[name] for name in arrays.files}
         return json.loads(str(state.pop("about"))), state
     except (ValueError, KeyError, OSError, EOFError, zipfile.BadZipFile) as error:
-        raise InputError(f"a damaged record cache ({type(error).__name__}); {_ANEW}", path) from error
+        raise InputError(f"a damaged record cache ({type(error).__name__}); {_REMEDY}", path) from error
 
 
-def _differing(was: dict[str, Any], now: dict[str, Any]) -> str:
-    """The settings of a file that are others now, as flags."""
+def _difference(made_for: CacheKey, wanted: CacheKey) -> str:
+    """What a file was made for or with, where that is not what is wanted; else the empty text."""
+    if made_for.geometry != wanted.geometry:
+        return "for another scene, or other materials"
+    if made_for.lights != wanted.lights:
+        return "for other lights"
+    if made_for.settings != wanted.settings:
+        return "with " + _differing(made_for.settings, wanted.settings)
+    return ""
+
+
+def _differing(was: Mapping[str, object], now: Mapping[str, object]) -> str:
+    """The settings that differ, as flags: those of a file, and those that are wanted."""
 
     names = [name for name in SETTINGS if was.get(name) != now.get(name)]
 
-    def flags(values: dict[str, Any]) -> str:
+    def flags(values: Mapping[str, object]) -> str:
         return " ".join(f"{SETTINGS[name].flag} {_word(values[name])}" for name in names if name in values)
 
     return f"{flags(was)}, not {flags(now)}"
 
 
-def _word(value: Any) -> str:
+def _word(value: object) -> str:
     return ("on" if value else "off") if isinstance(value, bool) else str(value)
 
 
@@ -131,35 +147,3 @@ def _hash(*parts: bytes) -> str:
     for part in parts:
         whole.update(len(part).to_bytes(8, "little") + part)
     return whole.hexdigest()
-
-
-class Stored(Owner, ABC):
-    """Whose records can be kept in files: a Renderer."""
-
-    scheduler: RecordScheduler
-
-    @abstractmethod
-    def _use(self) -> None: ...
-
-    @abstractmethod
-    def forget(self, records: bool = True, lights: bool = True) -> None:
-        """Draw everything again."""
-
-    def save_cache(self, path: str | os.PathLike[str]) -> None:
-        """Write the records to a file, whole or not at all; `load_cache` goes on from it, to the bit as if nothing had happened.
-
-        Raises InputError where `path` cannot be written to, IrrsplatError where writing fails.
-        """
-        self._use()
-        files.check_file(path)
-        save(path, self.scheduler)
-
-    def load_cache(self, path: str | os.PathLike[str]) -> None:
-        """Take the records of a file in place of those that there are.
-
-        Raises InputError, and changes nothing, where it is missing, no record cache or damaged, or where its records belong to
-        another scene, other lights or other settings than this renderer's (those by which records are gathered; see `key`).
-        """
-        self._use()
-        load(path, self.scheduler)
-        self.forget(records=False)

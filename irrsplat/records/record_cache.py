@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
 
 import moderngl
 import numpy as np
@@ -293,22 +292,21 @@ class RecordCache(Owner):
 
     # ---- files ------------------------------------------------------------------------------------------------------
 
-    def state(self) -> dict[str, np.ndarray]:
-        """All that there is to the records, as arrays: what `restore` goes on from as if nothing had happened."""
+    def state(self, stale: bool = False) -> dict[str, np.ndarray]:
+        """All that there is to the records, as arrays: what `restore` goes on from as if nothing had happened.
+
+        stale: there, all of them are stale.
+        """
         kept = {name: self._known[name][: self.count].copy() for name in _KEPT}
         textures = [texel_table.read(self.ctx, t, 0, self.count) for t in self._textures[_VALUES:]]
         limit = texel_table.read(self.ctx, self._limit, 0, self.count)
-        clocks = np.array([self.era, self._view, self._next])
+        clocks = np.array([self.era + stale, self._view, self._next])
         return {**kept, "content": np.stack(textures, axis=1), "limit": limit, "clocks": clocks, "dark": np.array(self.dark)}
 
-    def restore(self, state: Mapping[str, Any]) -> None:
+    def restore(self, state: Mapping[str, np.ndarray]) -> None:
         """Hold the records of `state`, and no others. Raises KeyError or ValueError, and changes nothing, where it is none."""
+        check_state(state)
         count = len(state["name"])
-        shapes = {name: (count, *shape) for name, (shape, _) in _KNOWN.items() if name in _KEPT}
-        shapes |= {"content": (count, _TEXTURES - _VALUES, 4), "limit": (count, 1), "clocks": (3,), "dark": ()}
-        for name, shape in shapes.items():
-            if state[name].shape != shape or not np.isfinite(state[name]).all():
-                raise ValueError(name)
         self.truncate(0)
         self._reserve(count)
         self.count, self._stale, self.dark = count, None, float(state["dark"])
@@ -322,7 +320,12 @@ class RecordCache(Owner):
             texel_table.write(texture, 0, rows)
         self.edits += 1
 
-    def release(self) -> None:
-        """Free the textures."""
-        for texture in (*self._textures, self._limit):
-            texture.release()
+
+def check_state(state: Mapping[str, np.ndarray]) -> None:
+    """Raises KeyError or ValueError where the arrays of RecordCache.state are incomplete, of wrong shape or not finite."""
+    count = len(state["name"])
+    shapes = {name: (count, *shape) for name, (shape, _) in _KNOWN.items() if name in _KEPT}
+    shapes |= {"content": (count, _TEXTURES - _VALUES, 4), "limit": (count, 1), "clocks": (3,), "dark": ()}
+    for name, shape in shapes.items():
+        if state[name].shape != shape or not np.isfinite(state[name]).all():
+            raise ValueError(name)

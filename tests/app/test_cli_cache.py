@@ -243,5 +243,5 @@ def test_settings_of_the_window_are_those_of_its_file(place: Path, window: Any) 
     assert remembered.values["gather_size"] == 12
     window(settle)
     assert cli.main(["view", "room.scene", "--cache", "room.cache"]) == 0
-    about, state = cache_file._read(place / "room.cache")
-    assert about["key"]["settings"]["gather_size"] == 12 and len(state["name"]) > 0
+    header, arrays = cache_file._read(place / "room.cache")
+    assert header["key"]["settings"]["gather_size"] == 12 and len(arrays["name"]) > 0

@@ -210,7 +210,7 @@ SCENES: dict[str, tuple[Callable[[], Scene], str]] = {
 def test_another_scene_is_refused(saved: Path, name: str) -> None:
     world, said = SCENES[name]
     with pytest.raises(InputError, match=said) as error:
-        cache_file.check(saved, world(), preset(**FAST))
+        cache_file.read(saved, cache_file.key(world(), preset(**FAST)))
     assert str(error.value).startswith(f"{saved}: ") and "\n" not in str(error.value)
 
 
@@ -228,14 +228,14 @@ def test_another_scene_is_refused(saved: Path, name: str) -> None:
 )
 def test_other_settings_are_refused_by_name(saved: Path, values: dict[str, Any], said: str) -> None:
     with pytest.raises(InputError, match=said):
-        cache_file.check(saved, room(), preset(**FAST | values))
+        cache_file.read(saved, cache_file.key(room(), preset(**FAST | values)))
 
 
 def test_what_records_do_not_depend_on_is_no_reason(saved: Path) -> None:
     """Names of lights, cameras, and where the scene came from; settings of the splat and the examination."""
     world = replace(relit(name="lamp"), cameras=(Camera((0, 0, 1), (0, 0, 0)),), name="other", path="elsewhere")
-    cache_file.check(saved, world, preset(**FAST, a=0.1, adapt=0.0, spread=0.0, warmup=3, max_records=100))
-    known = cache_file.key(room(), Settings(placement="scan"))["settings"]
+    cache_file.read(saved, cache_file.key(world, preset(**FAST, a=0.1, adapt=0.0, spread=0.0, warmup=3, max_records=100)))
+    known = cache_file.key(room(), Settings(placement="scan")).settings
     assert known["warmup"] == 1000, "the random first records of scan placement"
 
 
