@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
-from typing import Protocol, Self
+from collections.abc import Callable, Iterator, Sequence
+from typing import Protocol, Self, TypeVar
 
 
 class Resource(Protocol):
@@ -12,6 +12,9 @@ class Resource(Protocol):
 
     def release(self) -> object:
         """Free it."""
+
+
+Made = TypeVar("Made", bound=Resource)
 
 
 class Owner(ABC):
@@ -40,3 +43,40 @@ class Owner(ABC):
                 yield from thing.resources()
             elif thing is not None:
                 yield thing
+
+
+class Workshop(Owner):
+    """Resources that are made when they are first wanted, and made anew, the old ones freed, when they are wanted otherwise."""
+
+    def __init__(self) -> None:
+        self._made: dict[str, tuple[object, Resource]] = {}
+
+    def owned(self) -> tuple[Resource, ...]:
+        """Everything that was made and not freed."""
+        return tuple(thing for _, thing in self._made.values())
+
+    def clear(self) -> None:
+        """Free everything; what is wanted next is made anew."""
+        for name in list(self._made):
+            self.drop(name)
+
+    def get(self, name: str, inputs: object, make: Callable[[], Made]) -> Made:
+        """The resource called `name`, made of these `inputs`, which are compared by ==."""
+        found = self._made.get(name)
+        if found is not None and found[0] == inputs:
+            return found[1]  # type: ignore[return-value]  # a name stands for one kind of resource
+        self.drop(name)
+        made = make()
+        self._made[name] = inputs, made
+        return made
+
+    def find(self, name: str, kind: type[Made]) -> Made | None:
+        """The resource of this name and type as it is; None where it has not been made."""
+        _, thing = self._made.get(name, (None, None))
+        return thing if isinstance(thing, kind) else None
+
+    def drop(self, name: str) -> None:
+        """Free the resource of this name, if there is one."""
+        _, thing = self._made.pop(name, (None, None))
+        if thing is not None:
+            thing.release()
