@@ -19,6 +19,7 @@ from irrsplat.app.common.terminal import progress, say
 from irrsplat.core.errors import InputError, IrrsplatError
 
 if TYPE_CHECKING:
+    from irrsplat.image.statistics import Statistics
     from irrsplat.scene.model import Camera, Scene
 
 INTERRUPTED = 130
@@ -66,6 +67,7 @@ def render(args: argparse.Namespace) -> int:
     from irrsplat.app import render_path
     from irrsplat.core import files
     from irrsplat.image import frame as output
+    from irrsplat.image import statistics
 
     settings.preset(args.preset, **args.values)
     buffers = None if args.buffers is None else [name.strip() for name in args.buffers.split(",")]
@@ -101,7 +103,7 @@ def render(args: argparse.Namespace) -> int:
         return _sequence(args, done, None if whole else f"{len(done)} of {len(planned.numbers)} frames were written")
     stats = frame.stats
     if args.stats is not None:
-        files.write_text(args.stats, output.stats_json(stats) + "\n")
+        files.write_text(args.stats, statistics.to_json(stats) + "\n")
     if stats.get("interrupted"):
         return _fail(f"interrupted; the files hold what {stats.get('rounds', 0)} whole rounds gave", INTERRUPTED)
     if not stats.get("converged", True):
@@ -109,13 +111,13 @@ def render(args: argparse.Namespace) -> int:
     return 0
 
 
-def _sequence(args: argparse.Namespace, done: list[dict[str, Any]], interrupted: str | None) -> int:
+def _sequence(args: argparse.Namespace, done: list[Statistics], interrupted: str | None) -> int:
     """The end of a path: the stats of the frames that are `done`, and what is to be said. interrupted: how far it came."""
     from irrsplat.core import files
-    from irrsplat.image import frame as output
+    from irrsplat.image import statistics
 
     if args.stats is not None:
-        files.write_text(args.stats, output.stats_json({"frames": done}) + "\n")
+        files.write_text(args.stats, statistics.to_json({"frames": done}) + "\n")
     if interrupted is not None:
         return _fail(f"interrupted; {interrupted}", INTERRUPTED)
     if short := sum(not stats.get("converged", True) for stats in done):
@@ -123,7 +125,7 @@ def _sequence(args: argparse.Namespace, done: list[dict[str, Any]], interrupted:
     return 0
 
 
-def _unserved(stats: Sequence[dict[str, Any]]) -> str:
+def _unserved(stats: Sequence[Statistics]) -> str:
     """What is to be said of pictures that stopped early, of whose `stats` one says it was `full` where that is why."""
     full = any(one.get("full") for one in stats)
     return f"before every pixel was served; raise {'--max-records' if full else '--max-rounds'} or --a"

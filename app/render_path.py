@@ -8,10 +8,11 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path as File
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from irrsplat.core.errors import InputError
 from irrsplat.image import frame as output
+from irrsplat.image.statistics import Statistics
 from irrsplat.scene.camera_path import Path, load_path
 
 if TYPE_CHECKING:
@@ -54,13 +55,13 @@ def take(
     buffers: list[str] | None,
     figures: bool,
     progress: Callable[..., None] | None,
-) -> tuple[list[dict[str, Any]], bool]:
+) -> tuple[list[Statistics], bool]:
     """Render and write every frame: the stats of those written, with "frame", and whether all are (False: interrupted).
 
     Records stay from frame to frame. All frames have the first one's exposure: a meter of their own would make them flicker.
     progress: as for Renderer.render, called with a `prefix` too that names the frame.
     """
-    done: list[dict[str, Any]] = []
+    done: list[Statistics] = []
     try:
         for number in sequence.numbers:
             prefix = f"frame {number} of {sequence.numbers[-1]}, "
@@ -69,7 +70,10 @@ def take(
             if frame.stats.get("interrupted"):
                 return done, False
             exposure = done[0]["exposure"] if done else frame.exposure
-            frame = replace(frame, stats={"frame": number} | frame.stats | {"exposure": exposure})
+            stats = Statistics(frame=number)
+            stats |= frame.stats
+            stats["exposure"] = exposure
+            frame = replace(frame, stats=stats)
             for pattern in sequence.outputs:
                 frame.save(output.numbered(pattern, number), buffers)
             done.append(frame.stats)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, cast
 
 import moderngl
 import numpy as np
@@ -21,12 +21,13 @@ from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
-from irrsplat.image.antialias import Accumulator, Passes, Seen, Told
+from irrsplat.image.antialias import Antialiaser, FrameInputs, FramePasses, OnProgress
 from irrsplat.image.composite import CompositePass
-from irrsplat.image.figures import figure1
+from irrsplat.image.figures.paper_figures import PaperFigures
 from irrsplat.image.frame import Frame
 from irrsplat.image.gbuffer import GBufferPass
-from irrsplat.image.view import Progress, View, read, sampling, statistics
+from irrsplat.image.statistics import Statistics, describe
+from irrsplat.image.view import Progress, View, read, sample_progress
 from irrsplat.indirect.scheduler import RecordScheduler, RoundResult
 from irrsplat.indirect.splat_buffer import Splatting
 from irrsplat.lighting import gl_limits
@@ -82,7 +83,7 @@ class Renderer(Owner):
         self.scheduler = RecordScheduler(self.ctx, scene, self.size, self.settings, self.geometry, self.cache, self.timers)
         self.direct_pass = DirectPass(self.ctx, self.size, light_defines(scene))
         self.composite_pass = CompositePass(self.ctx, self.size)
-        self.accumulator = Accumulator(self.ctx, self.timers)
+        self.accumulator = Antialiaser(self.ctx, self.timers)
         self._made_of: dict[str, tuple[Any, ...]] = {}  # what each stage's present result was made of
         self.shadows: ShadowMaps | None = None  # the present ones
         self._gbuffer: Any = None  # a GBuffer
@@ -205,12 +206,12 @@ class Renderer(Owner):
             self._view = View(camera, gbuffer, self._direct, splats, sums, image)
         return self._view
 
-    def accumulate(self, view: View, samples: int, seconds: float | None = None, told: Told | None = None) -> View:
+    def accumulate(self, view: View, samples: int, seconds: float | None = None, told: OnProgress | None = None) -> View:
         """The `view` that `frame` gave last, with `samples` a pixel, or as many more than last time as `seconds` allow, one at
         least; the cache is left as it is. told: called with the share done, 0..1, after each."""
         self._use()
-        passes = Passes(self.gbuffer_pass, self.splatting.splat_pass, self.direct_pass, self.composite_pass)
-        seen = Seen(self.scene, self.geometry, self._lit(), self.cache, self.settings)
+        passes = FramePasses(self.gbuffer_pass, self.splatting.splat_pass, self.direct_pass, self.composite_pass)
+        seen = FrameInputs(self.scene, self.geometry, self._lit(), self.cache, self.settings)
         return self.accumulator(view, samples, Budget(seconds), passes, seen, told)
 
     # ---- what changes ----------------------------------------------------------------------------------------------
@@ -320,7 +321,7 @@ class Renderer(Owner):
 
     def converge(
         self, camera: Camera | str | None = None, progress: Callable[[Progress], None] | None = None
-    ) -> tuple[View, dict[str, Any]]:
+    ) -> tuple[View, Statistics]:
         """Rounds until the examination finds nothing, or `max_rounds`; returns the view and its statistics.
 
         "seconds" among them is the wall time to full coverage, before direct light and composite. progress is called after
@@ -330,7 +331,7 @@ class Renderer(Owner):
         camera = self.scene.camera(camera)
         self.timers.clear()
         self._idle, start = 0, time.perf_counter()
-        stats: dict[str, Any] = {"rounds": 0, "converged": False, "full": False, "interrupted": False, "coverage": 0.0}
+        stats: Statistics = {"rounds": 0, "converged": False, "full": False, "interrupted": False, "coverage": 0.0}
         whole, ended, budget = self.cache.count + self.cache.evicted, False, Budget(None)
         try:
             while not ended and stats["rounds"] < self.settings.max_rounds and self._idle < _IDLE:
@@ -363,9 +364,9 @@ class Renderer(Owner):
         gathered. progress is called after each round. figures: fill Frame.figures with the paper's figures 1, 3 and 4 too.
         Ctrl-C ends the rounds, or the samples, early: stats["converged"] is False then.
         """
-        album = figure1.Album(self._splatted, progress)
+        album = PaperFigures(self._splatted, progress)
         view, stats = self.converge(camera, album if figures else progress)
-        view = self.accumulate(view, 1 if stats["interrupted"] else self.settings.samples, told=sampling(progress, stats))
+        view = self.accumulate(view, 1 if stats["interrupted"] else self.settings.samples, told=sample_progress(progress, stats))
         if view.samples < self.settings.samples:  # Ctrl-C
             stats |= {"interrupted": True, "converged": False}
         frame = read(view, self.scene.sky, self.cache.read(), stats | self.stats(view))
@@ -376,11 +377,13 @@ class Renderer(Owner):
         records = replace(self.cache.records, count=count)
         return self.splatting.read(records, self._gbuffer, self._made_of["gbuffer"][0], self.settings)
 
-    def stats(self, view: View) -> dict[str, Any]:
+    def stats(self, view: View) -> Statistics:
+        """What is known of the view's picture, the rounds that led to it aside."""
         exposure, settings = self.settings.exposure, self.settings
         stops = self.composite_pass.exposure(view.image) if exposure == "auto" else float(exposure)
-        made = {"stages_ms": self.timers.milliseconds(), "clock": self.timers.clock, **self.scheduler.bounces(settings)}
-        return {"samples": view.samples} | made | statistics(self.about, self.scene, self.size, self.preset, settings, stops)
+        made: Statistics = {"samples": view.samples, "stages_ms": self.timers.milliseconds(), "clock": self.timers.clock}
+        made |= cast(Statistics, self.scheduler.bounces(settings))
+        return made | describe(self.about, self.scene, self.size, self.preset, settings, stops)
 
     def release(self) -> None:
         """Free everything on the GPU, the context too where this renderer made it."""

@@ -23,6 +23,7 @@ from irrsplat.gpu import program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.image.frame import Frame
+from irrsplat.image.statistics import Statistics
 from irrsplat.image.view import Progress, View, read
 from irrsplat.renderer import Renderer
 from irrsplat.scene.model import Camera, Light, Scene
@@ -333,8 +334,9 @@ class Session(Owner):
     def frame(self) -> Frame:
         """Every buffer of the left side's view as it is now."""
         (renderer, view), progress = self.of(0), self.progress[0]
-        stats = {"records": progress.records, "rounds": progress.round, "coverage": progress.coverage, "converged": progress.done}
-        stats |= renderer.stats(view) | {"exposure": self.exposure}
+        stats = Statistics(records=progress.records, rounds=progress.round, coverage=progress.coverage, converged=progress.done)
+        stats |= renderer.stats(view)
+        stats["exposure"] = self.exposure
         return read(view, self.scene.sky, renderer.cache.read(), stats)
 
     def owned(self) -> tuple[Resource, ...]:

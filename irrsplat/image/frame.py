@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import math
 import os
 import re
 import string
@@ -17,6 +15,8 @@ import numpy as np
 from irrsplat.core.buffers import CHANNELS
 from irrsplat.core.errors import InputError
 from irrsplat.core.files import Pathlike, _png, _try_folder, _write_file, _write_folder, check_file
+from irrsplat.image import statistics
+from irrsplat.image.statistics import Statistics
 from irrsplat.image.tonemap import exposure_of, show, tonemap
 
 ENDINGS = (".png", ".exr", ".npz")
@@ -30,9 +30,8 @@ class Frame:
     """One rendered view; every array belongs to the caller, float32, linear, top row first (see buffers.CHANNELS).
 
     image, direct, indirect, emission: means over the samples of a pixel; all others are of its centre.
-    records_*: the cache, N rows. stats: records, rounds, converged, ms per stage with the clock's name, GL renderer,
-    settings, exposure (stops, resolved). figures: further (H, W, 3) pictures by name, for the figures of the paper:
-    radiance "first_samples" and "splat_buffer", and "quad", which is in display values 0..1.
+    records_*: the cache, N rows. stats: how the frame was made. figures: further (H, W, 3) pictures by name, for the figures of
+    the paper: radiance "first_samples" and "splat_buffer", and "quad", which is in display values 0..1.
     """
 
     image: np.ndarray
@@ -49,7 +48,7 @@ class Frame:
     records_normal: np.ndarray
     records_irradiance: np.ndarray
     records_radius: np.ndarray
-    stats: dict[str, Any] = field(default_factory=dict)
+    stats: Statistics = field(default_factory=Statistics)
     figures: dict[str, np.ndarray] = field(default_factory=dict)
 
     @property
@@ -80,17 +79,17 @@ class Frame:
         import OpenEXR
 
         layers = {name: np.ascontiguousarray(getattr(self, name), np.float32) for name in names if name in CHANNELS}
-        header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, "stats": stats_json(self.stats)}
+        header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, "stats": statistics.to_json(self.stats)}
         with OpenEXR.File(header, layers) as file:
             file.write(str(part))
 
     def _write_npz(self, part: Path, names: Sequence[str]) -> None:
-        arrays: dict[str, Any] = {name: np.asarray(getattr(self, name), np.float32) for name in names}
+        arrays: dict[str, Any] = {name: np.asarray(getattr(self, name), np.float32) for name in names}  # numpy's stub: Any
         with open(part, "wb") as file:  # by handle: given a name, numpy would append .npz to it
-            np.savez(file, allow_pickle=False, stats=np.array(stats_json(self.stats)), **arrays)
+            np.savez(file, allow_pickle=False, stats=np.array(statistics.to_json(self.stats)), **arrays)
 
     def _pictures(self, names: Sequence[str]) -> Iterator[tuple[str, np.ndarray]]:
-        """The file names and (H, W, 3) display images, 0..1, of a folder: the named buffers, then the paper's figures."""
+        """The file names and (H, W, 3) display images, 0..1, of a folder: the buffers `names`, then the paper's figures."""
         seen = np.isfinite(self.depth)
         for name in names:
             if name in CHANNELS:
@@ -99,9 +98,8 @@ class Frame:
             yield "figure1_quad.png", np.clip(self.figures["quad"], 0.0, 1.0)
         yield "figure2_direct.png", tonemap(self.direct, self.exposure)
         sums = [name for name in ("splat_buffer", "first_samples") if name in self.figures]
-        stops = (
-            exposure_of(self.figures[sums[0]]) if sums else 0.0
-        )  # sums are not radiance; one exposure, so that 3 and 4 compare
+        # sums are not radiance, so they have an exposure of their own; one for both, so that figures 3 and 4 compare
+        stops = exposure_of(self.figures[sums[0]]) if sums else 0.0
         for name, file in (("first_samples", "figure3_first_samples.png"), ("splat_buffer", "figure4_splat_buffer.png")):
             if name in sums:
                 yield file, tonemap(self.figures[name], stops)
@@ -110,9 +108,10 @@ class Frame:
 
 
 def check_writable(path: Pathlike, buffers: Sequence[str] | None = None) -> str:
-    """The ending of an output, one of ENDINGS, or "" for a folder; tried out, so that a long rendering is not lost at its end.
+    """The ending of an output, one of ENDINGS, or "" for a folder, once it is certain that it can be written: a long rendering
+    must not be lost at its end.
 
-    Raises InputError where the ending or a buffer's name is unknown, or nothing can be written there. Leaves nothing behind.
+    Raises InputError where the ending or a buffer's name is unknown, or nothing can be written there. Leaves no file behind.
     """
     for name in buffers or ():
         if name not in BUFFERS:
@@ -144,20 +143,3 @@ def numbered(pattern: str, frame: int) -> str:
         return pattern.format(frame=frame)
     except ValueError:
         raise InputError("the one field in an output's name is {frame}, or with digits such as {frame:04d}", pattern) from None
-
-
-def stats_json(stats: dict[str, Any]) -> str:
-    """The stats as strict JSON: numpy values become plain ones, and what is not finite becomes null."""
-
-    def plain(value: Any) -> Any:
-        if isinstance(value, dict):
-            return {str(k): plain(v) for k, v in value.items()}
-        if isinstance(value, (list, tuple)):
-            return [plain(v) for v in value]
-        if isinstance(value, (np.generic, np.ndarray)):
-            return plain(value.tolist())
-        if isinstance(value, float) and not math.isfinite(value):
-            return None
-        return value if isinstance(value, (str, int, float, bool, type(None))) else str(value)
-
-    return json.dumps(plain(stats), indent=2, allow_nan=False, ensure_ascii=False)

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass, fields, replace
 
 import moderngl
 import numpy as np
@@ -12,8 +11,8 @@ import numpy as np
 from irrsplat.core.buffers import GBuffer, SplatBuffer
 from irrsplat.gpu.target import pixels
 from irrsplat.image.frame import Frame
-from irrsplat.scene.model import Camera, Scene
-from irrsplat.settings import Settings
+from irrsplat.image.statistics import Statistics
+from irrsplat.scene.model import Camera
 
 
 @dataclass(frozen=True)
@@ -45,10 +44,10 @@ class Progress:
     """How far a view has come after a tick.
 
     round: complete rounds so far. records: in the cache; new: those made in this tick. coverage: the share of the seen pixels,
-    0..1, that asked for nothing when the round began. renewed: old records gathered again in this tick; stale: those that still wait.
-    complete: False while the round has sites left, or the view has only every other pixel splatted. surface: how much of the
-    surface cache is made, 0..1. full: the view needs more records than `max_records`. sampled: the share of a render's samples
-    that are taken, 0..1.
+    0..1, that asked for nothing when the round began. renewed: old records gathered again in this tick; stale: those that still
+    wait. complete: False while the round has sites left, or the view has only every other pixel splatted. surface: how much of
+    the surface cache is made, 0..1. full: the view needs more records than `max_records`. sampled: the share of a render's
+    samples that are taken, 0..1.
     """
 
     round: int
@@ -73,16 +72,16 @@ class Progress:
         return self.still and (self.coverage == 1.0 or self.full)
 
 
-def sampling(progress: Callable[[Progress], None] | None, stats: dict[str, Any]) -> Callable[[float], None] | None:
-    """What is called with the share of the samples done, and calls `progress` in turn, where the view stands as in `stats`."""
-    if progress is None:
+def sample_progress(on_round: Callable[[Progress], None] | None, stats: Statistics) -> Callable[[float], None] | None:
+    """Calls `on_round` with the share of the samples that are taken, for a view that stands as in `stats`; None for None."""
+    if on_round is None:
         return None
     now = Progress(stats["rounds"], stats["records"], 0, stats["coverage"])
-    return lambda share: progress(replace(now, sampled=share))
+    return lambda share: on_round(replace(now, sampled=share))
 
 
-def read(view: View, sky: tuple[float, float, float], records: dict[str, np.ndarray], stats: dict[str, Any]) -> Frame:
-    """The view as a Frame: every buffer copied, cleaned where nothing is seen, with the cache's records beside them."""
+def read(view: View, sky: tuple[float, float, float], records: dict[str, np.ndarray], stats: Statistics) -> Frame:
+    """The view as a Frame: a copy of every buffer, zero where nothing is seen, and of the cache's `records`."""
     buffers = {f.name: pixels(getattr(view.gbuffer, f.name)) for f in fields(GBuffer)}
     seen = buffers["position"][..., 3:] > 0.0
     position, normal, albedo, emission = (np.where(seen, b[..., :3], np.float32(0.0)) for b in buffers.values())
@@ -109,19 +108,3 @@ def read(view: View, sky: tuple[float, float, float], records: dict[str, np.ndar
 
 def _rgb(texture: moderngl.Texture) -> np.ndarray:
     return pixels(texture)[..., :3].copy()
-
-
-def statistics(
-    about: dict[str, Any], scene: Scene, size: tuple[int, int], preset: str, settings: Settings, exposure: float
-) -> dict[str, Any]:
-    """What a Frame's stats say of where, what and how: of the OpenGL context (`about`), scene and settings; exposure in stops."""
-    return {
-        "renderer": about["renderer"],
-        "version": about["version"],
-        "preset": preset,
-        "settings": asdict(settings),
-        "exposure": exposure,
-        "size": list(size),
-        "triangles": scene.triangles,
-        "scene": scene.name,
-    }

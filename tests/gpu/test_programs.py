@@ -17,7 +17,7 @@ from irrsplat.gpu import program, shader_source
 from irrsplat.gpu.program import Program, programs_of
 from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.target import Target
-from irrsplat.image.antialias import AccumulatePass
+from irrsplat.image.antialias import MeanPass
 from irrsplat.image.composite import CompositePass
 from irrsplat.image.gbuffer import GBufferPass
 from irrsplat.indirect.examine import ExaminePass
@@ -71,7 +71,7 @@ def unlit(ctx: moderngl.Context) -> Iterator[Owner]:
             yield AdaptPass(ctx, gradients, neighbours)
     for kind in (ShadowPass, SightPass, SurfacePass):
         yield kind(ctx)
-    for kind in (GBufferPass, ExaminePass, CompositePass, AccumulatePass, UpsamplePass):
+    for kind in (GBufferPass, ExaminePass, CompositePass, MeanPass, UpsamplePass):
         yield kind(ctx, SIZE)
 
 

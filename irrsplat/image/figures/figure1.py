@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +12,6 @@ from irrsplat.image.figures.cutaway import Parallel, Surface, paint, surface
 from irrsplat.image.figures.pen import Pen, legend_height, write_legend
 from irrsplat.image.frame import Frame
 from irrsplat.image.tonemap import tonemap
-from irrsplat.image.view import Progress
 from irrsplat.records.weight import splat_radius
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
@@ -62,32 +60,6 @@ class Shown:
         return np.array(
             [self.position + self.half_size * (x * self.u + y * self.v) for x, y in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
         )
-
-
-class Album:
-    """Takes the paper's pictures while a view is rendered: it is called after each round, and calls `progress` in turn.
-
-    splatted: tells the splat buffer's sums (H, W, 4) of the first so many records.
-    """
-
-    def __init__(self, splatted: Callable[[int], np.ndarray], progress: Callable[[Progress], None] | None) -> None:
-        self._splatted, self._progress = splatted, progress
-        self._rounds: list[int] = []
-        self._first: np.ndarray | None = None
-
-    def __call__(self, now: Progress) -> None:
-        self._rounds.append(now.records)
-        if len(self._rounds) <= 2:  # in the second round all is known of what the first one gathered
-            self._first = self._splatted(self._rounds[0])
-        if self._progress is not None:
-            self._progress(now)
-
-    def figures(self, frame: Frame, eye: Camera, settings: Settings) -> dict[str, np.ndarray]:
-        """Frame.figures of what was rendered: the splat buffer at first and in the end, as radiance, and the diagram."""
-        first = self._splatted(0) if self._first is None else self._first
-        splats = {"first_samples": first, "splat_buffer": self._splatted(frame.stats["records"])}
-        pictures = {name: frame.albedo / np.float32(np.pi) * sums[..., :3] for name, sums in splats.items()}
-        return pictures | {"quad": diagram(frame, eye, settings)}
 
 
 def diagram(frame: Frame, eye: Camera, settings: Settings) -> np.ndarray:

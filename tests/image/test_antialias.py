@@ -18,7 +18,8 @@ from irrsplat.app import cli, flags
 from irrsplat.core.buffers import CHANNELS, GBuffer
 from irrsplat.gpu.target import pixels, table_texture
 from irrsplat.image import antialias
-from irrsplat.image.antialias import AccumulatePass, beside, sample
+from irrsplat.image.antialias import MeanPass
+from irrsplat.image.jitter import jittered, sample_offset
 from irrsplat.image.view import View
 from irrsplat.scene.model import Camera, Light, Scene
 from tests.renderer.test_renderer import FAST, FRONT, SIZE, room
@@ -31,9 +32,9 @@ MEANS = ("image", "direct", "indirect", "emission")
 
 def test_the_first_sample_is_the_centre_and_so_many_fill_the_pixel_evenly() -> None:
     """Halton: of the first b^n samples each of b^n strips of the pixel (b 2 across, 3 up, 5 in the turn) holds just one."""
-    assert sample(0) == (0.0, 0.0, 0.0)
+    assert sample_offset(0) == (0.0, 0.0, 0.0)
     for axis, count, span in ((0, 64, 1.0), (1, 81, 1.0), (2, 125, 0.5 * math.pi)):
-        along = np.sort([(sample(i)[axis] / span + (0.5 if axis < 2 else 0.0)) for i in range(count)])
+        along = np.sort([(sample_offset(i)[axis] / span + (0.5 if axis < 2 else 0.0)) for i in range(count)])
         assert np.array_equal(np.floor(along * count + 1e-6), np.arange(count)), axis
 
 
@@ -45,7 +46,7 @@ def test_the_camera_beside_sees_at_the_centre_what_the_camera_saw_off_it(offset:
     right, up, _ = camera.axes
     step = camera.screen / size[1]  # of a pixel, at distance 1
     way = rays(camera, size)[row, column] + step * (offset[0] * right + offset[1] * up)
-    other = beside(camera, offset, size)
+    other = jittered(camera, offset, size)
     for depth in (0.5, 7.0):
         world = np.append(np.asarray(camera.eye) + depth * way, 1.0)
         clip = other.clip_from_view(size[0] / size[1], 0.1, 10.0) @ other.view_from_world @ world
@@ -68,7 +69,7 @@ def test_the_means_are_those_of_the_samples(ctx: moderngl.Context) -> None:
 
     centre, centre_texture = some(np.full((height, width), 2.0, "f4"))
     total = {name: np.zeros((height, width, 3)) for name in MEANS}
-    add = AccumulatePass(ctx, (width, height))
+    add = MeanPass(ctx, (width, height))
     for number in range(1, count + 1):
         seen = chance.random((height, width)) < 0.8
         heard = chance.random((height, width)) < 0.7
@@ -264,14 +265,14 @@ def test_another_view_starts_over(renderer: Renderer, change: str) -> None:
 
 
 def test_ctrl_c_leaves_the_samples_that_there_are(renderer: Renderer, monkeypatch: pytest.MonkeyPatch) -> None:
-    plain = antialias._add
+    plain = antialias._add_sample
 
     def add(number: int, *rest: Any) -> None:
         if number == 3:
             raise KeyboardInterrupt
         plain(number, *rest)
 
-    monkeypatch.setattr(antialias, "_add", add)
+    monkeypatch.setattr(antialias, "_add_sample", add)
     renderer.change(replace(renderer.settings, samples=8))
     frame = renderer.render()
     assert frame.stats["samples"] == 3 and frame.stats["interrupted"] and not frame.stats["converged"]

@@ -1,0 +1,78 @@
+"""The statistics of a frame: how it was made, from what, and how long that took; `Frame.stats`, and the JSON made of them."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import TypedDict
+
+import numpy as np
+
+from irrsplat.scene.model import Scene
+from irrsplat.settings import Settings
+
+
+class Statistics(TypedDict, total=False):
+    """What is known of a frame; a frame that did not come from a render may lack any of these."""
+
+    # the rounds
+    rounds: int
+    converged: bool  # nothing was left to gather
+    full: bool  # the view needs more records than `max_records`
+    interrupted: bool  # by Ctrl-C
+    coverage: float  # share of the seen pixels that have their records, 0..1
+    records: int  # in the cache
+    seconds: float  # wall time to full coverage, before direct light and composite
+    samples: int  # a pixel
+    # the light
+    gathered_by: str
+    bounces: int
+    bounces_converged: bool | None  # whether further bounces would add hardly anything; None: not all of them are wanted
+    # the time
+    stages_ms: dict[str, float]
+    clock: str  # what measured stages_ms: "gpu" or "wall"
+    # the circumstances
+    renderer: str  # OpenGL's
+    version: str  # OpenGL's
+    preset: str
+    settings: dict[str, object]
+    exposure: float  # stops
+    size: list[int]  # width, height
+    triangles: int
+    scene: str
+    frame: int  # its number, of a path's frames
+
+
+def describe(
+    about: Mapping[str, object], scene: Scene, size: tuple[int, int], preset: str, settings: Settings, exposure: float
+) -> Statistics:
+    """The circumstances: OpenGL (`about`, as gpu.context.describe has it), scene and settings; exposure in stops."""
+    return {
+        "renderer": str(about["renderer"]),
+        "version": str(about["version"]),
+        "preset": preset,
+        "settings": asdict(settings),
+        "exposure": exposure,
+        "size": list(size),
+        "triangles": scene.triangles,
+        "scene": scene.name,
+    }
+
+
+def to_json(stats: Mapping[str, object]) -> str:
+    """Statistics as strict JSON: numpy values become plain ones, and what is not finite becomes null."""
+    return json.dumps(_plain(stats), indent=2, allow_nan=False, ensure_ascii=False)
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(v) for v in value]
+    if isinstance(value, (np.generic, np.ndarray)):
+        return _plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value if isinstance(value, (str, int, float, bool, type(None))) else str(value)
