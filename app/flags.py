@@ -234,12 +234,15 @@ def _add_setting(group: Any, declaration: Declaration) -> None:
     shown = f"{word:g}" if isinstance(word, float) else word
     text = f"{declaration.help} ({declaration.range}; default: {shown})"
     metavar = {"bool": "on|off", "choice": "WORD", "int": "N"}.get(declaration.kind, "X")
-    group.add_argument(declaration.flag, dest="set_" + declaration.name, metavar=metavar, help=text.replace("%", "%%"))
+    dest = "set_" + declaration.name
+    group.add_argument(declaration.flag, dest=dest, metavar=metavar, help=text.replace("%", "%%"))
+    for former in declaration.flags[1:]:
+        group.add_argument(former, dest=dest, metavar=metavar, help=argparse.SUPPRESS)
 
 
 def _spelled_out(argv: Sequence[str]) -> Iterator[str]:
     """`argv` with "on" after every bare on|off flag, so that argparse never takes the SCENE behind one for its value."""
-    switches = {d.flag for d in SETTINGS.values() if d.kind == "bool"}
+    switches = {flag for d in SETTINGS.values() if d.kind == "bool" for flag in d.flags}
     for i, word in enumerate(argv):
         if word == "--":
             yield from argv[i:]

@@ -8,7 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, cast
+from typing import Any, Unpack, cast
 
 import moderngl
 import numpy as np
@@ -39,7 +39,7 @@ from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Camera, Light, Scene
 from irrsplat.scene.motion import moved
-from irrsplat.settings import Settings
+from irrsplat.settings import Settings, SettingValues
 from irrsplat.settings import preset as settings_of
 
 _IDLE = 8  # rounds without any gain in coverage after which nothing more is to be hoped for
@@ -62,7 +62,7 @@ class Renderer(Owner):
         size: tuple[int, int] = (800, 800),
         preset: str = "default",
         ctx: moderngl.Context | None = None,
-        **settings: Any,
+        **settings: Unpack[SettingValues],
     ) -> None:
         if not isinstance(scene, Scene):
             raise InputError(f"a Renderer takes a Scene, as irrsplat.load returns it, not {type(scene).__name__}")
@@ -199,7 +199,7 @@ class Renderer(Owner):
             with self.timers("direct"):
                 self._direct = self.direct_pass(gbuffer, self._lit())
         settings, state = self.settings, (self._made_of["direct"], self.splatting.state)
-        filling = settings.overture and self._coverage < 1.0 and settings.most_bounces > 0
+        filling = settings.fill_holes and self._coverage < 1.0 and settings.most_bounces > 0
         if self._other("composite", *state, settings.blend, settings.smooth, filling) or self._view is None:
             with self.timers("composite"):
                 image, sums = self.composite_pass(splats, self._direct, gbuffer, self.scene.sky, camera, settings, filling)
@@ -394,7 +394,11 @@ class Renderer(Owner):
 
 
 def render(
-    scene: Scene, size: tuple[int, int] = (800, 800), camera: Camera | str | None = None, preset: str = "default", **settings: Any
+    scene: Scene,
+    size: tuple[int, int] = (800, 800),
+    camera: Camera | str | None = None,
+    preset: str = "default",
+    **settings: Unpack[SettingValues],
 ) -> Frame:
     """One view of `scene`, headless, refined until every pixel is served; arguments and errors as `Renderer`."""
     with Renderer(scene, size, preset, **settings) as renderer:

@@ -1,6 +1,7 @@
 """Every parameter of the method, declared once: name, default, range, unit, stage and one line of help.
 
-The command line's flags, the viewer's sliders, the README's table and the checks are all made from here.
+The command line's flags, the viewer's sliders, the README's table and the checks are all made from the class Settings. Only the
+names and types stand a second time, in SettingValues, because type checkers need them spelled out; a test compares the two.
 """
 
 from __future__ import annotations
@@ -9,12 +10,14 @@ import math
 import numbers
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, Literal
+from typing import Any, Literal, TypedDict, Unpack, cast
 
 from irrsplat.core.errors import InputError
 
 Auto = Literal["auto"]
 All = Literal["all"]
+Value = bool | int | float | str  # of one setting
+Kind = Literal["bool", "choice", "int", "float"]
 
 # of the weight, the same in shaders/records/weight.glsl and on the CPU
 LEAST_ERROR = 1e-3  # w = 1/max(e, this) stays finite
@@ -27,12 +30,13 @@ WIDE = 3.0  # in R_k, the greatest radius there is: what is dark and narrow has 
 class Declaration:
     """What is known of one setting apart from its value.
 
-    kind: float, int, bool or choice. word: what may be given in place of a number, if anything.
+    word: what may be given in place of a number, if anything. former: the setting's name before version 0.2, still accepted as
+    flag, keyword and remembered preference; to be dropped in the version after.
     """
 
     name: str
-    kind: str
-    default: Any
+    kind: Kind
+    default: Value
     help: str
     stage: str
     low: float | None = None
@@ -40,11 +44,17 @@ class Declaration:
     unit: str = ""
     word: str = ""
     choices: tuple[str, ...] = ()
+    former: str = ""
 
     @property
     def flag(self) -> str:
         """The command line's spelling, such as ``--gather-size``."""
-        return "--" + self.name.replace("_", "-")
+        return _flag(self.name)
+
+    @property
+    def flags(self) -> tuple[str, ...]:
+        """All the spellings that the command line takes: `flag` first, then the former one, if any."""
+        return (self.flag, _flag(self.former)) if self.former else (self.flag,)
 
     @property
     def range(self) -> str:
@@ -56,7 +66,7 @@ class Declaration:
         span = f"{self.low:.10g}..{self.high:.10g}" + (f" {self.unit}" if self.unit else "")
         return f"{span} or {self.word}" if self.word else span
 
-    def parse(self, text: str) -> Any:
+    def parse(self, text: str) -> Value:
         """The value that `text` stands for; raises InputError with the legal range where it stands for none."""
         word = text.strip().lower()
         if self.word and word == self.word:
@@ -74,28 +84,35 @@ class Declaration:
                 pass
         raise InputError(f"{self.flag} takes {self.range}, not '{text}'")
 
-    def check(self, value: Any) -> Any:
+    def check(self, value: object) -> Value:
         """`value` as this setting's type; raises InputError where it is of another type or out of range."""
-        if self.word and isinstance(value, str) and value == self.word:
-            return value
-        if self.kind == "bool" and value in ("on", "off"):
-            return value == "on"
-        number = isinstance(value, numbers.Real) and not isinstance(value, bool)
-        fits = {
-            "bool": isinstance(value, bool),
-            "choice": value in self.choices,
-            "int": number and isinstance(value, numbers.Integral),
-            "float": number and math.isfinite(value),
-        }[self.kind]
-        if fits and self.low is not None and self.high is not None:
-            fits = self.low <= value <= self.high
-        if not fits:
-            raise InputError(f"setting '{self.name}' takes {self.range}, not {value!r}")
-        return float(value) if self.kind == "float" else int(value) if self.kind == "int" else value
+        if isinstance(value, str):
+            if self.word and value == self.word:
+                return value
+            if self.kind == "choice" and value in self.choices:
+                return value
+            if self.kind == "bool" and value in ("on", "off"):
+                return value == "on"
+        elif isinstance(value, bool):
+            if self.kind == "bool":
+                return value
+        elif isinstance(value, numbers.Integral) and self.kind == "int":
+            if self._in_range(int(value)):
+                return int(value)
+        elif isinstance(value, numbers.Real) and self.kind == "float" and math.isfinite(value) and self._in_range(float(value)):
+            return float(value)
+        raise InputError(f"setting '{self.name}' takes {self.range}, not {value!r}")
+
+    def _in_range(self, value: float) -> bool:
+        return self.low is None or self.high is None or self.low <= value <= self.high
 
 
-def _declare(default: Any, kind: str, stage: str, help: str, **rest: Any) -> Any:
-    return field(default=default, metadata={"kind": kind, "stage": stage, "help": help, **rest})
+def _flag(name: str) -> str:
+    return "--" + name.replace("_", "-")
+
+
+def _declare(default: Any, kind: Kind, stage: str, help: str, **rest: Any) -> Any:
+    return field(default=default, metadata={"default": default, "kind": kind, "stage": stage, "help": help, **rest})
 
 
 def weight_defines(gradients: bool) -> dict[str, object]:
@@ -103,7 +120,16 @@ def weight_defines(gradients: bool) -> dict[str, object]:
     return {"GRADIENTS": int(gradients), "LEAST_ERROR": LEAST_ERROR, "IN_FRONT": IN_FRONT}
 
 
-def record_uniforms(settings: Settings) -> dict[str, Any]:
+class RecordUniforms(TypedDict):
+    """What `record_uniforms` returns."""
+
+    a: float
+    hessian: bool
+    second_order: bool
+    walls: bool
+
+
+def record_uniforms(settings: Settings) -> RecordUniforms:
     """The uniforms by which shaders/records/weight.glsl and record.glsl know the settings."""
     return {
         "a": settings.a,
@@ -200,9 +226,10 @@ class Settings:
     blend: float = _declare(
         0.5, "float", "composite", "0 is direct light only, ½ the physical sum, 1 indirect only", low=0, high=1
     )
-    overture: bool = _declare(
-        True, "bool", "composite", "while a view fills, pixels that no record speaks for yet borrow the light of those around"
-    )
+    fill_holes: bool = _declare(
+        True, "bool", "composite", "while a view fills, pixels that no record speaks for yet borrow the light of those around",
+        former="overture",
+    )  # fmt: skip
     smooth: bool = _declare(False, "bool", "composite", "smooth the indirect light along surfaces, the paper's second cure")
     samples: int = _declare(
         1, "int", "composite", "subpixel samples whose mean a render's picture is; 1: what the pixel's centre sees",
@@ -223,9 +250,10 @@ class Settings:
         80.0, "float", "view", "time of one tick of the viewer, gathering and drawing together; a render takes what it needs",
         low=1, high=10_000, unit="ms",
     )  # fmt: skip
-    rest: int = _declare(
-        64, "int", "view", "subpixel samples that add up in the viewer while nothing moves; 0: off", low=0, high=65536
-    )
+    viewer_samples: int = _declare(
+        64, "int", "view", "subpixel samples that add up in the viewer while nothing moves; 0: off", low=0, high=65536,
+        former="rest",
+    )  # fmt: skip
 
     def __post_init__(self) -> None:
         for name, declaration in SETTINGS.items():
@@ -256,21 +284,72 @@ class Settings:
         """The greatest radius that a record may have, in R_k."""
         return WIDE if self.gradients and self.radius == "hessian" else 1.0
 
-    def of(self, *stages: str) -> tuple[Any, ...]:
+    def of(self, *stages: str) -> tuple[Value, ...]:
         """The values of all the settings of these stages."""
         return tuple(getattr(self, name) for name, d in SETTINGS.items() if d.stage in stages)
 
-    def with_values(self, values: Mapping[str, Any]) -> Settings:
-        """A copy with `values` (by setting name) in place; raises InputError for an unknown name or bad value."""
-        for name in values:
-            if name not in SETTINGS:
-                raise InputError(f"unknown setting '{name}'; the settings are {', '.join(SETTINGS)}")
-        return replace(self, **values)
+    def with_values(self, values: Mapping[str, object]) -> Settings:
+        """A copy with `values` (by setting name, present or former) in place.
+
+        Raises InputError for an unknown name, for a setting given by both of its names, and for a bad value.
+        """
+        known: dict[str, object] = {}
+        for given, value in values.items():
+            name = present_name(given)
+            if name in known:
+                raise InputError(f"'{SETTINGS[name].former}' is the former name of '{name}'; give one of them")
+            known[name] = value
+        return replace(self, **cast(SettingValues, known))  # __post_init__ checks the types
 
 
-SETTINGS: dict[str, Declaration] = {f.name: Declaration(name=f.name, default=f.default, **f.metadata) for f in fields(Settings)}
+SETTINGS: dict[str, Declaration] = {f.name: Declaration(name=f.name, **f.metadata) for f in fields(Settings)}
+_PRESENT_NAMES = {d.former: d.name for d in SETTINGS.values() if d.former}
 
-PRESETS: dict[str, dict[str, Any]] = {
+
+def present_name(name: str) -> str:
+    """The setting that `name`, its present or its former one, stands for; raises InputError where there is none."""
+    name = _PRESENT_NAMES.get(name, name)
+    if name not in SETTINGS:
+        raise InputError(f"unknown setting '{name}'; the settings are {', '.join(SETTINGS)}")
+    return name
+
+
+class SettingValues(TypedDict, total=False):
+    """Some settings by name: what `render`, `Renderer` and `preset` take as keywords."""
+
+    shadow_size: int
+    seed: int
+    bounces: int | All
+    gather: str
+    gather_size: int
+    gradients: bool
+    second_order: bool
+    radius: str
+    a: float
+    kernel: str
+    in_front: bool
+    walls: bool
+    adapt: float
+    neighbours: bool
+    radius_min: float
+    radius_max: float
+    coarse: bool
+    tolerance: float | Auto
+    spread: float
+    placement: str
+    warmup: int
+    max_rounds: int
+    max_records: int
+    blend: float
+    fill_holes: bool
+    smooth: bool
+    samples: int
+    exposure: float | Auto
+    budget: float
+    viewer_samples: int
+
+
+PRESETS: dict[str, SettingValues] = {
     "default": {},
     "paper": {
         "bounces": 1,
@@ -286,7 +365,7 @@ PRESETS: dict[str, dict[str, Any]] = {
         "a": 0.1,
         "adapt": 0.0,
         "spread": 0.0,
-        "overture": False,
+        "fill_holes": False,
         "coarse": False,
         "radius_min": 0.0,
         "radius_max": 0.0,
@@ -296,7 +375,7 @@ PRESETS: dict[str, dict[str, Any]] = {
 }
 
 
-def preset(name: str = "default", **overrides: Any) -> Settings:
+def preset(name: str = "default", **overrides: Unpack[SettingValues]) -> Settings:
     """The settings of the preset `name` with `overrides` on top; raises InputError for what does not exist."""
     if name not in PRESETS:
         raise InputError(f"unknown preset '{name}'; the presets are {', '.join(PRESETS)}")

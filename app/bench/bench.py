@@ -14,7 +14,7 @@ from irrsplat.app.common.terminal import columns, doing, say
 from irrsplat.core.errors import InputError
 from irrsplat.reference.truth import in_words
 from irrsplat.scene.model import Scene
-from irrsplat.settings import SETTINGS
+from irrsplat.settings import SETTINGS, All, Settings
 
 DEFAULT_SCENES = ("cornell-paper",)
 PAPER = "cornell-paper"  # the scene that is timed as published as well, unless presets are named
@@ -53,15 +53,15 @@ def run(args: Namespace) -> int:
     return 0
 
 
-def _bounces(text: str) -> int | str:
+def _bounces(text: str) -> int | All:
     """The value of --bounces; InputError for one that is none, and for no bounce at all."""
-    bounces: int | str = SETTINGS["bounces"].parse(text)
+    bounces = Settings().with_values({"bounces": SETTINGS["bounces"].parse(text)}).bounces
     if bounces == 0:
         raise InputError("--bounces 0: there is no indirect light to time; leave it out, or take 1 or all")
     return bounces
 
 
-def _timed(loaded: Sequence[tuple[str, Scene]], args: Namespace, bounces: int | str) -> dict[str, Any]:
+def _timed(loaded: Sequence[tuple[str, Scene]], args: Namespace, bounces: int | All) -> dict[str, Any]:
     """The tables of every scene and size, printed; what the JSON says of them."""
     about: dict[str, Any] = {}
     runs: list[Run] = []
@@ -81,7 +81,7 @@ def _timed(loaded: Sequence[tuple[str, Scene]], args: Namespace, bounces: int | 
     return {"machine": about, "runs": [asdict(r) for r in runs]}
 
 
-def _scene(scene: Scene, size: Size, presets: Sequence[str], bounces: int | str, about: dict[str, Any]) -> list[Run]:
+def _scene(scene: Scene, size: Size, presets: Sequence[str], bounces: int | All, about: dict[str, Any]) -> list[Run]:
     """The cases of one scene and size, printed; `about` is filled in where it is empty."""
     import irrsplat
 

@@ -18,7 +18,7 @@ from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.core.files import write_text
 from irrsplat.scene import Camera, bundled
 from irrsplat.scene.io.lines import GREATEST, quote
-from irrsplat.settings import PRESETS, SETTINGS
+from irrsplat.settings import PRESETS, SETTINGS, present_name
 
 VERSION = 1  # of both files
 RECENT = 10  # scenes
@@ -163,8 +163,9 @@ def _checked(data: dict[str, Any], notices: list[str]) -> Preferences:
     preferences = Preferences(**given | {"size": given["size"] and tuple(given["size"]), "values": {}, "recent": []})
     for name, value in given["values"].items():
         try:
+            name = present_name(name)
             preferences.values[name] = SETTINGS[name].check(value)
-        except (InputError, KeyError, OverflowError):
+        except (InputError, OverflowError):
             wrong.append((f"setting {quote(name)}", value))
     for source in given["recent"]:
         if not isinstance(source, str) or not (os.path.isabs(source) or source in bundled()):

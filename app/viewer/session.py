@@ -100,7 +100,11 @@ class Session(Owner):
     def at_rest(self) -> bool:
         """Whether another tick would show the same."""
         served = bool(self.views) and all(self._quiet(p) for p in self.progress)
-        sampled = all(v.samples >= r.settings.rest for v, r in zip(self.views, self.active, strict=False) if r.settings.rest > 1)
+        sampled = all(
+            v.samples >= r.settings.viewer_samples
+            for v, r in zip(self.views, self.active, strict=False)
+            if r.settings.viewer_samples > 1
+        )
         return served and sampled and self.auto_exposure.settled and not self._stepping and self.path_recorder.at_rest
 
     @property
@@ -124,7 +128,7 @@ class Session(Owner):
             view, progress = renderer.frame(self.camera, seconds / len(renderers), gather)
             self._centres.append(view)
             if self._quiet(progress) and any(view is one for one in before):  # nothing has moved since
-                view = renderer.accumulate(view, renderer.settings.rest, end - time.perf_counter())
+                view = renderer.accumulate(view, renderer.settings.viewer_samples, end - time.perf_counter())
             self.views.append(view)
             self.progress.append(progress)
             for stage, ms in renderer.timers.milliseconds().items():

@@ -24,13 +24,13 @@ class CompositePass(Owner):
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.size = size
-        self.overture = Program(ctx, "image/composite_overture", "lib/fullscreen")
+        self.fill = Program(ctx, "image/composite_fill", "lib/fullscreen")
         self.smooth = Program(ctx, "image/composite_smooth", "lib/fullscreen")
         self.blend = Program(ctx, "image/composite", "lib/fullscreen")
         self.meter = Program(ctx, "image/composite_meter", "lib/fullscreen")
         self.display = Program(ctx, "image/composite_display", "lib/fullscreen", FILMIC.defines)
         self.target = Target(ctx, size, (4,))
-        self.overture_target: Target | None = None
+        self.fill_target: Target | None = None
         self.smooth_target: Target | None = None
         self.meter_block = (-(-size[0] // _METER), -(-size[1] // _METER))
         self.meter_target = Target(ctx, (-(-size[0] // self.meter_block[0]), -(-size[1] // self.meter_block[1])), (2,))
@@ -38,8 +38,8 @@ class CompositePass(Owner):
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        programs = self.overture, self.smooth, self.blend, self.meter, self.display
-        targets = self.target, self.overture_target, self.smooth_target, self.meter_target
+        programs = self.fill, self.smooth, self.blend, self.meter, self.display
+        targets = self.target, self.fill_target, self.smooth_target, self.meter_target
         return (*programs, *targets, self.reading)
 
     def __call__(
@@ -74,12 +74,12 @@ class CompositePass(Owner):
         return self.target.textures[0], sums
 
     def _filled(self, sums: moderngl.Texture, gbuffer: GBuffer) -> moderngl.Texture:
-        self.overture_target = self.overture_target or Target(self.target.ctx, self.size, (4,))
+        self.fill_target = self.fill_target or Target(self.target.ctx, self.size, (4,))
         sums.build_mipmaps()
         sums.filter = moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR
         levels = max(self.size).bit_length()
-        self.overture(self.overture_target, position=gbuffer.position, sums=sums, levels=levels)
-        return self.overture_target.textures[0]
+        self.fill(self.fill_target, position=gbuffer.position, sums=sums, levels=levels)
+        return self.fill_target.textures[0]
 
     def smoothed(self, sums: moderngl.Texture, gbuffer: GBuffer, camera: Camera, target: Target) -> moderngl.Texture:
         """(E, 1), smoothed along surfaces, of (Σ k·E, Σ k), in the target's texture."""

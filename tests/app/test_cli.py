@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 import time
@@ -38,6 +39,15 @@ def test_flags_reach_the_renderer(fake: Any, place: Path) -> None:
     assert fake.asked.preset == "preview"
     wanted = {"a": 0.3, "tolerance": 4.0, "blend": 1.0, "exposure": -1.5, "bounces": 0, "gather": "plane", "seed": 7}
     assert fake.asked.settings == {**wanted, "gather_size": 64}
+
+
+def test_former_flags_of_settings_still_work_and_are_not_advertised(
+    fake: Any, place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(["render", "--size", "2", "2", "-o", "a.png", "--rest", "5", "--overture", "plain.scene"]) == 0
+    assert fake.asked.settings == {"viewer_samples": 5, "fill_holes": True}
+    assert cli.main(["render", "--help"]) == 0
+    assert not re.search("--(rest|overture)", capsys.readouterr().out)
 
 
 @pytest.mark.parametrize(

@@ -5,11 +5,12 @@ from __future__ import annotations
 import importlib.util
 from pathlib import Path
 from types import ModuleType
+from typing import get_type_hints
 
 import pytest
 
 from irrsplat.core.errors import InputError
-from irrsplat.settings import PRESETS, SETTINGS, Declaration, Settings, preset
+from irrsplat.settings import PRESETS, SETTINGS, Declaration, Settings, SettingValues, preset
 
 ROOT = Path(__file__).resolve().parents[2]
 FIXED = ("a", "tolerance", "blend", "exposure", "bounces", "gather", "smooth", "seed")  # names that others build on
@@ -80,6 +81,19 @@ def test_all_bounces_are_as_many_as_the_range_has() -> None:
     assert preset().bounces == "all" and preset("paper").bounces == 1
     with pytest.raises(InputError, match=r"'bounces' takes 0..64 or all, not 'auto'"):
         preset(bounces="auto")
+
+
+def test_the_keywords_for_type_checkers_are_the_settings() -> None:
+    assert get_type_hints(SettingValues) == get_type_hints(Settings)
+    assert list(SettingValues.__annotations__) == list(SETTINGS)
+
+
+@pytest.mark.parametrize(("former", "present", "value"), [("overture", "fill_holes", False), ("rest", "viewer_samples", 7)])
+def test_former_names_of_settings_still_work(former: str, present: str, value: object) -> None:
+    assert preset(**{former: value}) == preset(**{present: value})
+    assert SETTINGS[present].flags == (f"--{present.replace('_', '-')}", f"--{former}")
+    with pytest.raises(InputError, match=f"'{former}' is the former name of '{present}'"):
+        preset(**{former: value, present: value})
 
 
 def test_unknown_names() -> None:

@@ -123,11 +123,11 @@ CHANGES: list[tuple[str, Any, set[str]]] = [
     ("max_records", 5000, {"examine"}),  # a view that needed more may ask again
     ("blend", 0.9, {"composite"}),
     ("smooth", True, {"composite"}),
-    ("overture", False, set()),  # the view is whole
+    ("fill_holes", False, set()),  # the view is whole
     ("exposure", 2.0, set()),
     ("samples", 4, set()),
     ("budget", 20.0, set()),
-    ("rest", 5, set()),
+    ("viewer_samples", 5, set()),
 ]
 
 

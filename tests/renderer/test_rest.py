@@ -22,7 +22,7 @@ SAMPLES = 6
 @pytest.fixture(scope="module")
 def one(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Driver]:
     """A viewer that takes SAMPLES a pixel while it rests."""
-    with viewing(write_room(tmp_path_factory.mktemp("room")), (160, 120), rest=SAMPLES) as made:
+    with viewing(write_room(tmp_path_factory.mktemp("room")), (160, 120), viewer_samples=SAMPLES) as made:
         yield made
 
 
@@ -48,7 +48,7 @@ def spied(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
 
 def settle(driver: Driver) -> None:
     """Frames as they come with a budget of 1 ms: a sample a frame."""
-    driver.session.change(0, budget=1.0, rest=SAMPLES)
+    driver.session.change(0, budget=1.0, viewer_samples=SAMPLES)
     driver.settle()
 
 
@@ -78,7 +78,7 @@ def test_samples_add_up_until_the_view_rests(driver: Driver) -> None:
 
 def test_off_there_are_none(driver: Driver) -> None:
     for rest in (0, 1):
-        driver.session.change(0, rest=rest)
+        driver.session.change(0, viewer_samples=rest)
         driver.settle()
         assert driver.session.views[0].samples == 1
 
@@ -114,9 +114,9 @@ def test_what_a_picture_does_not_depend_on_leaves_the_samples(driver: Driver, sp
 
 def test_two_presets_rest_side_by_side(driver: Driver) -> None:
     driver.session.split("presets")
-    driver.session.change(1, warmup=20, a=0.5, rest=3)
+    driver.session.change(1, warmup=20, a=0.5, viewer_samples=3)
     settle(driver)
-    driver.session.change(1, rest=3)
+    driver.session.change(1, viewer_samples=3)
     driver.settle()
     assert [v.samples for v in driver.session.views] == [SAMPLES, 3]
 
@@ -135,7 +135,7 @@ def test_the_means_are_shown_and_read(driver: Driver, name: str) -> None:
     if np.isfinite(session.frame().depth[y, x]):
         assert found is not None and np.allclose(found, values[y, x], rtol=1e-5, atol=1e-6)
     shown = driver.canvas().astype(int)
-    driver.session.change(0, rest=0)
+    driver.session.change(0, viewer_samples=0)
     driver.settle()
     assert name == "emission" or (np.abs(driver.canvas().astype(int) - shown).max(-1)[y, x] > 0)
 
@@ -173,7 +173,7 @@ def test_a_flight_over_what_was_seen_makes_nothing(driver: Driver, spied: Counte
     """The same way a second time, with the cursor on the picture, its value shown, and the exposure following."""
     driver.actions.auto_exposure()
     driver.actions.panels.hud = True
-    driver.session.change(0, rest=0)
+    driver.session.change(0, viewer_samples=0)
     home = driver.session.camera
     cameras = [replace(home, fov=50.0 + step) for step in (1.0, 2.0, 3.0, 4.0)]
     driver.move(80, 60)

@@ -35,7 +35,7 @@ FAST: dict[str, Any] = {
     "radius_min": 2.0,
     "radius_max": 20.0,
     "exposure": 1.0,
-    "rest": 0,
+    "viewer_samples": 0,
 }
 LEFT, RIGHT = 1, 2
 ROOM = """cam 0 0 2.6  0 0 0  0 1 0

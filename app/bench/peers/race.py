@@ -21,6 +21,7 @@ from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.image import frame
 from irrsplat.reference.truth import in_words
 from irrsplat.scene.model import Scene
+from irrsplat.settings import All
 
 DEFAULT_SCENES = ("cornell",)
 SIZE = [400, 400]
@@ -49,7 +50,7 @@ def check(args: Namespace) -> None:
         frame.check_writable(args.output)
 
 
-def run(scenes: Sequence[Scene], args: Namespace, bounces: int | str) -> dict[str, Any]:
+def run(scenes: Sequence[Scene], args: Namespace, bounces: int | All) -> dict[str, Any]:
     """Measure every scene and size, print tables, plot where asked for; what the JSON says of them."""
     import irrsplat
 

@@ -26,7 +26,7 @@ _SPANS: dict[str, tuple[float, float]] = {
     "exposure": (-10.0, 10.0),
     "budget": (10.0, 1000.0),
     "samples": (1, 256),
-    "rest": (0, 256),
+    "viewer_samples": (0, 256),
 }
 _LOGARITHMIC = {"a", "tolerance", "radius_min", "radius_max", "budget", "shadow_size", "gather_size", "warmup", "max_records"}
 _STAGES = {"shadow": False, "gather": False, "splat": True, "examine": True, "composite": True, "view": False}  # open at first?

@@ -189,6 +189,15 @@ def test_no_wrong_value_stops_it_or_costs_the_others(place: Path) -> None:
             assert load() == (back, [])
 
 
+def test_settings_remembered_by_their_former_names_are_taken(place: Path) -> None:
+    save(FULL)
+    data = json.loads((place / "viewer.json").read_text())
+    data["values"] = {"overture": False, "rest": 8}
+    (place / "viewer.json").write_text(json.dumps(data))
+    back, notices = load()
+    assert (back.values, notices) == ({"fill_holes": False, "viewer_samples": 8}, [])
+
+
 def test_what_is_dropped_is_said(place: Path) -> None:
     save(FULL)
     data = json.loads((place / "viewer.json").read_text())

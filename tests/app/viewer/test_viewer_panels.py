@@ -44,11 +44,11 @@ CHANGES: dict[str, tuple[str | None, Any]] = {
     "max_records": ("9000", 9000),
     "blend": ("0.9", 0.9),
     "smooth": (None, True),
-    "overture": (None, False),
+    "fill_holes": (None, False),
     "exposure": ("-2", -2.0),
     "samples": ("4", 4),
     "budget": ("25", 25.0),
-    "rest": ("2", 2),
+    "viewer_samples": ("2", 2),
 }
 
 
