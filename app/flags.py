@@ -196,10 +196,18 @@ def _add_bench(commands: Any) -> None:
     add("--flight", choices=("on", "off"), default="on", help="fly through the viewer's window as well (default: on)")
     add("--json", metavar="FILE", help="write the results to this file as well")
     add("--compare", metavar="FILE", help="ratios of time against an earlier run's --json")
-    add("--peers", action="store_true", help="time against error instead, beside Radiance's rtrace and Mitsuba")
+    add("--peers", action="store_true", help=f"time against error instead, beside {_peers()}")
     add("--growth", action="store_true", help="time and memory against triangles and pixels instead, some minutes long")
     add("--quick", action="store_true", help="with --growth: a short series of small ones")
     add("-o", "--output", metavar="FILE.png", help="with --peers or --growth: the plot")
+
+
+def _peers() -> str:
+    try:
+        from irrsplat.app.bench.peers.table import others
+    except ModuleNotFoundError:  # the other commands work without the benchmark
+        return "other renderers"
+    return others()
 
 
 def _add_scene(parser: argparse.ArgumentParser) -> None:

@@ -17,7 +17,7 @@ import numpy as np
 
 from irrsplat.app.bench import machine
 from irrsplat.app.bench.cases import TURN, turned
-from irrsplat.app.common.plot import Line, loglog
+from irrsplat.app.common.plot import Line, loglog, palette
 from irrsplat.app.common.terminal import columns, progress
 from irrsplat.app.verify.measure import silent
 from irrsplat.core import files
@@ -36,7 +36,6 @@ from empty: to full coverage without any records, best of up to 3; turned: the s
 ms a record: of gather and reduction; MiB: the most that the process held, and what it has in OpenGL's textures and buffers\
 """
 _TIMES = (("load", "load"), ("build", "build"), ("surface", "surface cache"), ("empty", "from empty"), ("moved", "turned by 5°"))
-_COLOURS = ((27, 94, 160), (200, 80, 20), (60, 130, 60), (130, 60, 150), (90, 90, 90))
 
 
 @dataclass(frozen=True)
@@ -111,19 +110,23 @@ def table(rows: Sequence[Row]) -> list[tuple[str, ...]]:
 def plot(by_triangles: Sequence[Row], by_pixels: Sequence[Row]) -> np.ndarray:
     """(H, W, 3) display values 0..1: time and memory, one above the other, against triangles and against pixels."""
     halves = []
-    for rows, name, words in ((by_triangles, "triangles", "triangles"), (by_pixels, "pixels", "pixels")):
+    for rows, name in ((by_triangles, "triangles"), (by_pixels, "pixels")):
         x = np.array([getattr(row, name) for row in rows], float)
-        lines = [_line(said, x, [getattr(row, key) for row in rows], i) for i, (key, said) in enumerate(_TIMES)]
-        memory = [_line("GPU", x, [row.gpu for row in rows], 0)]
+        times = {words: [getattr(row, key) for row in rows] for key, words in _TIMES}
+        memory = {"GPU": [row.gpu for row in rows]}
         if all(row.process is not None for row in rows):
-            memory.append(_line("process", x, [float(row.process or 0.0) for row in rows], 1))
-        upper = loglog(lines, f"time against {words}", words, "seconds")
-        halves.append(np.concatenate([upper, loglog(memory, f"memory against {words}", words, "MiB")]))
+            memory["process"] = [row.process or 0.0 for row in rows]
+        upper = loglog(_lines(x, times), f"time against {name}", name, "seconds")
+        halves.append(np.concatenate([upper, loglog(_lines(x, memory), f"memory against {name}", name, "MiB")]))
     return np.concatenate(halves, axis=1)
 
 
-def _line(words: str, x: np.ndarray, y: Sequence[float], i: int) -> Line:
-    return Line(words, x, np.maximum(np.array(y, float), 1e-4), _COLOURS[i])
+def _lines(x: np.ndarray, series: dict[str, list[float]]) -> list[Line]:
+    colours = palette(len(series))
+    return [
+        Line(words, x, np.maximum(np.array(y, float), 1e-4), colour)
+        for (words, y), colour in zip(series.items(), colours, strict=True)
+    ]
 
 
 def _runs(row: Row) -> Iterator[dict[str, Any]]:

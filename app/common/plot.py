@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import colorsys
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,21 +14,33 @@ from irrsplat.image.figures.pen import Colour, Pen, width_of
 
 _SIZE = (1040, 720)  # pixels
 _FONT = 20.0
-_FINER = 2  # drawn so many times larger, then reduced: smooth edges
+_FINER = 2  # drawn this many times larger, then reduced, so that edges are smooth
 _LEFT, _RIGHT, _TOP, _BOTTOM = 96, 32, 64, 84  # margins
 _INK, _FAINT, _GRID = (40, 40, 40), (110, 110, 110), (224, 224, 224)
+_PALETTE: tuple[Colour, ...] = ((27, 94, 160), (200, 80, 20), (60, 130, 60), (130, 60, 150), (90, 90, 90))
 _STEPS = (1, 2, 5)  # of every decade, with a number
-_WIDE = 500.0  # times as great an end of an axis leaves no room for all of these
+_WIDE = 500.0  # an axis whose ends differ by more than this factor has room for the powers of ten alone
+
+
+Place = Callable[[np.ndarray, np.ndarray], np.ndarray]  # x and y to pixels (…, 2)
 
 
 @dataclass(frozen=True)
 class Line:
-    """Points (x, y), both (N,) and positive, joined in their order, and what they are in words."""
+    """Points (x, y), both (N,) and positive, joined in their order; `words` are its entry in the legend."""
 
     words: str
     x: np.ndarray
     y: np.ndarray
     colour: Colour
+
+
+def palette(count: int) -> list[Colour]:
+    """`count` colours that are told apart, the same ones each time: some chosen by hand, then hues around the circle."""
+    steps = np.arange(max(0, count - len(_PALETTE)))
+    hues = (0.12 + steps * 0.618034) % 1.0  # steps of the golden ratio never come back to a hue
+    made = [tuple(round(160 * channel) for channel in colorsys.hsv_to_rgb(hue, 0.9, 1.0)) for hue in hues]
+    return [*_PALETTE[:count], *((r, g, b) for r, g, b in made)]
 
 
 def loglog(lines: Sequence[Line], title: str, x_label: str, y_label: str) -> np.ndarray:
@@ -67,7 +80,7 @@ def _span(values: np.ndarray) -> tuple[float, float]:
 
 
 def ticks(low: float, high: float) -> Iterator[tuple[float, bool]]:
-    """The multiples of powers of ten from low to high, and whether each gets a number; over many decades the powers alone do."""
+    """The multiples of powers of ten from low to high, and whether each has a number; over many decades the powers alone do."""
     steps = _STEPS if high < _WIDE * low else _STEPS[:1]
     for decade in range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1):
         for step in range(1, 10):
@@ -76,9 +89,8 @@ def ticks(low: float, high: float) -> Iterator[tuple[float, bool]]:
                 yield value, step in steps
 
 
-def _axes(pen: Pen, frame: np.ndarray, spans: list[tuple[float, float]], place: object) -> None:
+def _axes(pen: Pen, frame: np.ndarray, spans: list[tuple[float, float]], place: Place) -> None:
     """The grid, the frame around it, and its numbers."""
-    assert callable(place)
     for value, numbered in ticks(*spans[0]):
         x = place(np.array(value), np.array(spans[1][0]))[0]
         ends = np.array([[x, frame[0][1]], [x, frame[1][1]]])

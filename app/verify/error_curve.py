@@ -31,7 +31,6 @@ PAPER: tuple[dict[str, Any], ...] = (
     {"a": 0.2, "warmup": 1000},
     {"a": 0.15, "warmup": 1000},
 )
-_COLOURS = ((27, 94, 160), (200, 80, 20))
 
 
 def points(name: str, given: dict[str, Any]) -> list[dict[str, Any]]:
@@ -127,10 +126,10 @@ def at(found: Sequence[Measured], records: int) -> float | None:
 
 def plot(curves: dict[str, list[Measured]], heading: str) -> np.ndarray:
     """(H, W, 3) display values 0..1: rmse in percent over records, both logarithmic, a line a preset."""
-    from irrsplat.app.common.plot import Line, loglog
+    from irrsplat.app.common.plot import Line, loglog, palette
 
     lines = []
-    for (name, found), colour in zip(curves.items(), _COLOURS, strict=False):
+    for (name, found), colour in zip(curves.items(), palette(len(curves)), strict=True):
         at, whole = np.exp(logarithms(found)), slope(found)
         words = f"preset {name}" + ("" if whole is None else f", slope {whole:.2f}")
         lines.append(Line(words, at[:, 0], 100.0 * at[:, 1], colour))

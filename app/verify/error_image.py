@@ -6,13 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
+from irrsplat.app.common.error_colours import BRIGHT, DARK, FULL, GREY, error_colours
 from irrsplat.core import files
 from irrsplat.core.errors import IrrsplatError
 from irrsplat.image import frame
 from irrsplat.reference.truth import Traced
 
-FULL = 0.2  # of the mean irradiance: the error that is shown in full colour
-BRIGHT, DARK, GREY = (178, 24, 43), (33, 102, 172), (120, 120, 120)  # too much, too little, no surface
 PIXELS_PER_DEGREE = 67.0  # of FLIP: a screen 0.7 m wide with 3840 pixels, seen from 0.7 m
 
 
@@ -35,10 +34,8 @@ def signed_error(irradiance: np.ndarray, truth: Traced) -> np.ndarray:
     right, red where it is too bright and blue where too dark, in full at FULL of the truth's mean; grey where nothing is seen.
     """
     mean = float(truth.irradiance[truth.valid].mean()) or 1.0
-    error = (irradiance - truth.irradiance).mean(axis=-1, keepdims=True) / (FULL * mean)
-    end = np.where(error > 0.0, np.array(BRIGHT) / 255.0, np.array(DARK) / 255.0)
-    colour = 1.0 + np.clip(np.abs(error), 0.0, 1.0) * (end - 1.0)
-    return np.where(truth.seen[..., None], colour, np.array(GREY) / 255.0)
+    error = (irradiance - truth.irradiance).mean(axis=-1) / (FULL * mean)
+    return np.where(truth.seen[..., None], error_colours(error), np.array(GREY) / 255.0)
 
 
 def write(name: str, shown: tuple[np.ndarray, np.ndarray], error: np.ndarray, flipped: np.ndarray | None) -> None:

@@ -10,7 +10,7 @@ from threading import Event, Thread
 import moderngl
 import numpy as np
 
-from irrsplat.app.verify.error_image import FULL
+from irrsplat.app.common.error_colours import FULL
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import table_texture
 from irrsplat.reference.truth import Traced, in_words, traced

@@ -1,20 +1,19 @@
-"""`irrsplat bench --peers`: time against error, ours beside Radiance and Mitsuba, as a table and a plot."""
+"""`irrsplat bench --peers`: time against error, ours beside the other renderers of table.py, as tables and a plot."""
 
 from __future__ import annotations
 
-import importlib.util
 import os
 from argparse import Namespace
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
-from typing import Any
 
 import numpy as np
 
 from irrsplat.app.bench import machine
 from irrsplat.app.bench.cases import TURN, turned
-from irrsplat.app.bench.peers import contestants, radiance
-from irrsplat.app.bench.peers.contestants import CPUS, Entry
+from irrsplat.app.bench.peers.judging import CPUS, JudgedView, Series, judged_view
+from irrsplat.app.bench.peers.table import PEERS, Tell, others
+from irrsplat.app.common.plot import Line, loglog
 from irrsplat.app.common.terminal import columns, doing, say
 from irrsplat.core import files
 from irrsplat.core.errors import InputError, IrrsplatError
@@ -27,19 +26,17 @@ DEFAULT_SCENES = ("cornell",)
 SIZE = [400, 400]
 TARGET = 0.05  # relative RMSE that all are timed to
 INSTALL = "pip install 'irrsplat[peers]'"
-LEGEND = f"""\
-rmse: of indirect irradiance, relative to its mean, at 2000 smooth pixels; seconds: for all pixels of the view
-further: the same view turned by {TURN:g}°, with the records or the ambient file kept; Mitsuba keeps nothing, and begins anew
-Mitsuba: its own integrator, `direct` for one bounce and `path` for more, on cosine-distributed rays from each pixel
-lamps joined: its rays in our own integrator (that of `verify`), which joins every vertex to what each lamp shines on as well\
-"""
-_COLOURS = ((27, 94, 160), (226, 150, 90), (190, 70, 10), (60, 140, 60), (130, 80, 160))
+LEGEND = (
+    "rmse: of indirect irradiance, relative to its mean, at 2000 smooth pixels; seconds: for all pixels of the view",
+    f"further: the same view turned by {TURN:g}°, with the records or the ambient file kept; Mitsuba keeps nothing",
+    *(peer.note for peer in PEERS if peer.note),
+)
 
 
 def check(args: Namespace) -> None:
     """Raises InputError or IrrsplatError for what can be told to be wrong before anything is rendered."""
-    if radiance.installed() is None and importlib.util.find_spec("mitsuba") is None:
-        raise IrrsplatError(f"--peers: neither Radiance nor Mitsuba is installed; run: {INSTALL}")
+    if not any(peer.package and peer.installed for peer in PEERS):
+        raise IrrsplatError(f"--peers: of {others()} none is installed; run: {INSTALL}")
     if args.preset is not None or args.compare is not None:
         raise InputError("--peers times the default preset by error, not by case; leave --preset and --compare out")
     if args.output is not None:
@@ -50,86 +47,101 @@ def check(args: Namespace) -> None:
         frame.check_writable(args.output)
 
 
-def run(scenes: Sequence[Scene], args: Namespace, bounces: int | All) -> dict[str, Any]:
+def run(scenes: Sequence[Scene], args: Namespace, bounces: int | All) -> dict[str, object]:
     """Measure every scene and size, print tables, plot where asked for; what the JSON says of them."""
     import irrsplat
 
-    written: dict[str, Any] = {"machine": {}, "peers": []}
+    about: dict[str, object] = {}
+    rows: list[dict[str, object]] = []
     for scene in scenes:
         for notice in scene.notices:
             say(f"notice: {notice}")
         for width, height in args.size or [SIZE]:
             with irrsplat.Renderer(scene, size=(width, height), bounces=bounces, shadow_size=2048) as renderer:
-                written["machine"] = machine.about(renderer.about)
+                about = machine.about(renderer.about)
                 doing(f"{scene.name}: the truth")
                 camera = scene.camera()
-                views = [contestants.view(renderer, one) for one in (camera, turned(camera, TURN))]
-            entries = list(contestants.all_of(scene, (width, height), bounces, views, doing))
+                views = [judged_view(renderer, one) for one in (camera, turned(camera, TURN))]
+            found = list(measured(scene, (width, height), bounces, views, doing))
             doing("")
             title = f"{scene.name}, {scene.triangles} triangles, {width} x {height}, {in_words(bounces)}, {CPUS} CPUs"
-            print("\n".join(report(title, entries)), flush=True)
+            print("\n".join(report(title, found)), flush=True)
             same = {"scene": scene.name, "size": [width, height], "bounces": bounces}
-            for entry in entries:
-                written["peers"] += [same | asdict(point) for point in entry.points] or [same | {"failed": entry.about}]
+            for series in found:
+                rows += [same | asdict(one) for one in series.measurements] or [same | {"failed": series.about}]
             if args.output is not None:
-                files.write_picture(args.output, plot(title, entries))
-    return written
+                files.write_picture(args.output, plot(title, found))
+    return {"machine": about, "peers": rows}
 
 
-def report(title: str, entries: Sequence[Entry]) -> Iterator[str]:
+def measured(
+    scene: Scene, size: tuple[int, int], bounces: int | All, views: Sequence[JudgedView], tell: Tell
+) -> Iterator[Series]:
+    """The series of every peer; of one that cannot take part a series without measurements, which says why."""
+    for peer in PEERS:
+        try:
+            yield from peer.measure(scene, size, bounces, views, tell)
+        except IrrsplatError as error:
+            if not peer.package:
+                raise
+            yield Series((), f"{peer.name}: {error}")
+
+
+def report(title: str, found: Sequence[Series]) -> Iterator[str]:
     """The table of a scene, and what follows from it."""
-    yield from ("", title, LEGEND)
+    yield from ("", title, *LEGEND)
     rows = [("system", "quality", "seconds", "rmse", "further s", "rmse")]
-    for entry in entries:
-        for p in entry.points:
-            further = ("-", "-") if p.further is None or p.further_rmse is None else (f"{p.further:.3f}", f"{p.further_rmse:.1%}")
-            rows.append((p.system, p.quality, f"{p.seconds:.3f}", f"{p.rmse:.1%}", *further))
+    for series in found:
+        for one in series.measurements:
+            known = one.further is not None and one.further_rmse is not None
+            further = (f"{one.further:.3f}", f"{one.further_rmse:.1%}") if known else ("-", "-")
+            rows.append((one.system, one.quality, f"{one.seconds:.3f}", f"{one.rmse:.1%}", *further))
     yield from columns(rows, left=2)
-    for entry in entries:
-        yield f"{entry.points[0].system}: {entry.about}" if entry.points else entry.about
-    yield from verdict(entries)
+    for series in found:
+        yield f"{series.measurements[0].system}: {series.about}" if series.measurements else series.about
+    yield from verdict(found)
 
 
-def verdict(entries: Sequence[Entry]) -> Iterator[str]:
-    """How long each takes to the target, and for a further view as good, and how many times as long as ours that is."""
+def verdict(found: Sequence[Series]) -> Iterator[str]:
+    """How long each takes to the target, and for a further view as good, and how many times the first one's time that is."""
     for words, further in ((f"to {TARGET:.0%} relative RMSE", False), ("a further view as good", True)):
         told = []
         base: float | None = None
-        for entry in entries:
-            if not entry.points:
+        for series in found:
+            if not series.measurements:
                 continue
-            name, found = entry.points[0].system, reached(entry, further)
-            if found is None:
-                told.append(f"{name} does not get there ({min(p.rmse for p in entry.points):.1%} at best)")
+            name, time_to_target = series.measurements[0].system, reached(series, further)
+            if time_to_target is None:
+                told.append(f"{name} does not get there ({min(one.rmse for one in series.measurements):.1%} at best)")
                 continue
-            seconds, sure = found
-            if base is None and entry is entries[0]:
+            seconds, was_measured = time_to_target
+            if base is None and series is found[0]:
                 base = seconds
                 told.append(f"{name} {seconds:.3f} s")
             else:
                 times = "" if base is None else f", {seconds / base:,.1f} times as long"
-                told.append(f"{name} {'' if sure else 'by 1/√samples some '}{seconds:,.2f} s{times}")
+                told.append(f"{name} {'' if was_measured else 'by 1/√samples some '}{seconds:,.2f} s{times}")
         yield f"{words}: {'; '.join(told)}"
 
 
-def reached(entry: Entry, further: bool = False) -> tuple[float, bool] | None:
-    """Seconds to TARGET, or of a further view with what first got there; False: not measured, but by 1/√samples. None: never."""
-    there = [point for point in entry.points if point.rmse <= TARGET]
+def reached(series: Series, further: bool = False) -> tuple[float, bool] | None:
+    """Seconds to TARGET, or of a further view with what first got there, and whether that was measured: if not, it follows from
+    1/√samples. None: it never gets there."""
+    there = [one for one in series.measurements if one.rmse <= TARGET]
     if there:
         seconds = there[0].further if further else there[0].seconds
         return None if seconds is None else (seconds, True)
-    if not entry.anew or not entry.points:
+    if not series.keeps_nothing or not series.measurements:
         return None
-    last = entry.points[-1]
+    last = series.measurements[-1]
     return last.seconds * (last.rmse / TARGET) ** 2, False
 
 
-def plot(title: str, entries: Sequence[Entry]) -> np.ndarray:
+def plot(title: str, found: Sequence[Series]) -> np.ndarray:
     """(H, W, 3) display values 0..1: rmse in percent over seconds, both logarithmic, a line a system."""
-    from irrsplat.app.common.plot import Line, loglog
-
     lines = []
-    for entry, colour in zip((e for e in entries if e.points), _COLOURS, strict=False):
-        x, y = (np.array([getattr(p, name) for p in entry.points]) for name in ("seconds", "rmse"))
-        lines.append(Line(entry.points[0].system, x, 100.0 * y, colour))
+    for series in found:
+        if series.measurements:
+            x, y = (np.array([getattr(one, name) for one in series.measurements]) for name in ("seconds", "rmse"))
+            lines.append(Line(series.measurements[0].system, x, 100.0 * y, series.colour))
     return loglog(lines, title, "seconds for all pixels of a view", "relative RMSE of irradiance, %")

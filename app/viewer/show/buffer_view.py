@@ -7,7 +7,7 @@ from typing import Any
 import moderngl
 import numpy as np
 
-from irrsplat.app.verify.error_image import BRIGHT, DARK, GREY
+from irrsplat.app.common.error_colours import BRIGHT, DARK, GREY
 from irrsplat.app.viewer.background_truth import Lattice, Truth
 from irrsplat.app.viewer.show.legend import SHOWINGS, TRUTHS, depth_range, light_tiles, shadow_range, weight_range
 from irrsplat.app.viewer.show.screen import Programs, Region, Texels, clear, colours, scale

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import moderngl
 import numpy as np
 
-from irrsplat.app.verify.error_image import BRIGHT, DARK, FULL
+from irrsplat.app.common.error_colours import FULL, error_colours
 from irrsplat.app.viewer.background_truth import Truth
 from irrsplat.core.buffers import CHANNELS, ShadowMaps
 from irrsplat.image.tonemap import viridis
@@ -93,7 +93,7 @@ def legend(
         return Legend("", "", "", None, NO_TRUTH)
     if showing.how == "error" and truth is not None:
         text = f"mean of the channels; in full colour at {100.0 * FULL:g} % of the truth's mean; grey: no surface"
-        colours = signed(np.linspace(-1.0, 1.0, 64))
+        colours = error_colours(np.linspace(-1.0, 1.0, 64))
         return Legend(f"{-truth.full:.3g}", f"{truth.full:.3g}", showing.unit, colours, f"{text}; {truth.about}")
     if showing.how == "weight":
         low, high = weight_range(settings)
@@ -115,12 +115,6 @@ def legend(
     if name in ("irradiance", "surface", "reference"):
         text += ", as a white surface sends it out"
     return Legend("", "", showing.unit, None, text + (f"; {truth.about}" if name == "reference" and truth is not None else ""))
-
-
-def signed(share: np.ndarray) -> np.ndarray:
-    """Errors of any shape, in shares of the one shown in full colour, as (..., 3) display colours 0..1: those of verify's."""
-    end = np.where(share[..., None] > 0.0, np.array(BRIGHT), np.array(DARK)) / 255.0
-    return 1.0 + np.clip(np.abs(share), 0.0, 1.0)[..., None] * (end - 1.0)
 
 
 def weight_range(settings: Settings) -> tuple[float, float]:

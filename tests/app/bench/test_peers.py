@@ -16,9 +16,10 @@ from PIL import Image
 import irrsplat
 from irrsplat.app import cli
 from irrsplat.app.bench import cases, gather_truth
-from irrsplat.app.bench.peers import contestants, race, radiance
-from irrsplat.app.bench.peers.contestants import Entry, Point
-from irrsplat.app.common.plot import Line, loglog
+from irrsplat.app.bench.peers import judging, mitsuba, race, radiance, radiance_scene, table
+from irrsplat.app.bench.peers.judging import Measurement, Series
+from irrsplat.app.common.plot import Line, loglog, palette
+from irrsplat.app.verify import error_curve
 from irrsplat.core.errors import IrrsplatError
 from irrsplat.reference import fine_gather, worker
 from irrsplat.scene.model import Light, Scene
@@ -26,16 +27,16 @@ from irrsplat.scene.model import Light, Scene
 here = pytest.mark.skipif(radiance.installed() is None, reason="the extra `peers` is not installed")
 
 
-def points(system: str, *found: tuple[float, float]) -> tuple[Point, ...]:
-    """Points of seconds and errors, each with a further view of a tenth of the time."""
-    return tuple(Point(system, "q", seconds, rmse, seconds / 10.0, rmse) for seconds, rmse in found)
+def measurements(system: str, *found: tuple[float, float]) -> tuple[Measurement, ...]:
+    """Measurements of these seconds and errors, each with a further view in a tenth of the time."""
+    return tuple(Measurement(system, "q", seconds, rmse, seconds / 10.0, rmse) for seconds, rmse in found)
 
 
 # ---- Radiance's words ----------------------------------------------------------------------------------------------------
 
 
 def words(scene: Scene) -> list[list[str]]:
-    return [line.split() for line in radiance.text(scene).splitlines() if line]
+    return [line.split() for line in radiance_scene.text(scene).splitlines() if line]
 
 
 def test_a_scene_in_radiances_words() -> None:
@@ -50,9 +51,9 @@ def test_a_scene_in_radiances_words() -> None:
         assert shape == [f"paint{number}", "mesh", f"mesh{number}", "1", f"mesh{number}.rtm", "0", "0"]
     bulb, sphere = lines[2 * len(meshes) :]
     assert bulb[:7] == ["void", "illum", "lamp0", "1", "void", "0", "3"]
-    intensity = np.array([float(x) for x in bulb[7:]]) * np.pi * radiance.LAMP**2
+    intensity = np.array([float(x) for x in bulb[7:]]) * np.pi * radiance_scene.LAMP**2
     assert intensity == pytest.approx(scene.lights[0].color)
-    assert [float(x) for x in sphere[6:]] == pytest.approx([*scene.lights[0].position, radiance.LAMP])
+    assert [float(x) for x in sphere[6:]] == pytest.approx([*scene.lights[0].position, radiance_scene.LAMP])
 
 
 def test_other_lights_in_radiances_words() -> None:
@@ -62,9 +63,9 @@ def test_other_lights_in_radiances_words() -> None:
     lamp = Light((0.0, 1.0, 0.0), (1.0, 1.0, 1.0), attenuation=(1.0, 0.0, 0.5))
     scene = replace(irrsplat.load("cornell"), meshes=(), lights=(sun, spot, lamp), sky=(0.1, 0.2, 0.3))
     light, source, cone, _, _, falloff, _, _, sky, around = words(scene)
-    solid_angle = np.pi * np.radians(radiance.SUN / 2.0) ** 2
+    solid_angle = np.pi * np.radians(radiance_scene.SUN / 2.0) ** 2
     assert np.array([float(x) for x in light[6:]]) * solid_angle == pytest.approx(np.pi * np.array(sun.color), rel=1e-4)
-    assert source[1] == "source" and [float(x) for x in source[6:]] == [0.0, 2.0, 0.0, radiance.SUN]
+    assert source[1] == "source" and [float(x) for x in source[6:]] == [0.0, 2.0, 0.0, radiance_scene.SUN]
     assert cone[1] == "brightfunc" and [float(x) for x in cone[8:]] == pytest.approx([0.0, -1.0, 0.0, 30.0, 10.0])
     assert falloff[1] == "brightfunc" and [float(x) for x in falloff[8:]] == [1.0, 0.0, 0.5]
     assert sky[:3] == ["void", "glow", "sky"] and around[-1] == "360"
@@ -72,35 +73,53 @@ def test_other_lights_in_radiances_words() -> None:
 
 def test_what_radiance_has_no_words_for() -> None:
     with pytest.raises(IrrsplatError, match="shines and reflects"):
-        radiance.text(irrsplat.load("furnace"))
+        radiance_scene.text(irrsplat.load("furnace"))
 
 
 # ---- who gets where ------------------------------------------------------------------------------------------------------
 
 
 def test_the_first_point_that_gets_there_counts() -> None:
-    entry = Entry(points("a", (1.0, 0.2), (3.0, 0.04), (9.0, 0.01)), "")
-    assert race.reached(entry) == (3.0, True)
-    assert race.reached(entry, further=True) == (0.3, True)
-    assert race.reached(Entry(points("a", (1.0, 0.2)), "")) is None
-    assert race.reached(Entry(points("a", (1.0, 0.2)), "", anew=True)) == (pytest.approx(16.0), False), "a quarter: 16 times"
+    series = Series(measurements("a", (1.0, 0.2), (3.0, 0.04), (9.0, 0.01)), "")
+    assert race.reached(series) == (3.0, True)
+    assert race.reached(series, further=True) == (0.3, True)
+    assert race.reached(Series(measurements("a", (1.0, 0.2)), "")) is None
+    assert race.reached(Series(measurements("a", (1.0, 0.2)), "", keeps_nothing=True)) == (pytest.approx(16.0), False), (
+        "a quarter: 16 times"
+    )
 
 
 def test_the_verdict_is_a_ratio_to_ours() -> None:
-    entries = [
-        Entry(points("irrsplat", (2.0, 0.04)), "as it is"),
-        Entry(points("slow", (1.0, 0.2), (30.0, 0.05)), "after 1 s"),
-        Entry(points("never", (1.0, 0.3)), ""),
-        Entry(points("noise", (1.0, 0.1)), "", anew=True),
-        Entry((), "absent: not installed"),
+    found = [
+        Series(measurements("irrsplat", (2.0, 0.04)), "as it is"),
+        Series(measurements("slow", (1.0, 0.2), (30.0, 0.05)), "after 1 s"),
+        Series(measurements("never", (1.0, 0.3)), ""),
+        Series(measurements("noise", (1.0, 0.1)), "", keeps_nothing=True),
+        Series((), "absent: not installed"),
     ]
-    first, second = race.verdict(entries)
+    first, second = race.verdict(found)
     assert "irrsplat 2.000 s; slow 30.00 s, 15.0 times as long; never does not get there (30.0% at best)" in first
     assert "noise by 1/√samples some 4.00 s, 2.0 times as long" in first and "absent" not in first
     assert "irrsplat 0.200 s; slow 3.00 s, 15.0 times as long" in second
-    told = list(race.report("cornell", entries))
+    told = list(race.report("cornell", found))
     assert "absent: not installed" in told and "slow: after 1 s" in told
-    assert race.plot("cornell", entries).shape[2] == 3
+    assert race.plot("cornell", found).shape[2] == 3
+
+
+def test_every_system_has_a_line_in_the_plot() -> None:
+    """However many there are: each one's colour is there."""
+    colours = palette(9)
+    found = [Series(measurements(f"system {i}", (1.0 + i, 0.2), (10.0 + i, 0.1)), "", c) for i, c in enumerate(colours)]
+    picture = np.round(race.plot("many", found) * 255.0).astype(int)
+    for colour in colours:
+        assert (np.abs(picture - colour).max(-1) < 4).sum() > 100, colour
+    assert len(set(colours)) == len(colours) and palette(2) == colours[:2]
+
+
+@pytest.mark.parametrize("peer", table.PEERS, ids=lambda peer: peer.name)
+def test_the_table_names_functions_that_are_there(peer: table.Peer) -> None:
+    """`measure` finds it without the peer's own package; nothing is measured before the first series is taken."""
+    assert iter(peer.measure(irrsplat.load("cornell"), (4, 4), 1, (), lambda words: None))
 
 
 @pytest.mark.parametrize(("y", "corner"), [((9.0, 1.0), "upper right"), ((1.0, 9.0), "lower right")])
@@ -126,7 +145,7 @@ def test_what_cannot_be_is_said_at_once(
     more: list[str], said: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(radiance, "installed", lambda: tmp_path)
+    monkeypatch.setattr(table.Peer, "installed", True)
     assert cli.main(["bench", "--peers", *more]) == 2
     out, err = capsys.readouterr()
     assert not out and err.count("\n") == 1 and said in err
@@ -152,7 +171,7 @@ def small(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(cases, "REPETITIONS", 1)
     monkeypatch.setattr(fine_gather, "SIDE", 64)
     monkeypatch.setattr(gather_truth, "COUNT", 150)
-    monkeypatch.setattr(contestants.curve, "A", (0.6, 0.4))
+    monkeypatch.setattr(error_curve, "A", (0.6, 0.4))
     monkeypatch.setattr(radiance, "QUALITIES", ((0.2, 512, 128),))
 
 
@@ -165,6 +184,7 @@ def test_a_race_in_which_the_others_fall(
         raise IrrsplatError("the path tracer failed")
 
     monkeypatch.setattr(worker, "call", fall)
+    monkeypatch.setattr(table.Peer, "installed", True)
     monkeypatch.setattr(radiance, "installed", lambda: tmp_path)
     plot, numbers = tmp_path / "plot.png", tmp_path / "peers.json"
     command = ["bench", "--peers", "cornell", "--size", "20", "20", "-o", str(plot), "--json", str(numbers)]
@@ -186,7 +206,7 @@ def test_radiance_agrees_with_the_gather(tmp_path: Path, small: None) -> None:
     chance. Its ambient file makes a second look cheap, and says the same."""
     scene = irrsplat.load("curved")
     with irrsplat.Renderer(scene, size=(24, 24), bounces=1) as renderer:
-        view = contestants.view(renderer, scene.camera())
+        view = judging.judged_view(renderer, scene.camera())
     it = radiance.Rtrace(scene, tmp_path, 1)
     direct, _ = it.irradiance(view.position, view.normal, 0)
     first, _ = it.irradiance(view.position, view.normal, 1, (0.1, 1024, 256))
@@ -204,12 +224,13 @@ def test_radiance_agrees_with_the_gather(tmp_path: Path, small: None) -> None:
 @pytest.mark.parametrize(("method", "enough"), [("path", 0.15), ("joined", 0.05)])
 def test_mitsuba_agrees_with_the_gather(small: None, method: str, enough: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """Both get to where they are wanted, by more and more samples: so neither is biased by as much."""
-    monkeypatch.setattr(contestants, "SECONDS", 1000.0)
-    monkeypatch.setattr(contestants, "ENOUGH", enough)
+    monkeypatch.setattr(judging, "SECONDS", 1000.0)
+    monkeypatch.setattr(judging, "ENOUGH", enough)
     scene = irrsplat.load("curved")
     with irrsplat.Renderer(scene, size=(24, 24), bounces=1) as renderer:
-        view = contestants.view(renderer, scene.camera())
-    found = contestants.mitsuba(scene, 1, (view, view), method, lambda words: None)
-    off = [point.rmse for point in found.points]
-    assert found.anew and min(off) <= enough < max(off) / 4.0
-    assert len(found.points) > 3 and all(point.further == point.seconds for point in found.points)
+        view = judging.judged_view(renderer, scene.camera())
+    measure = {"path": mitsuba.measure_path, "joined": mitsuba.measure_joined}[method]
+    (found,) = measure(scene, (24, 24), 1, (view, view), lambda words: None)
+    off = [one.rmse for one in found.measurements]
+    assert found.keeps_nothing and min(off) <= enough < max(off) / 4.0
+    assert len(off) > 3 and all(one.further == one.seconds for one in found.measurements)

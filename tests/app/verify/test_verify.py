@@ -17,6 +17,7 @@ from PIL import Image
 
 import irrsplat
 from irrsplat.app import cli
+from irrsplat.app.common.error_colours import BRIGHT, DARK, GREY
 from irrsplat.app.verify import error_image, measure, verify
 from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.reference import worker
@@ -115,9 +116,9 @@ def test_the_colours_of_an_error() -> None:
     E = np.ones((1, 4, 3), np.float32) * np.array([1.0, 1.5, 0.9, 9.0], np.float32)[None, :, None]
     white, red, pale, grey = error_image.signed_error(E, truth)[0] * 255.0
     assert np.allclose(white, 255.0, atol=0.01)
-    assert np.allclose(red, error_image.BRIGHT, atol=0.01)
-    assert np.allclose(pale, (255.0 + np.array(error_image.DARK)) / 2.0, atol=0.01)
-    assert np.allclose(grey, error_image.GREY, atol=0.01)
+    assert np.allclose(red, BRIGHT, atol=0.01)
+    assert np.allclose(pale, (255.0 + np.array(DARK)) / 2.0, atol=0.01)
+    assert np.allclose(grey, GREY, atol=0.01)
 
 
 # ---- the cache folder ----------------------------------------------------------------------------------------------------
@@ -383,7 +384,7 @@ def test_pictures(fake: Any, tracer: SimpleNamespace, place: Path, monkeypatch: 
     assert np.array_equal(np.asarray(Image.open(place / "shown/truth.png")), np.round(truth * 255.0))
     error = np.asarray(Image.open(place / "shown/error.png"))
     assert error.shape[0] > 4 and error.shape[1:] == (6, 3)  # the legend is below
-    assert (error[:4] == error_image.BRIGHT).all()  # too bright by 25 %
+    assert (error[:4] == BRIGHT).all()  # too bright by 25 %
     assert cli.main([*VERIFY, "-o", "strip.png"]) == 0
     strip = np.asarray(Image.open(place / "strip.png"))
     assert strip.shape[1] == 18

@@ -13,11 +13,12 @@ import pytest
 from imgui_bundle import imgui
 
 import irrsplat
+from irrsplat.app.common.error_colours import error_colours
 from irrsplat.app.verify.error_image import FULL, signed_error
 from irrsplat.app.viewer import background_truth as module
 from irrsplat.app.viewer.background_truth import HEIGHT, KEPT, Lattice, Truth
 from irrsplat.app.viewer.session import Session
-from irrsplat.app.viewer.show.legend import NO_TRUTH, TRUTHS, legend, signed
+from irrsplat.app.viewer.show.legend import NO_TRUTH, TRUTHS, legend
 from irrsplat.gpu import context
 from irrsplat.image.frame import Frame
 from irrsplat.image.tonemap import show
@@ -141,7 +142,7 @@ def test_the_legend_s_scale_is_that_of_verify(driver: Driver, tracer: Tracer) ->
     flat = Tracer.make((64, 1)) | {"halves": np.ones((2, 1, 64, 3), "f4"), "seen": np.ones((1, 64), bool)}
     E = 1.0 + FULL * np.linspace(-1.0, 1.0, 64)[None, :, None].repeat(3, axis=2)
     assert made.colours is not None and np.allclose(made.colours, signed_error(E, Traced(**flat))[0], atol=1e-6)
-    assert np.allclose(signed(np.array([-7.0, 0.0, 7.0])), [made.colours[0], [1.0, 1.0, 1.0], made.colours[-1]])
+    assert np.allclose(error_colours(np.array([-7.0, 0.0, 7.0])), [made.colours[0], [1.0, 1.0, 1.0], made.colours[-1]])
     for name in TRUTHS:
         bounces = in_words(session.settings(0)[1].bounces)
         assert f"{bounces}, 512 samples" in legend(name, **about, truth=truth).text  # type: ignore[arg-type]

@@ -1,0 +1,55 @@
+"""Mitsuba among the peers: its own path tracer, and the one of `verify`, which has its intersections from Mitsuba."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from irrsplat.app.bench.peers import judging
+from irrsplat.app.bench.peers.judging import JudgedView, Measurement, Series
+from irrsplat.app.bench.peers.table import Tell
+from irrsplat.image.figures.pen import Colour
+from irrsplat.reference import worker
+from irrsplat.reference.truth import vertices
+from irrsplat.scene.model import Scene
+from irrsplat.settings import All
+
+_PROCESS = "from irrsplat.reference.trace_points import main; main()"
+
+
+def measure_path(
+    scene: Scene, size: tuple[int, int], bounces: int | All, views: Sequence[JudgedView], tell: Tell
+) -> Iterator[Series]:
+    """By Mitsuba's own integrator."""
+    yield _traced("Mitsuba", "path", (60, 140, 60), scene, bounces, views[0], tell)
+
+
+def measure_joined(
+    scene: Scene, size: tuple[int, int], bounces: int | All, views: Sequence[JudgedView], tell: Tell
+) -> Iterator[Series]:
+    """By the integrator of `verify`, which joins every vertex to what each lamp shines on."""
+    yield _traced("Mitsuba, lamps joined", "joined", (130, 80, 160), scene, bounces, views[0], tell)
+
+
+def _traced(name: str, method: str, colour: Colour, scene: Scene, bounces: int | All, view: JudgedView, tell: Tell) -> Series:
+    """A path tracer's measurements, by more and more samples; of a further view they are the same, since it keeps nothing."""
+    tell(name)
+    found = worker.call(
+        _PROCESS,
+        (
+            scene,
+            (view.position, view.normal, view.geometric),
+            view.judged,
+            view.truth.irradiance.astype(float),
+            method,
+            vertices(bounces),
+            judging.ENOUGH,
+            judging.SECONDS / 4.0,
+        ),
+    )
+    measurements = [
+        Measurement(name, f"{count} samples", seconds, rmse, seconds, rmse)
+        for count, seconds, rmse in found["levels"]
+        if seconds > 0.0
+    ]
+    about = f"after {found['load']:.2f} s of loading, compiled; {found['threads']} threads"
+    return Series(tuple(measurements), about, colour, keeps_nothing=True)

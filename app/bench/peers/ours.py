@@ -1,0 +1,37 @@
+"""irrsplat among the peers, with the settings of `verify --curve`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from irrsplat.app.bench import cases
+from irrsplat.app.bench.peers import judging
+from irrsplat.app.bench.peers.judging import JudgedView, Measurement, Series, fastest_first
+from irrsplat.app.bench.peers.table import Tell
+from irrsplat.app.verify import error_curve
+from irrsplat.scene.model import Scene
+from irrsplat.settings import All
+
+
+def measure(scene: Scene, size: tuple[int, int], bounces: int | All, views: Sequence[JudgedView], tell: Tell) -> Iterator[Series]:
+    """From an empty cache, then the further view with the records kept."""
+    import irrsplat
+
+    first, second = views
+    found: list[Measurement] = []
+    about = ""
+    for values in error_curve.points("default", {"bounces": bounces}):
+        with irrsplat.Renderer(scene, size=size, **values) as renderer:
+            tell(f"irrsplat, a {values['a']:.3g}")
+            cases.warm_up(renderer, first.camera)
+            empty = cases.middle(cases.from_records(renderer, first.camera, 0))
+            rmse = first.truth.error(renderer.render(first.camera).irradiance)
+            further = cases.middle(cases.from_records(renderer, second.camera, empty.records))
+            further_rmse = second.truth.error(renderer.render(second.camera).irradiance)
+            about = f"from the loaded scene and compiled shaders, on {renderer.about['renderer']}"
+        assert rmse is not None
+        quality = f"a {values['a']:.3g}, {empty.records} records"
+        found.append(Measurement("irrsplat", quality, empty.seconds, rmse, further.seconds, further_rmse))
+        if rmse <= judging.ENOUGH / 2.0 or empty.seconds >= judging.SECONDS:
+            break
+    yield Series(fastest_first(found), about, (27, 94, 160))
