@@ -18,7 +18,7 @@ test: .venv/.ready-dev
 	.venv/bin/python -m pytest -q
 
 figures: .venv/.ready
-	.venv/bin/python docs/readme.py
+	.venv/bin/python docs/tables.py
 	.venv/bin/python docs/figures.py
 	.venv/bin/python docs/screens.py
 

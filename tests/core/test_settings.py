@@ -25,9 +25,9 @@ def module(path: Path) -> ModuleType:
     return it
 
 
-def test_the_tables_of_the_readme_are_current() -> None:
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    assert module(ROOT / "docs/readme.py").filled(text) == text, "run: python docs/readme.py"
+def test_the_tables_of_the_reference_are_current() -> None:
+    text = (ROOT / "docs/reference.md").read_text(encoding="utf-8")
+    assert module(ROOT / "docs/tables.py").filled(text) == text, "run: python docs/tables.py"
 
 
 def test_the_fixed_names_are_there() -> None:

@@ -1,4 +1,4 @@
-"""Fills the README's tables from settings.py, buffers.py and keys.py: `python docs/readme.py`; a test holds them current."""
+"""Fills the tables of docs/reference.md from settings.py, buffers.py and keys.py: `python docs/tables.py`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from irrsplat.app.viewer.input.keys import FLYING, GROUPS
 from irrsplat.core.buffers import CHANNELS
 from irrsplat.settings import PRESETS, SETTINGS
 
-README = Path(__file__).resolve().parent.parent / "README.md"
+PAGE = Path(__file__).resolve().parent / "reference.md"
 
 
 def word(value: object) -> str:
@@ -58,13 +58,13 @@ def keys() -> str:
 def filled(text: str) -> str:
     """`text` with each marked table made anew."""
     for name, make in (("buffers", buffers), ("settings", settings), ("presets", presets), ("keys", keys)):
-        start = f"<!-- {name}: made by docs/readme.py -->\n"
+        start = f"<!-- {name}: made by docs/tables.py -->\n"
         text, count = re.subn(
             f"({re.escape(start)}).*?(<!-- end -->)", lambda m, make=make: m[1] + make() + m[2], text, flags=re.S
         )
-        assert count == 1, f"the README has no place for the table of {name}"
+        assert count == 1, f"docs/reference.md has no place for the table of {name}"
     return text
 
 
 if __name__ == "__main__":
-    README.write_text(filled(README.read_text(encoding="utf-8")), encoding="utf-8")
+    PAGE.write_text(filled(PAGE.read_text(encoding="utf-8")), encoding="utf-8")
