@@ -212,9 +212,7 @@ class Session(Owner):
         served = self.markers.serves(screen, view, records, number, settings=settings, region=region)
         site = renderer.cache.sites(slice(number, number + 1))
         world, light = renderer.scheduler.world, renderer.scheduler.light(renderer.shadows)
-        picture = self.inspector.hemisphere(
-            number, site, world, light, scene=self.scene, settings=settings, exposure=self.exposure
-        )
+        picture = self.inspector.hemisphere(number, site, world, light, settings=settings, exposure=self.exposure)
         return record_inspector.InspectedRecord(
             number, side, record_inspector.describe(number, table, view, settings), picture, served
         )

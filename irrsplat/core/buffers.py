@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -104,18 +104,24 @@ class ShadowMaps:
         }
 
 
+TriangleOrder = Literal["scene", "tree"]  # triangles are numbered as in the scene, or as the tree of rays counts them
+
+
 @dataclass(frozen=True)
 class HitLight:
-    """What lights the surfaces that a gather sees: the lamps, with their shadow maps, and from the second bounce on the surface
-    cache, as the uniforms of shaders/surface_cache/surface_cache.glsl and lib/bvh.glsl."""
+    """What lights the surfaces that a gather sees: the lamps with their shadow maps and, from the second bounce on, the surface
+    cache.
+
+    surface: the uniforms of shaders/surface_cache/surface_cache.glsl and lib/bvh.glsl, for triangles numbered either way; None
+    for one bounce.
+    """
 
     shadows: ShadowMaps
-    surface: Mapping[str, Any]
+    surface: Mapping[TriangleOrder, Mapping[str, Any]] | None = None
 
-    @property
-    def uniforms(self) -> dict[str, Any]:
-        """The uniforms of both."""
-        return {**self.shadows.uniforms, **self.surface}
+    def uniforms(self, order: TriangleOrder) -> dict[str, Any]:
+        """The uniforms of both, for a gather that numbers triangles in this order."""
+        return {**self.shadows.uniforms, **(self.surface[order] if self.surface is not None else {})}
 
 
 @dataclass(frozen=True)

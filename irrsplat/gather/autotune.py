@@ -10,7 +10,7 @@ import json
 import os
 import time
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -19,14 +19,15 @@ import moderngl
 import numpy as np
 
 from irrsplat.core import paths
-from irrsplat.core.buffers import Sites
+from irrsplat.core.buffers import HitLight, Sites
 from irrsplat.core.errors import IrrsplatError
 from irrsplat.core.files import write_text
+from irrsplat.gather.look import Gather, gather_records
 from irrsplat.gather.raster import GatherPass
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.trace import TracePass
+from irrsplat.gather.world import World
 from irrsplat.gpu import context
-from irrsplat.gpu.bvh_table import Tree
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.shadow_maps import ShadowPass
@@ -74,12 +75,15 @@ def kind(ctx: moderngl.Context, scene: Scene, settings: Settings) -> str:
     return _known[name]
 
 
-def gather_pass(ctx: moderngl.Context, scene: Scene, settings: Settings, capacity: int | None = None) -> GatherPass | TracePass:
-    """The pass that gathers as `settings` say in `scene`, at most `capacity` records at once (None: as many as are worth it)."""
-    how, lights, more = kind(ctx, scene, settings), light_defines(scene), settings.most_bounces > 1
+def gather_pass(world: World, settings: Settings, capacity: int | None = None) -> Gather:
+    """The pass that gathers as `settings` say in `world`, at most `capacity` records at once (None: as many as are worth it).
+
+    Raises InputError where rays are to go through more triangles than the GPU can hold.
+    """
+    how, surface = kind(world.ctx, world.scene, settings), settings.most_bounces > 1
     if how == "trace":
-        return TracePass(ctx, settings.gather_size, scene.diagonal, lights, capacity, surface=more)
-    return GatherPass(ctx, how, settings.gather_size, scene.diagonal, lights, capacity, surface=more)
+        return TracePass(world, settings.gather_size, capacity, surface=surface)
+    return GatherPass(world, how, settings.gather_size, capacity, surface=surface)
 
 
 def machine(about: dict[str, Any]) -> str:
@@ -105,28 +109,26 @@ def kept(about: dict[str, Any]) -> list[Times]:
 def race(ctx: moderngl.Context, scene: Scene, side: int) -> Times:
     """Milliseconds a record takes in `scene` with gather size `side`, gathered and reduced: by rasters and by rays."""
     vertices, faces, closed = flatten(scene)
-    geometry, tree = Geometry(ctx, vertices, faces, closed), Tree(ctx, vertices, faces)
-    shadow, reduce, cache = ShadowPass(ctx), ReducePass(ctx, gradients=True), RecordCache(ctx)
-    light, sites, defines = shadow(scene, geometry, _SHADOWS), _sites(scene, geometry.corners, closed), light_defines(scene)
-    cache.append(sites)
-    raster = GatherPass(ctx, "raster", side, scene.diagonal, defines, _SITES)
-    trace = TracePass(ctx, side, scene.diagonal, defines, _SITES)
-    best = [float("inf")] * 2
-    rivals: tuple[tuple[Any, Any], ...] = (raster, geometry), (trace, tree)
-    for turn in range(1 + _TIMES):  # the first one compiles
-        for i, (gather, world) in enumerate(rivals):
-            done, start = 0, time.perf_counter()
-            while done < len(sites):
-                part = slice(done, min(done + gather.capacity, len(sites)))
-                atlas = gather(world, light, sites[part], np.arange(len(sites))[part], 0)
-                reduce(atlas, cache.records, scene.sky, gather.radii)
-                done = part.stop
+    with ExitStack() as stack:
+        geometry = stack.enter_context(Geometry(ctx, vertices, faces, closed))
+        world = stack.enter_context(World(ctx, scene, geometry))
+        shadow, reduce = stack.enter_context(ShadowPass(ctx)), stack.enter_context(ReducePass(ctx, gradients=True))
+        cache = stack.enter_context(RecordCache(ctx))
+        raster = stack.enter_context(GatherPass(world, "raster", side, _SITES))
+        trace = stack.enter_context(TracePass(world, side, _SITES))
+        light, sites = HitLight(shadow(scene, geometry, _SHADOWS)), _sites(scene, geometry.corners, closed)
+        numbers = cache.append(sites) + np.arange(len(sites))
+
+        def milliseconds(gather: Gather) -> float:
+            """What one record takes, this once."""
+            start = time.perf_counter()
+            gather_records(gather, reduce, light, cache, numbers, seed=0)
             ctx.finish()
-            if turn:
-                best[i] = min(best[i], 1e3 * (time.perf_counter() - start) / len(sites))
-    for thing in (geometry, tree, shadow, reduce, cache, raster, trace):
-        thing.release()
-    return best[0], best[1]
+            return 1e3 * (time.perf_counter() - start) / len(sites)
+
+        # by turns, so that what slows the machine down for a while slows both; the first turn compiles, and does not count
+        times = [(milliseconds(raster), milliseconds(trace)) for _ in range(1 + _TIMES)][1:]
+    return min(r for r, _ in times), min(t for _, t in times)
 
 
 def _sites(scene: Scene, corners: np.ndarray, closed: int) -> Sites:

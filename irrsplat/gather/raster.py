@@ -13,13 +13,16 @@ from typing import Any
 import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import Atlas, HitLight, ShadowMaps, Sites
+from irrsplat.core.buffers import Atlas, HitLight, Sites
 from irrsplat.gather.hemicube import edge_table, faces, frames, hemisphere_table
-from irrsplat.gather.record_frame import OFFSET, atlas_grid, eyes, frame_rows
+from irrsplat.gather.look import Gather
+from irrsplat.gather.record_frame import atlas_grid, eyes, frame_rows
+from irrsplat.gather.world import World
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.program import Draw, Program, State
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import COLUMNS, Target, float_texture, table_texture
+from irrsplat.lighting.light_table import light_defines
 from irrsplat.scene.meshlets import Meshlets
 
 FEW = 128  # triangles that one draw takes; on llvmpipe both ways cost about the same there
@@ -27,28 +30,28 @@ _ROWS = 8  # of a view, as shaders/gather/views.glsl has them
 _PAIRS = 1 << 21  # of faces and meshlets that are looked at together, at most: 16 MiB of those that are drawn
 
 
-class GatherPass(Owner):
-    """Draws what records see: hemicubes or planes of `side` texels, for a scene of the given `diagonal` in metres.
+class GatherPass(Gather):
+    """Draws what records see of the world's geometry: hemicubes ("raster") or planes ("plane") of `side` texels.
 
-    lights: light_defines of the scene. capacity: how many records one call takes at most (default: what a 96 MiB atlas holds).
-    surface: the light that it is called with has a surface cache, too.
+    capacity: how many records one call takes at most (default: what a 96 MiB atlas holds). surface: the light that it is called
+    with has a surface cache, too.
     """
+
+    triangle_order = "scene"
 
     def __init__(
         self,
-        ctx: moderngl.Context,
+        world: World,
         kind: str,
         side: int,
-        diagonal: float,
-        lights: Mapping[str, int],
         capacity: int | None = None,
         *,
         surface: bool = False,
     ) -> None:
-        self.ctx = ctx
+        super().__init__(world)
+        self.ctx = ctx = world.ctx
         self.side = max(4, side // 4 * 4)  # so that four by four blocks fill a face
         self.kind = kind
-        self.fit(diagonal)
         self.faces, cells = faces(kind)
         self.cells = cells * (self.side // 2)
         table = hemisphere_table(kind, self.side)
@@ -58,7 +61,7 @@ class GatherPass(Owner):
         self.edges = table_texture(ctx, edge_table(kind, self.side))
         self.columns, self.capacity = atlas_grid(self.cell, capacity, int(ctx.info["GL_MAX_TEXTURE_SIZE"]))
         self.size = self.columns * self.cell[0], self.capacity // self.columns * self.cell[1]
-        self.defines = {**lights, "SURFACE": int(surface)}
+        self.defines = {**light_defines(world.scene), "SURFACE": int(surface)}
         self.few: Few | None = None  # either is made when it is first wanted
         self.many: Many | None = None
         self.target: Target | None = None  # of the last call
@@ -69,14 +72,9 @@ class GatherPass(Owner):
         """What this frees."""
         return (self.table, self.edges, self.few, self.many, self.frames, self.views)
 
-    def fit(self, diagonal: float) -> None:
-        """The scene's diagonal is of so many metres from now on."""
-        self.offset = OFFSET * diagonal
-        self.radii = (self.offset, diagonal)  # R_k in metres: nothing is nearer than the offset, a miss is a diagonal away
-
-    def __call__(self, geometry: Geometry, light: ShadowMaps | HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
+    def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
         """What records at `sites` (at most `capacity`) see; `numbers` (N,) are theirs in the cache."""
-        count = len(sites)
+        geometry, count = self.world.geometry, len(sites)
         frame = frames(sites.normal, sites.turns(numbers), seed)
         self.frames.write(frame_rows(frame, sites, numbers).tobytes(), viewport=(0, 0, count, 4))
         rows = self._views(frame, eyes(sites, geometry.corners, self.offset))
@@ -141,7 +139,7 @@ class Few(Owner):
         """What this frees."""
         return (self.program, self.target)
 
-    def __call__(self, geometry: Geometry, light: ShadowMaps | HitLight, views: Views) -> Target:
+    def __call__(self, geometry: Geometry, light: HitLight, views: Views) -> Target:
         """The target with these views drawn anew."""
         self.target.use(scissor=views.used)
         self.target.gl.clear(viewport=views.used)
@@ -153,7 +151,7 @@ class Few(Owner):
             atlas=self.target.size,
             **views.uniforms,
             **geometry.uniforms,
-            **light.uniforms,
+            **light.uniforms("scene"),
         )
         return self.target
 
@@ -173,7 +171,7 @@ class Many(Owner):
         """What this frees."""
         return (self.marking, self.lighting, self.seen, self.target, self.pairs)
 
-    def __call__(self, geometry: Geometry, light: ShadowMaps | HitLight, views: Views) -> Target:
+    def __call__(self, geometry: Geometry, light: HitLight, views: Views) -> Target:
         """As Few's."""
         pieces, rows = geometry.pieces, views.rows
         self.seen.use(scissor=views.used)
@@ -201,7 +199,7 @@ class Many(Owner):
             **views.uniforms,
             **pieces.uniforms,
             **geometry.uniforms,
-            **light.uniforms,
+            **light.uniforms("scene"),
         )
         return self.target
 

@@ -5,44 +5,44 @@ A fragment is a ray. What it brings goes into the same kind of atlas as a raster
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
-import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import Atlas, HitLight, ShadowMaps, Sites
+from irrsplat.core.buffers import Atlas, HitLight, Sites
 from irrsplat.gather.hemicube import frames
-from irrsplat.gather.record_frame import OFFSET, atlas_grid, eyes, frame_rows
+from irrsplat.gather.look import Gather
+from irrsplat.gather.record_frame import atlas_grid, eyes, frame_rows
 from irrsplat.gather.stratified import stratum_edges, stratum_table
-from irrsplat.gpu.bvh_table import Tree
+from irrsplat.gather.world import World
 from irrsplat.gpu.program import Program
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Resource
 from irrsplat.gpu.target import Target, float_texture, table_texture
+from irrsplat.lighting.light_table import light_defines
 
 
-class TracePass(Owner):
-    """Traces side² rays a record, for a scene of the given `diagonal` in metres; called as GatherPass is, with a Tree.
+class TracePass(Gather):
+    """Traces side² rays a record through the world's tree.
 
-    lights: light_defines of the scene. capacity: how many records one call takes at most (default: what a 96 MiB atlas holds).
-    surface: the light that it is called with has a surface cache, too. hits: of that cache it is only noted which of its values
-    speak for what the rays hit, for `hits`.
+    capacity: how many records one call takes at most (default: what a 96 MiB atlas holds). surface: the light that it is called
+    with has a surface cache, too. hits: of that cache it is only noted which of its values speak for what the rays hit, for the
+    method `hits`. Raises InputError for more triangles than the GPU's textures hold.
     """
+
+    triangle_order = "tree"
 
     def __init__(
         self,
-        ctx: moderngl.Context,
+        world: World,
         side: int,
-        diagonal: float,
-        lights: Mapping[str, int],
         capacity: int | None = None,
         *,
         surface: bool = False,
         hits: bool = False,
     ) -> None:
-        self.ctx = ctx
+        super().__init__(world)
+        self.ctx = ctx = world.ctx
+        self.tree = world.tree
         self.side = max(4, side // 4 * 4)  # so that blocks fill a cell
         self.kind = "trace"
-        self.fit(diagonal)
         table = stratum_table(self.side)
         self.cell = (table.shape[1], table.shape[0])
         self.share = table[..., 3]  # cosθ·dω of every texel of a cell
@@ -50,7 +50,10 @@ class TracePass(Owner):
         self.table = table_texture(ctx, table)
         self.edges = table_texture(ctx, stratum_edges(self.side))
         self.program = Program(
-            ctx, "gather/trace", "lib/fullscreen", defines={**lights, "SURFACE": int(surface), "HITS": int(hits)}
+            ctx,
+            "gather/trace",
+            "lib/fullscreen",
+            defines={**light_defines(world.scene), "SURFACE": int(surface), "HITS": int(hits)},
         )
         self.outputs = (4, 4, 4, 4) if hits else (4, 4)
         self.columns, self.capacity = atlas_grid(self.cell, capacity, int(ctx.info["GL_MAX_TEXTURE_SIZE"]))
@@ -61,12 +64,7 @@ class TracePass(Owner):
         """What this frees."""
         return (self.table, self.edges, self.program, self.target, self.frames)
 
-    def fit(self, diagonal: float) -> None:
-        """The scene's diagonal is of so many metres from now on."""
-        self.offset = OFFSET * diagonal
-        self.radii = (self.offset, diagonal)  # R_k in metres: nothing is nearer than the offset, a miss is a diagonal away
-
-    def __call__(self, tree: Tree, light: ShadowMaps | HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
+    def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
         """What records at `sites` (at most `capacity`) see; `numbers` (N,) are theirs in the cache."""
         if self.target is None:
             down = self.capacity // self.columns
@@ -74,7 +72,7 @@ class TracePass(Owner):
         count = len(sites)
         rows = np.zeros((5, count, 4), "f4")
         rows[:4] = frame_rows(frames(sites.normal, sites.turns(numbers), seed), sites, numbers)
-        rows[4, :, :3] = eyes(sites, tree.corners, self.offset)
+        rows[4, :, :3] = eyes(sites, self.tree.corners, self.offset)
         self.frames.write(rows.tobytes(), viewport=(0, 0, count, 5))
         lines, rest = divmod(count, self.columns)
         width, height = self.cell
@@ -87,7 +85,7 @@ class TracePass(Owner):
                     cell=self.cell,
                     columns=self.columns,
                     near=self.offset,
-                    **(tree.uniforms | light.uniforms),
+                    **(self.tree.uniforms | light.uniforms(self.triangle_order)),
                 )
         block = (self.side // 4, self.side // 4)
         radiance, planes = self.target.textures[:2]

@@ -1,7 +1,8 @@
-"""The tree that rays go through, as tables that shaders read."""
+"""The bounding volume hierarchy that rays go through, as tables that shaders read."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import moderngl
@@ -13,49 +14,82 @@ from irrsplat.gpu.target import COLUMNS, listed, table_texture
 from irrsplat.scene.bvh import build
 
 
-class Tree(Owner):
-    """The scene's triangles on the GPU as rays find them.
+@dataclass(frozen=True)
+class _Tables(Owner):
+    """The tables of one set of triangles, replaced as a whole when these move."""
 
-    vertices: (V, 12) float32 rows of position, normal, albedo, emission; faces: (F, 3) int, as scene.flat.flatten gives them.
-    order: (F,) the triangles' numbers in the order in which shaders count them.
-    Raises InputError for more triangles than the GPU's textures hold.
-    """
-
-    def __init__(self, ctx: moderngl.Context, vertices: np.ndarray, faces: np.ndarray) -> None:
-        corners = vertices[faces, :3]
-        bvh = build(corners)
-        limit = int(ctx.info["GL_MAX_TEXTURE_SIZE"])
-        if max(bvh.nodes[..., 0].size, len(vertices), len(faces)) > COLUMNS * limit or limit < 3 * COLUMNS:
-            raise InputError(f"{len(faces)} triangles are too many to trace here: use --gather raster")
-        self.corners = corners
-        self.order = bvh.order
-        self.count = bvh.nodes.shape[1]
-        self.grid = bvh.grid
-        nodes = listed(bvh.nodes.reshape(-1, 1, 4))
-        self.nodes = ctx.texture((nodes.shape[1], nodes.shape[0]), 4, np.ascontiguousarray(nodes).tobytes(), dtype="u4")
-        self.nodes.filter = moderngl.NEAREST, moderngl.NEAREST
-        leaves = np.concatenate([corners[bvh.order], faces[bvh.order, :, None]], axis=-1, dtype="f4")
-        self.triangles = table_texture(ctx, listed(leaves))
-        looks = np.zeros((len(vertices), 3, 4), "f4")
-        looks[..., :3] = vertices[:, 3:].reshape(-1, 3, 3)
-        self.looks = table_texture(ctx, listed(looks))
+    corners: np.ndarray
+    order: np.ndarray
+    count: int  # nodes for each octant of ray directions
+    grid: np.ndarray
+    nodes: moderngl.Texture
+    triangles: moderngl.Texture
+    looks: moderngl.Texture
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
         return (self.nodes, self.triangles, self.looks)
 
+
+class BvhTable(Owner):
+    """A scene's triangles on the GPU as rays find them (shaders/lib/bvh.glsl).
+
+    vertices: (V, 12) float32 rows of position, normal, albedo, emission; faces: (F, 3) int, as scene.flatten gives them.
+    Raises InputError for more triangles than the GPU's textures hold.
+    """
+
+    def __init__(self, ctx: moderngl.Context, vertices: np.ndarray, faces: np.ndarray) -> None:
+        self.ctx = ctx
+        self._tables = _tables(ctx, vertices, faces)
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self._tables,)
+
+    def update(self, vertices: np.ndarray, faces: np.ndarray) -> None:
+        """The same triangles elsewhere; whoever holds this table sees them there."""
+        before, self._tables = self._tables, _tables(self.ctx, vertices, faces)
+        before.release()
+
     @property
-    def rays(self) -> dict[str, Any]:
+    def corners(self) -> np.ndarray:
+        """(F, 3, 3) float32: the triangles' corners in metres, in the scene's order."""
+        return self._tables.corners
+
+    @property
+    def order(self) -> np.ndarray:
+        """(F,) the scene's numbers of the triangles, in the order in which the tree and its shaders count them."""
+        return self._tables.order
+
+    @property
+    def ray_uniforms(self) -> dict[str, Any]:
         """The uniforms of shaders/lib/bvh.glsl."""
+        tables = self._tables
         return {
-            "bvh_nodes": self.nodes,
-            "bvh_triangles": self.triangles,
-            "bvh_count": self.count,
-            "bvh_start": self.grid[0],
-            "bvh_step": self.grid[1],
+            "bvh_nodes": tables.nodes,
+            "bvh_triangles": tables.triangles,
+            "bvh_count": tables.count,
+            "bvh_start": tables.grid[0],
+            "bvh_step": tables.grid[1],
         }
 
     @property
     def uniforms(self) -> dict[str, Any]:
-        """The same, and the vertices' table."""
-        return self.rays | {"looks": self.looks}
+        """The same, and the table of the vertices' normals and materials."""
+        return self.ray_uniforms | {"looks": self._tables.looks}
+
+
+def _tables(ctx: moderngl.Context, vertices: np.ndarray, faces: np.ndarray) -> _Tables:
+    corners = vertices[faces, :3]
+    bvh = build(corners)
+    limit = int(ctx.info["GL_MAX_TEXTURE_SIZE"])
+    if max(bvh.nodes[..., 0].size, len(vertices), len(faces)) > COLUMNS * limit or limit < 3 * COLUMNS:
+        raise InputError(f"{len(faces)} triangles are too many to trace here: use --gather raster")
+    rows = listed(bvh.nodes.reshape(-1, 1, 4))
+    nodes = ctx.texture((rows.shape[1], rows.shape[0]), 4, np.ascontiguousarray(rows).tobytes(), dtype="u4")
+    nodes.filter = moderngl.NEAREST, moderngl.NEAREST
+    leaves = np.concatenate([corners[bvh.order], faces[bvh.order, :, None]], axis=-1, dtype="f4")
+    looks = np.zeros((len(vertices), 3, 4), "f4")
+    looks[..., :3] = vertices[:, 3:].reshape(-1, 3, 3)
+    triangles, looks_texture = table_texture(ctx, listed(leaves)), table_texture(ctx, listed(looks))
+    return _Tables(corners, bvh.order, bvh.nodes.shape[1], bvh.grid, nodes, triangles, looks_texture)

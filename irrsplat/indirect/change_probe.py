@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from irrsplat.core.buffers import Sites
-from irrsplat.gather.raster import GatherPass
+from irrsplat.core.buffers import HitLight, Sites
+from irrsplat.gather.look import Gather, gather_records
 from irrsplat.gather.reduce import ReducePass
-from irrsplat.gather.trace import TracePass
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.records.record_cache import RecordCache
 
@@ -19,25 +16,22 @@ _CHANGE = 0.02  # of E or of R, in sum over all moves since a record was gathere
 
 
 class Probes(Owner):
-    """Looks from records with `look`, a gather of SIDE."""
+    """Looks from records with `gather`, of SIDE, which becomes this object's own."""
 
-    def __init__(self, look: GatherPass | TracePass) -> None:
-        self.look = look
-        self.reduce = ReducePass(look.ctx, gradients=False)
-        self.records = RecordCache(look.ctx)
+    def __init__(self, gather: Gather) -> None:
+        self.gather = gather
+        self.reduce = ReducePass(gather.world.ctx, gradients=False)
+        self.records = RecordCache(gather.world.ctx)
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.look, self.reduce, self.records)
+        return (self.gather, self.reduce, self.records)
 
-    def __call__(self, world: Any, light: Any, sites: Sites, sky: tuple[float, float, float], seed: int) -> np.ndarray:
+    def __call__(self, light: HitLight, sites: Sites, seed: int) -> np.ndarray:
         """(N, 4) float32: rough E of records at `sites`, W/m², and R, metres."""
         self.records.truncate(0)
-        self.records.append(sites)
-        for start in range(0, len(sites), self.look.capacity):
-            some = sites[start : start + self.look.capacity]
-            atlas = self.look(world, light, some, start + np.arange(len(some)), seed)
-            self.reduce(atlas, self.records.records, sky, self.look.radii)
+        numbers = self.records.append(sites) + np.arange(len(sites))
+        gather_records(self.gather, self.reduce, light, self.records, numbers, seed)
         found = self.records.read()
         return np.column_stack([found["irradiance"], found["radius"]])
 

@@ -12,11 +12,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
-from irrsplat.core.buffers import GBuffer, HitLight, ShadowMaps, Sites
+from irrsplat.core.buffers import GBuffer, HitLight, Sites
+from irrsplat.gather.look import Gather
 from irrsplat.gpu.target import pixels
 from irrsplat.indirect.examine import octahedral_decode
 from irrsplat.records.weight import splat_radius
@@ -68,25 +68,22 @@ def read_back(gbuffer: GBuffer) -> Seen:
 class Recorder:
     """Section 3.4: makes one record, by a picture of the scene seen from it and a sum on the CPU.
 
-    gather: a GatherPass and the `geometry` that it draws, or a TracePass and its Tree. goes_on is asked after each record; where
-    it says no, `stopped` is True from then on, and who makes records makes no more.
+    goes_on is asked after each record; where it says no, `stopped` is True from then on, and who makes records makes no more.
     """
 
     def __init__(
         self,
-        gather: Any,
-        geometry: Any,
-        light: ShadowMaps | HitLight,
-        sky: tuple[float, float, float],
+        gather: Gather,
+        light: HitLight,
         goes_on: Callable[[], bool] = lambda: True,
     ) -> None:
-        self.gather, self.geometry, self.light, self.goes_on = gather, geometry, light, goes_on
-        self.sky = np.asarray(sky, "f4")
+        self.gather, self.light, self.goes_on = gather, light, goes_on
+        self.sky = np.asarray(gather.world.scene.sky, "f4")
         self.stopped = False
 
     def __call__(self, site: Sites) -> np.ndarray:
         """(4,): E = Σ L·ΔA/(1+x²+y²)² in W/m² and R_k, the harmonic mean distance in metres."""
-        atlas = self.gather(self.geometry, self.light, site, np.zeros(1), 0)
+        atlas = self.gather(self.light, site, np.zeros(1), 0)
         width, height = atlas.cell
         seen = np.frombuffer(atlas.radiance.read(), "f4").reshape(height, width, 4)
         share = self.gather.share  # cosθ·dω, which on the plane at distance 1 is ΔA/(1+x²+y²)²

@@ -10,10 +10,9 @@ import numpy as np
 
 from irrsplat.core.buffers import Atlas, GBuffer, HitLight, ShadowMaps, Sites, SplatBuffer
 from irrsplat.gather import autotune
-from irrsplat.gather.raster import GatherPass
+from irrsplat.gather.look import Gather, gather_records
 from irrsplat.gather.reduce import ReducePass
-from irrsplat.gather.trace import TracePass
-from irrsplat.gpu.bvh_table import Tree
+from irrsplat.gather.world import World
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import pixels
@@ -29,7 +28,6 @@ from irrsplat.records.culling import within
 from irrsplat.records.eviction import kept
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.records.refresh_order import Renewal
-from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.cache import SurfaceCache
@@ -61,9 +59,9 @@ class RecordScheduler(Owner):
         cache: RecordCache,
         timers: Timers,
     ) -> None:
-        self.ctx, self.geometry, self.cache, self.timers = ctx, geometry, cache, timers
+        self.ctx, self.cache, self.timers = ctx, cache, timers
         self.settings, self.scene, self.size = settings, scene, size
-        self.tree: Tree | None = None  # made when rays are first wanted
+        self.world = World(ctx, scene, geometry)
         self.surface: SurfaceCache | None = None  # made when a second bounce is first wanted
         self.gather_pass = self._gather_pass()
         self.reduce_pass = ReducePass(ctx, settings.gradients)
@@ -80,27 +78,19 @@ class RecordScheduler(Owner):
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
         passes = self.gather_pass, self.reduce_pass, self.examine_pass
-        return (self.tree, self.surface, *passes, self.adaptation, self.probes, self.renewal)
+        return (self.world, self.surface, *passes, self.adaptation, self.probes, self.renewal)
 
-    def _gather_pass(self) -> GatherPass | TracePass:
+    def _gather_pass(self) -> Gather:
         one = 1 if self.settings.placement == "scan" else None  # the paper: one at a time
-        made = autotune.gather_pass(self.ctx, self.scene, self.settings, capacity=one)
-        if isinstance(made, TracePass) or self.settings.most_bounces > 1:
-            self.tree = self.tree or Tree(self.ctx, *flatten(self.scene)[:2])
-        if self.settings.most_bounces > 1 and self.surface is None and self.tree is not None:
-            self.surface = SurfaceCache(self.ctx, self.scene, self.settings, self.tree, self.timers)
-        return made
+        if self.settings.most_bounces > 1 and self.surface is None:
+            self.surface = SurfaceCache(self.world, self.settings, self.timers)
+        return autotune.gather_pass(self.world, self.settings, capacity=one)
 
-    @property
-    def world(self) -> Any:
-        """What the gather looks at: the tree that rays go through, or the geometry that is drawn."""
-        return self.tree if isinstance(self.gather_pass, TracePass) else self.geometry
-
-    def light(self, shadows: ShadowMaps) -> ShadowMaps | HitLight:
-        """What lights the surfaces that the gather sees."""
+    def light(self, shadows: ShadowMaps) -> HitLight:
+        """What lights the surfaces that gathers see."""
         if self.surface is None or self.settings.most_bounces < 2:
-            return shadows
-        return HitLight(shadows, self.surface.uniforms(leaves=isinstance(self.gather_pass, TracePass)))
+            return HitLight(shadows)
+        return HitLight(shadows, self.surface.uniforms())
 
     # ---- what changes ----------------------------------------------------------------------------------------------
 
@@ -132,15 +122,10 @@ class RecordScheduler(Owner):
         if moved:
             self._keep(self.cache.follow(before, scene))
             self.resumed = None
-        if moved and self.tree is not None:
-            self.tree.release()
-            self.tree = Tree(self.ctx, *flatten(scene)[:2])
-        if self.surface is not None and self.tree is not None:
-            self.surface.change(settings, scene, self.tree)
+        self.world.set_scene(scene)
+        if self.surface is not None:
+            self.surface.change(settings)
         gathered = self._how(old) != self._how(settings)
-        self.gather_pass.fit(scene.diagonal)
-        if self.probes is not None:
-            self.probes.look.fit(scene.diagonal)
         if gathered or light_defines(before) != light_defines(scene) or old.placement != settings.placement:
             self.gather_pass.release()
             if self.probes is not None:
@@ -209,9 +194,9 @@ class RecordScheduler(Owner):
     def _probe(self, shadows: ShadowMaps, numbers: np.ndarray) -> np.ndarray:
         """(N, 4), as Probes has it, of the records of these numbers."""
         if self.probes is None:
-            self.probes = Probes(autotune.gather_pass(self.ctx, self.scene, replace(self.settings, gather_size=SIDE), MOST))
+            self.probes = Probes(autotune.gather_pass(self.world, replace(self.settings, gather_size=SIDE), MOST))
         with self.timers("gather"):
-            return self.probes(self.world, self.light(shadows), self.cache.sites(numbers), self.scene.sky, self.settings.seed)
+            return self.probes(self.light(shadows), self.cache.sites(numbers), self.settings.seed)
 
     @property
     def bounced(self) -> float:
@@ -326,7 +311,7 @@ class RecordScheduler(Owner):
         def goes_on() -> bool:
             return budget.left > 0.0 and next(more, None) is not None
 
-        record = paper_scan.Recorder(self.gather_pass, self.world, light, self.scene.sky, goes_on)
+        record = paper_scan.Recorder(self.gather_pass, light, goes_on)
         with self.timers("gather" if self._view.warmed < self.settings.warmup else "examine"):
             sites, values, missing = self._view.ask(pixels(splats.weight)[..., 0], record, camera, self.settings)
         if len(sites):
@@ -339,10 +324,8 @@ class RecordScheduler(Owner):
 
     def _gather(self, shadows: ShadowMaps, numbers: np.ndarray) -> None:
         """Gather the records of these numbers, where the cache has them."""
-        with self.timers("gather"):
-            self.atlas = self.gather_pass(self.world, self.light(shadows), self.cache.sites(numbers), numbers, self.settings.seed)
-        with self.timers("reduce"):
-            self.reduce_pass(self.atlas, self.cache.records, self.scene.sky, self.gather_pass.radii)
+        gather, reduce, light = self.gather_pass, self.reduce_pass, self.light(shadows)
+        self.atlas = gather_records(gather, reduce, light, self.cache, numbers, self.settings.seed, self.timers)
 
 
 def _where(settings: Settings) -> tuple[object, ...]:

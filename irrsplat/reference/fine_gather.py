@@ -4,22 +4,20 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from typing import Any
 
 import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import Sites
+from irrsplat.core.buffers import HitLight, Sites
+from irrsplat.gather.look import Gather, gather_records
 from irrsplat.gather.raster import GatherPass
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.trace import TracePass
-from irrsplat.gpu.bvh_table import Tree
+from irrsplat.gather.world import World
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.indirect.paper_scan import Seen
-from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.records.record_cache import RecordCache
-from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Scene
 
 SIDE = 128  # of a hemicube's front face in texels, 49 thousand directions; or of a square of rays, 16 thousand
@@ -53,25 +51,25 @@ def gather(
     at = tuple(pixels.T)
     triangle = None if seen.triangle is None else seen.triangle[at]
     sites = Sites(seen.position[at], seen.normal[at], seen.geometric[at], triangle)
-    cast, lights, tree = ShadowPass(ctx), light_defines(scene), None
-    shadows = cast(scene, geometry, shadow_size)
-    look: Any
-    if rasters(scene):
-        look = GatherPass(ctx, "raster", SIDE, scene.diagonal, lights, capacity=_BATCH)
-    else:
-        tree, look = Tree(ctx, *flatten(scene)[:2]), TracePass(ctx, SIDE, scene.diagonal, lights, capacity=_BATCH)
-    reduce, cache = ReducePass(ctx, gradients=False), RecordCache(ctx)
-    start = time.perf_counter()
-    while cache.count < len(sites) and time.perf_counter() - start < seconds:
-        batch = sites[cache.count : cache.count + look.capacity]
-        numbers = cache.count + np.arange(len(batch))
-        cache.append(batch)
-        reduce(look(tree or geometry, shadows, batch, numbers, 0), cache.records, scene.sky, look.radii)
-        ctx.finish()
-    truth = Truth(pixels[: cache.count], cache.read()["irradiance"])
-    for thing in (cache, look, reduce, cast, *([tree] if tree else [])):
-        thing.release()
-    return truth
+    with (
+        ShadowPass(ctx) as shadow,
+        World(ctx, scene, geometry) as world,
+        _fine(world) as gather,
+        ReducePass(ctx, gradients=False) as reduce,
+        RecordCache(ctx) as cache,
+    ):
+        light, start = HitLight(shadow(scene, geometry, shadow_size)), time.perf_counter()
+        while cache.count < len(sites) and time.perf_counter() - start < seconds:
+            batch = sites[cache.count : cache.count + gather.capacity]
+            gather_records(gather, reduce, light, cache, cache.append(batch) + np.arange(len(batch)), seed=0)
+            ctx.finish()
+        return Truth(pixels[: cache.count], cache.read()["irradiance"])
+
+
+def _fine(world: World) -> Gather:
+    if rasters(world.scene):
+        return GatherPass(world, "raster", SIDE, capacity=_BATCH)
+    return TracePass(world, SIDE, capacity=_BATCH)
 
 
 def rasters(scene: Scene) -> bool:

@@ -12,19 +12,19 @@ from typing import Any
 import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import GBuffer, HitLight, ShadowMaps, Sites
+from irrsplat.core.buffers import GBuffer, HitLight, ShadowMaps, Sites, TriangleOrder
 from irrsplat.gather.hemicube import frames
+from irrsplat.gather.look import gather_records
 from irrsplat.gather.record_frame import OFFSET
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.trace import TracePass
-from irrsplat.gpu.bvh_table import Tree
+from irrsplat.gather.world import World
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.time_budget import Budget, Pace
 from irrsplat.gpu.timers import Timers
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.flatten import flatten
-from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
 from irrsplat.surface_cache import clustering
 from irrsplat.surface_cache.lookup_table import Lookup
@@ -47,11 +47,12 @@ _LEAST = 0.02  # of the spacing squared: what is smaller gets a site of its own 
 
 
 class SurfaceCache(Owner):
-    """The surface cache of one scene, whose triangles are in `tree`."""
+    """The surface cache of a world's scene."""
 
-    def __init__(self, ctx: moderngl.Context, scene: Scene, settings: Settings, tree: Tree, timers: Timers) -> None:
+    def __init__(self, world: World, settings: Settings, timers: Timers) -> None:
+        ctx, scene = world.ctx, world.scene
         self.ctx, self.scene, self.settings, self.timers = ctx, scene, settings, timers
-        self.tree = tree
+        self.world, self.tree = world, world.tree
         self.offset = OFFSET * scene.diagonal
         self.sight = SightPass(ctx)
         self.look = self._look()
@@ -77,12 +78,13 @@ class SurfaceCache(Owner):
         return (self.sight, self.look, self.reduce, self.records, self.seen, self.lookup, self.making)
 
     def _look(self) -> TracePass:
-        lights = light_defines(self.scene)
-        return TracePass(self.ctx, SIDE, self.scene.diagonal, lights, _BATCH, surface=True, hits=True)
+        return TracePass(self.world, SIDE, _BATCH, surface=True, hits=True)
 
-    def uniforms(self, leaves: bool = False, lookup: Lookup | None = None) -> dict[str, Any]:
-        """The uniforms of surface_cache/surface_cache.glsl and lib/bvh.glsl; `leaves`: by the triangles' numbers in the tree."""
-        return {**self.tree.rays, **(lookup or self.lookup).uniforms(leaves), "surface_offset": self.offset}
+    def uniforms(self, lookup: Lookup | None = None) -> dict[TriangleOrder, dict[str, Any]]:
+        """The uniforms of surface_cache/surface_cache.glsl and lib/bvh.glsl, for triangles numbered either way."""
+        common = {**self.tree.ray_uniforms, "surface_offset": self.offset}
+        orders: tuple[TriangleOrder, ...] = ("scene", "tree")
+        return {order: {**common, **(lookup or self.lookup).uniforms(order)} for order in orders}
 
     @property
     def sites(self) -> Sites:
@@ -99,16 +101,18 @@ class SurfaceCache(Owner):
     def view(self, gbuffer: GBuffer) -> moderngl.Texture:
         """What the cache says of every pixel, as SurfacePass has it; valid until the next call."""
         if self._viewed is None or self._viewed[0] is not gbuffer or self._viewed[1] is not self.result:
-            self._viewed = gbuffer, self.result, self.seen(gbuffer, self.uniforms())
+            self._viewed = gbuffer, self.result, self.seen(gbuffer, self.uniforms()["scene"])
         return self._viewed[2]
 
     # ---- what changes ----------------------------------------------------------------------------------------------
 
-    def change(self, settings: Settings, scene: Scene, tree: Tree) -> None:
-        """Go on with other settings and lights, and with meshes that have moved; what depends on them is made again by `advance`.
+    def change(self, settings: Settings) -> None:
+        """Go on with other settings, and with the world as it is now, relit or moved; what depends on them is made again by
+        `advance`.
 
         Until then the values are those from before, on what has moved too.
         """
+        scene = self.world.scene
         old, before, self.settings, self.scene = self.settings, self.scene, settings, scene
         if light_defines(before) != light_defines(scene):
             self.look.release()
@@ -117,9 +121,8 @@ class SurfaceCache(Owner):
         if old.seed != settings.seed or old.shadow_size != settings.shadow_size or relit or moved:
             self.expire()
         if moved:
-            self.tree, self.offset = tree, OFFSET * scene.diagonal
-            self.look.fit(scene.diagonal)
-            self.lookup.follow(tree.corners, tree.order)
+            self.offset = OFFSET * scene.diagonal
+            self.lookup.follow(self.tree.corners, self.tree.order)
         sealed = clustering.sealed(scene) if relit or moved else self._sealed
         if moved or not np.array_equal(self._sealed, sealed):  # a lamp went in somewhere, or out
             self._sealed, self.lattice, self._preparing = sealed, None, None
@@ -239,7 +242,7 @@ class SurfaceCache(Owner):
         seen = np.ones(len(a), bool)
         for start in range(0, len(a), self.sight.capacity):
             part = slice(start, start + self.sight.capacity)
-            seen[part] = self.sight(self.tree.rays, clustering.ways(some, a[part], b[part])) | (a[part] == b[part])
+            seen[part] = self.sight(self.tree.ray_uniforms, clustering.ways(some, a[part], b[part])) | (a[part] == b[part])
             yield 0.2
         return seen
 
@@ -252,14 +255,12 @@ class SurfaceCache(Owner):
         numbers = self.records.stale
         self.records.renewed(numbers[numbers <= _DARK])
         numbers, done = numbers[numbers > _DARK], 0
-        light, seed = HitLight(shadows, self.uniforms(True, self.making)), self.settings.seed
+        light, seed = HitLight(shadows, self.uniforms(self.making)), self.settings.seed
         for count in self.pace.batches(len(numbers), self.look.capacity, budget):
             some = numbers[done : done + count]
-            sites = self.records.sites(some)
-            atlas = self.look(self.tree, light, sites, some, seed)
-            self.reduce(atlas, self.records.records, self.scene.sky, self.look.radii)
+            gather_records(self.look, self.reduce, light, self.records, some, seed)
             if self.transport is not None and self._unknown[some].any():
-                self.transport.fill(some, self._shares(sites, some), self.look.hits(count))
+                self.transport.fill(some, self._shares(self.records.sites(some), some), self.look.hits(count))
                 self._unknown[some] = False
             self.records.renewed(some)
             done += count

@@ -7,6 +7,7 @@ from typing import Any
 import moderngl
 import numpy as np
 
+from irrsplat.core.buffers import TriangleOrder
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import COLUMNS, listed, table_texture
 
@@ -29,10 +30,10 @@ class Lookup(Owner):
         """What this frees."""
         return (self.cells, self.values, self.triangles, self.leaves)
 
-    def uniforms(self, leaves: bool) -> dict[str, Any]:
-        """The uniforms; `leaves`: by the triangles' numbers in the tree."""
+    def uniforms(self, order: TriangleOrder) -> dict[str, Any]:
+        """The uniforms, for shaders that number triangles in this order."""
         return {
-            "surface_triangles": self.leaves if leaves else self.triangles,
+            "surface_triangles": self.leaves if order == "tree" else self.triangles,
             "surface_cells": self.cells,
             "surface_values": self.values,
         }

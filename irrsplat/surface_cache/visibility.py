@@ -32,7 +32,7 @@ class SightPass(Owner):
     def __call__(self, rays: Mapping[str, Any], ways: np.ndarray) -> np.ndarray:
         """(N,) True where nothing stands in the way from ways[:, 0] by ways[:, 1] to ways[:, 2], (N, 3, 3) in metres.
 
-        rays: the uniforms of shaders/lib/bvh.glsl, as Tree.rays has them.
+        rays: the uniforms of shaders/lib/bvh.glsl, as BvhTable.ray_uniforms has them.
         """
         rows = listed(np.concatenate([ways, np.zeros((*ways.shape[:2], 1))], axis=-1, dtype="f4"))
         self.ways.write(rows.tobytes(), viewport=(0, 0, 3 * COLUMNS, len(rows)))

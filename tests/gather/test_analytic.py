@@ -8,14 +8,11 @@ import pytest
 
 from irrsplat.core.buffers import Sites
 from irrsplat.gather.hemicube import PLANE_FIELD, hemisphere_table
-from irrsplat.gather.raster import GatherPass
 from irrsplat.gpu.geometry import Geometry
-from irrsplat.lighting.light_table import light_defines
-from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Light, Scene
 from tests.gather.test_hemisphere import share_of_plane
-from tests.support.worlds import box, floor, gather, lamp, material, polygon_vector, quad, scene, sites
+from tests.support.worlds import Lit, box, floor, gather, lamp, material, polygon_vector, quad, scene, sites
 
 UP = (0.0, 1.0, 0.0)
 EMITTER = (1.0, 2.0, 3.0)  # W/(m² sr), different in each channel
@@ -174,10 +171,8 @@ def test_what_a_texel_sees_of_a_lit_plane(ctx: moderngl.Context, name: str, kind
     A texel's ray goes through its centre on the face, its table's direction is a mean: the two differ by second order.
     """
     world, light = scene(ROOF, lights=(LIGHTS[name],)), LIGHTS[name]
-    geometry, shadows = Geometry(ctx, *flatten(world)), ShadowPass(ctx)(world, Geometry(ctx, *flatten(world)), 256)
-    gather = GatherPass(ctx, kind, 64, world.diagonal, light_defines(world))
-    where = sites((0.1, 0.0, -0.2), UP)
-    atlas = gather(geometry, shadows, where, np.zeros(1), 0)
+    lit, where = Lit(ctx, world), sites((0.1, 0.0, -0.2), UP)
+    atlas = lit.look(64, kind)(lit.light, where, np.zeros(1), 0)
     width, height = atlas.cell
     seen = np.frombuffer(atlas.radiance.read(), "f4").reshape(atlas.radiance.height, -1, 4)[:height, :width]
     frame = np.frombuffer(atlas.frames.read(), "f4").reshape(4, -1, 4)[:3, 0, :3]
@@ -253,11 +248,11 @@ def test_many_records_at_once_equal_each_alone(ctx: moderngl.Context, kind: str)
     """
     rng, world = np.random.default_rng(7), room()
     where = sites(rng.uniform(-0.9, 0.9, (23, 3)), rng.normal(size=(23, 3)))
-    geometry, shadows = Geometry(ctx, *flatten(world)), ShadowPass(ctx)(world, Geometry(ctx, *flatten(world)), 128)
-    look = GatherPass(ctx, kind, 16, world.diagonal, light_defines(world), len(where))
+    lit = Lit(ctx, world, 128)
+    look = lit.look(16, kind, len(where))
 
     def cells(where: Sites, first: int) -> np.ndarray:
-        atlas = look(geometry, shadows, where, first + np.arange(len(where)), 0)
+        atlas = look(lit.light, where, first + np.arange(len(where)), 0)
         (width, height), texels = atlas.cell, np.frombuffer(atlas.radiance.read(), "f4")
         tiled = texels.reshape(-1, height, atlas.columns, width, 4).swapaxes(1, 2)
         return tiled.reshape(-1, height, width, 4)[: len(where)]
@@ -277,7 +272,7 @@ def test_many_records_at_once_equal_each_alone(ctx: moderngl.Context, kind: str)
 def test_a_full_atlas_is_as_good_as_a_small_one(ctx: moderngl.Context) -> None:
     """As many records as a call takes, all at one place: the last cell holds what the first one does."""
     world = scene(box((-1, -1, -1), (1, 1, 1), material(0.5, EMITTER), outward=False))
-    capacity = GatherPass(ctx, "raster", 16, world.diagonal, light_defines(world)).capacity
+    capacity = Lit(ctx, world).look(16, "raster").capacity
     found = gather(ctx, world, sites(np.zeros((capacity, 3)), UP), 16, capacity=capacity)
     assert np.allclose(found.E, np.pi * np.array(EMITTER), rtol=5e-3)
 

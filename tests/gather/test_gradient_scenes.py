@@ -10,17 +10,13 @@ import pytest
 
 import irrsplat
 from irrsplat.core.buffers import Sites
-from irrsplat.gather.autotune import gather_pass
+from irrsplat.gather.look import gather_records
 from irrsplat.gather.reduce import ReducePass
-from irrsplat.gather.trace import TracePass
-from irrsplat.gpu.bvh_table import Tree
-from irrsplat.gpu.geometry import Geometry
 from irrsplat.indirect.paper_scan import read_back
-from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.records.record_cache import RecordCache
-from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
+from tests.support.worlds import Lit
 
 COUNT = 48  # points
 STEP = 0.02  # of R_k
@@ -42,20 +38,14 @@ class Gatherer:
     sites that have moved a little see by the same directions, and aliasing cancels in differences."""
 
     def __init__(self, ctx: moderngl.Context, world: Scene, how: str, side: int) -> None:
-        self.world = world
-        self.look = gather_pass(ctx, world, Settings(bounces=1, gather=how, gather_size=side))
-        geometry = Geometry(ctx, *flatten(world))
-        self.shadows = ShadowPass(ctx)(world, geometry, Settings().shadow_size)
-        self.geometry = Tree(ctx, *flatten(world)[:2]) if isinstance(self.look, TracePass) else geometry
+        self.lit = Lit(ctx, world, Settings().shadow_size)
+        self.look = self.lit.look(side, how)
         self.reduce, self.cache = ReducePass(ctx, True), RecordCache(ctx)
 
     def __call__(self, where: Sites, seed: int = 0) -> Found:
         self.cache.truncate(0)
-        self.cache.append(where)
-        for first in range(0, len(where), self.look.capacity):
-            batch = where[first : first + self.look.capacity]
-            atlas = self.look(self.geometry, self.shadows, batch, first + np.arange(len(batch)), seed)  # type: ignore[arg-type]
-            self.reduce(atlas, self.cache.records, self.world.sky, self.look.radii)
+        numbers = self.cache.append(where) + np.arange(len(where))
+        gather_records(self.look, self.reduce, self.lit.light, self.cache, numbers, seed)
         textures = (self.cache.records.irradiance, *self.cache.records.vectors[3:])
         last, *rows = (np.frombuffer(t.read(), "f4").reshape(-1, 4)[: len(where)] for t in textures)
         return Found(last[:, :3] @ LUMINANCE, last[:, 3], sum(w * row[:, :3] for w, row in zip(LUMINANCE, rows, strict=True)))

@@ -8,15 +8,7 @@ import pytest
 
 import irrsplat
 from irrsplat.core.buffers import Sites
-from irrsplat.gather.raster import GatherPass
-from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.stratified import shape, stratum_edges, stratum_table
-from irrsplat.gather.trace import TracePass
-from irrsplat.gpu.bvh_table import Tree
-from irrsplat.gpu.geometry import Geometry
-from irrsplat.lighting.light_table import light_defines
-from irrsplat.lighting.shadow_maps import ShadowPass
-from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Scene
 from tests.gather import test_gradients as occluder
@@ -34,7 +26,7 @@ from tests.gather.test_analytic import (
     room,
 )
 from tests.support.truth import load_reference
-from tests.support.worlds import Gathered, box, floor, gathered, lamp, material, quad, scene, sites
+from tests.support.worlds import Gathered, Lit, box, floor, lamp, material, quad, scene, sites
 
 # ---- tables -----------------------------------------------------------------------------------------------------------
 
@@ -115,35 +107,6 @@ def test_edges_give_the_gradient_along_the_normal_too() -> None:
 # ---- analytic scenes --------------------------------------------------------------------------------------------------
 
 
-class Lit:
-    """A scene on the GPU, ready for either gather."""
-
-    def __init__(self, ctx: moderngl.Context, world: Scene, shadow: int = 256) -> None:
-        self.ctx, self.world = ctx, world
-        self.geometry, self.tree = Geometry(ctx, *flatten(world)), Tree(ctx, *flatten(world)[:2])
-        self.shadow = ShadowPass(ctx)
-        self.shadows = self.shadow(world, self.geometry, shadow)
-
-    def gather(self, where: Sites, side: int, kind: str = "trace", capacity: int = 64) -> Gathered:
-        """What records at `where` are."""
-        known = self.world.diagonal, light_defines(self.world), capacity
-        look = TracePass(self.ctx, side, *known) if kind == "trace" else GatherPass(self.ctx, kind, side, *known)
-        reduce, cache = ReducePass(self.ctx, True), RecordCache(self.ctx)
-        for start in range(0, len(where), look.capacity):
-            batch, numbers = where[start : start + look.capacity], cache.count
-            cache.append(batch)
-            at = numbers + np.arange(len(batch))
-            args = self.shadows, batch, at, 0
-            atlas = look(self.tree, *args) if isinstance(look, TracePass) else look(self.geometry, *args)
-            reduce(atlas, cache.records, self.world.sky, look.radii)
-        found = gathered(cache)
-        self.ctx.detect_framebuffer(0).use()  # what comes next must not find a released framebuffer bound
-        for thing in (look, reduce.target, cache):
-            if thing is not None:
-                thing.release()
-        return found
-
-
 def traced(ctx: moderngl.Context, world: Scene, where: Sites, side: int = 32) -> Gathered:
     return Lit(ctx, world).gather(where, side)
 
@@ -162,10 +125,10 @@ def test_furnace(ctx: moderngl.Context, side: int) -> None:
 
 def test_not_one_of_a_million_rays_leaves_a_closed_box(ctx: moderngl.Context) -> None:
     lit = Lit(ctx, scene(box((-1, -1, -1), (1, 1, 1), outward=False)))
-    look = TracePass(ctx, 128, lit.world.diagonal, light_defines(lit.world), 64)
+    look = lit.look(128, "trace", 64)
     normals = np.random.default_rng(8).normal(size=(64, 3))
     at = sites(inside(64), normals / np.linalg.norm(normals, axis=1, keepdims=True))[: look.capacity]
-    atlas = look(lit.tree, lit.shadows, at, np.arange(64), 0)
+    atlas = look(lit.light, at, np.arange(64), 0)
     seen = np.frombuffer(atlas.radiance.read(), "f4").reshape(-1, 4)
     assert len(seen) >= 1_000_000 and (seen[:, 3] > 0.0).all()
     ctx.detect_framebuffer(0).use()
@@ -245,9 +208,9 @@ def test_a_site_in_the_corner_line_sees_the_wall(ctx: moderngl.Context) -> None:
 def test_what_a_ray_sees_of_a_lit_plane(ctx: moderngl.Context, name: str) -> None:
     """Each ray brings ρ/π·E from where it meets the plane, at the ray's length; its direction is the stratum's middle."""
     lit, light = Lit(ctx, scene(ROOF, lights=(LIGHTS[name],))), LIGHTS[name]
-    look = TracePass(ctx, 64, lit.world.diagonal, light_defines(lit.world), 1)
+    look = lit.look(64, "trace", 1)
     where = sites((0.1, 0.0, -0.2), UP)
-    atlas = look(lit.tree, lit.shadows, where, np.zeros(1), 0)
+    atlas = look(lit.light, where, np.zeros(1), 0)
     width, height = atlas.cell
     seen = np.frombuffer(atlas.radiance.read(), "f4").reshape(height, width, 4)
     frame = np.frombuffer(atlas.frames.read(), "f4").reshape(5, -1, 4)[:3, 0, :3]

@@ -12,7 +12,7 @@ import pytest
 
 from irrsplat.core.paths import folder
 from irrsplat.gpu import shader_source
-from irrsplat.gpu.bvh_table import Tree
+from irrsplat.gpu.bvh_table import BvhTable
 from irrsplat.gpu.target import Target, table_texture
 from irrsplat.scene.bvh import LEAF, Bvh, build
 from tests.support.worlds import sphere
@@ -115,7 +115,7 @@ def shaded(
     program = ctx.program(vertex_shader=shader_source.load("lib/fullscreen.vert").text, fragment_shader=source.text)
     vertices = np.zeros((3 * len(corners), 12), "f4")
     vertices[:, :3] = corners.reshape(-1, 3)
-    tree = Tree(ctx, vertices, np.arange(3 * len(corners), dtype="i4").reshape(-1, 3))
+    tree = BvhTable(ctx, vertices, np.arange(3 * len(corners), dtype="i4").reshape(-1, 3))
     width, both = 256, np.zeros((-(-len(o) // 256) * 256, 2, 4), "f4")
     both[: len(o), 0, :3], both[: len(o), 1, :3] = o, d
     uniforms: dict[str, Any] = {**tree.uniforms, "rays": table_texture(ctx, both.reshape(-1, 2 * width, 4))}

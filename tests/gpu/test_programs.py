@@ -33,7 +33,7 @@ from irrsplat.surface_cache.view import SurfacePass
 from irrsplat.surface_cache.visibility import SightPass
 from tests.gather.test_analytic import LIGHTS
 from tests.renderer.test_renderer import FAST, SIZE, room
-from tests.support.worlds import floor, scene
+from tests.support.worlds import Lit, floor, scene
 
 KINDS: dict[str, tuple[Light, ...]] = {
     "none": (),
@@ -52,13 +52,14 @@ LIT = {
 
 def lit(ctx: moderngl.Context, lights: tuple[Light, ...]) -> Iterator[Owner]:
     """Every pass whose shaders are made for the lights that there are."""
-    defines = light_defines(scene(floor(), lights=lights))
+    world = Lit(ctx, scene(floor(), lights=lights), 16).world
+    defines = light_defines(world.scene)
     yield DirectPass(ctx, SIZE, defines)
     for surface in (False, True):
         for gather in (Few, Many):
             yield gather(ctx, SIZE, {**defines, "SURFACE": int(surface)})
-        yield TracePass(ctx, 8, 1.0, defines, 1, surface=surface)
-    yield TracePass(ctx, 8, 1.0, defines, 1, surface=True, hits=True)
+        yield TracePass(world, 8, 1, surface=surface)
+    yield TracePass(world, 8, 1, surface=True, hits=True)
 
 
 def unlit(ctx: moderngl.Context) -> Iterator[Owner]:

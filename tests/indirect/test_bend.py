@@ -12,8 +12,7 @@ import irrsplat
 from irrsplat.app.viewer.show.record_inspector import read
 from irrsplat.scene.model import Scene
 from tests.gather import test_gradients as occluder
-from tests.gather.test_trace import Lit
-from tests.support.worlds import Gathered, box, floor, material, polygon_vector, quad, scene, sites
+from tests.support.worlds import Gathered, Lit, box, floor, material, polygon_vector, quad, scene, sites
 
 UP = np.array([0.0, 1.0, 0.0])
 KINDS = ("raster", "trace")

@@ -6,17 +6,16 @@ import moderngl
 import numpy as np
 import pytest
 
-from irrsplat.core.buffers import Atlas, ShadowMaps, Sites
+from irrsplat.core.buffers import Atlas, Sites
 from irrsplat.gather import raster
 from irrsplat.gather.hemicube import faces, frames
 from irrsplat.gather.raster import GatherPass
 from irrsplat.gpu.geometry import Geometry
-from irrsplat.lighting.light_table import light_defines
-from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.scene import load, meshlets
 from irrsplat.scene.flatten import flatten
 from irrsplat.scene.meshlets import Meshlets, cut
 from irrsplat.scene.model import Scene
+from tests.support.worlds import Lit
 
 RNG = np.random.default_rng(5)
 
@@ -79,9 +78,9 @@ class Look:
 
     def __init__(self, ctx: moderngl.Context, name: str, kind: str = "raster") -> None:
         self.scene: Scene = load(name)
-        self.geometry = Geometry(ctx, *flatten(self.scene))
-        self.shadows: ShadowMaps = ShadowPass(ctx)(self.scene, self.geometry, 64)
-        self.gather = GatherPass(ctx, kind, 16, self.scene.diagonal, light_defines(self.scene))
+        self.lit = Lit(ctx, self.scene, 64)
+        self.geometry = self.lit.geometry
+        self.gather = GatherPass(self.lit.world, kind, 16)
         corners = self.geometry.corners[:: max(self.geometry.triangles // 20, 1)].astype(float)
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
@@ -89,7 +88,7 @@ class Look:
 
     def __call__(self) -> tuple[np.ndarray, np.ndarray]:
         """Radiance and planes of the used part of the atlas."""
-        atlas: Atlas = self.gather(self.geometry, self.shadows, self.sites, np.arange(len(self.sites)), 0)
+        atlas: Atlas = self.gather(self.lit.light, self.sites, np.arange(len(self.sites)), 0)
         lines = -(-atlas.count // atlas.columns) * atlas.cell[1]
         radiance, planes = (
             np.frombuffer(t.read(), "f4").reshape(t.height, t.width, 4)[:lines] for t in (atlas.radiance, atlas.planes)
@@ -140,7 +139,7 @@ def test_meshlets_follow_what_moves(ctx: moderngl.Context) -> None:
     vertices[: len(vertices) // 2, :3] += np.float32([0.3, 0.2, -0.4])
     look.geometry.update(vertices, faces)
     after = look()
-    look.geometry = Geometry(ctx, vertices, faces)
+    look.lit.world.geometry = Geometry(ctx, vertices, faces)
     anew = look()
     assert not np.array_equal(before[0], after[0])
     assert all(np.array_equal(a, b) for a, b in zip(after, anew, strict=True))

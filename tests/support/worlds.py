@@ -11,16 +11,19 @@ import moderngl
 import numpy as np
 from PIL import Image
 
-from irrsplat.core.buffers import GBuffer, Sites
-from irrsplat.gather.raster import GatherPass
+from irrsplat.core.buffers import GBuffer, HitLight, Sites
+from irrsplat.gather.autotune import gather_pass
+from irrsplat.gather.look import Gather, gather_records
 from irrsplat.gather.reduce import ReducePass
+from irrsplat.gather.world import World
 from irrsplat.gpu.geometry import Geometry
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import table_texture
-from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
+from irrsplat.settings import Settings
 
 FAILURES = Path(__file__).resolve().parents[1] / "failures"
 Vector = Iterable[float]
@@ -177,6 +180,31 @@ def sites(position: Any, normal: Any, geometric: Any = None) -> Sites:
     return Sites(p.astype("f4"), n.astype("f4"), np.asarray(g, "f4"))
 
 
+class Lit(Owner):
+    """A scene on the GPU with its shadow maps, ready for any gather."""
+
+    def __init__(self, ctx: moderngl.Context, scene: Scene, shadow: int = 256) -> None:
+        self.ctx, self.scene = ctx, scene
+        vertices, faces, closed = flatten(scene)
+        self.geometry, self.shadow = Geometry(ctx, vertices, faces, closed), ShadowPass(ctx)
+        self.world = World(ctx, scene, self.geometry)
+        self.light = HitLight(self.shadow(scene, self.geometry, shadow))
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.world, self.geometry, self.shadow)
+
+    def look(self, side: int, kind: str, capacity: int | None = None) -> Gather:
+        """A gather by `kind`, which becomes the caller's."""
+        return gather_pass(self.world, Settings(bounces=1, gather=kind, gather_size=side), capacity)
+
+    def gather(self, where: Sites, side: int, kind: str = "trace", capacity: int = 64, seed: int = 0) -> Gathered:
+        """What records at `where` are, `capacity` of them a call."""
+        with self.look(side, kind, capacity) as look, ReducePass(self.ctx, True) as reduce, RecordCache(self.ctx) as cache:
+            gather_records(look, reduce, self.light, cache, cache.append(where) + np.arange(len(where)), seed)
+            return gathered(cache)
+
+
 def gather(
     ctx: moderngl.Context,
     world: Scene,
@@ -187,22 +215,8 @@ def gather(
     shadow: int = 256,
 ) -> Gathered:
     """What gather and reduction make of records at `where`, `capacity` of them a call (default: about all)."""
-    geometry, lit = Geometry(ctx, *flatten(world)), ShadowPass(ctx)
-    shadows = lit(world, geometry, shadow)
-    look = GatherPass(ctx, kind, side, world.diagonal, light_defines(world), capacity or len(where))
-    reduce, cache = ReducePass(ctx, True), RecordCache(ctx)
-    for start in range(0, len(where), look.capacity):
-        batch = where[start : start + look.capacity]
-        atlas = look(geometry, shadows, batch, cache.count + np.arange(len(batch)), 0)
-        cache.append(batch)
-        reduce(atlas, cache.records, world.sky, look.radii)
-    found = gathered(cache)
-    # what comes next must not find a released framebuffer bound, see test_target.py
-    ctx.detect_framebuffer(0).use()
-    for target in (lit.target, look, reduce.target, cache, geometry):
-        if target is not None:
-            target.release()
-    return found
+    with Lit(ctx, world, shadow) as lit:
+        return lit.gather(where, side, kind, capacity or len(where))
 
 
 # ---- Lambert's formula ------------------------------------------------------------------------------------------------

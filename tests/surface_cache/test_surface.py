@@ -10,7 +10,7 @@ import pytest
 
 import irrsplat
 from irrsplat import Renderer
-from irrsplat.gpu.bvh_table import Tree
+from irrsplat.gpu.bvh_table import BvhTable
 from irrsplat.gpu.target import pixels
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.scene.flatten import flatten
@@ -118,20 +118,20 @@ def test_what_sees_nothing_of_the_scene() -> None:
 
 def test_what_stands_in_the_way(ctx: moderngl.Context) -> None:
     """Straight ways past a wall and through it; over a ball by the tangents; round by a corner of one's own."""
-    tree, sight = Tree(ctx, *flatten(scene(quad((0, 0, -1), (0, 0, 2), (0, 1, 0))))[:2]), SightPass(ctx)
+    tree, sight = BvhTable(ctx, *flatten(scene(quad((0, 0, -1), (0, 0, 2), (0, 1, 0))))[:2]), SightPass(ctx)
     a, b = np.array([-0.5, 0.5, 0.0]), np.array([0.5, 0.5, 0.0])
     ways = np.array([[a, (a + b) / 2, b], [a, (0, 1.2, 0), b], [a, (-0.1, 0.5, 0), a], [a, a, a]])
-    assert sight(tree.rays, ways.astype("f4")).tolist() == [False, True, True, True]
+    assert sight(tree.ray_uniforms, ways.astype("f4")).tolist() == [False, True, True, True]
     many = np.tile(ways.astype("f4"), (300, 1, 1))
-    assert (sight(tree.rays, many) == np.tile([False, True, True, True], 300)).all()
+    assert (sight(tree.ray_uniforms, many) == np.tile([False, True, True, True], 300)).all()
 
     some = clustering.members(cut(scene(sphere((0, 0, 0), 1.0)), 2.0), 1e-3)
-    ball = Tree(ctx, *flatten(scene(sphere((0, 0, 0), 1.0)))[:2])
+    ball = BvhTable(ctx, *flatten(scene(sphere((0, 0, 0), 1.0)))[:2])
     pairs = np.random.default_rng(4).integers(0, len(some) // 2, (2000, 2)).T
     near = (some.geometric[pairs[0]] * some.geometric[pairs[1]]).sum(1) > 0.5
-    assert sight(ball.rays, clustering.ways(some, *pairs[:, near])).all(), "on the outside, over the bulge"
-    assert sight(ball.rays, clustering.ways(some, *(pairs[:, near] + len(some) // 2))).all(), "on the inside, straight"
-    assert not sight(ball.rays, clustering.ways(some, pairs[0], pairs[0] + len(some) // 2)).any(), "never through it"
+    assert sight(ball.ray_uniforms, clustering.ways(some, *pairs[:, near])).all(), "on the outside, over the bulge"
+    assert sight(ball.ray_uniforms, clustering.ways(some, *(pairs[:, near] + len(some) // 2))).all(), "on the inside, straight"
+    assert not sight(ball.ray_uniforms, clustering.ways(some, pairs[0], pairs[0] + len(some) // 2)).any(), "never through it"
 
 
 # ---- lookups ----------------------------------------------------------------------------------------------------------

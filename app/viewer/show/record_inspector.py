@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import moderngl
 import numpy as np
 
 from irrsplat.app.viewer.show.buffer_view import BufferView
 from irrsplat.app.viewer.show.screen import Texels
-from irrsplat.core.buffers import HitLight, Records, ShadowMaps, Sites
+from irrsplat.core.buffers import HitLight, Records, Sites
 from irrsplat.core.color import LUMINANCE
 from irrsplat.gather import autotune
-from irrsplat.gpu.bvh_table import Tree
-from irrsplat.gpu.geometry import Geometry
+from irrsplat.gather.look import Gather
+from irrsplat.gather.world import World
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.image.view import View
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.records.weight import splat_radius
-from irrsplat.scene.model import Camera, Scene
+from irrsplat.scene.model import Camera
 from irrsplat.settings import IN_FRONT, LEAST_ERROR, Settings
 
 
@@ -151,7 +150,7 @@ class RecordInspector(Owner):
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
         self.buffer_view = BufferView(ctx)
-        self.gather_pass: Any = None  # a GatherPass or TracePass
+        self.gather_pass: Gather | None = None
         self.target: Target | None = None
         self.picture: moderngl.Texture | None = None
         self._made_for: tuple[object, ...] = ()
@@ -164,30 +163,29 @@ class RecordInspector(Owner):
         self,
         number: int,
         site: Sites,
-        world: Geometry | Tree,
-        light: ShadowMaps | HitLight,
+        world: World,
+        light: HitLight,
         *,
-        scene: Scene,
         settings: Settings,
         exposure: float,
     ) -> moderngl.Texture:
         """What record `number`, which lies at the one `site`, sees: its cell of the atlas as it is, exposed by `exposure` stops.
 
-        world, light: what the settings' gather looks at, and what lights that, as RecordScheduler has them.
+        world, light: what gathers look at, and what lights that, as RecordScheduler has them.
 
         The texture is RGBA8, bottom row first, this object's own, and holds until the next call.
         """
-        kind, more = autotune.kind(self.ctx, scene, settings), settings.most_bounces > 1
-        made_for = kind, more, settings.gather_size, scene.diagonal, light_defines(scene)
+        kind, more = autotune.kind(self.ctx, world.scene, settings), settings.most_bounces > 1
+        made_for = world, kind, more, settings.gather_size, light_defines(world.scene)
         if self.gather_pass is None or made_for != self._made_for:
             self.release_cell()
-            self.gather_pass = autotune.gather_pass(self.ctx, scene, settings, capacity=1)
+            self.gather_pass = autotune.gather_pass(world, settings, capacity=1)
             self.picture = self.ctx.texture(self.gather_pass.cell, 4)
             self.target = Target(self.ctx, self.gather_pass.cell, textures=[self.picture])
             self._made_for = made_for
         assert self.target is not None and self.picture is not None
-        atlas = self.gather_pass(world, light, site, np.array([number]), settings.seed)
-        self.buffer_view.atlas(self.target, atlas, 2.0**exposure, scene.sky)
+        atlas = self.gather_pass(light, site, np.array([number]), settings.seed)
+        self.buffer_view.atlas(self.target, atlas, 2.0**exposure, world.scene.sky)
         return self.picture
 
     def release_cell(self) -> None:

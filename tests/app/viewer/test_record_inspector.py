@@ -13,6 +13,8 @@ import irrsplat
 from irrsplat.app.viewer.show import record_inspector
 from irrsplat.app.viewer.show.record_inspector import RecordInspector, Table
 from irrsplat.app.viewer.show.screen import Texels
+from irrsplat.core.buffers import HitLight
+from irrsplat.gather.raster import GatherPass
 from irrsplat.gpu import context
 from irrsplat.image.tonemap import tonemap
 from irrsplat.image.view import View, read
@@ -134,7 +136,7 @@ def hemispheres(ctx: moderngl.Context, world: Scene, kind: str) -> np.ndarray:
         assert renderer.shadows is not None
         looker = RecordInspector(ctx)
         texture = looker.hemisphere(
-            number, where, renderer.geometry, renderer.shadows, scene=world, settings=renderer.settings, exposure=-1.0
+            number, where, renderer.scheduler.world, HitLight(renderer.shadows), settings=renderer.settings, exposure=-1.0
         )
         made = picture(texture)
         ctx.detect_framebuffer(0).use()
@@ -149,18 +151,17 @@ def test_a_record_that_is_gathered_again_is_the_same(cornell: Cornell, ctx: mode
     assert renderer.shadows is not None
     for number in (0, 33, len(table) - 1):
         where = renderer.cache.sites(np.array([number]))
-        arguments = {"scene": renderer.scene, "settings": renderer.settings, "exposure": 1.0}
-        texture = looker.hemisphere(number, where, renderer.geometry, renderer.shadows, **arguments)  # type: ignore[arg-type]
+        seen_by = renderer.scheduler.world, HitLight(renderer.shadows)
+        texture = looker.hemisphere(number, where, *seen_by, settings=renderer.settings, exposure=1.0)
         gather = looker.gather_pass
-        assert gather is not None and gather.target is not None
+        assert isinstance(gather, GatherPass) and gather.target is not None
         seen = gather.target.read()[::-1, :, :3]
         assert np.einsum("ij,ijc->c", gather.share, seen) == pytest.approx(table.irradiance[number], rel=1e-3)
         assert np.abs(picture(texture) - tonemap(seen, 1.0)).max() <= 0.6 / 255.0
         assert picture(texture).std() > 0.05
     first = looker.gather_pass
     coarse = renderer.settings.with_values({"gather_size": 8})
-    arguments = {"scene": renderer.scene, "settings": coarse, "exposure": 1.0}
-    texture = looker.hemisphere(0, where, renderer.geometry, renderer.shadows, **arguments)  # type: ignore[arg-type]
+    texture = looker.hemisphere(0, where, *seen_by, settings=coarse, exposure=1.0)
     assert looker.gather_pass is not first and texture.size == (16, 12)
     ctx.detect_framebuffer(0).use()
     looker.release()

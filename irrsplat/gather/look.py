@@ -1,0 +1,76 @@
+"""The gather as everybody else sees it: from places in a world to what they see, and on to values of records.
+
+Rasters (raster.py) and rays (trace.py) are two of its kinds; `gather_records` is the one loop that makes records by either.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from contextlib import nullcontext
+from typing import ClassVar
+
+import numpy as np
+
+from irrsplat.core.buffers import Atlas, HitLight, Sites, TriangleOrder
+from irrsplat.gather.record_frame import OFFSET
+from irrsplat.gather.reduce import ReducePass
+from irrsplat.gather.world import World
+from irrsplat.gpu.resource import Owner
+from irrsplat.gpu.timers import Timers
+from irrsplat.records.record_cache import RecordCache
+
+
+class Gather(Owner):
+    """A gather bound to its `world`, which it follows when that moves; made for the world's lights (see light_defines).
+
+    kind: "raster", "plane" or "trace". capacity: records that one call takes at most. cell: texels, width and height, of what a
+    record sees. share: (height, width) cosθ·dω of each of them. triangle_order: how it numbers the triangles that it hits.
+    """
+
+    kind: str
+    capacity: int
+    cell: tuple[int, int]
+    share: np.ndarray
+    triangle_order: ClassVar[TriangleOrder]
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+
+    @property
+    def offset(self) -> float:
+        """How far above its surface a record looks from, metres."""
+        return OFFSET * self.world.scene.diagonal
+
+    @property
+    def radii(self) -> tuple[float, float]:
+        """The least and the greatest R_k, metres: nothing counts as nearer than the offset, a miss as a scene's diagonal away."""
+        return self.offset, self.world.scene.diagonal
+
+    @abstractmethod
+    def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
+        """What records at `sites`, at most `capacity`, see by this light; `numbers` (N,) are theirs in the cache. The atlas
+        holds until the next call."""
+
+
+def gather_records(
+    gather: Gather,
+    reduce: ReducePass,
+    light: HitLight,
+    cache: RecordCache,
+    numbers: np.ndarray,
+    seed: int,
+    timers: Timers | None = None,
+) -> Atlas | None:
+    """Gather the records of these `numbers` (N,) where the cache has them, and write what they hold into it.
+
+    As many at once as the gather takes. timers: count the stages "gather" and "reduce". Returns what the last batch saw, None for
+    no records.
+    """
+    atlas = None
+    for first in range(0, len(numbers), gather.capacity):
+        batch = numbers[first : first + gather.capacity]
+        with timers("gather") if timers else nullcontext():
+            atlas = gather(light, cache.sites(batch), batch, seed)
+        with timers("reduce") if timers else nullcontext():
+            reduce(atlas, cache.records, gather.world.scene.sky, gather.radii)
+    return atlas
