@@ -1,24 +1,27 @@
-"""The frame: shadows, g-buffer, then splat, examine and gather until every pixel is served, then direct and composite.
+"""The frame: shadows, g-buffer, then splat, examine and gather until every pixel is served, then direct light and composite.
 
-This is the only place where the passes meet; read `Renderer.frame` first.
+This is the only place where the stages meet; read `Renderer.frame` first, and `Renderer._refine`, which is all of it but the
+picture.
 """
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
-from typing import Any, Unpack, cast
+from dataclasses import dataclass, replace
+from typing import Unpack, cast
 
 import moderngl
 import numpy as np
+import numpy.typing as npt
 
 from irrsplat.core import files
 from irrsplat.core.buffers import GBuffer, ShadowMaps, SplatBuffer
 from irrsplat.core.errors import InputError
+from irrsplat.core.memo import Memo
+from irrsplat.gather.world import World
 from irrsplat.gpu import context, program
-from irrsplat.gpu.geometry import Geometry
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.image.antialias import Antialiaser, FrameInputs, FramePasses, OnProgress
@@ -28,22 +31,67 @@ from irrsplat.image.frame import Frame
 from irrsplat.image.gbuffer import GBufferPass
 from irrsplat.image.statistics import Statistics, describe
 from irrsplat.image.view import Progress, View, read, sample_progress
-from irrsplat.indirect.scheduler import RecordScheduler, RoundResult
-from irrsplat.indirect.splat_buffer import Splatting
+from irrsplat.indirect.scheduler import NOTHING_ASKED, RecordScheduler, RoundResult
+from irrsplat.indirect.splat_buffer import ViewSplats, first_stride
+from irrsplat.indirect.view_state import ViewState
 from irrsplat.lighting import gl_limits
 from irrsplat.lighting.direct import DirectPass
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.records import cache_file
 from irrsplat.records.record_cache import RecordCache
-from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Camera, Light, Scene
 from irrsplat.scene.motion import moved
 from irrsplat.settings import Settings, SettingValues
 from irrsplat.settings import preset as settings_of
 
-_IDLE = 8  # rounds without any gain in coverage after which nothing more is to be hoped for
-_RENEWAL = 0.6  # of the time for gathering that stale records may take where new ones are wanted too
+_PICTURE_SHARE = 2.0  # how many times as long as a picture takes pass before the next one, while a view fills in ticks
+_OLDEST_PICTURE = 0.3  # seconds after which the next one comes in any case
+_RENEWAL = 0.6  # of the time for gathering that stale records may take while pixels without a record wait too
+
+
+@dataclass(frozen=True)
+class Costs:
+    """Seconds that parts of a limited tick took when they were last done: splatting, and the picture with direct light."""
+
+    splat: float = 0.0
+    picture: float = 0.0
+
+
+@dataclass(frozen=True)
+class Shown:
+    """The last picture: of what it is, apart from the records, and how many seconds of ticks ago it was made."""
+
+    view: View
+    subject: tuple[object, ...]
+    age: float = 0.0
+
+
+@dataclass(frozen=True)
+class State:
+    """What a renderer shows, and how far it has come: the one value that changes from frame to frame.
+
+    view: the progress of the present view. shown: None before the first picture.
+    """
+
+    scene: Scene
+    settings: Settings
+    preset: str
+    size: tuple[int, int]
+    view: ViewState = ViewState()
+    costs: Costs = Costs()
+    shown: Shown | None = None
+
+
+@dataclass(frozen=True)
+class Round:
+    """What one round of a view leaves for its picture."""
+
+    camera: Camera
+    shadows: ShadowMaps
+    gbuffer: GBuffer
+    splats: SplatBuffer
+    progress: Progress
 
 
 class Renderer(Owner):
@@ -66,206 +114,279 @@ class Renderer(Owner):
     ) -> None:
         if not isinstance(scene, Scene):
             raise InputError(f"a Renderer takes a Scene, as irrsplat.load returns it, not {type(scene).__name__}")
-        self.scene, self._loaded = scene, scene.meshes
-        self.settings: Settings = settings_of(preset, **settings)
-        self.preset = preset
-        self.size = gl_limits.checked(size)
+        self._state = State(scene, settings_of(preset, **settings), preset, gl_limits.checked(size))
+        self._loaded = scene.meshes  # as they were before any of them moved
         self._owns_ctx = ctx is None
         self.ctx = ctx or context.create()
         self.about = context.describe(self.ctx)
         gl_limits.check(self.ctx, self.size, scene, self.settings.shadow_size)
-        self.timers = Timers(self.ctx, self.about["software"], enabled=True)
-        self.geometry = Geometry(self.ctx, *flatten(scene))
+        self.timers = Timers(self.ctx, bool(self.about["software"]), enabled=True)
+        self.world = World(self.ctx, scene)
         self.cache = RecordCache(self.ctx)
-        self.shadow_pass = ShadowPass(self.ctx)
-        self.gbuffer_pass = GBufferPass(self.ctx, self.size)
-        self.splatting = Splatting(self.ctx, self.size, self.settings, self.timers)
-        self.scheduler = RecordScheduler(self.ctx, scene, self.size, self.settings, self.geometry, self.cache, self.timers)
-        self.direct_pass = DirectPass(self.ctx, self.size, light_defines(scene))
-        self.composite_pass = CompositePass(self.ctx, self.size)
-        self.accumulator = Antialiaser(self.ctx, self.timers)
-        self._made_of: dict[str, tuple[Any, ...]] = {}  # what each stage's present result was made of
-        self.shadows: ShadowMaps | None = None  # the present ones
-        self._gbuffer: Any = None  # a GBuffer
-        self._direct: moderngl.Texture | None = None
-        self._view: View | None = None
-        self._settled: tuple[Any, ...] | None = None  # the state of the splat buffer that asks for nothing
-        self._round = 0  # whole ones of this view
-        self._coverage = 0.0  # at the present round's begin
-        self._idle = 0  # rounds that gained nothing
-        self._reserve = 0.0, 0.0  # seconds that splatting, and all that follows gathering, took in the last tick
+        self.scheduler = RecordScheduler(self.world, self.settings, self.cache, self.timers)
+        self.antialiaser = Antialiaser(self.ctx, self.timers)
+        self._passes = Workshop()  # those that depend on size, lights or settings
+        self._memo = Memo()  # the results of the stages that are drawn whole
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
-        passes = self.shadow_pass, self.gbuffer_pass, self.direct_pass, self.composite_pass
-        return (self.geometry, self.cache, self.splatting, self.scheduler, self.accumulator, *passes)
+        """What this frees; the context is apart."""
+        return (self.world, self.cache, self.scheduler, self.antialiaser, self._passes)
 
-    # ---- the frame -------------------------------------------------------------------------------------------------
+    def release(self) -> None:
+        """Free everything on the GPU, the context too where this renderer made it."""
+        if self._owns_ctx:
+            self.ctx.release()
+        else:
+            super().release()
+
+    # ---- what it is about ------------------------------------------------------------------------------------------
+
+    @property
+    def scene(self) -> Scene:
+        """The scene as it is now: its lights and meshes may have changed since it was loaded."""
+        return self._state.scene
+
+    @property
+    def settings(self) -> Settings:
+        """The present settings."""
+        return self._state.settings
+
+    @property
+    def preset(self) -> str:
+        """What the settings are called."""
+        return self._state.preset
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of a view in pixels."""
+        return self._state.size
+
+    @property
+    def view_state(self) -> ViewState:
+        """How far the present view has come."""
+        return self._state.view
+
+    @property
+    def shadows(self) -> ShadowMaps | None:
+        """The shadow maps of the present lights; None before they are drawn."""
+        return self._memo.current("shadows", ShadowMaps)
+
+    @property
+    def gbuffer(self) -> GBuffer | None:
+        """The g-buffer of the present view; None before it is drawn."""
+        return self._memo.current("gbuffer", GBuffer)
+
+    @property
+    def shadow_pass(self) -> ShadowPass:
+        """Draws the shadow maps."""
+        return self._passes.get("shadows", (), lambda: ShadowPass(self.ctx))
+
+    @property
+    def gbuffer_pass(self) -> GBufferPass:
+        """Draws g-buffers of the present size."""
+        return self._passes.get("gbuffer", self.size, lambda: GBufferPass(self.ctx, self.size))
+
+    @property
+    def splats(self) -> ViewSplats:
+        """Keeps the splat buffer of the present view."""
+        made_of = self.size, self.settings.gradients
+        return self._passes.get("splats", made_of, lambda: ViewSplats(self.ctx, *made_of, self.timers))
+
+    @property
+    def direct_pass(self) -> DirectPass:
+        """Draws direct light of the present size, by such lights as there are."""
+        defines = light_defines(self.scene)
+        return self._passes.get("direct", (self.size, defines), lambda: DirectPass(self.ctx, self.size, defines))
+
+    @property
+    def composite_pass(self) -> CompositePass:
+        """Makes pictures of the present size."""
+        return self._passes.get("composite", self.size, lambda: CompositePass(self.ctx, self.size))
 
     def _use(self) -> None:
         """Make this renderer's own OpenGL context the current one; a given one is its owner's to make current."""
         if self._owns_ctx:
             self.ctx.__enter__()
 
-    def _other(self, stage: str, *made_of: Any) -> bool:
-        """Whether the stage's present result was made of anything else than this, and is to be made again."""
-        same = self._made_of.get(stage) == made_of
-        self._made_of[stage] = made_of
-        return not same
+    # ---- the frame -------------------------------------------------------------------------------------------------
 
     def frame(
         self, camera: Camera | str | None = None, seconds: float | None = None, gather: bool = True
     ) -> tuple[View, Progress]:
-        """One round: draw what the camera sees, splat what is new, and gather where nothing speaks for a pixel yet.
+        """One round: draw what the camera sees, splat what is new, gather where no record speaks for a pixel yet, and composite.
 
-        seconds: the wall time that all of it may take; what does not fit is gathered in the next call (None: a whole round).
-        gather: False leaves the cache as it is. What has not changed since the last call is not drawn again.
+        seconds: the wall time that all of it may take; what does not fit is gathered in the next call (None: a complete round).
+        gather: False leaves the cache as it is. What has not changed since the last call is not drawn again. While new records
+        are all that changes, and pictures take much of the `seconds`, some ticks only gather and return the last view.
         """
         self._use()
         self.timers.clear()
-        budget = Budget(seconds)
-        progress = self._advance(self.scene.camera(camera), budget, gather)
+        budget, camera = Budget(seconds), self.scene.camera(camera)
         start = time.perf_counter()
-        view = self._compose()
+        shown = self._state.shown if gather and budget.limited and self._picture_may_wait(camera) else None
+        done = self._refine(camera, budget, gather, picture=shown is None)
         if budget.limited:
             self.ctx.finish()
-            self._reserve = self._reserve[0], time.perf_counter() - start
-        return view, progress
-
-    def _advance(self, camera: Camera, budget: Budget, gather: bool = True) -> Progress:
-        """All of a round but the picture."""
-        shadows = self._lit()
-        gbuffer = self._seen(camera)
-        bounces, renewed = self.settings.most_bounces > 0, 0
-        ready = gather and bounces and self.scheduler.ready(shadows, budget.part(1.0, sum(self._reserve)))
-        if ready:
-            share = 1.0 if self._coverage == 1.0 else _RENEWAL
-            renewed = self.scheduler.renew(shadows, gbuffer, camera, budget.part(share, sum(self._reserve)))
+        if shown is not None and not done.progress.still:
+            older = replace(shown, age=shown.age + time.perf_counter() - start)
+            self._state = replace(self._state, shown=older)
+            return shown.view, done.progress
         start = time.perf_counter()
-        self.scheduler.adapt()
-        if self._idle >= _IDLE and self.splatting.refine():
-            self._idle = 0
-        splats = self.splatting(self.cache, gbuffer, camera, self.settings, self._made_of["gbuffer"])
-        self._reserve = time.perf_counter() - start, self._reserve[1]
-        asked = RoundResult(0, 0.0, True)
+        view = self._picture(done)
+        if budget.limited and (self._state.shown is None or view is not self._state.shown.view):
+            self.ctx.finish()
+            self._state = replace(self._state, costs=replace(self._state.costs, picture=time.perf_counter() - start))
+        self._state = replace(self._state, shown=Shown(view, self._subject(camera)))
+        return view, done.progress
+
+    def _subject(self, camera: Camera) -> tuple[object, ...]:
+        """All that a picture is made of but the records."""
+        return camera, self.size, self.scene.lights, self.scene.meshes, self.settings
+
+    def _picture_may_wait(self, camera: Camera) -> bool:
+        """Whether the last picture stays for another tick, so that pictures take but a share of the time while they change by
+        nothing but new records."""
+        shown = self._state.shown
+        if shown is None or shown.subject != self._subject(camera) or self._memo.current("picture", View) is not shown.view:
+            return False
+        return shown.age < min(_PICTURE_SHARE * self._state.costs.picture, _OLDEST_PICTURE)
+
+    def _refine(self, camera: Camera, budget: Budget, gather: bool = True, picture: bool = True) -> Round:
+        """A round without its picture: every stage with what it depends on, in the paper's order. picture: time is kept back
+        for one."""
+        scheduler, settings, costs = self.scheduler, self.settings, self._state.costs
+        later = costs.picture if picture else 0.0  # seconds
+        scheduler.follow(settings, self.scene, self.shadows)
+        shadows = self.draw_shadows()
+        gbuffer = self.draw_gbuffer(camera)
+        state = self._view_state(camera)
+
+        bounces = settings.most_bounces > 0
+        ready = gather and bounces and scheduler.prepare(shadows, budget.part(1.0, costs.splat + later))
+        renewed = 0
+        if ready:
+            share = 1.0 if state.coverage == 1.0 else _RENEWAL
+            renewed = scheduler.renew(shadows, gbuffer, camera, budget.part(share, costs.splat + later))
+        if renewed or len(self.cache.stale):
+            state = replace(state, stalled_rounds=0)  # what stalled by the old light may be served by the new
+        start = time.perf_counter()
+        state, _ = scheduler.limit_radii(state)
+        if state.stalled and state.pixel_stride > 1:
+            state = replace(state, pixel_stride=1, stalled_rounds=0)
+        splats = self.splats.update(self.cache, gbuffer, camera, settings, state.pixel_stride)
+        costs = replace(costs, splat=time.perf_counter() - start)
+
+        requests = NOTHING_ASKED
         if not bounces:
-            self._coverage = 1.0
+            state = replace(state, coverage=1.0)
         elif not ready:
-            if self._other("looked at", self.splatting.state, self.settings.asking):
-                self._coverage = 1.0 - self.scheduler.missing(gbuffer, splats, self.splatting.every)
-            asked = RoundResult(0, 0.0, gather or not self.splatting.refine())
-        elif self._idle < _IDLE and (self.splatting.state, self.settings.asking) != self._settled:
-            asked = self._ask(gbuffer, splats, shadows, camera, budget)
-        stale, made = (len(self.cache.stale), self.scheduler.bounced) if bounces else (0, 1.0)
-        full = self.scheduler.full
-        return Progress(self._round, self.cache.count, asked.new, self._coverage, renewed, stale, asked.complete, made, full)
+            state, requests = self._look_only(state, gbuffer, splats, gather)
+        elif not state.stalled and state.settled != (splats, settings.asking):
+            state, requests = scheduler.gather_missing(state, gbuffer, splats, shadows, camera, budget.part(1.0, later))
+        self._state = replace(self._state, view=state, costs=costs)
 
-    def _lit(self) -> ShadowMaps:
-        """The shadow maps, drawn again only for other lights."""
-        if self._other("shadow", self.scene.lights, self.settings.shadow_size) or self.shadows is None:
+        stale, made = (len(self.cache.stale), scheduler.gatherer.surface_share) if bounces else (0, 1.0)
+        progress = Progress(
+            state.rounds, self.cache.count, requests.new, state.coverage, renewed, stale, requests.complete, made, state.full
+        )
+        return Round(camera, shadows, gbuffer, splats, progress)
+
+    def draw_shadows(self) -> ShadowMaps:
+        """The shadow maps: by the lights, the meshes and the maps' size."""
+        scene, side = self.scene, self.settings.shadow_size
+
+        def draw() -> ShadowMaps:
             with self.timers("shadow"):
-                self.shadows = self.shadow_pass(self.scene, self.geometry, self.settings.shadow_size)
-        return self.shadows
+                return self.shadow_pass(scene, self.world.geometry, side)
 
-    def _seen(self, camera: Camera) -> GBuffer:
-        """The g-buffer, drawn again only for another camera."""
-        if self._other("gbuffer", camera, self.size) or self._gbuffer is None:
+        return self._memo.get("shadows", (scene.lights, scene.meshes, side), draw)
+
+    def draw_gbuffer(self, camera: Camera) -> GBuffer:
+        """What `camera` sees: by the camera, the meshes and the size."""
+        scene = self.scene
+
+        def draw() -> GBuffer:
             with self.timers("gbuffer"):
-                self._gbuffer = self.gbuffer_pass(self.scene, self.geometry, camera)
-            self.scheduler.new_view()
-            self.splatting.start(self.settings)
-            self._round, self._coverage, self._idle = 0, 0.0, 0
-        return self._gbuffer
+                return self.gbuffer_pass(scene, self.world.geometry, camera)
 
-    def _ask(self, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps, camera: Camera, budget: Budget) -> RoundResult:
-        """Gather where the view lacks records, as far as the budget goes."""
-        asked = self.scheduler.ask(gbuffer, splats, shadows, camera, budget.part(1.0, self._reserve[1]), self.splatting.every)
-        before, self._coverage = self._coverage, 1.0 - asked.missing
-        if asked.complete:
-            self._idle = 0 if self._coverage > before else self._idle + 1
-            self._round += 1
-            if not asked.new:
-                limited = self.scheduler.adapt(last=True)
-                if self.splatting.refine() or limited:
-                    return replace(asked, complete=False)
-                self._settled = self.splatting.state, self.settings.asking
-        return asked
+        return self._memo.get("gbuffer", (camera, scene.meshes, self.size), draw)
 
-    def _compose(self) -> View:
-        """The picture from what there is: direct light, normalised indirect light, their blend."""
-        (camera, _), gbuffer = self._made_of["gbuffer"], self._gbuffer
-        splats = self.splatting.whole(self.cache, gbuffer, camera)
-        if self._other("direct", self._made_of["gbuffer"], self._made_of["shadow"]) or self._direct is None:
+    def _view_state(self, camera: Camera) -> ViewState:
+        """How far this view has come; a new one begins where anything differs that decides which records it asks for."""
+        scene, settings = self.scene, self.settings
+        criteria = *settings.of("shadow", "gather", "splat"), settings.asking, settings.placement, settings.warmup
+        subject = self.size, scene.meshes, scene.lights, criteria
+        state = self._state.view
+        if state.camera == camera and state.subject == subject:
+            return state
+        return ViewState(camera, subject, first_stride(settings, self.size))
+
+    def _look_only(self, state: ViewState, gbuffer: GBuffer, splats: SplatBuffer, gather: bool) -> tuple[ViewState, RoundResult]:
+        """How much of the view is covered, while nothing may be gathered for it; where `gather` is False for good, every pixel is
+        splatted next."""
+        looked_at = splats, self.settings.asking
+        if state.looked_at != looked_at:
+            state = replace(state, looked_at=looked_at, coverage=1.0 - self.scheduler.missing(gbuffer, splats))
+        if gather or state.pixel_stride == 1:
+            return state, NOTHING_ASKED
+        return replace(state, pixel_stride=1), replace(NOTHING_ASKED, complete=False)
+
+    def _picture(self, done: Round) -> View:
+        """The picture of a round: direct light, normalised indirect light, and their blend."""
+        settings, gbuffer, shadows = self.settings, done.gbuffer, done.shadows
+        filling = settings.fill_holes and done.progress.coverage < 1.0 and settings.most_bounces > 0
+        splats = self.splats.at_every_pixel(done.splats, gbuffer, done.camera)
+
+        def light() -> moderngl.Texture:
             with self.timers("direct"):
-                self._direct = self.direct_pass(gbuffer, self._lit())
-        settings, state = self.settings, (self._made_of["direct"], self.splatting.state)
-        filling = settings.fill_holes and self._coverage < 1.0 and settings.most_bounces > 0
-        if self._other("composite", *state, settings.blend, settings.smooth, filling) or self._view is None:
-            with self.timers("composite"):
-                image, sums = self.composite_pass(splats, self._direct, gbuffer, self.scene.sky, camera, settings, filling)
-            self._view = View(camera, gbuffer, self._direct, splats, sums, image)
-        return self._view
+                return self.direct_pass(gbuffer, shadows)
 
-    def accumulate(self, view: View, samples: int, seconds: float | None = None, told: OnProgress | None = None) -> View:
+        def compose() -> View:
+            direct = self._memo.get("direct", (gbuffer, shadows), light)
+            with self.timers("composite"):
+                image, sums = self.composite_pass(splats, direct, gbuffer, self.scene.sky, done.camera, settings, filling)
+            return View(done.camera, gbuffer, direct, splats, sums, image)
+
+        made_of = gbuffer, shadows, splats, settings.blend, settings.smooth, filling
+        return self._memo.get("picture", made_of, compose)
+
+    def accumulate(self, view: View, samples: int, seconds: float | None = None, on_progress: OnProgress | None = None) -> View:
         """The `view` that `frame` gave last, with `samples` a pixel, or as many more than last time as `seconds` allow, one at
-        least; the cache is left as it is. told: called with the share done, 0..1, after each."""
+        least; the cache is left as it is. on_progress: called with the share done, 0..1, after each."""
         self._use()
-        passes = FramePasses(self.gbuffer_pass, self.splatting.splat_pass, self.direct_pass, self.composite_pass)
-        seen = FrameInputs(self.scene, self.geometry, self._lit(), self.cache, self.settings)
-        return self.accumulator(view, samples, Budget(seconds), passes, seen, told)
+        passes = FramePasses(self.gbuffer_pass, self.splats.splat_pass, self.direct_pass, self.composite_pass)
+        inputs = FrameInputs(self.scene, self.world.geometry, self.draw_shadows(), self.cache, self.settings)
+        return self.antialiaser(view, samples, Budget(seconds), passes, inputs, on_progress)
 
     # ---- what changes ----------------------------------------------------------------------------------------------
 
     def change(self, settings: Settings, preset: str = "") -> None:
         """Go on with other settings (called `preset` in the stats): what depends on those that differ is made again, records in
         place; they are forgotten only where their places depend on one. Raises InputError for what OpenGL does not take here."""
-        self._use()
-        gl_limits.check(self.ctx, self.size, self.scene, settings.shadow_size)
-        if settings.gradients != self.settings.gradients:
-            self.splatting.release()
-            self.splatting = Splatting(self.ctx, self.size, settings, self.timers)
-        self.splatting.start(settings)
-        self.settings, self.preset, self._idle = settings, preset or self.preset, 0
-        self.scheduler.change(settings, self.scene)
+        self._go_on(replace(self._state, settings=settings, preset=preset or self.preset))
 
     def relight(self, lights: Sequence[Light]) -> None:
         """Go on with other lights; records are gathered again in place. Raises InputError for too many of them."""
-        self._go_on(replace(self.scene, lights=tuple(lights)))
+        self._go_on(replace(self._state, scene=replace(self.scene, lights=tuple(lights))))
 
-    def move(self, mesh: int | str, transform: Any) -> None:
+    def move(self, mesh: int | str, transform: npt.ArrayLike) -> None:
         """Go on with a mesh (its index in scene.meshes, or its name) where a 4×4 or 3×4 matrix takes it from where it was loaded.
 
         Records on it move along; those close to it, before or after, are made anew; of the others those that it concerns are
         gathered again in place. Raises InputError for a mesh that is not there, and a matrix that is not affine, or singular.
         """
-        self._go_on(moved(self.scene, self._loaded, mesh, transform))
-
-    def _go_on(self, scene: Scene) -> None:
-        """Go on with the same scene, lit otherwise, or with meshes elsewhere."""
-        self._use()
-        gl_limits.check(self.ctx, self.size, scene, self.settings.shadow_size)
-        before, self.scene, self._idle = self.scene, scene, 0
-        self.splatting.start(self.settings)
-        self.scheduler.change(self.settings, scene, self.shadows)  # which looks once more at what was there before
-        self.direct_pass.fit(light_defines(scene))
-        if before.meshes is not scene.meshes:
-            self.geometry.update(*flatten(scene)[:2])
-            self.forget(records=False)
+        self._go_on(replace(self._state, scene=moved(self.scene, self._loaded, mesh, transform)))
 
     def resize(self, size: tuple[int, int]) -> None:
         """Views are of another size (width, height) from now on; the records stay. Raises InputError for one that cannot be."""
+        self._go_on(replace(self._state, size=gl_limits.checked(size)))
+
+    def _go_on(self, state: State) -> None:
+        """Go on with another scene, size or settings: with all of it, or, where it is refused, as before."""
         self._use()
-        size = gl_limits.checked(size)
-        gl_limits.check(self.ctx, size, self.scene, self.settings.shadow_size)
-        self.size = size
-        for one in (self.gbuffer_pass, self.splatting, self.direct_pass, self.composite_pass):
-            one.release()
-        self.gbuffer_pass = GBufferPass(self.ctx, self.size)
-        self.splatting = Splatting(self.ctx, self.size, self.settings, self.timers)
-        self.direct_pass = DirectPass(self.ctx, self.size, light_defines(self.scene))
-        self.composite_pass = CompositePass(self.ctx, self.size)
-        self.scheduler.resize(self.size)
-        self._gbuffer = self._direct = self._view = None
+        gl_limits.check(self.ctx, state.size, state.scene, state.settings.shadow_size)
+        self.scheduler.follow(state.settings, state.scene, self.shadows)
+        self._state = state
 
     def reload(self) -> None:
         """Read the shaders' files again and draw with them; raises ShaderError, and goes on as before, where one is wrong."""
@@ -280,9 +401,9 @@ class Renderer(Owner):
 
     def forget(self, records: bool = True, lights: bool = True) -> None:
         """Draw every buffer of the view again next time; without the `records` made so far, and the `lights`' shadow maps."""
-        self._made_of = {stage: key for stage, key in self._made_of.items() if stage == "shadow" and not lights}
-        self._settled = None
-        self.splatting.forget()
+        self._memo.forget(but=() if lights else ("shadows",))
+        self.splats.forget()
+        self._state = replace(self._state, view=ViewState())
         if records:
             self.cache.truncate(0)
 
@@ -295,13 +416,7 @@ class Renderer(Owner):
         """
         self._use()
         files.check_file(path)
-        scheduler = self.scheduler
-        # a change of the scene or the surface cache that the records have not been held against yet: all of them are stale then
-        stale = scheduler.moved or (scheduler.resumed is None and scheduler.bounced < 1.0)
-        state = cache_file.CacheState(
-            self.cache.state(stale), scheduler.adaptation.state(), scheduler.bounces(scheduler.settings)
-        )
-        cache_file.write(path, cache_file.key(scheduler.scene, scheduler.settings), state)
+        cache_file.write(path, cache_file.key(self.scene, self.scheduler.settings), self.scheduler.state())
 
     def load_cache(self, path: files.Pathlike) -> None:
         """Take the records of a file in place of those that there are.
@@ -310,11 +425,7 @@ class Renderer(Owner):
         another scene, other lights or other settings than this renderer's (those that cache_file.key lists).
         """
         self._use()
-        scheduler = self.scheduler
-        state = cache_file.read(path, cache_file.key(scheduler.scene, scheduler.settings))
-        self.cache.restore(state.records)
-        scheduler.adaptation.restore(state.adapted, scheduler.settings)
-        scheduler.resume(dict(state.bounces))
+        self.scheduler.restore(cache_file.read(path, cache_file.key(self.scene, self.scheduler.settings)))
         self.forget(records=False)
 
     # ---- whole renders ---------------------------------------------------------------------------------------------
@@ -325,32 +436,35 @@ class Renderer(Owner):
         """Rounds until the examination finds nothing, or `max_rounds`; returns the view and its statistics.
 
         "seconds" among them is the wall time to full coverage, before direct light and composite. progress is called after
-        each round. Ctrl-C ends the rounds: the last whole one counts, "interrupted" is True.
+        each round. Ctrl-C ends the rounds: the last complete one counts, "interrupted" is True.
         """
         self._use()
         camera = self.scene.camera(camera)
         self.timers.clear()
-        self._idle, start = 0, time.perf_counter()
+        self._state = replace(self._state, view=replace(self._state.view, stalled_rounds=0))
+        start, budget, done = time.perf_counter(), Budget(None), None
         stats: Statistics = {"rounds": 0, "converged": False, "full": False, "interrupted": False, "coverage": 0.0}
-        whole, ended, budget = self.cache.count + self.cache.evicted, False, Budget(None)
+        complete, ended = self.cache.count + self.cache.evicted, False
         try:
-            while not ended and stats["rounds"] < self.settings.max_rounds and self._idle < _IDLE:
-                now = self._advance(camera, budget)
-                whole, ended = self.cache.count + self.cache.evicted, now.new == 0 and now.complete
+            while not ended and stats["rounds"] < self.settings.max_rounds and not self._state.view.stalled:
+                done = self._refine(camera, budget)
+                now = done.progress
+                complete, ended = self.cache.count + self.cache.evicted, now.new == 0 and now.complete
                 stats["rounds"] += 1
                 stats["coverage"], stats["full"], stats["converged"] = now.coverage, now.full, ended and not now.full
                 if progress is not None:
                     progress(now)
         except KeyboardInterrupt:
             stats["interrupted"] = True
-            self.cache.truncate(whole - self.cache.evicted)
-        if not stats["converged"]:  # what the last round gathered is still to be splatted
-            self.scheduler.adapt(last=True)
-            self.splatting.refine()
-            stats["coverage"] = self._advance(camera, budget, gather=False).coverage
+            self.cache.truncate(complete - self.cache.evicted)
+        if done is None or not stats["converged"]:  # what the last round gathered is still to be splatted
+            view, _ = self.scheduler.limit_radii(self._view_state(camera), last=True)
+            self._state = replace(self._state, view=replace(view, pixel_stride=1))
+            done = self._refine(camera, budget, gather=False)
+            stats["coverage"] = done.progress.coverage
         self.ctx.finish()
         stats |= {"records": self.cache.count, "seconds": time.perf_counter() - start}
-        return self._compose(), stats
+        return self._picture(done), stats
 
     def render(
         self,
@@ -366,31 +480,27 @@ class Renderer(Owner):
         """
         album = PaperFigures(self._splatted, progress)
         view, stats = self.converge(camera, album if figures else progress)
-        view = self.accumulate(view, 1 if stats["interrupted"] else self.settings.samples, told=sample_progress(progress, stats))
+        samples = 1 if stats["interrupted"] else self.settings.samples
+        view = self.accumulate(view, samples, on_progress=sample_progress(progress, stats))
         if view.samples < self.settings.samples:  # Ctrl-C
             stats |= {"interrupted": True, "converged": False}
         frame = read(view, self.scene.sky, self.cache.read(), stats | self.stats(view))
         return replace(frame, figures=album.figures(frame, view.camera, self.settings)) if figures else frame
 
     def _splatted(self, count: int) -> np.ndarray:
-        """The sums of the first so many records (H, W, 4), of every pixel of the present view."""
+        """(H, W, 4) the sums of the first `count` records at every pixel of the present view."""
+        camera = self._state.view.camera
+        assert camera is not None
         records = replace(self.cache.records, count=count)
-        return self.splatting.read(records, self._gbuffer, self._made_of["gbuffer"][0], self.settings)
+        return self.splats.read(records, self.draw_gbuffer(camera), camera, self.settings)
 
     def stats(self, view: View) -> Statistics:
-        """What is known of the view's picture, the rounds that led to it aside."""
+        """What a frame's statistics say of where, what and how, apart from what `converge` counts."""
         exposure, settings = self.settings.exposure, self.settings
         stops = self.composite_pass.exposure(view.image) if exposure == "auto" else float(exposure)
         made: Statistics = {"samples": view.samples, "stages_ms": self.timers.milliseconds(), "clock": self.timers.clock}
-        made |= cast(Statistics, self.scheduler.bounces(settings))
+        made |= cast(Statistics, self.scheduler.gatherer.bounces(settings))
         return made | describe(self.about, self.scene, self.size, self.preset, settings, stops)
-
-    def release(self) -> None:
-        """Free everything on the GPU, the context too where this renderer made it."""
-        if self._owns_ctx:
-            self.ctx.release()
-        else:
-            super().release()
 
 
 def render(

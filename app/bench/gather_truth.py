@@ -48,7 +48,7 @@ def truth(renderer: Renderer, camera: Camera) -> fine_gather.Truth | None:
     view, _ = renderer.frame(camera, gather=False)
     with renderer.ctx:
         seen = paper_scan.read_back(view.gbuffer)
-        found = fine_gather.gather(renderer.ctx, scene, renderer.geometry, seen, SHADOW_SIZE, COUNT, SECONDS)
+        found = fine_gather.gather(renderer.world, seen, SHADOW_SIZE, COUNT, SECONDS)
     if not len(found.pixels):
         return None
     if path is not None:

@@ -78,7 +78,7 @@ def gather(renderer: Renderer, camera: Camera) -> fine_gather.Truth:
 
     view, _ = renderer.frame(camera, gather=False)
     seen, size = paper_scan.read_back(view.gbuffer), renderer.settings.shadow_size
-    truth = fine_gather.gather(renderer.ctx, renderer.scene, renderer.geometry, seen, size, GATHERED, SECONDS)
+    truth = fine_gather.gather(renderer.world, seen, size, GATHERED, SECONDS)
     if not len(truth.pixels):
         raise InputError(NOTHING)
     return truth

@@ -173,15 +173,15 @@ class Session(Owner):
                 scene=self.scene,
                 exposure=self.exposure,
                 shadows=renderer.shadows,
-                atlas=renderer.scheduler.atlas,
-                surface=renderer.scheduler.surface_seen(view.gbuffer) if name == "surface" else None,
+                atlas=renderer.scheduler.gatherer.atlas,
+                surface=renderer.scheduler.gatherer.surface_at(view.gbuffer) if name == "surface" else None,
                 truth=self.truths.of(self.scene, view.camera, self.size, settings.bounces),
                 region=region,
             )
             if SHOWINGS[name].how in ("shadow", "atlas"):
                 continue
             if options.wire:
-                self.markers.wireframe(screen, view, renderer.geometry, region=region)
+                self.markers.wireframe(screen, view, renderer.world.geometry, region=region)
             marks = (
                 (options.discs, self.markers.discs),
                 (options.normals, self.markers.normals),
@@ -191,7 +191,7 @@ class Session(Owner):
                 if wanted:
                     draw(screen, view, renderer.cache.records, settings=settings, scene=self.scene, by=by, region=region)
             if options.sites:
-                self.markers.sites(screen, view, renderer.scheduler.surface, exposure=self.exposure, region=region)
+                self.markers.sites(screen, view, renderer.scheduler.gatherer.surface, exposure=self.exposure, region=region)
         found = self._inspect(screen, cursor) if options.inspect else None
         for side, region in list(self.sides())[1:]:
             assert region is not None and side
@@ -211,7 +211,7 @@ class Session(Owner):
         region = dict(self.sides())[side]
         served = self.markers.serves(screen, view, records, number, settings=settings, region=region)
         site = renderer.cache.sites(slice(number, number + 1))
-        world, light = renderer.scheduler.world, renderer.scheduler.light(renderer.shadows)
+        world, light = renderer.world, renderer.scheduler.gatherer.light(renderer.shadows)
         picture = self.inspector.hemisphere(number, site, world, light, settings=settings, exposure=self.exposure)
         return record_inspector.InspectedRecord(
             number, side, record_inspector.describe(number, table, view, settings), picture, served

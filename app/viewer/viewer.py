@@ -107,8 +107,8 @@ class Viewer(Controls, moderngl_window.WindowConfig):
         """Draw the picture, where it is not what was drawn last."""
         session, start = self.actions.session, time.perf_counter()
         options = session.options
-        handles = [*session.views, *(thing for r in session.active for thing in (r.shadows, r.scheduler.atlas))]
-        handles += [r.scheduler.surface.result for r in session.active if r.scheduler.surface is not None]
+        handles = [*session.views, *(thing for r in session.active for thing in (r.shadows, r.scheduler.gatherer.atlas))]
+        handles += [r.scheduler.gatherer.surface.result for r in session.active if r.scheduler.gatherer.surface is not None]
         handles += [session.truths.of(session.scene, session.camera, session.size, r.settings.bounces) for r in session.active]
         about = [(r.settings, r.cache.count, r.cache.edits) for r in session.active]
         state = about, asdict(options), session.exposure, session.held, options.inspect and cursor, self.canvas

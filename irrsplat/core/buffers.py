@@ -67,7 +67,7 @@ FILMIC = Filmic()
 NOTHING_SEEN = 1e30  # the splat buffer's weight where the camera sees nothing: no record is wanted there
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class GBuffer:
     """What the eye sees, as RGBA32F textures of one size, bottom row first.
 
@@ -82,7 +82,7 @@ class GBuffer:
     emission: Any
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class ShadowMaps:
     """Every light's depth tiles in one texture, and the table that finds them (shaders/lighting/lights.glsl reads both).
 
@@ -124,14 +124,16 @@ class HitLight:
         return {**self.shadows.uniforms, **(self.surface[order] if self.surface is not None else {})}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SplatBuffer:
     """The sums that splatting leaves: `sums` RGBA32F (Σ k·E, Σ k) and `weight` RG32F (Σ of raw w, or NOTHING_SEEN; Σ k·Y² of
-    the luminances Y of the E, which tells how far the records contradict each other). `dark`: as in Records."""
+    the luminances Y of the E, which tells how far the records contradict each other). `dark`: as in Records.
+    pixel_stride: 2 where only every other pixel of the view has a texel here, in both directions, else 1."""
 
     sums: Any
     weight: Any
     dark: float = 0.0
+    pixel_stride: int = 1
 
 
 @dataclass(frozen=True)

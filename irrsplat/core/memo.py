@@ -37,6 +37,6 @@ class Memo:
         _, found = self._made.get(stage, (None, None))
         return found if isinstance(found, kind) else None
 
-    def forget(self) -> None:
-        """Make everything anew when it is wanted next."""
-        self._made.clear()
+    def forget(self, *, but: tuple[str, ...] = ()) -> None:
+        """Make everything anew when it is wanted next, `but` for these stages."""
+        self._made = {stage: made for stage, made in self._made.items() if stage in but}

@@ -28,11 +28,9 @@ from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.trace import TracePass
 from irrsplat.gather.world import World
 from irrsplat.gpu import context
-from irrsplat.gpu.geometry import Geometry
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.records.record_cache import RecordCache
-from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
 
@@ -108,15 +106,17 @@ def kept(about: dict[str, Any]) -> list[Times]:
 
 def race(ctx: moderngl.Context, scene: Scene, side: int) -> Times:
     """Milliseconds a record takes in `scene` with gather size `side`, gathered and reduced: by rasters and by rays."""
-    vertices, faces, closed = flatten(scene)
     with ExitStack() as stack:
-        geometry = stack.enter_context(Geometry(ctx, vertices, faces, closed))
-        world = stack.enter_context(World(ctx, scene, geometry))
+        world = stack.enter_context(World(ctx, scene))
         shadow, reduce = stack.enter_context(ShadowPass(ctx)), stack.enter_context(ReducePass(ctx, gradients=True))
         cache = stack.enter_context(RecordCache(ctx))
         raster = stack.enter_context(GatherPass(world, "raster", side, _SITES))
         trace = stack.enter_context(TracePass(world, side, _SITES))
-        light, sites = HitLight(shadow(scene, geometry, _SHADOWS)), _sites(scene, geometry.corners, closed)
+        geometry = world.geometry
+        light, sites = (
+            HitLight(shadow(scene, geometry, _SHADOWS)),
+            _sites(scene, geometry.corners, geometry.parts["closed"][1] // 3),
+        )
         numbers = cache.append(sites) + np.arange(len(sites))
 
         def milliseconds(gather: Gather) -> float:

@@ -42,7 +42,8 @@ class ReducePass(Owner):
                 self.target.release()
             self.target = Target(self.ctx, size, self.components)
         per_cell = atlas.cell[0] // atlas.block[0], atlas.cell[1] // atlas.block[1]
-        used = (0, 0, size[0], -(-atlas.count // atlas.columns) * per_cell[1])
+        across, down = min(atlas.count, atlas.columns), -(-atlas.count // atlas.columns)
+        used = (0, 0, across * per_cell[0], down * per_cell[1])
         self.blocks(
             self.target,
             scissor=used,

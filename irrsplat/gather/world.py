@@ -8,28 +8,31 @@ from irrsplat.gpu.bvh_table import BvhTable
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.scene.flatten import flatten
-from irrsplat.scene.model import Scene
+from irrsplat.scene.model import Mesh, Scene
 
 
 class World(Owner):
-    """A scene on the GPU, for all gathers that look at it; they follow it when it changes.
+    """A scene on the GPU, for all who draw it and all gathers that look at it; they follow it when it changes."""
 
-    geometry: of the same scene; it stays its owner's, who updates it when meshes move.
-    """
-
-    def __init__(self, ctx: moderngl.Context, scene: Scene, geometry: Geometry) -> None:
-        self.ctx, self.geometry = ctx, geometry
+    def __init__(self, ctx: moderngl.Context, scene: Scene) -> None:
+        self.ctx = ctx
+        self.geometry = Geometry(ctx, *flatten(scene))
         self._scene = scene
+        self._uploaded: tuple[Mesh, ...] | None = scene.meshes  # None while what is on the GPU is neither before nor after a move
         self._tree: BvhTable | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees: the tree, not the geometry."""
-        return (self._tree,)
+        """What this frees."""
+        return (self.geometry, self._tree)
 
     @property
     def scene(self) -> Scene:
         """The scene as it is now."""
         return self._scene
+
+    def shows(self, scene: Scene) -> bool:
+        """Whether all on the GPU is of this scene."""
+        return self._scene is scene and self._uploaded is scene.meshes
 
     @property
     def tree(self) -> BvhTable:
@@ -39,7 +42,13 @@ class World(Owner):
         return self._tree
 
     def set_scene(self, scene: Scene) -> None:
-        """Go on with the same meshes, lit otherwise or elsewhere; the tree is built anew where they have moved."""
-        if self._tree is not None and self._scene.meshes is not scene.meshes:
-            self._tree.update(*flatten(scene)[:2])
+        """Go on with the same meshes, lit otherwise or elsewhere; where they have moved, the triangles are uploaded again and the
+        tree is built anew."""
+        if self._uploaded is not scene.meshes:
+            self._uploaded = None
+            vertices, faces, _ = flatten(scene)
+            self.geometry.update(vertices, faces)
+            if self._tree is not None:
+                self._tree.update(vertices, faces)
+            self._uploaded = scene.meshes
         self._scene = scene

@@ -57,12 +57,12 @@ class ExaminePass(Owner):
         """What this frees."""
         return (self.program, self.target)
 
-    def __call__(self, gbuffer: GBuffer, splats: SplatBuffer, settings: Settings, every: int = 1) -> Examination:
+    def __call__(self, gbuffer: GBuffer, splats: SplatBuffer, settings: Settings) -> Examination:
         """Every tile's count of pixels that ask, by `tolerance` and `spread`, and the worst served of them.
 
-        every: 2 where the splats are of every other pixel of the g-buffer; the tiles are as wide then, and have fewer.
+        Of splats of every other pixel the tiles are as wide on screen, and have fewer pixels.
         """
-        side = max(2, self.side // every)
+        side = max(2, self.side // splats.pixel_stride)
         tiles = -(-splats.weight.width // side), -(-splats.weight.height // side)
         if self.target is None or self.target.size != tiles:
             if self.target is not None:
@@ -70,7 +70,7 @@ class ExaminePass(Owner):
             self.target = Target(self.ctx, tiles, (4, 4, 4))
         self.program(
             self.target,
-            every=every,
+            every=splats.pixel_stride,
             side=side,
             position=gbuffer.position,
             normal=gbuffer.normal,

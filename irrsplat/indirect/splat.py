@@ -18,7 +18,7 @@ from irrsplat.settings import Settings, weight_defines
 class SplatPass(Owner):
     """Adds records to a splat buffer of `size` (width, height), with their gradients or without.
 
-    It has a second, smaller buffer for `every` other pixel in both directions: every = 2 below; 1 is all of them.
+    It has a second, smaller buffer for every other pixel in both directions: pixel_stride = 2 below; 1 is all of them.
     """
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], gradients: bool) -> None:
@@ -35,16 +35,16 @@ class SplatPass(Owner):
         """What this frees."""
         return (self.numbers, self.program, self.empty, self.target, self.small, self.tiles, self.distances)
 
-    def _of(self, every: int) -> Target:
-        if every == 1:
+    def _of(self, pixel_stride: int) -> Target:
+        if pixel_stride == 1:
             return self.target
         width, height = self.target.size
         self.small = self.small or Target(self.ctx, ((width + 1) // 2, (height + 1) // 2), (4, 2))
         return self.small
 
-    def clear(self, gbuffer: GBuffer, every: int = 1, target: Target | None = None) -> None:
+    def clear(self, gbuffer: GBuffer, pixel_stride: int = 1, target: Target | None = None) -> None:
         """Start again from no records; the weight is NOTHING_SEEN where the g-buffer sees nothing."""
-        self.empty(target or self._of(every), position=gbuffer.position, every=every)
+        self.empty(target or self._of(pixel_stride), position=gbuffer.position, every=pixel_stride)
 
     def farthest(self, gbuffer: GBuffer, camera: Camera) -> np.ndarray:
         """(h, w) float32, bottom row first: how far each tile of TILE² pixels sees, in metres from the eye; 0: nowhere."""
@@ -58,7 +58,7 @@ class SplatPass(Owner):
         gbuffer: GBuffer,
         camera: Camera,
         settings: Settings,
-        every: int = 1,
+        pixel_stride: int = 1,
         target: Target | None = None,
     ) -> None:
         """Add the records of these numbers (N,), in their order, to what `target` holds (default: this pass's own buffer)."""
@@ -69,7 +69,7 @@ class SplatPass(Owner):
         self.numbers.orphan(max(len(data), self.numbers.size))  # a draw before this may still read the old ones
         self.numbers.write(data)
         self.program(
-            target or self._of(every),
+            target or self._of(pixel_stride),
             vertices=4,
             mode=moderngl.TRIANGLE_STRIP,
             instances=len(numbers),
@@ -78,15 +78,15 @@ class SplatPass(Owner):
             **records.uniforms,
             clip_from_world=camera.clip_from_view(width / height, 1e-3, 1e3) @ camera.view_from_world,
             **reach_uniforms(camera, settings),
-            pixel=camera.screen / height * every,
+            pixel=camera.screen / height * pixel_stride,
             position=gbuffer.position,
             normal=gbuffer.normal,
-            every=every,
+            every=pixel_stride,
             cut=settings.kernel == "cut",
             in_front=settings.in_front,
         )
 
-    def sums(self, dark: float, every: int = 1) -> SplatBuffer:
+    def sums(self, dark: float, pixel_stride: int = 1) -> SplatBuffer:
         """What has been added up so far, this pass's own textures; dark: as in Records."""
-        sums, weight = self._of(every).textures
-        return SplatBuffer(sums, weight, dark)
+        sums, weight = self._of(pixel_stride).textures
+        return SplatBuffer(sums, weight, dark, pixel_stride)

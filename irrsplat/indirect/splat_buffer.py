@@ -1,9 +1,9 @@
-"""The splat buffer of a view with all of the cache in it: first of every other pixel, and of all once that asks for nothing."""
+"""The splat buffer of the present view: the sums over all records of the cache; only those not in it yet are drawn."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 import moderngl
 import numpy as np
@@ -18,83 +18,87 @@ from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
 
-_LEAST = 400  # pixels along the height: below it a tile of the examination has too few of every other one
+_LEAST_HEIGHT = 400  # pixels: with fewer, a tile of the examination has too few of every other one
 
 
-class Splatting(Owner):
-    """Keeps the splat buffer of a view of `size` (width, height); what it holds already is not splatted again.
+def first_stride(settings: Settings, size: tuple[int, int]) -> int:
+    """The pixel stride with which a view of `size` begins: 2 where the settings want every other pixel first, else 1."""
+    return 2 if settings.coarse and settings.most_bounces > 0 and size[1] >= _LEAST_HEIGHT else 1
 
-    every: 2 where it is of every other pixel, in both directions, else 1. state: what it was made of, to be compared.
+
+@dataclass(frozen=True)
+class _Drawn:
+    """What the buffer holds: the sums of the first `count` records, drawn for these inputs."""
+
+    inputs: tuple[object, ...]
+    count: int
+    sums: SplatBuffer
+
+
+class ViewSplats(Owner):
+    """Keeps the splat buffer of views of `size` (width, height).
+
+    The sums are additive: while g-buffer, settings and the old records stay as they are, only new records are drawn. Equal inputs
+    give the same SplatBuffer object, so that later stages can compare it by identity.
     """
 
-    def __init__(self, ctx: moderngl.Context, size: tuple[int, int], settings: Settings, timers: Timers) -> None:
+    def __init__(self, ctx: moderngl.Context, size: tuple[int, int], gradients: bool, timers: Timers) -> None:
         self.ctx, self.size, self.timers = ctx, size, timers
-        self.splat_pass = SplatPass(ctx, size, settings.gradients)
-        self.upsample_pass: UpsamplePass | None = None  # made when it is first wanted: renders end with all pixels
-        self.every = self._next = 1
-        self.forget()
+        self.splat_pass = SplatPass(ctx, size, gradients)
+        self.upsample_pass: UpsamplePass | None = None  # made when it is first wanted: renders end with every pixel splatted
+        self._drawn: _Drawn | None = None
+        self._upsampled: tuple[SplatBuffer, SplatBuffer] | None = None  # of which sums, and all pixels of them
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
         return (self.splat_pass, self.upsample_pass)
 
+    @property
+    def pixel_stride(self) -> int:
+        """1 where every pixel has been splatted, 2 where every other one has."""
+        return self._drawn.sums.pixel_stride if self._drawn is not None else 1
+
     def forget(self) -> None:
-        """Make all of it again next time."""
-        self.state: tuple[Any, ...] = ()
-        self._count = 0
-        self._upsampled: tuple[Any, SplatBuffer | None] = (), None
+        """Draw all of it again next time."""
+        self._drawn = None
 
-    def start(self, settings: Settings) -> None:
-        """Another view begins: with every other pixel where the settings say so."""
-        self._next = 2 if settings.coarse and settings.most_bounces > 0 and self.size[1] >= _LEAST else 1
-
-    def refine(self) -> bool:
-        """Go on to every pixel next time; False where it is there already."""
-        self._next = 1
-        return self.every > 1
-
-    def __call__(self, cache: RecordCache, gbuffer: GBuffer, camera: Camera, settings: Settings, *made_of: Any) -> SplatBuffer:
-        """The sums as they stand with every record of the cache, of `every` pixel; made_of: what the g-buffer was made of.
-
-        They are additive, so that only new records are drawn.
-        """
-        self.every = self._next
+    def update(self, cache: RecordCache, gbuffer: GBuffer, camera: Camera, settings: Settings, pixel_stride: int) -> SplatBuffer:
+        """The sums of every record of the cache, at every `pixel_stride`-th pixel in both directions (1 or 2)."""
         count = cache.count if settings.most_bounces > 0 else 0
-        key = (*made_of, settings.of("splat"), settings.most_bounces > 0, cache.edits, self.every)
-        anew = self.state[:-1] != key
-        if anew or self._count < count:
-            with self.timers("splat"):
-                if anew:
-                    self.splat_pass.clear(gbuffer, self.every)
-                    self._count = 0
-                if self._count < count:
-                    sight = partial(self.splat_pass.farthest, gbuffer, camera)
-                    numbers = reaching(cache, self._count, camera, self.size, settings, sight)
-                    if anew:
-                        cache.saw(numbers)
-                    self.splat_pass(cache.records, numbers, gbuffer, camera, settings, self.every)
-        self._count = count
-        self.state = *key, count
-        return self.splat_pass.sums(cache.dark, self.every)
+        inputs = gbuffer, settings.of("splat"), settings.most_bounces > 0, cache.edits, pixel_stride
+        drawn = self._drawn
+        if drawn is not None and drawn.inputs == inputs and drawn.count >= count:
+            return drawn.sums
+        first = drawn.count if drawn is not None and drawn.inputs == inputs else 0
+        self._drawn = None  # nothing counts as drawn until all of it is
+        with self.timers("splat"):
+            if first == 0:
+                self.splat_pass.clear(gbuffer, pixel_stride)
+            if first < count:
+                sight = partial(self.splat_pass.farthest, gbuffer, camera)
+                numbers = reaching(cache, first, camera, self.size, settings, sight)
+                if first == 0:
+                    cache.saw(numbers)
+                self.splat_pass(cache.records, numbers, gbuffer, camera, settings, pixel_stride)
+        sums = self.splat_pass.sums(cache.dark, pixel_stride)
+        self._drawn = _Drawn(inputs, count, sums)
+        return sums
 
-    def whole(self, cache: RecordCache, gbuffer: GBuffer, camera: Camera) -> SplatBuffer:
-        """The same for all pixels: its own, or those of every other one upsampled."""
-        splats = self.splat_pass.sums(cache.dark, self.every)
-        if self.every == 1:
+    def at_every_pixel(self, splats: SplatBuffer, gbuffer: GBuffer, camera: Camera) -> SplatBuffer:
+        """The same sums at every pixel: `splats` itself, or, of every other pixel, upsampled along surfaces."""
+        if splats.pixel_stride == 1:
             return splats
-        made_of, upsampled = self._upsampled
-        if upsampled is None or made_of != self.state:
+        if self._upsampled is None or self._upsampled[0] is not splats:
+            self._upsampled = None
             with self.timers("upsample"):
                 self.upsample_pass = self.upsample_pass or UpsamplePass(self.ctx, self.size)
-                upsampled = self.upsample_pass(splats, gbuffer, camera)
-            self._upsampled = self.state, upsampled
-        return upsampled
+                self._upsampled = splats, self.upsample_pass(splats, gbuffer, camera)
+        return self._upsampled[1]
 
     def read(self, records: Records, gbuffer: GBuffer, camera: Camera, settings: Settings) -> np.ndarray:
-        """The sums (Σ k·E, Σ k) of these records alone, of all pixels: (H, W, 4), top row first."""
+        """(H, W, 4) the sums (Σ k·E, Σ k) of these records alone at every pixel, top row first."""
+        self.forget()
         self.splat_pass.clear(gbuffer)
         if records.count:
             self.splat_pass(records, np.arange(records.count), gbuffer, camera, settings)
-        if self.every == 1:
-            self.forget()
         return self.splat_pass.target.read(0)

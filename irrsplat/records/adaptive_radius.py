@@ -183,15 +183,10 @@ class Adaptation(Owner):
         # how many records, how many of them by all others, and by what
         self._adapted: tuple[int, int, tuple[Any, ...] | None] = 0, 0, None
         self._gauged = 0, 0  # of how many records, and how often gathered again, the cache has the gauge
-        self._begun = False  # whether the view's splats are made
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
         return (self.adapt_pass,)
-
-    def new_view(self) -> None:
-        """Another view begins, all of whose splats are made anew."""
-        self._begun = False
 
     def change(self, settings: Settings) -> None:
         """Go on with other settings."""
@@ -205,15 +200,14 @@ class Adaptation(Owner):
         count, held, by = self._adapted
         self._adapted = int(np.searchsorted(numbers, count)), int(np.searchsorted(numbers, held)), by
 
-    def __call__(self, settings: Settings, last: bool = False) -> bool:
+    def __call__(self, settings: Settings, old_too: bool) -> bool:
         """Hold the records that are new, or all where their light or the settings have changed, against each other.
 
-        That those which were there reach less far for it waits for another view, since all of them are splatted anew then, or
-        until this one asks for nothing else: `last`. Returns whether any of them reaches otherwise now.
+        old_too: those that were there may reach less far for it as well; this can wait for another view, since all of them are
+        splatted anew then, or until a view asks for nothing else. Returns whether any of them reaches otherwise now.
         Not while some are stale: they would contradict those that are renewed, and mean nothing by it.
         """
-        cache, old = self.cache, last or not self._begun
-        self._begun = True
+        cache, old = self.cache, old_too
         if len(cache.stale):
             return False
         if settings.gradients and (cache.count, cache.renewals) != self._gauged:

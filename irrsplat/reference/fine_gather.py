@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from dataclasses import dataclass
 
-import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import HitLight, Sites
@@ -14,7 +13,6 @@ from irrsplat.gather.raster import GatherPass
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.trace import TracePass
 from irrsplat.gather.world import World
-from irrsplat.gpu.geometry import Geometry
 from irrsplat.indirect.paper_scan import Seen
 from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.records.record_cache import RecordCache
@@ -42,10 +40,9 @@ class Truth:
         return float(np.sqrt(np.mean((irradiance[tuple(self.pixels.T)] - E_ref) ** 2)) / E_ref.mean())
 
 
-def gather(
-    ctx: moderngl.Context, scene: Scene, geometry: Geometry, seen: Seen, shadow_size: int, count: int = 500, seconds: float = 10.0
-) -> Truth:
+def gather(world: World, seen: Seen, shadow_size: int, count: int = 500, seconds: float = 10.0) -> Truth:
     """The truth at `count` of the smooth pixels of `seen`, drawn at random, or at as many as `seconds` allow."""
+    ctx, scene = world.ctx, world.scene
     candidates = np.argwhere(smooth(seen, _OFF * scene.diagonal))
     pixels = np.random.default_rng(0).permutation(candidates)[:count]
     at = tuple(pixels.T)
@@ -53,12 +50,11 @@ def gather(
     sites = Sites(seen.position[at], seen.normal[at], seen.geometric[at], triangle)
     with (
         ShadowPass(ctx) as shadow,
-        World(ctx, scene, geometry) as world,
         _fine(world) as gather,
         ReducePass(ctx, gradients=False) as reduce,
         RecordCache(ctx) as cache,
     ):
-        light, start = HitLight(shadow(scene, geometry, shadow_size)), time.perf_counter()
+        light, start = HitLight(shadow(scene, world.geometry, shadow_size)), time.perf_counter()
         while cache.count < len(sites) and time.perf_counter() - start < seconds:
             batch = sites[cache.count : cache.count + gather.capacity]
             gather_records(gather, reduce, light, cache, cache.append(batch) + np.arange(len(batch)), seed=0)

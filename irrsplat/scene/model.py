@@ -19,9 +19,9 @@ class Material:
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Mesh:
-    """Triangles in world space.
+    """Triangles in world space; a mesh is equal to nothing but itself.
 
     positions: (V, 3) float32, metres. normals: (V, 3) float32, unit shading normals. faces: (F, 3) int32.
     colors: (V, 3) float32 linear reflectance that replaces material.albedo, or None.

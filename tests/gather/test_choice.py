@@ -137,7 +137,7 @@ def test_the_race_itself(ctx: moderngl.Context, race: Callable[..., autotune.Tim
 def test_a_renderer_goes_by_it(fresh: Callable[..., Clock]) -> None:
     fresh((2.0, 1.0))
     with Renderer(SMALL, (8, 8), bounces=1, gather_size=8) as renderer:
-        assert renderer.scheduler.gather_pass.kind == "trace"
+        assert renderer.scheduler.gatherer.gather_pass.kind == "trace"
         assert renderer.render().stats["gathered_by"] == "trace"
 
 

@@ -67,10 +67,10 @@ def test_a_moving_view_is_like_the_one_at_rest_which_is_exact() -> None:
         renderer.render(moved)
         renderer.render(camera)
         view, progress = renderer.frame(moved)
-        assert renderer.splatting.every == 2 and progress.new == 0 and not progress.done  # it goes on to all pixels
+        assert renderer.splats.pixel_stride == 2 and progress.new == 0 and not progress.done  # it goes on to all pixels
         coarse = _irradiance(view.sums)
         view, progress = renderer.frame(moved)
-        assert renderer.splatting.every == 1 and progress.done and progress.new == 0
+        assert renderer.splats.pixel_stride == 1 and progress.done and progress.new == 0
         fine = _irradiance(view.sums)
         error = np.sqrt(((coarse - fine) ** 2).mean()) / fine.mean()
         assert 0.0 < error < 0.02
@@ -89,4 +89,4 @@ def _irradiance(sums: moderngl.Texture) -> np.ndarray:
 def test_small_views_and_those_who_want_it_so_have_all_pixels_at_once(size: tuple[int, int], coarse: bool, every: int) -> None:
     with Renderer(irrsplat.load("cornell"), size=size, preset="preview", bounces=1, coarse=coarse) as renderer:
         _, progress = renderer.frame()
-        assert progress.new > 0 and renderer.splatting.every == every
+        assert progress.new > 0 and renderer.splats.pixel_stride == every

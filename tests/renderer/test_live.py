@@ -254,7 +254,7 @@ def test_shaders_are_read_again(renderer: Renderer, tmp_path: Path, monkeypatch:
     shutil.copytree(paths.folder("shaders"), copy)
     monkeypatch.setattr(shader_source, "folder", lambda name: copy)
     before = renderer.render().image
-    file = copy / "composite.frag"
+    file = copy / "image/composite.frag"
     good = file.read_text(encoding="utf-8")
     file.write_text(good.replace("out_image = vec4(", "out_image = 2.0 * vec4("), encoding="utf-8")
     renderer.reload()

@@ -206,8 +206,8 @@ def test_a_moved_scene_is_as_if_it_had_been_loaded_so(transform: np.ndarray, bou
         assert np.array_equal(frame.direct, pixels(view.direct)[..., :3])
         fresh.cache.append(where)
         fresh.cache.expire()
-        assert fresh.scheduler.bounce(fresh.shadows, Budget(None))
-        fresh.scheduler.renew(fresh.shadows, fresh._gbuffer, FRONT, Budget(None))
+        assert fresh.scheduler.prepare(fresh.shadows, Budget(None))
+        fresh.scheduler.renew(fresh.shadows, fresh.gbuffer, FRONT, Budget(None))
         found = fresh.cache.read()
     assert np.array_equal(found["irradiance"], frame.records_irradiance)
     assert np.array_equal(found["radius"], frame.records_radius)
@@ -282,22 +282,22 @@ def test_the_surface_cache_rides_along() -> None:
     """Until its values are made again, what a box's sides held moves with it: an eye that moves too finds the same there."""
     with Renderer(room(), SIZE, **{**FAST, "bounces": 2}) as renderer:
         renderer.render()
-        cache, here = renderer.scheduler.surface, FRONT
+        cache, here = renderer.scheduler.gatherer.surface, FRONT
         assert cache is not None
-        before, view = pixels(cache.view(renderer._gbuffer)), pixels(renderer._gbuffer.emission)[..., 3]
+        before, view = pixels(cache.view(renderer.gbuffer)), pixels(renderer.gbuffer.emission)[..., 3]
         renderer.move(BOX, shift(0.05, 0.0, -0.1))
         there = Camera((0.05, 0.0, 0.85), (0.05, -0.1, -1.1), fov=60.0)
         renderer.frame(there, seconds=1e-4)
         assert not cache.whole and cache.result is not None
-        after, same = pixels(cache.view(renderer._gbuffer)), view == pixels(renderer._gbuffer.emission)[..., 3]
+        after, same = pixels(cache.view(renderer.gbuffer)), view == pixels(renderer.gbuffer.emission)[..., 3]
         mine = same & (view < 12)  # the box's triangles: it alone is closed
         assert mine.sum() > 100 and (np.abs(after - before)[mine].max(-1) < 1e-3 * before[mine].mean()).mean() > 0.95
         assert ticks(renderer, 0.05, here)[-1].done and cache.whole
         held = cache.result.irradiance
         with Renderer(renderer.scene, SIZE, **{**FAST, "bounces": 2}) as fresh:
             fresh.render()
-            assert fresh.scheduler.surface is not None and fresh.scheduler.surface.result is not None
-            assert np.array_equal(fresh.scheduler.surface.result.irradiance, held)
+            assert fresh.scheduler.gatherer.surface is not None and fresh.scheduler.gatherer.surface.result is not None
+            assert np.array_equal(fresh.scheduler.gatherer.surface.result.irradiance, held)
 
 
 @pytest.mark.parametrize("bounces", [1, "all"])

@@ -38,7 +38,7 @@ def renderer() -> Iterator[Renderer]:
 def served(renderer: Renderer) -> np.ndarray:
     """(N,) the pixels that each record adds to, by splatting it alone."""
     counts = []
-    gbuffer, records, splat = renderer._seen(FRONT), renderer.cache.records, renderer.splatting.splat_pass
+    gbuffer, records, splat = renderer.draw_gbuffer(FRONT), renderer.cache.records, renderer.splats.splat_pass
     for i in range(records.count):
         splat.clear(gbuffer)
         splat(records, np.array([i]), gbuffer, FRONT, renderer.settings)
@@ -50,7 +50,7 @@ def served(renderer: Renderer) -> np.ndarray:
 
 def test_records_are_ranked_by_the_pixels_that_they_serve(renderer: Renderer) -> None:
     true = served(renderer)
-    rank = renderer.scheduler.renewal.rank_pass(renderer.cache.records, renderer._seen(FRONT), FRONT, renderer.settings)
+    rank = renderer.scheduler.renewal.rank_pass(renderer.cache.records, renderer.draw_gbuffer(FRONT), FRONT, renderer.settings)
     assert len(rank) == len(true) and (true == 0).mean() > 0.1 and true.max() > 100
     assert np.corrcoef(true, rank)[0, 1] > 0.95 and rank.sum() == pytest.approx(true.sum(), rel=0.2)
     assert rank[true == 0].max() < 0.05 * true.max(), "hidden, or off the screen"
@@ -60,7 +60,7 @@ def test_records_are_ranked_by_the_pixels_that_they_serve(renderer: Renderer) ->
 def test_what_is_seen_most_and_longest_comes_first(renderer: Renderer) -> None:
     """Pixels times how often they have become stale; what is not seen at all, last, the stalest of it first."""
     cache, renewal = renderer.cache, renderer.scheduler.renewal
-    gbuffer = renderer._seen(FRONT)
+    gbuffer = renderer.draw_gbuffer(FRONT)
     rank = renewal.rank_pass(cache.records, gbuffer, FRONT, renderer.settings)
     assert not len(renewal.order(cache, gbuffer, FRONT, renderer.settings))
     cache.expire()
@@ -75,7 +75,7 @@ def test_what_is_seen_most_and_longest_comes_first(renderer: Renderer) -> None:
     assert np.array_equal(cache.age(second), waited) and (np.diff(rank[second] * waited) <= 0.0).all()
     unseen = waited[rank[second] == 0.0]
     assert len(unseen) and (np.diff(unseen) <= 0).all()
-    elsewhere = renewal.order(cache, renderer._seen(AWAY), AWAY, renderer.settings)
+    elsewhere = renewal.order(cache, renderer.draw_gbuffer(AWAY), AWAY, renderer.settings)
     assert sorted(elsewhere) == sorted(second) and not np.array_equal(elsewhere, second), "another view, another order"
 
 
@@ -105,8 +105,8 @@ def test_renewed_in_place_is_gathered_from_scratch(lights: tuple[Light, ...], bo
         fresh.frame(gather=False)
         fresh.cache.append(old.cache.sites(slice(0, old.cache.count)))
         fresh.cache.expire()
-        assert fresh.shadows is not None and fresh.scheduler.bounce(fresh.shadows, Budget(None))
-        fresh.scheduler.renew(fresh.shadows, fresh._gbuffer, FRONT, Budget(None))
+        assert fresh.shadows is not None and fresh.scheduler.prepare(fresh.shadows, Budget(None))
+        fresh.scheduler.renew(fresh.shadows, fresh.gbuffer, FRONT, Budget(None))
         theirs, found = pixels(fresh.frame(gather=False)[0].image), fresh.cache.read()
         mine = pixels(old.frame(gather=False)[0].image)
         assert old.cache.count >= count and all(np.array_equal(values, found[name]) for name, values in old.cache.read().items())
@@ -117,7 +117,7 @@ def truth(renderer: Renderer, count: int = 250) -> fine_gather.Truth:
     """The renderer's own fine gather of one bounce at some of its pixels."""
     seen = paper_scan.read_back(renderer.frame(gather=False)[0].gbuffer)
     size = renderer.settings.shadow_size
-    return fine_gather.gather(renderer.ctx, renderer.scene, renderer.geometry, seen, size, count, seconds=1e6)
+    return fine_gather.gather(renderer.world, seen, size, count, seconds=1e6)
 
 
 def errors(before: Scene, change: Any, after: Scene, seeds: int = 2, **settings: Any) -> tuple[float, float]:

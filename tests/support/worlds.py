@@ -16,12 +16,10 @@ from irrsplat.gather.autotune import gather_pass
 from irrsplat.gather.look import Gather, gather_records
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.world import World
-from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import table_texture
 from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.records.record_cache import RecordCache
-from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
 from irrsplat.settings import Settings
 
@@ -185,14 +183,13 @@ class Lit(Owner):
 
     def __init__(self, ctx: moderngl.Context, scene: Scene, shadow: int = 256) -> None:
         self.ctx, self.scene = ctx, scene
-        vertices, faces, closed = flatten(scene)
-        self.geometry, self.shadow = Geometry(ctx, vertices, faces, closed), ShadowPass(ctx)
-        self.world = World(ctx, scene, self.geometry)
+        self.world, self.shadow = World(ctx, scene), ShadowPass(ctx)
+        self.geometry = self.world.geometry
         self.light = HitLight(self.shadow(scene, self.geometry, shadow))
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.world, self.geometry, self.shadow)
+        return (self.world, self.shadow)
 
     def look(self, side: int, kind: str, capacity: int | None = None) -> Gather:
         """A gather by `kind`, which becomes the caller's."""

@@ -38,7 +38,7 @@ def made(ctx: moderngl.Context, world: Scene, **settings: Any) -> Iterator[Rende
 def advance(renderer: Renderer) -> None:
     renderer.frame(gather=False)
     assert renderer.shadows is not None
-    assert renderer.scheduler.bounce(renderer.shadows, Budget(None)) and renderer.scheduler.bounced == 1.0
+    assert renderer.scheduler.prepare(renderer.shadows, Budget(None)) and renderer.scheduler.gatherer.surface_share == 1.0
 
 
 def gathered(renderer: Renderer, where: Sites) -> np.ndarray:
@@ -47,14 +47,14 @@ def gathered(renderer: Renderer, where: Sites) -> np.ndarray:
     renderer.cache.truncate(0)
     renderer.cache.append(where)
     renderer.cache.expire()
-    renderer.scheduler.renew(renderer.shadows, renderer._gbuffer, renderer.scene.camera(), Budget(None))
+    renderer.scheduler.renew(renderer.shadows, renderer.gbuffer, renderer.scene.camera(), Budget(None))
     return renderer.cache.read()["irradiance"]
 
 
 def values(renderer: Renderer) -> np.ndarray:
     """What the surface cache holds, (S, 3)."""
-    assert renderer.scheduler.surface is not None and renderer.scheduler.surface.result is not None
-    return renderer.scheduler.surface.result.irradiance
+    assert renderer.scheduler.gatherer.surface is not None and renderer.scheduler.gatherer.surface.result is not None
+    return renderer.scheduler.gatherer.surface.result.irradiance
 
 
 # ---- truths -----------------------------------------------------------------------------------------------------------
@@ -71,7 +71,7 @@ def test_furnace(ctx: moderngl.Context, kind: str, number: int | str) -> None:
     with Renderer(world, SIZE, ctx=ctx, **{**FAST, "gather_size": 16, "gather": kind, "bounces": number}) as renderer:
         renderer.frame(gather=False)
         assert renderer.shadows is not None
-        renderer.scheduler.bounce(renderer.shadows, Budget(None))
+        renderer.scheduler.prepare(renderer.shadows, Budget(None))
         E = gathered(renderer, sites(where, [[0, 1, 0], [-1, 0, 0], [0, 1, 0], [1, 0, 0]]))
     rho = np.array(ALBEDO)
     factor = 1.0 / (1.0 - rho) if number == "all" else (1.0 - rho**number) / (1.0 - rho)  # type: ignore[operator]
@@ -249,11 +249,11 @@ def test_other_lights_need_no_other_transport(ctx: moderngl.Context) -> None:
     """Who sees whom stays; the values come to those of a renderer that began with these lights, bit by bit."""
     moved = [lamp((-0.5, 0.2, 0.5), 5.0), lamp((0.4, 0.3, 0.2), 1.0)]
     with made(ctx, room()) as renderer, made(ctx, replace(room(), lights=tuple(moved))) as other:
-        cache, before = renderer.scheduler.surface, values(renderer)
+        cache, before = renderer.scheduler.gatherer.surface, values(renderer)
         assert cache is not None
         transport = cache.transport
         renderer.relight(moved)
-        assert renderer.scheduler.bounced < 1.0 and values(renderer) is before, "the old ones hold meanwhile"
+        assert renderer.scheduler.gatherer.surface_share < 1.0 and values(renderer) is before, "the old ones hold meanwhile"
         advance(renderer)
         assert cache.transport is transport and not np.array_equal(values(renderer), before)
         assert np.array_equal(values(renderer), values(other))
@@ -271,8 +271,8 @@ def test_a_lamp_goes_into_a_box_and_comes_out_again(ctx: moderngl.Context) -> No
             if counts:
                 renderer.relight(lit.lights)
                 advance(renderer)
-            assert renderer.scheduler.surface is not None
-            counts.append(len(renderer.scheduler.surface.sites))
+            assert renderer.scheduler.gatherer.surface is not None
+            counts.append(len(renderer.scheduler.gatherer.surface.sites))
             with made(ctx, lit) as other:
                 assert np.array_equal(values(renderer), values(other))
             within = gathered(renderer, sites([[0.399, 0.1, 0.0], [0.999, 0.1, 0.0]], (-1, 0, 0)))
@@ -284,7 +284,7 @@ def test_a_lamp_goes_into_a_box_and_comes_out_again(ctx: moderngl.Context) -> No
 def test_ticks_of_little_time_come_to_the_same(ctx: moderngl.Context) -> None:
     with Renderer(room(), SIZE, ctx=ctx, **ALL) as small, made(ctx, room(), gather_size=8) as whole:
         shares = []
-        while small.scheduler.bounced < 1.0 and len(shares) < 3000:
+        while small.scheduler.gatherer.surface_share < 1.0 and len(shares) < 3000:
             _, progress = small.frame(seconds=1e-4)
             shares.append(progress.surface)
             assert not progress.done and (progress.surface == 1.0 or progress.records == 0), "no record before it is there"

@@ -144,9 +144,9 @@ def looked(ctx: moderngl.Context) -> Iterator[tuple[Renderer, SurfaceCache]]:
     world = scene(floor(1.5), sphere((0.6, 0.8, 0.2), 0.4), lights=(lamp((0, 2, 0.5), 3.0),), camera=eye)
     with Renderer(world, SIZE, ctx=ctx, **{**FAST, "bounces": 2}) as renderer:
         renderer.frame(gather=False)
-        assert renderer.shadows is not None and renderer.scheduler.surface is not None
-        renderer.scheduler.bounce(renderer.shadows, Budget(None))
-        yield renderer, renderer.scheduler.surface
+        assert renderer.shadows is not None and renderer.scheduler.gatherer.surface is not None
+        renderer.scheduler.prepare(renderer.shadows, Budget(None))
+        yield renderer, renderer.scheduler.gatherer.surface
 
 
 def oracle(cache: SurfaceCache, values: np.ndarray, p: np.ndarray, triangle: np.ndarray, side: np.ndarray) -> np.ndarray:
@@ -202,9 +202,9 @@ def test_a_linear_field_is_found_as_it_is(ctx: moderngl.Context) -> None:
     world = scene(*world.meshes, quad((-1, 5, -1), (2, 0, 0), (0, 0, 2)), lights=world.lights, camera=world.cameras[0])
     with Renderer(world, SIZE, ctx=ctx, **{**FAST, "bounces": 2}) as renderer:
         renderer.frame(gather=False)
-        cache = renderer.scheduler.surface
+        cache = renderer.scheduler.gatherer.surface
         assert renderer.shadows is not None and cache is not None
-        renderer.scheduler.bounce(renderer.shadows, Budget(None))
+        renderer.scheduler.prepare(renderer.shadows, Budget(None))
         assert cache.lattice is not None
         values = np.zeros((surface.MOST, 4), "f4")
         place = cache.sites.position
@@ -227,9 +227,9 @@ def test_no_dark_rim_about_a_box(ctx: moderngl.Context) -> None:
     world = scene(*parts, lights=(lamp((0.6, 1.7, 0.8), 4.0),), camera=eye)
     with Renderer(world, (60, 60), ctx=ctx, **{**FAST, "bounces": 2, "shadow_size": 512}) as renderer:
         view, _ = renderer.frame(gather=False)
-        assert renderer.shadows is not None and renderer.scheduler.surface is not None
-        renderer.scheduler.bounce(renderer.shadows, Budget(None))
-        found = pixels(renderer.scheduler.surface.view(view.gbuffer))[..., :3]
+        assert renderer.shadows is not None and renderer.scheduler.gatherer.surface is not None
+        renderer.scheduler.prepare(renderer.shadows, Budget(None))
+        found = pixels(renderer.scheduler.gatherer.surface.view(view.gbuffer))[..., :3]
         p = pixels(view.gbuffer.position)
     beyond = np.max(np.abs(p[..., :3] - (-0.02, 0.0, -0.02)) - (0.39, 9.0, 0.31), axis=-1)  # metres from the box's foot
     rim = (p[..., 3] > 0.0) & (np.abs(p[..., 1]) < 1e-3) & (beyond > 0.002) & (beyond < 0.15)
@@ -243,9 +243,9 @@ def test_a_cache_of_a_bundled_scene() -> None:
     """About as many points as are wanted, hardly a corner without a site, all of it within the limits."""
     with Renderer(irrsplat.load("curved"), (16, 16), **{**FAST, "bounces": 2}) as renderer:
         renderer.frame(gather=False)
-        cache = renderer.scheduler.surface
+        cache = renderer.scheduler.gatherer.surface
         assert renderer.shadows is not None and cache is not None
-        renderer.scheduler.bounce(renderer.shadows, Budget(None))
+        renderer.scheduler.prepare(renderer.shadows, Budget(None))
         assert cache.lattice is not None
         numbers = np.frombuffer(cache.lookup.cells.read(), "f4").reshape(-1, 4)[: 2 * cache.lattice.cells, :3]
         assert surface.POINTS / 2 < len(cache.sites) < surface.MOST

@@ -47,8 +47,8 @@ def target(ctx: moderngl.Context) -> Iterator[Target]:
 def test_the_buffer_is_what_a_lookup_says(cornell: tuple[Renderer, View], ctx: moderngl.Context, target: Target) -> None:
     """As a white surface sends it out, and its numbers under the cursor; without a cache there is only ground, and a line."""
     renderer, view = cornell
-    seen = renderer.scheduler.surface_seen(view.gbuffer)
-    assert seen is not None and renderer.scheduler.surface_seen(view.gbuffer) is seen
+    seen = renderer.scheduler.gatherer.surface_at(view.gbuffer)
+    assert seen is not None and renderer.scheduler.gatherer.surface_at(view.gbuffer) is seen
     found, buffer_view = pixels(seen), BufferView(ctx)
     lent = {"settings": renderer.settings, "scene": renderer.scene, "exposure": EXPOSURE}
     buffer_view.draw(target, "surface", view, surface=seen, **lent)  # type: ignore[arg-type]
@@ -71,7 +71,7 @@ def test_the_buffer_is_what_a_lookup_says(cornell: tuple[Renderer, View], ctx: m
 def test_sites_are_dots_where_they_lie(cornell: tuple[Renderer, View], ctx: moderngl.Context) -> None:
     """In a picture ten times as large most dots lie apart: their middles have the colour of a white surface there."""
     renderer, view = cornell
-    cache, markers, target = renderer.scheduler.surface, Markers(ctx), Target(ctx, (10 * SIZE[0], 10 * SIZE[1]), (4,))
+    cache, markers, target = renderer.scheduler.gatherer.surface, Markers(ctx), Target(ctx, (10 * SIZE[0], 10 * SIZE[1]), (4,))
     assert cache is not None and cache.result is not None
     clear(target, GROUND)
     markers.sites(target, view, None, exposure=EXPOSURE)

@@ -78,7 +78,8 @@ class Hud:
             renderer = session.renderers[side]
             who = f"{('left', 'right')[side]}: " if len(session.progress) > 1 else ""
             imgui.text(f"{who}{progress.records} records, {progress.new} new")
-            imgui.text(f"{renderer.scheduler.count_in_view(session.camera)} in view, coverage {100.0 * progress.coverage:.1f} %")
+            in_view = renderer.scheduler.count_in_view(session.camera, renderer.size)
+            imgui.text(f"{in_view} in view, coverage {100.0 * progress.coverage:.1f} %")
             if progress.surface < 1.0:
                 imgui.text_colored(_AMBER, f"surface cache {100.0 * progress.surface:.0f} %")
             if progress.stale:
@@ -142,7 +143,7 @@ class Hud:
         imgui.text(showing.title + preset)
         settings, options = renderer.settings, session.options
         truth = session.truths.of(session.scene, view.camera, session.size, settings.bounces)
-        surface = renderer.scheduler.surface_seen(view.gbuffer) if name == "surface" else None
+        surface = renderer.scheduler.gatherer.surface_at(view.gbuffer) if name == "surface" else None
         found = legend(
             name,
             settings=settings,

@@ -145,7 +145,9 @@ class Panel:
         session = self.actions.session
         _, settings = session.settings(self.actions.side)
         if d.name == "bounces":
-            return int(session.active[min(self.actions.side, len(session.active) - 1)].scheduler.bounces(settings)["bounces"])
+            return int(
+                session.active[min(self.actions.side, len(session.active) - 1)].scheduler.gatherer.bounces(settings)["bounces"]
+            )
         return settings.threshold if d.name == "tolerance" else session.exposure
 
     # ---- lights ----------------------------------------------------------------------------------------------------

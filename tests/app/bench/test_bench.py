@@ -146,7 +146,7 @@ def test_truth_by_rays_is_that_by_rasters(monkeypatch: pytest.MonkeyPatch) -> No
             seen = paper_scan.read_back(view.gbuffer)
             for rasters in (True, False):
                 monkeypatch.setattr(fine_gather, "rasters", lambda scene, rasters=rasters: rasters)
-                found.append(fine_gather.gather(renderer.ctx, scene, renderer.geometry, seen, 512, 100))
+                found.append(fine_gather.gather(renderer.world, seen, 512, 100))
                 assert fine_gather.directions(scene) == (6 * 64**2 // 2 if rasters else 64**2)
     assert np.array_equal(found[0].pixels, found[1].pixels)
     mean = found[0].irradiance.mean()

@@ -41,7 +41,9 @@ class Shown:
         """The picture (H, W, 3), top row first."""
         r = self.renderer
         lent = {"settings": r.settings, "scene": r.scene, "exposure": self.exposure}
-        self.buffer_view.draw(target, name, self.view, **(lent | {"shadows": r.shadows, "atlas": r.scheduler.atlas} | rest))  # type: ignore[arg-type]
+        self.buffer_view.draw(
+            target, name, self.view, **(lent | {"shadows": r.shadows, "atlas": r.scheduler.gatherer.atlas} | rest)
+        )  # type: ignore[arg-type]
         return target.read()[..., :3]
 
 

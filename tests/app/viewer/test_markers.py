@@ -283,7 +283,7 @@ def test_a_normal_rises_from_its_record(ctx: moderngl.Context, stage: Callable[.
 
 
 def edges_of(world: Stage, **rest: object) -> tuple[np.ndarray, np.ndarray]:
-    geometry = world.renderer.geometry
+    geometry = world.renderer.world.geometry
     return world.drawn(lambda target: world.markers.wireframe(target, world.view, geometry, **rest))  # type: ignore[arg-type]
 
 

@@ -136,7 +136,7 @@ def hemispheres(ctx: moderngl.Context, world: Scene, kind: str) -> np.ndarray:
         assert renderer.shadows is not None
         looker = RecordInspector(ctx)
         texture = looker.hemisphere(
-            number, where, renderer.scheduler.world, HitLight(renderer.shadows), settings=renderer.settings, exposure=-1.0
+            number, where, renderer.world, HitLight(renderer.shadows), settings=renderer.settings, exposure=-1.0
         )
         made = picture(texture)
         ctx.detect_framebuffer(0).use()
@@ -151,7 +151,7 @@ def test_a_record_that_is_gathered_again_is_the_same(cornell: Cornell, ctx: mode
     assert renderer.shadows is not None
     for number in (0, 33, len(table) - 1):
         where = renderer.cache.sites(np.array([number]))
-        seen_by = renderer.scheduler.world, HitLight(renderer.shadows)
+        seen_by = renderer.world, HitLight(renderer.shadows)
         texture = looker.hemisphere(number, where, *seen_by, settings=renderer.settings, exposure=1.0)
         gather = looker.gather_pass
         assert isinstance(gather, GatherPass) and gather.target is not None

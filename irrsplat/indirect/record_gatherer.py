@@ -1,0 +1,314 @@
+"""Gathers records as the settings say: the gather, the reduction, the surface cache that lights what they see, and the probes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TypedDict
+
+import moderngl
+import numpy as np
+
+from irrsplat.core.buffers import Atlas, GBuffer, HitLight, ShadowMaps, Sites
+from irrsplat.core.memo import Memo
+from irrsplat.gather import autotune
+from irrsplat.gather.look import Gather, gather_records
+from irrsplat.gather.reduce import ReducePass
+from irrsplat.gather.world import World
+from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.gpu.time_budget import Budget, Pace
+from irrsplat.gpu.timers import Timers
+from irrsplat.indirect.change_probe import MOST, SIDE, Probes, concerned
+from irrsplat.lighting.light_table import light_defines
+from irrsplat.records.record_cache import RecordCache
+from irrsplat.scene.change import SceneChange
+from irrsplat.scene.model import Scene
+from irrsplat.settings import Settings
+from irrsplat.surface_cache.cache import SurfaceCache
+
+
+class BounceStatistics(TypedDict):
+    """How records are gathered, and with how many bounces.
+
+    bounces_converged: whether further ones would add hardly anything; None where not all are wanted.
+    """
+
+    gathered_by: str
+    bounces: int
+    bounces_converged: bool | None
+
+
+@dataclass(frozen=True)
+class Basis:
+    """What the records of the cache are gathered by: the one value that changes as scene and settings do.
+
+    kind: how a record sees the world, "trace", "raster" or "plane". moved: whether something has moved, and which records that
+    concerns is still to be found out. resumed: the statistics of records from a file, as long as their surface cache is not made.
+    """
+
+    scene: Scene
+    settings: Settings
+    kind: str
+    moved: bool = False
+    resumed: BounceStatistics | None = None
+
+    @cached_property
+    def lights(self) -> dict[str, int]:
+        """The kinds of lights that gathers are compiled for."""
+        return light_defines(self.scene)
+
+    @property
+    def way(self) -> tuple[object, ...]:
+        """What a record at its place says, and how well, depends on these."""
+        return self.kind, self.settings.gather_size, self.wants_surface
+
+    @property
+    def wants_surface(self) -> bool:
+        """Whether records are lit by a surface cache: for more than one bounce."""
+        return self.settings.most_bounces > 1
+
+
+class RecordGatherer(Owner):
+    """Gathers records of the `cache`, new ones and stale ones, by the light of the scene as it is now."""
+
+    def __init__(
+        self,
+        world: World,
+        settings: Settings,
+        cache: RecordCache,
+        timers: Timers,
+    ) -> None:
+        self.ctx, self.world, self.cache, self.timers = world.ctx, world, cache, timers
+        self.atlas: Atlas | None = None  # what the last batch of records saw
+        self._basis = Basis(world.scene, settings, autotune.kind(world.ctx, world.scene, settings))
+        self._made = Workshop()
+        self._memo = Memo()
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self._made,)
+
+    # ---- what gathers ----------------------------------------------------------------------------------------------
+
+    @property
+    def settings(self) -> Settings:
+        """Those by which records are gathered; without bounces none are, and these are of when there were some."""
+        return self._basis.settings
+
+    @property
+    def scene(self) -> Scene:
+        """The scene whose light is gathered."""
+        return self._basis.scene
+
+    @property
+    def gather_pass(self) -> Gather:
+        """How a record sees the world; the paper's algorithm gathers one at a time."""
+        basis = self._basis
+        one = 1 if basis.settings.placement == "scan" else None
+        inputs = *basis.way, basis.lights, one
+        return self._made.get("gather", inputs, lambda: autotune.gather_pass(self.world, basis.settings, capacity=one))
+
+    @property
+    def probes(self) -> Probes:
+        """A rough look from records, to find out which of them a change concerns."""
+        basis = self._basis
+        settings = replace(basis.settings, gather_size=SIDE)
+        inputs = basis.wants_surface, basis.lights, settings.gather
+        return self._made.get("probes", inputs, lambda: Probes(autotune.gather_pass(self.world, settings, MOST)))
+
+    @property
+    def reduce_pass(self) -> ReducePass:
+        """What turns what records see into what they hold."""
+        gradients = self.settings.gradients
+        return self._made.get("reduce", gradients, lambda: ReducePass(self.ctx, gradients))
+
+    @property
+    def surface(self) -> SurfaceCache | None:
+        """The surface cache, made when more than one bounce is wanted; None before. It stays when fewer are."""
+        if self._basis.wants_surface:
+            return self._made.get("surface", (), lambda: SurfaceCache(self.world, self.settings, self.timers))
+        return self._made.find("surface", SurfaceCache)
+
+    @property
+    def _pace(self) -> Pace:
+        """How much a batch of records costs this gather."""
+        return self._memo.get("pace", self.gather_pass, lambda: Pace(self.ctx))
+
+    def light(self, shadows: ShadowMaps) -> HitLight:
+        """What lights the surfaces that records see."""
+        surface = self.surface if self._basis.wants_surface else None
+        return HitLight(shadows, None if surface is None else surface.uniforms())
+
+    # ---- what changes ----------------------------------------------------------------------------------------------
+
+    def follow(self, settings: Settings, scene: Scene, shadows: ShadowMaps | None) -> np.ndarray | None:
+        """Go on with other settings and another state of the scene, as RecordScheduler.follow has it.
+
+        Returns the numbers of the records that are kept, None for all. A change that is interrupted halfway forgets all records,
+        and what was made for them.
+        """
+        old, cache = self._basis, self.cache
+        settings = settings if settings.most_bounces else replace(settings, bounces=old.settings.bounces)
+        change = SceneChange.between(old.scene, scene)
+        if settings == old.settings and not change and self.world.shows(scene):
+            return None
+        kind = autotune.kind(self.ctx, scene, settings)
+        new, kept = replace(old, scene=scene, settings=settings, kind=kind), None
+        try:
+            if change.moved and shadows is not None and not old.moved:  # a last look at what was there before
+                unknown = np.flatnonzero(cache.probes[:, 3] == 0.0)
+                cache.probes[unknown] = self._probe(shadows, unknown)
+            if _places(old.settings) != _places(settings):
+                cache.truncate(0)
+            if change.moved:
+                kept = cache.follow(old.scene, scene)
+                cache.keep(kept)
+                new = replace(new, moved=True, resumed=None)
+            self.world.set_scene(scene)
+            surface = self._made.find("surface", SurfaceCache)
+            if surface is not None:
+                surface.change(settings)
+            gathered = old.way != new.way
+            if gathered or old.lights != new.lights or old.settings.placement != settings.placement:
+                self.atlas = None  # its gather is made anew
+            more = settings.gradients and not old.settings.gradients  # records gathered without them have none
+            if gathered or more or change.relit or old.settings.shadow_size != settings.shadow_size:
+                cache.expire()
+                new = replace(new, resumed=None)
+        except BaseException:
+            cache.truncate(0)
+            self._made.clear()
+            raise
+        self._basis = new
+        return kept
+
+    def expire(self) -> None:
+        """Gather everything again."""
+        self._basis = replace(self._basis, resumed=None)
+        self.cache.expire()
+        surface = self._made.find("surface", SurfaceCache)
+        if surface is not None:
+            surface.expire()
+
+    # ---- the surface cache -----------------------------------------------------------------------------------------
+
+    def prepare(self, shadows: ShadowMaps, budget: Budget) -> bool:
+        """Go on with the surface cache where one is wanted; whether records may be gathered meanwhile.
+
+        A render with records from a file may need none: it waits until some are to be gathered.
+        """
+        if self._basis.resumed is not None and not budget.limited and not len(self.cache.stale):
+            return True
+        return self._advance(shadows, budget)
+
+    def resume(self, shadows: ShadowMaps, budget: Budget) -> None:
+        """Make the surface cache that records from a file did without until now, since some are to be gathered."""
+        if self._basis.resumed is not None:
+            self._advance(shadows, budget)
+
+    def _advance(self, shadows: ShadowMaps, budget: Budget) -> bool:
+        """Go on with the surface cache where one is wanted; whether records may be gathered by it meanwhile.
+
+        Once its values are others, all records are stale. Those that it had before lights changed are better than none, and then
+        it takes half of the time.
+        """
+        self._settle(shadows)
+        surface = self.surface
+        if surface is None or not self._basis.wants_surface:
+            return True
+        ready = surface.result is not None
+        if surface.advance(shadows, budget.part(0.5, 0.0) if ready else budget):
+            if self._basis.resumed is None:
+                self._basis = replace(self._basis, moved=True)
+                self._settle(shadows)
+            self._basis = replace(self._basis, resumed=None)  # they were gathered by such values, too
+        return surface.result is not None
+
+    def _settle(self, shadows: ShadowMaps) -> None:
+        """Make the records stale that the last move concerns, or other light of the further bounces after it: all of them where
+        something else has changed since they were looked at."""
+        if not self._basis.moved:
+            return
+        cache = self.cache
+        looked = cache.probes[:, 3].any()
+        cache.expire(concerned(cache, self._probe(shadows, np.arange(cache.count))) if looked else None)
+        self._basis = replace(self._basis, moved=False)
+
+    def _probe(self, shadows: ShadowMaps, numbers: np.ndarray) -> np.ndarray:
+        """(N, 4), as Probes has it, of the records of these numbers."""
+        with self.timers("gather"):
+            return self.probes(self.light(shadows), self.cache.sites(numbers), self.settings.seed)
+
+    # ---- gathering -------------------------------------------------------------------------------------------------
+
+    def gather(self, shadows: ShadowMaps, sites: Sites, budget: Budget) -> int:
+        """Add records at `sites` to the cache, as many as the budget has time for, and at least one; how many."""
+        done = 0
+        for count in self._pace.batches(len(sites), self.gather_pass.capacity, budget):
+            first = self.cache.append(sites[done : done + count])
+            try:
+                self._gather(shadows, first + np.arange(count))
+            except BaseException:
+                self.cache.truncate(first)  # they hold nothing
+                raise
+            done += count
+        return done
+
+    def regather(self, shadows: ShadowMaps, numbers: np.ndarray, budget: Budget) -> int:
+        """Gather the stale records of these numbers again in place, as many as the budget has time for; how many."""
+        done = 0
+        for count in self._pace.batches(len(numbers), self.gather_pass.capacity, budget):
+            chosen = numbers[done : done + count]
+            self._gather(shadows, chosen)
+            self.cache.renewed(chosen)
+            done += count
+        return done
+
+    def _gather(self, shadows: ShadowMaps, numbers: np.ndarray) -> None:
+        """Gather the records of these numbers, where the cache has them."""
+        light, seed = self.light(shadows), self.settings.seed
+        self.atlas = gather_records(self.gather_pass, self.reduce_pass, light, self.cache, numbers, seed, self.timers)
+
+    # ---- for files, the viewer and the statistics ------------------------------------------------------------------
+
+    @property
+    def unsettled(self) -> bool:
+        """Whether all records will be stale once what has changed is looked after."""
+        return self._basis.moved or (self._basis.resumed is None and self.surface_share < 1.0)
+
+    def go_on_with(self, bounces: BounceStatistics) -> None:
+        """The cache has records from a file now, which were gathered with these `bounces`; their surface cache is made when
+        further records are wanted."""
+        surface = self.surface
+        complete = surface is None or surface.whole or not self._basis.wants_surface
+        self._basis = replace(self._basis, moved=False, resumed=None if complete else bounces)
+
+    @property
+    def surface_share(self) -> float:
+        """How much of the surface cache is made, 0..1; 1 where none is wanted."""
+        return 1.0 if self.surface is None or not self._basis.wants_surface else self.surface.share
+
+    def surface_at(self, gbuffer: GBuffer) -> moderngl.Texture | None:
+        """What the surface cache says of every pixel, as SurfacePass has it; None where there is none (yet)."""
+        surface = self.surface
+        if surface is None or surface.result is None or not self._basis.wants_surface:
+            return None
+        return surface.view(gbuffer)
+
+    def bounces(self, settings: Settings) -> BounceStatistics:
+        """For the statistics: how records are gathered; how many bounces there are, and, where all are wanted, whether hardly
+        anything is still to come."""
+        how = self.gather_pass.kind
+        everything, most = settings.bounces == "all", settings.most_bounces
+        surface = self.surface
+        made = surface.result if surface is not None and most > 1 else None
+        if made is not None:
+            return {"gathered_by": how, "bounces": made.bounces, "bounces_converged": made.settled if everything else None}
+        if self._basis.resumed is not None:
+            return {"gathered_by": how, **self._basis.resumed}
+        return {"gathered_by": how, "bounces": min(most, 1), "bounces_converged": False if everything else None}
+
+
+def _places(settings: Settings) -> tuple[object, ...]:
+    """The settings that decide where records lie."""
+    return settings.seed, settings.placement, settings.warmup
