@@ -112,7 +112,7 @@ class HitLight:
     """What lights the surfaces that a gather sees: the lamps with their shadow maps and, from the second bounce on, the surface
     cache.
 
-    surface: the uniforms of shaders/surface_cache/surface_cache.glsl and lib/bvh.glsl, for triangles numbered either way; None
+    surface: the uniforms of shaders/surface_cache/lookup.glsl and lib/bvh.glsl, for triangles numbered either way; None
     for one bounce.
     """
 

@@ -23,9 +23,9 @@ from irrsplat.core.buffers import HitLight, Sites
 from irrsplat.core.errors import IrrsplatError
 from irrsplat.core.files import write_text
 from irrsplat.gather.look import Gather, gather_records
-from irrsplat.gather.raster import GatherPass
+from irrsplat.gather.raster import RasterGather
 from irrsplat.gather.reduce import ReducePass
-from irrsplat.gather.trace import TracePass
+from irrsplat.gather.trace import TraceGather
 from irrsplat.gather.world import World
 from irrsplat.gpu import context
 from irrsplat.lighting.light_table import light_defines
@@ -80,8 +80,8 @@ def gather_pass(world: World, settings: Settings, capacity: int | None = None) -
     """
     how, surface = kind(world.ctx, world.scene, settings), settings.most_bounces > 1
     if how == "trace":
-        return TracePass(world, settings.gather_size, capacity, surface=surface)
-    return GatherPass(world, how, settings.gather_size, capacity, surface=surface)
+        return TraceGather(world, settings.gather_size, capacity, surface=surface)
+    return RasterGather(world, how, settings.gather_size, capacity, surface=surface)
 
 
 def machine(about: dict[str, Any]) -> str:
@@ -110,8 +110,8 @@ def race(ctx: moderngl.Context, scene: Scene, side: int) -> Times:
         world = stack.enter_context(World(ctx, scene))
         shadow, reduce = stack.enter_context(ShadowPass(ctx)), stack.enter_context(ReducePass(ctx, gradients=True))
         cache = stack.enter_context(RecordCache(ctx))
-        raster = stack.enter_context(GatherPass(world, "raster", side, _SITES))
-        trace = stack.enter_context(TracePass(world, side, _SITES))
+        raster = stack.enter_context(RasterGather(world, "raster", side, _SITES))
+        trace = stack.enter_context(TraceGather(world, side, _SITES))
         geometry = world.geometry
         light, sites = (
             HitLight(shadow(scene, geometry, _SHADOWS)),

@@ -25,12 +25,12 @@ from irrsplat.gpu.target import COLUMNS, Target, float_texture, table_texture
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.scene.meshlets import Meshlets
 
-FEW = 128  # triangles that one draw takes; on llvmpipe both ways cost about the same there
-_ROWS = 8  # of a view, as shaders/gather/views.glsl has them
+SINGLE_DRAW_TRIANGLES = 128  # triangles that one draw takes; on llvmpipe both ways cost about the same there
+_ROWS = 8  # of a view, as shaders/gather/raster_views.glsl has them
 _PAIRS = 1 << 21  # of faces and meshlets that are looked at together, at most: 16 MiB of those that are drawn
 
 
-class GatherPass(Gather):
+class RasterGather(Gather):
     """Draws what records see of the world's geometry: hemicubes ("raster") or planes ("plane") of `side` texels.
 
     capacity: how many records one call takes at most (default: what a 96 MiB atlas holds). surface: the light that it is called
@@ -62,15 +62,15 @@ class GatherPass(Gather):
         self.columns, self.capacity = atlas_grid(self.cell, capacity, int(ctx.info["GL_MAX_TEXTURE_SIZE"]))
         self.size = self.columns * self.cell[0], self.capacity // self.columns * self.cell[1]
         self.defines = {**light_defines(world.scene), "SURFACE": int(surface)}
-        self.few: Few | None = None  # either is made when it is first wanted
-        self.many: Many | None = None
+        self.single_draw: SingleDraw | None = None  # either is made when it is first wanted
+        self.meshlet_draw: MeshletDraw | None = None
         self.target: Target | None = None  # of the last call
         self.frames = float_texture(ctx, (self.capacity, 4))
         self.views = float_texture(ctx, (self.capacity, _ROWS * len(self.faces)))
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.table, self.edges, self.few, self.many, self.frames, self.views)
+        return (self.table, self.edges, self.single_draw, self.meshlet_draw, self.frames, self.views)
 
     def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
         """What records at `sites` (at most `capacity`) see; `numbers` (N,) are theirs in the cache."""
@@ -79,11 +79,11 @@ class GatherPass(Gather):
         self.frames.write(frame_rows(frame, sites, numbers).tobytes(), viewport=(0, 0, count, 4))
         rows = self._views(frame, eyes(sites, geometry.corners, self.offset))
         self.views.write(rows.reshape(-1, count, 4).astype("f4").tobytes(), viewport=(0, 0, count, _ROWS * len(self.faces)))
-        draw: Few | Many
-        if geometry.triangles <= FEW:
-            draw = self.few = self.few or Few(self.ctx, self.size, self.defines)
+        draw: SingleDraw | MeshletDraw
+        if geometry.triangles <= SINGLE_DRAW_TRIANGLES:
+            draw = self.single_draw = self.single_draw or SingleDraw(self.ctx, self.size, self.defines)
         else:
-            draw = self.many = self.many or Many(self.ctx, self.size, self.defines)
+            draw = self.meshlet_draw = self.meshlet_draw or MeshletDraw(self.ctx, self.size, self.defines)
         used = (0, 0, self.size[0], -(-count // self.columns) * self.cell[1])
         target = self.target = draw(geometry, light, Views(rows, self.views, used, self.offset))
         block = (self.side // 4, self.side // 4)
@@ -91,7 +91,8 @@ class GatherPass(Gather):
         return Atlas(radiance, planes, self.table, self.edges, self.frames, count, self.columns, self.cell, block)
 
     def _views(self, frame: np.ndarray, eye: np.ndarray) -> np.ndarray:
-        """(F, 8, N, 4) float64: the rows of shaders/gather/views.glsl, of records with these frames (N, 3, 3) and eyes (N, 3)."""
+        """(F, 8, N, 4) float64: the rows of shaders/gather/raster_views.glsl for records with these frames (N, 3, 3) and eyes
+        (N, 3)."""
         count = len(eye)
         rows = np.zeros((len(self.faces), _ROWS, count, 4))
         rows[:, :3, :, :3] = np.einsum("fij,njk->fink", self.faces, frame)
@@ -109,8 +110,11 @@ class GatherPass(Gather):
 
 @dataclass(frozen=True)
 class Views:
-    """What one call looks through: `rows` (F, 8, N, 4) of F faces of N records, as shaders/gather/views.glsl has them, and the
-    texture that holds them; the rectangle of the atlas that is `used`; near: the records' offset in metres."""
+    """The views of one call: F faces of N records.
+
+    rows: (F, 8, N, 4), as shaders/gather/raster_views.glsl reads them from `texture`. used: the rectangle of the atlas that they
+    fill, (x, y, width, height) texels. near: the records' offset above their surfaces, metres.
+    """
 
     rows: np.ndarray
     texture: moderngl.Texture
@@ -128,11 +132,11 @@ class Views:
         return self.rows.shape[0] * self.rows.shape[2]
 
 
-class Few(Owner):
+class SingleDraw(Owner):
     """One draw of all triangles in all views, into an atlas of `size` texels."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], defines: Mapping[str, int]) -> None:
-        self.program = Program(ctx, "gather/gather", defines={**defines, "MANY": 0})
+        self.program = Program(ctx, "gather/raster", defines={**defines, "MESHLETS": 0})
         self.target = Target(ctx, size, (4, 4), depth=True)
 
     def owned(self) -> tuple[Resource | None, ...]:
@@ -156,13 +160,13 @@ class Few(Owner):
         return self.target
 
 
-class Many(Owner):
+class MeshletDraw(Owner):
     """The same for many triangles: a draw for each meshlet, in the views that it may reach into."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], defines: Mapping[str, int]) -> None:
         self.ctx = ctx
-        self.marking = Program(ctx, "gather/gather_seen", "gather/gather", {"MANY": 1})
-        self.lighting = Program(ctx, "gather/gather_light", defines={**defines, "MANY": 0})
+        self.marking = Program(ctx, "gather/raster_triangle", "gather/raster", {"MESHLETS": 1})
+        self.lighting = Program(ctx, "gather/raster_shade", defines={**defines, "MESHLETS": 0})
         self.seen = Target(ctx, size, (1,), depth=True)
         self.target = Target(ctx, size, (4, 4))
         self.pairs: moderngl.Texture | None = None
@@ -172,7 +176,7 @@ class Many(Owner):
         return (self.marking, self.lighting, self.seen, self.target, self.pairs)
 
     def __call__(self, geometry: Geometry, light: HitLight, views: Views) -> Target:
-        """As Few's."""
+        """As SingleDraw's."""
         pieces, rows = geometry.pieces, views.rows
         self.seen.use(scissor=views.used)
         self.seen.gl.clear(viewport=views.used)

@@ -15,7 +15,16 @@ from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.settings import WIDE
 
-_SUMS = ("sums", "share", "sums_m_r", "sums_m_g", "sums_m_b", "sums_g_r", "sums_g_g", "sums_g_b")  # as reduce.frag has them
+_SUMS = (
+    "sums",
+    "share",
+    "sums_m_r",
+    "sums_m_g",
+    "sums_m_b",
+    "sums_g_r",
+    "sums_g_g",
+    "sums_g_b",
+)  # as reduce_blocks.frag has them
 
 
 class ReducePass(Owner):
@@ -25,7 +34,7 @@ class ReducePass(Owner):
         self.ctx = ctx
         defines = {"GRADIENTS": int(gradients)}
         self.components = (4, 2, 4, 4, 4, 4, 4, 4) if gradients else (4, 2)
-        self.blocks = Program(ctx, "gather/reduce", "lib/fullscreen", defines)
+        self.blocks = Program(ctx, "gather/reduce_blocks", "lib/fullscreen", defines)
         self.total = Program(ctx, "gather/reduce_total", defines=defines | {"WIDE": WIDE})
         self.target: Target | None = None
         self.out: Target | None = None  # the cache's own textures

@@ -19,7 +19,7 @@ from irrsplat.gpu.target import Target, float_texture, table_texture
 from irrsplat.lighting.light_table import light_defines
 
 
-class TracePass(Gather):
+class TraceGather(Gather):
     """Traces side² rays a record through the world's tree.
 
     capacity: how many records one call takes at most (default: what a 96 MiB atlas holds). surface: the light that it is called

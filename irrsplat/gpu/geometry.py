@@ -41,7 +41,7 @@ class Pieces(Owner):
 
     @property
     def uniforms(self) -> dict[str, Any]:
-        """The uniforms with which shaders/gather/gather_light.frag finds what is seen."""
+        """The uniforms with which shaders/gather/raster_shade.frag finds what is seen."""
         return {"triangle_table": self.corners, "vertex_table": self.looks}
 
     def owned(self) -> tuple[Resource, ...]:

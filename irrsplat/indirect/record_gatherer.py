@@ -289,7 +289,7 @@ class RecordGatherer(Owner):
         return 1.0 if self.surface is None or not self._basis.wants_surface else self.surface.share
 
     def surface_at(self, gbuffer: GBuffer) -> moderngl.Texture | None:
-        """What the surface cache says of every pixel, as SurfacePass has it; None where there is none (yet)."""
+        """What the surface cache says of every pixel, as SurfaceViewPass has it; None where there is none (yet)."""
         surface = self.surface
         if surface is None or surface.result is None or not self._basis.wants_surface:
             return None

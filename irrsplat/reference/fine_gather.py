@@ -9,9 +9,9 @@ import numpy as np
 
 from irrsplat.core.buffers import HitLight, Sites
 from irrsplat.gather.look import Gather, gather_records
-from irrsplat.gather.raster import GatherPass
+from irrsplat.gather.raster import RasterGather
 from irrsplat.gather.reduce import ReducePass
-from irrsplat.gather.trace import TracePass
+from irrsplat.gather.trace import TraceGather
 from irrsplat.gather.world import World
 from irrsplat.indirect.paper_scan import Seen
 from irrsplat.lighting.shadow_maps import ShadowPass
@@ -64,8 +64,8 @@ def gather(world: World, seen: Seen, shadow_size: int, count: int = 500, seconds
 
 def _fine(world: World) -> Gather:
     if rasters(world.scene):
-        return GatherPass(world, "raster", SIDE, capacity=_BATCH)
-    return TracePass(world, SIDE, capacity=_BATCH)
+        return RasterGather(world, "raster", SIDE, capacity=_BATCH)
+    return TraceGather(world, SIDE, capacity=_BATCH)
 
 
 def rasters(scene: Scene) -> bool:

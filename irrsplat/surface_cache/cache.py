@@ -17,7 +17,7 @@ from irrsplat.gather.hemicube import frames
 from irrsplat.gather.look import gather_records
 from irrsplat.gather.record_frame import OFFSET
 from irrsplat.gather.reduce import ReducePass
-from irrsplat.gather.trace import TracePass
+from irrsplat.gather.trace import TraceGather
 from irrsplat.gather.world import World
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.time_budget import Budget, Pace
@@ -30,8 +30,8 @@ from irrsplat.surface_cache import clustering
 from irrsplat.surface_cache.lookup_table import Lookup
 from irrsplat.surface_cache.tessellation import Lattice, lattice
 from irrsplat.surface_cache.transport import Bounced, Transport, bounces
-from irrsplat.surface_cache.view import SurfacePass
-from irrsplat.surface_cache.visibility import SightPass
+from irrsplat.surface_cache.view import SurfaceViewPass
+from irrsplat.surface_cache.visibility import VisibilityPass
 
 POINTS = 2000  # of a side of all surfaces, about
 SIDE = 16  # side² rays a site
@@ -39,7 +39,7 @@ MOST = 4096  # sites
 _ROUNDS = 4  # in which members that do not see their site find others
 _BATCH = 128  # sites gathered at once, at most
 _SKY, _DARK = 0, 1  # the numbers of the values of all that sees nothing but the sky, and of what no light reaches
-_ANY = 3  # as shaders/surface_cache/surface_cache.glsl has it
+_ANY = 3  # as shaders/surface_cache/lookup.glsl has it
 _CHANCES = 4  # sites that a member tries of those that face otherwise
 _FIRST = 0.6  # of MOST: sites at first, before those are made that members who do not see theirs need
 _VOXEL = 0.7  # of the spacing: how near members of one site lie
@@ -54,11 +54,11 @@ class SurfaceCache(Owner):
         self.ctx, self.scene, self.settings, self.timers = ctx, scene, settings, timers
         self.world, self.tree = world, world.tree
         self.offset = OFFSET * scene.diagonal
-        self.sight = SightPass(ctx)
+        self.sight = VisibilityPass(ctx)
         self.look = self._look()
         self.reduce = ReducePass(ctx, gradients=False)
         self.records = RecordCache(ctx)  # one for each value, in their order
-        self.seen = SurfacePass(ctx)
+        self.seen = SurfaceViewPass(ctx)
         self.pace = Pace(ctx)
         self.result: Bounced | None = None  # what the values hold
         self.whole = False  # whether that is what settings and lights ask for
@@ -77,11 +77,11 @@ class SurfaceCache(Owner):
         """What this frees."""
         return (self.sight, self.look, self.reduce, self.records, self.seen, self.lookup, self.making)
 
-    def _look(self) -> TracePass:
-        return TracePass(self.world, SIDE, _BATCH, surface=True, hits=True)
+    def _look(self) -> TraceGather:
+        return TraceGather(self.world, SIDE, _BATCH, surface=True, hits=True)
 
     def uniforms(self, lookup: Lookup | None = None) -> dict[TriangleOrder, dict[str, Any]]:
-        """The uniforms of surface_cache/surface_cache.glsl and lib/bvh.glsl, for triangles numbered either way."""
+        """The uniforms of surface_cache/lookup.glsl and lib/bvh.glsl, for triangles numbered either way."""
         common = {**self.tree.ray_uniforms, "surface_offset": self.offset}
         orders: tuple[TriangleOrder, ...] = ("scene", "tree")
         return {order: {**common, **(lookup or self.lookup).uniforms(order)} for order in orders}
@@ -99,7 +99,7 @@ class SurfaceCache(Owner):
         return 0.5 + 0.49 * (1.0 - len(self.records.stale) / self.records.count)
 
     def view(self, gbuffer: GBuffer) -> moderngl.Texture:
-        """What the cache says of every pixel, as SurfacePass has it; valid until the next call."""
+        """What the cache says of every pixel, as SurfaceViewPass has it; valid until the next call."""
         if self._viewed is None or self._viewed[0] is not gbuffer or self._viewed[1] is not self.result:
             self._viewed = gbuffer, self.result, self.seen(gbuffer, self.uniforms()["scene"])
         return self._viewed[2]
@@ -224,7 +224,7 @@ class SurfaceCache(Owner):
         return value, sites
 
     def _cells(self, cut: Lattice, some: clustering.Members, value: np.ndarray) -> Any:
-        """(C, 2, 4) the table of cells, as surface_cache.glsl has it: numbers of values, and which corners do not see each other,
+        """(C, 2, 4) the table of cells, as lookup.glsl has it: numbers of values, and which corners do not see each other,
         because something stands on the cell. A generator that returns it."""
         table = np.zeros((cut.cells, 2, 4), np.float32)
         for side, cells in enumerate(table.swapaxes(0, 1)):

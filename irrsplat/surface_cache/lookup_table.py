@@ -13,7 +13,7 @@ from irrsplat.gpu.target import COLUMNS, listed, table_texture
 
 
 class Lookup(Owner):
-    """As shaders/surface_cache/surface_cache.glsl has them, on the GPU.
+    """As shaders/surface_cache/lookup.glsl has them, on the GPU.
 
     rows: (F, 3, 4) of the triangles, as Lattice.table has them. cells: (C, 2, 4), the numbers of values at cells' corners on
     either side. most: values. order: (F,) the triangles as the tree of rays counts them.

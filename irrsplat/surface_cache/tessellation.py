@@ -20,7 +20,7 @@ class Lattice:
 
     table: (F, 3, 4) float32 for the shader: a triangle's first corner and its number of steps n, then its edges to the second
     and the third corner, with the number of its first cell behind the second.
-    corners: (C, 3) numbers of the points that are a cell's corners, in the order of its weights (see surface_cache.glsl).
+    corners: (C, 3) numbers of the points that are a cell's corners, in the order of its weights (see surface_cache/lookup.glsl).
     A point belongs to one cell; one so small that its corners need no difference has one point for all three.
     position: (P, 3) of the points, moved by `inset` metres into their cells, so that a point on the edge of a wall sees the wall.
     normal: (P, 3) shading normals and geometric: (P, 3) those of the triangles, unit, both on the side that the winding tells.

@@ -18,7 +18,7 @@ class Transport:
         self.matrix = np.zeros((3, sites, sites), np.float32)
 
     def fill(self, rows: np.ndarray, share: np.ndarray, hits: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
-        """Rows (N,) from what their rays hit, as TracePass.hits has it: sites and weights (N, R, 3), reflectance (N, R, 3).
+        """Rows (N,) from what their rays hit, as TraceGather.hits has it: sites and weights (N, R, 3), reflectance (N, R, 3).
 
         share: (N, R) cosθ·dω of each ray; a hit that receives E sends out ρ/π·E.
         """

@@ -13,12 +13,12 @@ from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 
 
-class SurfacePass(Owner):
+class SurfaceViewPass(Owner):
     """Looks the surface cache up at pixels."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
-        self.program = Program(ctx, "surface_cache/surface", "lib/fullscreen")
+        self.program = Program(ctx, "surface_cache/view", "lib/fullscreen")
         self.target: Target | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:

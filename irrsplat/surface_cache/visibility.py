@@ -15,13 +15,13 @@ from irrsplat.gpu.target import COLUMNS, Target, float_texture, listed
 _LINES = 16  # of pairs in a batch
 
 
-class SightPass(Owner):
+class VisibilityPass(Owner):
     """Tests `capacity` ways at once."""
 
     capacity = COLUMNS * _LINES
 
     def __init__(self, ctx: moderngl.Context) -> None:
-        self.program = Program(ctx, "surface_cache/sight", "lib/fullscreen")
+        self.program = Program(ctx, "surface_cache/visibility", "lib/fullscreen")
         self.ways = float_texture(ctx, (3 * COLUMNS, _LINES))
         self.target = Target(ctx, (COLUMNS, _LINES), (1,))
 

@@ -4,7 +4,7 @@
 #include "lib/normals.glsl"
 #include "lib/bvh.glsl"
 #if SURFACE
-#include "surface_cache/surface_cache.glsl"
+#include "surface_cache/lookup.glsl"
 #endif
 
 uniform sampler2D looks;     // three texels a vertex, in rows of 1024 of them: shading normal, albedo, emission

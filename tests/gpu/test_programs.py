@@ -10,9 +10,9 @@ import pytest
 
 from irrsplat import Renderer
 from irrsplat.core import paths
-from irrsplat.gather.raster import Few, Many
+from irrsplat.gather.raster import MeshletDraw, SingleDraw
 from irrsplat.gather.reduce import ReducePass
-from irrsplat.gather.trace import TracePass
+from irrsplat.gather.trace import TraceGather
 from irrsplat.gpu import program, shader_source
 from irrsplat.gpu.program import Program, programs_of
 from irrsplat.gpu.resource import Owner
@@ -29,8 +29,8 @@ from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.records.adaptive_radius import AdaptPass
 from irrsplat.records.coverage_pass import RankPass
 from irrsplat.scene.model import Light
-from irrsplat.surface_cache.view import SurfacePass
-from irrsplat.surface_cache.visibility import SightPass
+from irrsplat.surface_cache.view import SurfaceViewPass
+from irrsplat.surface_cache.visibility import VisibilityPass
 from tests.gather.test_analytic import LIGHTS
 from tests.renderer.test_renderer import FAST, SIZE, room
 from tests.support.worlds import Lit, floor, scene
@@ -43,9 +43,9 @@ KINDS: dict[str, tuple[Light, ...]] = {
 
 LIT = {
     "lighting/direct",
-    "gather/gather",
-    "gather/gather_seen",
-    "gather/gather_light",
+    "gather/raster",
+    "gather/raster_triangle",
+    "gather/raster_shade",
     "gather/trace",
 }  # stages whose shaders go by the lights
 
@@ -56,10 +56,10 @@ def lit(ctx: moderngl.Context, lights: tuple[Light, ...]) -> Iterator[Owner]:
     defines = light_defines(world.scene)
     yield DirectPass(ctx, SIZE, defines)
     for surface in (False, True):
-        for gather in (Few, Many):
+        for gather in (SingleDraw, MeshletDraw):
             yield gather(ctx, SIZE, {**defines, "SURFACE": int(surface)})
-        yield TracePass(world, 8, 1, surface=surface)
-    yield TracePass(world, 8, 1, surface=True, hits=True)
+        yield TraceGather(world, 8, 1, surface=surface)
+    yield TraceGather(world, 8, 1, surface=True, hits=True)
 
 
 def unlit(ctx: moderngl.Context) -> Iterator[Owner]:
@@ -70,7 +70,7 @@ def unlit(ctx: moderngl.Context) -> Iterator[Owner]:
         yield RankPass(ctx, gradients)
         for neighbours in (False, True):
             yield AdaptPass(ctx, gradients, neighbours)
-    for kind in (ShadowPass, SightPass, SurfacePass):
+    for kind in (ShadowPass, VisibilityPass, SurfaceViewPass):
         yield kind(ctx)
     for kind in (GBufferPass, ExaminePass, CompositePass, MeanPass, UpsamplePass):
         yield kind(ctx, SIZE)

@@ -9,7 +9,7 @@ import pytest
 from irrsplat.core.buffers import Atlas, Sites
 from irrsplat.gather import raster
 from irrsplat.gather.hemicube import faces, frames
-from irrsplat.gather.raster import GatherPass
+from irrsplat.gather.raster import RasterGather
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.scene import load, meshlets
 from irrsplat.scene.flatten import flatten
@@ -80,7 +80,7 @@ class Look:
         self.scene: Scene = load(name)
         self.lit = Lit(ctx, self.scene, 64)
         self.geometry = self.lit.geometry
-        self.gather = GatherPass(self.lit.world, kind, 16)
+        self.gather = RasterGather(self.lit.world, kind, 16)
         corners = self.geometry.corners[:: max(self.geometry.triangles // 20, 1)].astype(float)
         normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
@@ -121,9 +121,9 @@ def test_both_ways_of_drawing_agree(ctx: moderngl.Context, monkeypatch: pytest.M
     otherwise. Where two surfaces are equally far within the depth buffer's steps, either may be seen."""
     look = Look(ctx, "curved")
     many = look()
-    monkeypatch.setattr(raster, "FEW", 10**6)
+    monkeypatch.setattr(raster, "SINGLE_DRAW_TRIANGLES", 10**6)
     few = look()
-    assert look.gather.few is not None and look.gather.many is not None
+    assert look.gather.single_draw is not None and look.gather.meshlet_draw is not None
     same = (many[1] == few[1]).all(-1)
     assert same.mean() > 0.999
     assert np.array_equal(many[0][same, 3], few[0][same, 3])

@@ -19,7 +19,7 @@ from irrsplat.surface_cache import cache as surface
 from irrsplat.surface_cache import clustering
 from irrsplat.surface_cache.cache import SurfaceCache
 from irrsplat.surface_cache.tessellation import Lattice, lattice, steps
-from irrsplat.surface_cache.visibility import SightPass
+from irrsplat.surface_cache.visibility import VisibilityPass
 from tests.renderer.test_renderer import FAST
 from tests.support.worlds import assert_pictures, box, floor, gather, lamp, material, quad, scene, sites, sphere
 
@@ -118,7 +118,7 @@ def test_what_sees_nothing_of_the_scene() -> None:
 
 def test_what_stands_in_the_way(ctx: moderngl.Context) -> None:
     """Straight ways past a wall and through it; over a ball by the tangents; round by a corner of one's own."""
-    tree, sight = BvhTable(ctx, *flatten(scene(quad((0, 0, -1), (0, 0, 2), (0, 1, 0))))[:2]), SightPass(ctx)
+    tree, sight = BvhTable(ctx, *flatten(scene(quad((0, 0, -1), (0, 0, 2), (0, 1, 0))))[:2]), VisibilityPass(ctx)
     a, b = np.array([-0.5, 0.5, 0.0]), np.array([0.5, 0.5, 0.0])
     ways = np.array([[a, (a + b) / 2, b], [a, (0, 1.2, 0), b], [a, (-0.1, 0.5, 0), a], [a, a, a]])
     assert sight(tree.ray_uniforms, ways.astype("f4")).tolist() == [False, True, True, True]

@@ -14,7 +14,7 @@ from irrsplat.app.viewer.show import record_inspector
 from irrsplat.app.viewer.show.record_inspector import RecordInspector, Table
 from irrsplat.app.viewer.show.screen import Texels
 from irrsplat.core.buffers import HitLight
-from irrsplat.gather.raster import GatherPass
+from irrsplat.gather.raster import RasterGather
 from irrsplat.gpu import context
 from irrsplat.image.tonemap import tonemap
 from irrsplat.image.view import View, read
@@ -154,7 +154,7 @@ def test_a_record_that_is_gathered_again_is_the_same(cornell: Cornell, ctx: mode
         seen_by = renderer.world, HitLight(renderer.shadows)
         texture = looker.hemisphere(number, where, *seen_by, settings=renderer.settings, exposure=1.0)
         gather = looker.gather_pass
-        assert isinstance(gather, GatherPass) and gather.target is not None
+        assert isinstance(gather, RasterGather) and gather.target is not None
         seen = gather.target.read()[::-1, :, :3]
         assert np.einsum("ij,ijc->c", gather.share, seen) == pytest.approx(table.irradiance[number], rel=1e-3)
         assert np.abs(picture(texture) - tonemap(seen, 1.0)).max() <= 0.6 / 255.0

@@ -1,7 +1,7 @@
-// The same as gather.frag where it is known which triangle each texel sees: one that many hide behind is lit alone.
-#include "gather/texel.glsl"
+// The same as raster.frag where it is known which triangle each texel sees: one that many hide behind is lit alone.
+#include "gather/raster_texel.glsl"
 
-uniform sampler2D seen;            // the triangle that each texel of the atlas sees, as gather_seen.frag has it
+uniform sampler2D seen;            // the triangle that each texel of the atlas sees, as raster_triangle.frag has it
 uniform sampler2D triangle_table;  // a texel a triangle, in rows of 1024: its corners' numbers, and its own in the scene
 uniform sampler2D vertex_table;    // three texels a vertex, in rows of 1024 of them: position, normal, albedo, emission
 

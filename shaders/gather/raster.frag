@@ -1,5 +1,5 @@
 // Radiance that leaves the surface towards the record, drawn as the scene is: whatever is in front comes last.
-#include "gather/texel.glsl"
+#include "gather/raster_texel.glsl"
 
 in vec3 v_normal;
 in vec3 v_albedo;

@@ -1,6 +1,6 @@
 // What the surface cache says of every pixel.
 #include "lib/octahedral.glsl"
-#include "surface_cache/surface_cache.glsl"
+#include "surface_cache/lookup.glsl"
 
 uniform sampler2D position;  // g-buffer
 uniform sampler2D normal;

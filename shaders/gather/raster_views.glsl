@@ -16,8 +16,8 @@ vec4 view_row(ivec2 record_and_face, int row)
     return texelFetch(views, record_and_face * ivec2(1, VIEW_ROWS) + ivec2(0, row), 0);
 }
 
-#if !MANY
-flat out vec2 v_centre;  // as gather/texel.glsl takes them
+#if !MESHLETS
+flat out vec2 v_centre;  // as gather/raster_texel.glsl takes them
 flat out vec3 v_eye;
 flat out vec3 v_right;
 flat out vec3 v_up;

@@ -1,9 +1,9 @@
-// The scene as many records see it at once: an instance is one face of one record, drawn into its own cell of an atlas. Where MANY
+// The scene as many records see it at once: an instance is one face of one record, drawn into its own cell of an atlas. Where MESHLETS
 // triangles are drawn, it is one meshlet in such a face, and it is only marked which triangle is seen.
-#include "gather/views.glsl"
+#include "gather/raster_views.glsl"
 
 in vec3 in_position;
-#if MANY
+#if MESHLETS
 uniform sampler2D pairs;  // in rows of 1024: which record, and which face of it, an instance is for
 uniform ivec2 piece;      // the meshlet's first pair, and its first triangle
 #else
@@ -23,7 +23,7 @@ out float gl_ClipDistance[5];
 
 void main()
 {
-#if MANY
+#if MESHLETS
     int pair = piece.x + gl_InstanceID;
     ivec2 at = ivec2(texelFetch(pairs, ivec2(pair & 1023, pair >> 10), 0).xy);
 #else

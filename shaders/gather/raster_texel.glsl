@@ -3,7 +3,7 @@
 #include "lighting/lights.glsl"
 #include "lib/surface.glsl"
 #if SURFACE
-#include "surface_cache/surface_cache.glsl"
+#include "surface_cache/lookup.glsl"
 #endif
 
 uniform float near;  // metres
