@@ -168,8 +168,13 @@ class Renderer(Owner):
 
     @property
     def shadows(self) -> ShadowMaps | None:
-        """The shadow maps of the present lights; None before they are drawn."""
-        return self._memo.current("shadows", ShadowMaps)
+        """The shadow maps of the scene as it is now; None before they are drawn."""
+        current = self._memo.holds("shadows", self._shadow_inputs)
+        return self._memo.current("shadows", ShadowMaps) if current else None
+
+    @property
+    def _shadow_inputs(self) -> tuple[object, ...]:
+        return self.scene.lights, self.scene.meshes, self.settings.shadow_size
 
     @property
     def gbuffer(self) -> GBuffer | None:
@@ -299,7 +304,7 @@ class Renderer(Owner):
             with self.timers("shadow"):
                 return self.shadow_pass(scene, self.world.geometry, side)
 
-        return self._memo.get("shadows", (scene.lights, scene.meshes, side), draw)
+        return self._memo.get("shadows", self._shadow_inputs, draw)
 
     def draw_gbuffer(self, camera: Camera) -> GBuffer:
         """What `camera` sees: by the camera, the meshes and the size."""

@@ -212,7 +212,8 @@ class Session(Owner):
         served = self.markers.serves(screen, view, records, number, settings=settings, region=region)
         site = renderer.cache.sites(slice(number, number + 1))
         world, light = renderer.world, renderer.scheduler.gatherer.light(renderer.shadows)
-        picture = self.inspector.hemisphere(number, site, world, light, settings=settings, exposure=self.exposure)
+        gathered_by = renderer.scheduler.settings  # without bounces the last that had some
+        picture = self.inspector.hemisphere(number, site, world, light, settings=gathered_by, exposure=self.exposure)
         return record_inspector.InspectedRecord(
             number, side, record_inspector.describe(number, table, view, settings), picture, served
         )

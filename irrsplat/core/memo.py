@@ -37,6 +37,10 @@ class Memo:
         _, found = self._made.get(stage, (None, None))
         return found if isinstance(found, kind) else None
 
+    def holds(self, stage: str, inputs: object) -> bool:
+        """Whether the stage has a result, made of these inputs."""
+        return stage in self._made and self._made[stage][0] == inputs
+
     def forget(self, *, but: tuple[str, ...] = ()) -> None:
         """Make everything anew when it is wanted next, `but` for these stages."""
         self._made = {stage: made for stage, made in self._made.items() if stage in but}

@@ -45,10 +45,14 @@ class World(Owner):
         """Go on with the same meshes, lit otherwise or elsewhere; where they have moved, the triangles are uploaded again and the
         tree is built anew."""
         if self._uploaded is not scene.meshes:
-            self._uploaded = None
             vertices, faces, _ = flatten(scene)
+            before, self._uploaded = self._uploaded, None
+            try:
+                if self._tree is not None:
+                    self._tree.update(vertices, faces)
+            except Exception:  # it is as it was; only an interruption may come after that
+                self._uploaded = before
+                raise
             self.geometry.update(vertices, faces)
-            if self._tree is not None:
-                self._tree.update(vertices, faces)
             self._uploaded = scene.meshes
         self._scene = scene

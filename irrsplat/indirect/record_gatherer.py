@@ -103,7 +103,9 @@ class RecordGatherer(Owner):
     @property
     def gather_pass(self) -> Gather:
         """How a record sees the world; the paper's algorithm gathers one at a time."""
-        basis = self._basis
+        return self._gather_of(self._basis)
+
+    def _gather_of(self, basis: Basis) -> Gather:
         one = 1 if basis.settings.placement == "scan" else None
         inputs = *basis.way, basis.lights, one
         return self._made.get("gather", inputs, lambda: autotune.gather_pass(self.world, basis.settings, capacity=one))
@@ -112,8 +114,8 @@ class RecordGatherer(Owner):
     def probes(self) -> Probes:
         """A rough look from records, to find out which of them a change concerns."""
         basis = self._basis
-        settings = replace(basis.settings, gather_size=SIDE)
-        inputs = basis.wants_surface, basis.lights, settings.gather
+        settings = replace(basis.settings, gather=basis.kind, gather_size=SIDE)  # as records are gathered
+        inputs = basis.wants_surface, basis.lights, basis.kind
         return self._made.get("probes", inputs, lambda: Probes(autotune.gather_pass(self.world, settings, MOST)))
 
     @property
@@ -144,41 +146,53 @@ class RecordGatherer(Owner):
     def follow(self, settings: Settings, scene: Scene, shadows: ShadowMaps | None) -> np.ndarray | None:
         """Go on with other settings and another state of the scene, as RecordScheduler.follow has it.
 
-        Returns the numbers of the records that are kept, None for all. A change that is interrupted halfway forgets all records,
-        and what was made for them.
+        Returns the numbers of the records that are kept, None for all. A change that fails, for want of memory say, leaves all as
+        it was; one that is interrupted while records are being changed forgets them all.
         """
         old, cache = self._basis, self.cache
         settings = settings if settings.most_bounces else replace(settings, bounces=old.settings.bounces)
         change = SceneChange.between(old.scene, scene)
         if settings == old.settings and not change and self.world.shows(scene):
             return None
-        kind = autotune.kind(self.ctx, scene, settings)
-        new, kept = replace(old, scene=scene, settings=settings, kind=kind), None
+        new = replace(old, scene=scene, settings=settings, kind=autotune.kind(self.ctx, scene, settings))
+        # first what may fail
+        if change.moved and shadows is not None and not old.moved:  # a last look at what was there before
+            unknown = np.flatnonzero(cache.probes[:, 3] == 0.0)
+            cache.probes[unknown] = self._probe(shadows, unknown)
         try:
-            if change.moved and shadows is not None and not old.moved:  # a last look at what was there before
-                unknown = np.flatnonzero(cache.probes[:, 3] == 0.0)
-                cache.probes[unknown] = self._probe(shadows, unknown)
-            if _places(old.settings) != _places(settings):
-                cache.truncate(0)
-            if change.moved:
-                kept = cache.follow(old.scene, scene)
-                cache.keep(kept)
-                new = replace(new, moved=True, resumed=None)
             self.world.set_scene(scene)
-            surface = self._made.find("surface", SurfaceCache)
-            if surface is not None:
-                surface.change(settings)
-            gathered = old.way != new.way
-            if gathered or old.lights != new.lights or old.settings.placement != settings.placement:
-                self.atlas = None  # its gather is made anew
-            more = settings.gradients and not old.settings.gradients  # records gathered without them have none
-            if gathered or more or change.relit or old.settings.shadow_size != settings.shadow_size:
-                cache.expire()
-                new = replace(new, resumed=None)
+            self._gather_of(new)
+        except BaseException:
+            self.world.set_scene(old.scene)
+            raise
+        try:
+            kept = self._follow_records(old, new, change)
         except BaseException:
             cache.truncate(0)
             self._made.clear()
+            self._basis = new
             raise
+        return kept
+
+    def _follow_records(self, old: Basis, new: Basis, change: SceneChange) -> np.ndarray | None:
+        """Change the records and the surface cache as the scene and the settings do; the numbers of those kept, None for all."""
+        cache, kept, was, settings = self.cache, None, old.settings, new.settings
+        if _places(was) != _places(settings):
+            cache.truncate(0)
+        if change.moved:
+            kept = cache.follow(old.scene, new.scene)
+            cache.keep(kept)
+            new = replace(new, moved=True, resumed=None)
+        surface = self._made.find("surface", SurfaceCache)
+        if surface is not None:
+            surface.change(settings)
+        gathered = old.way != new.way
+        if gathered or old.lights != new.lights or was.placement != settings.placement:
+            self.atlas = None  # its gather is gone
+        more = settings.gradients and not was.gradients  # records gathered without them have none
+        if gathered or more or change.relit or was.shadow_size != settings.shadow_size:
+            cache.expire()
+            new = replace(new, resumed=None)
         self._basis = new
         return kept
 
