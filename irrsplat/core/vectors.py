@@ -1,4 +1,4 @@
-"""Vectors in rows: products with a matrix that do not overflow, and unit length."""
+"""Rows of vectors: a product with a matrix that is reproducible to the bit, and unit length without overflow."""
 
 from __future__ import annotations
 
@@ -6,13 +6,17 @@ import numpy as np
 
 
 def times(vectors: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    """Each row of vectors (N, 3) turned by matrix (3, 3), to the same bits wherever the row stands (a BLAS promises less)."""
-    return vectors[:, :1] * matrix[:, 0] + vectors[:, 1:2] * matrix[:, 1] + vectors[:, 2:] * matrix[:, 2]
+    """Each row of vectors (N, 3) multiplied by the transpose of matrix (3, 3): (N, 3).
+
+    A row's result does not depend, to the last bit, on which rows stand around it; `@` (BLAS) does not promise that.
+    """
+    turned: np.ndarray = vectors[:, :1] * matrix[:, 0] + vectors[:, 1:2] * matrix[:, 1] + vectors[:, 2:] * matrix[:, 2]
+    return turned
 
 
 def unit(vectors: np.ndarray) -> np.ndarray:
     """Each row scaled to length 1; rows of zeros stay zeros."""
     largest = np.abs(vectors).max(axis=1, keepdims=True, initial=0.0)
-    scaled = vectors / np.where(largest > 0.0, largest, 1.0)  # so that the squares of tiny ones don't vanish
+    scaled = vectors / np.where(largest > 0.0, largest, 1.0)  # so that squares of tiny components do not underflow
     length = np.linalg.norm(scaled, axis=1, keepdims=True)
     return scaled / np.where(length > 0.0, length, 1.0)

@@ -168,7 +168,7 @@ class Program:
             over = state.blend == "over"
             ctx.blend_func = (moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA) if over else (moderngl.ONE, moderngl.ONE)
         ctx.wireframe = state.wire
-        ctx.polygon_offset = state.push  # type: ignore[assignment]
+        ctx.polygon_offset = state.push
         ctx.front_face = "ccw"  # gl_FrontFacing goes by it
         if state.cull:
             ctx.cull_face = state.cull

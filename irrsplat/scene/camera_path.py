@@ -135,17 +135,19 @@ def _view(around: list[Camera], w: np.ndarray, t: float) -> np.ndarray:
     right = around[1].axes[0]
     side = right if half @ right >= 0.0 else -right
     view = w @ views + 16.0 * (t * (1.0 - t)) ** 2 * swing * side
-    return view / np.linalg.norm(view)
+    direction: np.ndarray = view / np.linalg.norm(view)
+    return direction
 
 
 def _up(around: list[Camera], w: np.ndarray, t: float, view: np.ndarray) -> np.ndarray:
     """(3,): the interpolated up vector; where that is parallel to `view`, or nearly, the nearer key's, turned along with it."""
-    up = w @ np.array([np.divide(key.up, np.linalg.norm(key.up)) for key in around])
+    up: np.ndarray = w @ np.array([np.divide(key.up, np.linalg.norm(key.up)) for key in around])
     if np.linalg.norm(np.cross(view, up)) > _LEVEL:
         return up
     key = around[1] if t < 0.5 else around[2]
     ahead, up = -key.axes[2], key.axes[1]
-    return up - (up @ view) / (1.0 + ahead @ view) * (ahead + view)  # by the least turn that takes ahead to view
+    level: np.ndarray = up - (up @ view) / (1.0 + ahead @ view) * (ahead + view)  # by the least turn that takes ahead to view
+    return level
 
 
 def _triple(values: Sequence[float] | np.ndarray) -> tuple[float, float, float]:

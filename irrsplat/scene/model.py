@@ -19,9 +19,9 @@ class Material:
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False)  # compared by identity: arrays have no single answer to ==, and a moved mesh is a new one
 class Mesh:
-    """Triangles in world space; a mesh is equal to nothing but itself.
+    """Triangles in world space; each mesh is equal only to itself.
 
     positions: (V, 3) float32, metres. normals: (V, 3) float32, unit shading normals. faces: (F, 3) int32.
     colors: (V, 3) float32 linear reflectance that replaces material.albedo, or None.

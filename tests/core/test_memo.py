@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from irrsplat.core.memo import Memo
+from irrsplat.scene.model import Mesh, Scene
 
 
 def test_a_result_holds_until_its_inputs_differ() -> None:
@@ -41,3 +45,12 @@ def test_a_stage_that_was_interrupted_is_not_current(error: type[BaseException])
         memo.get("stage", 2, interrupted)
     assert memo.current("stage", str) is None
     assert memo.get("stage", 1, lambda: "made anew") == "made anew"
+
+
+def test_meshes_and_bundles_of_handles_are_inputs_by_identity() -> None:
+    """Arrays have no single answer to ==; a mesh, and what holds meshes, compares without asking them."""
+    triangle = Mesh(np.eye(3, dtype="f4"), np.eye(3, dtype="f4"), np.array([[0, 1, 2]]))
+    scene, memo = Scene((triangle,), (), ()), Memo()
+    first = memo.get("stage", (scene, 1), object)
+    assert memo.get("stage", (Scene((triangle,), (), ()), 1), object) is first
+    assert memo.get("stage", (replace(scene, meshes=(replace(triangle),)), 1), object) is not first

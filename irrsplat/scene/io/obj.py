@@ -58,7 +58,7 @@ class _Lines:
         mark[self.end[which]] -= 1  # a line ends before the next begins: its newline is left out, so put one back
         mask = np.cumsum(mark[:-1], dtype=np.int8).astype(bool)
         mask[np.minimum(self.end[which], len(self.data) - 1)] = True
-        return np.frombuffer(self.data, np.uint8)[mask].tobytes()
+        return bytes(np.frombuffer(self.data, np.uint8)[mask])
 
     def fail(self, line: int | np.integer, message: str) -> NoReturn:
         """Raises InputError at the `line`-th of these lines; a continued line (its break is a \\v) counts as several."""
