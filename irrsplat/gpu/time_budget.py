@@ -1,4 +1,4 @@
-"""A tick's time: how much of it is left, and how much work fits into it."""
+"""The time of one tick of the viewer: how much of it is left, and how much GPU work fits into it."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from collections.abc import Iterator
 import moderngl
 import numpy as np
 
-_SHARE = 0.2  # of a tick that gathering may take in any case, so that the picture refines however slow the rest is
-_STEP = 64  # things in a tick's first batch at most; one after it has four times as many as the one before, and these
-_FORGET = 0.7  # how much an older batch counts of what the one after it does
-_ALIKE = 0.05  # variance of the sizes of batches over their mean square, at which they tell as much as was known before
-_LEAST = 0.1  # of the mean cost of a thing: what another one in the same batch costs at least
-_CURIOUS = 0.1  # of the part that a batch costs by itself: by how much it is taken for greater after one like those before it
+_GATHER_SHARE = 0.2  # of a tick: gathering may take that much in any case, so that the picture refines however slow the rest is
+_FIRST_STEP = 64  # items: the largest first batch of a tick; each further one may be this plus four times the one before
+_DECAY = 0.7  # weight of a measured batch relative to the one after it
+_PRIOR_VARIANCE = 0.05  # relative variance of batch sizes at which new measurements weigh as much as the present estimate
+_LEAST_MARGINAL_COST = 0.1  # of an item's mean cost: the least that one more item in the same batch is taken to cost
+_EXPLORE = 0.1  # relative growth of the estimated overhead while all batches have the same size
 
 
 class Budget:
@@ -30,66 +30,68 @@ class Budget:
 
     @property
     def left(self) -> float:
-        """Seconds to the end; below 0 after it."""
+        """Seconds to the end; negative after it."""
         return self.end - time.perf_counter()
 
     def part(self, share: float, reserve: float) -> Budget:
-        """This `share` of what is left once `reserve` seconds are kept back, but at least _SHARE of the whole tick."""
+        """A budget of `share` of what is left after keeping `reserve` seconds back, but at least 20 % of the whole tick."""
         if self.seconds is None:
             return self
-        return Budget(max(share * (self.left - reserve), _SHARE * self.seconds))
+        return Budget(max(share * (self.left - reserve), _GATHER_SHARE * self.seconds))
 
 
 class Pace:
-    """Cuts work of one kind on the GPU into batches that fit into budgets: what a batch costs is told by those before, a part
-    that every batch costs and a part for each thing in it (a line through them, of which the older ones count less and less).
+    """Cuts GPU work of one kind into batches that fit into budgets.
 
-    Where a budget does not even hold the first part, a batch is as large as makes both parts equal: it costs twice what a single
-    thing would at most, and half of its time is of use. Batches of one size do not tell the parts from each other: the first is
-    then taken for greater and greater, so that a larger batch is tried by and by.
+    A batch of n items is taken to cost overhead + n·(marginal cost): a line fitted through the measured batches, older ones with
+    exponentially less weight. Where a budget does not even hold the overhead, a batch is as large as makes both terms equal: half
+    of its time is then of use. Batches of one size alone do not tell the terms apart: the overhead is then taken to be greater
+    after each of them, so that a larger batch is tried before long.
     """
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
-        self._sums = np.zeros(5)  # of 1, n, n², t and n·t over the batches of n things in t seconds
-        self._own = 0.0  # how many things cost as much as the part that every batch costs
+        self._sums = np.zeros(5)  # weighted, of 1, n, n², t and n·t over the batches of n items in t seconds
+        self._overhead = 0.0  # of a batch, as the number of items that cost as much
 
-    def _fits(self, seconds: float) -> float:
-        """How many things a batch of so many seconds holds, as far as is known."""
-        one, n, _, t, _ = self._sums
-        return seconds * (n + one * self._own) / t - self._own if one else 1.0
+    def _affordable(self, seconds: float) -> float:
+        """The estimated size of a batch that takes so many seconds; 1 before anything was measured."""
+        batches, n, _, t, _ = self._sums
+        return seconds * (n + batches * self._overhead) / t - self._overhead if batches else 1.0
 
     @property
-    def _worth(self) -> float:
-        """How many things are worth a batch: they double what it costs by itself; at most twice as many as lately."""
-        one, n, *_ = self._sums
-        return max(min(self._own, 2.0 * n / one), 1.0) if one else 1.0
+    def _efficient(self) -> float:
+        """The size from which a batch spends at least half of its time on items; at most twice the recent mean size."""
+        batches, n, *_ = self._sums
+        return max(min(self._overhead, 2.0 * n / batches), 1.0) if batches else 1.0
 
     def _learn(self, count: int, seconds: float, stuck: bool) -> None:
-        """A batch of so many things took so long; stuck: there were more of them, but not the time."""
-        self._sums = _FORGET * self._sums + np.array([1.0, count, count * count, seconds, count * seconds])
-        one, n, nn, t, nt = self._sums
-        spread, known, mean = one * nn - n * n, _ALIKE * one * nn, t / n
-        each = (one * nt - n * t + known * t / (n + one * self._own)) / (spread + known)
-        self._own = (t / min(max(each, _LEAST * mean), mean) - n) / one
-        if stuck and spread < known:
-            self._own += _CURIOUS * (1.0 + self._own)
+        """Refit the line with a batch of `count` items in `seconds`; stuck: it was as large as time allowed, not as wanted."""
+        self._sums = _DECAY * self._sums + np.array([1.0, count, count * count, seconds, count * seconds])
+        batches, n, nn, t, nt = self._sums
+        spread, prior, mean = batches * nn - n * n, _PRIOR_VARIANCE * batches * nn, t / n
+        marginal = (batches * nt - n * t + prior * t / (n + batches * self._overhead)) / (spread + prior)
+        self._overhead = (t / min(max(marginal, _LEAST_MARGINAL_COST * mean), mean) - n) / batches
+        if stuck and spread < prior:
+            self._overhead += _EXPLORE * (1.0 + self._overhead)
 
     def batches(self, wanted: int, capacity: int, budget: Budget) -> Iterator[int]:
-        """The sizes of the batches, `capacity` at most, in which up to `wanted` things may be done before the budget ends, at
-        least one thing."""
+        """Sizes of batches, each at most `capacity`, for up to `wanted` items until the budget ends; at least one item.
+
+        The caller does each batch before it takes the next size: the time in between is what a batch costs.
+        """
         done, last = 0, 0
         while done < wanted:
             count = min(wanted - done, capacity)
             if budget.limited:
-                fits, worth, most = self._fits(budget.left), self._worth, min(count, 4 * last + _STEP)
-                if done and fits < min(worth, count):
+                affordable, efficient, most = self._affordable(budget.left), self._efficient, min(count, 4 * last + _FIRST_STEP)
+                if done and affordable < min(efficient, count):
                     return  # the next tick does more in that time
-                count = min(most, int(max(fits, worth)))
-                self.ctx.finish()  # what was drawn before is not this batch's
+                count = min(most, int(max(affordable, efficient)))
+                self.ctx.finish()  # so that earlier draws are not measured as part of this batch
             start = time.perf_counter()
             yield count
             if budget.limited:
                 self.ctx.finish()
-                self._learn(count, time.perf_counter() - start, fits < 2.0 * worth < most)
+                self._learn(count, time.perf_counter() - start, affordable < 2.0 * efficient < most)
             done, last = done + count, count

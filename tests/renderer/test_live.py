@@ -13,9 +13,11 @@ import numpy as np
 import pytest
 
 from irrsplat import InputError, Renderer
+from irrsplat import renderer as renderer_module
 from irrsplat.core import paths
 from irrsplat.gpu import shader_source
-from irrsplat.image.view import Progress
+from irrsplat.gpu.target import pixels
+from irrsplat.image.view import Progress, View
 from irrsplat.scene.model import Camera, Light
 from irrsplat.settings import SETTINGS
 from tests.renderer.test_renderer import FAST, FRONT, SIZE, room
@@ -88,6 +90,30 @@ def test_a_view_that_cannot_be_served_ends(monkeypatch: pytest.MonkeyPatch) -> N
         quiet = renderer.cache.count
         assert renderer.frame()[1].records == quiet
         assert renderer.frame(replace(FRONT, fov=50.0))[1].new > 0
+
+
+def test_pictures_that_take_long_come_less_often(monkeypatch: pytest.MonkeyPatch) -> None:
+    """While only records change, ticks gather and keep the last picture; a new one comes at once for other lights, and when
+    nothing is left to gather."""
+    monkeypatch.setattr(renderer_module, "_OLDEST_PICTURE", 1e9)  # seconds
+
+    def tick(made: Renderer) -> tuple[View, Progress]:
+        made._state = replace(made._state, costs=replace(made._state.costs, picture=1e3))  # seconds that a picture takes
+        return made.frame(seconds=TICK)
+
+    with Renderer(room(), SIZE, **FAST) as made:
+        first, _ = made.frame(seconds=TICK)
+        second, progress = tick(made)
+        assert second is first and progress.new > 0 and not made.timers.milliseconds().keys() & {"composite", "direct"}
+        made.relight([lamp((-0.5, 0.2, 0.5), 5.0)])
+        relit, _ = tick(made)
+        assert relit is not first
+        while not progress.still:
+            last, progress = tick(made)
+            assert last is relit or progress.still
+        shown = pixels(last.image).copy()
+        made.forget(records=False)
+        assert np.array_equal(shown, pixels(made.frame(gather=False)[0].image)) and progress.done
 
 
 # ---- settings ---------------------------------------------------------------------------------------------------------

@@ -1,0 +1,137 @@
+"""Batches that fit into ticks: sizes follow from what earlier batches cost, on a clock that only batches advance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from irrsplat.gpu import time_budget
+from irrsplat.gpu.time_budget import Budget, Pace
+
+MANY = 10**6  # items, more than any tick does
+NOISE = pytest.mark.parametrize("noise", [0.0, 0.2], ids=["exact", "noisy"])  # σ of the logarithm of a batch's time
+
+
+@dataclass
+class Machine:
+    """A context and its clock: a batch of n items takes overhead + n·each seconds, times a log-normal noise."""
+
+    overhead: float
+    each: float
+    noise: float = 0.0
+    now: float = 0.0
+    sizes: list[int] = field(default_factory=list)
+    random: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
+
+    def __post_init__(self) -> None:
+        self.pace = Pace(self)  # type: ignore[arg-type]
+
+    def perf_counter(self) -> float:
+        return self.now
+
+    def finish(self) -> None:
+        pass
+
+    def tick(self, seconds: float | None, wanted: int = MANY) -> float:
+        """Do one tick; the seconds that it took."""
+        start = self.now
+        for count in self.pace.batches(wanted, 1000, Budget(seconds)):
+            self.now += (self.overhead + self.each * count) * self.random.lognormal(0.0, self.noise)
+            self.sizes.append(count)
+        return self.now - start
+
+    def ticks(self, number: int, seconds: float, wanted: int = MANY) -> np.ndarray:
+        """Do so many ticks; the seconds of each. `sizes` are those of these ticks alone."""
+        self.sizes.clear()
+        return np.array([self.tick(seconds, wanted) for _ in range(number)])
+
+    @property
+    def useful(self) -> float:
+        """Seconds that the items of `sizes` took without the batches' overhead."""
+        return sum(self.sizes) * self.each
+
+
+@pytest.fixture
+def machine(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Machine]:
+    """Makes a Machine whose clock is the one that budgets read."""
+
+    def make(overhead: float, each: float, noise: float = 0.0) -> Machine:
+        made = Machine(overhead, each, noise)
+        monkeypatch.setattr(time_budget, "time", made)
+        return made
+
+    return make
+
+
+def test_a_tick_is_filled_and_not_overrun(machine: Callable[..., Machine]) -> None:
+    """50 ms hold one batch of 40 items at 10 ms + 1 ms an item: at least 30 of them once the costs are known."""
+    made, took, done = machine(0.010, 0.001), [], []
+    for _ in range(12):
+        took.append(made.ticks(1, 0.05)[0])
+        done.append(sum(made.sizes))
+    assert min(done[2:]) >= 30 and max(took) < 0.065, (done, took)
+
+
+@NOISE
+@pytest.mark.parametrize("seconds", [-1.0, 0.016, 0.03])
+def test_batches_grow_where_ticks_are_shorter_than_the_overhead(
+    machine: Callable[..., Machine], seconds: float, noise: float
+) -> None:
+    """20 ms a batch and 0.3 ms an item: one item a tick would take 68 times as long as the items alone. At least a third of the
+    time goes to items, and no tick takes much longer than a batch whose two terms are equal."""
+    made = machine(0.020, 0.0003, noise)
+    first, took = made.ticks(40, seconds), made.ticks(200, seconds)
+    assert made.useful > 0.33 * took.sum(), made.sizes
+    assert max(first.max(), took.max()) < 0.040 * (1.0 + 3.0 * noise) + 0.010
+
+
+@pytest.mark.parametrize(("overhead", "each", "seconds", "least"), [(0.020, 0.001, 0.016, 12), (0.010, 0.001, 0.05, 25)])
+def test_ticks_of_single_items_do_not_mislead(
+    machine: Callable[..., Machine], overhead: float, each: float, seconds: float, least: int
+) -> None:
+    """A batch of one costs its overhead; that is not what an item costs, and the batches after it are as large as before."""
+    made = machine(overhead, each)
+    made.ticks(20, seconds)
+    made.ticks(50, seconds, wanted=1)
+    assert made.sizes == [1] * 50
+    took = made.ticks(20, seconds)
+    assert sum(made.sizes) > 20 * least and took.max() < 0.09
+
+
+@NOISE
+@pytest.mark.parametrize("each", [0.0005, 0.010])
+def test_without_overhead_ticks_are_filled(machine: Callable[..., Machine], each: float, noise: float) -> None:
+    took = machine(0.0, each, noise).ticks(200, 0.05)
+    assert took.max() < 0.05 * (1.0 + 4.0 * noise) + each
+    assert took[20:].mean() > 0.03
+
+
+@NOISE
+def test_expensive_items_come_one_by_one(machine: Callable[..., Machine], noise: float) -> None:
+    """An item of 100 ms in ticks of 50 ms: one a tick, now and then two, to find out whether the cost is overhead."""
+    made = machine(0.001, 0.100, noise)
+    took = made.ticks(200, 0.05)
+    assert np.mean(made.sizes) < 1.2 and max(made.sizes) <= 3, made.sizes
+    assert np.percentile(took, 85) < 0.11 * (1.0 + 3.0 * noise)
+
+
+def test_costs_that_change_are_learned_anew(machine: Callable[..., Machine]) -> None:
+    """A first batch that compiles shaders for a second; later the overhead grows tenfold, and falls again."""
+    made = machine(1.0, 0.001)
+    made.tick(0.05)
+    for overhead in (0.004, 0.040, 0.004):
+        made.overhead = overhead
+        made.ticks(25, 0.05)
+        took = made.ticks(50, 0.05)
+        assert made.useful > 0.4 * took.sum() and took.max() < 0.11, (overhead, made.sizes)
+
+
+def test_without_an_end_everything_is_done_at_once(machine: Callable[..., Machine]) -> None:
+    made = machine(0.010, 0.001)
+    made.tick(None, 2500)
+    assert made.sizes == [1000, 1000, 500]
+    made.tick(-1.0, 100)
+    assert made.sizes[3:] and made.sizes[3] >= 1, "at least one item, although the budget is over"
