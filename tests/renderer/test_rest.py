@@ -97,7 +97,7 @@ def test_what_a_picture_does_not_depend_on_leaves_the_samples(driver: Driver, sp
         act()
         driver.frame()
         assert session.at_rest and session.views[0].samples == SAMPLES
-    assert spied["accumulate"] == spied["gbuffer"] == 0
+    assert spied["image/accumulate"] == spied["image/gbuffer"] == 0
     actions.toggle("frozen")
     actions.lamps[0].stops = 1.0
     moves: tuple[Any, ...] = (
@@ -185,7 +185,7 @@ def test_a_flight_over_what_was_seen_makes_nothing(driver: Driver, spied: Counte
         driver.actions.go(camera)
         driver.frame()
         assert driver.session.progress[0].new == 0
-    assert spied["gbuffer"] == len(cameras) and spied["composite"] == len(cameras)
+    assert spied["image/gbuffer"] == len(cameras) and spied["image/composite"] == len(cameras)
     assert not [name for name in spied if name.startswith("new ")], spied
 
 
@@ -196,5 +196,5 @@ def test_samples_make_nothing_once_there_were_some(driver: Driver, spied: Counte
     driver.actions.home()
     spied.clear()
     driver.settle()
-    assert spied["accumulate"] == SAMPLES
+    assert spied["image/accumulate"] == SAMPLES
     assert not [name for name in spied if name.startswith("new ")], spied

@@ -1,0 +1,124 @@
+"""Ctrl-C at any line of a frame, or of a change: nothing counts as current that is not, and the renderer goes on.
+
+IRRSPLAT_INTERRUPTS: at how many lines, evenly over all that each run executes, it is interrupted (5).
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import moderngl
+import numpy as np
+import pytest
+
+import irrsplat
+from irrsplat import Renderer
+from irrsplat.gpu.target import pixels
+from tests.renderer.test_move import BOX, shift
+from tests.renderer.test_renderer import FAST, room
+from tests.support.worlds import lamp
+
+CORE = str(Path(irrsplat.__file__).parent)
+SIZE = 32, 24
+PLACES = int(os.environ.get("IRRSPLAT_INTERRUPTS", "5"))
+
+
+def run(act: Callable[[], object], interrupt_at: int | None = None) -> int:
+    """How many lines of irrsplat `act` executes; before that of this number it is interrupted by Ctrl-C."""
+    count = 0
+
+    def trace(frame: FrameType, event: str, _: Any) -> Any:
+        nonlocal count
+        if not frame.f_code.co_filename.startswith(CORE):
+            return None
+        if event == "line":
+            count += 1
+            if count - 1 == interrupt_at:
+                sys.settrace(None)
+                raise KeyboardInterrupt
+        return trace
+
+    before = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        act()
+    except KeyboardInterrupt:
+        assert interrupt_at is not None
+    finally:
+        sys.settrace(before)
+    return count
+
+
+def at_rest(renderer: Renderer) -> dict[str, np.ndarray]:
+    """The buffers of the view once frames find nothing to do, and the records."""
+    for _ in range(400):
+        view, progress = renderer.frame()
+        if progress.still:
+            break
+    assert progress.still
+    g = view.gbuffer
+    textures = {"position": g.position, "direct": view.direct, "sums": view.splats.sums, "image": view.image}
+    records = {name: renderer.cache.read()[name] for name in ("position", "irradiance")}
+    return {name: pixels(texture).copy() for name, texture in textures.items()} | records
+
+
+def act_from_empty(renderer: Renderer) -> None:
+    renderer.frame()
+    renderer.frame()
+
+
+def act_relight(renderer: Renderer) -> None:
+    renderer.relight([lamp((-0.5, 0.2, 0.5), 5.0)])
+    renderer.frame()
+
+
+def act_move(renderer: Renderer) -> None:
+    renderer.move(BOX, shift(0.3, 0.0, 0.2))
+    renderer.frame()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("act", "settings"),
+    [
+        (act_from_empty, {"gather": "trace", "bounces": 2}),
+        (act_relight, {"gather": "trace", "bounces": 1}),
+        (act_move, {"gather": "raster", "bounces": 1}),
+        (act_move, {"gather": "trace", "bounces": 2}),
+    ],
+)
+def test_what_counts_as_current_is(ctx: moderngl.Context, act: Callable[[Renderer], None], settings: dict[str, Any]) -> None:
+    """After an interruption the frames go on to a view that stays what it is when all of it is drawn again, whose records stay what
+    they are when they are gathered again, and whose g-buffer and direct light are those of a renderer that was not interrupted."""
+
+    def begun() -> Renderer:
+        renderer = Renderer(room(), SIZE, ctx=ctx, **{**FAST, **settings})
+        if act is not act_from_empty:
+            at_rest(renderer)
+        return renderer
+
+    with begun() as renderer:
+        lines = run(lambda: act(renderer))
+        act(renderer)
+        expected = at_rest(renderer)
+    for number in np.linspace(0, lines - 1, PLACES).astype(int).tolist():
+        with begun() as renderer:
+            run(lambda renderer=renderer: act(renderer), number)  # type: ignore[misc]
+            act(renderer)
+            found = at_rest(renderer)
+            for name in ("position", "direct"):
+                assert np.array_equal(found[name], expected[name]), f"line {number}: {name} of another scene"
+            renderer.forget(records=False)
+            drawn_again = at_rest(renderer)
+            count = len(found["irradiance"])
+            assert len(drawn_again["irradiance"]) == count, f"line {number}: records were missing"
+            for name in ("position", "direct", "sums", "image"):
+                assert np.allclose(found[name], drawn_again[name], rtol=1e-4, atol=1e-5), f"line {number}: {name}"
+            renderer.renew()
+            gathered_again = at_rest(renderer)["irradiance"][:count]
+            assert np.allclose(found["irradiance"], gathered_again, rtol=5e-3, atol=1e-4), f"line {number}: records"
