@@ -15,7 +15,7 @@ test: .venv/.ready-dev
 	.venv/bin/ruff format --check .
 	.venv/bin/mypy
 	.venv/bin/mypy app
-	.venv/bin/python -m pytest -q
+	.venv/bin/python -m pytest -q -n auto --dist worksteal
 
 figures: .venv/.ready
 	.venv/bin/python docs/tables.py

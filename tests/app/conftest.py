@@ -1,0 +1,66 @@
+"""What tests of the command line share: a stand-in for the renderer, and a working folder with a small scene."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import fields
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import irrsplat
+from irrsplat.core.buffers import CHANNELS
+from irrsplat.image.frame import Frame
+
+PLAIN = """cam 0 0 5 0 0 0 0 1 0
+proj 40 1 0.1 100
+sky 1 1 1
+obj triangle.obj
+"""
+TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+
+
+class FakeRenderer:
+    """Stands in for the real one: keeps what it was asked, and hands out a frame of constants."""
+
+    asked: SimpleNamespace
+    stats: dict[str, Any]
+
+    def __init__(self, scene: Any, size: tuple[int, int], preset: str, **settings: Any) -> None:
+        type(self).asked = SimpleNamespace(scene=scene, size=size, preset=preset, settings=settings)
+
+    def __enter__(self) -> FakeRenderer:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    def render(self, camera: Any = None, progress: Callable[[Any], None] | None = None, figures: bool = False) -> Frame:
+        vars(self.asked).update(camera=camera, figures=figures, progress=progress)
+        if progress is not None:
+            progress(SimpleNamespace(round=1, records=3, new=3, coverage=0.5, sampled=0.0))
+        width, height = self.asked.size
+        arrays = {n: np.ones((height, width, 3) if c.components == 3 else (height, width), "f4") for n, c in CHANNELS.items()}
+        records = {f.name: np.ones((1, 3), "f4") for f in fields(Frame) if f.name.startswith("records_")}
+        return Frame(**arrays, **records, stats={"rounds": 1, "records": 1, "converged": True, "exposure": 0.0} | self.stats)
+
+
+@pytest.fixture
+def fake(monkeypatch: pytest.MonkeyPatch) -> type[FakeRenderer]:
+    """Puts FakeRenderer in the place of the real one; `fake.asked` is what it was asked, `fake.stats` what it adds to its own."""
+    monkeypatch.setattr(irrsplat, "Renderer", FakeRenderer)
+    FakeRenderer.stats = {}
+    FakeRenderer.asked = SimpleNamespace()
+    return FakeRenderer
+
+
+@pytest.fixture
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A working folder with a small scene in it."""
+    (tmp_path / "plain.scene").write_text(PLAIN)
+    (tmp_path / "triangle.obj").write_text(TRIANGLE)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
