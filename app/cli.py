@@ -9,7 +9,7 @@ import os
 import sys
 import traceback
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -19,7 +19,9 @@ from irrsplat.app.common.terminal import progress, say
 from irrsplat.core.errors import InputError, IrrsplatError
 
 if TYPE_CHECKING:
+    from irrsplat.app.render_path import OnRound
     from irrsplat.image.statistics import Statistics
+    from irrsplat.image.view import Progress
     from irrsplat.scene.model import Camera, Scene
 
 INTERRUPTED = 130
@@ -34,7 +36,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         with _quiet_libraries(debug):
             args = flags.parse(sys.argv[1:] if argv is None else argv)
-            status = _COMMANDS[args.command](args)
+            status = COMMANDS[args.command](args)
             sys.stdout.flush()
             return status
     except SystemExit as done:  # --help, --version
@@ -49,86 +51,18 @@ def main(argv: Sequence[str] | None = None) -> int:
         with suppress(OSError, ValueError):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except ModuleNotFoundError as error:
+        if debug:
+            traceback.print_exc()
+        return _fail(f"this needs the Python module '{error.name}', which is missing; irrsplat doctor lists what is there", 1)
     except Exception as error:
         if debug:
             traceback.print_exc()
         return _fail(f"internal error: {type(error).__name__}: {error}; IRRSPLAT_DEBUG=1 shows where", 1)
 
 
-def _fail(message: str, status: int) -> int:
-    with suppress(OSError):
-        print("irrsplat:", " ".join(message.split()), file=sys.stderr, flush=True)
-    return status
-
-
-def render(args: argparse.Namespace) -> int:
-    """`irrsplat render`: a scene to files. Whatever can be checked before the work is checked before it."""
-    from irrsplat import settings
-    from irrsplat.app import render_path
-    from irrsplat.core import files
-    from irrsplat.image import frame as output
-    from irrsplat.image import statistics
-
-    settings.preset(args.preset, **args.values)
-    buffers = None if args.buffers is None else [name.strip() for name in args.buffers.split(",")]
-    names = args.output if args.path is None else render_path.first_names(args)
-    folders = [output.check_writable(name, buffers) == "" for name in names]
-    if args.stats is not None:
-        files.check_file(args.stats)
-    if args.cache is not None:
-        files.check_file(args.cache)
-        if os.path.realpath(args.cache) in map(os.path.realpath, (*names, args.stats or "")):
-            raise InputError("--cache and an output are one file; give another name", args.cache)
-
-    import irrsplat
-
-    scene = irrsplat.load(args.scene)
-    planned = None if args.path is None else render_path.plan(args, scene)
-    camera = _camera(args, scene)
-    with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, **args.values) as renderer:
-        if args.cache is not None and os.path.exists(args.cache):
-            renderer.load_cache(args.cache)
-        for notice in scene.notices:
-            say(f"notice: {notice}")
-        with _progress() as watch:
-            if planned is not None:
-                done, whole = render_path.take(renderer, planned, buffers, any(folders), watch)
-            else:
-                frame = renderer.render(camera, progress=watch, figures=any(folders))
-        for path in args.output if planned is None else ():
-            frame.save(path, buffers)
-        if args.cache is not None and renderer.cache.count:
-            renderer.save_cache(args.cache)
-    if planned is not None:
-        return _sequence(args, done, None if whole else f"{len(done)} of {len(planned.numbers)} frames were written")
-    stats = frame.stats
-    if args.stats is not None:
-        files.write_text(args.stats, statistics.to_json(stats) + "\n")
-    if stats.get("interrupted"):
-        return _fail(f"interrupted; the files hold what {stats.get('rounds', 0)} whole rounds gave", INTERRUPTED)
-    if not stats.get("converged", True):
-        say(f"notice: stopped after {stats.get('rounds')} rounds {_unserved([stats])}")
-    return 0
-
-
-def _sequence(args: argparse.Namespace, done: list[Statistics], interrupted: str | None) -> int:
-    """The end of a path: the stats of the frames that are `done`, and what is to be said. interrupted: how far it came."""
-    from irrsplat.core import files
-    from irrsplat.image import statistics
-
-    if args.stats is not None:
-        files.write_text(args.stats, statistics.to_json({"frames": done}) + "\n")
-    if interrupted is not None:
-        return _fail(f"interrupted; {interrupted}", INTERRUPTED)
-    if short := sum(not stats.get("converged", True) for stats in done):
-        say(f"notice: {short} of {len(done)} frames stopped {_unserved(done)}")
-    return 0
-
-
-def _unserved(stats: Sequence[Statistics]) -> str:
-    """What is to be said of pictures that stopped early, of whose `stats` one says it was `full` where that is why."""
-    full = any(one.get("full") for one in stats)
-    return f"before every pixel was served; raise {'--max-records' if full else '--max-rounds'} or --a"
+# ---- the commands ------------------------------------------------------------------------------------------------------
+# Each imports what it needs, so that --help and mistakes are told at once, and a missing library hinders its own command alone.
 
 
 def view(args: argparse.Namespace) -> int:
@@ -152,15 +86,37 @@ def view(args: argparse.Namespace) -> int:
     return 0
 
 
-def _check_cache(path: str, scene: Scene, preset: str, values: dict[str, Any]) -> None:
-    """Raises InputError where a cache file cannot be written, or is there and not of this scene and these settings."""
+def render(args: argparse.Namespace) -> int:
+    """`irrsplat render`: a scene, or a path through it, to files. All that can be checked is checked before the work."""
     from irrsplat import settings
-    from irrsplat.core import files
-    from irrsplat.records import cache_file
+    from irrsplat.app import render_path
 
-    files.check_file(path)
-    if os.path.exists(path):
-        cache_file.read(path, cache_file.key(scene, settings.preset(preset, **values)))
+    settings.preset(args.preset, **args.values)
+    buffers = None if args.buffers is None else [name.strip() for name in args.buffers.split(",")]
+    with_figures = _check_outputs(args, args.output if args.path is None else render_path.first_names(args), buffers)
+
+    import irrsplat
+
+    scene = irrsplat.load(args.scene)
+    flight = None if args.path is None else render_path.plan(args, scene)
+    camera = _camera(args, scene)
+    with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, **args.values) as renderer:
+        if args.cache is not None and os.path.exists(args.cache):
+            renderer.load_cache(args.cache)
+        for notice in scene.notices:
+            say(f"notice: {notice}")
+        with _round_progress() as on_round:
+            if flight is not None:
+                done, complete = render_path.render(renderer, flight, buffers, with_figures, on_round)
+            else:
+                frame = renderer.render(camera, progress=on_round, figures=with_figures)
+        for path in args.output if flight is None else ():
+            frame.save(path, buffers)
+        if args.cache is not None and renderer.cache.count:
+            renderer.save_cache(args.cache)
+    if flight is None:
+        return _end_of_render(args, frame.stats)
+    return _end_of_path(args, done, None if complete else f"{len(done)} of {len(flight.numbers)} frames were written")
 
 
 def info(args: argparse.Namespace) -> int:
@@ -209,7 +165,7 @@ def verify(args: argparse.Namespace) -> int:
     return verification.run(scene, _camera(args, scene), args)
 
 
-_COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
+COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "view": view,
     "render": render,
     "info": info,
@@ -219,8 +175,11 @@ _COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
 }
 
 
+# ---- before the work ---------------------------------------------------------------------------------------------------
+
+
 def _camera(args: argparse.Namespace, scene: Scene) -> Camera:
-    """The scene's camera of that name, with what the flags say in its place."""
+    """The scene's camera that `args` names, with the values that flags give in place of its own."""
     camera = scene.camera(args.camera)
     given: dict[str, Any] = {
         name: tuple(value) if isinstance(value, list) else value
@@ -230,12 +189,86 @@ def _camera(args: argparse.Namespace, scene: Scene) -> Camera:
     return replace(camera, **given) if given else camera
 
 
+def _check_outputs(args: argparse.Namespace, names: Sequence[str], buffers: Sequence[str] | None) -> bool:
+    """Raises InputError where one of the outputs `names`, or a file of --stats or --cache, cannot be written; returns whether one
+    is a folder, which has the paper's figures."""
+    from irrsplat.core import files
+    from irrsplat.image.frame import check_writable
+
+    endings = [check_writable(name, buffers) for name in names]
+    if args.stats is not None:
+        files.check_file(args.stats)
+    if args.cache is not None:
+        files.check_file(args.cache)
+        if os.path.realpath(args.cache) in map(os.path.realpath, (*names, args.stats or "")):
+            raise InputError("--cache and an output are one file; give another name", args.cache)
+    return "" in endings
+
+
+def _check_cache(path: str, scene: Scene, preset: str, values: dict[str, Any]) -> None:
+    """Raises InputError where a cache file cannot be written, or where the one that is there belongs to another scene or to other
+    settings."""
+    from irrsplat import settings
+    from irrsplat.core import files
+    from irrsplat.records import cache_file
+
+    files.check_file(path)
+    if os.path.exists(path):
+        cache_file.read(path, cache_file.key(scene, settings.preset(preset, **values)))
+
+
+# ---- after the work ----------------------------------------------------------------------------------------------------
+
+
+def _end_of_render(args: argparse.Namespace, stats: Statistics) -> int:
+    """Write the statistics of a picture where they are asked for, say what is missing in it; the exit status."""
+    _write_stats(args, stats)
+    if stats.get("interrupted"):
+        return _fail(f"interrupted; the files hold what {stats.get('rounds', 0)} whole rounds gave", INTERRUPTED)
+    if not stats.get("converged", True):
+        say(f"notice: stopped after {stats.get('rounds')} rounds {_unserved([stats])}")
+    return 0
+
+
+def _end_of_path(args: argparse.Namespace, done: list[Statistics], interrupted: str | None) -> int:
+    """The same for the frames of a path that are `done`. interrupted: how far it came; None: to its end."""
+    _write_stats(args, {"frames": done})
+    if interrupted is not None:
+        return _fail(f"interrupted; {interrupted}", INTERRUPTED)
+    if short := sum(not stats.get("converged", True) for stats in done):
+        say(f"notice: {short} of {len(done)} frames stopped {_unserved(done)}")
+    return 0
+
+
+def _write_stats(args: argparse.Namespace, stats: Mapping[str, object]) -> None:
+    if args.stats is not None:
+        from irrsplat.core import files
+        from irrsplat.image import statistics
+
+        files.write_text(args.stats, statistics.to_json(stats) + "\n")
+
+
+def _unserved(stats: Sequence[Statistics]) -> str:
+    """The end of the notice on pictures that stopped early: which limit to raise."""
+    full = any(one.get("full") for one in stats)
+    return f"before every pixel was served; raise {'--max-records' if full else '--max-rounds'} or --a"
+
+
+def _fail(message: str, status: int) -> int:
+    with suppress(OSError):
+        print("irrsplat:", " ".join(message.split()), file=sys.stderr, flush=True)
+    return status
+
+
+# ---- around the work ---------------------------------------------------------------------------------------------------
+
+
 @contextmanager
-def _progress() -> Iterator[Callable[..., None] | None]:
-    """What is called after each round, on a terminal; None elsewhere. A `prefix` stands before the round where one is given."""
+def _round_progress() -> Iterator[OnRound | None]:
+    """A function to be called after each round, which shows it in a line; None where stderr is no terminal."""
     with progress() as line:
 
-        def show(state: Any, prefix: str = "") -> None:
+        def show(state: Progress, prefix: str = "") -> None:
             if line is not None:
                 what = "samples" if state.sampled else "coverage"
                 line(state.sampled or state.coverage, f"{prefix}round {state.round}: {state.records} records, {what}")
@@ -245,7 +278,7 @@ def _progress() -> Iterator[Callable[..., None] | None]:
 
 @contextmanager
 def _quiet_libraries(debug: bool) -> Iterator[None]:
-    """Keep what libraries warn of away from stderr, which is ours: one line an error."""
+    """Keep the warnings of libraries off stderr, which has one line for an error and nothing else."""
     with warnings.catch_warnings():
         if not debug:
             warnings.simplefilter("ignore")

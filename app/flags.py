@@ -16,7 +16,7 @@ DEFAULT_SCENE = "cornell"
 _STAGES = ("shadow", "gather", "splat", "examine", "composite", "view")  # the order of the frame
 
 
-class Parser(argparse.ArgumentParser):
+class _Parser(argparse.ArgumentParser):
     """argparse with errors of one line (InputError), no abbreviations, and every spelling of a negative number."""
 
     def __init__(self, **options: Any) -> None:
@@ -79,11 +79,11 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
     return args
 
 
-def build() -> Parser:
+def build() -> argparse.ArgumentParser:
     """The whole grammar."""
-    top = Parser(prog="irrsplat", description="Indirect light for diffuse scenes by irradiance cache splatting.")
+    top = _Parser(prog="irrsplat", description="Indirect light for diffuse scenes by irradiance cache splatting.")
     top.add_argument("--version", action=_Version, help="print the version and exit")
-    commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True, parser_class=Parser)
+    commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True, parser_class=_Parser)
     _add_view(commands)
     _add_render(commands)
 

@@ -1,14 +1,13 @@
-"""The frames of a path, one after the other, with one renderer: which they are, what their files are called, what they took."""
+"""`irrsplat render --path`: which frames of a path are rendered, to which files, one after the other with one renderer."""
 
 from __future__ import annotations
 
 import argparse
 import os
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path as File
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from irrsplat.core.errors import InputError
 from irrsplat.image import frame as output
@@ -16,13 +15,20 @@ from irrsplat.image.statistics import Statistics
 from irrsplat.scene.camera_path import Path, load_path
 
 if TYPE_CHECKING:
+    from irrsplat.image.view import Progress
     from irrsplat.renderer import Renderer
     from irrsplat.scene.model import Scene
 
 
+class OnRound(Protocol):
+    """Called after each round of a render; `prefix` stands before what it shows."""
+
+    def __call__(self, state: Progress, prefix: str = "") -> None: ...
+
+
 @dataclass(frozen=True)
-class Sequence:
-    """What is to be rendered: the frames `numbers` of `path`, each to every one of `outputs`, names with a {frame} in them."""
+class Flight:
+    """The frames `numbers` of `path`, each to be written to every one of `outputs`, names with a {frame} in them."""
 
     path: Path
     numbers: range
@@ -30,11 +36,11 @@ class Sequence:
 
 
 def first_names(args: argparse.Namespace) -> list[str]:
-    """The names of the first frame's outputs, to be tried out before there is a scene; raises InputError for a bad {frame}."""
+    """The names of the first frame's outputs, to be checked before the scene is loaded; raises InputError for a bad {frame}."""
     return [output.numbered(pattern, _span(args)[0]) for pattern in args.output]
 
 
-def plan(args: argparse.Namespace, scene: Scene) -> Sequence:
+def plan(args: argparse.Namespace, scene: Scene) -> Flight:
     """The frames that --path and --frames ask for; raises InputError where the path is wrong, or has or names too few."""
     path = load_path(_find(args.path, scene), scene.camera().fov if args.fov is None else args.fov)
     start, stop = _span(args)
@@ -46,37 +52,36 @@ def plan(args: argparse.Namespace, scene: Scene) -> Sequence:
         if len(numbers) > 1 and output.numbered(pattern, 0) == output.numbered(pattern, 1):
             reason = f"{len(numbers)} frames would go to one name; put {{frame}} into it, as in frame{{frame:04d}}.png"
             raise InputError(f"{reason}, or choose one with --frames", pattern)
-    return Sequence(path, numbers, tuple(args.output))
+    return Flight(path, numbers, tuple(args.output))
 
 
-def take(
+def render(
     renderer: Renderer,
-    sequence: Sequence,
+    flight: Flight,
     buffers: list[str] | None,
     figures: bool,
-    progress: Callable[..., None] | None,
+    on_round: OnRound | None,
 ) -> tuple[list[Statistics], bool]:
-    """Render and write every frame: the stats of those written, with "frame", and whether all are (False: interrupted).
+    """Render and write every frame; returns the statistics of those written, and whether that is all of them (False: Ctrl-C).
 
-    Records stay from frame to frame. All frames have the first one's exposure: a meter of their own would make them flicker.
-    progress: as for Renderer.render, called with a `prefix` too that names the frame.
+    Records stay from frame to frame. All frames have the first one's exposure: metered one by one, they would flicker.
+    on_round: as for Renderer.render, called with a `prefix` that names the frame as well.
     """
     done: list[Statistics] = []
     try:
-        for number in sequence.numbers:
-            prefix = f"frame {number} of {sequence.numbers[-1]}, "
-            show = None if progress is None else partial(progress, prefix=prefix)
-            frame = renderer.render(sequence.path.camera(number), progress=show, figures=figures)
+        for number in flight.numbers:
+            prefix = f"frame {number} of {flight.numbers[-1]}, "
+            show = None if on_round is None else partial(on_round, prefix=prefix)
+            frame = renderer.render(flight.path.camera(number), progress=show, figures=figures)
             if frame.stats.get("interrupted"):
                 return done, False
-            exposure = done[0]["exposure"] if done else frame.exposure
             stats = Statistics(frame=number)
             stats |= frame.stats
-            stats["exposure"] = exposure
+            stats["exposure"] = done[0]["exposure"] if done else frame.exposure
             frame = replace(frame, stats=stats)
-            for pattern in sequence.outputs:
+            for pattern in flight.outputs:
                 frame.save(output.numbered(pattern, number), buffers)
-            done.append(frame.stats)
+            done.append(stats)
     except KeyboardInterrupt:  # between two renders, or while a file was written
         return done, False
     return done, True

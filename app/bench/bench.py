@@ -6,7 +6,7 @@ import json
 from argparse import Namespace
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
-from typing import Any
+from typing import cast
 
 from irrsplat.app.bench import compare, machine, paper_times
 from irrsplat.app.bench.cases import LEGEND, TURN, Run, Timing, measure
@@ -40,14 +40,14 @@ def run(args: Namespace) -> int:
         raise InputError("-o is for the plots of --peers and --growth; give one of them, or --json for the numbers")
     names = args.scenes or (DEFAULT_SCENES if not args.peers else race.DEFAULT_SCENES)
     loaded = [(name, irrsplat.load(name)) for name in dict.fromkeys(names)]
-    written: dict[str, Any] = {"machine": {}, "runs": []}
     if args.peers:
-        written |= race.run([scene for _, scene in loaded], args, bounces)
+        written: dict[str, object] = {"machine": {}, "runs": []} | race.run([scene for _, scene in loaded], args, bounces)
     else:
-        written |= _timed(loaded, args, bounces)
-    if earlier is not None:
-        print(f"\nagainst {args.compare}")
-        print("\n".join(compare.table(earlier, written["runs"])))
+        about, runs = _timed(loaded, args, bounces)
+        written = {"machine": about, "runs": [asdict(run) for run in runs]}
+        if earlier is not None:
+            print(f"\nagainst {args.compare}")
+            print("\n".join(compare.table(earlier, [cast(compare.EarlierRun, asdict(run)) for run in runs])))
     if args.json is not None:
         write_text(args.json, json.dumps(written, indent=2) + "\n")
     return 0
@@ -61,10 +61,11 @@ def _bounces(text: str) -> int | All:
     return bounces
 
 
-def _timed(loaded: Sequence[tuple[str, Scene]], args: Namespace, bounces: int | All) -> dict[str, Any]:
-    """The tables of every scene and size, printed; what the JSON says of them."""
-    about: dict[str, Any] = {}
+def _timed(loaded: Sequence[tuple[str, Scene]], args: Namespace, bounces: int | All) -> tuple[dict[str, object], list[Run]]:
+    """Print the tables of every scene and size; returns the machine and the runs for the JSON."""
+    about: dict[str, object] = {}
     runs: list[Run] = []
+    startup: dict[str, dict[str, float] | None] = {}  # seconds by part
     for source, scene in loaded:
         for notice in scene.notices:
             say(f"notice: {notice}")
@@ -76,12 +77,12 @@ def _timed(loaded: Sequence[tuple[str, Scene]], args: Namespace, bounces: int | 
             print()
             runs += _flown(scene, (sizes[0][0], max(1, round(0.75 * sizes[0][0]))), runs[-1].clock)
         start = machine.startup(source, sizes[0])
-        about.setdefault("startup_s", {})[scene.name] = start
+        startup[scene.name] = start
         print(f"\n{scene.name}, {_started(start)}")
-    return {"machine": about, "runs": [asdict(r) for r in runs]}
+    return about | {"startup_s": startup} if startup else about, runs
 
 
-def _scene(scene: Scene, size: Size, presets: Sequence[str], bounces: int | All, about: dict[str, Any]) -> list[Run]:
+def _scene(scene: Scene, size: Size, presets: Sequence[str], bounces: int | All, about: dict[str, object]) -> list[Run]:
     """The cases of one scene and size, printed; `about` is filled in where it is empty."""
     import irrsplat
 
@@ -106,7 +107,7 @@ def _scene(scene: Scene, size: Size, presets: Sequence[str], bounces: int | All,
 
 def _cases(runs: Sequence[Run]) -> Iterator[str]:
     """The table of cases, and what follows from it."""
-    rows = [("scene", "preset", "case", "seconds", "picture", "records", "rmse", "MiB", "on the GPU")]
+    rows: list[tuple[str, ...]] = [("scene", "preset", "case", "seconds", "picture", "records", "rmse", "MiB", "on the GPU")]
     for r in runs:
         memory = (_number(r.memory_mib.get(where), ".0f") for where in ("process", "gpu"))
         seconds = f"{r.seconds:.3f}", _number(r.picture_seconds, ".3f")
@@ -131,7 +132,7 @@ def _flown(scene: Scene, size: Size, clock: str) -> list[Run]:
     print(fly_through.LEGEND)
     rows = [("flight", "median ms", "worst ms", "fps", "new records", "records", "first picture s")]
     runs: list[Run] = []
-    bounces = SETTINGS["bounces"].default  # the viewer's
+    bounces = Settings().bounces  # the viewer's
     doing(f"{scene.name}: filling the cache")
     for flown in fly_through.fly(scene, size, fly_through.FRAMES):
         doing("")

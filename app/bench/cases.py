@@ -6,12 +6,16 @@ import statistics
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from irrsplat.app.bench import gather_truth, machine
 from irrsplat.scene.model import Camera, Light, Scene
+
+if TYPE_CHECKING:
+    from irrsplat.image.view import Progress
+    from irrsplat.renderer import Renderer
 
 REPETITIONS = 3
 SLOW = 3.0  # seconds: what takes longer is timed once
@@ -60,7 +64,7 @@ class Timing:
     rounds: list[tuple[int, dict[str, float]]]
 
 
-def measure(renderer: Any, tell: Callable[[str], object] = lambda words: None) -> Iterator[tuple[Run, Timing]]:
+def measure(renderer: Renderer, tell: Callable[[str], object] = lambda words: None) -> Iterator[tuple[Run, Timing]]:
     """The cases of one renderer, one after the other, from its scene's first camera; tell: called with words on what goes on."""
     scene, camera = renderer.scene, renderer.scene.camera()
     turned_camera, name = turned(camera, TURN), f"{renderer.scene.name} {renderer.preset}"
@@ -92,7 +96,7 @@ def measure(renderer: Any, tell: Callable[[str], object] = lambda words: None) -
     tell("")
 
 
-def warm_up(renderer: Any, camera: Camera) -> None:
+def warm_up(renderer: Renderer, camera: Camera) -> None:
     """A cheap picture that has everything compiled and the surface cache made; the renderer is as empty as before."""
     settings = renderer.settings
     renderer.change(settings.with_values(QUICK))
@@ -125,7 +129,7 @@ def shifted(scene: Scene) -> tuple[Light, ...]:
     return replace(first, position=(x, y, z)), *others
 
 
-def from_records(renderer: Any, camera: Camera, records: int) -> list[Timing]:
+def from_records(renderer: Renderer, camera: Camera, records: int) -> list[Timing]:
     """Some pictures, each from the first so many `records` of the cache; none: from nothing at all."""
 
     def prepare(_: int) -> None:
@@ -137,13 +141,13 @@ def from_records(renderer: Any, camera: Camera, records: int) -> list[Timing]:
     return _repeated(renderer, camera, prepare)
 
 
-def relit(renderer: Any, camera: Camera) -> list[Timing]:
+def relit(renderer: Renderer, camera: Camera) -> list[Timing]:
     """Some pictures, each after the first lamp has gone to its other place and nothing else has changed."""
     places = renderer.scene.lights, shifted(renderer.scene)
     return _repeated(renderer, camera, lambda count: renderer.relight(places[1 - count % 2]))
 
 
-def _repeated(renderer: Any, camera: Camera, prepare: Callable[[int], object]) -> list[Timing]:
+def _repeated(renderer: Renderer, camera: Camera, prepare: Callable[[int], object]) -> list[Timing]:
     timings: list[Timing] = []
     while len(timings) < REPETITIONS and (not timings or timings[0].seconds < SLOW):
         prepare(len(timings))
@@ -157,11 +161,11 @@ def middle(timings: list[Timing]) -> Timing:
     return next(t for t in timings if t.seconds == seconds)
 
 
-def picture(renderer: Any, camera: Camera) -> Timing:
+def picture(renderer: Renderer, camera: Camera) -> Timing:
     """One picture, timed to its last pixel; raises KeyboardInterrupt where the user ended it."""
     rounds: list[tuple[int, dict[str, float]]] = []
 
-    def watch(progress: Any) -> None:
+    def watch(progress: Progress) -> None:
         if progress.round <= 2:  # the second one splats the first one's records
             rounds.append((progress.records, renderer.timers.milliseconds()))
 
@@ -175,14 +179,14 @@ def picture(renderer: Any, camera: Camera) -> Timing:
         return Timing(stats["seconds"], seconds, stats["records"], renderer.timers.milliseconds(), rounds)
 
 
-def error(renderer: Any, camera: Camera) -> float | None:
-    """The relative RMSE of irradiance against `gathered.truth`; None where there is none, or no light."""
+def error(renderer: Renderer, camera: Camera) -> float | None:
+    """The relative RMSE of irradiance against `gather_truth.truth`; None where there is none, or no light."""
     irradiance = renderer.render(camera).irradiance
     truth = gather_truth.truth(renderer, camera)
     return None if truth is None else truth.error(irradiance)
 
 
-def _run(renderer: Any, case: str, timings: list[Timing], memory: dict[str, float | None], rmse: float | None) -> Run:
+def _run(renderer: Renderer, case: str, timings: list[Timing], memory: dict[str, float | None], rmse: float | None) -> Run:
     timing = middle(timings)
     return Run(
         scene=renderer.scene.name,

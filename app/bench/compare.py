@@ -6,17 +6,30 @@ import json
 import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import NotRequired, TypedDict, TypeGuard
 
 from irrsplat.app.common.terminal import columns
 from irrsplat.core.errors import InputError
 
-NOISE = 0.1  # a ratio nearer to 1 than this says nothing
-ONCE = 0.25  # the same of what was timed once
+NOISE = 0.1  # a ratio nearer to 1 than this may be chance
+ONCE = 0.25  # the same for what was timed once
 Key = tuple[str, str, str, str, str]  # scene, preset, size, bounces, case
 
 
-def read(path: str) -> list[dict[str, Any]]:
+class EarlierRun(TypedDict):
+    """What is compared of a run in the benchmark's JSON; earlier versions wrote fewer of its entries."""
+
+    scene: str
+    preset: str
+    size: list[int]
+    case: str
+    seconds: float
+    rmse: NotRequired[float | None]
+    bounces: NotRequired[int | str]
+    seconds_all: NotRequired[list[float]]
+
+
+def read(path: str) -> list[EarlierRun]:
     """The runs in a file that `--json` wrote; raises InputError, one line, for any other."""
     try:
         data = json.loads(Path(path).read_bytes().decode("utf-8-sig"))
@@ -30,8 +43,8 @@ def read(path: str) -> list[dict[str, Any]]:
     return runs
 
 
-def table(then: Sequence[dict[str, Any]], now: Sequence[dict[str, Any]]) -> Iterator[str]:
-    """The rows that are in both, with then/now (above 1: faster now) and whether that is beyond noise; the others by name."""
+def table(then: Sequence[EarlierRun], now: Sequence[EarlierRun]) -> Iterator[str]:
+    """The runs that are in both, with then/now (above 1: faster now) and whether that is beyond noise; the others by name."""
     before, after = ({_key(run): run for run in runs} for runs in (then, now))
     made = [("scene", "preset", "size", "bounces", "case", "then s", "now s", "then/now", "rmse then", "now", "")]
     for key, run in after.items():
@@ -45,25 +58,25 @@ def table(then: Sequence[dict[str, Any]], now: Sequence[dict[str, Any]]) -> Iter
             yield f"{words}: {' '.join(key)}"
 
 
-def verdict(then: dict[str, Any], now: dict[str, Any]) -> str:
+def verdict(then: EarlierRun, now: EarlierRun) -> str:
     """ "faster" or "slower" where no repetition of the one took as long as any of the other, and by more than noise; else ""."""
     (low, high), (least, most) = (_span(run) for run in (then, now))
     return "faster" if most < low else "slower" if least > high else ""
 
 
-def _span(run: dict[str, Any]) -> tuple[float, float]:
-    """Seconds between which a run's time lies: all its repetitions, and half of the noise around their ends."""
+def _span(run: EarlierRun) -> tuple[float, float]:
+    """The seconds between which a run's time lies: its repetitions, wider by half the noise at both ends."""
     times = run.get("seconds_all") or [run["seconds"]]
     half = math.sqrt(1.0 + (NOISE if len(times) > 1 else ONCE))
     return min(times) / half, max(times) * half
 
 
-def _key(run: dict[str, Any]) -> Key:
+def _key(run: EarlierRun) -> Key:
     size = "x".join(str(n) for n in run["size"])
     return run["scene"], run["preset"], size, str(run.get("bounces", 1)), run["case"]
 
 
-def _is_run(run: Any) -> bool:
+def _is_run(run: object) -> TypeGuard[EarlierRun]:
     if not isinstance(run, dict) or not all(isinstance(run.get(name), str) for name in ("scene", "preset", "case")):
         return False
     size, times = run.get("size"), run.get("seconds_all", [])
@@ -72,13 +85,13 @@ def _is_run(run: Any) -> bool:
     return whole and all(map(_is_time, [run.get("seconds"), *times])) and (rmse is None or _is_number(rmse))
 
 
-def _is_number(value: Any) -> bool:
-    return type(value) in (int, float) and math.isfinite(value)
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
 
 
-def _is_time(value: Any) -> bool:
-    return _is_number(value) and value > 0.0
+def _is_time(value: object) -> bool:
+    return isinstance(value, (int, float)) and _is_number(value) and value > 0.0
 
 
-def _percent(run: dict[str, Any]) -> str:
+def _percent(run: EarlierRun) -> str:
     return "-" if run.get("rmse") is None else f"{run['rmse']:.1%}"

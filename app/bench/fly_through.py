@@ -6,12 +6,15 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path as File
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from irrsplat.scene.camera_path import Path, load_path
 from irrsplat.scene.model import Camera, Scene
+
+if TYPE_CHECKING:
+    from irrsplat.app.viewer.viewer import Viewer
 
 FRAMES = 150
 DT = 1.0 / 30.0  # seconds that each frame stands for
@@ -99,7 +102,7 @@ def fly(scene: Scene, size: tuple[int, int], frames: int = FRAMES) -> Iterator[F
         wnd.destroy()
 
 
-def _frame(viewer: Any, camera: Camera) -> float:
+def _frame(viewer: Viewer, camera: Camera) -> float:
     """One frame from `camera`; the milliseconds that it took."""
     start = time.perf_counter()
     viewer.actions.session.free_camera.go(camera)
@@ -109,7 +112,7 @@ def _frame(viewer: Any, camera: Camera) -> float:
     return 1e3 * (time.perf_counter() - start)
 
 
-def _flight(case: str, first: float, viewer: Any, cameras: Sequence[Camera]) -> Flown:
+def _flight(case: str, first: float, viewer: Viewer, cameras: Sequence[Camera]) -> Flown:
     ms, stages, new = [], dict[str, float](), 0
     for camera in cameras:
         ms.append(_frame(viewer, camera))

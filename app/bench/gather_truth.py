@@ -60,7 +60,7 @@ def truth(renderer: Renderer, camera: Camera) -> fine_gather.Truth | None:
 
 
 def _read(path: Path, size: tuple[int, int]) -> fine_gather.Truth | None:
-    """The truth in a file, None where there is no file; raises one of store.DAMAGE for what is none of a view of that size."""
+    """The truth in a file, None where there is no file; raises one of disk_cache.DAMAGE for one of another view."""
     arrays = disk_cache.read(path)
     if arrays is None:
         return None

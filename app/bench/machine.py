@@ -7,8 +7,8 @@ import os
 import platform
 import subprocess
 import sys
+from collections.abc import Mapping
 from contextlib import suppress
-from typing import Any
 
 import moderngl
 
@@ -37,7 +37,7 @@ print(json.dumps(dict(zip(("import", "context", "load", "shaders"), (b - a for a
 """
 
 
-def about(gl: dict[str, Any]) -> dict[str, Any]:
+def about(gl: Mapping[str, object]) -> dict[str, object]:
     """The machine, as the benchmark's JSON has it; gl: what `gpu.context.describe` says."""
     return {
         **{key: gl[key] for key in ("renderer", "vendor", "version", "software")},
@@ -62,13 +62,13 @@ def startup(source: str, size: tuple[int, int]) -> dict[str, float] | None:
 
 
 def forget_peak() -> None:
-    """Let the peak of this process's memory begin anew, where the system can do that."""
+    """Start the peak of this process's memory anew, where the system can."""
     with suppress(OSError), open(_CLEAR, "w", encoding="ascii") as file:
         file.write("5")
 
 
 def peak_memory() -> int | None:
-    """Bytes of this process's greatest resident set since `forget_peak`, or since its start; None where nothing tells."""
+    """Bytes of this process's greatest resident set since `forget_peak`, or since its start; None where it is not known."""
     with suppress(OSError), open(_STATUS, encoding="ascii", errors="replace") as file:
         for line in file:
             if line.startswith("VmHWM:"):
@@ -90,4 +90,5 @@ def gpu_memory(owner: Owner) -> int:
 
 def _texture(texture: moderngl.Texture) -> int:
     width, height = texture.size
-    return width * height * texture.components * _BYTES.get(texture.dtype, 4)
+    size: int = width * height * texture.components * _BYTES.get(texture.dtype, 4)
+    return size

@@ -11,7 +11,6 @@ from argparse import Namespace
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -56,7 +55,7 @@ class Row:
     gpu: float
     stages: dict[str, float] = field(default_factory=dict)
     clock: str = "wall"
-    machine: dict[str, Any] = field(default_factory=dict)
+    machine: dict[str, object] = field(default_factory=dict)
 
     @property
     def pixels(self) -> int:
@@ -129,7 +128,7 @@ def _lines(x: np.ndarray, series: dict[str, list[float]]) -> list[Line]:
     ]
 
 
-def _runs(row: Row) -> Iterator[dict[str, Any]]:
+def _runs(row: Row) -> Iterator[dict[str, object]]:
     """The entries of the benchmark's JSON: one for each time."""
     for case in ("load", "build", "surface", "empty", "moved"):
         yield {

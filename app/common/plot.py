@@ -54,7 +54,8 @@ def loglog(lines: Sequence[Line], title: str, x_label: str, y_label: str) -> np.
     def place(x: np.ndarray, y: np.ndarray) -> np.ndarray:
         logs = np.log(np.stack([x, y], axis=-1))
         low, high = np.log(np.array(spans).T)
-        return frame[0] + (logs - low) / (high - low) * (frame[1] - frame[0])
+        pixels: np.ndarray = frame[0] + (logs - low) / (high - low) * (frame[1] - frame[0])
+        return pixels
 
     _axes(pen, frame, spans, place)
     places = [place(line.x, line.y) for line in lines]

@@ -1,11 +1,10 @@
-"""What a terminal is told: notices and a progress line on stderr, beside errors; and columns of a table."""
+"""What is written to the terminal: notices and a progress line on stderr, and tables in columns."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
 
 
 def say(line: str) -> None:
@@ -14,13 +13,13 @@ def say(line: str) -> None:
 
 
 def doing(words: str) -> None:
-    """Show what goes on in one line that changes, where stderr is a terminal."""
+    """Show what goes on, in a line that the next one replaces, where stderr is a terminal."""
     if sys.stderr.isatty():
         print(f"\r\x1b[K{words}", end="", file=sys.stderr, flush=True)
 
 
 def columns(rows: Sequence[Sequence[str]], left: int) -> Iterator[str]:
-    """Lines of columns, the first `left` of them set to the left, the others to the right."""
+    """The lines of a table, its first `left` columns aligned to the left, the others to the right."""
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
     for row in rows:
         cells = (c.ljust(w) if i < left else c.rjust(w) for i, (c, w) in enumerate(zip(row, widths, strict=True)))
@@ -29,14 +28,14 @@ def columns(rows: Sequence[Sequence[str]], left: int) -> Iterator[str]:
 
 @contextmanager
 def progress() -> Iterator[Callable[[float, str], None] | None]:
-    """What is called with the share done, 0..1, and words: a line that moves where stderr is a terminal, None where it is not."""
+    """A function that shows the share done, 0..1, and words in a progress line; None where stderr is no terminal."""
     if not sys.stderr.isatty():
         yield None
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
 
-    columns: Any = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    parts = TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn()
+    with Progress(*parts, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("", total=1.0)
         yield lambda share, words: bar.update(task, completed=float(share), description=words)

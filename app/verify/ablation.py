@@ -1,21 +1,22 @@
-"""`irrsplat verify --techniques`: what each is worth: the error with all of them, with each one off, and as published."""
+"""`irrsplat verify --techniques`: the error with all techniques on, with each one off, and of the algorithm as published."""
 
 from __future__ import annotations
 
 import math
 from argparse import Namespace
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, cast
 
 from irrsplat.app.common.terminal import columns, progress
 from irrsplat.app.verify.error_curve import at, scaled
 from irrsplat.app.verify.measure import Measured, measurer, percent, silent
+from irrsplat.settings import SettingValues
 
 if TYPE_CHECKING:
     from irrsplat.scene.model import Camera, Scene
 
 # what is changed against the preset, in words and in settings
-TECHNIQUES: tuple[tuple[str, dict[str, Any]], ...] = (
+TECHNIQUES: tuple[tuple[str, SettingValues], ...] = (
     ("without gradients, and all that needs them", {"gradients": False}),
     ("gradients, but no second order", {"second_order": False}),
     ("radii by distance, not by the Hessian", {"radius": "harmonic"}),
@@ -31,12 +32,12 @@ TECHNIQUES: tuple[tuple[str, dict[str, Any]], ...] = (
     ("the paper's placement", {"placement": "scan"}),
     ("the picture smoothed", {"smooth": True}),
 )
-BESIDE = (1.6, 0.65)  # times as far as the preset's records reach: further points of its curve
-NEAR = 0.05  # of the wanted number of records: near enough
+CURVE = (1.6, 0.65)  # further points of the preset's curve: its records reach that many times as far
+NEAR = 0.05  # a number of records that is off by less, of the wanted one, will do
 TRIES = 8
 WARMUP = 1000 / 1511  # published: the random records' share of all
 
-Rendered = Callable[[str, dict[str, Any]], Measured]  # by preset and settings
+Rendered = Callable[[str, SettingValues], Measured]  # by preset and settings
 
 
 def run(scene: Scene, camera: Camera, args: Namespace, heading: str) -> None:
@@ -46,22 +47,22 @@ def run(scene: Scene, camera: Camera, args: Namespace, heading: str) -> None:
 
 
 def measured(
-    scene: Scene, camera: Camera, args: Namespace, chosen: Sequence[tuple[str, dict[str, Any]]] = TECHNIQUES
+    scene: Scene, camera: Camera, args: Namespace, chosen: Sequence[tuple[str, SettingValues]] = TECHNIQUES
 ) -> tuple[list[tuple[str, Measured]], list[Measured]]:
-    """The renderings that the table's rows are of, by name, those of the `chosen` techniques between the first and the last;
-    and the curve of the method as a whole."""
-    steps = len(chosen) + len(BESIDE) + 2
+    """The named renderings for the rows of the table (all techniques on, each of `chosen`, as published), and the curve of the
+    method with all techniques on."""
+    steps = len(chosen) + len(CURVE) + 2
     done: list[Measured] = []
     with progress() as told:
         tell = told or silent
         measure = measurer(scene, camera, args, tell)
 
-        def render(name: str, values: dict[str, Any]) -> Measured:
+        def render(name: str, values: SettingValues) -> Measured:
             done.append(measure(name, values, lambda part, words: tell(min(len(done) + part, steps) / steps, words)))
             return done[-1]
 
         whole = render(args.preset, args.values)
-        curve = [whole, *(render(args.preset, scaled(args.preset, args.values, factor)) for factor in BESIDE)]
+        curve = [whole, *(render(args.preset, scaled(args.preset, args.values, factor)) for factor in CURVE)]
         found = [("everything on", whole)]
         found += [(name, render(args.preset, args.values | values)) for name, values in chosen]
         if args.preset != "paper":
@@ -69,9 +70,9 @@ def measured(
     return found, curve
 
 
-def paper(render: Rendered, records: int, given: dict[str, Any]) -> Measured:
-    """The preset `paper` with the a that gives about so many `records`; its warm-up is at most the published share of them."""
-    shared = {key: value for key, value in given.items() if key in ("bounces", "seed", "shadow_size", "max_rounds")}
+def paper(render: Rendered, records: int, given: SettingValues) -> Measured:
+    """The preset `paper` with the a for which it makes about so many `records`; its warm-up is at most the published share."""
+    shared = cast(SettingValues, {k: v for k, v in given.items() if k in ("bounces", "seed", "shadow_size", "max_rounds")})
     warmup = min(1000, round(WARMUP * records))
     best: Measured | None = None
     a, bounds = 0.3, (0.01, 2.0)
@@ -90,10 +91,10 @@ def paper(render: Rendered, records: int, given: dict[str, Any]) -> Measured:
 
 def rows(found: Sequence[tuple[str, Measured]], curve: Sequence[Measured]) -> list[tuple[str, ...]]:
     """The table's cells, its head first. The last column is the row's error over that of everything on at as many records."""
-    made: list[tuple[str, ...]] = [("", "records", "RMSE", "bias", "off by > 30 %", "seconds", "at equal records")]
+    table: list[tuple[str, ...]] = [("", "records", "RMSE", "bias", "off by > 30 %", "seconds", "at equal records")]
     for name, one in found:
         full = at(curve, one.records)
         ratio = "" if full is None or one.rmse is None else f"{one.rmse / full:.2f} x"
         errors = percent(one.rmse), percent(one.bias, "+"), percent(one.outliers)
-        made.append((name, f"{one.records:,}", *errors, f"{one.seconds:.1f}", ratio))
-    return made
+        table.append((name, f"{one.records:,}", *errors, f"{one.seconds:.1f}", ratio))
+    return table

@@ -6,25 +6,25 @@ import math
 from argparse import Namespace
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
 from irrsplat.app.common.terminal import columns, progress
 from irrsplat.app.verify.measure import Measured, measurer, percent, silent
 from irrsplat.core import files
-from irrsplat.settings import SETTINGS, preset
+from irrsplat.settings import SETTINGS, SettingValues, preset
 
 if TYPE_CHECKING:
     from irrsplat.scene.model import Camera, Scene
 
-# A preset's curve: its a is replaced by each of A, and what else limits the error or the records goes with it. A record that
-# reaches half as far is held to half the contradiction, and sees twice as finely, so that neither limit is the gather's.
+# A preset's curve: its a is replaced by each of A, and the other settings that limit error or records change in proportion: a
+# record that reaches half as far may contradict others half as much, and sees twice as finely, so that the gather never limits.
 A = (1.1, 0.8, 0.6, 0.5, 0.4, 0.3, 0.25)
 WITH_A = ("radius_min", "radius_max", "adapt", "spread")
 AGAINST_A = ("gather_size",)
-# The published algorithm has nothing but a, and the random records before its traversal, which are the least that it makes.
-PAPER: tuple[dict[str, Any], ...] = (
+# The published algorithm has only a and the number of random records before its traversal, the least that it makes.
+PAPER: tuple[SettingValues, ...] = (
     {"a": 0.6, "warmup": 250},
     {"a": 0.4, "warmup": 500},
     {"a": 0.3, "warmup": 1000},
@@ -33,24 +33,24 @@ PAPER: tuple[dict[str, Any], ...] = (
 )
 
 
-def points(name: str, given: dict[str, Any]) -> list[dict[str, Any]]:
-    """The settings on top of preset `name` at every point of its curve, fewest records first; what is `given` holds for all."""
+def points(name: str, given: SettingValues) -> list[SettingValues]:
+    """The settings on top of preset `name` at every point of its curve, fewest records first; those `given` hold for all."""
     if name == "paper":
         return [values | given for values in PAPER]
     return [scaled(name, given, a / preset(name, **given).a) for a in A]
 
 
-def scaled(name: str, given: dict[str, Any], factor: float) -> dict[str, Any]:
-    """The settings on top of preset `name` where a record reaches `factor` times as far; what is `given` stays."""
+def scaled(name: str, given: SettingValues, factor: float) -> SettingValues:
+    """The settings on top of preset `name` with which a record reaches `factor` times as far; those `given` stay."""
     base = preset(name, **given)
-    found: dict[str, Any] = {"a": base.a * factor}
+    found: dict[str, float] = {"a": base.a * factor}
     found |= {key: getattr(base, key) * factor for key in WITH_A}
     found |= {key: 4 * round(getattr(base, key) / factor / 4) for key in AGAINST_A}
     for key, value in found.items():
         low, high = SETTINGS[key].low, SETTINGS[key].high
         assert low is not None and high is not None
         found[key] = min(max(value, low), high)
-    return found | given
+    return cast(SettingValues, found | given)
 
 
 def run(scene: Scene, camera: Camera, args: Namespace, heading: str) -> None:
@@ -82,7 +82,7 @@ def measured(scene: Scene, camera: Camera, args: Namespace) -> dict[str, list[Me
 
 def rows(name: str, found: Sequence[Measured]) -> list[tuple[str, ...]]:
     """The cells of one curve's table, its head first, then a row per point."""
-    made: list[tuple[str, ...]] = [
+    table: list[tuple[str, ...]] = [
         (f"preset {name}", "a", "gather", "records", "RMSE", "slope", "bias", "off by > 30 %", "seconds")
     ]
     for before, point in zip((None, *found), found, strict=False):
@@ -90,8 +90,8 @@ def rows(name: str, found: Sequence[Measured]) -> list[tuple[str, ...]]:
         step = None if before is None else slope((before, point))
         errors = percent(point.rmse), "" if step is None else f"{step:.2f}", percent(point.bias, "+"), percent(point.outliers)
         sizes = f"{settings.a:.3g}", f"{settings.gather_size}", f"{point.records:,}"
-        made.append(("", *sizes, *errors, f"{point.seconds:.1f}"))
-    return made
+        table.append(("", *sizes, *errors, f"{point.seconds:.1f}"))
+    return table
 
 
 def steepness(found: Sequence[Measured]) -> str:

@@ -1,4 +1,4 @@
-"""How good a rendering is: the truth of a view, by a path tracer or a fine gather, and a fresh rendering held against it."""
+"""The error of a rendering: the truth of a view, by a path tracer or a fine gather, and a fresh rendering compared with it."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import time
 from argparse import Namespace
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from irrsplat.app.common.terminal import say
 from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.reference.truth import NOTHING, Traced, compare, errors, traced
-from irrsplat.settings import preset
+from irrsplat.settings import SettingValues, preset
 
 if TYPE_CHECKING:
     from irrsplat.image.frame import Frame
@@ -30,7 +30,7 @@ class Measured:
     them, None where there is no light; rmse: without the truth's own noise. values: what was set on top of the `preset`."""
 
     preset: str
-    values: dict[str, Any]
+    values: SettingValues
     records: int
     rmse: float | None
     bias: float | None
@@ -38,9 +38,9 @@ class Measured:
     seconds: float
 
 
-# makes one rendering by a renderer of its own, by preset, settings on top of it, and what is called with the share of the pixels
-# that are served and the number of records; raises KeyboardInterrupt where the user ended it
-Measure = Callable[[str, dict[str, Any], Tell], Measured]
+# Renders with a renderer of its own, by preset, settings on top of it and progress (the share of the pixels that are served, and
+# words); raises KeyboardInterrupt where the user ended it.
+Measure = Callable[[str, SettingValues, Tell], Measured]
 
 
 def silent(share: float, words: str) -> None:
@@ -85,7 +85,7 @@ def gather(renderer: Renderer, camera: Camera) -> fine_gather.Truth:
 
 
 def measurer(scene: Scene, camera: Camera, args: Namespace, tell: Tell) -> Measure:
-    """What measures renderings of the size and view that the command line `args` asks for, by the truth that it names.
+    """The function that measures renderings, of the size and view that the command line `args` asks for, by the truth it names.
 
     tell: progress while that truth is made.
     """
@@ -93,7 +93,7 @@ def measurer(scene: Scene, camera: Camera, args: Namespace, tell: Tell) -> Measu
 
     size, judge = tuple(args.size), _judge(scene, camera, args, tell)
 
-    def measure(preset: str, values: dict[str, Any], tell: Tell) -> Measured:
+    def measure(preset: str, values: SettingValues, tell: Tell) -> Measured:
         with irrsplat.Renderer(scene, size=size, preset=preset, **values) as renderer:
             frame = renderer.render(camera, progress=lambda now: tell(now.coverage, f"{now.records} records"))
         stats = frame.stats
@@ -110,7 +110,7 @@ def measurer(scene: Scene, camera: Camera, args: Namespace, tell: Tell) -> Measu
 
 
 def _judge(scene: Scene, camera: Camera, args: Namespace, tell: Tell) -> Callable[[Frame], dict[str, float | None]]:
-    """What tells the errors of a frame."""
+    """The function that returns the errors of a frame."""
     if args.truth == "trace":
         traced_truth, _ = trace(scene, camera, args, tell)
         return lambda frame: compare(frame, traced_truth)
@@ -122,7 +122,7 @@ def _judge(scene: Scene, camera: Camera, args: Namespace, tell: Tell) -> Callabl
     return lambda frame: errors(frame.irradiance[tuple(truth.pixels.T)], truth.irradiance)
 
 
-def in_flags(preset: str, values: dict[str, Any]) -> str:
+def in_flags(preset: str, values: SettingValues) -> str:
     """A preset and settings as flags of the command line."""
     words = [f"--preset {preset}"]
     for name, value in values.items():

@@ -1,4 +1,4 @@
-"""`irrsplat verify`: a rendering held against the truth of a path tracer, as a table and as pictures."""
+"""`irrsplat verify`: a rendering compared with the truth of a path tracer, as a table and as pictures."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Row = tuple[str, str, str]
 
 
 def run(scene: Scene, camera: Camera, args: Namespace) -> int:
-    """Render, compare, print the table and write the pictures; args: as parser.parse gives them. Returns the exit status 0.
+    """Render, compare, print the table and write the pictures; args: as flags.parse gives them. Returns the exit status 0.
 
     Raises InputError and IrrsplatError, one line, for what cannot be; KeyboardInterrupt where the user ended it.
     """
@@ -113,7 +113,7 @@ def _against_trace(renderer: Renderer, scene: Scene, camera: Camera, args: Names
 
 
 def _against_gather(renderer: Renderer, scene: Scene, camera: Camera, args: Namespace) -> tuple[Frame, list[Row]]:
-    """The renderer's own fine gather at random pixels as the truth: it tells of placement and interpolation alone."""
+    """The renderer's own fine gather at random pixels as the truth: it shows the errors of placement and interpolation alone."""
     from irrsplat.reference import fine_gather
 
     with progress() as told:

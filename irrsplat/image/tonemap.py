@@ -26,7 +26,8 @@ def filmic(x: np.ndarray) -> np.ndarray:
     c = FILMIC
 
     def f(v: np.ndarray) -> np.ndarray:
-        return (v * (c.a * v + c.c * c.b) + c.d * c.e) / (v * (c.a * v + c.b) + c.d * c.f) - c.e / c.f
+        y: np.ndarray = (v * (c.a * v + c.c * c.b) + c.d * c.e) / (v * (c.a * v + c.b) + c.d * c.f) - c.e / c.f
+        return y
 
     bounded = np.clip(x, 0.0, c.white / c.scale)  # the curve is white there; infinity would be inf/inf
     return np.clip(f(c.scale * bounded) / f(np.asarray(c.white)), 0.0, 1.0)

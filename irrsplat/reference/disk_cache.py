@@ -8,9 +8,9 @@ import secrets
 import zipfile
 import zlib
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from irrsplat.core import paths
 from irrsplat.core.errors import IrrsplatError
@@ -28,11 +28,11 @@ def folder() -> Path:
     return found
 
 
-def key_of(scene: Scene, camera: Camera, *values: Any) -> str:
+def key_of(scene: Scene, camera: Camera, *values: ArrayLike) -> str:
     """A hash of a scene, a view and numbers beside them; names do not count, every bit of a number does."""
     digest = hashlib.sha256()
 
-    def add(*values: Any) -> None:
+    def add(*values: ArrayLike) -> None:
         for value in values:
             array = np.asarray(value, np.float64)
             digest.update(f"{array.shape}".encode())

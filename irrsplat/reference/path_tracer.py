@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import cos, pi, radians
-from typing import Any
+from typing import Any, TypeAlias
 
 import drjit as dr
 import mitsuba as mi
@@ -25,6 +25,8 @@ import numpy as np
 
 from irrsplat.core.errors import IrrsplatError
 from irrsplat.scene.model import Camera, Light, Scene
+
+Lanes: TypeAlias = Any  # a Dr.Jit array with an entry a lane; its class depends on the variant that is chosen at run time
 
 TINY = 1e-30  # keeps divisors from 0
 LANES = 1 << 20  # samples in flight at once; bounds the memory
@@ -49,13 +51,13 @@ def choose_variant() -> str:
 class Hit:
     """Surface points, one per lane; `n` and `g` are the shading and geometric normals, turned to where the ray came from."""
 
-    valid: Any
-    p: Any
-    n: Any
-    g: Any
-    albedo: Any
-    emission: Any
-    ambiguous: Any  # the geometric normal is turned to the ray's origin, but the shading normal is not
+    valid: Lanes
+    p: Lanes
+    n: Lanes
+    g: Lanes
+    albedo: Lanes
+    emission: Lanes
+    ambiguous: Lanes  # the geometric normal is turned to the ray's origin, but the shading normal is not
 
 
 class Tracer:
@@ -86,7 +88,7 @@ class Tracer:
 
     # --- rays -----------------------------------------------------------------------------------------------------------
 
-    def hit(self, origin: Any, direction: Any, active: Any = True) -> Hit:
+    def hit(self, origin: Lanes, direction: Lanes, active: Lanes = True) -> Hit:
         """The nearest surface from `origin` along the unit `direction`, at least epsilon away."""
         ray = mi.Ray3f(origin + self.epsilon * direction, direction)
         found = self.world.ray_intersect_preliminary(ray, coherent=False, active=mi.Bool(active))
@@ -95,7 +97,7 @@ class Tracer:
         a, b, c = (dr.gather(mi.Point3f, self.positions, v, active=valid) for v in (triangle.x, triangle.y, triangle.z))
         u, v = (dr.select(valid, x, 0.0) for x in (found.prim_uv.x, found.prim_uv.y))
 
-        def interpolate(values: Any) -> Any:
+        def interpolate(values: Lanes) -> Lanes:
             x, y, z = (dr.gather(mi.Vector3f, values, k, active=valid) for k in (triangle.x, triangle.y, triangle.z))
             return x * (1.0 - u - v) + y * u + z * v
 
@@ -114,20 +116,20 @@ class Tracer:
             ambiguous=dr.dot(n, direction) >= 0.0,
         )
 
-    def free(self, origin: Any, direction: Any, distance: Any, active: Any) -> Any:
+    def visible(self, origin: Lanes, direction: Lanes, distance: Lanes, active: Lanes) -> Lanes:
         """True where nothing lies between `origin` and the point at `distance` along the unit `direction`."""
-        reach = distance - 2.0 * self.epsilon
-        ray = mi.Ray3f(mi.Ray3f(origin + self.epsilon * direction, direction), reach)
-        return active & ((reach <= 0.0) | ~self.world.ray_test(ray, coherent=False, active=active))
+        length = distance - 2.0 * self.epsilon
+        ray = mi.Ray3f(mi.Ray3f(origin + self.epsilon * direction, direction), length)
+        return active & ((length <= 0.0) | ~self.world.ray_test(ray, coherent=False, active=active))
 
     # --- lights ---------------------------------------------------------------------------------------------------------
 
-    def unoccluded(self, light: Light, p: Any, n: Any, g: Any) -> tuple[Any, Any, Any]:
+    def unoccluded(self, light: Light, p: Lanes, n: Lanes, g: Lanes) -> tuple[Lanes, Lanes, Lanes]:
         """(E, direction, distance): E_direct of `light` at p before any shadow, and the way to it (inf: directional)."""
         toward = mi.Vector3f(*light.position) if light.directional else mi.Point3f(*light.position) - p
         distance = dr.norm(toward)
         w = toward / (distance + TINY)
-        strength: Any = pi
+        strength: Lanes = pi
         if light.physical:
             strength = dr.rcp(dr.square(distance) + TINY)
         elif not light.directional:
@@ -139,21 +141,21 @@ class Tracer:
         return mi.Color3f(*light.color) * (strength * cosine), w, mi.Float(dr.inf) if light.directional else distance
 
     @staticmethod
-    def spot(light: Light, direction: Any) -> Any:
+    def spot(light: Light, direction: Lanes) -> Lanes:
         """The factor of the light's cone along the unit `direction` away from it: exponent and falloff."""
         cosine = dr.dot(mi.Vector3f(axis(light)), direction)
         inner = min(light.spot_inner, light.spot_cutoff)
-        cone: Any = dr.select(cosine >= cos(radians(light.spot_cutoff)), mi.Float(1.0), 0.0)
+        cone: Lanes = dr.select(cosine >= cos(radians(light.spot_cutoff)), mi.Float(1.0), 0.0)
         if inner < light.spot_cutoff:
             angle = dr.acos(cosine * (1.0 - 1e-7)) * (180.0 / pi)
             falloff = (light.spot_cutoff - angle) / (light.spot_cutoff - inner)
             cone = dr.select(cosine >= cos(radians(inner)), cone, positive(falloff))
         return cone * dr.power(positive(cosine) + TINY, light.spot_exponent) if light.spot_exponent > 0.0 else cone
 
-    def lit(self, light: Light, hit: Hit) -> tuple[Any, Any]:
+    def lit(self, light: Light, hit: Hit) -> tuple[Lanes, Lanes]:
         """(E_direct with shadow, E_direct before it) of one light at surface points."""
         E, w, distance = self.unoccluded(light, hit.p, hit.n, hit.g)
-        seen = self.free(hit.p, w, distance, hit.valid & lights(E))
+        seen = self.visible(hit.p, w, distance, hit.valid & lights(E))
         return dr.select(seen, E, 0.0), E
 
     # --- the two estimators ---------------------------------------------------------------------------------------------
@@ -167,21 +169,21 @@ class Tracer:
             parts.append(self._irradiance(some[0], some[1], some[2], side, seed * 100_003 + k, bounces))
         return np.concatenate(parts)
 
-    def _irradiance(self, p: Any, n: Any, g: Any, side: int, seed: int, bounces: int) -> np.ndarray:
+    def _irradiance(self, p: Lanes, n: Lanes, g: Lanes, side: int, seed: int, bounces: int) -> np.ndarray:
         count = side * side
         lane = dr.arange(mi.UInt32, dr.width(p) * count)
         point = lane // count
         p, n, g = (dr.gather(mi.Vector3f, x, point) for x in (p, n, g))
-        random: Any = mi.PCG32(size=dr.width(lane), initstate=seed)  # type: ignore[operator]
+        random: Lanes = mi.PCG32(size=dr.width(lane), initstate=seed)
         stratum = mi.Point2u((lane % count) % side, (lane % count) // side)
 
-        def uniform() -> Any:  # a point in the unit square per lane, of the first vertex a stratified one
+        def uniform() -> Lanes:  # a point in the unit square per lane, of the first vertex a stratified one
             u = mi.Point2f(random.next_float32(), random.next_float32())
             return u if vertex else (mi.Point2f(stratum) + u) / side
 
-        path: Any = lane
-        total: Any = dr.zeros(mi.Color3f, dr.width(lane))
-        weight: Any = mi.Color3f(1.0)
+        path: Lanes = lane
+        total: Lanes = dr.zeros(mi.Color3f, dr.width(lane))
+        weight: Lanes = mi.Color3f(1.0)
         for vertex in range(bounces):
             seen, q = self._seen(mi.Point3f(p), n, g, uniform)
             seen *= weight
@@ -194,7 +196,7 @@ class Tracer:
                 break
             weight *= q.albedo
             lives = survival(weight)
-            on: Any = dr.compress(q.valid & (random.next_float32() < lives))
+            on: Lanes = dr.compress(q.valid & (random.next_float32() < lives))
             if not len(on):
                 break
             p, n, g, weight, path, random = (dr.gather(type(x), x, on) for x in (q.p, q.n, q.g, weight / lives, path, random))
@@ -202,15 +204,15 @@ class Tracer:
         sums = [dr.block_sum(total[k], count) for k in range(3)]
         return np.stack([np.array(s, dtype=np.float64) for s in sums], axis=1) / count
 
-    def _seen(self, p: Any, n: Any, g: Any, uniform: Any) -> tuple[Any, Hit]:
-        """What one ray from each p, and one from each light, say of E_1 there; and where the rays from p hit."""
+    def _seen(self, p: Lanes, n: Lanes, g: Lanes, uniform: Lanes) -> tuple[Lanes, Hit]:
+        """E_1 at each p as estimated by one ray from it and one from each light; and the hits of the rays from p."""
         direction = mi.Frame3f(n).to_world(cosine_hemisphere(uniform()))
         above = dr.dot(direction, g) > 0.0
         q = self.hit(p, direction, above)
         total = mi.Color3f(dr.select(q.valid, q.emission, dr.select(above, mi.Color3f(*self.scene.sky), 0.0))) * pi
         for light in self.scene.lights:
             E, _ = self.lit(light, q)
-            w: Any = 1.0
+            w: Lanes = 1.0
             if not light.directional:
                 p_ray, p_light = self._densities(light, p, n, q.p, q.g)
                 w = dr.select(p_ray > 0.0, p_ray / (p_ray + p_light), 1.0)
@@ -220,8 +222,8 @@ class Tracer:
                 total += self._from_light(light, p, n, g, uniform())
         return total, q
 
-    def _from_light(self, light: Light, p: Any, n: Any, g: Any, u: Any) -> Any:
-        """The share of E_1 that rays from `light`, connected to p, stand for."""
+    def _from_light(self, light: Light, p: Lanes, n: Lanes, g: Lanes, u: Lanes) -> Lanes:
+        """The share of E_1 that comes from connecting the hits of rays from `light` to p."""
         if has_cone(light):
             direction = mi.Frame3f(mi.Vector3f(axis(light))).to_world(uniform_cap(u, cos(radians(light.spot_cutoff))))
         else:
@@ -234,14 +236,14 @@ class Tracer:
         # only the side of q that the light sees is lit, so p must lie on that side
         active = q.valid & (r > 0.0) & (cos_p > 0.0) & (dr.dot(g, -back) > 0.0) & (dr.dot(q.g, back) > 0.0)
         E, _, _ = self.unoccluded(light, q.p, q.n, q.g)
-        active &= self.free(p, -back, r, active & lights(E))
+        active &= self.visible(p, -back, r, active & lights(E))
         p_ray, p_light = self._densities(light, p, n, q.p, q.g)
         L = q.albedo * E / pi
         geometry = cos_p * dr.dot(q.g, back) / dr.square(r)
         return dr.select(active & (p_ray + p_light > 0.0), L * geometry / (p_ray + p_light), 0.0)
 
     @staticmethod
-    def _densities(light: Light, p: Any, n: Any, q: Any, g: Any) -> tuple[Any, Any]:
+    def _densities(light: Light, p: Lanes, n: Lanes, q: Lanes, g: Lanes) -> tuple[Lanes, Lanes]:
         """Densities per area at q of a cosine-distributed ray from p, and of a ray from the light."""
         to_p, to_light = p - q, mi.Point3f(*light.position) - q
         r, d = dr.norm(to_p), dr.norm(to_light)
@@ -256,7 +258,7 @@ class Tracer:
         return dr.select(r > 0.0, p_ray, 0.0), dr.select(d > 0.0, p_light, 0.0)
 
 
-def camera_rays(camera: Camera, size: tuple[int, int], dx: Any = 0.5, dy: Any = 0.5) -> np.ndarray:
+def camera_rays(camera: Camera, size: tuple[int, int], dx: float | np.ndarray = 0.5, dy: float | np.ndarray = 0.5) -> np.ndarray:
     """(W·H, 3) unit directions, row by row from the top, through the point (dx, dy) of every pixel (0.5: its centre).
 
     size: (W, H). dx, dy: 0..1 to the right and downward, one number or (H, W).
@@ -267,46 +269,49 @@ def camera_rays(camera: Camera, size: tuple[int, int], dx: Any = 0.5, dy: Any = 
     x = ((column + dx) / width * 2.0 - 1.0) * slope * (width / height)
     y = (1.0 - (row + dy) / height * 2.0) * slope
     world = np.stack([x, y, -np.ones_like(x)], axis=-1).reshape(-1, 3) @ camera.axes
-    return world / np.linalg.norm(world, axis=1, keepdims=True)
+    directions: np.ndarray = world / np.linalg.norm(world, axis=1, keepdims=True)
+    return directions
 
 
-def look(tracer: Tracer, camera: Camera, size: tuple[int, int], dx: Any = 0.5, dy: Any = 0.5) -> Hit:
+def look(
+    tracer: Tracer, camera: Camera, size: tuple[int, int], dx: float | np.ndarray = 0.5, dy: float | np.ndarray = 0.5
+) -> Hit:
     """What the camera sees through one point of every pixel, as camera_rays has it; one lane per pixel."""
     return tracer.hit(mi.Point3f(*camera.eye), mi.Vector3f(camera_rays(camera, size, dx, dy).T))
 
 
-def image(values: Any, size: tuple[int, int]) -> np.ndarray:
+def image(values: Lanes, size: tuple[int, int]) -> np.ndarray:
     """(H, W, …) array of what lies in W·H lanes."""
     array, (width, height) = np.array(values), size
     return array.T.reshape(height, width, -1) if array.ndim == 2 else array.reshape(height, width)
 
 
-def cosine_hemisphere(u: Any) -> Any:
+def cosine_hemisphere(u: Lanes) -> Lanes:
     """Cosine-distributed unit directions about z."""
     sine, phi = dr.sqrt(u.x), 2.0 * pi * u.y
     return mi.Vector3f(sine * dr.cos(phi), sine * dr.sin(phi), dr.sqrt(positive(1.0 - u.x)))
 
 
-def uniform_cap(u: Any, edge: float) -> Any:
+def uniform_cap(u: Lanes, edge: float) -> Lanes:
     """Uniform unit directions whose z is at least `edge`; the whole sphere where that is −1."""
     z, phi = 1.0 - u.x * (1.0 - edge), 2.0 * pi * u.y
     sine = dr.sqrt(positive(1.0 - z * z))
     return mi.Vector3f(sine * dr.cos(phi), sine * dr.sin(phi), z)
 
 
-def survival(weight: Any) -> Any:
+def survival(weight: Lanes) -> Lanes:
     """The probability that a path of this weight goes on: 1 while its brightest channel is above LEAST_WEIGHT."""
     most = dr.select(weight.x > weight.y, weight.x, weight.y)
     most = dr.select(most > weight.z, most, weight.z) / LEAST_WEIGHT
     return dr.select(most < 1.0, most, 1.0)
 
 
-def positive(x: Any) -> Any:
+def positive(x: Lanes) -> Lanes:
     """max(x, 0), without the `fmaximum` of dr.maximum: LLVM sometimes fails to compile it (AVX-512, "Cannot select")."""
     return dr.select(x > 0.0, x, 0.0)
 
 
-def lights(E: Any) -> Any:
+def lights(E: Lanes) -> Lanes:
     """Whether any channel is positive."""
     return (E.x > 0.0) | (E.y > 0.0) | (E.z > 0.0)
 

@@ -1,4 +1,4 @@
-"""Irradiance at given points by path tracing, with more and more samples, each timed: what other renderers are held to.
+"""Irradiance at given points by path tracing, timed with more and more samples: what the benchmark compares renderers with.
 
 Importing this needs the extra `reference`. `main` is the process that the benchmark starts.
 """
@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from typing import Any
+from typing import Any, TypedDict
 
 import drjit as dr
 import mitsuba as mi
@@ -15,12 +15,20 @@ import numpy as np
 
 from irrsplat.core.errors import IrrsplatError
 from irrsplat.reference.path_tracer import Tracer, cosine_hemisphere, has_cone
-from irrsplat.reference.trace_view import serve
+from irrsplat.reference.worker import serve
 from irrsplat.scene.model import Light, Mesh, Scene
 
 METHODS = ("path", "joined")
 _BATCH = 4  # samples of every point at once, by Mitsuba's own integrator
 _SIDES = (1, 2, 3, 4, 6, 8, 11, 16, 23, 32)  # of the stratified grids of the other
+
+
+class TimedLevels(TypedDict):
+    """load: seconds until the scene can be traced. levels: (samples a point, seconds, relative RMSE), without compiling."""
+
+    load: float
+    threads: int
+    levels: list[tuple[int, float, float]]
 
 
 def timed(
@@ -33,13 +41,12 @@ def timed(
     enough: float,
     seconds: float,
     report: Callable[[float], object],
-) -> dict[str, Any]:
+) -> TimedLevels:
     """Irradiance of so many `bounces` at `points`, each (N, 3): positions, shading and geometric normals.
 
     judged: (M,) numbers of the points whose irradiance is `truth` (M, 3). method: "path", Mitsuba's own integrator on
     cosine-distributed rays, or "joined", Tracer's, which joins every vertex to what each lamp shines on as well.
-    Goes on until the relative RMSE is at most `enough`, or for so many `seconds`. Returns "load", seconds until the scene can be
-    traced; "threads"; and "levels": (samples a point, seconds, relative RMSE), the first computation's compiling left out.
+    Goes on until the relative RMSE is at most `enough`, or for so many `seconds`.
     """
     start = time.perf_counter()
     levels = {"path": _path, "joined": _joined}[method](scene, points, bounces)
@@ -56,7 +63,7 @@ def timed(
 
 
 def main() -> None:
-    """`timed`, for who started this process."""
+    """Answer the process that started this one with `timed`."""
     serve(timed)
 
 

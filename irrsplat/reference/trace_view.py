@@ -1,20 +1,16 @@
-"""What the path tracer says of one view: irradiance in two halves, direct light, and where both may be compared.
+"""A path-traced view: irradiance in two halves, direct light, and the pixels where both may be compared.
 
 Importing this needs the extra `reference`. `main` is the process that `irrsplat.reference.worker` starts.
 """
 
 from __future__ import annotations
 
-import os
-import pickle
-import sys
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
-from irrsplat.core.errors import IrrsplatError
-from irrsplat.reference.path_tracer import Hit, Tracer, choose_variant, image, lights, look
+from irrsplat.reference.path_tracer import Hit, Tracer, image, lights, look
+from irrsplat.reference.worker import serve
 from irrsplat.scene.model import Camera, Scene
 
 ANGLE = 18.0  # degrees between a pixel's normal and its neighbours'
@@ -71,7 +67,7 @@ def valid_pixels(position: np.ndarray, normal: np.ndarray, seen: np.ndarray, dia
     """(H, W) pixels whose 3×3 neighbours are seen, have normals within ANGLE and lie within PLANE of the tangent plane."""
     turned = (neighbours(normal) * normal).sum(-1) >= np.cos(np.radians(ANGLE))
     flat = np.abs(((neighbours(position) - position) * normal).sum(-1)) <= PLANE * diagonal
-    valid = np.logical_and.reduce(turned & flat & neighbours(seen), axis=0)
+    valid: np.ndarray = np.logical_and.reduce(turned & flat & neighbours(seen), axis=0)
     valid[[0, -1]] = valid[:, [0, -1]] = False
     return valid
 
@@ -120,23 +116,5 @@ def distance_to(marked: np.ndarray, most: int = 255) -> np.ndarray:
 
 
 def main() -> None:
-    """`trace`, for who started this process."""
+    """Answer the process that started this one with `trace`."""
     serve(trace)
-
-
-def serve(work: Callable[..., Any]) -> None:
-    """Read arguments from stdin (pickled), and write what `work` makes of them, and of what it calls with the share done, to
-    stdout, messages (kind, value): ("progress", share), and at last ("done", result) or ("error", why it cannot be)."""
-    with os.fdopen(os.dup(1), "wb") as answers:
-        os.dup2(2, 1)  # whatever a library prints must not come between
-
-        def say(kind: str, value: Any) -> None:
-            pickle.dump((kind, value), answers)
-            answers.flush()
-
-        try:
-            arguments = pickle.load(sys.stdin.buffer)
-            choose_variant()
-            say("done", work(*arguments, lambda share: say("progress", share)))
-        except IrrsplatError as error:
-            say("error", str(error))

@@ -21,7 +21,7 @@ MOST_BOUNCES = preset(bounces="all").most_bounces  # what a surface of reflectan
 MOST_SAMPLES = 131_072  # what is in flight at once fits into memory
 NOTHING = "the camera sees no smooth surface, so there is nothing to compare; give another camera or a larger size"
 SAMPLES = 2048  # rays of each kind per pixel
-OUTLIER = 0.3  # of the mean: an error beyond it is one that anybody sees
+OUTLIER = 0.3  # of the mean: a larger error is plain to see
 
 
 @dataclass(frozen=True)
@@ -45,12 +45,14 @@ class Traced:
     @property
     def irradiance(self) -> np.ndarray:
         """(H, W, 3) indirect irradiance, by all samples."""
-        return self.halves.mean(axis=0)
+        mean: np.ndarray = self.halves.mean(axis=0)
+        return mean
 
     @property
     def picture(self) -> np.ndarray:
         """(H, W, 3) radiance: direct, indirect and emitted light together."""
-        return self.direct + self.albedo / np.float32(np.pi) * self.irradiance + self.emission
+        radiance: np.ndarray = self.direct + self.albedo / np.float32(np.pi) * self.irradiance + self.emission
+        return radiance
 
     @property
     def noise(self) -> float | None:
@@ -61,7 +63,7 @@ class Traced:
 
 
 def errors(E: np.ndarray, E_ref: np.ndarray) -> dict[str, float | None]:
-    """How far irradiance E (N, 3) is from the truth E_ref (N, 3), both in W/m²; None where there is no light to be off from.
+    """How far irradiance E (N, 3) is from the truth E_ref (N, 3), both in W/m²; None where there is no light to compare with.
 
     `rmse`: √mean((E−E_ref)²)/mean(E_ref), over pixels and channels. `bias`: mean(E)/mean(E_ref) − 1. `outliers`: share of the
     pixels where any channel is off by more than 30 % of the mean.
@@ -165,7 +167,7 @@ def kept(scene: Scene, camera: Camera, size: tuple[int, int], bounces: int | str
 
 
 def _read(path: Path, size: tuple[int, int]) -> Traced | None:
-    """The truth in a file, None where there is no file; raises one of store.DAMAGE for a file that is not as `traced` left it."""
+    """The truth in a file, None where there is no file; raises one of disk_cache.DAMAGE for any other file."""
     arrays = disk_cache.read(path)
     if arrays is None:
         return None

@@ -13,7 +13,7 @@ import tempfile
 import threading
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any
+from typing import IO, cast
 
 import numpy as np
 
@@ -40,13 +40,13 @@ def trace(
     progress: Callable[[float], object] | None = None,
 ) -> dict[str, np.ndarray]:
     """What `irrsplat.reference.trace_view.trace` returns, from another process; see `call`."""
-    return call(_MAIN, (scene, camera, size, side, bounces), progress)
+    return cast("dict[str, np.ndarray]", call(_MAIN, (scene, camera, size, side, bounces), progress))
 
 
-def call(code: str, arguments: tuple[Any, ...], progress: Callable[[float], object] | None = None) -> Any:
-    """What Python code that ends in `irrsplat.reference.trace_view.serve` makes of the arguments, in another process.
+def call(code: str, arguments: tuple[object, ...], progress: Callable[[float], object] | None = None) -> object:
+    """The answer of another process that runs Python `code` which ends in `serve`, and gets these arguments.
 
-    progress: called with the share done, 0..1, several times a second; whatever it raises ends the process, and is raised here.
+    progress: called with the share done, 0..1, several times a second; an exception from it ends the process and is raised here.
     Raises IrrsplatError, one line, where Mitsuba or LLVM is missing, and where the process fails.
     """
     require()
@@ -72,15 +72,15 @@ def call(code: str, arguments: tuple[Any, ...], progress: Callable[[float], obje
                 process.stdin.close()
             process.stdout.close()
         if kind == "error":
-            raise IrrsplatError(value)
+            raise IrrsplatError(str(value))
         if kind is None:
-            raise IrrsplatError(_obituary(process.returncode, said))
+            raise IrrsplatError(_why_it_failed(process.returncode, said))
     return value
 
 
-def _answer(stream: Any, progress: Callable[[float], object] | None) -> tuple[str | None, Any]:
+def _answer(stream: IO[bytes], progress: Callable[[float], object] | None) -> tuple[str | None, object]:
     """The last message of the process; (None, None) where it ended without one."""
-    messages: queue.SimpleQueue[tuple[str | None, Any]] = queue.SimpleQueue()
+    messages: queue.SimpleQueue[tuple[str | None, object]] = queue.SimpleQueue()
 
     def read() -> None:
         with suppress(EOFError, pickle.UnpicklingError, ValueError):  # ValueError: who waited has closed the stream
@@ -97,12 +97,12 @@ def _answer(stream: Any, progress: Callable[[float], object] | None) -> tuple[st
             kind, value = messages.get(timeout=_BEAT)
             if kind != "progress":
                 return kind, value
-            share = value
+            share = cast(float, value)
         if progress is not None:
             progress(share)
 
 
-def _obituary(status: int, said: Any) -> str:
+def _why_it_failed(status: int, said: IO[bytes]) -> str:
     """Why the process ended without an answer, from its exit status and the last line on its stderr."""
     said.seek(0)
     lines = said.read().decode("utf-8", "replace").split("\n")
@@ -112,3 +112,28 @@ def _obituary(status: int, said: Any) -> str:
         with suppress(ValueError):
             how = signal.Signals(-status).name
     return f"the path tracer failed ({how}: {last[:200]}); with LLVM older than 19 it may: install libllvm19, then try again"
+
+
+# ---- in the other process ----------------------------------------------------------------------------------------------
+
+
+def serve(work: Callable[..., object]) -> None:
+    """Call `work` with the pickled arguments on stdin and a function for the share done; its result goes to stdout.
+
+    There are pickled messages (kind, value): ("progress", share), and at last ("done", result) or ("error", why it cannot be).
+    """
+    from irrsplat.reference.path_tracer import choose_variant
+
+    with os.fdopen(os.dup(1), "wb") as answers:
+        os.dup2(2, 1)  # whatever a library prints must not come between
+
+        def say(kind: str, value: object) -> None:
+            pickle.dump((kind, value), answers)
+            answers.flush()
+
+        try:
+            arguments = pickle.load(sys.stdin.buffer)
+            choose_variant()
+            say("done", work(*arguments, lambda share: say("progress", share)))
+        except IrrsplatError as error:
+            say("error", str(error))

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 import irrsplat
-from irrsplat.app import cli
+from irrsplat.app import cli, flags
 from irrsplat.core.errors import GLError, InputError
 from irrsplat.gpu import context
 
@@ -145,6 +147,31 @@ def test_what_the_renderer_raises(
 
     monkeypatch.setattr(irrsplat, "Renderer", fail)
     assert words in refused(RENDER, status)
+
+
+@pytest.mark.parametrize(
+    ("module", "argv"),
+    [
+        ("irrsplat.app.bench.bench", ["bench"]),
+        ("irrsplat.app.bench.peers", ["bench", "--peers"]),
+        ("irrsplat.app.bench.scaling", ["bench", "--growth"]),
+        ("irrsplat.app.verify.verify", ["verify"]),
+        ("irrsplat.app.viewer", ["view"]),
+        ("irrsplat.app.info", ["doctor"]),
+        ("OpenEXR", ["render", "plain.scene", "-o", "a.exr"]),
+    ],
+)
+def test_a_missing_module_is_one_line(
+    module: str, argv: list[str], refused: Callable[..., str], fake: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its own command ends with its name; the other commands work without it."""
+    for name in [module, *(name for name in sys.modules if name.startswith(f"{module}."))]:
+        monkeypatch.setitem(sys.modules, name, None)  # which makes importing it fail
+    package, _, attribute = module.rpartition(".")
+    if package:  # an earlier test may have imported it
+        monkeypatch.delattr(import_module(package), attribute, raising=False)
+    assert module in refused(argv, 1)
+    assert flags.parse(["info"]).command == "info"
 
 
 def test_a_machine_without_gl(refused: Callable[..., str], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING, cast
 
 from irrsplat.app.bench.peers import judging
 from irrsplat.app.bench.peers.judging import JudgedView, Measurement, Series
@@ -12,6 +13,9 @@ from irrsplat.reference import worker
 from irrsplat.reference.truth import vertices
 from irrsplat.scene.model import Scene
 from irrsplat.settings import All
+
+if TYPE_CHECKING:  # importing it needs Mitsuba
+    from irrsplat.reference.trace_points import TimedLevels
 
 _PROCESS = "from irrsplat.reference.trace_points import main; main()"
 
@@ -33,7 +37,7 @@ def measure_joined(
 def _traced(name: str, method: str, colour: Colour, scene: Scene, bounces: int | All, view: JudgedView, tell: Tell) -> Series:
     """A path tracer's measurements, by more and more samples; of a further view they are the same, since it keeps nothing."""
     tell(name)
-    found = worker.call(
+    answer = worker.call(
         _PROCESS,
         (
             scene,
@@ -46,6 +50,7 @@ def _traced(name: str, method: str, colour: Colour, scene: Scene, bounces: int |
             judging.SECONDS / 4.0,
         ),
     )
+    found = cast("TimedLevels", answer)
     measurements = [
         Measurement(name, f"{count} samples", seconds, rmse, seconds, rmse)
         for count, seconds, rmse in found["levels"]

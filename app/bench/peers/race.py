@@ -66,7 +66,7 @@ def run(scenes: Sequence[Scene], args: Namespace, bounces: int | All) -> dict[st
             doing("")
             title = f"{scene.name}, {scene.triangles} triangles, {width} x {height}, {in_words(bounces)}, {CPUS} CPUs"
             print("\n".join(report(title, found)), flush=True)
-            same = {"scene": scene.name, "size": [width, height], "bounces": bounces}
+            same: dict[str, object] = {"scene": scene.name, "size": [width, height], "bounces": bounces}
             for series in found:
                 rows += [same | asdict(one) for one in series.measurements] or [same | {"failed": series.about}]
             if args.output is not None:

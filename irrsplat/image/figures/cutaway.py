@@ -31,11 +31,13 @@ class Parallel:
 
     def at(self, points: np.ndarray) -> np.ndarray:
         """(…, 2) pixels, y downwards, of world points (…, 3)."""
-        return self.middle + ((points - self.centre) @ self.axes[:2].T) * (self.scale, -self.scale)
+        pixels: np.ndarray = self.middle + ((points - self.centre) @ self.axes[:2].T) * (self.scale, -self.scale)
+        return pixels
 
     def nearness(self, points: np.ndarray) -> np.ndarray:
         """How near the viewer points (…, 3) are, in metres from the centre."""
-        return (points - self.centre) @ self.axes[2]
+        along: np.ndarray = (points - self.centre) @ self.axes[2]
+        return along
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 from irrsplat.app import cli
-from irrsplat.app.common.plot import Line, loglog, ticks
+from irrsplat.app.common.plot import Line, loglog, palette, ticks
 from irrsplat.app.verify import ablation, error_curve
 from irrsplat.app.verify.measure import Measured, in_flags
 from irrsplat.reference import worker
@@ -146,7 +146,7 @@ def test_the_curve(law: SimpleNamespace, capsys: pytest.CaptureFixture[str]) -> 
     assert [name for name, _ in law.calls] == ["default"] * len(error_curve.A) + ["paper"] * len(error_curve.PAPER)
     assert all(settings.seed == 3 and settings.bounces == 1 for _, settings in law.calls)
     picture = np.asarray(Image.open("curve.png"))
-    for colour in error_curve._COLOURS:
+    for colour in palette(2):
         assert (np.abs(picture.astype(int) - colour).max(-1) < 8).sum() > 200
 
 
