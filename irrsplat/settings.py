@@ -115,30 +115,6 @@ def _declare(default: Any, kind: Kind, stage: str, help: str, **rest: Any) -> An
     return field(default=default, metadata={"default": default, "kind": kind, "stage": stage, "help": help, **rest})
 
 
-def weight_defines(gradients: bool) -> dict[str, object]:
-    """What shaders/records/weight.glsl and record.glsl are compiled for."""
-    return {"GRADIENTS": int(gradients), "LEAST_ERROR": LEAST_ERROR, "IN_FRONT": IN_FRONT}
-
-
-class RecordUniforms(TypedDict):
-    """What `record_uniforms` returns."""
-
-    a: float
-    hessian: bool
-    second_order: bool
-    walls: bool
-
-
-def record_uniforms(settings: Settings) -> RecordUniforms:
-    """The uniforms by which shaders/records/weight.glsl and record.glsl know the settings."""
-    return {
-        "a": settings.a,
-        "hessian": settings.radius == "hessian",
-        "second_order": settings.second_order,
-        "walls": settings.walls,
-    }
-
-
 @dataclass(frozen=True)
 class Settings:
     """One complete, checked set of parameters; `replace` or `with_values` makes another."""

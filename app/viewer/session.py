@@ -202,7 +202,7 @@ class Session(Owner):
         held = self.held
         side = held[0] if held is not None else self.side_at(cursor[0]) if cursor is not None else 0
         renderer, view = self.of(side)
-        table, number = self.table(renderer), renderer.cache.find(held[1]) if held is not None else None
+        table, number = self.table(renderer), renderer.cache.number_of(held[1]) if held is not None else None
         if number is None and cursor is not None:
             number = record_inspector.pick(self.buffer_view.texel, table, view, renderer.settings, *cursor)
         if number is None or number >= len(table) or renderer.shadows is None:
@@ -220,7 +220,7 @@ class Session(Owner):
 
     def table(self, renderer: Renderer) -> record_inspector.Table:
         """The renderer's records on the CPU, read again where they have changed."""
-        i, state = self.renderers.index(renderer), (renderer.cache.count, renderer.cache.edits)
+        i, state = self.renderers.index(renderer), (renderer.cache.count, renderer.cache.revision)
         if i not in self._tables or self._tables[i][0] != state:
             self._tables[i] = state, record_inspector.read(renderer.cache.records)
         return self._tables[i][1]
@@ -234,7 +234,7 @@ class Session(Owner):
             if was is None
             else None
         )
-        self.held = None if number is None else (side, renderer.cache.name(number))
+        self.held = None if number is None else (side, renderer.cache.id_of(number))
 
     def point_at(self, cursor: tuple[int, int]) -> tuple[float, float, float] | None:
         """The world point seen at the cursor; None where there is none."""
@@ -261,7 +261,7 @@ class Session(Owner):
 
     def _let_go(self) -> None:
         """Hold a record no longer that is gone."""
-        if self.held is not None and self._on(self.held[0]).cache.find(self.held[1]) is None:
+        if self.held is not None and self._on(self.held[0]).cache.number_of(self.held[1]) is None:
             self.held = None
 
     def _on(self, side: int) -> Renderer:

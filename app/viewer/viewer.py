@@ -110,7 +110,7 @@ class Viewer(Controls, moderngl_window.WindowConfig):
         handles = [*session.views, *(thing for r in session.active for thing in (r.shadows, r.scheduler.gatherer.atlas))]
         handles += [r.scheduler.gatherer.surface.result for r in session.active if r.scheduler.gatherer.surface is not None]
         handles += [session.truths.of(session.scene, session.camera, session.size, r.settings.bounces) for r in session.active]
-        about = [(r.settings, r.cache.count, r.cache.edits) for r in session.active]
+        about = [(r.settings, r.cache.count, r.cache.revision) for r in session.active]
         state = about, asdict(options), session.exposure, session.held, options.inspect and cursor, self.canvas
         same = len(handles) == len(self._shown) and all(a is b for a, b in zip(handles, self._shown, strict=True))
         if state != self._drawn or not same:

@@ -7,9 +7,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
+
+from irrsplat.core import record_layout
+
+if TYPE_CHECKING:
+    import moderngl
 
 
 @dataclass(frozen=True)
@@ -55,11 +60,6 @@ class Filmic(NamedTuple):
     white: float = 32.0
     scale: float = 3.5170872
 
-    @property
-    def defines(self) -> dict[str, float]:
-        """FILMIC_A … FILMIC_SCALE, as the shaders have them."""
-        return {f"FILMIC_{name.upper()}": value for name, value in self._asdict().items()}
-
 
 FILMIC = Filmic()
 
@@ -76,10 +76,10 @@ class GBuffer:
     albedo: rgb reflectance, w the geometric normal's octahedral y. emission: rgb emitted radiance, w the triangle's number.
     """
 
-    position: Any
-    normal: Any
-    albedo: Any
-    emission: Any
+    position: moderngl.Texture
+    normal: moderngl.Texture
+    albedo: moderngl.Texture
+    emission: moderngl.Texture
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +90,7 @@ class ShadowMaps:
     layout: a tile's side in texels, the tiles per row, and the near plane of the perspective ones in metres.
     """
 
-    depth: Any
+    depth: moderngl.Texture
     table: np.ndarray
     layout: tuple[float, float, float]
 
@@ -127,12 +127,12 @@ class HitLight:
 @dataclass(frozen=True, eq=False)
 class SplatBuffer:
     """The sums that splatting leaves: `sums` RGBA32F (Σ k·E, Σ k) and `weight` RG32F (Σ of raw w, or NOTHING_SEEN; Σ k·Y² of
-    the luminances Y of the E, which tells how far the records contradict each other). `dark`: as in Records.
+    the luminances Y of the E, which tells how far the records contradict each other). `luminance_floor`: as in Records.
     pixel_stride: 2 where only every other pixel of the view has a texel here, in both directions, else 1."""
 
-    sums: Any
-    weight: Any
-    dark: float = 0.0
+    sums: moderngl.Texture
+    weight: moderngl.Texture
+    luminance_floor: float = 0.0
     pixel_stride: int = 1
 
 
@@ -140,26 +140,26 @@ class SplatBuffer:
 class Sites:
     """Where records are to be made, numpy float32: `position`, shading `normal` and `geometric` normal, each (N, 3).
 
-    triangle: (N,) the numbers of the triangles that they lie on, where known. turn: (N,) what turns the frames that they look in,
-    where that is not the records' own numbers.
+    triangle: (N,) the numbers of the triangles that they lie on, where known. frame_rotation: (N,) what the rotations
+    of the frames that they look in are drawn from; without it, the records' own numbers.
     """
 
     position: np.ndarray
     normal: np.ndarray
     geometric: np.ndarray
     triangle: np.ndarray | None = None
-    turn: np.ndarray | None = None
+    frame_rotation: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.position)
 
-    def turns(self, numbers: np.ndarray) -> np.ndarray:
-        """(N,) what turns the frames of records here that have these `numbers` (N,)."""
-        return numbers if self.turn is None else self.turn
+    def frame_rotations(self, numbers: np.ndarray) -> np.ndarray:
+        """(N,) what the rotations of the frames are drawn from, for records here that have these `numbers` (N,)."""
+        return numbers if self.frame_rotation is None else self.frame_rotation
 
     def __getitem__(self, rows: slice | np.ndarray) -> Sites:
-        triangle, turn = (None if one is None else one[rows] for one in (self.triangle, self.turn))
-        return Sites(self.position[rows], self.normal[rows], self.geometric[rows], triangle, turn)
+        triangle, rotation = (None if one is None else one[rows] for one in (self.triangle, self.frame_rotation))
+        return Sites(self.position[rows], self.normal[rows], self.geometric[rows], triangle, rotation)
 
 
 @dataclass(frozen=True)
@@ -175,52 +175,44 @@ class Atlas:
     count: the number of records. block: the texels that the first reduction step sums at once, as (width, height).
     """
 
-    radiance: Any
-    planes: Any
-    table: Any
-    edges: Any
-    frames: Any
+    radiance: moderngl.Texture
+    planes: moderngl.Texture
+    table: moderngl.Texture
+    edges: moderngl.Texture
+    frames: moderngl.Texture
     count: int
     columns: int
     cell: tuple[int, int]
     block: tuple[int, int]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Records:
-    """The cache on the GPU, RGBA32F textures of `columns` texels a row; record i is texel (i % columns, i // columns).
+    """The cache on the GPU: `count` records, record i in texel (i % glsl.TABLE_COLUMNS, i // glsl.TABLE_COLUMNS) of each texture.
 
-    position: xyz world. normal: xyz world. irradiance: rgb E in W/m², w R_k in metres. count: how many there are.
-    limit: R32F, the share of its radii that a record may reach at most (see passes/adapt.py).
-    vectors: of red, green and blue the irradiance vectors M = ∫L·ω·dω (E = n·M), then of each the gradient ∇E in W/m³. Their w,
-    in this order: the unit axis in the tangent plane along which the light bends least (0: not known), the second derivatives of
-    luminance along it and across it over the luminance itself, 1/m², and the greatest radius that these may come to, metres, no
-    more than settings.WIDE·R_k.
-    walls: two walls that stand on the record's surface, xy and zw, by coordinates along that axis and across it, 1/m: beyond one
-    is where (p - p_k)·wall > 1 (0: none). dark: W/m², a luminance below which errors count as if it were that.
+    textures: by the names of record_layout.TEXTURES; record_layout.COLUMNS says what they hold. luminance_floor: W/m²; where it
+    is darker, errors count as if the luminance were that.
     """
 
-    position: Any
-    normal: Any
-    irradiance: Any
-    vectors: tuple[Any, ...]
-    walls: Any
+    textures: Mapping[str, moderngl.Texture]
     count: int
-    columns: int
-    limit: Any
-    dark: float = 0.0
+    luminance_floor: float = 0.0
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Columns and rows of every texture."""
+        width, height = self.textures["position"].size
+        return width, height
 
     @property
     def uniforms(self) -> dict[str, Any]:
         """The uniforms with which shaders/records/record.glsl reads them."""
-        names = ("records_m_r", "records_m_g", "records_m_b", "records_g_r", "records_g_g", "records_g_b")
-        return {
-            "records_position": self.position,
-            "records_normal": self.normal,
-            "records_irradiance": self.irradiance,
-            "records_walls": self.walls,
-            "records_limit": self.limit,
-            "record_columns": self.columns,
-            "dark": self.dark,
-            **dict(zip(names, self.vectors, strict=True)),
-        }
+        samplers = {f"records_{name}": texture for name, texture in self.textures.items()}
+        return {**samplers, "luminance_floor": self.luminance_floor}
+
+    def read(self, *names: str) -> dict[str, np.ndarray]:
+        """Columns of the records by name, (N, …) float32 each. It waits for the GPU to finish what it is drawing."""
+        wanted = {texture for name in names for texture, _ in record_layout.COLUMNS[name].slots}
+        texels = {name: np.frombuffer(self.textures[name].read(), "f4") for name in wanted}
+        rows = {name: data.reshape(-1, record_layout.TEXTURES[name])[: self.count] for name, data in texels.items()}
+        return {name: record_layout.unpack(rows, name) for name in names}

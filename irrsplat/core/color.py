@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -14,16 +14,33 @@ MID_GREY = 0.18  # reflectance that looks halfway between black and white
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # Rec. 709
 
 
+class Srgb(NamedTuple):
+    """The sRGB encoding (IEC 61966-2-1): slope·x up to `linear_end`, (1 + offset)·x^(1/power) - offset beyond it."""
+
+    slope: float = 12.92
+    offset: float = 0.055
+    power: float = 2.4
+    linear_end: float = 0.0031308
+    encoded_end: float = 0.04045  # what `linear_end` is encoded as, as the standard rounds it
+
+
+SRGB = Srgb()
+
+
 def linear_from_srgb(values: np.ndarray) -> np.ndarray:
     """Linear values for sRGB-encoded ones in 0..1 (IEC 61966-2-1), of any shape."""
-    linear: np.ndarray = np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
+    c = SRGB
+    curved = ((values + c.offset) / (1.0 + c.offset)) ** c.power
+    linear: np.ndarray = np.where(values <= c.encoded_end, values / c.slope, curved)
     return linear
 
 
 def srgb(linear: np.ndarray) -> np.ndarray:
     """sRGB-encoded values in 0..1 (IEC 61966-2-1) for linear ones of any shape, which are clipped to 0..1."""
     x = np.clip(linear, 0.0, 1.0)
-    encoded: np.ndarray = np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.maximum(x, 0.0031308) ** (1 / 2.4) - 0.055)
+    c = SRGB
+    curved = (1.0 + c.offset) * np.maximum(x, c.linear_end) ** (1 / c.power) - c.offset
+    encoded: np.ndarray = np.where(x <= c.linear_end, c.slope * x, curved)
     return encoded
 
 

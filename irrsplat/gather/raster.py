@@ -14,6 +14,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import Atlas, HitLight, Sites
+from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gather.hemicube import edge_table, faces, frames, hemisphere_table
 from irrsplat.gather.look import Gather
 from irrsplat.gather.record_frame import atlas_grid, eyes, frame_rows
@@ -21,7 +22,7 @@ from irrsplat.gather.world import World
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.program import Draw, Program, State
 from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import COLUMNS, Target, float_texture, table_texture
+from irrsplat.gpu.target import Target, float_texture, table_texture
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.scene.meshlets import Meshlets
 
@@ -75,7 +76,7 @@ class RasterGather(Gather):
     def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
         """What records at `sites` (at most `capacity`) see; `numbers` (N,) are theirs in the cache."""
         geometry, count = self.world.geometry, len(sites)
-        frame = frames(sites.normal, sites.turns(numbers), seed)
+        frame = frames(sites.normal, sites.frame_rotations(numbers), seed)
         self.frames.write(frame_rows(frame, sites, numbers).tobytes(), viewport=(0, 0, count, 4))
         rows = self._views(frame, eyes(sites, geometry.corners, self.offset))
         self.views.write(rows.reshape(-1, count, 4).astype("f4").tobytes(), viewport=(0, 0, count, _ROWS * len(self.faces)))
@@ -213,14 +214,14 @@ class MeshletDraw(Owner):
         some, within = meshlets.seen(rows.swapaxes(1, 2), near)
         parts = [np.stack(np.nonzero(part)) for part in (some & ~within, within)]
         meshlet, face, record = np.concatenate(parts, axis=1)
-        height = -(-max(len(meshlet), 1) // COLUMNS)
-        table = np.zeros((height * COLUMNS, 2), "f4")
+        height = -(-max(len(meshlet), 1) // TABLE_COLUMNS)
+        table = np.zeros((height * TABLE_COLUMNS, 2), "f4")
         table[: len(meshlet)] = np.stack([record + start, face], axis=1)
         if self.pairs is None or self.pairs.height < height:
             if self.pairs is not None:
                 self.pairs.release()
-            self.pairs = float_texture(self.ctx, (COLUMNS, height), 2)
-        self.pairs.write(table.tobytes(), viewport=(0, 0, COLUMNS, height))
+            self.pairs = float_texture(self.ctx, (TABLE_COLUMNS, height), 2)
+        self.pairs.write(table.tobytes(), viewport=(0, 0, TABLE_COLUMNS, height))
         before = 0
         for clips, part in zip((5, 0), parts, strict=True):
             instances = np.bincount(part[0], minlength=len(meshlets))

@@ -10,6 +10,7 @@ from typing import Any
 import moderngl
 
 from irrsplat.core.buffers import Atlas, Records
+from irrsplat.core.record_layout import GATHERED
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
@@ -67,8 +68,8 @@ class ReducePass(Owner):
             sky=sky,
         )
         sums: dict[str, Any] = dict(zip(_SUMS, self.target.textures, strict=False))
-        if self.out is None or self.out.textures[0] is not records.irradiance:
-            self.out = Target(self.ctx, records.irradiance.size, textures=[records.irradiance, *records.vectors, records.walls])
+        if self.out is None or self.out.textures[0] is not records.textures[GATHERED[0]]:
+            self.out = Target(self.ctx, records.size, textures=[records.textures[name] for name in GATHERED])
         self.total(
             self.out,
             vertices=atlas.count,
@@ -77,6 +78,6 @@ class ReducePass(Owner):
             frames=atlas.frames,
             blocks=per_cell,
             columns=atlas.columns,
-            table=records.irradiance.size,
+            table=records.size,
             radii=radii,
         )

@@ -71,7 +71,7 @@ class TraceGather(Gather):
             self.target = Target(self.ctx, (self.columns * self.cell[0], down * self.cell[1]), self.outputs)
         count = len(sites)
         rows = np.zeros((5, count, 4), "f4")
-        rows[:4] = frame_rows(frames(sites.normal, sites.turns(numbers), seed), sites, numbers)
+        rows[:4] = frame_rows(frames(sites.normal, sites.frame_rotations(numbers), seed), sites, numbers)
         rows[4, :, :3] = eyes(sites, self.tree.corners, self.offset)
         self.frames.write(rows.tobytes(), viewport=(0, 0, count, 5))
         lines, rest = divmod(count, self.columns)

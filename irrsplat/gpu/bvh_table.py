@@ -9,8 +9,9 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.errors import InputError
+from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import COLUMNS, listed, table_texture
+from irrsplat.gpu.target import listed, table_texture
 from irrsplat.scene.bvh import build
 
 
@@ -83,7 +84,7 @@ def _tables(ctx: moderngl.Context, vertices: np.ndarray, faces: np.ndarray) -> _
     corners = vertices[faces, :3]
     bvh = build(corners)
     limit = int(ctx.info["GL_MAX_TEXTURE_SIZE"])
-    if max(bvh.nodes[..., 0].size, len(vertices), len(faces)) > COLUMNS * limit or limit < 3 * COLUMNS:
+    if max(bvh.nodes[..., 0].size, len(vertices), len(faces)) > TABLE_COLUMNS * limit or limit < 3 * TABLE_COLUMNS:
         raise InputError(f"{len(faces)} triangles are too many to trace here: use --gather raster")
     rows = listed(bvh.nodes.reshape(-1, 1, 4))
     nodes = ctx.texture((rows.shape[1], rows.shape[0]), 4, np.ascontiguousarray(rows).tobytes(), dtype="u4")

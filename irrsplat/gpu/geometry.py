@@ -7,11 +7,10 @@ from typing import Any
 import moderngl
 import numpy as np
 
+from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import listed, table_texture
 from irrsplat.scene.meshlets import Meshlets, cut
-
-_COLUMNS = 1024  # of the table of planes, as shaders/lib/surface.glsl has it
 
 
 class Pieces(Owner):
@@ -107,10 +106,10 @@ class Geometry(Owner):
 
 
 def _planes(corners: np.ndarray) -> np.ndarray:
-    """(R, C, 4): planes of triangles (F, 3, 3), unit normal by their winding and distance from the origin, by _COLUMNS."""
+    """(R, C, 4): planes of triangles (F, 3, 3), unit normal by their winding and distance from the origin, by TABLE_COLUMNS."""
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
-    rows = max(-(-len(corners) // _COLUMNS), 1)
-    table = np.zeros((rows * _COLUMNS, 4))
+    rows = max(-(-len(corners) // TABLE_COLUMNS), 1)
+    table = np.zeros((rows * TABLE_COLUMNS, 4))
     table[: len(corners)] = np.column_stack([normals, (normals * corners.mean(1)).sum(1)])
-    return table.reshape(rows, _COLUMNS, 4)
+    return table.reshape(rows, TABLE_COLUMNS, 4)

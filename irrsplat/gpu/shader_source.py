@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from irrsplat.core import glsl
 from irrsplat.core.errors import IrrsplatError
 from irrsplat.core.paths import folder
 
@@ -32,8 +33,9 @@ class Source:
 def load(name: str, defines: Mapping[str, object] | None = None, root: Path | None = None) -> Source:
     """The shader file `name` (relative to `root`, default the bundled shaders) with includes and `defines` in place.
 
-    `#include "lib/x.glsl"` is replaced by that file's text the first time and by nothing afterwards. Where each line came
-    from is kept here, not in #line directives: Mesa forgets their file numbers. Raises ShaderError for a missing file.
+    `#include "lib/x.glsl"` is replaced by that file's text the first time and by nothing afterwards; what "generated/x.glsl" is
+    replaced by is made from Python (core/glsl.py). Where each line came from is kept here, not in #line directives: Mesa forgets
+    their file numbers. Raises ShaderError for a missing file.
     """
     root = root or folder("shaders")
     seen: set[str] = set()
@@ -45,10 +47,10 @@ def load(name: str, defines: Mapping[str, object] | None = None, root: Path | No
             return
         seen.add(name)
         try:
-            lines = (root / name).read_text(encoding="utf-8").splitlines()
+            content = glsl.INCLUDES[name] if name in glsl.INCLUDES else (root / name).read_text(encoding="utf-8")
         except OSError as error:
             raise ShaderError(f"{included}cannot read '{name}': {error.strerror}") from error
-        for number, line in enumerate(lines, start=1):
+        for number, line in enumerate(content.splitlines(), start=1):
             include = _INCLUDE.match(line)
             if include:
                 expand(include[1], f"{name}:{number}: ")

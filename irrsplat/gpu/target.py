@@ -7,18 +7,17 @@ from collections.abc import Sequence
 import moderngl
 import numpy as np
 
+from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gpu.resource import Owner, Resource
-
-COLUMNS = 1024  # things per row of the tables that shaders find by number
 
 
 def listed(things: np.ndarray) -> np.ndarray:
-    """Things (N, T, 4) of T texels each as rows of COLUMNS of them, at least one row: (R, COLUMNS·T, 4)."""
+    """Things (N, T, 4) of T texels each as rows of TABLE_COLUMNS of them, at least one row: (R, TABLE_COLUMNS·T, 4)."""
     count, texels = things.shape[:2]
-    lines = max(-(-count // COLUMNS), 1)
-    table = np.zeros((lines * COLUMNS, texels, 4), things.dtype)
+    lines = max(-(-count // TABLE_COLUMNS), 1)
+    table = np.zeros((lines * TABLE_COLUMNS, texels, 4), things.dtype)
     table[:count] = things
-    return table.reshape(lines, COLUMNS * texels, 4)
+    return table.reshape(lines, TABLE_COLUMNS * texels, 4)
 
 
 def float_texture(ctx: moderngl.Context, size: tuple[int, int], components: int = 4) -> moderngl.Texture:

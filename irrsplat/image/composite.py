@@ -7,7 +7,7 @@ import math
 import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import FILMIC, GBuffer, SplatBuffer
+from irrsplat.core.buffers import GBuffer, SplatBuffer
 from irrsplat.core.color import MID_GREY
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
@@ -28,7 +28,7 @@ class CompositePass(Owner):
         self.smooth = Program(ctx, "image/composite_smooth", "lib/fullscreen")
         self.blend = Program(ctx, "image/composite", "lib/fullscreen")
         self.meter = Program(ctx, "image/composite_meter", "lib/fullscreen")
-        self.display = Program(ctx, "image/composite_display", "lib/fullscreen", FILMIC.defines)
+        self.display = Program(ctx, "image/composite_display", "lib/fullscreen")
         self.target = Target(ctx, size, (4,))
         self.fill_target: Target | None = None
         self.smooth_target: Target | None = None

@@ -36,12 +36,12 @@ class Probes(Owner):
         return np.column_stack([found["irradiance"], found["radius"]])
 
 
-def change(before: np.ndarray, after: np.ndarray, dark: float) -> np.ndarray:
-    """(N,) the greater of the changes of E and R (N, 4), as shares of the greater value; of E, of `dark` W/m² at least.
+def change(before: np.ndarray, after: np.ndarray, luminance_floor: float) -> np.ndarray:
+    """(N,) the greater of the changes of E and R (N, 4), as shares of the greater value; for E of `luminance_floor` at least.
 
     Infinite where before has no R: nothing is known of that record.
     """
-    E = np.maximum(np.maximum(before, after)[:, :3].max(1), max(dark, 1e-20))
+    E = np.maximum(np.maximum(before, after)[:, :3].max(1), max(luminance_floor, 1e-20))
     off = np.abs(after - before)
     share: np.ndarray = np.maximum(off[:, :3].max(1) / E, off[:, 3] / np.maximum(before, after)[:, 3])
     return np.where(before[:, 3] > 0.0, share, np.inf)
@@ -49,6 +49,6 @@ def change(before: np.ndarray, after: np.ndarray, dark: float) -> np.ndarray:
 
 def concerned(cache: RecordCache, found: np.ndarray) -> np.ndarray:
     """The numbers of the records that change too much, now that they have `found` (N, 4)."""
-    cache.drift[:] = np.minimum(cache.drift + change(cache.probes, found, cache.dark), 1.0)
+    cache.drift[:] = np.minimum(cache.drift + change(cache.probes, found, cache.luminance_floor), 1.0)
     cache.probes[:] = found
     return np.flatnonzero(cache.drift > _CHANGE)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import NOTHING_SEEN, GBuffer, Sites, SplatBuffer
+from irrsplat.core.buffers import GBuffer, Sites, SplatBuffer
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
@@ -50,7 +50,7 @@ class ExaminePass(Owner):
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.ctx = ctx
         self.side = max(2, size[1] // _TILES)  # pixels
-        self.program = Program(ctx, "indirect/examine", "lib/fullscreen", {"NOTHING_SEEN": NOTHING_SEEN})
+        self.program = Program(ctx, "indirect/examine", "lib/fullscreen")
         self.target: Target | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
@@ -70,7 +70,7 @@ class ExaminePass(Owner):
             self.target = Target(self.ctx, tiles, (4, 4, 4))
         self.program(
             self.target,
-            every=splats.pixel_stride,
+            pixel_stride=splats.pixel_stride,
             side=side,
             position=gbuffer.position,
             normal=gbuffer.normal,
@@ -79,8 +79,8 @@ class ExaminePass(Owner):
             weight=splats.weight,
             sums=splats.sums,
             spread=settings.spread,
-            dark=splats.dark,
-            stride=_stride(side**2),
+            luminance_floor=splats.luminance_floor,
+            step_size=_stride(side**2),
             tolerance=settings.threshold,
             seed=settings.seed,
         )

@@ -19,9 +19,9 @@ from irrsplat.core.buffers import GBuffer, HitLight, Sites
 from irrsplat.gather.look import Gather
 from irrsplat.gpu.target import pixels
 from irrsplat.indirect.examine import octahedral_decode
-from irrsplat.records.weight import splat_radius
+from irrsplat.records.weight import record_weight, view_radius
 from irrsplat.scene.model import Camera
-from irrsplat.settings import IN_FRONT, LEAST_ERROR, Settings
+from irrsplat.settings import Settings
 
 
 @dataclass(frozen=True)
@@ -138,17 +138,12 @@ def splat_weight(weight: np.ndarray, seen: Seen, site: Sites, R: float, camera: 
     height, width = weight.shape
     p_k, n_k, a = site.position[0], site.normal[0], np.float32(settings.a)
     d = float(np.linalg.norm(p_k - np.asarray(camera.eye)))
-    r = float(splat_radius(R, d, camera, settings))
+    r = float(view_radius(R, d, camera, settings))
     rows, columns = _box(p_k, r, camera, width, height)
     apart = seen.position[rows, columns] - p_k
-    n = seen.normal[rows, columns]
-    cosine = n @ n_k
-    error = np.sqrt((apart * apart).sum(-1)) / np.float32(r / settings.a) + np.sqrt(np.maximum(0.0, 1.0 - cosine))
-    w = 1.0 / np.maximum(error, np.float32(LEAST_ERROR))
-    speaks = seen.mask[rows, columns] & (w > 1.0 / a)
-    if settings.in_front:
-        speaks &= (cosine > 0.0) & (np.abs((apart * (n + n_k)).sum(-1)) * 0.5 <= IN_FRONT * r / settings.a)
-    weight[rows, columns] += np.where(speaks, w, np.float32(0.0))
+    distance = np.sqrt((apart * apart).sum(-1)) / np.float32(r / settings.a)
+    w = record_weight(distance, apart, seen.normal[rows, columns], n_k, r / settings.a, settings.in_front)
+    weight[rows, columns] += np.where(seen.mask[rows, columns] & (w > 1.0 / a), w, np.float32(0.0))
 
 
 def _box(centre: np.ndarray, r: float, camera: Camera, width: int, height: int) -> tuple[slice, slice]:

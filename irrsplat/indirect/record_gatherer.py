@@ -180,8 +180,8 @@ class RecordGatherer(Owner):
         if _places(was) != _places(settings):
             cache.truncate(0)
         if change.moved:
-            kept = cache.follow(old.scene, new.scene)
-            cache.keep(kept)
+            kept = cache.move_with_meshes(old.scene, new.scene)
+            cache.keep_only(kept)
             new = replace(new, moved=True, resumed=None)
         surface = self._made.find("surface", SurfaceCache)
         if surface is not None:
@@ -191,7 +191,7 @@ class RecordGatherer(Owner):
             self.atlas = None  # its gather is gone
         more = settings.gradients and not was.gradients  # records gathered without them have none
         if gathered or more or change.relit or was.shadow_size != settings.shadow_size:
-            cache.expire()
+            cache.invalidate()
             new = replace(new, resumed=None)
         self._basis = new
         return kept
@@ -199,7 +199,7 @@ class RecordGatherer(Owner):
     def expire(self) -> None:
         """Gather everything again."""
         self._basis = replace(self._basis, resumed=None)
-        self.cache.expire()
+        self.cache.invalidate()
         surface = self._made.find("surface", SurfaceCache)
         if surface is not None:
             surface.expire()
@@ -245,7 +245,7 @@ class RecordGatherer(Owner):
             return
         cache = self.cache
         looked = cache.probes[:, 3].any()
-        cache.expire(concerned(cache, self._probe(shadows, np.arange(cache.count))) if looked else None)
+        cache.invalidate(concerned(cache, self._probe(shadows, np.arange(cache.count))) if looked else None)
         self._basis = replace(self._basis, moved=False)
 
     def _probe(self, shadows: ShadowMaps, numbers: np.ndarray) -> np.ndarray:
@@ -274,7 +274,7 @@ class RecordGatherer(Owner):
         for count in self._pace.batches(len(numbers), self.gather_pass.capacity, budget):
             chosen = numbers[done : done + count]
             self._gather(shadows, chosen)
-            self.cache.renewed(chosen)
+            self.cache.mark_refreshed(chosen)
             done += count
         return done
 

@@ -18,12 +18,12 @@ from irrsplat.indirect.examine import Examination, ExaminePass
 from irrsplat.indirect.record_gatherer import BounceStatistics, RecordGatherer
 from irrsplat.indirect.site_selection import choose, spacing
 from irrsplat.indirect.view_state import ViewState
-from irrsplat.records.adaptive_radius import Adaptation
+from irrsplat.records.adaptive_radius import AdaptiveRadius
 from irrsplat.records.cache_file import CacheState
 from irrsplat.records.culling import within
 from irrsplat.records.eviction import kept
 from irrsplat.records.record_cache import RecordCache
-from irrsplat.records.refresh_order import Renewal
+from irrsplat.records.refresh_order import RefreshOrder
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import Settings
 
@@ -53,7 +53,7 @@ class RecordScheduler(Owner):
     ) -> None:
         self.ctx, self.cache, self.timers = world.ctx, cache, timers
         self.gatherer = RecordGatherer(world, settings, cache, timers)
-        self.adaptation = Adaptation(world.ctx, settings, cache, timers)
+        self.adaptation = AdaptiveRadius(world.ctx, settings, cache, timers)
         self._passes = Workshop()
 
     def owned(self) -> tuple[Resource | None, ...]:
@@ -66,10 +66,10 @@ class RecordScheduler(Owner):
         return self.gatherer.settings
 
     @property
-    def renewal(self) -> Renewal:
+    def renewal(self) -> RefreshOrder:
         """The order in which stale records are gathered again."""
         gradients = self.settings.gradients
-        return self._passes.get("renewal", gradients, lambda: Renewal(self.ctx, gradients))
+        return self._passes.get("renewal", gradients, lambda: RefreshOrder(self.ctx, gradients))
 
     # ---- what changes ----------------------------------------------------------------------------------------------
 
@@ -97,7 +97,7 @@ class RecordScheduler(Owner):
         return self.gatherer.regather(shadows, numbers, budget)
 
     def limit_radii(self, state: ViewState, last: bool = False) -> tuple[ViewState, bool]:
-        """Hold new records against all others, as Adaptation does, and the old ones too where a view begins or, `last`, ends;
+        """Hold new records against all others, as AdaptiveRadius does, and the old ones too where a view begins or, `last`, ends;
         whether any old one reaches otherwise now."""
         changed = self.adaptation(self.settings, old_too=last or not state.limited)
         return replace(state, limited=True), changed
@@ -146,7 +146,7 @@ class RecordScheduler(Owner):
         """How many more records there may be, once those are evicted that are in the way of `wanted` new ones, if they may be."""
         numbers = kept(self.cache, wanted, camera, gbuffer.position.size, self.settings)
         if numbers is not None:
-            self.cache.keep(numbers)
+            self.cache.keep_only(numbers)
             self.adaptation.keep(numbers)
         return max(self.settings.max_records - self.cache.count, 0)
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import NOTHING_SEEN, GBuffer, Records, SplatBuffer
+from irrsplat.core.buffers import GBuffer, Records, SplatBuffer
 from irrsplat.gpu.program import Program, State
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.records.culling import TILE
-from irrsplat.records.weight import reach_uniforms
+from irrsplat.records.weight import record_defines, view_radius_uniforms
 from irrsplat.scene.model import Camera
-from irrsplat.settings import Settings, weight_defines
+from irrsplat.settings import Settings
 
 
 class SplatPass(Owner):
@@ -24,11 +24,11 @@ class SplatPass(Owner):
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], gradients: bool) -> None:
         self.ctx = ctx
         self.numbers = ctx.buffer(reserve=4)  # of the records that are drawn
-        self.program = Program(ctx, "indirect/splat", defines=weight_defines(gradients))
-        self.empty = Program(ctx, "indirect/splat_clear", "lib/fullscreen", {"NOTHING_SEEN": NOTHING_SEEN})
+        self.program = Program(ctx, "indirect/splat", defines=record_defines(gradients))
+        self.empty = Program(ctx, "indirect/splat_clear", "lib/fullscreen")
         self.target = Target(ctx, size, (4, 2))
         self.small: Target | None = None  # made when it is first wanted
-        self.tiles = Program(ctx, "indirect/splat_farthest", "lib/fullscreen", {"SIDE": TILE})
+        self.tiles = Program(ctx, "indirect/splat_farthest", "lib/fullscreen", {"TILE": TILE})
         self.distances = Target(ctx, (-(-size[0] // TILE), -(-size[1] // TILE)), (1,))
 
     def owned(self) -> tuple[Resource | None, ...]:
@@ -44,7 +44,7 @@ class SplatPass(Owner):
 
     def clear(self, gbuffer: GBuffer, pixel_stride: int = 1, target: Target | None = None) -> None:
         """Start again from no records; the weight is NOTHING_SEEN where the g-buffer sees nothing."""
-        self.empty(target or self._of(pixel_stride), position=gbuffer.position, every=pixel_stride)
+        self.empty(target or self._of(pixel_stride), position=gbuffer.position, pixel_stride=pixel_stride)
 
     def farthest(self, gbuffer: GBuffer, camera: Camera) -> np.ndarray:
         """(h, w) float32, bottom row first: how far each tile of TILE² pixels sees, in metres from the eye; 0: nowhere."""
@@ -77,16 +77,16 @@ class SplatPass(Owner):
             state=State(blend="add", clamp=True),
             **records.uniforms,
             clip_from_world=camera.clip_from_view(width / height, 1e-3, 1e3) @ camera.view_from_world,
-            **reach_uniforms(camera, settings),
+            **view_radius_uniforms(camera, settings),
             pixel=camera.screen / height * pixel_stride,
             position=gbuffer.position,
             normal=gbuffer.normal,
-            every=pixel_stride,
+            pixel_stride=pixel_stride,
             cut=settings.kernel == "cut",
             in_front=settings.in_front,
         )
 
-    def sums(self, dark: float, pixel_stride: int = 1) -> SplatBuffer:
-        """What has been added up so far, this pass's own textures; dark: as in Records."""
+    def sums(self, luminance_floor: float, pixel_stride: int = 1) -> SplatBuffer:
+        """What has been added up so far, this pass's own textures; luminance_floor: as in Records."""
         sums, weight = self._of(pixel_stride).textures
-        return SplatBuffer(sums, weight, dark, pixel_stride)
+        return SplatBuffer(sums, weight, luminance_floor, pixel_stride)

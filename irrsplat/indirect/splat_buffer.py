@@ -65,7 +65,7 @@ class ViewSplats(Owner):
     def update(self, cache: RecordCache, gbuffer: GBuffer, camera: Camera, settings: Settings, pixel_stride: int) -> SplatBuffer:
         """The sums of every record of the cache, at every `pixel_stride`-th pixel in both directions (1 or 2)."""
         count = cache.count if settings.most_bounces > 0 else 0
-        inputs = gbuffer, settings.of("splat"), settings.most_bounces > 0, cache.edits, pixel_stride
+        inputs = gbuffer, settings.of("splat"), settings.most_bounces > 0, cache.revision, pixel_stride
         drawn = self._drawn
         if drawn is not None and drawn.inputs == inputs and drawn.count >= count:
             return drawn.sums
@@ -78,9 +78,9 @@ class ViewSplats(Owner):
                 sight = partial(self.splat_pass.farthest, gbuffer, camera)
                 numbers = reaching(cache, first, camera, self.size, settings, sight)
                 if first == 0:
-                    cache.saw(numbers)
+                    cache.mark_seen(numbers)
                 self.splat_pass(cache.records, numbers, gbuffer, camera, settings, pixel_stride)
-        sums = self.splat_pass.sums(cache.dark, pixel_stride)
+        sums = self.splat_pass.sums(cache.luminance_floor, pixel_stride)
         self._drawn = _Drawn(inputs, count, sums)
         return sums
 

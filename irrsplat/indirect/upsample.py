@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import moderngl
 
-from irrsplat.core.buffers import NOTHING_SEEN, GBuffer, SplatBuffer
+from irrsplat.core.buffers import GBuffer, SplatBuffer
 from irrsplat.gpu.program import Program, State
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
@@ -21,7 +23,7 @@ class UpsamplePass(Owner):
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.size = size
         self.squares = Program(ctx, "indirect/upsample_squares", "lib/fullscreen")
-        self.between = Program(ctx, "indirect/upsample", "lib/fullscreen", {"NOTHING_SEEN": NOTHING_SEEN})
+        self.between = Program(ctx, "indirect/upsample", "lib/fullscreen")
         self.search = Program(ctx, "indirect/upsample_search", "lib/fullscreen")
         self.target = Target(ctx, ((size[0] + 1) // 2, (size[1] + 1) // 2), (4, 4))
         self.target.textures[0].filter = moderngl.LINEAR, moderngl.LINEAR
@@ -34,7 +36,7 @@ class UpsamplePass(Owner):
     def __call__(self, splats: SplatBuffer, gbuffer: GBuffer, camera: Camera) -> SplatBuffer:
         """For every pixel the sums of one record instead of all: E and 1, and Σw as between its neighbours; the textures are this
         pass's own."""
-        seen = {"position": gbuffer.position, "normal": gbuffer.normal}
+        seen: dict[str, Any] = {"position": gbuffer.position, "normal": gbuffer.normal}
         self.squares(self.target, **seen, sums=splats.sums, weight=splats.weight)
         irradiance, planes = self.target.textures
         self.between(
@@ -47,4 +49,4 @@ class UpsamplePass(Owner):
         )
         self.search(self.out, state=State(depth="<", keep=True), **seen, sums=splats.sums, weight=splats.weight)
         sums, weight = self.out.textures
-        return SplatBuffer(sums, weight, splats.dark)
+        return SplatBuffer(sums, weight, splats.luminance_floor)

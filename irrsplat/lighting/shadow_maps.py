@@ -56,5 +56,6 @@ class ShadowPass(Owner):
                     tile_forward=matrix[2],
                     tile_near=float(near),
                 )
+        assert self.target.depth is not None
         near = float(lights.near.max(initial=0.0)) or 1.0  # all perspective tiles share one
         return ShadowMaps(self.target.depth, lights.rows, (side, columns, near))

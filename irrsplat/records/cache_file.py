@@ -19,7 +19,7 @@ import numpy as np
 from irrsplat.core import files
 from irrsplat.core.errors import InputError
 from irrsplat.records import record_cache
-from irrsplat.records.adaptive_radius import AdaptationState
+from irrsplat.records.adaptive_radius import AdaptiveRadiusState
 from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Scene
 from irrsplat.settings import SETTINGS, Settings
@@ -48,7 +48,7 @@ class CacheState:
     """
 
     records: Mapping[str, np.ndarray]
-    adapted: AdaptationState
+    adapted: AdaptiveRadiusState
     bounces: Mapping[str, object]
 
 
@@ -89,7 +89,7 @@ def read(path: files.Pathlike, key: CacheKey) -> CacheState:
             raise InputError(f"this record cache was made {reason}; {_REMEDY}", path)
         record_cache.check_state(arrays)
         about = header["about"]
-        return CacheState(arrays, AdaptationState.from_json(about["adapted"]), dict(about["bounces"]))
+        return CacheState(arrays, AdaptiveRadiusState.from_json(about["adapted"]), dict(about["bounces"]))
     except (KeyError, ValueError, TypeError) as error:
         raise InputError(f"a damaged record cache ({type(error).__name__}); {_REMEDY}", path) from error
 

@@ -1,4 +1,4 @@
-"""The rank of records: how many pixels of a view each of them serves, so that what is seen most is gathered again first."""
+"""How many pixels of a view each record serves, so that those that the view shows most of are gathered again first."""
 
 from __future__ import annotations
 
@@ -9,17 +9,20 @@ from irrsplat.core.buffers import GBuffer, Records
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
-from irrsplat.records.weight import reach_uniforms
+from irrsplat.records.weight import record_defines, view_radius_uniforms
 from irrsplat.scene.model import Camera
-from irrsplat.settings import Settings, weight_defines
+from irrsplat.settings import Settings
 
 
-class RankPass(Owner):
-    """Estimates the pixels that records serve, with their gradients or without, by some samples of what bounds each on screen."""
+class CoveragePass(Owner):
+    """Estimates the pixels that records serve, from samples of each record's bounding box on screen.
+
+    gradients: records have derivatives, and with them walls.
+    """
 
     def __init__(self, ctx: moderngl.Context, gradients: bool) -> None:
         self.ctx = ctx
-        self.program = Program(ctx, "records/rank", "lib/fullscreen", weight_defines(gradients))
+        self.program = Program(ctx, "records/coverage", "lib/fullscreen", record_defines(gradients))
         self.target: Target | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
@@ -27,20 +30,20 @@ class RankPass(Owner):
         return (self.program, self.target)
 
     def __call__(self, records: Records, gbuffer: GBuffer, camera: Camera, settings: Settings) -> np.ndarray:
-        """(N,) float32 pixels, about; 0 for records that are hidden or off the screen."""
-        table = records.irradiance.size
-        if self.target is None or self.target.size != table:
+        """(N,) float32, about how many pixels each record serves; 0 for records that are hidden or off the screen."""
+        if self.target is None or self.target.size != records.size:
             if self.target is not None:
                 self.target.release()
-            self.target = Target(self.ctx, table, (1,))
+            self.target = Target(self.ctx, records.size, (1,))
         width, height = gbuffer.position.size
+        columns = records.size[0]
         self.program(
             self.target,
-            scissor=(0, 0, table[0], -(-records.count // table[0])),
-            **{name: value for name, value in records.uniforms.items() if name in self.program.uniforms},
+            scissor=(0, 0, columns, -(-records.count // columns)),
+            **records.uniforms,
             count=records.count,
             clip_from_world=camera.clip_from_view(width / height, 1e-3, 1e3) @ camera.view_from_world,
-            **reach_uniforms(camera, settings),
+            **view_radius_uniforms(camera, settings),
             pixel=camera.screen / height,
             position=gbuffer.position,
             normal=gbuffer.normal,

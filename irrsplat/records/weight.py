@@ -1,4 +1,4 @@
-"""How far records reach in a view: the radius a·R, kept within what the view allows."""
+"""The weight of a record at a point, and how far records reach in a view, in numpy; shaders/records has the same in GLSL."""
 
 from __future__ import annotations
 
@@ -7,24 +7,71 @@ from typing import Any
 import numpy as np
 
 from irrsplat.scene.model import Camera
-from irrsplat.settings import Settings, record_uniforms
+from irrsplat.settings import IN_FRONT, LEAST_ERROR, Settings
 
 
-def splat_radius(R: Any, distance: Any, camera: Camera, settings: Settings) -> np.ndarray:
-    """The radius a·R in metres within radius_min and radius_max, as shaders/records/reach.glsl has it.
+def record_defines(gradients: bool) -> dict[str, object]:
+    """What shaders/records/weight.glsl and record.glsl are compiled for: records with derivatives or without."""
+    return {"GRADIENTS": int(gradients), "LEAST_ERROR": LEAST_ERROR, "IN_FRONT": IN_FRONT}
 
-    R: what a record reaches by itself; distance: of the records from the eye; metres, any one shape.
+
+def record_uniforms(settings: Settings) -> dict[str, Any]:
+    """The uniforms by which shaders/records/weight.glsl and record.glsl know the settings."""
+    return {
+        "a": settings.a,
+        "hessian": settings.radius == "hessian",
+        "second_order": settings.second_order,
+        "walls": settings.walls,
+    }
+
+
+def record_distance(apart: np.ndarray, axis: np.ndarray, radii: np.ndarray) -> np.ndarray:
+    """How far points are from records in radii: apart = p - p_k, metres; radii (…, 2) R along the unit `axis` and across it."""
+    along = (apart * axis).sum(-1)
+    across = np.sqrt(np.maximum((apart**2).sum(-1) - along**2, 0.0))
+    distance: np.ndarray = np.linalg.norm(np.stack([along, across], axis=-1) / np.maximum(radii, 1e-30), axis=-1)
+    return distance
+
+
+def record_weight(
+    distance: np.ndarray, apart: np.ndarray, n: np.ndarray, n_k: np.ndarray, R: np.ndarray | float, in_front: bool
+) -> np.ndarray:
+    """Ward et al. 1988: w = 1/(distance + √(1 - n·n_k)), of one record at many points or of many records at one point.
+
+    distance: (…,) from the record in radii. apart: (…, 3) p - p_k, metres. n, n_k: unit normals of the point and of the record,
+    (…, 3) and (3,) or the other way round. R: the radius, metres. in_front: 0 for records that face away, or lie in front of the
+    point's surface or behind it.
+    """
+    cosine = n @ n_k if n_k.ndim == 1 else n_k @ n
+    w: np.ndarray = 1.0 / np.maximum(distance + np.sqrt(np.maximum(0.0, 1.0 - cosine)), np.float32(LEAST_ERROR))
+    if in_front:
+        aside = np.abs((apart * (n + n_k)).sum(-1)) * 0.5
+        w = np.where((cosine > 0.0) & (aside <= IN_FRONT * R), w, np.zeros_like(w))
+    return w
+
+
+def behind_wall(apart: np.ndarray, axis: np.ndarray, n_k: np.ndarray, walls: np.ndarray) -> np.ndarray:
+    """Whether points are behind one of a record's two walls (…, 4), as record_layout.COLUMNS has them."""
+    place = np.stack([(apart * axis).sum(-1), (apart * np.cross(n_k, axis)).sum(-1)], axis=-1)
+    behind: np.ndarray = ((place[..., None, :] * walls.reshape(*walls.shape[:-1], 2, 2)).sum(-1) > 1.0).any(-1)
+    return behind
+
+
+def view_radius(R: np.ndarray | float, distance: np.ndarray | float, camera: Camera, settings: Settings) -> np.ndarray:
+    """The radius a·R in metres within the view's bounds radius_min and radius_max.
+
+    R: the record's own radius; distance: of the record from the eye; metres, of shapes that broadcast.
     """
     percent = camera.screen * np.asarray(distance) / 100.0  # of the image height, in metres
     r = np.maximum(settings.a * np.asarray(R), settings.radius_min * percent)
     return np.minimum(r, settings.radius_max * percent) if settings.radius_max > 0.0 else r
 
 
-def reach_uniforms(camera: Camera, settings: Settings) -> dict[str, Any]:
-    """The uniforms of shaders/records/reach.glsl apart from the records'."""
+def view_radius_uniforms(camera: Camera, settings: Settings) -> dict[str, Any]:
+    """The uniforms of shaders/records/view_radius.glsl apart from those of the records."""
     screen = camera.screen
     return {
         "eye": camera.eye,
         **record_uniforms(settings),
-        "reach": (settings.radius_min / 100.0 * screen, settings.radius_max / 100.0 * screen),
+        "radius_bounds": (settings.radius_min / 100.0 * screen, settings.radius_max / 100.0 * screen),
     }

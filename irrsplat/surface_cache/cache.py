@@ -133,7 +133,7 @@ class SurfaceCache(Owner):
 
     def expire(self) -> None:
         """Gather all again."""
-        self.records.expire()
+        self.records.invalidate()
         self._bouncing, self.whole = None, False
 
     # ---- making ----------------------------------------------------------------------------------------------------
@@ -169,7 +169,7 @@ class SurfaceCache(Owner):
         self.records.truncate(0)
         if len(some):
             self.records.append(Sites(some.position[sites], some.normal[sites], some.geometric[sites]))
-            self.records.expire()
+            self.records.invalidate()
         cells = yield from self._cells(cut, some, value)
         if self.making is not self.lookup:
             self.making.release()
@@ -250,10 +250,10 @@ class SurfaceCache(Owner):
         """E_1 at the sites that lack it, and the rays that they send to each other."""
         if self.settings.most_bounces > 2 and self.transport is None:
             self.transport = Transport(self.records.count)
-            self.records.expire()
+            self.records.invalidate()
             self._unknown = np.ones(self.records.count, bool)
         numbers = self.records.stale
-        self.records.renewed(numbers[numbers <= _DARK])
+        self.records.mark_refreshed(numbers[numbers <= _DARK])
         numbers, done = numbers[numbers > _DARK], 0
         light, seed = HitLight(shadows, self.uniforms(self.making)), self.settings.seed
         for count in self.pace.batches(len(numbers), self.look.capacity, budget):
@@ -262,12 +262,12 @@ class SurfaceCache(Owner):
             if self.transport is not None and self._unknown[some].any():
                 self.transport.fill(some, self._shares(self.records.sites(some), some), self.look.hits(count))
                 self._unknown[some] = False
-            self.records.renewed(some)
+            self.records.mark_refreshed(some)
             done += count
 
     def _shares(self, sites: Sites, numbers: np.ndarray) -> np.ndarray:
         """(N, R) cosθ·dω of the rays of sites, 0 for those below the surface."""
-        frame = frames(sites.normal, sites.turns(numbers), self.settings.seed)
+        frame = frames(sites.normal, sites.frame_rotations(numbers), self.settings.seed)
         below = np.einsum("nij,nj->ni", frame, sites.geometric) @ self.look.ways.T <= 0.0
         return np.where(below, 0.0, self.look.share.ravel())
 

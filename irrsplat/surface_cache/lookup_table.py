@@ -8,8 +8,9 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import TriangleOrder
+from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import COLUMNS, listed, table_texture
+from irrsplat.gpu.target import listed, table_texture
 
 
 class Lookup(Owner):
@@ -22,7 +23,7 @@ class Lookup(Owner):
     def __init__(self, ctx: moderngl.Context, rows: np.ndarray, cells: np.ndarray, most: int, order: np.ndarray) -> None:
         self._rows = rows
         self.cells = table_texture(ctx, listed(cells))
-        self.values = table_texture(ctx, np.zeros((-(-most // COLUMNS), COLUMNS, 4)))
+        self.values = table_texture(ctx, np.zeros((-(-most // TABLE_COLUMNS), TABLE_COLUMNS, 4)))
         self.triangles = table_texture(ctx, listed(rows))
         self.leaves = table_texture(ctx, listed(rows[order]))
 

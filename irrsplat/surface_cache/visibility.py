@@ -8,9 +8,10 @@ from typing import Any
 import moderngl
 import numpy as np
 
+from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import COLUMNS, Target, float_texture, listed
+from irrsplat.gpu.target import Target, float_texture, listed
 
 _LINES = 16  # of pairs in a batch
 
@@ -18,12 +19,12 @@ _LINES = 16  # of pairs in a batch
 class VisibilityPass(Owner):
     """Tests `capacity` ways at once."""
 
-    capacity = COLUMNS * _LINES
+    capacity = TABLE_COLUMNS * _LINES
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self.program = Program(ctx, "surface_cache/visibility", "lib/fullscreen")
-        self.ways = float_texture(ctx, (3 * COLUMNS, _LINES))
-        self.target = Target(ctx, (COLUMNS, _LINES), (1,))
+        self.ways = float_texture(ctx, (3 * TABLE_COLUMNS, _LINES))
+        self.target = Target(ctx, (TABLE_COLUMNS, _LINES), (1,))
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
@@ -35,7 +36,7 @@ class VisibilityPass(Owner):
         rays: the uniforms of shaders/lib/bvh.glsl, as BvhTable.ray_uniforms has them.
         """
         rows = listed(np.concatenate([ways, np.zeros((*ways.shape[:2], 1))], axis=-1, dtype="f4"))
-        self.ways.write(rows.tobytes(), viewport=(0, 0, 3 * COLUMNS, len(rows)))
-        self.program(self.target, scissor=(0, 0, COLUMNS, len(rows)), ways=self.ways, **rays)
+        self.ways.write(rows.tobytes(), viewport=(0, 0, 3 * TABLE_COLUMNS, len(rows)))
+        self.program(self.target, scissor=(0, 0, TABLE_COLUMNS, len(rows)), ways=self.ways, **rays)
         seen: np.ndarray = np.frombuffer(self.target.textures[0].read(), "f4")[: len(ways)] > 0.5
         return seen

@@ -1,10 +1,11 @@
 // The scene as many records see it at once: an instance is one face of one record, drawn into its own cell of an atlas. Where MESHLETS
 // triangles are drawn, it is one meshlet in such a face, and it is only marked which triangle is seen.
 #include "gather/raster_views.glsl"
+#include "lib/table.glsl"
 
 in vec3 in_position;
 #if MESHLETS
-uniform sampler2D pairs;  // in rows of 1024: which record, and which face of it, an instance is for
+uniform sampler2D pairs;  // in rows of TABLE_COLUMNS: which record, and which face of it, an instance is for
 uniform ivec2 piece;      // the meshlet's first pair, and its first triangle
 #else
 uniform int faces;        // of a record
@@ -25,7 +26,7 @@ void main()
 {
 #if MESHLETS
     int pair = piece.x + gl_InstanceID;
-    ivec2 at = ivec2(texelFetch(pairs, ivec2(pair & 1023, pair >> 10), 0).xy);
+    ivec2 at = ivec2(texelFetch(pairs, table_texel(pair), 0).xy);
 #else
     ivec2 at = ivec2(gl_InstanceID / faces, gl_InstanceID % faces);
     v_normal = in_normal;

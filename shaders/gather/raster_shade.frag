@@ -2,13 +2,13 @@
 #include "gather/raster_texel.glsl"
 
 uniform sampler2D seen;            // the triangle that each texel of the atlas sees, as raster_triangle.frag has it
-uniform sampler2D triangle_table;  // a texel a triangle, in rows of 1024: its corners' numbers, and its own in the scene
-uniform sampler2D vertex_table;    // three texels a vertex, in rows of 1024 of them: position, normal, albedo, emission
+uniform sampler2D triangle_table;  // a texel a triangle, in rows of TABLE_COLUMNS: its corners' numbers, and its own in the scene
+uniform sampler2D vertex_table;    // three texels a vertex, in rows of TABLE_COLUMNS of them: position, normal, albedo, emission
 
 mat3x4 vertex(float number)
 {
     int i = int(number);
-    ivec2 at = ivec2(3 * (i & 1023), i >> 10);
+    ivec2 at = table_texel(i, 3, 0);
     return mat3x4(texelFetch(vertex_table, at, 0), texelFetch(vertex_table, at + ivec2(1, 0), 0),
                   texelFetch(vertex_table, at + ivec2(2, 0), 0));
 }
@@ -16,7 +16,7 @@ mat3x4 vertex(float number)
 void main()
 {
     int number = int(texelFetch(seen, ivec2(gl_FragCoord.xy), 0).r) - 1, i = max(number, 0);
-    vec4 triangle = texelFetch(triangle_table, ivec2(i & 1023, i >> 10), 0);
+    vec4 triangle = texelFetch(triangle_table, table_texel(i), 0);
     vec3 q = texel_ray();
 
     // The ray's coordinates among the corners, by the volumes that it spans with the edges; at the edge where the rasteriser

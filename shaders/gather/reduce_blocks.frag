@@ -1,5 +1,5 @@
 // First step of the reduction: the sums over one block of a record's cell.
-#include "lib/constants.glsl"
+#include "generated/constants.glsl"
 
 uniform sampler2D radiance;  // the atlas: rgb radiance, a distance (0: nothing hit)
 uniform sampler2D planes;    // of what is seen there: dot(xyz, w) is 1/distance in the unit direction w (0: nothing hit)

@@ -1,5 +1,6 @@
 // Last step of the reduction: a record's blocks become its irradiance, its harmonic mean distance and its gradients.
-#include "lib/constants.glsl"
+#include "generated/constants.glsl"
+#include "generated/record_outputs.glsl"
 
 uniform sampler2D sums;
 uniform sampler2D share;
@@ -18,15 +19,6 @@ uniform vec2 radii;          // metres: the least and the greatest radius there 
 
 flat in int v_index;         // in the batch
 
-layout(location = 0) out vec4 out_record;  // E in W/m², R_k in metres
-layout(location = 1) out vec4 out_m_r;     // M and ∇E of red, green and blue, world space; w: the bend, as records/record.glsl has it
-layout(location = 2) out vec4 out_m_g;
-layout(location = 3) out vec4 out_m_b;
-layout(location = 4) out vec4 out_g_r;
-layout(location = 5) out vec4 out_g_g;
-layout(location = 6) out vec4 out_g_b;
-layout(location = 7) out vec4 out_walls;   // two walls, as records/record.glsl has them
-
 void main()
 {
     int i = v_index;
@@ -35,8 +27,8 @@ void main()
     float solid = 0.0;
     mat3 M = mat3(0.0), G = mat3(0.0);
     vec3 H = vec3(0.0), axis = vec3(0.0);
-    vec2 bend = vec2(0.0), wall = vec2(0.0), second = vec2(0.0);
-    float farthest = 0.0;
+    vec2 curvature = vec2(0.0), wall = vec2(0.0), second = vec2(0.0);
+    float max_radius = 0.0;
     for (int y = 0; y < blocks.y; ++y)
         for (int x = 0; x < blocks.x; ++x)
         {
@@ -65,7 +57,7 @@ void main()
         }
 #endif
     // Ward et al. 1988: R = Σ cosθ·dω / Σ (cosθ·dω / r)
-    out_record = vec4(total.rgb, clamp(solid / max(total.a, 1e-30), radii.x, radii.y));
+    float R = clamp(solid / max(total.a, 1e-30), radii.x, radii.y);
     vec3 normal = texelFetch(frames, ivec2(i, 2), 0).xyz;
 #if GRADIENTS
     mat3 world = mat3(texelFetch(frames, ivec2(i, 0), 0).xyz, texelFetch(frames, ivec2(i, 1), 0).xyz, normal);
@@ -80,18 +72,12 @@ void main()
     mat2 turn = mat2(along.x, -along.y, along.y, along.x);
     wall = turn * wall;
     second = turn * second;
-    bend = vec2(lesser, greater) / max(dot(total.rgb, LUMINANCE), 1e-20);
-    // as radii, √(2/|bend|), no less than there is
-    bend = clamp(bend, vec2(-2.0 / (radii.x * radii.x)), vec2(2.0 / (radii.x * radii.x)));
-    farthest = min(radii.y, WIDE * out_record.a);  // settings.py's, however little its light bends
+    curvature = vec2(lesser, greater) / max(dot(total.rgb, LUMINANCE), 1e-20);
+    // as radii, √(2/|curvature|), no less than there is
+    curvature = clamp(curvature, vec2(-2.0 / (radii.x * radii.x)), vec2(2.0 / (radii.x * radii.x)));
+    max_radius = min(radii.y, WIDE * R);  // WIDE is settings.py's: a bound however little the light curves
 #else
     M = outerProduct(normal, total.rgb);  // E = n_k·M, whatever the pixel's normal
 #endif
-    out_m_r = vec4(M[0], axis.x);
-    out_m_g = vec4(M[1], axis.y);
-    out_m_b = vec4(M[2], axis.z);
-    out_g_r = vec4(G[0], bend.x);
-    out_g_g = vec4(G[1], bend.y);
-    out_g_b = vec4(G[2], farthest);
-    out_walls = vec4(wall, second);
+    write_record(total.rgb, R, M, G, axis, curvature, max_radius, vec4(wall, second));
 }

@@ -1,4 +1,6 @@
 // A point for each record of the batch, on its own texel of the cache.
+#include "lib/table.glsl"
+
 uniform sampler2D frames;  // texel (i, 3), w: the batch's record i's number in the cache
 uniform ivec2 table;       // columns and rows of the cache
 
@@ -8,6 +10,5 @@ void main()
 {
     v_index = gl_VertexID;
     int number = int(texelFetch(frames, ivec2(gl_VertexID, 3), 0).w);
-    vec2 texel = vec2(number % table.x, number / table.x) + 0.5;
-    gl_Position = vec4(texel / vec2(table) * 2.0 - 1.0, 0.0, 1.0);
+    gl_Position = table_point(number, table);
 }

@@ -7,7 +7,7 @@
 #include "surface_cache/lookup.glsl"
 #endif
 
-uniform sampler2D looks;     // three texels a vertex, in rows of 1024 of them: shading normal, albedo, emission
+uniform sampler2D looks;     // three texels a vertex, in rows of TABLE_COLUMNS of them: shading normal, albedo, emission
 uniform sampler2D frames;    // texels (i, 0..2): record i's tangent, bitangent and normal, (i, 4): where it looks from
 uniform ivec2 cell;          // azimuths and elevations of a record
 uniform int columns;         // cells per row
@@ -25,7 +25,7 @@ const int PARTS = 4;         // of a stratum
 
 vec3 vertex(int i, int column)
 {
-    return texelFetch(looks, ivec2(3 * (i & 1023) + column, i >> 10), 0).xyz;
+    return texelFetch(looks, table_texel(i, 3, column), 0).xyz;
 }
 
 vec3 blend(ivec3 corners, vec3 share, int column)

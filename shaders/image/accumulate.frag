@@ -1,5 +1,5 @@
 // One more sample of every pixel: what is seen there beside its centre, blended into the mean of all samples so far.
-#include "lib/constants.glsl"
+#include "generated/constants.glsl"
 
 uniform sampler2D position;  // the sample's g-buffer
 uniform sampler2D albedo;

@@ -1,5 +1,5 @@
 // The sums become irradiance, and with direct light, emission and sky the picture, all in one radiometric unit.
-#include "lib/constants.glsl"
+#include "generated/constants.glsl"
 
 uniform sampler2D position;  // g-buffer
 uniform sampler2D albedo;

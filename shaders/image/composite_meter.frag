@@ -1,5 +1,5 @@
 // The exposure meter: log luminance of a block of the image, and how many of its pixels are lit at all.
-#include "lib/constants.glsl"
+#include "generated/constants.glsl"
 
 uniform sampler2D image;
 uniform ivec2 block;

@@ -1,18 +1,18 @@
 // A record as a quad that bounds its sphere of influence on screen (Jones 2010, figure 1); an instance is a record.
-#include "records/reach.glsl"
+#include "records/view_radius.glsl"
 
 in int in_number;                      // of the record
 
 uniform mat4 clip_from_world;
-uniform bool in_front;                 // reject records in front of the pixel's surface, or behind it
+uniform bool in_front;                 // reject records in front of the pixel's surface or behind it
 uniform float pixel;                   // size of a pixel at distance 1, in metres
 
 flat out vec3 v_place;                 // p_k
 flat out vec3 v_normal;
-flat out vec3 v_axis;                  // of the ellipse that it reaches
-flat out vec2 v_radii;                 // R along it and across it, as clamped for this view
+flat out vec3 v_axis;                  // of its ellipse
+flat out vec2 v_radii;                 // R along the axis and across it, within the view's bounds
 #if GRADIENTS
-flat out vec2 v_bend;
+flat out vec2 v_curvature;
 flat out vec4 v_walls;                 // 0: none
 flat out mat3 v_m;
 flat out mat3 v_g;
@@ -22,30 +22,29 @@ flat out vec3 v_irradiance;
 
 void main()
 {
-    ivec2 texel = record_texel(in_number);
-    vec3 p = texelFetch(records_position, texel, 0).xyz;
-    vec4 record = texelFetch(records_irradiance, texel, 0);
+    ivec2 texel = table_texel(in_number);
+    vec3 p = record_position(texel);
 
     vec3 to_eye = eye - p;
     float d = length(to_eye);
     float trust;
-    Ellipse ellipse = record_reach(texel, d, trust);
+    Ellipse ellipse = view_ellipse(texel, d, trust);
     float r = ellipse.along;
     v_place = p;
     v_axis = ellipse.axis;
     v_radii = vec2(ellipse.along, ellipse.across) / a;
-    v_normal = texelFetch(records_normal, texel, 0).xyz;
+    v_normal = record_normal(texel);
 #if GRADIENTS
     v_m = record_vectors(texel);
-    v_walls = record_walls(texel);
-    v_g = record_gradient(texel) * trust;  // derivatives hold for R alone, not for what the least radius added
-    v_bend = record_bends(texel) * trust * trust;
+    v_walls = usable_walls(texel);
+    v_g = record_gradient(texel) * trust;  // the derivatives hold within the record's own radius; where the view's least radius is greater, they are scaled down
+    v_curvature = usable_curvature(texel) * trust * trust;
 #else
-    v_irradiance = record.rgb;
+    v_irradiance = record_irradiance(texel);
 #endif
 
     vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0;
-    r *= 1.0 + 1e-5;  // rounding must not cut the rim
+    r *= 1.0 + 1e-5;  // so that rounding does not cut the rim
     if (d <= r)
     {
         gl_Position = vec4(corner, 0.0, 1.0);  // the eye is inside: the whole screen
@@ -57,13 +56,13 @@ void main()
     vec2 half_size = vec2(r * d / sqrt(d * d - r * r));
     if (in_front)
     {
-        // Then only a slab of the ellipsoid can be served. With x = |p - p_k|/R, y = √(1 - n·n_k) and x + y < a, |(p - p_k)·n_k|
-        // is at most (IN_FRONT + x·y/√2)·R, x·y at most a²/4: the quad turns as the ellipse lies on screen, and shrinks to it.
+        // Then only a slab of the ellipsoid can be reached. With x = |p - p_k|/R, y = √(1 - n·n_k) and x + y < a, |(p - p_k)·n_k|
+        // is at most (IN_FRONT + x·y/√2)·R, and x·y at most a²/4: the quad is turned to the ellipse on screen, and shrunk to it.
         float thickness = IN_FRONT / a * ellipse.across + 0.177 * a * r;
         vec3 along = ellipse.along * ellipse.axis, across = ellipse.across * cross(v_normal, ellipse.axis), v = cross(axis, u);
         mat2 seen = mat2(dot(along, u), dot(across, u), dot(along, v), dot(across, v));
-        float turn = 0.5 * atan(2.0 * dot(seen[0], seen[1]), dot(seen[0], seen[0]) - dot(seen[1], seen[1]) + 1e-30);
-        u = cos(turn) * u + sin(turn) * v;
+        float angle = 0.5 * atan(2.0 * dot(seen[0], seen[1]), dot(seen[0], seen[0]) - dot(seen[1], seen[1]) + 1e-30);
+        u = cos(angle) * u + sin(angle) * v;
         v = cross(axis, u);
         vec3 extent;
         extent.x = length(vec2(dot(along, u), dot(across, u))) + thickness * abs(dot(v_normal, u));
@@ -72,6 +71,6 @@ void main()
         if (extent.z < d) half_size = min(half_size, extent.xy * d / (d - extent.z));
     }
     vec3 v = cross(axis, u);
-    half_size = max(half_size, pixel * d);  // a quad between pixel centres would be lost
+    half_size = max(half_size, pixel * d);  // a smaller quad could fall between pixel centres
     gl_Position = clip_from_world * vec4(p + half_size.x * corner.x * u + half_size.y * corner.y * v, 1.0);
 }

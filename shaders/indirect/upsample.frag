@@ -1,22 +1,23 @@
-// Sums of every other pixel, brought to those between; a pixel that is on another surface than its square is marked by its depth.
-#include "lib/constants.glsl"
+// Upsampling, first draw: pixels that lie on one surface with the square of four coarse pixels around them take the linear
+// interpolation of those. The other pixels are marked in the depth buffer, for upsample_search.frag.
+#include "generated/constants.glsl"
 
 uniform sampler2D position;    // g-buffer, of all pixels
-uniform sampler2D irradiance;  // of every other one, as upsample_squares.frag has it; filtered
-uniform sampler2D planes;
+uniform sampler2D irradiance;  // of the coarse pixels, from upsample_squares.frag; linearly filtered
+uniform sampler2D planes;      // likewise
 uniform float pixel;           // size of a pixel at distance 1, in metres
 
 layout(location = 0) out vec4 out_sums;    // E and 1
-layout(location = 1) out vec2 out_weight;  // Σw, and Y²: that records contradict each other is not told
+layout(location = 1) out vec2 out_weight;  // Σw, and Y²: how far records contradict each other is not kept
 
-const float OFF = 0.5;  // pixels by which a pixel may lie off the square's plane
+const float MAX_RISE = 0.5;  // how far a pixel's point may lie off the square's plane, in sizes of a pixel there
 
 void main()
 {
     ivec2 at = ivec2(gl_FragCoord.xy), first = at / 2;
     vec4 p = texelFetch(position, at, 0), plane = texelFetch(planes, first, 0);
-    bool none = plane == vec4(0.0, 0.0, 0.0, 1.0);  // nothing is known around: a hole
-    bool between = plane.xyz != vec3(0.0) && abs(dot(plane.xyz, p.xyz) - plane.w) <= OFF * pixel * p.w;
+    bool none = plane == vec4(0.0, 0.0, 0.0, 1.0);  // none of the four has a record: a hole
+    bool between = plane.xyz != vec3(0.0) && abs(dot(plane.xyz, p.xyz) - plane.w) <= MAX_RISE * pixel * p.w;
     vec2 place = (0.5 * vec2(at) + 0.5) / vec2(textureSize(irradiance, 0));
     vec4 E = between ? textureLod(irradiance, place, 0.0) : vec4(0.0);
     float Y = dot(E.rgb, LUMINANCE);

@@ -1,30 +1,31 @@
-// Pixels that upsampling has marked: of the sixteen neighbours around, those count that lie on the pixel's own surface.
-#include "lib/alike.glsl"
-#include "lib/constants.glsl"
+// Upsampling, second draw: the marked pixels take the mean of those of the sixteen coarse pixels around that lie on their own
+// surface (joint bilateral upsampling, Kopf et al. 2007).
+#include "lib/same_surface.glsl"
+#include "generated/constants.glsl"
 
 uniform sampler2D position;  // g-buffer, of all pixels
 uniform sampler2D normal;
-uniform sampler2D sums;      // Σ k·E, Σ k of every other one
+uniform sampler2D sums;      // Σ k·E, Σ k of the coarse pixels
 uniform sampler2D weight;
 
 layout(location = 0) out vec4 out_sums;    // E and 1
-layout(location = 1) out vec2 out_weight;  // Σw of a neighbour, and Y²
+layout(location = 1) out vec2 out_weight;  // Σw of a coarse pixel, and Y²
 
-const float OTHER = 1e-4;  // what others count, where there is none of the same surface
+const float OTHER_SURFACE = 1e-4;  // weight of coarse pixels on other surfaces: they decide only where there is none on this one
 
 void main()
 {
     ivec2 pixel = ivec2(gl_FragCoord.xy), first = pixel / 2, last = textureSize(sums, 0) - 1;
     vec3 p = texelFetch(position, pixel, 0).xyz, n = texelFetch(normal, pixel, 0).xyz;
-    vec2 way = 0.5 * vec2(pixel - 2 * first);
+    vec2 offset = 0.5 * vec2(pixel - 2 * first);
     out_sums = vec4(0.0);
     for (int i = 0; i < 16; ++i)
     {
         ivec2 off = ivec2(i & 3, i >> 2) - 1, at = clamp(first + off, ivec2(0), last);
         vec3 q = texelFetch(position, 2 * at, 0).xyz, m = texelFetch(normal, 2 * at, 0).xyz;
         vec4 sum = texelFetch(sums, at, 0);
-        float cosine = max(dot(n, m), 0.01), apart = distance(vec2(off), way);
-        float share = exp2(-2.0 * apart * apart) * (alike(p, n, q, m) ? 1.0 : OTHER * pow(cosine, 4.0));
+        float cosine = max(dot(n, m), 0.01), apart = distance(vec2(off), offset);
+        float share = exp2(-2.0 * apart * apart) * (same_surface(p, n, q, m) ? 1.0 : OTHER_SURFACE * pow(cosine, 4.0));
         out_sums += sum.a > 0.0 ? share * vec4(sum.rgb / sum.a, 1.0) : vec4(0.0);
     }
     out_sums = out_sums.a > 0.0 ? out_sums / out_sums.a : vec4(0.0);

@@ -1,7 +1,8 @@
 // The nearest triangle along a ray: a walk through scene/bvh.py's tree without a stack.
+#include "lib/table.glsl"
 
-uniform usampler2D bvh_nodes;    // a texel a node, in rows of 1024: box and link, as Bvh.nodes has them
-uniform sampler2D bvh_triangles; // three texels a triangle, leaf by leaf, in rows of 1024 of them: a corner, its vertex's number
+uniform usampler2D bvh_nodes;    // a texel a node, in rows of TABLE_COLUMNS: box and link, as Bvh.nodes has them
+uniform sampler2D bvh_triangles; // three texels a triangle, leaf by leaf, in rows of TABLE_COLUMNS of them: a corner, its vertex's number
 uniform int bvh_count;           // nodes of one octant
 uniform vec3 bvh_start;          // metres: grid coordinate 0 of the boxes
 uniform vec3 bvh_step;           // metres a step
@@ -17,7 +18,7 @@ const float FARTHEST_HIT = 1e30;
 
 vec4 bvh_corner(int triangle, int corner)
 {
-    return texelFetch(bvh_triangles, ivec2(3 * (triangle & 1023) + corner, triangle >> 10), 0);
+    return texelFetch(bvh_triangles, table_texel(triangle, 3, corner), 0);
 }
 
 // The nearest hit of the ray from o in the unit direction d that is farther than `nearest` metres and less far than `farthest`;
@@ -36,7 +37,7 @@ Hit bvh_between(vec3 o, vec3 d, float nearest, float farthest)
         int leaf = 0;
         while (leaf == 0 && node < end)
         {
-            uvec4 n = texelFetch(bvh_nodes, ivec2(node & 1023, node >> 10), 0);
+            uvec4 n = texelFetch(bvh_nodes, table_texel(node), 0);
             vec3 t0 = (vec3(n.x & 0xFFFFu, n.x >> 16, n.y & 0xFFFFu) - from) * inverse;
             vec3 t1 = (vec3(n.y >> 16, n.z & 0xFFFFu, n.z >> 16) - from) * inverse;
             bool inside = max(max(t0.x, t0.y), max(t0.z, 0.0)) <= min(min(t1.x, t1.y), min(t1.z, hit.t));

@@ -1,5 +1,5 @@
 // Direct irradiance of the scene's delta lights, with their shadow maps; the table comes from lights.py, the maps from passes/shadow.py.
-#include "lib/constants.glsl"
+#include "generated/constants.glsl"
 
 // LIGHTS is how many there are, the other LIGHTS_… whether any of them has what the name says: a branch that no light
 // needs is not compiled, since software renderers run both sides of every branch.

@@ -1,25 +1,27 @@
-// The weight of a record for a point, kept finite by a least error.
-#include "lib/constants.glsl"
+// The weight of a record at a point, and the irradiance that it extrapolates there. irrsplat/records/weight.py has the same in numpy.
+#include "generated/constants.glsl"
 
-uniform float a;
+uniform float a;  // the error that is tolerated (Ward et al. 1988)
 
-// LEAST_ERROR and IN_FRONT (of R_k: how far in front of a pixel's surface, or behind it, a record may lie) are settings.py's.
+// Constants from irrsplat/settings.py: LEAST_ERROR keeps the weight finite; IN_FRONT is how far in front of the point's surface or
+// behind it a record may lie, as a share of R.
 
-// How far away p is in radii of a record: `apart` = p - p_k in metres, R its radii along `axis` and across it in metres.
+// How far p is from a record in radii: apart = p - p_k in metres; R: radii along `axis` and across it, metres.
 float record_distance(vec3 apart, vec3 axis, vec2 R)
 {
     float along = dot(apart, axis), across = max(dot(apart, apart) - along * along, 0.0);
     return sqrt(along * along / (R.x * R.x) + across / (R.y * R.y));
 }
 
-// Whether p is beyond one of a record's two walls, of which each has coordinates along `axis` and across it in the tangent plane.
-bool record_beyond(vec3 apart, vec3 axis, vec3 n_k, vec4 walls)
+// Whether p is behind one of a record's two walls, given in the tangent plane by coordinates along `axis` and across it, 1/m.
+bool behind_wall(vec3 apart, vec3 axis, vec3 n_k, vec4 walls)
 {
     vec2 place = vec2(dot(apart, axis), dot(apart, cross(n_k, axis)));
     return max(dot(place, walls.xy), dot(place, walls.zw)) > 1.0;
 }
 
-// The distance, and unit normals n of the point and n_k of the record; 0 where it does not speak.
+// Ward et al. 1988: w = 1/(|p - p_k|/R + √(1 - n·n_k)); n, n_k: unit normals of the point and of the record. With `in_front`, 0
+// for a record that faces away, or lies in front of the point's surface or behind it.
 float record_weight(vec3 apart, vec3 axis, vec2 R, vec3 n, vec3 n_k, bool in_front)
 {
     float cosine = dot(n, n_k);
@@ -27,12 +29,12 @@ float record_weight(vec3 apart, vec3 axis, vec2 R, vec3 n, vec3 n_k, bool in_fro
     return 1.0 / max(record_distance(apart, axis, R) + sqrt(max(0.0, 1.0 - cosine)), LEAST_ERROR);
 }
 
-// What a record says of the light at p: Taylor's expansion about it, of second order where it is known. E: n·M. slope: ∇E·apart.
-// bend: second derivatives along `axis` and across it, in the tangent plane of n_k, as shares of the light, in 1/m².
-// There is no extrapolation below black or beyond twice E, and by bends at most by half.
-vec3 record_says(vec3 E, vec3 slope, vec3 apart, vec3 n_k, vec3 axis, vec2 bend)
+// The irradiance at p by a Taylor expansion about the record (Ward and Heckbert 1992), of second order where that is known.
+// E: n·M, W/m². slope: ∇E·apart, W/m². curvature: second derivatives along `axis` and across it in the tangent plane of n_k, as
+// shares of the irradiance, 1/m². The second-order term changes E by at most half, and the result lies between black and 2·E.
+vec3 extrapolated(vec3 E, vec3 slope, vec3 apart, vec3 n_k, vec3 axis, vec2 curvature)
 {
     float up = dot(apart, n_k), along = dot(apart, axis), across = max(dot(apart, apart) - up * up - along * along, 0.0);
-    float more = clamp(0.5 * (bend.x * along * along + bend.y * across), -0.5, 0.5);
+    float more = clamp(0.5 * (curvature.x * along * along + curvature.y * across), -0.5, 0.5);
     return clamp(E + slope + more * E, vec3(0.0), max(2.0 * E, 0.0));
 }

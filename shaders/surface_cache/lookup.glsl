@@ -19,7 +19,7 @@ struct Look
 // What speaks for the point p of a triangle, on the side of it that g, unit, points to.
 Look surface_look(int triangle, vec3 p, vec3 g)
 {
-    ivec2 at = ivec2(3 * (triangle & 1023), triangle >> 10);
+    ivec2 at = table_texel(triangle, 3, 0);
     vec4 corner = texelFetch(surface_triangles, at, 0), right = texelFetch(surface_triangles, at + ivec2(1, 0), 0);
     vec3 up = texelFetch(surface_triangles, at + ivec2(2, 0), 0).xyz, away = p - corner.xyz;
     vec3 normal = cross(right.xyz, up);
@@ -31,7 +31,7 @@ Look surface_look(int triangle, vec3 p, vec3 g)
     vec3 weights = max(odd ? vec3(f.x + f.y - 1.0, 1.0 - f) : vec3(1.0 - f.x - f.y, f), 0.0);
     int cell = int(right.w) + j * (2 * n - j) + 2 * i + int(odd);
     bool other = dot(normal, g) < 0.0;
-    vec4 found = texelFetch(surface_cells, ivec2(2 * (cell & 1023) + int(other), cell >> 10), 0);
+    vec4 found = texelFetch(surface_cells, table_texel(cell, 2, int(other)), 0);
     weights = mix(weights, vec3(0.0), lessThan(found.xyz, vec3(0.0)));
 
     // Where something stands on the cell, what it hides from p does not count. Corners that see each other are seen together, and
@@ -60,7 +60,7 @@ Look surface_look(int triangle, vec3 p, vec3 g)
 
 vec3 surface_value(int i)
 {
-    return texelFetch(surface_values, ivec2(i & 1023, i >> 10), 0).rgb;
+    return texelFetch(surface_values, table_texel(i), 0).rgb;
 }
 
 // Indirect irradiance there, W/m².

@@ -170,7 +170,7 @@ def test_the_window_goes_on_where_it_was_closed(place: Path, window: Any, capsys
         shown.frame(0.1)
         assert shown.actions.session.progress[0].coverage == 1.0
         look(shown)
-        assert shown.actions.session.renderers[0].cache.renewals == 0
+        assert shown.actions.session.renderers[0].cache.refresh_count == 0
 
     window(again)
     assert cli.main(VIEW) == 0 and counts[0] == counts[1] > 0

@@ -61,9 +61,13 @@ def sources() -> Iterator[tuple[str, Path]]:
 MODULES = dict(sources())
 
 
-def imports(name: str, path: Path) -> Iterator[str]:
-    """The modules that `name` imports, anywhere in it, `from package import module` resolved."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+def imports(name: str, path: Path, for_types: bool = True) -> Iterator[str]:
+    """The modules that `name` imports, anywhere in it, `from package import module` resolved; for_types: also those that only
+    annotations need, under `if TYPE_CHECKING`."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    if not for_types:
+        tree.body = [node for node in tree.body if not (isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING")]
+    for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -114,7 +118,7 @@ def test_a_folder_has_few_entries(folder: str) -> None:
 
 @pytest.mark.parametrize("name", MODULES)
 def test_who_may_know_opengl_and_windows(name: str) -> None:
-    roots = {imported.split(".")[0] for imported in imports(name, MODULES[name])}
+    roots = {imported.split(".")[0] for imported in imports(name, MODULES[name], for_types=False)}
     if name.startswith(WITHOUT_OPENGL):
         assert not roots & set(OPENGL)
     if not name.startswith("irrsplat.app"):

@@ -46,9 +46,8 @@ class Gatherer:
         self.cache.truncate(0)
         numbers = self.cache.append(where) + np.arange(len(where))
         gather_records(self.look, self.reduce, self.lit.light, self.cache, numbers, seed)
-        textures = (self.cache.records.irradiance, *self.cache.records.vectors[3:])
-        last, *rows = (np.frombuffer(t.read(), "f4").reshape(-1, 4)[: len(where)] for t in textures)
-        return Found(last[:, :3] @ LUMINANCE, last[:, 3], sum(w * row[:, :3] for w, row in zip(LUMINANCE, rows, strict=True)))
+        E, R, gradient = self.cache.records.read("irradiance", "radius", "gradient").values()
+        return Found(E @ LUMINANCE, R, np.einsum("ncx,c->nx", gradient, LUMINANCE))
 
 
 def visible(ctx: moderngl.Context, world: Scene) -> Sites:

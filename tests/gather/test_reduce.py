@@ -117,17 +117,17 @@ def reduce(ctx: moderngl.Context, atlas: Atlas, cache: RecordCache, gradients: b
 
 def vectors_of(cache: RecordCache, first: int = 0) -> tuple[np.ndarray, np.ndarray]:
     """M and ∇E (N, channel, 3) of the records from number `first` on."""
-    rows = [np.frombuffer(t.read(), "f4").reshape(-1, 4)[first : cache.count, :3] for t in cache.records.vectors]
-    return np.stack(rows[:3], 1), np.stack(rows[3:], 1)
+    vectors, gradient = cache.records.read("vectors", "gradient").values()
+    return vectors[first:], gradient[first:]
 
 
 def bends_of(cache: RecordCache, first: int = 0) -> tuple[np.ndarray, np.ndarray]:
     """The axis (N, 3) and the two bends (N, 2) of the records from number `first` on."""
-    rows = [np.frombuffer(t.read(), "f4").reshape(-1, 4)[first : cache.count, 3] for t in cache.records.vectors]
-    knows, R = np.stack(rows[:3]).any(0), cache.read()["radius"][first:]
-    most = np.where(knows, np.minimum(3.0 * R, RADII[1]), 0.0)
-    assert np.allclose(rows[5], most, rtol=1e-6), "the greatest radius is three times R, where a record knows how it bends"
-    return np.stack(rows[:3], 1), np.stack(rows[3:5], 1)
+    names = ("radius", "axis", "curvature", "max_radius")
+    R, axis, curvature, max_radius = (column[first:] for column in cache.records.read(*names).values())
+    most = np.where(axis.any(1), np.minimum(3.0 * R, RADII[1]), 0.0)
+    assert np.allclose(max_radius, most, rtol=1e-6), "the greatest radius is three times R, where a record knows how it bends"
+    return axis, curvature
 
 
 @pytest.mark.parametrize("first", [0, 5, 1019])  # 1019: the batch runs over the end of a row of the cache

@@ -103,7 +103,8 @@ def shaded(
 ) -> tuple[np.ndarray, np.ndarray]:
     """What lib/bvh.glsl finds: (R,) distances, MISS for none, and (R, 3) where that is by the corners' shares."""
     (tmp_path / "lib").mkdir(exist_ok=True)
-    (tmp_path / "lib" / "bvh.glsl").write_text((folder("shaders") / "lib" / "bvh.glsl").read_text())
+    for name in ("bvh.glsl", "table.glsl"):
+        (tmp_path / "lib" / name).write_text((folder("shaders") / "lib" / name).read_text())
     (tmp_path / "walk.frag").write_text(
         '#include "lib/bvh.glsl"\nuniform sampler2D rays;\nlayout(location = 0) out vec4 out_hit;\nvoid main()\n{\n'
         "    int x = int(gl_FragCoord.x), y = int(gl_FragCoord.y);\n    vec3 o = texelFetch(rays, ivec2(2 * x, y), 0).xyz;\n"

@@ -26,8 +26,8 @@ from irrsplat.indirect.upsample import UpsamplePass
 from irrsplat.lighting.direct import DirectPass
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.shadow_maps import ShadowPass
-from irrsplat.records.adaptive_radius import AdaptPass
-from irrsplat.records.coverage_pass import RankPass
+from irrsplat.records.coverage_pass import CoveragePass
+from irrsplat.records.radius_limit_pass import RadiusLimitPass
 from irrsplat.scene.model import Light
 from irrsplat.surface_cache.view import SurfaceViewPass
 from irrsplat.surface_cache.visibility import VisibilityPass
@@ -67,9 +67,9 @@ def unlit(ctx: moderngl.Context) -> Iterator[Owner]:
     for gradients in (False, True):
         yield SplatPass(ctx, SIZE, gradients)
         yield ReducePass(ctx, gradients)
-        yield RankPass(ctx, gradients)
+        yield CoveragePass(ctx, gradients)
         for neighbours in (False, True):
-            yield AdaptPass(ctx, gradients, neighbours)
+            yield RadiusLimitPass(ctx, gradients, neighbours)
     for kind in (ShadowPass, VisibilityPass, SurfaceViewPass):
         yield kind(ctx)
     for kind in (GBufferPass, ExaminePass, CompositePass, MeanPass, UpsamplePass):

@@ -10,17 +10,15 @@ import numpy as np
 import pytest
 
 from irrsplat.core.buffers import NOTHING_SEEN, GBuffer, Records
-from irrsplat.gpu.target import table_texture
 from irrsplat.indirect.splat import SplatPass
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
-from tests.support.worlds import gbuffer_of, on_plane, rays
+from tests.support.worlds import gbuffer_of, on_plane, rays, records_of
 
 SIZE = (37, 29)
 CAMERA = Camera((0.3, 0.2, 3.0), (0.0, 0.0, 0.0), (0.1, 1.0, 0.0), 50.0)
-COLUMNS = 8
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # Rec. 709
-DARK = 0.6  # W/m²: what is darker may be off by a share of this
+FLOOR = 0.6  # W/m²: what is darker may be off by a share of this
 BASE = Settings(a=0.5, radius_min=0.0, radius_max=0.0)
 
 
@@ -55,21 +53,20 @@ class Table:
     walls: np.ndarray
 
     def records(self, ctx: moderngl.Context) -> Records:
-        count = len(self.p)
-        rows = -(-count // COLUMNS)
-
-        def texture(rgb: np.ndarray, w: np.ndarray | float = 0.0) -> moderngl.Texture:
-            whole = np.full((rows * COLUMNS, 4), 1e6)  # beyond the last record lies rubbish
-            whole[:count, :3], whole[:count, 3] = rgb, w
-            return table_texture(ctx, whole.reshape(rows, COLUMNS, 4))
-
-        limit = texture(np.repeat(self.limit[:, None], 3, axis=1))
-        rest = np.column_stack([self.axis, self.bend, self.farthest])
-        both = np.concatenate([self.M, self.gradient], axis=1)
-        vectors = [texture(both[:, i], rest[:, i]) for i in range(6)]
-        walls = texture(self.walls[:, :3], self.walls[:, 3])
-        return Records(
-            texture(self.p), texture(self.n), texture(self.E, self.R), tuple(vectors), walls, count, COLUMNS, limit, DARK
+        return records_of(
+            ctx,
+            FLOOR,
+            position=self.p,
+            normal=self.n,
+            irradiance=self.E,
+            radius=self.R,
+            vectors=self.M,
+            gradient=self.gradient,
+            limit=self.limit,
+            axis=self.axis,
+            curvature=self.bend,
+            max_radius=self.farthest,
+            walls=self.walls,
         )
 
 
@@ -144,10 +141,10 @@ def splat(seen: View, records: Table, settings: Settings) -> tuple[np.ndarray, n
         known = settings.gradients and axis.any()
         own = np.array([R_k, R_k])
         if known and settings.radius == "hessian":
-            share = max(E_k @ LUMINANCE, DARK) / max(E_k @ LUMINANCE, 1e-20)
+            share = max(E_k @ LUMINANCE, FLOOR) / max(E_k @ LUMINANCE, 1e-20)
             own = np.minimum(np.sqrt(2.0 * share / np.maximum(np.abs(bend), 1e-30)), most)
         elif settings.gradients:
-            own = np.minimum(own, max(E_k @ LUMINANCE, DARK) / np.maximum(np.linalg.norm(LUMINANCE @ gradient), 1e-30))
+            own = np.minimum(own, max(E_k @ LUMINANCE, FLOOR) / np.maximum(np.linalg.norm(LUMINANCE @ gradient), 1e-30))
         r = np.maximum(a * own * limit, settings.radius_min * screen * d)
         if settings.radius_max > 0.0:
             r = np.minimum(r, settings.radius_max * screen * d)

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat.records.adaptive_radius import AdaptPass
+from irrsplat.records.radius_limit_pass import RadiusLimitPass
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.settings import Settings
 from tests.renderer.test_renderer import FAST, SIZE, room
 from tests.support.truth import SIZE as FULL
 from tests.support.truth import compare, load_reference
-from tests.support.worlds import sites
+from tests.support.worlds import sites, write_columns
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
@@ -53,22 +53,26 @@ class Made:
         -n in place of a count: the last n are forgotten again.
         """
         cache = RecordCache(self.ctx)
-        rest = np.column_stack([self.axis, self.bend, self.farthest])
-        vectors = [*np.moveaxis(self.M, 1, 0), *np.moveaxis(self.gradient, 1, 0)]
-        one, first = AdaptPass(self.ctx, settings.gradients, settings.neighbours), 0
+        columns = {
+            "vectors": self.M,
+            "gradient": self.gradient,
+            "axis": self.axis,
+            "curvature": self.bend,
+            "max_radius": self.farthest,
+            "walls": self.walls.reshape(-1, 4),
+        }
+        one, first = RadiusLimitPass(self.ctx, settings.gradients, settings.neighbours), 0
         for count in (*parts, len(self.p)):
             if count < 0:
                 cache.truncate(first := first + count)
                 continue
             new = slice(first, count)
             cache.append(sites(self.p[new], self.n[new]), np.column_stack([self.E, self.R])[new])
-            for i, values in enumerate(vectors):
-                cache._put(3 + i, first, np.column_stack([values, rest[:, i]])[new])
-            cache._put(9, first, self.walls.reshape(-1, 4)[new])
-            cache.dark = self.dark
+            write_columns(cache.records, first, **{name: values[new] for name, values in columns.items()})
+            cache.luminance_floor = self.dark
             one(cache, first, settings)
             first = count
-        found = np.frombuffer(cache.records.limit.read(), "f4").copy()
+        found = np.frombuffer(cache.records.textures["limit"].read(), "f4").copy()
         one.release()
         cache.release()
         self.ctx.detect_framebuffer(0).use()
@@ -199,7 +203,7 @@ def test_turned_off_and_on_again() -> None:
     with irrsplat.Renderer(room(), SIZE, **FAST, adapt=0.0) as plain, irrsplat.Renderer(room(), SIZE, **FAST) as renderer:
         before = plain.render()
         renderer.render()
-        limits = np.frombuffer(renderer.cache.records.limit.read(), "f4")
+        limits = np.frombuffer(renderer.cache.records.textures["limit"].read(), "f4")
         assert (limits < 1.0).any()
         renderer.change(replace(renderer.settings, adapt=0.0))
         renderer.forget()

@@ -6,6 +6,7 @@ import moderngl
 import numpy as np
 import pytest
 
+from irrsplat.core.record_layout import COLUMNS, GATHERED
 from irrsplat.records.record_cache import RecordCache
 from tests.support.worlds import sites
 
@@ -48,11 +49,12 @@ def test_records_come_back_in_their_order(ctx: moderngl.Context, parts: tuple[in
     assert cache.count == records.count == start
     assert np.array_equal(found["position"], p.astype("f4")) and np.array_equal(found["normal"], sites(p, n).normal)
     assert np.array_equal(found["irradiance"], values[:, :3]) and np.array_equal(found["radius"], values[:, 3])
-    assert np.array_equal(texels(records.position, start)[:, :3], p.astype("f4"))
-    assert np.array_equal(texels(records.normal, start)[:, :3], found["normal"])
-    for i, vector in enumerate(records.vectors):  # E = n_k·M without directions: M = E·n_k, and no gradient
-        truth = found["normal"] * values[:, i : i + 1] if i < 3 else 0.0 * p
-        assert np.allclose(texels(vector, start)[:, :3], truth, rtol=1e-6)
+    on_gpu = records.read(*(name for name in COLUMNS if name != "limit"))
+    # E = n_k·M without directions: M = E·n_k, and no derivatives
+    found["vectors"] = found["normal"][:, None] * values[:, :3, None]
+    for name, column in on_gpu.items():
+        assert np.allclose(column, found.get(name, 0.0), rtol=1e-6), name
+    assert np.array_equal(on_gpu["position"], p.astype("f4"))
     cache.release()
 
 
@@ -61,13 +63,12 @@ def test_growth_keeps_what_the_gpu_wrote(ctx: moderngl.Context) -> None:
     cache = RecordCache(ctx)
     p, n, values = made_up(4096)
     cache.append(sites(p, n))
-    cache.records.irradiance.write(values.tobytes())
-    for i, vector in enumerate(cache.records.vectors):
-        vector.write((values + i).tobytes())
+    for i, name in enumerate(GATHERED):
+        cache.records.textures[name].write((values + i).tobytes())
     cache.append(sites(*made_up(1)[:2]))
     assert np.array_equal(cache.read()["irradiance"][:4096], values[:, :3])
-    for i, vector in enumerate(cache.records.vectors):
-        assert np.array_equal(texels(vector, 4096), values + i)
+    for i, name in enumerate(GATHERED):
+        assert np.array_equal(texels(cache.records.textures[name], 4096), values + i)
     cache.release()
 
 

@@ -18,10 +18,10 @@ from irrsplat.records.eviction import kept
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
-from tests.records.test_cache import made_up, texels
+from tests.records.test_cache import made_up
 from tests.renderer.test_persistence import turned
 from tests.renderer.test_renderer import FAST, FRONT, room, unserved
-from tests.support.worlds import sites
+from tests.support.worlds import sites, write_columns
 
 SIZE = (40, 40)
 
@@ -31,27 +31,25 @@ def test_those_that_stay_close_ranks(ctx: moderngl.Context) -> None:
     cache = RecordCache(ctx)
     p, n, values = made_up(3000)
     cache.append(sites(p, n), values)
-    cache.expire()
-    cache.renewed(np.arange(0, 3000, 3))
+    cache.invalidate()
+    cache.mark_refreshed(np.arange(0, 3000, 3))
     limits = np.linspace(0.1, 1.0, 3000, dtype="f4")
-    cache.records.limit.write(np.pad(limits, (0, 1096)).tobytes())
-    for i, vector in enumerate(cache.records.vectors):
-        vector.write(np.pad(values + i, ((0, 1096), (0, 0))).tobytes())
+    write_columns(cache.records, 0, limit=limits, curvature=values[:, 2:] + 4.0, axis=values[:, :3])
     numbers = np.flatnonzero(np.random.default_rng(0).random(3000) < 0.5)
-    edits = cache.edits
-    cache.keep(numbers)
+    edits = cache.revision
+    cache.keep_only(numbers)
     records, count = cache.records, len(numbers)
-    assert cache.count == records.count == count and cache.edits > edits and cache.evicted == 3000 - count
+    assert cache.count == records.count == count and cache.revision > edits and cache.evicted == 3000 - count
     assert np.array_equal(cache.read()["irradiance"], values[numbers, :3])
-    assert np.array_equal(texels(records.position, count)[:, :3], p[numbers].astype("f4"))
+    expected = {"position": p.astype("f4"), "limit": limits, "curvature": values[:, 2:] + 4.0, "axis": values[:, :3]}
+    for name, column in records.read(*expected).items():
+        assert np.array_equal(column, expected[name][numbers]), name
     assert np.array_equal(cache.positions, p[numbers].astype("f4"))
-    assert np.array_equal(texels(records.vectors[4], count), values[numbers] + 4)
-    assert np.array_equal(np.frombuffer(records.limit.read(), "f4")[:count], limits[numbers])
     assert np.array_equal(numbers[cache.stale], numbers[numbers % 3 > 0])
-    assert [cache.find(int(name)) for name in numbers[:50]] == list(range(50))
+    assert [cache.number_of(int(name)) for name in numbers[:50]] == list(range(50))
     gone = np.setdiff1d(np.arange(3000), numbers)
-    assert all(cache.find(int(name)) is None for name in gone[:50])
-    assert cache.append(sites(p[:1], n[:1])) == count and cache.name(count) == 3000 and cache.find(3000) == count
+    assert all(cache.number_of(int(name)) is None for name in gone[:50])
+    assert cache.append(sites(p[:1], n[:1])) == count and cache.id_of(count) == 3000 and cache.number_of(3000) == count
     cache.release()
 
 
@@ -63,7 +61,7 @@ def test_the_longest_unseen_go_first_and_then_the_farthest(ctx: moderngl.Context
     where[1:, 2] = np.random.default_rng(1).permutation(99) + 1.0
     where[0] = 0.0, 0.0, -1.0
     cache.append(sites(where, (0.0, 1.0, 0.0)), np.ones((100, 4), "f4"))
-    cache.saw(np.arange(1, 100, 2))
+    cache.mark_seen(np.arange(1, 100, 2))
     assert kept(cache, 0, camera, SIZE, settings) is None, "as many as there may be are not too many"
     stay = kept(cache, 1, camera, SIZE, settings)
     assert stay is not None and len(stay) == 75 and 0 in stay and (np.diff(stay) > 0).all()
@@ -138,13 +136,13 @@ def test_the_viewer_comes_to_rest_with_a_full_cache_and_keeps_the_record_that_it
             break
     assert session.at_rest and session.progress[0].full
     cache = session.renderers[0].cache
-    name = cache.name(120)
+    name = cache.id_of(120)
     session.held = (0, name)
     place = cache.positions[120].copy()
-    cache.keep(np.arange(20, 150))
+    cache.keep_only(np.arange(20, 150))
     session.tick(0.1, 10.0)
-    assert session.held == (0, name) and np.array_equal(cache.positions[cache.find(name)], place)
-    cache.keep(np.arange(50))
+    assert session.held == (0, name) and np.array_equal(cache.positions[cache.number_of(name)], place)
+    cache.keep_only(np.arange(50))
     session.tick(0.1, 10.0)
     assert session.held is None, "it is gone"
     session.release()

@@ -104,7 +104,7 @@ def test_a_known_view_makes_no_surface_cache_and_an_unknown_one_the_same(path: P
         third.load_cache(path)
         third.renew()  # everything is gathered again, by a surface cache that is made for it
         third.render()
-        assert third.cache.renewals and not len(third.cache.stale)
+        assert third.cache.refresh_count and not len(third.cache.stale)
 
 
 def test_a_tick_with_a_budget_shows_what_there_is_at_once(path: Path) -> None:
@@ -123,7 +123,7 @@ def test_a_tick_with_a_budget_shows_what_there_is_at_once(path: Path) -> None:
             if progress.done:
                 break
         assert progress.done and progress.surface == 1.0 and progress.records == known.stats["records"]
-        assert fresh.cache.renewals == 0 and same(fresh.render(), known)
+        assert fresh.cache.refresh_count == 0 and same(fresh.render(), known)
 
 
 def test_stale_records_stay_stale(path: Path) -> None:

@@ -15,7 +15,7 @@ from irrsplat import InputError, Renderer
 from irrsplat.gpu.target import pixels
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.indirect.change_probe import change, concerned
-from irrsplat.records.motion import COVERED, covered, ride, untouched
+from irrsplat.records.motion import COVERED, carried, covered, untouched
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.io.mesh_builder import is_closed
 from irrsplat.scene.model import Camera, Scene
@@ -140,14 +140,14 @@ def test_points_move_with_their_mesh(rigid: bool) -> None:
     p = np.einsum("nk,nkx->nx", np.random.default_rng(4).dirichlet(np.ones(3), 200), corners)
     n = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     n /= np.linalg.norm(n, axis=1, keepdims=True)
-    found = ride(p, triangle, world, after)
+    found = carried(p, triangle, world, after)
     assert np.array_equal(found.numbers, np.flatnonzero(own)) and found.rigid.all() == rigid and found.rigid.any() == rigid
     assert np.allclose(found.position, p[own] @ matrix[:3, :3].T + matrix[:3, 3], atol=1e-5)
     across = n[own] @ np.linalg.inv(matrix[:3, :3])
     across /= np.linalg.norm(across, axis=1, keepdims=True)
     assert np.allclose(found.normals(n[own]), across, atol=1e-3)
     side = corners[own, 1] - corners[own, 0]
-    assert np.allclose(np.einsum("nij,nj->ni", found.turn, side), side @ matrix[:3, :3].T, atol=1e-5)
+    assert np.allclose(np.einsum("nij,nj->ni", found.linear_map, side), side @ matrix[:3, :3].T, atol=1e-5)
 
 
 def test_a_turned_room_is_the_same_room() -> None:
@@ -205,7 +205,7 @@ def test_a_moved_scene_is_as_if_it_had_been_loaded_so(transform: np.ndarray, bou
             assert np.array_equal(getattr(frame, name), np.where(np.isfinite(frame.depth)[..., None], there, 0.0)), name
         assert np.array_equal(frame.direct, pixels(view.direct)[..., :3])
         fresh.cache.append(where)
-        fresh.cache.expire()
+        fresh.cache.invalidate()
         assert fresh.scheduler.prepare(fresh.shadows, Budget(None))
         fresh.scheduler.renew(fresh.shadows, fresh.gbuffer, FRONT, Budget(None))
         found = fresh.cache.read()
@@ -246,9 +246,9 @@ def apart() -> Scene:
 def test_what_nobody_sees_concerns_nobody(bounces: Any) -> None:
     """A box that moves in the other room: not a record is gathered again. In this one: many are."""
     with Renderer(apart(), SIZE, **{**FAST, "bounces": bounces}) as renderer:
-        count, renewals = renderer.render().stats["records"], renderer.cache.renewals
+        count, renewals = renderer.render().stats["records"], renderer.cache.refresh_count
         renderer.move(3, shift(0.4, 0.0, 0.1))
-        assert renderer.render().stats["records"] == count and renderer.cache.renewals == renewals
+        assert renderer.render().stats["records"] == count and renderer.cache.refresh_count == renewals
         renderer.move(1, shift(0.2))
         _, progress = renderer.frame(seconds=1e-4)
         while progress.surface < 1.0:
@@ -261,7 +261,7 @@ def test_small_changes_add_up(ctx: moderngl.Context) -> None:
     """1 % and 1 % again do not concern a record, a third time does; nor what is dark; and one of which nothing is known does."""
     cache = RecordCache(ctx)
     cache.append(sites(np.eye(3), (0, 1, 0)))
-    cache.dark = 1.0
+    cache.luminance_floor = 1.0
     cache.probes[:2] = (1.0, 2.0, 1.0, 0.5), (0.01, 0.01, 0.01, 0.5)
     found = cache.probes.copy()
     found[2] = (1.0, 1.0, 1.0, 1.0)
@@ -269,12 +269,12 @@ def test_small_changes_add_up(ctx: moderngl.Context) -> None:
         found[0, 1] *= 1.009
         found[1, :3] += 0.002
         assert concerned(cache, found).tolist() == expected
-        cache.renewed(np.array(expected, int))
+        cache.mark_refreshed(np.array(expected, int))
     assert change(np.array([[1.0, 1.0, 1.0, 1.0]]), np.array([[1.0, 1.0, 1.0, 1.25]]), 0.0) == pytest.approx(0.2)
-    cache.expire()
+    cache.invalidate()
     assert not cache.probes.any() and sorted(cache.stale) == [0, 1, 2]
-    cache.renewed(np.arange(3))
-    cache.expire(np.array([1]))
+    cache.mark_refreshed(np.arange(3))
+    cache.invalidate(np.array([1]))
     assert cache.stale.tolist() == [1] and cache.age(np.array([0, 1, 2, 9])).tolist() == [0, 1, 0, 0]
 
 

@@ -50,7 +50,9 @@ def served(renderer: Renderer) -> np.ndarray:
 
 def test_records_are_ranked_by_the_pixels_that_they_serve(renderer: Renderer) -> None:
     true = served(renderer)
-    rank = renderer.scheduler.renewal.rank_pass(renderer.cache.records, renderer.draw_gbuffer(FRONT), FRONT, renderer.settings)
+    rank = renderer.scheduler.renewal.coverage_pass(
+        renderer.cache.records, renderer.draw_gbuffer(FRONT), FRONT, renderer.settings
+    )
     assert len(rank) == len(true) and (true == 0).mean() > 0.1 and true.max() > 100
     assert np.corrcoef(true, rank)[0, 1] > 0.95 and rank.sum() == pytest.approx(true.sum(), rel=0.2)
     assert rank[true == 0].max() < 0.05 * true.max(), "hidden, or off the screen"
@@ -61,15 +63,15 @@ def test_what_is_seen_most_and_longest_comes_first(renderer: Renderer) -> None:
     """Pixels times how often they have become stale; what is not seen at all, last, the stalest of it first."""
     cache, renewal = renderer.cache, renderer.scheduler.renewal
     gbuffer = renderer.draw_gbuffer(FRONT)
-    rank = renewal.rank_pass(cache.records, gbuffer, FRONT, renderer.settings)
+    rank = renewal.coverage_pass(cache.records, gbuffer, FRONT, renderer.settings)
     assert not len(renewal.order(cache, gbuffer, FRONT, renderer.settings))
-    cache.expire()
+    cache.invalidate()
     first = renewal.order(cache, gbuffer, FRONT, renderer.settings)
     assert sorted(first) == list(range(cache.count)) and (np.diff(rank[first]) <= 0.0).all()
     half = len(first) // 2
-    cache.renewed(first[:half])
+    cache.mark_refreshed(first[:half])
     assert np.array_equal(renewal.order(cache, gbuffer, FRONT, renderer.settings), first[half:])
-    cache.expire()
+    cache.invalidate()
     second = renewal.order(cache, gbuffer, FRONT, renderer.settings)
     waited = np.where(np.isin(second, first[:half]), 1, 2)
     assert np.array_equal(cache.age(second), waited) and (np.diff(rank[second] * waited) <= 0.0).all()
@@ -104,7 +106,7 @@ def test_renewed_in_place_is_gathered_from_scratch(lights: tuple[Light, ...], bo
         assert progress.stale == 0 and progress.surface == 1.0
         fresh.frame(gather=False)
         fresh.cache.append(old.cache.sites(slice(0, old.cache.count)))
-        fresh.cache.expire()
+        fresh.cache.invalidate()
         assert fresh.shadows is not None and fresh.scheduler.prepare(fresh.shadows, Budget(None))
         fresh.scheduler.renew(fresh.shadows, fresh.gbuffer, FRONT, Budget(None))
         theirs, found = pixels(fresh.frame(gather=False)[0].image), fresh.cache.read()

@@ -11,13 +11,15 @@ import moderngl
 import numpy as np
 from PIL import Image
 
-from irrsplat.core.buffers import GBuffer, HitLight, Sites
+from irrsplat.core.buffers import GBuffer, HitLight, Records, Sites
+from irrsplat.core.glsl import TABLE_COLUMNS
+from irrsplat.core.record_layout import COLUMNS, TEXTURES, pack
 from irrsplat.gather.autotune import gather_pass
 from irrsplat.gather.look import Gather, gather_records
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.world import World
 from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import table_texture
+from irrsplat.gpu.target import float_texture, table_texture
 from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
@@ -164,10 +166,32 @@ class Gathered:
 
 def gathered(cache: RecordCache) -> Gathered:
     """What a cache holds, read from the GPU."""
-    textures = (cache.records.irradiance, *cache.records.vectors)
-    last, *vectors = (np.frombuffer(t.read(), "f4").reshape(-1, 4)[: cache.count] for t in textures)
-    columns, rest = np.stack([v[:, :3] for v in vectors], 1), np.stack([v[:, 3] for v in vectors], 1)
-    return Gathered(last[:, :3], last[:, 3], columns[:, :3], columns[:, 3:], rest[:, :3], rest[:, 3:5])
+    names = ("irradiance", "radius", "vectors", "gradient", "axis", "curvature")
+    return Gathered(*cache.records.read(*names).values())
+
+
+def records_of(ctx: moderngl.Context, luminance_floor: float = 0.0, **columns: np.ndarray) -> Records:
+    """Records with these columns (N, …) by the names of record_layout.COLUMNS; what lies beyond the last one is rubbish."""
+    count = len(columns["position"])
+    size = TABLE_COLUMNS, -(-count // TABLE_COLUMNS)
+    textures = {name: float_texture(ctx, size, channels) for name, channels in TEXTURES.items()}
+    for name, texture in textures.items():
+        texture.write(np.full(size[0] * size[1] * TEXTURES[name], 1e6, "f4").tobytes())
+    records = Records(textures, count, luminance_floor)
+    write_columns(records, 0, **columns)
+    return records
+
+
+def write_columns(records: Records, first: int, **columns: np.ndarray) -> None:
+    """Write columns (N, …) by name into the records' textures, past the cache, from number `first` on."""
+    for name, values in columns.items():
+        texels = {
+            texture: np.frombuffer(records.textures[texture].read(), "f4").reshape(-1, TEXTURES[texture]).copy()
+            for texture, _ in COLUMNS[name].slots
+        }
+        pack({texture: rows[first : first + len(values)] for texture, rows in texels.items()}, name, values)
+        for texture, rows in texels.items():
+            records.textures[texture].write(rows.tobytes())
 
 
 def sites(position: Any, normal: Any, geometric: Any = None) -> Sites:

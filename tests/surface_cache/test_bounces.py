@@ -46,7 +46,7 @@ def gathered(renderer: Renderer, where: Sites) -> np.ndarray:
     assert renderer.shadows is not None
     renderer.cache.truncate(0)
     renderer.cache.append(where)
-    renderer.cache.expire()
+    renderer.cache.invalidate()
     renderer.scheduler.renew(renderer.shadows, renderer.gbuffer, renderer.scene.camera(), Budget(None))
     return renderer.cache.read()["irradiance"]
 
@@ -308,11 +308,11 @@ def test_records_follow_the_number_of_bounces(ctx: moderngl.Context) -> None:
             where = renderer.cache.sites(slice(0, len(one)))
             with made(ctx, room(), bounces=number, gather_size=8) as other:
                 assert np.array_equal(gathered(other, where), more.records_irradiance[: len(one)])
-        edits = renderer.cache.edits
+        edits = renderer.cache.revision
         renderer.change(renderer.settings.with_values({"bounces": 0}))
         assert not renderer.render().irradiance.any()
         renderer.change(renderer.settings.with_values({"bounces": 2}))
-        assert np.array_equal(renderer.render().irradiance, more.irradiance) and renderer.cache.edits == edits
+        assert np.array_equal(renderer.render().irradiance, more.irradiance) and renderer.cache.revision == edits
 
 
 @pytest.mark.usefixtures("few")

@@ -11,7 +11,7 @@ from irrsplat.app.common.error_colours import BRIGHT, DARK, GREY
 from irrsplat.app.viewer.background_truth import Lattice, Truth
 from irrsplat.app.viewer.show.legend import SHOWINGS, TRUTHS, depth_range, light_tiles, shadow_range, weight_range
 from irrsplat.app.viewer.show.screen import Programs, Region, Texels, clear, colours, scale
-from irrsplat.core.buffers import FILMIC, NOTHING_SEEN, Atlas, ShadowMaps
+from irrsplat.core.buffers import Atlas, ShadowMaps
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.image.view import View
@@ -73,7 +73,7 @@ class BufferView(Owner):
         else:
             how = _block(how, truth, view)
             ways = {way.upper(): int(way == how) for way in _WAYS} | {"SQUARES": int(how in ("irradiance", "error"))}
-            program = self.program("viewer/buffers/buffer", **ways, **FILMIC.defines, NOTHING_SEEN=NOTHING_SEEN)
+            program = self.program("viewer/buffers/buffer", **ways)
             program(
                 target,
                 scissor=region,
@@ -118,7 +118,7 @@ class BufferView(Owner):
     ) -> None:
         """Draw the cells of the atlas as large as they fit, radiance times `gain`; a texel that hits nothing shows the sky."""
         across, pixels, left, top = _grid(atlas.count, atlas.cell, target.size)
-        self.program("viewer/buffers/atlas", **FILMIC.defines)(
+        self.program("viewer/buffers/atlas")(
             target,
             scissor=region,
             radiance=atlas.radiance,
@@ -236,7 +236,12 @@ def _arguments(
         low, high = weight_range(settings)
         return {"values": view.splats.weight, "low": low, "high": high, "threshold": settings.threshold}
     tolerance = settings.threshold if name == "asking" else -1.0  # which no weight is below
-    asking = {"sums": view.splats.sums, "tolerance": tolerance, "spread": settings.spread, "dark": view.splats.dark}
+    asking = {
+        "sums": view.splats.sums,
+        "tolerance": tolerance,
+        "spread": settings.spread,
+        "luminance_floor": view.splats.luminance_floor,
+    }
     return {"values": view.splats.weight, "image": view.image, "gain": gain, **asking}
 
 

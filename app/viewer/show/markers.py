@@ -10,16 +10,16 @@ import numpy as np
 
 from irrsplat.app.viewer.show.legend import Legend
 from irrsplat.app.viewer.show.screen import Programs, Region, colours, view_uniforms
-from irrsplat.core.buffers import FILMIC, Records
+from irrsplat.core.buffers import Records
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.program import Program, State
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.image.tonemap import viridis
 from irrsplat.image.view import View
-from irrsplat.records.weight import reach_uniforms
+from irrsplat.records.weight import record_defines, view_radius_uniforms
 from irrsplat.scene.model import Scene
-from irrsplat.settings import Settings, weight_defines
+from irrsplat.settings import Settings
 from irrsplat.surface_cache.cache import SurfaceCache
 
 By = Literal["radius", "age"]
@@ -59,7 +59,7 @@ class Markers(Owner):
         region: Region | None = None,
     ) -> None:
         """Every record as a dot of constant size, coloured by its radius a·R_k or by its age."""
-        program = self.program("viewer/markers/points", "viewer/markers/points", **weight_defines(settings.gradients))
+        program = self.program("viewer/markers/points", "viewer/markers/points", **record_defines(settings.gradients))
         self._draw(program, target, view, records, settings, scene, by, region, radius=_RADIUS)
 
     def discs(
@@ -75,7 +75,7 @@ class Markers(Owner):
     ) -> None:
         """Every record's ellipse of radii a·R, as it reaches in this view, in its tangent plane."""
         segments = _segments(target.size[1], settings)
-        program = self.program("viewer/markers/discs", "viewer/markers/discs", **weight_defines(settings.gradients))
+        program = self.program("viewer/markers/discs", "viewer/markers/discs", **record_defines(settings.gradients))
         self._draw(
             program,
             target,
@@ -102,7 +102,7 @@ class Markers(Owner):
         region: Region | None = None,
     ) -> None:
         """Every record's normal, a line of constant length on screen but for its slant."""
-        program = self.program("viewer/markers/normals", "viewer/markers/normals", **weight_defines(settings.gradients))
+        program = self.program("viewer/markers/normals", "viewer/markers/normals", **record_defines(settings.gradients))
         self._draw(program, target, view, records, settings, scene, by, region, width=_WIDTH, rise=_RISE * view.camera.screen)
 
     def _draw(
@@ -122,7 +122,7 @@ class Markers(Owner):
         uniforms = {
             **records.uniforms,
             **view_uniforms(target, view.gbuffer, view.camera),
-            **reach_uniforms(view.camera, settings),
+            **view_radius_uniforms(view.camera, settings),
             "colours": self.colours,
             "size": target.size,
             "by_age": by == "age",
@@ -147,15 +147,14 @@ class Markers(Owner):
         count = 0 if surface is None else len(surface.sites)
         if surface is None or not count:
             return
-        program = self.program("viewer/markers/points", "viewer/markers/sites", **FILMIC.defines)
+        program = self.program("viewer/markers/points", "viewer/markers/sites")
         records = surface.records.records
         uniforms = {
             **view_uniforms(target, view.gbuffer, view.camera),
-            "records_position": records.position,
-            "records_normal": records.normal,
+            "records_position": records.textures["position"],
+            "records_normal": records.textures["normal"],
             "surface_values": surface.lookup.values,
             "first": records.count - count,
-            "record_columns": records.columns,
             "eye": view.camera.eye,
             "size": target.size,
             "gain": 2.0**exposure,
@@ -192,11 +191,11 @@ class Markers(Owner):
         """Tint the pixels that record `number` speaks for; how many they are, of the target's and in `region`."""
         if not 0 <= number < records.count:
             return 0
-        program = self.program("viewer/buffers/serves", "indirect/splat", **weight_defines(settings.gradients))
+        program = self.program("viewer/buffers/serves", "indirect/splat", **record_defines(settings.gradients))
         uniforms = {
             **records.uniforms,
             **view_uniforms(target, view.gbuffer, view.camera),
-            **reach_uniforms(view.camera, settings),
+            **view_radius_uniforms(view.camera, settings),
             "in_front": settings.in_front,
             "tint": _SERVED,
         }

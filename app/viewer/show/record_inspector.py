@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import moderngl
 import numpy as np
@@ -11,6 +11,7 @@ from irrsplat.app.viewer.show.buffer_view import BufferView
 from irrsplat.app.viewer.show.screen import Texels
 from irrsplat.core.buffers import HitLight, Records, Sites
 from irrsplat.core.color import LUMINANCE
+from irrsplat.core.record_layout import COLUMNS
 from irrsplat.gather import autotune
 from irrsplat.gather.look import Gather
 from irrsplat.gather.world import World
@@ -18,19 +19,16 @@ from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.image.view import View
 from irrsplat.lighting.light_table import light_defines
-from irrsplat.records.weight import splat_radius
+from irrsplat.records.weight import behind_wall, record_distance, record_weight, view_radius
 from irrsplat.scene.model import Camera
-from irrsplat.settings import IN_FRONT, LEAST_ERROR, Settings
+from irrsplat.settings import Settings
 
 
 @dataclass(frozen=True)
 class Table:
-    """The records on the CPU, float32: position, normal, irradiance E in W/m² (N, 3), radius R_k in metres (N,).
+    """The records on the CPU, float32 arrays with a row for each record; record_layout.COLUMNS says what its columns are.
 
-    gradient: (N, 3, 3) ∇E of red, green and blue in W/m³. axis: (N, 3) unit, along which the light bends least, 0 where that is
-    not known. bend: (N, 2) second derivatives along it and across it over the light itself, 1/m². farthest: (N,) the greatest
-    radius that these may come to, in metres. limit: (N,) the share of its radii that a record may reach at most.
-    walls: (N, 2, 2) and dark: as buffers.Records has them.
+    luminance_floor: as buffers.Records has it.
     """
 
     position: np.ndarray
@@ -39,11 +37,11 @@ class Table:
     radius: np.ndarray
     gradient: np.ndarray
     axis: np.ndarray
-    bend: np.ndarray
-    farthest: np.ndarray
-    limit: np.ndarray
+    curvature: np.ndarray
+    max_radius: np.ndarray
     walls: np.ndarray
-    dark: float = 0.0
+    limit: np.ndarray
+    luminance_floor: float = 0.0
 
     def __len__(self) -> int:
         return len(self.radius)
@@ -53,36 +51,30 @@ class Table:
         return np.linalg.norm(np.einsum("ncx,c->nx", self.gradient, LUMINANCE), axis=1)
 
     def reach(self, camera: Camera, settings: Settings) -> np.ndarray:
-        """(N, 2) the radii a·R in metres along `axis` and across it, with all limits of this view and the settings, as splat.vert
-        has them."""
+        """(N, 2) the radii a·R in metres along `axis` and across it, with all limits of this view and the settings, as
+        shaders/records/view_radius.glsl has them."""
         R = self.radius
         if settings.gradients:  # R <= E/|∇E|
             slope, Y = self.slope(), self.irradiance @ LUMINANCE
-            E = np.maximum(Y, max(self.dark, 1e-20))
+            E = np.maximum(Y, max(self.luminance_floor, 1e-20))
             R = np.where(slope * R > E, E / np.where(slope > 0.0, slope, 1.0), R)
         radii = np.stack([R, R], axis=1)
         if settings.gradients and settings.radius == "hessian":
-            bends = self.axis.any(axis=1)
-            square = (2.0 * E / np.maximum(Y, 1e-20))[:, None] / np.maximum(np.abs(self.bend), 1e-14)
-            radii[bends] = np.minimum(np.sqrt(square), self.farthest[:, None])[bends]
+            known = self.axis.any(axis=1)
+            square = (2.0 * E / np.maximum(Y, 1e-20))[:, None] / np.maximum(np.abs(self.curvature), 1e-14)
+            radii[known] = np.minimum(np.sqrt(square), self.max_radius[:, None])[known]
         distance = np.linalg.norm(self.position - np.asarray(camera.eye), axis=1)
-        return splat_radius(radii * self.limit[:, None], distance[:, None], camera, settings)
+        return view_radius(radii * self.limit[:, None], distance[:, None], camera, settings)
 
     def weights(self, p: np.ndarray, n: np.ndarray, camera: Camera, settings: Settings) -> np.ndarray:
-        """(N,) every record's raw w at a point p with unit normal n, (3,) each; 0 where it does not speak for it."""
-        R = self.reach(camera, settings) / settings.a
-        apart, cosine = p - self.position, self.normal @ n
-        along = (apart * self.axis).sum(1)
-        distance = np.stack([along, np.sqrt(np.maximum((apart**2).sum(1) - along**2, 0.0))], axis=1) / np.maximum(R, 1e-30)
-        error = np.linalg.norm(distance, axis=1) + np.sqrt(np.maximum(0.0, 1.0 - cosine))
-        w = 1.0 / np.maximum(error, LEAST_ERROR)
-        speaks = w > 1.0 / settings.a
-        if settings.in_front:
-            speaks &= (cosine > 0.0) & (np.abs((apart * (n + self.normal)).sum(1)) * 0.5 <= IN_FRONT * R[:, 1])
+        """(N,) every record's raw w at a point p with unit normal n, (3,) each; 0 where it does not count there."""
+        radii, apart = self.reach(camera, settings) / settings.a, p - self.position
+        distance = record_distance(apart, self.axis, radii)
+        w = record_weight(distance, apart, n, self.normal, radii[:, 1], settings.in_front)
+        counts = w > 1.0 / settings.a
         if settings.gradients and settings.walls:
-            place = np.stack([along, (apart * np.cross(self.normal, self.axis)).sum(1)], axis=1)
-            speaks &= ((place[:, None] * self.walls).sum(2) <= 1.0).all(1)
-        return np.where(speaks, w, 0.0)
+            counts &= ~behind_wall(apart, self.axis, self.normal, self.walls)
+        return np.where(counts, w, 0.0)
 
 
 @dataclass(frozen=True)
@@ -98,17 +90,8 @@ class InspectedRecord:
 
 def read(records: Records) -> Table:
     """Copy the records from the GPU; it waits for what is being drawn: once a click, or whenever the cache has changed."""
-
-    def rows(texture: moderngl.Texture) -> np.ndarray:
-        return np.frombuffer(texture.read(), "f4").reshape(-1, 4)[: records.count]
-
-    last = rows(records.irradiance)
-    vectors = [rows(texture) for texture in records.vectors]
-    gradient, rest = np.stack([v[:, :3] for v in vectors[3:]], axis=1), np.stack([v[:, 3] for v in vectors], axis=1)
-    limit = np.frombuffer(records.limit.read(), "f4")[: records.count]
-    position, normal = rows(records.position)[:, :3], rows(records.normal)[:, :3]
-    bends, walls = (rest[:, :3], rest[:, 3:5], rest[:, 5]), rows(records.walls).reshape(-1, 2, 2)
-    return Table(position, normal, last[:, :3], last[:, 3], gradient, *bends, limit, walls, records.dark)
+    names = [field.name for field in fields(Table) if field.name in COLUMNS]
+    return Table(**records.read(*names), luminance_floor=records.luminance_floor)
 
 
 def pick(texel: Texels, table: Table, view: View, settings: Settings, x: int, y: int) -> int | None:
@@ -140,7 +123,7 @@ def describe(number: int, table: Table, view: View, settings: Settings) -> list[
     if settings.gradients:
         lines.append(("|grad E|", f"{float(table.slope()[number]):.3g} W/m³"))
     if table.axis[number].any():
-        lines.append(("bend", " and ".join(f"{v:.3g}" for v in table.bend[number]) + " of E per m²"))
+        lines.append(("curvature", " and ".join(f"{v:.3g}" for v in table.curvature[number]) + " of E per m²"))
     return lines
 
 

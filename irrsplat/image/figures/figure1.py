@@ -12,7 +12,7 @@ from irrsplat.image.figures.cutaway import Parallel, Surface, paint, surface
 from irrsplat.image.figures.pen import Pen, legend_height, write_legend
 from irrsplat.image.frame import Frame
 from irrsplat.image.tonemap import tonemap
-from irrsplat.records.weight import splat_radius
+from irrsplat.records.weight import view_radius
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
 
@@ -115,7 +115,7 @@ def pick(frame: Frame, eye: Camera, settings: Settings) -> Shown | None:
     column = np.clip((0.5 + 0.5 * x) * width, 0, width - 1).astype(int)
     row = np.clip((0.5 - 0.5 * y) * height, 0, height - 1).astype(int)
     hidden = np.abs(frame.depth[row, column] - z) > 0.02 * z
-    r = splat_radius(R, d, eye, settings)
+    r = view_radius(R, d, eye, settings)
     size = np.minimum(r / d, 0.3)
     facing = np.einsum("ij,ij->i", apart, normal) / d
     lit = np.clip(0.5 - abs(tonemap(frame.image[row, column], frame.exposure).mean(axis=-1) - 0.5), 0.05, 0.3)

@@ -1,6 +1,6 @@
 // A buffer of the view as a picture. Of the blocks below, one for every way of showing, one define keeps one; SQUARES is what two
 // of them share.
-#include "lib/constants.glsl"
+#include "generated/constants.glsl"
 #include "lib/display.glsl"
 #include "viewer/buffers/colours.glsl"
 
@@ -123,7 +123,7 @@ vec3 picture(ivec2 pixel, float depth)
 #endif
 
 #if ASKING
-#include "indirect/asking.glsl"
+#include "indirect/effective_weight.glsl"
 
 uniform sampler2D image;
 uniform sampler2D sums;
@@ -132,7 +132,7 @@ uniform float gain;
 // over the picture, which is dim and grey
 vec3 picture(ivec2 pixel, float depth)
 {
-    if (counted_weight(texelFetch(values, pixel, 0).rg, texelFetch(sums, pixel, 0)) < tolerance) return vec3(1.0, 0.45, 0.05);
+    if (effective_weight(texelFetch(values, pixel, 0).rg, texelFetch(sums, pixel, 0)) < tolerance) return vec3(1.0, 0.45, 0.05);
     return vec3(0.45 * dot(display(texelFetch(image, pixel, 0).rgb * gain), LUMINANCE));
 }
 #endif

@@ -1,5 +1,5 @@
 // What the markers of records share: an instance is a record, coloured by its radius or its age.
-#include "records/reach.glsl"
+#include "records/view_radius.glsl"
 #include "viewer/buffers/colours.glsl"
 
 uniform mat4 clip_from_world;
@@ -11,7 +11,7 @@ flat out vec3 v_color;
 
 vec3 record_color(ivec2 texel)
 {
-    float value = by_age ? float(gl_InstanceID) : log(max(a * texelFetch(records_irradiance, texel, 0).a, 1e-30));
+    float value = by_age ? float(gl_InstanceID) : log(max(a * record_radius(texel), 1e-30));
     return heat((value - span.x) * span.y);
 }
 

@@ -24,7 +24,7 @@ void main()
     if (p.w == 0.0) discard;
     vec3 apart = p.xyz - v_place;
 #if GRADIENTS
-    if (record_beyond(apart, v_axis, v_normal, v_walls)) discard;
+    if (behind_wall(apart, v_axis, v_normal, v_walls)) discard;
 #endif
     float w = record_weight(apart, v_axis, v_radii, texelFetch(normal, pixel, 0).xyz, v_normal, in_front);
     if (w <= 1.0 / a) discard;

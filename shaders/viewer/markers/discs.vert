@@ -12,10 +12,10 @@ const float TURN = 6.28318530717959;
 
 void main()
 {
-    ivec2 texel = record_texel(gl_InstanceID);
-    vec3 p = texelFetch(records_position, texel, 0).xyz, n = texelFetch(records_normal, texel, 0).xyz;
+    ivec2 texel = table_texel(gl_InstanceID);
+    vec3 p = record_position(texel), n = record_normal(texel);
     float trust, angle = TURN * float(gl_VertexID >> 1) / float(segments);
-    Ellipse e = record_reach(texel, length(eye - p), trust);
+    Ellipse e = view_ellipse(texel, length(eye - p), trust);
     vec3 u = e.along * e.axis, v = e.across * cross(n, e.axis);
     vec3 way = cos(angle) * v - sin(angle) * u;
     v_position = p + cos(angle) * u + sin(angle) * v;

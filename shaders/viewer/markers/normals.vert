@@ -9,8 +9,8 @@ out float v_side;
 
 void main()
 {
-    ivec2 texel = record_texel(gl_InstanceID);
-    vec3 p = texelFetch(records_position, texel, 0).xyz, n = texelFetch(records_normal, texel, 0).xyz;
+    ivec2 texel = table_texel(gl_InstanceID);
+    vec3 p = record_position(texel), n = record_normal(texel);
     v_position = p + float(gl_VertexID >> 1) * rise * length(eye - p) * n;
     v_color = record_color(texel);
     v_side = gl_VertexID % 2 == 0 ? -width : width;

@@ -8,8 +8,8 @@ out vec2 v_at;  // pixels from the centre
 
 void main()
 {
-    ivec2 texel = record_texel(gl_InstanceID);
-    vec3 p = texelFetch(records_position, texel, 0).xyz;
+    ivec2 texel = table_texel(gl_InstanceID);
+    vec3 p = record_position(texel);
     vec4 clip = clip_from_world * vec4(p, 1.0);
     v_color = record_color(texel);
     v_at = (vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2.0 - 1.0) * (radius + 1.0);

@@ -1,13 +1,13 @@
 // A site of the surface cache as a dot of constant size, where the camera sees its side.
-#include "lib/constants.glsl"
+#include "generated/constants.glsl"
 #include "lib/display.glsl"
+#include "lib/table.glsl"
 #include "viewer/buffers/hidden.glsl"
 
 uniform sampler2D records_position;
 uniform sampler2D records_normal;
 uniform sampler2D surface_values;  // rgb E in W/m²
 uniform int first;                 // number of the first site
-uniform int record_columns;
 uniform mat4 clip_from_world;
 uniform vec3 eye;
 uniform vec2 size;     // of the target in pixels
@@ -20,7 +20,7 @@ out vec2 v_at;  // pixels from the centre
 void main()
 {
     int number = first + gl_InstanceID;
-    ivec2 texel = ivec2(number % record_columns, number / record_columns);
+    ivec2 texel = table_texel(number);
     vec3 p = texelFetch(records_position, texel, 0).xyz;
     vec4 clip = clip_from_world * vec4(p, 1.0);
     v_color = display(texelFetch(surface_values, texel, 0).rgb * INV_PI * gain);

@@ -164,7 +164,8 @@ def test_asking_marks_exactly_the_pixels_that_ask(cornell: Shown, target: Target
     sums = pixels(cornell.view.splats.sums).astype(float)
     k = np.maximum(sums[..., 3], 1e-20)
     mean = sums[..., :3] @ (0.2126, 0.7152, 0.0722) / k
-    contradict = np.sqrt(np.maximum(squares / k - mean**2, 0.0)) > settings.spread * np.maximum(mean, cornell.view.splats.dark)
+    floor = cornell.view.splats.luminance_floor
+    contradict = np.sqrt(np.maximum(squares / k - mean**2, 0.0)) > settings.spread * np.maximum(mean, floor)
     few = weight < settings.threshold
     asks = (few | (contradict & (weight < 3.0 * settings.threshold))) & np.isfinite(cornell.frame.depth)
     assert (asks & ~few).any() and (asks & few).any()

@@ -13,7 +13,7 @@ import irrsplat
 from irrsplat.app.viewer.show.markers import Markers, radius_legend, radius_range
 from irrsplat.app.viewer.show.screen import clear
 from irrsplat.core.buffers import Records
-from irrsplat.gpu.target import Target, table_texture
+from irrsplat.gpu.target import Target
 from irrsplat.image.tonemap import viridis
 from irrsplat.image.view import View, read
 from irrsplat.records.record_cache import RecordCache
@@ -236,8 +236,7 @@ def test_a_disc_reaches_less_far_where_light_changes_fast(ctx: moderngl.Context,
     """R ≤ E/|∇E|: E is 1 and the gradient 4 per metre in all channels, so that R is ¼ m instead of 0.9."""
     world, p = stage(worlds.floor(4.0)), np.array([0.2, 0.0, 0.3])
     made = records(ctx, p, R=0.9)
-    steep = table_texture(ctx, np.full((1, made.columns, 4), [4.0, 0.0, 0.0, 0.0]))
-    made = replace(made, vectors=(*made.vectors[:3], steep, steep, steep))
+    worlds.write_columns(made, 0, gradient=np.tile([4.0, 0.0, 0.0], (1, 3, 1)))
     for settings, r in ((FREE, FREE.a * 0.25), (replace(FREE, gradients=False), FREE.a * 0.9)):
         _, lit = world.marks("discs", made, settings)
         assert distance_to(project(OBLIQUE, circle(p, r)), lit).max() < 2.5
@@ -253,11 +252,8 @@ def test_a_disc_of_a_record_that_knows_how_it_bends_is_an_ellipse(
     axis, radii, share = np.array([0.8, 0.0, 0.6]), np.array([2.0, 0.5]), 0.75
     made = records(ctx, p, R=0.9)
 
-    def row(values: list[float]) -> moderngl.Texture:
-        return table_texture(ctx, np.full((1, made.columns, 4), values))
-
-    ends = [*axis, 2.0 / radii[0] ** 2, -2.0 / radii[1] ** 2, 100.0]
-    made = replace(made, vectors=tuple(row([0.0, 0.0, 0.0, end]) for end in ends), limit=row([share] * 4))
+    curvature = np.array([[2.0, -2.0]]) / radii**2
+    worlds.write_columns(made, 0, axis=axis[None], curvature=curvature, max_radius=np.array([100.0]), limit=np.array([share]))
     along, across = FREE.a * share * radii[:, None] * np.stack([axis, np.cross((0, 1, 0), axis)])
     rounds = {"hessian": ellipse(p, along, across), "harmonic": circle(p, FREE.a * share * 0.9)}
     for radius, around in rounds.items():
@@ -310,23 +306,21 @@ def test_the_wireframe_is_the_visible_edges(stage: Callable[..., Stage]) -> None
 
 def served(frame: irrsplat.Frame, records: Records, number: int, camera: Camera, settings: Settings) -> np.ndarray:
     """(2, H, W): the pixels that a record speaks for, by Ward et al. 1988's w > 1/a, and those where rounding decides."""
-    p, n, *v, walls, e = (
-        np.frombuffer(t.read(), "f4").reshape(-1, 4)[number].astype(float)
-        for t in (records.position, records.normal, *records.vectors, records.walls, records.irradiance)
+    names = ("position", "normal", "irradiance", "axis", "curvature", "max_radius", "walls", "limit")
+    p, n, e, axis, curvature, max_radius, walls, share = (
+        column[number].astype(float) for column in records.read(*names).values()
     )
-    axis, bend = np.array([m[3] for m in v[:3]]), np.array([g[3] for g in v[3:5]])
-    share = np.frombuffer(records.limit.read(), "f4")[number]
-    percent = 2.0 * np.tan(np.radians(camera.fov) / 2.0) * np.linalg.norm(p[:3] - camera.eye) / 100.0
-    Y = e[:3] @ (0.2126, 0.7152, 0.0722)
-    radii = np.minimum(np.sqrt(2.0 * max(Y, records.dark) / Y / np.abs(bend)), v[5][3]) * share
+    percent = 2.0 * np.tan(np.radians(camera.fov) / 2.0) * np.linalg.norm(p - camera.eye) / 100.0
+    Y = e @ (0.2126, 0.7152, 0.0722)
+    radii = np.minimum(np.sqrt(2.0 * max(Y, records.luminance_floor) / Y / np.abs(curvature)), max_radius) * share
     R = np.clip(settings.a * radii, settings.radius_min * percent, settings.radius_max * percent) / settings.a
-    apart, cosine = frame.position - p[:3], frame.normal @ n[:3]
+    apart, cosine = frame.position - p, frame.normal @ n
     along = apart @ axis
     distance = np.sqrt((along / R[0]) ** 2 + ((apart**2).sum(-1) - along**2) / R[1] ** 2)
     w = 1.0 / np.maximum(distance + np.sqrt(np.maximum(0.0, 1.0 - cosine)), 1e-3)
-    place = np.stack([along, apart @ np.cross(n[:3], axis)], -1)
+    place = np.stack([along, apart @ np.cross(n, axis)], -1)
     beyond = np.maximum(place @ walls[:2], place @ walls[2:])
-    front = 0.05 * R[1] - np.abs((apart * (frame.normal + n[:3])).sum(-1)) / 2.0
+    front = 0.05 * R[1] - np.abs((apart * (frame.normal + n)).sum(-1)) / 2.0
     seen = np.isfinite(frame.depth)
     # 1 - n·n_k of float32 normals is off by some 1e-7, its root by some 3e-4
     unsure = seen & ((np.abs(w * settings.a - 1.0) < 2e-3) | (np.abs(front) < 1e-4 * R[1]) | (np.abs(beyond - 1.0) < 1e-4))

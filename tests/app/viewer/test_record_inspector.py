@@ -100,7 +100,8 @@ def test_what_is_said_of_a_record(cornell: Cornell, ctx: moderngl.Context) -> No
     assert [float(v) for v in said["irradiance"].split()[:3]] == pytest.approx(table.irradiance[17], rel=0.01)
     assert float(said["R"].split()[0]) == pytest.approx(table.radius[17], rel=0.01)
     assert "W/m³" in said["|grad E|"] and "W/m²" in said["irradiance"]
-    assert [float(v) for v in re.findall(r"-?[\d.]+(?:e[+-]\d+)?", said["bend"])[:2]] == pytest.approx(table.bend[17], rel=0.01)
+    curvature = [float(v) for v in re.findall(r"-?[\d.]+(?:e[+-]\d+)?", said["curvature"])[:2]]
+    assert curvature == pytest.approx(table.curvature[17], rel=0.01)
     along, across = table.reach(view.camera, renderer.settings)[17]
     assert said["a·R"].endswith(f"here {along:.3g} by {across:.3g} m") and along >= across > 0.0
     flat = renderer.settings.with_values({"gradients": False})

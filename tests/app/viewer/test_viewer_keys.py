@@ -43,11 +43,11 @@ def test_a_number_shows_its_buffer(driver: Driver, found: Key) -> None:
     push(driver, "2" if found.argument == "image" else "1")
     driver.settle()
     canvas, cache = driver.canvas(), driver.session.renderers[0].cache
-    state = cache.count, cache.edits
+    state = cache.count, cache.revision
     push(driver, found.shown)
     assert driver.session.options.buffers[0] == found.argument
     assert (driver.canvas() != canvas).any()
-    assert driver.session.ms == {} and (cache.count, cache.edits) == state
+    assert driver.session.ms == {} and (cache.count, cache.revision) == state
     assert driver.said == SHOWINGS[str(found.argument)].title
 
 

@@ -1,4 +1,4 @@
-// A limit as it was found.
+// Writes a record's limit into the cache as it was found.
 flat in float v_limit;
 
 layout(location = 0) out float out_limit;

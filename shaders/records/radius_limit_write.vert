@@ -1,6 +1,8 @@
-// A point for each limit that has been found, on its record's own texel of the cache.
+// A point for each limit that was found, on the texel of its record in the cache.
+#include "lib/table.glsl"
+
 uniform sampler2D targets;  // the records' numbers, row by row
-uniform sampler2D limits;   // in the same places
+uniform sampler2D limits;   // of the record in the same texel of `targets`
 uniform ivec2 table;        // columns and rows of the cache
 
 flat out float v_limit;
@@ -9,8 +11,6 @@ void main()
 {
     int columns = textureSize(targets, 0).x;
     ivec2 here = ivec2(gl_VertexID % columns, gl_VertexID / columns);
-    int number = int(texelFetch(targets, here, 0).r);
     v_limit = texelFetch(limits, here, 0).r;
-    vec2 texel = vec2(number % table.x, number / table.x) + 0.5;
-    gl_Position = vec4(texel / vec2(table) * 2.0 - 1.0, 0.0, 1.0);
+    gl_Position = table_point(int(texelFetch(targets, here, 0).r), table);
 }

@@ -1,16 +1,16 @@
-// How many pixels of a view a record serves, about: what is gathered again first goes by it. A fragment is a record.
-#include "records/reach.glsl"
+// About how many pixels of a view a record serves, by samples of its bounding box on screen; a fragment is a record.
+#include "records/view_radius.glsl"
 
 uniform sampler2D position;  // g-buffer
 uniform sampler2D normal;
 uniform mat4 clip_from_world;
 uniform float pixel;         // size of a pixel at distance 1, in metres
-uniform bool in_front;       // as splat.frag has it
+uniform bool in_front;       // as in splat.frag
 uniform int count;           // of the records
 
 layout(location = 0) out float out_pixels;
 
-const int SIDE = 5;  // so many samples along either side of what bounds it on screen
+const int SAMPLES = 5;  // along either side of the bounding box
 
 ivec2 texel;
 vec3 p, n_k;
@@ -21,7 +21,7 @@ bool serves(ivec2 at)
     vec4 q = texelFetch(position, at, 0);
     vec3 apart = q.xyz - p;
 #if GRADIENTS
-    if (record_beyond(apart, ellipse.axis, n_k, record_walls(texel))) return false;
+    if (behind_wall(apart, ellipse.axis, n_k, usable_walls(texel))) return false;
 #endif
     vec2 R = vec2(ellipse.along, ellipse.across) / a;
     return q.w > 0.0 && record_weight(apart, ellipse.axis, R, texelFetch(normal, at, 0).xyz, n_k, in_front) > 1.0 / a;
@@ -31,13 +31,13 @@ void main()
 {
     texel = ivec2(gl_FragCoord.xy);
     out_pixels = 0.0;
-    if (texel.y * record_columns + texel.x >= count) return;
-    p = texelFetch(records_position, texel, 0).xyz;
-    n_k = texelFetch(records_normal, texel, 0).xyz;
+    if (texel.y * TABLE_COLUMNS + texel.x >= count) return;
+    p = record_position(texel);
+    n_k = record_normal(texel);
     float trust;
-    ellipse = record_reach(texel, length(eye - p), trust);
+    ellipse = view_ellipse(texel, length(eye - p), trust);
 
-    // what bounds a cube about its sphere on screen, in pixels
+    // the bounding box, in pixels, of a cube about the record's sphere
     vec4 clip = clip_from_world * vec4(p, 1.0);
     vec2 size = vec2(textureSize(position, 0)), r = 2.0 * ellipse.along / (pixel * size), depths = clip.w + vec2(-1.0, 1.0) * ellipse.along;
     if (depths.y <= 0.0) return;  // behind the eye
@@ -53,11 +53,11 @@ void main()
     ivec2 last = ivec2(size) - 1, centre = ivec2(floor((clip.xy / clip.w * 0.5 + 0.5) * size));
     bool seen = clip.w > 0.0 && all(greaterThanEqual(centre, ivec2(0))) && all(lessThanEqual(centre, last));
     int served = 0;
-    for (int i = 0; i < SIDE * SIDE; ++i)
+    for (int i = 0; i < SAMPLES * SAMPLES; ++i)
     {
-        vec2 at = low + (high - low) * (vec2(i % SIDE, i / SIDE) + 0.5) / float(SIDE);
+        vec2 at = low + (high - low) * (vec2(i % SAMPLES, i / SAMPLES) + 0.5) / float(SAMPLES);
         served += serves(min(ivec2(at), last)) ? 1 : 0;
     }
-    float least = seen && serves(centre) ? 1.0 : 0.0;  // what is seen at a low angle may lie between the samples
-    out_pixels = max(float(served) / float(SIDE * SIDE) * (high.x - low.x) * (high.y - low.y), least);
+    float least = seen && serves(centre) ? 1.0 : 0.0;  // seen at a low angle, a record's pixels may lie between the samples
+    out_pixels = max(float(served) / float(SAMPLES * SAMPLES) * (high.x - low.x) * (high.y - low.y), least);
 }

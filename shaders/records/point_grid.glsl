@@ -1,20 +1,22 @@
-// The points of irrsplat/records/point_grid.py, found by place.
+// Finding points by place in a grid of irrsplat/records/point_grid.py.
+#include "lib/table.glsl"
+
 uniform sampler2D grid_edges;   // texel i: the i-th plane across x, y and z
-uniform sampler2D grid_starts;  // where each cell begins among the points, GRID_COLUMNS a row
-uniform sampler2D grid_points;  // cell by cell: place, number; GRID_COLUMNS a row
+uniform sampler2D grid_starts;  // where each cell begins among the points, TABLE_COLUMNS a row
+uniform sampler2D grid_points;  // cell by cell: xyz place, w number; TABLE_COLUMNS a row
 uniform int grid_cells;         // along an axis
 
-// A walk through the cells of a box, row by row along x, where points lie one after the other.
+// A walk through the cells of a box, row by row along x: the points of a row lie one after the other.
 struct Walk
 {
     ivec3 first;  // cell
     ivec3 last;
-    ivec2 row;    // y and z of the row to come
-    int next;     // point
-    int end;      // of the points of this row
+    ivec2 row;    // y and z of the next row
+    int next;     // number of the next point of this row
+    int end;      // and of the first beyond it
 };
 
-// The cell of each coordinate of p, in which those beyond the grid lie in its outermost cells.
+// The cell of p along each axis, by bisection; beyond the grid it is the outermost one.
 ivec3 grid_cell(vec3 p)
 {
     vec3 low = vec3(0.0), high = vec3(grid_cells - 1);
@@ -33,10 +35,10 @@ ivec3 grid_cell(vec3 p)
 
 int grid_start(int cell)
 {
-    return int(texelFetch(grid_starts, ivec2(cell % GRID_COLUMNS, cell / GRID_COLUMNS), 0).r);
+    return int(texelFetch(grid_starts, table_texel(cell), 0).r);
 }
 
-// Towards all points that lie between two corners of a box, and some others.
+// Starts a walk that finds all points in the box between two corners, and some beyond it.
 Walk grid_walk(vec3 low, vec3 high)
 {
     vec3 least = texelFetch(grid_edges, ivec2(0, 0), 0).xyz, greatest = texelFetch(grid_edges, ivec2(grid_cells, 0), 0).xyz;
@@ -45,11 +47,11 @@ Walk grid_walk(vec3 low, vec3 high)
     return Walk(first, last, ivec2(first.y, apart ? grid_cells : first.z), 0, 0);
 }
 
-// Takes a step: to the next point, or else to the next row. False: there is nothing left.
+// Takes a step, to the next point (found) or else to the next row; returns false at the end of the walk.
 bool grid_step(inout Walk walk, out bool found, out vec4 point)
 {
     found = walk.next < walk.end;
-    point = texelFetch(grid_points, ivec2(walk.next % GRID_COLUMNS, walk.next / GRID_COLUMNS), 0);
+    point = texelFetch(grid_points, table_texel(walk.next), 0);
     if (found)
     {
         ++walk.next;

@@ -1,0 +1,40 @@
+"""GLSL made from Python: constants and tables that both sides need stand in Python alone, and shaders include them by name."""
+
+from __future__ import annotations
+
+import math
+
+from irrsplat.core import record_layout
+from irrsplat.core.buffers import FILMIC, NOTHING_SEEN
+from irrsplat.core.color import LUMINANCE, SRGB
+
+TABLE_COLUMNS = 1024  # items in a row of every table that shaders look things up in by number; a power of two
+
+CONSTANTS: dict[str, int | float | tuple[float, ...]] = {
+    "PI": math.pi,
+    "INV_PI": 1.0 / math.pi,
+    "LUMINANCE": tuple(float(str(weight)) for weight in LUMINANCE),
+    "TABLE_COLUMNS": TABLE_COLUMNS,
+    "TABLE_SHIFT": TABLE_COLUMNS.bit_length() - 1,
+    "NOTHING_SEEN": NOTHING_SEEN,
+    **{f"FILMIC_{name.upper()}": value for name, value in FILMIC._asdict().items()},
+    **{f"SRGB_{name.upper()}": value for name, value in SRGB._asdict().items()},
+}
+
+
+def _constants() -> str:
+    lines = ["// Constants that shaders share with Python, made from irrsplat/core/glsl.py."]
+    for name, value in CONSTANTS.items():
+        if isinstance(value, tuple):
+            kind, text = f"vec{len(value)}", f"vec{len(value)}({', '.join(map(repr, value))})"
+        else:
+            kind, text = ("int" if isinstance(value, int) else "float"), repr(value)
+        lines.append(f"const {kind} {name} = {text};")
+    return "\n".join(lines) + "\n"
+
+
+INCLUDES: dict[str, str] = {
+    "generated/constants.glsl": _constants(),
+    "generated/record_columns.glsl": record_layout.glsl_columns(),
+    "generated/record_outputs.glsl": record_layout.glsl_outputs(),
+}

@@ -1,0 +1,152 @@
+"""The limits of records' radii: each record is compared with those near it, on the GPU, by the formula of radius_limit.frag.
+
+Records farther apart than COMPARED_WITHIN radii a·R are not compared; a grid of the records' places finds those that are.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from irrsplat.core.glsl import TABLE_COLUMNS
+from irrsplat.gpu import texel_table
+from irrsplat.gpu.program import Program, State
+from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.target import Target, float_texture, table_texture
+from irrsplat.records import point_grid
+from irrsplat.records.record_cache import RecordCache
+from irrsplat.records.weight import record_defines, record_uniforms
+from irrsplat.settings import Settings
+
+COMPARED_WITHIN = 2.0  # radii a·R of a record: how far away others are compared with it
+_ANY = 1e30  # as relative difference that is allowed: no two records differ by so much
+_TABLE = (
+    64,
+    1024,
+)  # columns and rows of the records limited by one draw; narrow, so that near ones are drawn together
+_MAX_IN_GRID = 32768  # records: Mesa's software renderer ends a fragment's loops after 65535 rounds, whatever is left
+_RECENT = 2048  # records: the newest have a grid of their own until they are so many, so that the others' need not be made anew
+
+
+class RadiusLimitPass(Owner):
+    """Writes the limits of records' radii into the cache.
+
+    gradients: records have derivatives. neighbours: radii of records may not differ by more than the records' distance, too.
+    """
+
+    def __init__(self, ctx: moderngl.Context, gradients: bool, neighbours: bool) -> None:
+        self.ctx = ctx
+        defines = record_defines(gradients) | {"NEIGHBOURS": int(neighbours), "COMPARED_WITHIN": COMPARED_WITHIN}
+        self.program = Program(ctx, "records/radius_limit", "lib/fullscreen", defines)
+        self.write = Program(ctx, "records/radius_limit_write")
+        self.targets = float_texture(ctx, _TABLE, 1)
+        self.found = Target(ctx, _TABLE, (1,))
+        self.out: Target | None = None  # the cache's own texture
+        self._grids: dict[tuple[int, int], _Grid] = {}
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.program, self.write, self.targets, self.found, self.out, *self._grids.values())
+
+    def __call__(self, cache: RecordCache, first: int, settings: Settings, old: bool = True) -> None:
+        """Limit the records from number `first` on by all others; old: also those before `first`, by those from there on."""
+        if first == cache.count:
+            return
+        limit = cache.records.textures["limit"]
+        if self.out is None or self.out.textures[0] is not limit:
+            self.out = Target(self.ctx, cache.records.size, textures=[limit])
+        everything = self._grids_of(cache.positions, 0)
+        self._limit(cache, np.arange(first, cache.count), everything, settings, State())
+        if first and old:
+            near = _near(cache, first, settings)
+            self._limit(cache, near, self._grids_of(cache.positions, first), settings, State(blend="min"))
+
+    def _limit(self, cache: RecordCache, numbers: np.ndarray, others: list[_Grid], settings: Settings, state: State) -> None:
+        """Limit the records of these numbers by those in the grids; state: how a limit is combined with the one in the cache."""
+        assert self.out is not None
+        records, width = cache.records, _TABLE[0]
+        numbers = numbers[np.argsort(others[0].cells.find(cache.positions[numbers]), kind="stable")]
+        for start in range(0, len(numbers), _TABLE[0] * _TABLE[1]):
+            part = numbers[start : start + _TABLE[0] * _TABLE[1]]
+            texel_table.write(self.targets, 0, part[:, None])
+            for one in others:
+                self.program(
+                    self.found,
+                    state=State() if one is others[0] else State(blend="min"),
+                    scissor=(0, 0, width, -(-len(part) // width)),
+                    **records.uniforms,
+                    **record_uniforms(settings),
+                    **one.uniforms,
+                    adapt=settings.adapt or _ANY,
+                    targets=self.targets,
+                    count=len(part),
+                )
+            self.write(
+                self.out,
+                state=state,
+                mode=moderngl.POINTS,
+                vertices=len(part),
+                targets=self.targets,
+                limits=self.found.textures[0],
+                table=records.size,
+            )
+
+    def _grids_of(self, positions: np.ndarray, first: int) -> list[_Grid]:
+        """Grids of all records from number `first` on; one that was made before is used again if its records have not moved."""
+        count, made = len(positions), {}
+        settled = max(count // _RECENT * _RECENT, first)
+        cuts = sorted({first, *range(-(-first // _MAX_IN_GRID) * _MAX_IN_GRID, settled, _MAX_IN_GRID), settled, count})
+        for low, high in pairwise(cuts):
+            old, points = self._grids.pop((low, high), None), positions[low:high]
+            if old is not None and not np.array_equal(old.points, points):
+                old.release()
+                old = None
+            made[low, high] = old or _Grid(self.ctx, points.copy(), low)
+        if first == 0:
+            self._forget()
+        self._grids |= made
+        return list(made.values())
+
+    def _forget(self) -> None:
+        for one in self._grids.values():
+            one.release()
+        self._grids.clear()
+
+
+class _Grid(Owner):
+    """A grid of points (N, 3) on the GPU, as shaders/records/point_grid.glsl reads it; first: the number of the first point."""
+
+    def __init__(self, ctx: moderngl.Context, points: np.ndarray, first: int) -> None:
+        self.points, self.cells = points, point_grid.build(points)
+        order, starts = self.cells.order, self.cells.starts
+        self.edges = table_texture(ctx, np.pad(self.cells.edges, ((0, 0), (0, 1)))[None])
+        self.starts = float_texture(ctx, (TABLE_COLUMNS, -(-len(starts) // TABLE_COLUMNS)), 1)
+        texel_table.write(self.starts, 0, starts[:, None])
+        self.places = float_texture(ctx, (TABLE_COLUMNS, -(-len(order) // TABLE_COLUMNS)))
+        texel_table.write(self.places, 0, np.column_stack([points[order], first + order]))
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.edges, self.starts, self.places)
+
+    @property
+    def uniforms(self) -> dict[str, Any]:
+        """Those of records/point_grid.glsl."""
+        return {
+            "grid_edges": self.edges,
+            "grid_starts": self.starts,
+            "grid_points": self.places,
+            "grid_cells": self.cells.cells,
+        }
+
+
+def _near(cache: RecordCache, first: int, settings: Settings) -> np.ndarray:
+    """The numbers of the records before `first` that may be compared with a new one, from there on: those whose spheres of
+    COMPARED_WITHIN radii touch the bounding box of the new ones."""
+    old, new = cache.positions[:first], cache.positions[first:]
+    apart = np.maximum(np.maximum(new.min(0) - old, old - new.max(0)), 0.0)
+    R = cache.values[:first, 3] * np.float32(1.001 * COMPARED_WITHIN * settings.a * settings.widest)
+    return np.flatnonzero((apart * apart).sum(1) <= R * R)

@@ -1,0 +1,18 @@
+// The weight of a pixel as the examination counts it: a pixel needs a record where it is below the tolerance.
+#include "generated/constants.glsl"
+
+uniform float tolerance;        // Σw below which a pixel needs a record in any case
+uniform float luminance_floor;  // W/m²: the spread is judged in proportion to the luminance, or to this where it is darker
+uniform float spread;           // standard deviation of the records' luminances over their mean that is allowed (0: any)
+
+const float NEAR = 3.0;   // times the tolerance: so great a Σw has only a pixel close to a record, which is then right about it
+
+// Σw, but less where the records contradict each other: below the tolerance where they do by more than `spread`.
+// weight: Σw and Σ k·Y². sums: Σ k·E, Σ k.
+float effective_weight(vec2 weight, vec4 sums)
+{
+    float k = max(sums.a, 1e-20), Y = dot(sums.rgb, LUMINANCE) / k;
+    float deviation = sqrt(max(weight.g / k - Y * Y, 0.0));
+    bool doubted = weight.r < NEAR * tolerance && spread > 0.0 && deviation > 0.0;
+    return doubted ? min(weight.r, tolerance * spread * max(Y, luminance_floor) / deviation) : weight.r;
+}

@@ -1,0 +1,20 @@
+// Tables that are looked up by number: item i is in row i / TABLE_COLUMNS, and a row holds TABLE_COLUMNS items.
+#include "generated/constants.glsl"
+
+ivec2 table_texel(int i)
+{
+    return ivec2(i & (TABLE_COLUMNS - 1), i >> TABLE_SHIFT);
+}
+
+// Texel `part` of item i in a table of `parts` texels an item.
+ivec2 table_texel(int i, int parts, int part)
+{
+    return ivec2(parts * (i & (TABLE_COLUMNS - 1)) + part, i >> TABLE_SHIFT);
+}
+
+// Where a point is to be drawn so that it covers texel (i % size.x, i / size.x) of a target of `size` columns and rows.
+vec4 table_point(int i, ivec2 size)
+{
+    vec2 texel = vec2(i % size.x, i / size.x) + 0.5;
+    return vec4(texel / vec2(size) * 2.0 - 1.0, 0.0, 1.0);
+}

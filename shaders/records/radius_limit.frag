@@ -1,0 +1,59 @@
+// How far a record may reach without contradicting other records, as a share of its radii; a fragment is a record.
+// What a record extrapolates to another's place is compared with what was gathered there. The relative difference, taken to grow
+// with the square of the distance, gives the distance at which it comes to `adapt` (after Křivánek et al. 2006, "Making Radiance
+// and Irradiance Caching Practical: Adaptive Caching and Neighbor Clamping").
+#include "records/weight.glsl"
+#include "records/record.glsl"
+#include "records/point_grid.glsl"
+
+uniform float adapt;        // relative difference that is allowed at the rim of a record's ellipse
+uniform sampler2D targets;  // numbers of the records to limit, one a texel, row by row
+uniform int count;          // of those records
+
+layout(location = 0) out float out_limit;
+
+// IN_FRONT is from settings.py. COMPARED_WITHIN, from radius_limit_pass.py, is how far away others are compared, in radii a·R:
+// more than 1, since those beyond the rim tell of it as well: between the two there may be a place that only one of them covers.
+// Records whose normals differ by more than the angle of this cosine are not compared.
+const float COMPARABLE_COSINE = 0.7;
+
+void main()
+{
+    ivec2 here = ivec2(gl_FragCoord.xy);
+    bool wanted = here.y * textureSize(targets, 0).x + here.x < count;
+    ivec2 texel = table_texel(int(texelFetch(targets, here, 0).r));
+    vec3 p = record_position(texel), n = record_normal(texel);
+    float Y = dot(record_irradiance(texel), LUMINANCE);
+    vec3 M = n * Y, gradient = vec3(0.0);
+    Ellipse ellipse = record_ellipse(texel);
+    vec2 R = vec2(ellipse.along, ellipse.across), curvature = vec2(0.0);
+    vec4 own_walls = vec4(0.0);
+#if GRADIENTS
+    M = record_vectors(texel) * LUMINANCE;
+    gradient = record_gradient(texel) * LUMINANCE;
+    curvature = usable_curvature(texel);
+    own_walls = usable_walls(texel);
+#endif
+    float limit = 1.0, range = wanted ? COMPARED_WITHIN * a * max(R.x, R.y) * 1.0001 : -1e30;
+    Walk walk = grid_walk(p - range, p + range);
+    vec4 other;
+    bool found;
+    while (grid_step(walk, found, other))
+    {
+        vec3 apart = other.xyz - p;
+        float at = record_distance(apart, ellipse.axis, R);
+        if (!found || at >= COMPARED_WITHIN * a || at <= 0.0 || behind_wall(apart, ellipse.axis, n, own_walls)) continue;
+        ivec2 theirs = table_texel(int(other.w));
+        vec3 n_j = record_normal(theirs);
+        if (dot(n, n_j) < COMPARABLE_COSINE || abs(dot(apart, n + n_j)) * 0.5 > IN_FRONT * R.y) continue;
+#if NEIGHBOURS
+        // neighbour clamping (Křivánek et al. 2006): R_k <= R_j + |p_j - p_k|, as what is near to one is near to the other as well
+        limit = min(limit, (record_radius(theirs) + length(apart)) / record_radius(texel));
+#endif
+        float Y_j = dot(record_irradiance(theirs), LUMINANCE);
+        float Y_here = extrapolated(vec3(dot(M, n_j)), vec3(dot(gradient, apart)), apart, n, ellipse.axis, curvature).x;
+        float difference = abs(Y_here - Y_j) / max(max(Y, Y_j), max(luminance_floor, 1e-20));
+        limit = difference * at * at > 0.0 ? min(limit, at / a * sqrt(adapt / difference)) : limit;
+    }
+    out_limit = limit;
+}
