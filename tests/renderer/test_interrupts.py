@@ -93,8 +93,8 @@ def act_move(renderer: Renderer) -> None:
     ],
 )
 def test_what_counts_as_current_is(ctx: moderngl.Context, act: Callable[[Renderer], None], settings: dict[str, Any]) -> None:
-    """After an interruption the frames go on to a view that stays what it is when all of it is drawn again, whose records stay what
-    they are when they are gathered again, and whose g-buffer and direct light are those of a renderer that was not interrupted."""
+    """The frames after an interruption come to a view whose g-buffer and direct light are those of a renderer that was not
+    interrupted, which stays what it is when all of it is drawn again, and whose records stay when they are gathered again."""
 
     def begun() -> Renderer:
         renderer = Renderer(room(), SIZE, ctx=ctx, **{**FAST, **settings})
