@@ -211,7 +211,7 @@ class Renderer(Owner):
     def _use(self) -> None:
         """Make this renderer's own OpenGL context the current one; a given one is its owner's to make current."""
         if self._owns_ctx:
-            self.ctx.__enter__()
+            context.make_current(self.ctx)
 
     # ---- the frame -------------------------------------------------------------------------------------------------
 

@@ -52,6 +52,11 @@ def create(require: int = REQUIRED) -> moderngl.Context:
     raise GLError(advice(first)) from None
 
 
+def make_current(ctx: moderngl.Context) -> None:
+    """Make `ctx` the context of all further OpenGL calls of this thread."""
+    ctx.__enter__()  # type: ignore[no-untyped-call]
+
+
 def advice(message: str) -> str:
     """One line for a user in place of moderngl's `message`: what is wrong with OpenGL here, and what mends it."""
     for part, text in _ADVICE:

@@ -101,4 +101,5 @@ def octahedral_decode(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     z = 1.0 - np.abs(x) - np.abs(y)
     fold = np.maximum(-z, 0.0)
     v = np.stack([x - np.copysign(fold, x), y - np.copysign(fold, y), z], axis=-1)
-    return v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-30)
+    unit: np.ndarray = v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-30)
+    return unit
