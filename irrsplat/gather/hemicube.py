@@ -5,12 +5,9 @@ A `raster` gather sees all of it as a hemicube, one full face and four half ones
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 PLANE_FIELD = 150.0  # degrees, the paper's single plane
-_GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 _SUPERSAMPLES = 8  # per side of a texel, for its share of the hemisphere
 
 # A face as rows x, y, w in the record's frame (tangent, bitangent, normal): it sees |x|, |y| <= w.
@@ -105,26 +102,3 @@ def edge_table(kind: str, side: int) -> np.ndarray:
     mine = (twin >= 0) & (slot < 2) & ((slot[twin] >= 2) | (owner < partner))
     out[owner[mine], slot[mine]] = np.concatenate([across, packed[partner][:, None]], axis=-1)[mine]
     return out.reshape(height, 2 * width, 4)
-
-
-def frames(normal: np.ndarray, number: np.ndarray, seed: int) -> np.ndarray:
-    """(N, 3, 3) rows tangent, bitangent, normal of unit normals (N, 3), turned by an angle that `number` (N,) and seed decide.
-
-    The turn trades aliasing that all records share for noise between them. The base frame is that of Duff et al. 2017,
-    "Building an Orthonormal Basis, Revisited".
-    """
-    x, y, z = normal.T.astype(float)
-    sign = np.copysign(1.0, z)
-    a = -1.0 / (sign + z)
-    b = x * y * a
-    tangent = np.stack([1.0 + sign * x * x * a, sign * b, -sign * x], axis=-1)
-    bitangent = np.stack([b, sign + y * y * a, -y], axis=-1)
-    angle = (2.0 * np.pi * np.modf((number + 1.0) * _GOLDEN + seed * math.sqrt(2.0))[0])[:, None]
-    return np.stack(
-        [
-            np.cos(angle) * tangent + np.sin(angle) * bitangent,
-            np.cos(angle) * bitangent - np.sin(angle) * tangent,
-            normal.astype(float),
-        ],
-        axis=1,
-    )

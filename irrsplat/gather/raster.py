@@ -15,9 +15,9 @@ import numpy as np
 
 from irrsplat.core.buffers import Atlas, HitLight, Sites
 from irrsplat.core.glsl import TABLE_COLUMNS
-from irrsplat.gather.hemicube import edge_table, faces, frames, hemisphere_table
+from irrsplat.gather.hemicube import edge_table, faces, hemisphere_table
 from irrsplat.gather.look import Gather
-from irrsplat.gather.record_frame import atlas_grid, eyes, frame_rows
+from irrsplat.gather.record_frame import atlas_grid, eye_positions, frame_rows, tangent_frames
 from irrsplat.gather.world import World
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.program import Draw, Program, State
@@ -76,9 +76,9 @@ class RasterGather(Gather):
     def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
         """What records at `sites` (at most `capacity`) see; `numbers` (N,) are theirs in the cache."""
         geometry, count = self.world.geometry, len(sites)
-        frame = frames(sites.normal, sites.frame_rotations(numbers), seed)
+        frame = tangent_frames(sites.normal, sites.frame_rotations(numbers), seed)
         self.frames.write(frame_rows(frame, sites, numbers).tobytes(), viewport=(0, 0, count, 4))
-        rows = self._views(frame, eyes(sites, geometry.corners, self.offset))
+        rows = self._views(frame, eye_positions(sites, geometry.corners, self.offset))
         self.views.write(rows.reshape(-1, count, 4).astype("f4").tobytes(), viewport=(0, 0, count, _ROWS * len(self.faces)))
         draw: SingleDraw | MeshletDraw
         if geometry.triangles <= SINGLE_DRAW_TRIANGLES:

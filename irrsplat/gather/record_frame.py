@@ -9,10 +9,11 @@ import numpy as np
 from irrsplat.core.buffers import Sites
 
 OFFSET = 1e-4  # of the scene's diagonal: how far a record looks from above its surface
+_GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 _TEXELS = 3 << 20  # of an atlas at most, 96 MiB, or 108 with a depth buffer
 
 
-def eyes(sites: Sites, corners: np.ndarray, offset: float) -> np.ndarray:
+def eye_positions(sites: Sites, corners: np.ndarray, offset: float) -> np.ndarray:
     """(N, 3): `offset` metres above the surface, and as far from its triangle's edges: a site on the very edge of a wall sees it.
 
     corners: (F, 3, 3) of the scene's triangles. A site that is that far from the edges stays where it is, since towards the
@@ -29,6 +30,29 @@ def eyes(sites: Sites, corners: np.ndarray, offset: float) -> np.ndarray:
     length = np.linalg.norm(inward, axis=1)
     share = np.clip(offset - apart.min(1), 0.0, 0.5 * length) / np.maximum(length, 1e-30)
     return above + inward * share[:, None]
+
+
+def tangent_frames(normal: np.ndarray, number: np.ndarray, seed: int) -> np.ndarray:
+    """(N, 3, 3) rows tangent, bitangent, normal for unit normals (N, 3), rotated by an angle that `number` (N,) and seed decide.
+
+    The rotation trades aliasing that all records share for noise between them. The base frame is that of Duff et al. 2017,
+    "Building an Orthonormal Basis, Revisited".
+    """
+    x, y, z = normal.T.astype(float)
+    sign = np.copysign(1.0, z)
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    tangent = np.stack([1.0 + sign * x * x * a, sign * b, -sign * x], axis=-1)
+    bitangent = np.stack([b, sign + y * y * a, -y], axis=-1)
+    angle = (2.0 * np.pi * np.modf((number + 1.0) * _GOLDEN + seed * math.sqrt(2.0))[0])[:, None]
+    return np.stack(
+        [
+            np.cos(angle) * tangent + np.sin(angle) * bitangent,
+            np.cos(angle) * bitangent - np.sin(angle) * tangent,
+            normal.astype(float),
+        ],
+        axis=1,
+    )
 
 
 def frame_rows(frame: np.ndarray, sites: Sites, numbers: np.ndarray) -> np.ndarray:

@@ -8,9 +8,8 @@ from __future__ import annotations
 import numpy as np
 
 from irrsplat.core.buffers import Atlas, HitLight, Sites
-from irrsplat.gather.hemicube import frames
 from irrsplat.gather.look import Gather
-from irrsplat.gather.record_frame import atlas_grid, eyes, frame_rows
+from irrsplat.gather.record_frame import atlas_grid, eye_positions, frame_rows, tangent_frames
 from irrsplat.gather.stratified import stratum_edges, stratum_table
 from irrsplat.gather.world import World
 from irrsplat.gpu.program import Program
@@ -46,7 +45,7 @@ class TraceGather(Gather):
         table = stratum_table(self.side)
         self.cell = (table.shape[1], table.shape[0])
         self.share = table[..., 3]  # cosθ·dω of every texel of a cell
-        self.ways = table[..., :3].reshape(-1, 3)  # their directions in a record's frame
+        self.directions = table[..., :3].reshape(-1, 3)  # their directions in a record's frame
         self.table = table_texture(ctx, table)
         self.edges = table_texture(ctx, stratum_edges(self.side))
         self.program = Program(
@@ -71,8 +70,8 @@ class TraceGather(Gather):
             self.target = Target(self.ctx, (self.columns * self.cell[0], down * self.cell[1]), self.outputs)
         count = len(sites)
         rows = np.zeros((5, count, 4), "f4")
-        rows[:4] = frame_rows(frames(sites.normal, sites.frame_rotations(numbers), seed), sites, numbers)
-        rows[4, :, :3] = eyes(sites, self.tree.corners, self.offset)
+        rows[:4] = frame_rows(tangent_frames(sites.normal, sites.frame_rotations(numbers), seed), sites, numbers)
+        rows[4, :, :3] = eye_positions(sites, self.tree.corners, self.offset)
         self.frames.write(rows.tobytes(), viewport=(0, 0, count, 5))
         lines, rest = divmod(count, self.columns)
         width, height = self.cell

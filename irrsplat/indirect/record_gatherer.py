@@ -294,13 +294,13 @@ class RecordGatherer(Owner):
         """The cache has records from a file now, which were gathered with these `bounces`; their surface cache is made when
         further records are wanted."""
         surface = self.surface
-        complete = surface is None or surface.whole or not self._basis.wants_surface
+        complete = surface is None or surface.complete or not self._basis.wants_surface
         self._basis = replace(self._basis, moved=False, resumed=None if complete else bounces)
 
     @property
     def surface_share(self) -> float:
         """How much of the surface cache is made, 0..1; 1 where none is wanted."""
-        return 1.0 if self.surface is None or not self._basis.wants_surface else self.surface.share
+        return 1.0 if self.surface is None or not self._basis.wants_surface else self.surface.progress
 
     def surface_at(self, gbuffer: GBuffer) -> moderngl.Texture | None:
         """What the surface cache says of every pixel, as SurfaceViewPass has it; None where there is none (yet)."""
@@ -317,7 +317,7 @@ class RecordGatherer(Owner):
         surface = self.surface
         made = surface.result if surface is not None and most > 1 else None
         if made is not None:
-            return {"gathered_by": how, "bounces": made.bounces, "bounces_converged": made.settled if everything else None}
+            return {"gathered_by": how, "bounces": made.bounces, "bounces_converged": made.converged if everything else None}
         if self._basis.resumed is not None:
             return {"gathered_by": how, **self._basis.resumed}
         return {"gathered_by": how, "bounces": min(most, 1), "bounces_converged": False if everything else None}

@@ -1,6 +1,6 @@
-"""Points on surfaces brought together: those that lie close, face alike and see each other share one of them, their site.
+"""Points on surfaces in clusters: those that lie close together and face alike share one of them, their site.
 
-Every point of a lattice stands for two members, one on either side of its surface.
+Every point of a tessellation stands for two members, one on either side of its surface.
 """
 
 from __future__ import annotations
@@ -11,12 +11,14 @@ import numpy as np
 
 from irrsplat.scene.flatten import in_order
 from irrsplat.scene.model import Scene
-from irrsplat.surface_cache.tessellation import Lattice
+from irrsplat.surface_cache.tessellation import Tessellation
 
-_TURN = np.linalg.qr(np.array([[1.0, 0.37, -0.21], [-0.29, 1.0, 0.43], [0.31, -0.47, 1.0]]))[0]  # any: away from the axes
+_ROTATION = np.linalg.qr(np.array([[1.0, 0.37, -0.21], [-0.29, 1.0, 0.43], [0.31, -0.47, 1.0]]))[
+    0
+]  # any one that takes walls away from the axes
 _NEAR = 32  # sites of a voxel that are looked at
-_ALIKE = 0.3  # cosine: what faces more differently is lit by something else
-_BENT = 1.2  # times as high as tangents meet: how far a way between two members keeps from what bulges between them
+_MIN_COSINE = 0.3  # between normals: what faces more differently is lit by something else
+_CLEARANCE = 1.2  # times as high as tangents meet: how far a line between two members keeps from what bulges between them
 
 
 @dataclass(frozen=True)
@@ -35,20 +37,20 @@ class Members:
         return len(self.position)
 
 
-def members(lattice: Lattice, offset: float) -> Members:
-    """The lattice's points on the side that their winding tells, then all of them on the other; eyes `offset` metres above."""
-    position = np.concatenate([lattice.position] * 2)
-    normal, geometric = (np.concatenate([n, -n]) for n in (lattice.normal, lattice.geometric))
+def both_sides(tessellation: Tessellation, offset: float) -> Members:
+    """The points on the side that their winding tells, then all of them on the other; eyes `offset` metres above."""
+    position = np.concatenate([tessellation.position] * 2)
+    normal, geometric = (np.concatenate([n, -n]) for n in (tessellation.normal, tessellation.geometric))
     return Members(position, normal, geometric, (position + offset * geometric.astype(float)).astype(np.float32))
 
 
-def outside(some: Members, bounds: np.ndarray) -> np.ndarray:
+def sees_nothing(members: Members, bounds: np.ndarray) -> np.ndarray:
     """(M,) True where all of the box `bounds` (2, 3) lies below the surface, so that a member sees nothing of the scene."""
-    farthest = np.where(some.geometric > 0.0, bounds[1], bounds[0])  # the corner that is highest above it
-    return ((farthest - some.eye) * some.geometric).sum(1) <= 0.0
+    farthest = np.where(members.geometric > 0.0, bounds[1], bounds[0])  # the corner that is highest above it
+    return ((farthest - members.eye) * members.geometric).sum(1) <= 0.0
 
 
-def sealed(scene: Scene) -> np.ndarray:
+def unlit_interiors(scene: Scene) -> np.ndarray:
     """(F,) True for triangles, in the order of flatten, whose inner side no light reaches: those of closed meshes that do not
     shine, and have no lamp and nothing that shines inside, as far as bounding boxes tell."""
     found = [np.zeros(0, bool)]
@@ -64,24 +66,28 @@ def sealed(scene: Scene) -> np.ndarray:
     return np.concatenate(found)
 
 
-def keys(some: Members, size: float) -> np.ndarray:
+def voxel_keys(members: Members, size: float) -> np.ndarray:
     """(M,) int64, the same for members in one voxel of `size` metres that face into one of 24 like parts of the sphere."""
-    low = np.array([x.min() for x in some.position.T]) if len(some) else 0.0
+    low = np.array([x.min() for x in members.position.T]) if len(members) else 0.0
     # walls lie on round numbers: not on a voxel's border
-    voxel = ((some.position.astype(float) - low) / size + 0.37).astype(np.int64)
-    a, b, c = np.ascontiguousarray((some.normal @ _TURN).T)  # by columns: the same along the short axis takes ten times as long
+    voxel = ((members.position.astype(float) - low) / size + 0.37).astype(np.int64)
+    a, b, c = np.ascontiguousarray(
+        (members.normal @ _ROTATION).T
+    )  # by columns: the same along the short axis takes ten times as long
     widest = np.where(np.maximum(np.abs(b), np.abs(c)) <= np.abs(a), 0, np.where(np.abs(c) <= np.abs(b), 1, 2))
     face = 8 * widest + (a < 0.0) + 2 * (b < 0.0) + 4 * (c < 0.0)
     x, y, z = voxel.T
     return (((x << 19 | y) << 19 | z) << 5) | face
 
 
-def choose(keys: np.ndarray, position: np.ndarray, area: np.ndarray, least: float, most: int) -> tuple[np.ndarray, np.ndarray]:
-    """Of members with these keys (M,) at these positions (M, 3), one for each key: the one that is nearest to their mean.
+def choose_sites(
+    keys: np.ndarray, position: np.ndarray, area: np.ndarray, min_area: float, most: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """The site of each cluster of members, which have these keys (M,) and positions (M, 3): the one nearest to their mean.
 
-    area: (M,) of the surface that each stands for, m². least: a key's members have at least so much together, or none is chosen.
-    Returns the chosen members (K,), at most `most` (of the keys with most area), and which of them is each member's,
-    (M,), -1 for those whose key has none.
+    area: (M,) m² of the surface that each member stands for. A cluster of less than `min_area` m² has no site, and of the others
+    those `most` have one that are largest. Returns the sites (K,), as numbers of members, and which of them is each member's,
+    (M,), -1 where its cluster has none.
     """
     _, cluster, counts = np.unique(keys, return_inverse=True, return_counts=True)
     cluster = cluster.ravel()
@@ -92,16 +98,19 @@ def choose(keys: np.ndarray, position: np.ndarray, area: np.ndarray, least: floa
     chosen = np.lexsort((apart, cluster))[np.cumsum(counts) - counts]
     size = np.bincount(cluster, weights=area, minlength=len(counts))
     kept = np.argsort(-size, kind="stable")[:most]
-    kept = np.sort(kept[size[kept] >= least])
+    kept = np.sort(kept[size[kept] >= min_area])
     number = np.full(len(counts), -1)
     number[kept] = np.arange(len(kept))
     return chosen[kept], number[cluster]
 
 
-def others(some: Members, keys: np.ndarray, left: np.ndarray, sites: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
-    """Which of the `sites` may stand in for members `left` that see none of theirs: those in the same voxel that face best alike.
+def alternative_sites(
+    members: Members, keys: np.ndarray, left: np.ndarray, sites: np.ndarray, most: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """The sites that may serve members which do not see their own: those in the same voxel whose normals are most alike.
 
-    Both are numbers of members. Returns pairs of places (N,) in left and in sites, the best first, at most `most` of each left.
+    left: those members. left and sites: as numbers of members. Returns pairs of indices (N,) into left and into sites, the best
+    first, at most `most` for each of left.
     """
     voxels = keys[sites] >> 5
     order = np.argsort(voxels, kind="stable")
@@ -109,27 +118,27 @@ def others(some: Members, keys: np.ndarray, left: np.ndarray, sites: np.ndarray,
     count = np.minimum(last - first, _NEAR)
     member = np.repeat(np.arange(len(left)), count)
     site = order[first[member] + np.arange(len(member)) - np.repeat(np.cumsum(count) - count, count)]
-    alike = (some.normal[left[member]] * some.normal[sites[site]]).sum(1)
+    alike = (members.normal[left[member]] * members.normal[sites[site]]).sum(1)
     best = np.lexsort((-alike, member))
-    best = best[alike[best] > _ALIKE]
+    best = best[alike[best] > _MIN_COSINE]
     member, site = member[best], site[best]
     begin = np.flatnonzero(np.diff(member, prepend=-1))
     rank = np.arange(len(member)) - np.repeat(begin, np.diff(begin, append=len(member)))
     return member[rank < most], site[rank < most]
 
 
-def ways(some: Members, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def sight_lines(members: Members, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """(N, 3, 3): from the eyes of members `a` (N,) to those of `b` by a point between, over what bulges there.
 
     Where the surface is convex that point is where the tangents of an arc between them meet, and a little higher; on one plane,
-    and where the surface is concave, the way is straight.
+    and where the surface is concave, the line is straight.
     """
-    start, end = some.eye[a].astype(float), some.eye[b].astype(float)
-    n_a, n_b = some.geometric[a].astype(float), some.geometric[b].astype(float)
+    start, end = members.eye[a].astype(float), members.eye[b].astype(float)
+    n_a, n_b = members.geometric[a].astype(float), members.geometric[b].astype(float)
     apart = end - start
     bulges = (apart * (n_b - n_a)).sum(1) > 0.0
     both = n_a + n_b
     # |n_a − n_b|/|n_a + n_b| is the tangent of half the angle between them
     slope = np.linalg.norm(n_b - n_a, axis=1) / np.maximum((both * both).sum(1), 1e-30)
-    rise = np.where(bulges, 0.5 * _BENT * np.linalg.norm(apart, axis=1) * slope, 0.0)
+    rise = np.where(bulges, 0.5 * _CLEARANCE * np.linalg.norm(apart, axis=1) * slope, 0.0)
     return np.stack([start, 0.5 * (start + end) + rise[:, None] * both, end], axis=1).astype(np.float32)

@@ -13,11 +13,11 @@ from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import listed, table_texture
 
 
-class Lookup(Owner):
-    """As shaders/surface_cache/lookup.glsl has them, on the GPU.
+class LookupTable(Owner):
+    """The textures of shaders/surface_cache/lookup.glsl.
 
-    rows: (F, 3, 4) of the triangles, as Lattice.table has them. cells: (C, 2, 4), the numbers of values at cells' corners on
-    either side. most: values. order: (F,) the triangles as the tree of rays counts them.
+    rows: (F, 3, 4) of the triangles, as Tessellation.table has them. cells: (C, 2, 4), as SiteLayout.cells has them. most: how
+    many values there may be. order: (F,) the scene's numbers of the triangles, as the tree of rays counts them.
     """
 
     def __init__(self, ctx: moderngl.Context, rows: np.ndarray, cells: np.ndarray, most: int, order: np.ndarray) -> None:
@@ -46,7 +46,7 @@ class Lookup(Owner):
         self.values.write(rows.tobytes())
 
     def follow(self, corners: np.ndarray, order: np.ndarray) -> None:
-        """Triangles have other corners (F, 3, 3), and another order (F,) in the tree; each keeps its cells and their values."""
+        """Set the triangles' corners (F, 3, 3) and their order (F,) in the tree; each keeps its cells and their values."""
         if len(self._rows) != len(corners):  # nothing was made yet
             return
         rows = self._rows.copy()

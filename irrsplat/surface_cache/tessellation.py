@@ -1,7 +1,7 @@
 """A scene's surfaces cut into small triangular cells, so that a value at their corners can be looked up anywhere on them.
 
-A triangle has a regular lattice: its edges are cut into n equal steps and it into n² cells. So a large wall has many cells, and a
-small triangle is one.
+A triangle's edges are cut into n equal steps, and the triangle into n² cells like it. So a large wall has many cells, and a small
+triangle is one.
 """
 
 from __future__ import annotations
@@ -10,18 +10,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-_MOST = 1 << 17  # cells at most, beyond one for every triangle
-_SMALL = 0.2  # of the spacing: a triangle that is smaller has one point for all of its corners
+_MAX_CELLS = 1 << 17  # beyond one for every triangle
+_SMALL = 0.2  # of the spacing: a triangle whose edges are shorter has one point for all of its corners
 
 
 @dataclass(frozen=True)
-class Lattice:
+class Tessellation:
     """The cells of F triangles.
 
     table: (F, 3, 4) float32 for the shader: a triangle's first corner and its number of steps n, then its edges to the second
     and the third corner, with the number of its first cell behind the second.
-    corners: (C, 3) numbers of the points that are a cell's corners, in the order of its weights (see surface_cache/lookup.glsl).
-    A point belongs to one cell; one so small that its corners need no difference has one point for all three.
+    corners: (C, 3) numbers of the points that are a cell's corners, in the order of its weights in
+    shaders/surface_cache/lookup.glsl. No two cells share a point; a very small cell has one point for all three corners.
     position: (P, 3) of the points, moved by `inset` metres into their cells, so that a point on the edge of a wall sees the wall.
     normal: (P, 3) shading normals and geometric: (P, 3) those of the triangles, unit, both on the side that the winding tells.
     face: (P,) the triangles' numbers. area: (P,) m², the share of its cell that each stands for.
@@ -41,10 +41,10 @@ class Lattice:
         return len(self.corners)
 
 
-def lattice(vertices: np.ndarray, faces: np.ndarray, spacing: float, inset: float) -> Lattice:
-    """The lattice whose steps are `spacing` metres at most, or as long as _MOST wants them.
+def tessellate(vertices: np.ndarray, faces: np.ndarray, spacing: float, inset: float) -> Tessellation:
+    """The tessellation whose steps are at most `spacing` metres long, or longer where that would make more than _MAX_CELLS cells.
 
-    vertices: (V, 12) rows of position, normal, albedo, emission; faces: (F, 3), as scene.flat.flatten gives them.
+    vertices: (V, 12) rows of position, normal, albedo, emission; faces: (F, 3), as scene.flatten.flatten gives them.
     """
     p, normals = vertices[faces, :3].astype(float), vertices[faces, 3:6].astype(float)
     edges = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
@@ -65,7 +65,7 @@ def lattice(vertices: np.ndarray, faces: np.ndarray, spacing: float, inset: floa
     corners = ends[:, None] - np.where(small[:, None], 1, [3, 2, 1])
     count = int(ends[-1]) if len(ends) else 0
     position, shading, facing = np.empty((3, count, 3), np.float32)
-    made = Lattice(table, corners, position, shading, facing, np.empty(count, np.intp), np.empty(count))
+    made = Tessellation(table, corners, position, shading, facing, np.empty(count, np.intp), np.empty(count))
     for points, cells in ((1, np.flatnonzero(small)), (3, np.flatnonzero(~small))):  # most cells of a fine mesh have one
         of, at = face[cells], corners[cells, :points]
         i, j = _corners(cells - first[of], n[of])
@@ -89,7 +89,7 @@ def steps(longest: np.ndarray, spacing: float) -> np.ndarray:
     """(F,) the steps n of triangles by their longest edges (F,) in metres."""
     while True:
         n = np.maximum(np.ceil(np.minimum(longest / spacing - 1e-6, 1e6)), 1.0).astype(np.intp)
-        if (n * n).sum() <= len(n) + _MOST:
+        if (n * n).sum() <= len(n) + _MAX_CELLS:
             return n
         spacing *= 1.25
 

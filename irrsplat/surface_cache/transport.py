@@ -1,4 +1,4 @@
-"""Light that goes on from surface to surface: which sites see which, and what N bounces bring, by plain sums."""
+"""Light between surfaces: which sites see which, and what N bounces bring, by plain sums."""
 
 from __future__ import annotations
 
@@ -7,18 +7,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-REST = 0.01  # of E: `all` bounces are made where less is still to come
+CONVERGED = 0.01  # of E: with all bounces wanted, no more are summed where less than this share is still to come
 
 
 class Transport:
-    """F of S sites: E_(k+1) = E_1 + F·E_k, for each channel. F has a row for each site that gathers; what its rays hit, with the
-    hits' reflectance, is its content, so that it depends on geometry and materials alone."""
+    """The operator F of S sites: E_(k+1) = E_1 + F·E_k, a matrix (3, S, S) for red, green and blue.
+
+    F has a row for each site that gathers: which sites light what its rays hit, times the reflectance there. So it depends on
+    geometry and materials alone. known: (S,) the rows that are filled.
+    """
 
     def __init__(self, sites: int) -> None:
         self.matrix = np.zeros((3, sites, sites), np.float32)
+        self.known = np.zeros(sites, bool)
 
     def fill(self, rows: np.ndarray, share: np.ndarray, hits: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
-        """Rows (N,) from what their rays hit, as TraceGather.hits has it: sites and weights (N, R, 3), reflectance (N, R, 3).
+        """Fill `rows` (N,) by what their rays hit, as TraceGather.hits has it: (N, R, 3) each of sites, weights and reflectance.
 
         share: (N, R) cosθ·dω of each ray; a hit that receives E sends out ρ/π·E.
         """
@@ -29,6 +33,7 @@ class Transport:
         for channel, matrix in enumerate(self.matrix):
             sums = np.bincount(place, weights=(weights * albedo[..., channel, None]).ravel(), minlength=count * size)
             matrix[rows] = sums.reshape(count, size)
+        self.known[rows] = True
 
     def __call__(self, E: np.ndarray) -> np.ndarray:
         """F·E of (S, 3): one more bounce."""
@@ -36,48 +41,52 @@ class Transport:
 
 
 @dataclass(frozen=True)
-class Bounced:
-    """E (S, 3) of all of so many `bounces` but the last, which those add that gather from it; `whole`: no more are made.
+class BouncedLight:
+    """The irradiance E (S, 3) at sites, W/m², after all of `bounces` but the last, which a gather from the sites adds.
 
-    rest: the share of E that is still to come, about, of the channel that lacks most (None: not known). Where all bounces are
-    wanted and it is less than REST, E has it already, by what it comes to if it goes on fading as it did.
+    remaining: about the share of E that further bounces would add, in the channel that lacks most; None where that is not known.
+    Where all bounces are wanted and less than CONVERGED remains, E includes it, as if bounces went on fading as they did.
+    complete: no more bounces follow.
     """
 
     irradiance: np.ndarray
     bounces: int
-    rest: float | None
-    whole: bool
+    remaining: float | None
+    complete: bool
 
     @property
-    def settled(self) -> bool:
-        """Whether it is known that less than REST is still to come."""
-        return self.rest is not None and self.rest < REST
+    def converged(self) -> bool:
+        """Whether it is known that less than CONVERGED remains."""
+        return self.remaining is not None and self.remaining < CONVERGED
 
 
-def bounces(E_1: np.ndarray, transport: Transport | None, area: np.ndarray, most: int, everything: bool) -> Iterator[Bounced]:
-    """E_(N−1) at the sites for N = 2, 3 and so on, to N = `most`, or with `everything` until less than REST is still to come.
+def sum_bounces(
+    E_1: np.ndarray, transport: Transport | None, area: np.ndarray, most: int, everything: bool
+) -> Iterator[BouncedLight]:
+    """E_(N−1) at the sites for N = 2, 3 and so on to `most` bounces, or with `everything` until less than CONVERGED remains.
 
     E_1: (S, 3) W/m². area: (S,) of the surface that each site stands for. transport: not needed for two bounces.
     """
     total = term = E_1.astype(np.float32)
     if transport is None:
-        yield Bounced(total, 2, None, True)
+        yield BouncedLight(total, 2, None, True)
         return
     for made in range(2, most + 1):
-        after = transport(term)  # the bounce that those who gather from `total` add themselves
-        fade, rest = _fading(total + after, term, after, area)
-        if everything and rest < REST:
-            yield Bounced(total + after * np.float32(1.0 / (1.0 - fade)), made, rest, True)
+        after = transport(term)  # the bounce that a gather from `total` adds
+        fade, remaining = _fading(total + after, term, after, area)
+        if everything and remaining < CONVERGED:
+            yield BouncedLight(total + after * np.float32(1.0 / (1.0 - fade)), made, remaining, True)
             return
-        yield Bounced(total, made, rest, made == most)
+        yield BouncedLight(total, made, remaining, made == most)
         total, term = total + after, after
 
 
 def _fading(total: np.ndarray, before: np.ndarray, last: np.ndarray, area: np.ndarray) -> tuple[np.ndarray, float]:
-    """By what factor r the bounces fade (3,), and the share of the mean of E, `total` (S, 3), that comes after its `last` term.
+    """The factor r (3,) by which bounces fade, and the share of the mean of E, `total` (S, 3), that follows its `last` term.
 
-    The factor tends to the greatest eigenvalue of F; what follows the last term is r/(1 − r) of it. In the mean r may seem less
-    for a while, where light has yet to find the brighter corners; by the root of the squares less so: the greater counts.
+    r tends to the greatest eigenvalue of F, and what follows the last term is r/(1 − r) of it. While light has yet to reach the
+    brighter corners, the ratio of the terms' means underestimates r, that of their root mean squares less so: the greater of the
+    two counts.
     """
     weight, fade = area[:, None], np.zeros(3)
     for power in (1, 2):

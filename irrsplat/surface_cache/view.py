@@ -1,4 +1,4 @@
-"""The surface cache as the eye sees it: what it says of every pixel."""
+"""What the surface cache says of every pixel of a view."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class SurfaceViewPass(Owner):
     def __call__(self, gbuffer: GBuffer, surface: Mapping[str, Any]) -> moderngl.Texture:
         """RGBA32F texture of indirect irradiance in W/m²; a: 1 where a surface is seen, else 0. It is this pass's own.
 
-        surface: the cache's uniforms, by the triangles' own numbers.
+        surface: the cache's uniforms for triangles numbered as in the scene.
         """
         if self.target is None or self.target.size != gbuffer.position.size:
             if self.target is not None:

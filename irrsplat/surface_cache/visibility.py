@@ -1,4 +1,4 @@
-"""The sight test: whether two points see each other by way of a third, for many pairs at once, by rays through the tree."""
+"""The visibility test: whether two points see each other by way of a third, for many pairs at once, by rays through the tree."""
 
 from __future__ import annotations
 
@@ -13,30 +13,30 @@ from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target, float_texture, listed
 
-_LINES = 16  # of pairs in a batch
+_ROWS = 16  # of pairs in a batch
 
 
 class VisibilityPass(Owner):
-    """Tests `capacity` ways at once."""
+    """Tests up to `capacity` sight lines at once."""
 
-    capacity = TABLE_COLUMNS * _LINES
+    capacity = TABLE_COLUMNS * _ROWS
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self.program = Program(ctx, "surface_cache/visibility", "lib/fullscreen")
-        self.ways = float_texture(ctx, (3 * TABLE_COLUMNS, _LINES))
-        self.target = Target(ctx, (TABLE_COLUMNS, _LINES), (1,))
+        self.lines = float_texture(ctx, (3 * TABLE_COLUMNS, _ROWS))
+        self.target = Target(ctx, (TABLE_COLUMNS, _ROWS), (1,))
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.program, self.ways, self.target)
+        return (self.program, self.lines, self.target)
 
-    def __call__(self, rays: Mapping[str, Any], ways: np.ndarray) -> np.ndarray:
-        """(N,) True where nothing stands in the way from ways[:, 0] by ways[:, 1] to ways[:, 2], (N, 3, 3) in metres.
+    def __call__(self, rays: Mapping[str, Any], lines: np.ndarray) -> np.ndarray:
+        """(N,) True where nothing is in the way from lines[:, 0] by lines[:, 1] to lines[:, 2], (N, 3, 3) in metres.
 
         rays: the uniforms of shaders/lib/bvh.glsl, as BvhTable.ray_uniforms has them.
         """
-        rows = listed(np.concatenate([ways, np.zeros((*ways.shape[:2], 1))], axis=-1, dtype="f4"))
-        self.ways.write(rows.tobytes(), viewport=(0, 0, 3 * TABLE_COLUMNS, len(rows)))
-        self.program(self.target, scissor=(0, 0, TABLE_COLUMNS, len(rows)), ways=self.ways, **rays)
-        seen: np.ndarray = np.frombuffer(self.target.textures[0].read(), "f4")[: len(ways)] > 0.5
+        rows = listed(np.concatenate([lines, np.zeros((*lines.shape[:2], 1))], axis=-1, dtype="f4"))
+        self.lines.write(rows.tobytes(), viewport=(0, 0, 3 * TABLE_COLUMNS, len(rows)))
+        self.program(self.target, scissor=(0, 0, TABLE_COLUMNS, len(rows)), lines=self.lines, **rays)
+        seen: np.ndarray = np.frombuffer(self.target.textures[0].read(), "f4")[: len(lines)] > 0.5
         return seen

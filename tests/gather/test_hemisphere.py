@@ -7,7 +7,8 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from irrsplat.gather.hemicube import PLANE_FIELD, edge_table, frames, hemisphere_table
+from irrsplat.gather.hemicube import PLANE_FIELD, edge_table, hemisphere_table
+from irrsplat.gather.record_frame import tangent_frames
 
 KINDS = ("raster", "plane")
 
@@ -140,13 +141,13 @@ def test_frames_are_orthonormal_right_handed_and_turned() -> None:
     normal[:6] = np.concatenate([np.eye(3), -np.eye(3)])
     normal[6] = (1e-9, 0.0, -1.0)  # where a less careful basis breaks down
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    found = frames(normal, np.arange(500), seed=3)
+    found = tangent_frames(normal, np.arange(500), seed=3)
     assert np.allclose(found @ found.swapaxes(1, 2), np.eye(3), atol=1e-6)
     assert np.allclose(np.linalg.det(found), 1.0, atol=1e-6)
     assert np.allclose(found[:, 2], normal, atol=1e-12)
-    same = frames(np.tile(normal[:1], (64, 1)), np.arange(64), seed=3)
+    same = tangent_frames(np.tile(normal[:1], (64, 1)), np.arange(64), seed=3)
     angle = np.sort(np.arctan2(same[:, 0] @ same[0, 1], same[:, 0] @ same[0, 0]))
     assert np.diff(angle).max() < 2.0 * np.pi / 64 * 3, "golden turns leave no wide gap"
-    assert np.array_equal(frames(normal, np.arange(500), 3), found)
-    assert not np.allclose(frames(normal, np.arange(500), 4)[:, 0], found[:, 0])
-    assert np.array_equal(frames(normal[100:], np.arange(100, 500), 3), found[100:]), "the number decides, not the batch"
+    assert np.array_equal(tangent_frames(normal, np.arange(500), 3), found)
+    assert not np.allclose(tangent_frames(normal, np.arange(500), 4)[:, 0], found[:, 0])
+    assert np.array_equal(tangent_frames(normal[100:], np.arange(100, 500), 3), found[100:]), "the number decides, not the batch"

@@ -288,11 +288,11 @@ def test_the_surface_cache_rides_along() -> None:
         renderer.move(BOX, shift(0.05, 0.0, -0.1))
         there = Camera((0.05, 0.0, 0.85), (0.05, -0.1, -1.1), fov=60.0)
         renderer.frame(there, seconds=1e-4)
-        assert not cache.whole and cache.result is not None
+        assert not cache.complete and cache.result is not None
         after, same = pixels(cache.view(renderer.gbuffer)), view == pixels(renderer.gbuffer.emission)[..., 3]
         mine = same & (view < 12)  # the box's triangles: it alone is closed
         assert mine.sum() > 100 and (np.abs(after - before)[mine].max(-1) < 1e-3 * before[mine].mean()).mean() > 0.95
-        assert ticks(renderer, 0.05, here)[-1].done and cache.whole
+        assert ticks(renderer, 0.05, here)[-1].done and cache.complete
         held = cache.result.irradiance
         with Renderer(renderer.scene, SIZE, **{**FAST, "bounces": 2}) as fresh:
             fresh.render()

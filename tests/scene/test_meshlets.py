@@ -8,8 +8,9 @@ import pytest
 
 from irrsplat.core.buffers import Atlas, Sites
 from irrsplat.gather import raster
-from irrsplat.gather.hemicube import faces, frames
+from irrsplat.gather.hemicube import faces
 from irrsplat.gather.raster import RasterGather
+from irrsplat.gather.record_frame import tangent_frames
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.scene import load, meshlets
 from irrsplat.scene.flatten import flatten
@@ -55,7 +56,7 @@ def test_what_a_view_may_see_and_what_lies_within_it(away: float) -> None:
     made = cut(corners)
     eye = RNG.uniform(-2.0, 2.0, (20, 3)) + away
     normal = RNG.standard_normal((20, 3))
-    frame = frames(normal / np.linalg.norm(normal, axis=1, keepdims=True), np.arange(20), 0)
+    frame = tangent_frames(normal / np.linalg.norm(normal, axis=1, keepdims=True), np.arange(20), 0)
     rows = np.zeros((5, 20, 3, 4))
     rows[..., :3] = np.einsum("fij,njk->fnik", faces("raster")[0], frame)
     rows[..., 3] = -np.einsum("fnik,nk->fni", rows[..., :3], eye)

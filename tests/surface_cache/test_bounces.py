@@ -17,7 +17,8 @@ from irrsplat.core.buffers import Sites
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.scene.model import Mesh, Scene
 from irrsplat.surface_cache import cache as surface
-from irrsplat.surface_cache.transport import REST, Bounced, Transport, bounces
+from irrsplat.surface_cache import site_layout
+from irrsplat.surface_cache.transport import CONVERGED, BouncedLight, Transport, sum_bounces
 from tests.renderer.test_renderer import FAST, SIZE, room
 from tests.support.worlds import Camera, box, lamp, material, polygon_vector, quad, scene, sites
 
@@ -196,8 +197,8 @@ def closed(sizes: int, reflectance: float, seed: int = 0) -> tuple[Transport, np
     return transport, random.uniform(0.0, 1.0, (sizes, 3)) ** 9, area
 
 
-def last(*arguments: Any) -> Bounced:
-    return list(bounces(*arguments))[-1]
+def last(*arguments: Any) -> BouncedLight:
+    return list(sum_bounces(*arguments))[-1]
 
 
 @pytest.mark.parametrize("reflectance", [0.2, 0.7, 0.9])
@@ -206,11 +207,11 @@ def test_all_bounces_are_the_solution_of_the_equation(reflectance: float) -> Non
     transport, E_1, area = closed(50, reflectance)
     E = np.linalg.solve(np.eye(50) - transport.matrix[0], E_1)
     found = last(E_1, transport, area, 64, True)
-    assert found.settled and found.rest is not None and found.rest < REST
+    assert found.converged and found.remaining is not None and found.remaining < CONVERGED
     assert np.abs(found.irradiance - E).max() < 0.005 * E.mean()
     upto = last(E_1, transport, area, found.bounces, False)
     gathered = E_1 + transport(upto.irradiance)  # as a record adds the last bounce
-    assert found.rest == pytest.approx(float((area @ (E - gathered) / (area @ E)).max()), rel=0.2)
+    assert found.remaining == pytest.approx(float((area @ (E - gathered) / (area @ E)).max()), rel=0.2)
 
 
 def test_as_many_bounces_as_are_asked_for() -> None:
@@ -218,9 +219,9 @@ def test_as_many_bounces_as_are_asked_for() -> None:
     F = transport.matrix[0].astype(float)
     for number in (2, 3, 7):
         expected = sum(np.linalg.matrix_power(F, k) @ E_1 for k in range(number - 1))
-        found = list(bounces(E_1, transport if number > 2 else None, area, number, False))
+        found = list(sum_bounces(E_1, transport if number > 2 else None, area, number, False))
         assert np.allclose(found[-1].irradiance, expected, rtol=1e-5)
-        assert [f.bounces for f in found] == list(range(2, number + 1)) and [f.whole for f in found][-1:] == [True]
+        assert [f.bounces for f in found] == list(range(2, number + 1)) and [f.complete for f in found][-1:] == [True]
     assert last(np.zeros((20, 3)), transport, area, 64, True).bounces == 2, "where there is no light there is nothing to wait for"
 
 
@@ -240,7 +241,7 @@ def test_a_ray_s_hit_goes_where_it_is_said() -> None:
 @pytest.fixture
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """A surface cache of few points and rays: exact enough to compare it with itself."""
-    monkeypatch.setattr(surface, "POINTS", 300)
+    monkeypatch.setattr(site_layout, "POINTS", 300)
     monkeypatch.setattr(surface, "SIDE", 8)
 
 

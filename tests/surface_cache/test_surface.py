@@ -15,10 +15,11 @@ from irrsplat.gpu.target import pixels
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Camera, Scene
-from irrsplat.surface_cache import cache as surface
 from irrsplat.surface_cache import clustering
 from irrsplat.surface_cache.cache import SurfaceCache
-from irrsplat.surface_cache.tessellation import Lattice, lattice, steps
+from irrsplat.surface_cache.clustering import sight_lines, unlit_interiors
+from irrsplat.surface_cache.site_layout import MAX_SITES, POINTS
+from irrsplat.surface_cache.tessellation import Tessellation, steps, tessellate
 from irrsplat.surface_cache.visibility import VisibilityPass
 from tests.renderer.test_renderer import FAST
 from tests.support.worlds import assert_pictures, box, floor, gather, lamp, material, quad, scene, sites, sphere
@@ -27,8 +28,8 @@ SIZE = (80, 60)
 INSET = 1e-4  # metres
 
 
-def cut(world: Scene, spacing: float) -> Lattice:
-    return lattice(*flatten(world)[:2], spacing, INSET)
+def cut(world: Scene, spacing: float) -> Tessellation:
+    return tessellate(*flatten(world)[:2], spacing, INSET)
 
 
 # ---- cells ------------------------------------------------------------------------------------------------------------
@@ -81,18 +82,18 @@ def test_small_triangles_are_one_point_and_smooth_normals_are_blended() -> None:
 
 def test_who_shares_a_name() -> None:
     """The corners where cells meet, on one side; not the other side, another wall, or the next voxel."""
-    some = clustering.members(
+    some = clustering.both_sides(
         cut(scene(quad((0, 0, 0), (0, 0, 2), (2, 0, 0)), quad((0, 0, 0), (2, 0, 0), (0, 2, 0))), 0.5), INSET
     )
-    names = clustering.keys(some, 0.3)
+    names = clustering.voxel_keys(some, 0.3)
     apart = np.linalg.norm(some.position[:, None] - some.position[None], axis=-1)
     same = names[:, None] == names[None]
     facing = some.normal @ some.normal.T
     assert same[(apart < 0.001) & (facing > 0.99)].mean() > 0.9
     assert not same[facing < 0.5].any() and not same[apart > 0.3 * 3**0.5].any()
-    chosen, whose = clustering.choose(names, some.position, np.ones(len(some)), 0.0, 1000)
+    chosen, whose = clustering.choose_sites(names, some.position, np.ones(len(some)), 0.0, 1000)
     assert (names[chosen[whose]] == names).all() and len(chosen) == len(np.unique(names))
-    few, whose = clustering.choose(names, some.position, np.ones(len(some)), 0.0, 5)
+    few, whose = clustering.choose_sites(names, some.position, np.ones(len(some)), 0.0, 5)
     assert len(few) == 5 and set(whose) == {-1, 0, 1, 2, 3, 4}
     assert np.bincount(whose[whose >= 0]).min() >= np.unique(names[whose < 0], return_counts=True)[1].max(), "the largest"
 
@@ -101,19 +102,19 @@ def test_what_no_light_reaches() -> None:
     """The inside of a closed box is dark, unless it shines, or a lamp or what shines is in it; an open one's may be lit."""
     case = box((0, 0, 0), (1, 1, 1))
     count = len(case.faces)
-    assert clustering.sealed(scene(floor(), case)).tolist() == [True] * count + [False] * 2, "closed ones come first"
-    assert not clustering.sealed(scene(case, lights=(lamp((0.5, 0.5, 0.5)),))).any()
-    assert clustering.sealed(scene(case, lights=(lamp((0.5, 1.5, 0.5)),))).all()
-    assert not clustering.sealed(scene(box((0, 0, 0), (1, 1, 1), material(0.5, 1.0)))).any()
-    assert not clustering.sealed(scene(case, quad((0.2, 0.2, 0.2), (0.1, 0, 0), (0, 0, 0.1), material(0.0, 1.0))))[:count].any()
-    assert not clustering.sealed(scene(box((0, 0, 0), (1, 1, 1), outward=False))).any()
+    assert unlit_interiors(scene(floor(), case)).tolist() == [True] * count + [False] * 2, "closed ones come first"
+    assert not unlit_interiors(scene(case, lights=(lamp((0.5, 0.5, 0.5)),))).any()
+    assert unlit_interiors(scene(case, lights=(lamp((0.5, 1.5, 0.5)),))).all()
+    assert not unlit_interiors(scene(box((0, 0, 0), (1, 1, 1), material(0.5, 1.0)))).any()
+    assert not unlit_interiors(scene(case, quad((0.2, 0.2, 0.2), (0.1, 0, 0), (0, 0, 0.1), material(0.0, 1.0))))[:count].any()
+    assert not unlit_interiors(scene(box((0, 0, 0), (1, 1, 1), outward=False))).any()
 
 
 def test_what_sees_nothing_of_the_scene() -> None:
     world = scene(box((0, 0, 0), (1, 2, 3), outward=False))
-    some = clustering.members(cut(world, 1.0), INSET)
+    some = clustering.both_sides(cut(world, 1.0), INSET)
     inward = ((world.bounds.mean(0) - some.position) * some.geometric).sum(1) > 0.0
-    assert (clustering.outside(some, world.bounds) == ~inward).all() and inward.mean() == 0.5
+    assert (clustering.sees_nothing(some, world.bounds) == ~inward).all() and inward.mean() == 0.5
 
 
 def test_what_stands_in_the_way(ctx: moderngl.Context) -> None:
@@ -125,13 +126,13 @@ def test_what_stands_in_the_way(ctx: moderngl.Context) -> None:
     many = np.tile(ways.astype("f4"), (300, 1, 1))
     assert (sight(tree.ray_uniforms, many) == np.tile([False, True, True, True], 300)).all()
 
-    some = clustering.members(cut(scene(sphere((0, 0, 0), 1.0)), 2.0), 1e-3)
+    some = clustering.both_sides(cut(scene(sphere((0, 0, 0), 1.0)), 2.0), 1e-3)
     ball = BvhTable(ctx, *flatten(scene(sphere((0, 0, 0), 1.0)))[:2])
     pairs = np.random.default_rng(4).integers(0, len(some) // 2, (2000, 2)).T
     near = (some.geometric[pairs[0]] * some.geometric[pairs[1]]).sum(1) > 0.5
-    assert sight(ball.ray_uniforms, clustering.ways(some, *pairs[:, near])).all(), "on the outside, over the bulge"
-    assert sight(ball.ray_uniforms, clustering.ways(some, *(pairs[:, near] + len(some) // 2))).all(), "on the inside, straight"
-    assert not sight(ball.ray_uniforms, clustering.ways(some, pairs[0], pairs[0] + len(some) // 2)).any(), "never through it"
+    assert sight(ball.ray_uniforms, sight_lines(some, *pairs[:, near])).all(), "on the outside, over the bulge"
+    assert sight(ball.ray_uniforms, sight_lines(some, *(pairs[:, near] + len(some) // 2))).all(), "on the inside, straight"
+    assert not sight(ball.ray_uniforms, sight_lines(some, pairs[0], pairs[0] + len(some) // 2)).any(), "never through it"
 
 
 # ---- lookups ----------------------------------------------------------------------------------------------------------
@@ -151,8 +152,8 @@ def looked(ctx: moderngl.Context) -> Iterator[tuple[Renderer, SurfaceCache]]:
 
 def oracle(cache: SurfaceCache, values: np.ndarray, p: np.ndarray, triangle: np.ndarray, side: np.ndarray) -> np.ndarray:
     """(N, 3): of all cells of the point's triangle the one that it lies in, and the mean of its corners' values."""
-    cut = cache.lattice
-    assert cut is not None
+    assert cache.layout is not None
+    cut = cache.layout.tessellation
     numbers = np.frombuffer(cache.lookup.cells.read(), "f4").reshape(-1, 2, 4)
     n = cut.table[:, 0, 3].astype(int)
     out = np.zeros((len(p), 3))
@@ -176,7 +177,7 @@ def oracle(cache: SurfaceCache, values: np.ndarray, p: np.ndarray, triangle: np.
 def test_a_lookup_is_what_plain_sums_say(ctx: moderngl.Context, looked: tuple[Renderer, SurfaceCache]) -> None:
     """Every value another number; where nothing stands on the cell."""
     renderer, cache = looked
-    values = np.random.default_rng(0).uniform(0.0, 1.0, (surface.MOST, 3)).astype("f4")
+    values = np.random.default_rng(0).uniform(0.0, 1.0, (MAX_SITES, 3)).astype("f4")
     cache.lookup.values.write(np.pad(values, ((0, 0), (0, 1))).tobytes())
     view, _ = renderer.frame(gather=False)
     found = pixels(cache.view(view.gbuffer)).reshape(-1, 4)
@@ -186,8 +187,8 @@ def test_a_lookup_is_what_plain_sums_say(ctx: moderngl.Context, looked: tuple[Re
     seen = position[:, 3] > 0.0
     assert 0.2 < seen.mean() < 1.0 and (found[:, 3] == seen).all() and not found[~seen].any()
     triangle = emission[seen, 3].astype(int)
-    cut = cache.lattice
-    assert cut is not None
+    assert cache.layout is not None
+    cut = cache.layout.tessellation
     facing = np.cross(cut.table[triangle, 1, :3], cut.table[triangle, 2, :3])
     side = ((facing * normal[seen, :3]).sum(1) < 0.0).astype(int)
     expected = oracle(cache, values, position[seen, :3].astype(float), triangle, side)
@@ -205,8 +206,8 @@ def test_a_linear_field_is_found_as_it_is(ctx: moderngl.Context) -> None:
         cache = renderer.scheduler.gatherer.surface
         assert renderer.shadows is not None and cache is not None
         renderer.scheduler.prepare(renderer.shadows, Budget(None))
-        assert cache.lattice is not None
-        values = np.zeros((surface.MOST, 4), "f4")
+        assert cache.layout is not None
+        values = np.zeros((MAX_SITES, 4), "f4")
         place = cache.sites.position
         values[2 : 2 + len(place), :3] = 1.0 + place * (0.2, 0.0, 0.3) + place[:, ::-1] * (0.1, 0.0, 0.0)
         cache.lookup.values.write(values.tobytes())
@@ -246,7 +247,7 @@ def test_a_cache_of_a_bundled_scene() -> None:
         cache = renderer.scheduler.gatherer.surface
         assert renderer.shadows is not None and cache is not None
         renderer.scheduler.prepare(renderer.shadows, Budget(None))
-        assert cache.lattice is not None
-        numbers = np.frombuffer(cache.lookup.cells.read(), "f4").reshape(-1, 4)[: 2 * cache.lattice.cells, :3]
-        assert surface.POINTS / 2 < len(cache.sites) < surface.MOST
+        assert cache.layout is not None
+        numbers = np.frombuffer(cache.lookup.cells.read(), "f4").reshape(-1, 4)[: 2 * cache.layout.tessellation.cells, :3]
+        assert POINTS / 2 < len(cache.sites) < MAX_SITES
         assert (numbers < 0.0).mean() < 0.01 and numbers.max() < len(cache.sites) + 2

@@ -145,7 +145,7 @@ class Markers(Owner):
     ) -> None:
         """Every site of the surface cache that faces the camera, as a dot in the colour that a white surface has there."""
         count = 0 if surface is None else len(surface.sites)
-        if surface is None or not count:
+        if surface is None or surface.records is None or not count:
             return
         program = self.program("viewer/markers/points", "viewer/markers/sites")
         records = surface.records.records

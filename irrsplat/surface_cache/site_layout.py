@@ -1,0 +1,182 @@
+"""Where a surface cache has its sites: a few thousand points that stand for all surfaces, and the cells that find their values.
+
+The surfaces are cut into cells. The cells' corners, on both sides of every surface, are the members that share sites: of members
+that lie close together and face alike, one is the site of all that see it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from dataclasses import dataclass
+
+import numpy as np
+
+from irrsplat.core.buffers import Sites
+from irrsplat.gpu.bvh_table import BvhTable
+from irrsplat.scene.flatten import flatten
+from irrsplat.scene.model import Scene
+from irrsplat.surface_cache import clustering
+from irrsplat.surface_cache.clustering import Members
+from irrsplat.surface_cache.tessellation import Tessellation, tessellate
+from irrsplat.surface_cache.visibility import VisibilityPass
+
+POINTS = 2000  # corners of cells on all surfaces, about, where these are large
+MAX_SITES = 4096
+SKY_VALUE, DARK_VALUE = 0, 1  # the numbers of the values of members that see nothing but the sky, and that no light reaches
+FIRST_SITE = 2  # the number of the first value that is gathered
+HIDDEN_OTHERWISE = 3  # of a cell's corners more than one is hidden from the others; see shaders/surface_cache/lookup.glsl
+_ROUNDS = 4  # in which members that do not see their cluster's site form clusters with a site among themselves
+_ALTERNATIVES = 4  # sites of other clusters that a member is held against in the end
+_FIRST_SHARE = 0.6  # of MAX_SITES: most sites of the first round; the rest is for members that do not see theirs
+_VOXEL = 0.7  # of the spacing: how near members of one cluster lie
+_MIN_AREA = 0.02  # of the spacing squared: smaller clusters get a site only in the last round
+
+_CUT, _SHARED_OUT, _FOUND = 0.05, 0.2, 0.7  # the share of the work that is done, about, while a step goes on
+
+
+@dataclass(frozen=True)
+class SiteLayout:
+    """The sites of a surface cache, S values in all, and the cells that find them.
+
+    sites: (S,) where the values are gathered; SKY_VALUE and DARK_VALUE are known, and their places mean nothing. area: (S,) m² of
+    the surface that each stands for. cells: (C, 2, 4) float32, for either side of the cells of the tessellation, the numbers of
+    their corners' values, -1 for none, and which corners do not see each other because something stands on the cell, as
+    shaders/surface_cache/lookup.glsl reads them.
+    """
+
+    tessellation: Tessellation
+    sites: Sites
+    area: np.ndarray
+    cells: np.ndarray
+
+
+@dataclass(frozen=True)
+class _Clusters:
+    """The tessellation of steps of `spacing` metres, M members on both sides of it, and the keys (M,) of their clusters."""
+
+    tessellation: Tessellation
+    members: Members
+    keys: np.ndarray
+    spacing: float
+
+    @property
+    def area(self) -> np.ndarray:
+        """(M,) m² of the surface that each member stands for."""
+        return np.tile(self.tessellation.area, 2)
+
+
+@dataclass(frozen=True)
+class _Assignment:
+    """value: (M,) the number of each member's value, -1 for none. sites: (S,) the members at which the values are gathered."""
+
+    value: np.ndarray
+    sites: np.ndarray
+
+
+@dataclass(frozen=True)
+class SiteChooser:
+    """Chooses the sites of a scene. Its steps are generators, which yield the share of all work that is done and return a result.
+
+    unlit: (F,) the triangles whose inner side no light reaches, see clustering.unlit_interiors. offset: metres above its surface
+    that a site looks from.
+    """
+
+    scene: Scene
+    unlit: np.ndarray
+    offset: float
+    tree: BvhTable
+    visibility: VisibilityPass
+
+    def layout(self) -> Generator[float, None, SiteLayout]:
+        """All steps, one after the other."""
+        clusters = yield from self._cluster()
+        found = yield from self._assign(clusters)
+        yield _FOUND
+        gathered = found.value > DARK_VALUE
+        area = np.bincount(np.maximum(found.value, 0), weights=clusters.area * gathered, minlength=len(found.sites))
+        members, at = clusters.members, found.sites
+        sites = Sites(members.position[at], members.normal[at], members.geometric[at])
+        cells = yield from self._cells(clusters, found.value)
+        return SiteLayout(clusters.tessellation, sites, area.astype(float), cells)
+
+    def _cluster(self) -> Generator[float, None, _Clusters]:
+        """The surfaces cut and their corners in clusters: at a spacing that goes by the surfaces' area, or wider where too many
+        sites would come of it."""
+        vertices, faces, _ = flatten(self.scene)
+        a, b, c = vertices[faces, :3].astype(float).swapaxes(0, 1)
+        area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
+        spacing = float(np.sqrt(2.0 * area / POINTS)) or 1.0  # a grid of right-angled triangles has two points per spacing²
+        while True:
+            tessellation = tessellate(vertices, faces, spacing, self.offset)
+            yield _CUT
+            members = clustering.both_sides(tessellation, self.offset)
+            clusters = _Clusters(tessellation, members, clustering.voxel_keys(members, _VOXEL * spacing), spacing)
+            left = np.flatnonzero(self._known_values(clusters) < 0)
+            sites, _ = self._choose(clusters, left, len(left), self._min_area(clusters))
+            yield _CUT
+            if len(sites) <= _FIRST_SHARE * MAX_SITES:
+                return clusters
+            spacing *= 1.05 * float(np.sqrt(len(sites) / (_FIRST_SHARE * MAX_SITES)))
+
+    def _known_values(self, clusters: _Clusters) -> np.ndarray:
+        """(M,) the numbers of the members' values where no gather is needed to know them, else -1."""
+        face = clusters.tessellation.face
+        value = np.where(clustering.sees_nothing(clusters.members, self.scene.bounds), SKY_VALUE, -1)
+        value[len(face) + np.flatnonzero(self.unlit[face])] = DARK_VALUE
+        return value
+
+    @staticmethod
+    def _min_area(clusters: _Clusters) -> float:
+        return _MIN_AREA * clusters.spacing**2
+
+    @staticmethod
+    def _choose(clusters: _Clusters, left: np.ndarray, most: int, min_area: float) -> tuple[np.ndarray, np.ndarray]:
+        """The sites among the members `left`, and which of them is each one's, as clustering.choose_sites has them."""
+        position, area = clusters.members.position[left], clusters.area[left]
+        return clustering.choose_sites(clusters.keys[left], position, area, min_area, most)
+
+    def _assign(self, clusters: _Clusters) -> Generator[float, None, _Assignment]:
+        """Sites, and members assigned to those that they see: of their own cluster, or else of one beside it."""
+        value, members = self._known_values(clusters), clusters.members
+        left, sites = np.flatnonzero(value < 0), np.zeros(FIRST_SITE if len(members) else 0, np.intp)
+        for number in range(_ROUNDS):
+            min_area = self._min_area(clusters) if number < _ROUNDS - 1 else 0.0
+            chosen, site_of = self._choose(clusters, left, MAX_SITES - len(sites), min_area)
+            if not len(chosen):
+                continue
+            chosen = left[chosen]
+            asking = np.flatnonzero(site_of >= 0)
+            seen = np.zeros(len(left), bool)
+            seen[asking] = yield from self._see(members, left[asking], chosen[site_of[asking]], _SHARED_OUT)
+            value[left[seen]] = len(sites) + site_of[seen]
+            left, sites = left[~seen], np.concatenate([sites, chosen])
+        gathered = sites[FIRST_SITE:]
+        member, site = clustering.alternative_sites(members, clusters.keys, left, gathered, _ALTERNATIVES)
+        seen = yield from self._see(members, left[member], gathered[site], _SHARED_OUT)
+        value[left[member[seen][::-1]]] = FIRST_SITE + site[seen][::-1]  # of several the first is written last
+        return _Assignment(value, sites)
+
+    def _cells(self, clusters: _Clusters, value: np.ndarray) -> Generator[float, None, np.ndarray]:
+        """SiteLayout.cells for members with these values (M,)."""
+        tessellation, members = clusters.tessellation, clusters.members
+        table = np.zeros((tessellation.cells, 2, 4), np.float32)
+        for side, cells in enumerate(table.swapaxes(0, 1)):
+            corners = tessellation.corners + side * len(tessellation.face)
+            cells[:, :3] = value[corners]
+            unlike = np.flatnonzero((value[corners] != value[corners[:, :1]]).any(1))
+            free = np.ones((len(unlike), 3), bool)  # of each corner, whether the other two see each other
+            for k in range(3):
+                free[:, k] = yield from self._see(members, corners[unlike, k - 2], corners[unlike, k - 1], _FOUND)
+            one_hidden = np.where(free.sum(1) == 1, np.argmax(free, axis=1), HIDDEN_OTHERWISE)
+            cells[unlike, 3] = np.where(free.all(1), 0, 1 + one_hidden)
+        return table
+
+    def _see(self, members: Members, a: np.ndarray, b: np.ndarray, done: float) -> Generator[float, None, np.ndarray]:
+        """(N,) whether members a see members b (N,); yields `done` from batch to batch."""
+        seen = np.ones(len(a), bool)
+        for start in range(0, len(a), self.visibility.capacity):
+            part = slice(start, start + self.visibility.capacity)
+            lines = clustering.sight_lines(members, a[part], b[part])
+            seen[part] = self.visibility(self.tree.ray_uniforms, lines) | (a[part] == b[part])
+            yield done
+        return seen
