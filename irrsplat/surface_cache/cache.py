@@ -151,8 +151,8 @@ class SurfaceCache(Owner):
         return records.sites(slice(FIRST_SITE, records.count))
 
     def uniforms(self, table: LookupTable | None = None) -> dict[TriangleOrder, dict[str, Any]]:
-        """The uniforms of shaders/surface_cache/lookup.glsl and lib/bvh.glsl, for triangles numbered either way. table: by default
-        the one that lookups go through."""
+        """The uniforms of shaders/surface_cache/lookup.glsl and lib/bvh.glsl for triangles numbered either way, with this table
+        or else with that in use."""
         table = table or self.lookup
         common = {**self.tree.ray_uniforms, "surface_offset": OFFSET * self.world.scene.diagonal}
         return {"scene": {**common, **table.uniforms("scene")}, "tree": {**common, **table.uniforms("tree")}}
