@@ -84,11 +84,11 @@ class Program:
             raise shader_source.ShaderError(shader_source.explain(log, guilty)) from error
 
     def _take(self, program: moderngl.Program) -> None:
-        self._gl = program
         self.active = set(program)
         for name in self.units.keys() & self.active:
             program[name].value = self.units[name]  # type: ignore[union-attr]
         self._kept: list[Any] = []  # what the arrays were made of, so that no id is used twice
+        self._gl = program  # last: it counts as linked once all of it is set
 
     @property
     def gl(self) -> moderngl.Program:
@@ -186,8 +186,9 @@ class Program:
             if numbers is not None:
                 content.append((numbers, "1i/i", "in_number"))
             index = None if geometry is None else geometry.indices
-            self._arrays[key] = self.ctx.vertex_array(self.gl, content, index, skip_errors=True)
+            array = self.ctx.vertex_array(self.gl, content, index, skip_errors=True)
             self._kept += [geometry, numbers]
+            self._arrays[key] = array
         return self._arrays[key]
 
     def _content(self, buffer: moderngl.Buffer) -> tuple[Any, ...]:

@@ -63,8 +63,7 @@ def at_rest(renderer: Renderer) -> dict[str, np.ndarray]:
     assert progress.still
     g = view.gbuffer
     textures = {"position": g.position, "direct": view.direct, "sums": view.splats.sums, "image": view.image}
-    records = {name: renderer.cache.read()[name] for name in ("position", "irradiance")}
-    return {name: pixels(texture).copy() for name, texture in textures.items()} | records
+    return {name: pixels(texture).copy() for name, texture in textures.items()} | {"records": renderer.cache.read()["irradiance"]}
 
 
 def act_from_empty(renderer: Renderer) -> None:
@@ -115,10 +114,11 @@ def test_what_counts_as_current_is(ctx: moderngl.Context, act: Callable[[Rendere
                 assert np.array_equal(found[name], expected[name]), f"line {number}: {name} of another scene"
             renderer.forget(records=False)
             drawn_again = at_rest(renderer)
-            count = len(found["irradiance"])
-            assert len(drawn_again["irradiance"]) == count, f"line {number}: records were missing"
+            count = len(found["records"])
+            assert len(drawn_again["records"]) == count, f"line {number}: records were missing"
             for name in ("position", "direct", "sums", "image"):
                 assert np.allclose(found[name], drawn_again[name], rtol=1e-4, atol=1e-5), f"line {number}: {name}"
             renderer.renew()
-            gathered_again = at_rest(renderer)["irradiance"][:count]
-            assert np.allclose(found["irradiance"], gathered_again, rtol=5e-3, atol=1e-4), f"line {number}: records"
+            gathered_again = at_rest(renderer)["records"][:count]
+            off = np.abs(found["records"] - gathered_again).max() / gathered_again.mean()
+            assert off < (0.1 if act is act_move else 0.005), f"line {number}: records"  # a move renews what it changes enough
