@@ -178,15 +178,15 @@ class MeshletDraw(Owner):
 
     def __call__(self, geometry: Geometry, light: HitLight, views: Views) -> Target:
         """As SingleDraw's."""
-        pieces, rows = geometry.pieces, views.rows
+        in_meshlets, rows = geometry.meshlet_geometry, views.rows
         self.seen.use(scissor=views.used)
         self.seen.gl.clear(viewport=views.used)
-        step = max(_PAIRS // max(len(rows) * len(pieces.meshlets), 1), 1)
+        step = max(_PAIRS // max(len(rows) * len(in_meshlets.meshlets), 1), 1)
         for start in range(0, rows.shape[2], step):
-            for clips, draws in self._draws(pieces.meshlets, rows[:, :3, start : start + step], start, views.near):
+            for clips, draws in self._draws(in_meshlets.meshlets, rows[:, :3, start : start + step], start, views.near):
                 self.marking(
                     self.seen,
-                    geometry=pieces,
+                    geometry=in_meshlets,
                     draws=draws,
                     state=State(depth="<", clamp=True, clips=clips),
                     near=views.near,
@@ -202,7 +202,7 @@ class MeshletDraw(Owner):
             seen=self.seen.textures[0],
             atlas=self.target.size,
             **views.uniforms,
-            **pieces.uniforms,
+            **in_meshlets.uniforms,
             **geometry.uniforms,
             **light.uniforms("scene"),
         )

@@ -11,7 +11,8 @@ import numpy as np
 from irrsplat.core.errors import InputError
 from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import listed, table_texture
+from irrsplat.gpu.target import table_texture
+from irrsplat.gpu.texel_table import table_rows
 from irrsplat.scene.bvh import build
 
 
@@ -86,11 +87,11 @@ def _tables(ctx: moderngl.Context, vertices: np.ndarray, faces: np.ndarray) -> _
     limit = int(ctx.info["GL_MAX_TEXTURE_SIZE"])
     if max(bvh.nodes[..., 0].size, len(vertices), len(faces)) > TABLE_COLUMNS * limit or limit < 3 * TABLE_COLUMNS:
         raise InputError(f"{len(faces)} triangles are too many to trace here: use --gather raster")
-    rows = listed(bvh.nodes.reshape(-1, 1, 4))
+    rows = table_rows(bvh.nodes.reshape(-1, 1, 4))
     nodes = ctx.texture((rows.shape[1], rows.shape[0]), 4, np.ascontiguousarray(rows).tobytes(), dtype="u4")
     nodes.filter = moderngl.NEAREST, moderngl.NEAREST
     leaves = np.concatenate([corners[bvh.order], faces[bvh.order, :, None]], axis=-1, dtype="f4")
     looks = np.zeros((len(vertices), 3, 4), "f4")
     looks[..., :3] = vertices[:, 3:].reshape(-1, 3, 3)
-    triangles, looks_texture = table_texture(ctx, listed(leaves)), table_texture(ctx, listed(looks))
+    triangles, looks_texture = table_texture(ctx, table_rows(leaves)), table_texture(ctx, table_rows(looks))
     return _Tables(corners, bvh.order, bvh.nodes.shape[1], bvh.grid, nodes, triangles, looks_texture)

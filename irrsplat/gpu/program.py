@@ -10,7 +10,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.gpu import shader_source
-from irrsplat.gpu.geometry import Geometry, Pieces
+from irrsplat.gpu.geometry import Geometry, MeshletGeometry
 from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.target import Target
 
@@ -103,7 +103,7 @@ class Program:
         target: Target,
         *,
         state: State = State(),
-        geometry: Geometry | Pieces | None = None,
+        geometry: Geometry | MeshletGeometry | None = None,
         draws: Sequence[Draw] | None = None,
         instances: int = 1,
         numbers: moderngl.Buffer | None = None,
@@ -177,7 +177,7 @@ class Program:
         for i in range(state.clips):
             ctx.enable_direct(CLIP_DISTANCE0 + i)
 
-    def _array(self, geometry: Geometry | Pieces | None, numbers: moderngl.Buffer | None) -> moderngl.VertexArray:
+    def _array(self, geometry: Geometry | MeshletGeometry | None, numbers: moderngl.Buffer | None) -> moderngl.VertexArray:
         key = id(geometry), id(numbers)
         if key not in self._arrays:
             content: list[Any] = []

@@ -7,17 +7,7 @@ from collections.abc import Sequence
 import moderngl
 import numpy as np
 
-from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gpu.resource import Owner, Resource
-
-
-def listed(things: np.ndarray) -> np.ndarray:
-    """Things (N, T, 4) of T texels each as rows of TABLE_COLUMNS of them, at least one row: (R, TABLE_COLUMNS·T, 4)."""
-    count, texels = things.shape[:2]
-    lines = max(-(-count // TABLE_COLUMNS), 1)
-    table = np.zeros((lines * TABLE_COLUMNS, texels, 4), things.dtype)
-    table[:count] = things
-    return table.reshape(lines, TABLE_COLUMNS * texels, 4)
 
 
 def float_texture(ctx: moderngl.Context, size: tuple[int, int], components: int = 4) -> moderngl.Texture:

@@ -1,4 +1,4 @@
-"""Numbered texels: a run of them in a texture, of which number i is texel (i % width, i // width), written or read alone."""
+"""Tables in textures: items by number, row after row. Laid out as an array, or written, read and copied in part on the GPU."""
 
 from __future__ import annotations
 
@@ -6,6 +6,20 @@ from collections.abc import Iterator
 
 import moderngl
 import numpy as np
+
+from irrsplat.core.glsl import TABLE_COLUMNS
+
+
+def table_rows(items: np.ndarray) -> np.ndarray:
+    """Items (N, T, 4) of T texels each laid out as a table, at least one row: (R, TABLE_COLUMNS·T, 4), zeros at the end."""
+    count, texels = items.shape[:2]
+    rows = max(-(-count // TABLE_COLUMNS), 1)
+    table = np.zeros((rows * TABLE_COLUMNS, texels, 4), items.dtype)
+    table[:count] = items
+    return table.reshape(rows, TABLE_COLUMNS * texels, 4)
+
+
+# ---- runs of texels: number i is texel (i % width, i // width) -----------------------------------------------------------
 
 
 def write(texture: moderngl.Texture, first: int, values: np.ndarray) -> None:
@@ -29,7 +43,7 @@ def read(ctx: moderngl.Context, texture: moderngl.Texture, first: int, last: int
 
 
 def copy(ctx: moderngl.Context, source: moderngl.Texture, target: moderngl.Texture) -> None:
-    """Copy all of one texture's rows into the first rows of another that is as wide and no less high, on the GPU."""
+    """Copy one texture into the first rows of another that is as wide and at least as high, on the GPU."""
     windows = [ctx.framebuffer([texture]) for texture in (target, source)]
     ctx.copy_framebuffer(*windows)
     for window in windows:
@@ -37,8 +51,10 @@ def copy(ctx: moderngl.Context, source: moderngl.Texture, target: moderngl.Textu
 
 
 def _boxes(first: int, count: int, width: int) -> Iterator[tuple[int, tuple[int, int, int, int]]]:
-    """The rectangles (x, y, width, height) that `count` texels from `first` on make up, each after the number of those before
-    it: the rest of a row, whole rows, and the begin of one."""
+    """The rectangles that `count` texels from `first` on make up: the rest of a row, whole rows, the start of a row.
+
+    Each as (number of texels before it, (x, y, width, height)).
+    """
     done = 0
     while done < count:
         y, x = divmod(first + done, width)

@@ -10,7 +10,8 @@ import numpy as np
 from irrsplat.core.buffers import TriangleOrder
 from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import listed, table_texture
+from irrsplat.gpu.target import table_texture
+from irrsplat.gpu.texel_table import table_rows
 
 
 class LookupTable(Owner):
@@ -22,10 +23,10 @@ class LookupTable(Owner):
 
     def __init__(self, ctx: moderngl.Context, rows: np.ndarray, cells: np.ndarray, most: int, order: np.ndarray) -> None:
         self._rows = rows
-        self.cells = table_texture(ctx, listed(cells))
+        self.cells = table_texture(ctx, table_rows(cells))
         self.values = table_texture(ctx, np.zeros((-(-most // TABLE_COLUMNS), TABLE_COLUMNS, 4)))
-        self.triangles = table_texture(ctx, listed(rows))
-        self.leaves = table_texture(ctx, listed(rows[order]))
+        self.triangles = table_texture(ctx, table_rows(rows))
+        self.leaves = table_texture(ctx, table_rows(rows[order]))
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
@@ -53,5 +54,5 @@ class LookupTable(Owner):
         rows[:, 0, :3] = corners[:, 0]
         rows[:, 1:, :3] = corners[:, 1:] - corners[:, :1]
         self._rows = rows
-        self.triangles.write(np.ascontiguousarray(listed(rows), "f4").tobytes())
-        self.leaves.write(np.ascontiguousarray(listed(rows[order]), "f4").tobytes())
+        self.triangles.write(np.ascontiguousarray(table_rows(rows), "f4").tobytes())
+        self.leaves.write(np.ascontiguousarray(table_rows(rows[order]), "f4").tobytes())

@@ -11,7 +11,8 @@ import numpy as np
 from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import Target, float_texture, listed
+from irrsplat.gpu.target import Target, float_texture
+from irrsplat.gpu.texel_table import table_rows
 
 _ROWS = 16  # of pairs in a batch
 
@@ -35,7 +36,7 @@ class VisibilityPass(Owner):
 
         rays: the uniforms of shaders/lib/bvh.glsl, as BvhTable.ray_uniforms has them.
         """
-        rows = listed(np.concatenate([lines, np.zeros((*lines.shape[:2], 1))], axis=-1, dtype="f4"))
+        rows = table_rows(np.concatenate([lines, np.zeros((*lines.shape[:2], 1))], axis=-1, dtype="f4"))
         self.lines.write(rows.tobytes(), viewport=(0, 0, 3 * TABLE_COLUMNS, len(rows)))
         self.program(self.target, scissor=(0, 0, TABLE_COLUMNS, len(rows)), lines=self.lines, **rays)
         seen: np.ndarray = np.frombuffer(self.target.textures[0].read(), "f4")[: len(lines)] > 0.5
