@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from irrsplat.image.statistics import Statistics
     from irrsplat.image.view import Progress
     from irrsplat.scene.model import Camera, Scene
+    from irrsplat.settings import SettingValues
 
 INTERRUPTED = 130
 
@@ -205,7 +206,7 @@ def _check_outputs(args: argparse.Namespace, names: Sequence[str], buffers: Sequ
     return "" in endings
 
 
-def _check_cache(path: str, scene: Scene, preset: str, values: dict[str, Any]) -> None:
+def _check_cache(path: str, scene: Scene, preset: str, values: SettingValues) -> None:
     """Raises InputError where a cache file cannot be written, or where the one that is there belongs to another scene or to other
     settings."""
     from irrsplat import settings

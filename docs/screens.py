@@ -11,8 +11,8 @@ import numpy as np
 from PIL import Image
 
 import irrsplat
+from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.preferences import Preferences
-from irrsplat.app.viewer.show.legend import SHOWINGS, TRUTHS
 from irrsplat.app.viewer.viewer import Viewer
 from irrsplat.app.viewer.window import open_window
 from irrsplat.scene.model import Camera
@@ -29,7 +29,7 @@ def settled(viewer: Viewer) -> None:
         viewer.frame(DT)
         if viewer.actions.session.at_rest:
             break
-    viewer.actions.messages.clear()
+    viewer.actions.messages.lines.clear()
     for _ in range(3):  # windows take their size from the frame before
         viewer.frame(DT)
 
@@ -63,12 +63,12 @@ def whole(viewer: Viewer) -> None:
     keep(viewer, "viewer/window")
     actions.panels.settings = False
     options.buffers[0], options.discs, options.points, options.inspect = "irradiance", True, True, True
-    viewer.mouse = (0.36 * LARGE[0], 0.3 * LARGE[1])
-    viewer.backend.mouse_position(*viewer.mouse)
+    viewer.controls.mouse = (0.36 * LARGE[0], 0.3 * LARGE[1])
+    viewer.backend.mouse_position(*viewer.controls.mouse)
     keep(viewer, "viewer/records")
     options.discs = options.points = options.inspect = False
     options.buffers[0] = "image"
-    viewer.on_mouse_position_event(-1, -1, 0, 0)
+    viewer.controls.mouse_moved(-1, -1, 0, 0)
     actions.session.split("buffers")
     options.buffers[1] = "weight"
     keep(viewer, "viewer/split_buffers")
@@ -83,7 +83,7 @@ def buffers(viewer: Viewer) -> None:
     actions = viewer.actions
     actions.panels.settings = actions.panels.hud = False
     settled(viewer)
-    for name in (name for name in SHOWINGS if name not in TRUTHS):
+    for name in (name for name, buffer in BUFFERS.items() if not buffer.needs_truth):
         if name == "asking":  # something must be left to ask for: two rounds only
             actions.clear()
             for _ in range(2):

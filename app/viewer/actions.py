@@ -1,164 +1,86 @@
-"""All that the viewer's keys and menus do, on a session, with what the user's folder remembers; it knows no window."""
+"""Everything that the viewer's keys and menus do, without knowing a window: a method an action, by the names that keys.py has."""
 
 from __future__ import annotations
 
 import os
-import time
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, fields, replace
+from collections.abc import Callable, Iterable
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
-import moderngl
 import numpy as np
 
 import irrsplat
-from irrsplat.app.viewer import preferences
+from irrsplat.app.viewer import preferences as stored
+from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.file_watch import FileWatch
 from irrsplat.app.viewer.input.keys import Key
-from irrsplat.app.viewer.session import SPLITS, Session, overrides
-from irrsplat.app.viewer.show.legend import SHOWINGS
-from irrsplat.core.errors import IrrsplatError
+from irrsplat.app.viewer.lamps import Lamps
+from irrsplat.app.viewer.messages import Messages
+from irrsplat.app.viewer.preferences import Preferences
+from irrsplat.app.viewer.session import Session, overrides
+from irrsplat.app.viewer.view_options import SPLITS, Panels, restore, saved
 from irrsplat.core.files import write_picture, write_text
 from irrsplat.gpu.program import Program
 from irrsplat.scene.camera_path import camera_flags, camera_line, load_path, path_text
-from irrsplat.scene.model import Camera, Light, Scene
+from irrsplat.scene.model import Camera
 
-_SHOWN = 4.0  # seconds that a message stays
-
-
-@dataclass
-class Panels:
-    """Which windows of the interface are open."""
-
-    settings: bool = True
-    lights: bool = False
-    hud: bool = True
-    help: bool = False
-    open: bool = False
-    hidden: bool = False
-
-
-@dataclass(frozen=True)
-class Message:
-    """A line for the user; `error` ones stay until they are mended or closed, a new one of the same topic takes its place."""
-
-    text: str
-    until: float
-    error: bool = False
-    topic: str = ""
-
-
-@dataclass
-class Lamp:
-    """A light of the scene as it is set: `light` at its place in its full colour, brighter by `stops`, or off."""
-
-    light: Light
-    stops: float = 0.0
-    on: bool = True
-
-    @property
-    def shone(self) -> Light:
-        """The light that the scene gets."""
-        red, green, blue = self.light.color
-        gain = 2.0**self.stops if self.on else 0.0
-        return replace(self.light, color=(red * gain, green * gain, blue * gain))
+_STOPS = 64.0  # the greatest exposure, up and down
 
 
 class Actions:
-    """The viewer without its window. source: what the scene was loaded from. copy: takes text to the clipboard.
+    """What a user does to a session. source: what its scene was loaded from. preferences: how the viewer was left last time.
 
-    others: further programs that F5 reads again.
+    copy: takes text to the clipboard. other_programs: what F5 reads again besides the session's shaders.
     """
 
     def __init__(
         self,
-        ctx: moderngl.Context,
-        scene: Scene,
+        session: Session,
         source: str,
-        size: tuple[int, int],
-        remembered: preferences.Preferences,
-        camera: Camera | None = None,
+        preferences: Preferences,
         copy: Callable[[str], None] = lambda text: None,
+        other_programs: Callable[[], Iterable[Program]] = lambda: (),
     ) -> None:
-        self.preferences, self.source, self.copy = remembered, source, copy
-        self.session = Session(ctx, scene, size, remembered.preset, remembered.values, camera)
-        self.others: tuple[Program, ...] = ()
-        self.panels = Panels()
-        self._restore(remembered.ui)
-        self.side = 0  # that keys and panels are about
-        self._as_loaded = scene.lights
-        self.lamps = [Lamp(light) for light in scene.lights]
-        self.lamp = 0  # the one picked from the list
-        self.messages: list[Message] = []
-        self.shot: Literal["", "whole", "bare"] = ""  # a screenshot that is wanted
+        self.session, self.source, self.preferences = session, source, preferences
+        self._copy, self._other_programs = copy, other_programs
+        self.panels, self.messages = Panels(), Messages()
+        restore(preferences.ui, session.options, self.panels)
+        self.side = 0  # that keys and panels change
+        self.lamps = Lamps(session.scene)
+        self.file_watch = FileWatch(session.scene.files)
+        self.bookmarks = stored.bookmarks(source)
+        self.screenshot_wanted: Literal["", "window", "bare"] = ""
+        self.fullscreen_wanted = preferences.fullscreen
         self.quitting = False
-        self.wants_fullscreen = remembered.fullscreen
-        self.bookmarks = preferences.bookmarks(source)
-        self.watch = FileWatch(scene.files)
-        remembered.opened(source)
-
-    # ---- messages and memory ---------------------------------------------------------------------------------------
-
-    def say(self, text: object, error: bool = False, topic: str = "") -> None:
-        """Show a line for a moment, instead of the last one of its `topic`; an error until it is closed."""
-        line = " ".join(str(text).split())
-        self.messages = [m for m in self.messages if m.text != line and (not topic or m.topic != topic)][-4:]
-        self.messages.append(Message(line, time.monotonic() + _SHOWN, error, topic))
-
-    def tidy(self) -> None:
-        """Drop the messages whose time is over."""
-        self.messages = [m for m in self.messages if m.error or m.until > time.monotonic()]
-
-    def remember(self, size: tuple[int, int] | None, fullscreen: bool) -> str | None:
-        """Keep what is set now for the next time; None, or one line that tells what went wrong."""
-        renderer, options = self.session.renderers[0], self.session.options
-        self.preferences.size, self.preferences.fullscreen = size or self.preferences.size, fullscreen
-        self.preferences.preset, self.preferences.values = renderer.preset, overrides(renderer.preset, renderer.settings)
-        kept = {f: getattr(options, f) for f in ("points", "discs", "normals", "by_age", "sites", "wire")}
-        panels = {k: v for k, v in asdict(self.panels).items() if k not in ("help", "open", "hidden")}
-        self.preferences.ui = {"look": kept, "panels": panels}
-        return preferences.save(self.preferences)
-
-    def _restore(self, ui: dict[str, Any]) -> None:
-        for name, target in (("look", self.session.options), ("panels", self.panels)):
-            values = ui.get(name)
-            for one in fields(target):
-                value = values.get(one.name) if isinstance(values, dict) else None
-                if isinstance(value, bool) and isinstance(getattr(target, one.name), bool):
-                    setattr(target, one.name, value)
-
-    # ---- what keys and menus do ------------------------------------------------------------------------------------
+        preferences.opened(source)
 
     def press(self, key: Key) -> None:
-        """Do what a key is for; whatever goes wrong becomes a message."""
+        """Do what a key is for; what goes wrong becomes a message."""
         method = getattr(self, key.action)
-        self.trying(lambda: method() if key.argument is None else method(key.argument))
+        self.attempt(method if key.argument is None else lambda: method(key.argument))
 
-    def trying(self, act: Callable[[], object]) -> bool:
-        """Do it; whether it went well. What goes wrong becomes a message."""
-        try:
-            act()
-        except (IrrsplatError, OSError) as error:
-            self.say(error, error=True)
-            return False
-        return True
+    def say(self, text: object, error: bool = False, topic: str = "") -> None:
+        """Show a message."""
+        self.messages.say(text, error, topic)
 
-    def show(self, name: str) -> None:
-        """Show a buffer on the side at hand."""
-        self.session.options.buffers[self.side if self.session.options.split != "off" else 0] = name
-        self.say(SHOWINGS[name].title, topic="show")
+    def attempt(self, act: Callable[[], object]) -> bool:
+        """Call `act`; whether it succeeded. What goes wrong becomes a message."""
+        return self.messages.attempt(act)
 
-    def toggle(self, name: str) -> None:
-        """Turn an overlay or a panel on or off."""
-        target: Any = self.panels if hasattr(self.panels, name) else self.session.options
-        setattr(target, name, not getattr(target, name))
-        if name == "inspect":
-            self.session.held = None
+    def save_preferences(self, size: tuple[int, int] | None, fullscreen: bool) -> str | None:
+        """Keep what is set now for the next time; None, or one line that tells what went wrong."""
+        renderer, preferences = self.session.renderers[0], self.preferences
+        preferences.size, preferences.fullscreen = size or preferences.size, fullscreen
+        preferences.preset, preferences.values = renderer.preset, overrides(renderer.preset, renderer.settings)
+        preferences.ui = saved(self.session.options, self.panels)
+        return stored.save(preferences)
+
+    # ---- camera ----------------------------------------------------------------------------------------------------
 
     def home(self) -> None:
-        """Back to the first camera."""
+        """Go back to the first camera."""
         self.stop()
         self.session.free_camera.home()
 
@@ -168,27 +90,27 @@ class Actions:
         self.session.free_camera.go(camera)
 
     def copy_line(self) -> None:
-        """The camera as a line of a .scene, to the clipboard."""
-        self.copy(camera_line(self.session.camera))
+        """Copy the camera as a line of a .scene to the clipboard."""
+        self._copy(camera_line(self.session.camera))
         self.say("the camera is in the clipboard, as a line of a .scene")
 
     def copy_flags(self) -> None:
-        """The camera as flags of the command line, to the clipboard."""
-        self.copy(camera_flags(self.session.camera))
+        """Copy the camera as flags of the command line to the clipboard."""
+        self._copy(camera_flags(self.session.camera))
         self.say("the camera is in the clipboard, as flags of irrsplat render")
 
     def bookmark(self) -> None:
-        """Keep the camera for this scene."""
+        """Keep the camera as a bookmark of this scene."""
         taken = {b.name for b in self.bookmarks}
         name = next(n for n in (f"bookmark {i}" for i in range(1, len(taken) + 2)) if n not in taken)
-        self._keep([*self.bookmarks, replace(self.session.camera, name=name)], f"{name} is kept")
+        self._keep_bookmarks([*self.bookmarks, replace(self.session.camera, name=name)], f"{name} is kept")
 
     def forget(self, bookmark: Camera) -> None:
-        """Let go of a bookmark."""
-        self._keep([b for b in self.bookmarks if b != bookmark], f"{bookmark.name} is gone")
+        """Delete a bookmark."""
+        self._keep_bookmarks([b for b in self.bookmarks if b != bookmark], f"{bookmark.name} is gone")
 
-    def _keep(self, bookmarks: list[Camera], said: str) -> None:
-        problem = preferences.set_bookmarks(self.source, bookmarks)
+    def _keep_bookmarks(self, bookmarks: list[Camera], said: str) -> None:
+        problem = stored.set_bookmarks(self.source, bookmarks)
         self.bookmarks = bookmarks
         self.say(problem or said, error=problem is not None)
 
@@ -217,76 +139,116 @@ class Actions:
         if camera is not None:
             self.session.free_camera.go(camera)
 
-    def escape(self) -> None:
-        """Stop playing, let go of a record, close the sheet."""
-        self.stop()
-        self.session.held = None
-        self.panels.help = self.panels.open = False
+    # ---- what is shown -----------------------------------------------------------------------------------------------
+
+    def show(self, name: str) -> None:
+        """Show a buffer on the side that keys change."""
+        options = self.session.options
+        options.buffers[self.side if options.split != "off" else 0] = name
+        self.say(BUFFERS[name].title, topic="show")
+
+    def is_on(self, name: str) -> bool:
+        """Whether the overlay or panel of this name is on."""
+        return bool(getattr(self.panels if hasattr(self.panels, name) else self.session.options, name))
+
+    def toggle(self, name: str) -> None:
+        """Turn an overlay or a panel on or off."""
+        setattr(self.panels if hasattr(self.panels, name) else self.session.options, name, not self.is_on(name))
+        if name == "inspect":
+            self.session.held = None
+
+    def split(self) -> None:
+        """Split the view the next way."""
+        way = SPLITS[(SPLITS.index(self.session.options.split) + 1) % len(SPLITS)]
+        self.session.split(way)
+        self.say({"off": "one picture", "buffers": "two buffers", "presets": "two presets"}[way], topic="split")
+
+    def swap_preset(self) -> None:
+        """Switch between the paper's algorithm and ours, on the side that keys change."""
+        name = "default" if self.session.settings(self.side)[0] == "paper" else "paper"
+        self.session.use_preset(self.side, name)
+        self.say(f"preset {name}", topic="preset")
+
+    def trace(self) -> None:
+        """Trace the truth of the view in the background, or stop that."""
+        session = self.session
+        bounces = session.settings(self.side)[1].bounces
+        self.say(session.truths.toggle(session.scene, session.camera, session.size, bounces), topic="truth")
+
+    def collect_truth(self) -> None:
+        """Take the truth that was traced meanwhile."""
+        self.attempt(lambda: self.session.truths.collect(self.session.scene, self.say))
+
+    def darker(self) -> None:
+        """Expose by half a stop less."""
+        self._expose(-0.5)
+
+    def brighter(self) -> None:
+        """Expose by half a stop more."""
+        self._expose(0.5)
+
+    def _expose(self, step: float) -> None:
+        now = self.session.exposure if np.isfinite(self.session.exposure) else 0.0
+        self.session.change(self.side, exposure=float(np.clip(round(2.0 * (now + step)) / 2.0, -_STOPS, _STOPS)))
+        self.say(f"exposure {self.session.settings(self.side)[1].exposure:+.1f} stops", topic="exposure")
+
+    def auto_exposure(self) -> None:
+        """Let the exposure follow the picture."""
+        self.session.change(self.side, exposure="auto")
+        self.say("exposure auto", topic="exposure")
 
     def step(self) -> None:
-        """Freeze, and gather one round."""
+        """Freeze the cache, and gather one round."""
         self.session.step()
 
     def clear(self) -> None:
         """Forget all records."""
         self.session.clear()
 
-    def split(self) -> None:
-        """The next way to split the view."""
-        way = SPLITS[(SPLITS.index(self.session.options.split) + 1) % len(SPLITS)]
-        self.session.split(way)
-        self.say({"off": "one picture", "buffers": "two buffers", "presets": "two presets"}[way], topic="split")
+    def relight(self) -> None:
+        """Light the scene by the lamps as they are set now: records are gathered again in place."""
+        self.attempt(lambda: self.session.relight(self.lamps.lights))
 
-    def swap_preset(self) -> None:
-        """Between the paper's algorithm and ours, on the side at hand."""
-        name = "default" if self.session.settings(self.side)[0] == "paper" else "paper"
-        self.session.use(self.side, name)
-        self.say(f"preset {name}", topic="preset")
+    # ---- the window --------------------------------------------------------------------------------------------------
 
-    def trace(self) -> None:
-        """Trace the truth of the view in the background, or stop that."""
-        on = self.session
-        self.say(on.truths.toggle(on.scene, on.camera, on.size, on.settings(self.side)[1].bounces), topic="truth")
-
-    def darker(self) -> None:
-        """Half a stop less."""
-        self._expose(-0.5)
-
-    def brighter(self) -> None:
-        """Half a stop more."""
-        self._expose(0.5)
-
-    def _expose(self, step: float) -> None:
-        now = self.session.exposure if np.isfinite(self.session.exposure) else 0.0
-        self.session.change(self.side, exposure=float(np.clip(round(2.0 * (now + step)) / 2.0, -64.0, 64.0)))
-        self.say(f"exposure {self.session.settings(self.side)[1].exposure:+.1f} stops", topic="exposure")
-
-    def auto_exposure(self) -> None:
-        """The exposure follows the picture."""
-        self.session.change(self.side, exposure="auto")
-        self.say("exposure auto", topic="exposure")
+    def escape(self) -> None:
+        """Stop playing, let go of a record, close help and dialog."""
+        self.stop()
+        self.session.held = None
+        self.panels.help = self.panels.open = False
 
     def fullscreen(self) -> None:
-        """Fullscreen or not."""
-        self.wants_fullscreen = not self.wants_fullscreen
-
-    def screenshot(self) -> None:
-        """The window as it is, and every buffer."""
-        self.shot = "whole"
-
-    def screenshot_bare(self) -> None:
-        """The picture without the interface, and every buffer."""
-        self.shot = "bare"
-
-    def open_dialog(self) -> None:
-        """Ask for a scene."""
-        self.panels.open = True
+        """Switch to fullscreen or back."""
+        self.fullscreen_wanted = not self.fullscreen_wanted
 
     def quit(self) -> None:
         """Close the window."""
         self.quitting = True
 
-    # ---- scenes, lights, pictures ----------------------------------------------------------------------------------
+    def screenshot(self) -> None:
+        """Write the window as it is, and every buffer."""
+        self.screenshot_wanted = "window"
+
+    def screenshot_bare(self) -> None:
+        """Write the picture without the interface, and every buffer."""
+        self.screenshot_wanted = "bare"
+
+    def save_screenshot(self, picture: np.ndarray) -> None:
+        """Write the picture (H, W, 3), display values 0..1, as PNG and the left side's buffers as EXR, where the program runs."""
+        name = Path(_stamped("irrsplat", self.session.scene.name, ".png"))
+
+        def write() -> None:
+            write_picture(name, picture)
+            self.session.frame().save(name.with_suffix(".exr"))
+
+        if self.attempt(write):
+            self.say(f"{name} and .exr are written to {os.getcwd()}")
+
+    # ---- scenes ------------------------------------------------------------------------------------------------------
+
+    def open_dialog(self) -> None:
+        """Ask for a scene."""
+        self.panels.open = True
 
     def open(self, source: str) -> None:
         """Show the scene at a path, or play the .path there."""
@@ -295,52 +257,28 @@ class Actions:
             self.session.path_recorder.play()
             return
         self._load(source, keep_camera=False)
-        self.source, self.bookmarks = source, preferences.bookmarks(source)
+        self.source, self.bookmarks = source, stored.bookmarks(source)
         self.preferences.opened(source)
         self.panels.open = False
 
     def _load(self, source: str, keep_camera: bool) -> None:
         scene = irrsplat.load(source)
         self.session.open(scene, keep_camera)
-        self._as_loaded, self.watch = scene.lights, FileWatch(scene.files)
-        self.lamps, self.lamp = [Lamp(light) for light in scene.lights], 0
-        self.messages = [m for m in self.messages if not m.error]
+        self.lamps, self.file_watch = Lamps(scene), FileWatch(scene.files)
+        self.messages.close_errors()
         for notice in scene.notices:
             self.say(notice)
 
     def reload(self) -> None:
-        """Read shaders and scene again; the camera stays. What is wrong is told, and the last good ones go on."""
-        self.session.reload_shaders(*self.others)
+        """Read shaders and scene again; the camera stays. Where one of them is wrong, the last good ones go on."""
+        self.session.reload_shaders(*self._other_programs())
         self._load(self.source, keep_camera=True)
         self.say("shaders and scene are read again")
 
-    def look_after_files(self) -> None:
+    def reload_changed_files(self) -> None:
         """Load the scene again where one of its files has changed."""
-        if self.watch.changed() and self.trying(lambda: self._load(self.source, keep_camera=True)):
+        if self.file_watch.changed() and self.attempt(lambda: self._load(self.source, keep_camera=True)):
             self.say("the scene has changed, and is read again")
-
-    def look_after_truth(self) -> None:
-        """Take the truth that was traced meanwhile."""
-        self.trying(lambda: self.session.truths.collect(self.session.scene, self.say))
-
-    def loaded(self, number: int) -> Lamp:
-        """A lamp as the scene's file has it."""
-        return Lamp(self._as_loaded[number])
-
-    def relight(self) -> None:
-        """The lamps have changed: records are gathered again in place."""
-        self.trying(lambda: self.session.relight([lamp.shone for lamp in self.lamps]))
-
-    def save_shot(self, picture: np.ndarray) -> None:
-        """Write the picture (H, W, 3), display values 0..1, as PNG and the left side's buffers as EXR, where the program runs."""
-        name = Path(_stamped("irrsplat", self.session.scene.name, ".png"))
-
-        def write() -> None:
-            write_picture(name, picture)
-            self.session.frame().save(name.with_suffix(".exr"))
-
-        if self.trying(write):
-            self.say(f"{name} and .exr are written to {os.getcwd()}")
 
 
 def _stamped(kind: str, scene: str, ending: str) -> str:

@@ -1,4 +1,4 @@
-"""The viewer's cache file: its records are there when the window opens, and kept when it closes."""
+"""The viewer's cache file: its records are there when the window opens, and are kept when it closes."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from irrsplat.core.errors import IrrsplatError
 
 
 class CacheFile:
-    """Keeps the records of the scene on a actions in the file at `path`, those of the left side where there are two.
+    """Keeps a session's records in the file at `path`, those of the left side where there are two.
 
     Raises InputError where there is a file that is not for this scene and these settings.
     """
@@ -22,14 +22,14 @@ class CacheFile:
     def save(self) -> str | None:
         """Write the file anew; None, or one line: why it stays as it was.
 
-        It belongs to the scene that was opened first, as that is lit by its own files; and nothing does not take its place.
+        It belongs to the scene that was opened first as its own files light it, and an empty cache never replaces it.
         """
         actions, renderer = self.actions, self.actions.session.renderers[0]
         if not renderer.cache.count:
             return None
         if actions.source != self.source:
             return f"{self.path}: not written, since another scene was opened"
-        if any(lamp != actions.loaded(number) for number, lamp in enumerate(actions.lamps)):
+        if actions.lamps.changed:
             return f"{self.path}: not written, since the lights are no longer the scene's own"
         try:
             renderer.save_cache(self.path)

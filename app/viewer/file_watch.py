@@ -1,4 +1,4 @@
-"""Watches a few files for changes, by looking at them now and then."""
+"""Watches a few files for changes by looking at their times and sizes twice a second."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _STILL = 0.2  # seconds that a file must have been left alone: an editor may wri
 
 
 class FileWatch:
-    """Of `files` (paths), those that are missing now count as changed when they appear."""
+    """Watches `files` (paths); one that is missing now counts as changed when it appears."""
 
     def __init__(self, files: Sequence[str]) -> None:
         self._files = tuple(files)
@@ -31,13 +31,13 @@ class FileWatch:
         return tuple(one(path) for path in self._files)
 
     def changed(self) -> bool:
-        """Whether a file has another time or size than at the last change told; looked up twice a second at most."""
+        """Whether a file has changed since the last time that this was true."""
         if time.monotonic() < self._next:
             return False
         self._next = time.monotonic() + _EVERY
         state = self._state()
         fresh = [f for f, k in zip(state, self._known, strict=True) if f != k]
         if not fresh or any(f is None or time.time() - f[0] * 1e-9 < _STILL for f in fresh):
-            return False  # nothing, or somebody is at it
+            return False  # nothing has changed, or a file is being written
         self._known = state
         return True

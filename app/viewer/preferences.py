@@ -1,4 +1,4 @@
-"""What the viewer remembers from one session to the next, as JSON in the user's configuration folder: choices and bookmarks."""
+"""What the viewer remembers from one run to the next, as JSON in the user's configuration folder: choices and bookmarks."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import platformdirs
 
@@ -18,7 +18,7 @@ from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.core.files import write_text
 from irrsplat.scene import Camera, bundled
 from irrsplat.scene.io.lines import GREATEST, quote
-from irrsplat.settings import PRESETS, SETTINGS, present_name
+from irrsplat.settings import PRESETS, SETTINGS, SettingValues, present_name
 
 VERSION = 1  # of both files
 RECENT = 10  # scenes
@@ -28,7 +28,9 @@ _CHOICES, _BOOKMARKS = "viewer.json", "bookmarks.json"
 
 @dataclass
 class Preferences:
-    """size: of the window, pixels. values: the settings that differ from the preset. ui: panels shown and such, plain JSON.
+    """How the viewer was left last time.
+
+    size: of the window, pixels. values: the settings that differ from the preset. ui: what else is on, plain JSON.
 
     recent: scenes, newest first, at most RECENT, each an absolute path or a bundled scene's name.
     """
@@ -36,18 +38,18 @@ class Preferences:
     size: tuple[int, int] | None = None
     fullscreen: bool = False
     preset: str = "default"
-    values: dict[str, Any] = field(default_factory=dict)
-    ui: dict[str, Any] = field(default_factory=dict)
+    values: SettingValues = field(default_factory=SettingValues)
+    ui: dict[str, object] = field(default_factory=dict)
     recent: list[str] = field(default_factory=list)
 
     def opened(self, source: str) -> None:
-        """Put the scene at a path, or the bundled one of that name, in front of the recent ones."""
+        """Put a scene (a path, or a bundled one's name) in front of the recent ones."""
         newest = _key(source, os.path.abspath)
         self.recent = [newest, *(other for other in self.recent if other != newest)][:RECENT]
 
 
 def folder() -> Path:
-    """Where the files lie: what IRRSPLAT_CONFIG names, else the user's configuration folder; IrrsplatError where none is."""
+    """The folder of both files: what IRRSPLAT_CONFIG names, else the user's own; IrrsplatError where there is none."""
     if named := os.environ.get("IRRSPLAT_CONFIG"):
         return Path(named)
     found = platformdirs.user_config_path("irrsplat", appauthor=False)
@@ -59,14 +61,14 @@ def folder() -> Path:
 def load() -> tuple[Preferences, list[str]]:
     """What was saved last, and notices, one line each, of what is wrong in either file and was dropped; never raises.
 
-    A file that is damaged or of another version is renamed to ``….broken``, and defaults stand in. A missing one is no news.
+    A file that is damaged or of another version is renamed to ``….broken``, and defaults are used. A missing one gives no notice.
     """
     notices: list[str] = []
     preferences = _checked(_peek(_CHOICES, notices), notices)
     for key, entries in _peek(_BOOKMARKS, notices).get("scenes", {}).items():
         if len(_cameras(entries)) != (len(entries) if isinstance(entries, list) else -1):
             notices.append(f"{_BOOKMARKS}: some bookmarks of {quote(key)} are damaged; left out")
-    return preferences, list(dict.fromkeys(notices))  # where no folder is, that is said once
+    return preferences, list(dict.fromkeys(notices))  # a missing folder would be told twice
 
 
 def save(preferences: Preferences) -> str | None:
@@ -82,7 +84,7 @@ def bookmarks(scene_path: str) -> list[Camera]:
 def set_bookmarks(scene_path: str, cameras: Sequence[Camera]) -> str | None:
     """Keep `cameras` for that scene instead of those before; the answer is as `save`'s.
 
-    Those of the other scenes stay as they are in the file by now, whichever viewer wrote them.
+    Those of other scenes stay as the file has them now, since another viewer may have written them meanwhile.
     """
     key = _key(scene_path)
     points = ("eye", "target", "up")
@@ -104,7 +106,7 @@ def _peek(name: str, notices: list[str]) -> dict[str, Any]:
 def _read(path: Path) -> tuple[dict[str, Any], list[str]]:
     """The object in a file, and notices; {} where there is no file, or a damaged one, which is then renamed.
 
-    Raises IrrsplatError where the file can neither be read nor renamed: nobody may write over it.
+    Raises IrrsplatError where the file can neither be read nor renamed, so that it is not overwritten.
     """
     try:
         data = json.loads(path.read_bytes().decode("utf-8-sig"))
@@ -131,7 +133,7 @@ def _read(path: Path) -> tuple[dict[str, Any], list[str]]:
 
 
 def _write(name: str, change: Callable[[dict[str, Any]], dict[str, Any]]) -> str | None:
-    """Put `change` of what a file holds by now in its place, whole or not at all."""
+    """Replace what a file holds now by `change` of it, completely or not at all; the answer is as `save`'s."""
     try:
         path = folder() / name
         data, notices = _read(path)
@@ -161,10 +163,11 @@ def _checked(data: dict[str, Any], notices: list[str]) -> Preferences:
     wrong = [(f"'{name}'", given[name]) for name, good in _GOOD.items() if not good(given[name])]
     given = {name: value if _GOOD[name](value) else defaults[name] for name, value in given.items()}
     preferences = Preferences(**given | {"size": given["size"] and tuple(given["size"]), "values": {}, "recent": []})
+    values: dict[str, object] = {}
     for name, value in given["values"].items():
         try:
             name = present_name(name)
-            preferences.values[name] = SETTINGS[name].check(value)
+            values[name] = SETTINGS[name].check(value)
         except (InputError, OverflowError):
             wrong.append((f"setting {quote(name)}", value))
     for source in given["recent"]:
@@ -172,12 +175,13 @@ def _checked(data: dict[str, Any], notices: list[str]) -> Preferences:
             wrong.append(("a recent scene", source))
         elif source not in preferences.recent and len(preferences.recent) < RECENT:
             preferences.recent.append(source)
+    preferences.values = cast(SettingValues, values)
     notices += [f"{_CHOICES}: {what} cannot be {reprlib.repr(value)}; left out" for what, value in wrong]
     return preferences
 
 
 def _cameras(entries: Any) -> list[Camera]:
-    """The cameras of a list of them; what is none is left out."""
+    """The cameras of a JSON list; entries that are not cameras are left out."""
     found = []
     for entry in entries if isinstance(entries, list) else []:
         with suppress(InputError, KeyError, TypeError, ValueError):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import moderngl_window
@@ -20,7 +20,7 @@ _NO_DISPLAY = (
 
 
 def open_window(size: tuple[int, int], headless: bool = False) -> BaseWindow:
-    """A window with an OpenGL 3.3 context, current. headless: without a display, for tests; events are then made by hand.
+    """A window with an OpenGL 3.3 context, current. headless: without a display, for tests; events are then made by calls.
 
     Raises GLError, one line, where there is no display or no OpenGL 3.3.
     """
@@ -44,9 +44,9 @@ def open_window(size: tuple[int, int], headless: bool = False) -> BaseWindow:
 
 
 class Desktop:
-    """What moderngl-window leaves out of glfw: the clipboard, dropped files, focus, the monitor's scale, waiting.
+    """What moderngl-window leaves out of glfw: clipboard, dropped files, focus, the monitor's scale, waiting for events.
 
-    On a headless window nothing comes in, and the clipboard is `text`.
+    On a headless window no events come, and the clipboard is `text`.
     """
 
     def __init__(self, wnd: BaseWindow) -> None:
@@ -64,13 +64,13 @@ class Desktop:
     def listen(
         self, dropped: Callable[[list[str]], None], focused: Callable[[bool], None], scaled: Callable[[float], None]
     ) -> None:
-        """Call these when files are dropped, the keyboard comes or goes, or the window comes to a monitor of another scale."""
+        """Set what is called when files are dropped, the keyboard focus changes, or the monitor's scale does."""
         if self._window is None:
             return
         import glfw
 
-        def drop(window: Any, paths: Any) -> None:
-            dropped([str(path) for path in paths])
+        def drop(window: object, paths: Sequence[str]) -> None:
+            dropped(list(paths))
 
         glfw.set_drop_callback(self._window, drop)  # type: ignore[arg-type]  # its stubs have C's signature
         glfw.set_window_focus_callback(self._window, lambda _, has: focused(bool(has)))
@@ -78,7 +78,7 @@ class Desktop:
 
     @property
     def scale(self) -> float:
-        """How much larger than on a plain monitor things are to be drawn, 1 or more."""
+        """How much larger than on a plain monitor text and widgets are drawn, 1 or more."""
         if self._window is None:
             return 1.0
         import glfw
@@ -86,7 +86,7 @@ class Desktop:
         return max(1.0, float(glfw.get_window_content_scale(self._window)[0]))
 
     def wait(self, seconds: float) -> None:
-        """Sleep until something happens to the window, at most so long."""
+        """Sleep until the window gets an event, at most so many seconds."""
         if self._window is not None:
             import glfw
 

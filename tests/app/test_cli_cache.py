@@ -195,7 +195,7 @@ def elsewhere(shown: viewer.Viewer) -> None:
 
 def relit(shown: viewer.Viewer) -> None:
     shown.frame(0.1)
-    shown.actions.lamps[0].stops = 1.0
+    shown.actions.lamps.all[0].stops = 1.0
     shown.actions.relight()
     settle(shown)
 

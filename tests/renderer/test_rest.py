@@ -99,7 +99,7 @@ def test_what_a_picture_does_not_depend_on_leaves_the_samples(driver: Driver, sp
         assert session.at_rest and session.views[0].samples == SAMPLES
     assert spied["image/accumulate"] == spied["image/gbuffer"] == 0
     actions.toggle("frozen")
-    actions.lamps[0].stops = 1.0
+    actions.lamps.all[0].stops = 1.0
     moves: tuple[Any, ...] = (
         lambda: session.change(0, blend=0.7),
         actions.relight,
@@ -126,12 +126,12 @@ def test_the_means_are_shown_and_read(driver: Driver, name: str) -> None:
     """What is shown, and the value under the cursor, are the samples' means: those of the frame, at edges too."""
     driver.actions.show(name)
     settle(driver)
-    session, view = driver.session, driver.session.views[0]
+    session = driver.session
     values = getattr(session.frame(), name)
     once = getattr(read(session._centres[0], session.scene.sky, session.renderers[0].cache.read(), {}), name)
     assert name == "emission" or np.abs(values - once).max() > 0.1 * values.mean()
     y, x = np.unravel_index(np.argmax(np.abs(values - once).sum(-1)), values.shape[:2])
-    found = session.buffer_view.value(name, view, int(x), int(y))
+    found = driver.display.buffer_view.value(name, session.source(0), int(x), int(y))
     if np.isfinite(session.frame().depth[y, x]):
         assert found is not None and np.allclose(found, values[y, x], rtol=1e-5, atol=1e-6)
     shown = driver.canvas().astype(int)
@@ -166,7 +166,7 @@ def test_at_rest_nothing_is_drawn_but_the_interface(driver: Driver, spied: Count
         driver.move(80, 60)
     elif case == "auto":
         actions.auto_exposure()
-    assert idle(driver, spied) == {"viewer/buffers/copy": 5}
+    assert idle(driver, spied) == {"viewer/copy": 5}
 
 
 def test_a_flight_over_what_was_seen_makes_nothing(driver: Driver, spied: Counter[str]) -> None:

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Event
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 import pytest
@@ -16,19 +16,31 @@ from imgui_bundle import imgui
 from moderngl_window.context.base import KeyModifiers
 
 import irrsplat
-from irrsplat.app.viewer import preferences
-from irrsplat.app.viewer.actions import Actions, Panels
+from irrsplat.app.viewer.actions import Actions
+from irrsplat.app.viewer.buffers.buffer_view import BufferView
+from irrsplat.app.viewer.buffers.shown_buffer import ViewSource
 from irrsplat.app.viewer.input.keys import GROUPS, KEYS
 from irrsplat.app.viewer.input.path_recorder import PathRecorder
-from irrsplat.app.viewer.session import Session, ViewOptions
+from irrsplat.app.viewer.preferences import Preferences
+from irrsplat.app.viewer.session import Session
+from irrsplat.app.viewer.show.display import Display
+from irrsplat.app.viewer.show.screen import Region
+from irrsplat.app.viewer.view_options import Panels, ViewOptions
 from irrsplat.app.viewer.viewer import Viewer
 from irrsplat.app.viewer.window import open_window
+from irrsplat.gpu import context
+from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.target import Target
+from irrsplat.image.frame import Frame
+from irrsplat.image.tonemap import exposure_of
+from irrsplat.image.view import read
 from irrsplat.reference import worker
+from irrsplat.renderer import Renderer
 from irrsplat.scene.model import Camera, Scene
-from irrsplat.settings import preset
+from irrsplat.settings import SettingValues, preset
 
 SIZE = (320, 240)
-FAST: dict[str, Any] = {
+FAST: SettingValues = {
     "bounces": 1,
     "gather_size": 8,
     "shadow_size": 64,
@@ -71,6 +83,47 @@ def write_room(folder: Path) -> Path:
 
 
 @dataclass(frozen=True)
+class ShownView(Owner):
+    """A renderer's view as the viewer shows it, and the same as arrays."""
+
+    source: ViewSource
+    frame: Frame
+    buffer_view: BufferView
+
+    def owned(self) -> tuple[Resource, ...]:
+        return (self.renderer, self.buffer_view)
+
+    @property
+    def renderer(self) -> Renderer:
+        return self.source.renderer
+
+    @property
+    def seen(self) -> np.ndarray:
+        """(H, W) where the camera sees something."""
+        return np.isfinite(self.frame.depth)
+
+    def draw(self, target: Target, name: str, region: Region | None = None) -> np.ndarray:
+        """The picture (H, W, 3) of a buffer, top row first."""
+        self.buffer_view.draw(target, name, self.source, region)
+        return target.read()[..., :3]
+
+    def value(self, name: str, x: int, y: int) -> np.ndarray | None:
+        """The value of a buffer at a pixel."""
+        return self.buffer_view.value(name, self.source, x, y)
+
+
+def shown_view(scene: Scene, rounds: int = 2, size: tuple[int, int] = (97, 61), **settings: object) -> ShownView:
+    """The first camera's view after so many rounds of gathering, in the shared context."""
+    quick: dict[str, Any] = {"bounces": 1, "gather_size": 16, "shadow_size": 128} | settings
+    renderer = Renderer(scene, size, ctx=context.shared(), **quick)
+    for _ in range(rounds):
+        renderer.frame()
+    view, _ = renderer.frame(gather=False)
+    frame = read(view, scene.sky, renderer.cache.read(), {})
+    return ShownView(ViewSource(renderer, view, exposure_of(frame.image)), frame, BufferView(renderer.ctx))
+
+
+@dataclass(frozen=True)
 class Widget:
     """What a widget is, as imgui calls it, and where it lies without the label beside it.
 
@@ -90,8 +143,9 @@ class Widget:
 class Driver:
     """A Viewer, and what a user does with it. Every frame is checked for OpenGL errors."""
 
-    def __init__(self, viewer: Viewer) -> None:
+    def __init__(self, viewer: Viewer, values: SettingValues) -> None:
         self.viewer, self.wnd = viewer, viewer.wnd
+        self.values = values  # the settings that `reset` goes back to
         self.size = self.wnd.size
         self.modifiers = KeyModifiers()
         self.widgets: list[Widget] = []  # of the last frame
@@ -105,9 +159,13 @@ class Driver:
         return self.viewer.actions.session
 
     @property
+    def display(self) -> Display:
+        return self.viewer.display
+
+    @property
     def said(self) -> str:
         """All messages on show."""
-        return "\n".join(m.text for m in self.actions.messages)
+        return "\n".join(m.text for m in self.actions.messages.lines)
 
     # ---- time and pictures ---------------------------------------------------------------------------------------
 
@@ -148,12 +206,12 @@ class Driver:
 
     def down(self, name: str) -> None:
         """A key goes down; as on X11, a modifier's own event comes with the modifiers before it."""
-        self.viewer.on_key_event(getattr(self.wnd.keys, name), self.wnd.keys.ACTION_PRESS, self.modifiers)
+        self.viewer.controls.key(getattr(self.wnd.keys, name), self.wnd.keys.ACTION_PRESS, self.modifiers)
         self._modify(name, True)
 
     def up(self, name: str) -> None:
         """A key goes up."""
-        self.viewer.on_key_event(getattr(self.wnd.keys, name), self.wnd.keys.ACTION_RELEASE, self.modifiers)
+        self.viewer.controls.key(getattr(self.wnd.keys, name), self.wnd.keys.ACTION_RELEASE, self.modifiers)
         self._modify(name, False)
 
     def _modify(self, name: str, on: bool) -> None:
@@ -175,22 +233,22 @@ class Driver:
     def type(self, text: str) -> None:
         """Text is typed."""
         for char in text:
-            self.viewer.on_unicode_char_entered(char)
+            self.viewer.controls.text(char)
         self.frame(2)
 
     # ---- mouse ---------------------------------------------------------------------------------------------------
 
     def move(self, x: float, y: float, dx: float = 0.0, dy: float = 0.0) -> None:
         """The mouse comes to (x, y), or, captured, moves by (dx, dy)."""
-        was = self.viewer.mouse
+        was = self.viewer.controls.mouse
         if not (dx or dy):
             dx, dy = x - was[0], y - was[1]
-        self.viewer.on_mouse_drag_event(x, y, dx, dy)  # type: ignore[arg-type]  # glfw's are floats, too
+        self.viewer.controls.mouse_moved(x, y, dx, dy)
 
     def button(self, down: bool, button: int = LEFT) -> None:
-        x, y = self.viewer.mouse
-        act = self.viewer.on_mouse_press_event if down else self.viewer.on_mouse_release_event
-        act(x, y, button)  # type: ignore[arg-type]
+        x, y = self.viewer.controls.mouse
+        act = self.viewer.controls.mouse_pressed if down else self.viewer.controls.mouse_released
+        act(x, y, button)
 
     def click(self, x: float, y: float, button: int = LEFT) -> None:
         """A click at a place, slow enough for the interface to follow."""
@@ -238,29 +296,33 @@ class Driver:
         """As at first: look, panels, camera, settings, lamps; nothing under the mouse, and at rest."""
         actions, session = self.actions, self.session
         self.resize(self.size)
-        self.viewer.on_focus(True)
+        self.viewer.controls.focus_changed(True)
         self.modifiers = KeyModifiers()
-        self.viewer.on_mouse_release_event(0, 0, LEFT)
-        self.viewer.on_mouse_release_event(0, 0, RIGHT)
+        self.viewer.controls.mouse_released(0, 0, LEFT)
+        self.viewer.controls.mouse_released(0, 0, RIGHT)
         session.split("off")
-        actions.panels, actions.side, actions.messages, actions.shot = Panels(settings=False, hud=False), 0, [], ""
+        actions.panels, actions.side, actions.screenshot_wanted = Panels(settings=False, hud=False), 0, ""
+        actions.messages.lines.clear()
         session.options, session.held, session.path_recorder = ViewOptions(), None, PathRecorder()
         session.truths.release()
-        actions.bookmarks, actions.wants_fullscreen, actions.quitting = [], False, False
+        actions.bookmarks, actions.fullscreen_wanted, actions.quitting = [], False, False
         speed = session.scene.diagonal / 6.0
         session.free_camera.speed = speed
         session.free_camera.home()
         for renderer in session.renderers:
-            renderer.change(preset("default", **FAST), "default")
-        actions.lamps = [actions.loaded(i) for i in range(len(actions.lamps))]
-        if [lamp.shone for lamp in actions.lamps] != list(session.scene.lights):
+            renderer.change(preset("default", **self.values), "default")
+        for number in range(len(actions.lamps.all)):
+            actions.lamps.reset(number)
+        if actions.lamps.lights != list(session.scene.lights):
             actions.relight()
         self.move(self.wnd.width - 20.0, self.wnd.height - 20.0)
         self.settle()
 
 
-_WIDGETS = ("slider_float", "slider_int", "checkbox", "combo", "begin_combo", "small_button", "button", "radio_button")
-_WIDGETS += ("menu_item", "begin_menu", "selectable", "collapsing_header", "drag_float3", "color_edit3", "input_text")
+_WIDGETS = (
+    *("slider_float", "slider_int", "checkbox", "combo", "begin_combo", "small_button", "button", "radio_button"),
+    *("menu_item", "begin_menu", "selectable", "collapsing_header", "drag_float3", "color_edit3", "input_text"),
+)
 
 
 @contextmanager
@@ -293,14 +355,14 @@ def watched(driver: Driver) -> Iterator[None]:
 
 @contextmanager
 def viewing(
-    source: str | Path, size: tuple[int, int] = SIZE, remembered: preferences.Preferences | None = None, **settings: Any
+    source: str | Path, size: tuple[int, int] = SIZE, preferences: Preferences | None = None, **settings: Unpack[SettingValues]
 ) -> Iterator[Driver]:
     """A viewer of the scene at `source`, with settings for fast pictures; closed in the end, nothing remembered."""
-    if remembered is None:
-        remembered = preferences.Preferences(values={**FAST, **settings}, ui={"panels": {"settings": False, "hud": False}})
+    if preferences is None:
+        preferences = Preferences(values={**FAST, **settings}, ui={"panels": {"settings": False, "hud": False}})
     wnd = open_window(size, headless=True)
-    viewer = Viewer(wnd, irrsplat.load(source), str(source), remembered)
-    driver = Driver(viewer)
+    viewer = Viewer(wnd, irrsplat.load(source), str(source), preferences)
+    driver = Driver(viewer, {**FAST, **settings})
     with watched(driver):
         yield driver
     with wnd.ctx:
@@ -352,7 +414,7 @@ class Tracer:
         self.go.set()
         for _ in range(400):
             driver.frame()
-            if driver.session.truths.share is None:
+            if driver.session.truths.traced is None:
                 return driver.frame()
             time.sleep(0.01)
         pytest.fail("no truth after 400 frames")

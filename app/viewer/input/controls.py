@@ -1,39 +1,48 @@
-"""Hands on the camera: what keys and mouse do while they are not the interface's."""
+"""What the window's events do: fly, look, orbit and press keys while they are not for the interface."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 from moderngl_window.context.base import BaseWindow, KeyModifiers
 
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.input import keys
+from irrsplat.app.viewer.session import Session
+from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.ui.imgui_backend import ImguiBackend
 
 LEFT, RIGHT = 1, 2  # mouse buttons, as moderngl-window numbers them
-_GRIP = 6.0  # window coordinates to both sides of the divider
-_CLICK = 3.0  # window coordinates that a click may move
-_PACE = 4.0  # Shift is so much faster, Ctrl so much slower
+_GRIP = 6.0  # window coordinates on both sides of the divider that grab it
+_CLICK = 3.0  # window coordinates that the mouse may move in a click
+_PACE = 4.0  # Shift flies so much faster, Ctrl so much slower
 _FLYING = "WASDEQ"
 _RIGHT_CTRL = 345  # glfw's number; moderngl-window has no name for it
 
 
 class Controls:
-    """The part of the viewer that takes a window's events, in moderngl-window's names and window coordinates."""
+    """Takes the events of `wnd`, in moderngl-window's names and window coordinates."""
 
-    wnd: BaseWindow
-    actions: Actions
-    backend: ImguiBackend
-
-    def __init__(self) -> None:
-        self.held: set[Any] = set()  # keys
-        self.pace = 1.0
+    def __init__(self, wnd: BaseWindow, actions: Actions, display: Display, backend: ImguiBackend) -> None:
+        self.wnd, self.actions, self.display, self.backend = wnd, actions, display, backend
+        self.pressed: set[int | str] = set()  # keys that are down, and were not pressed for the interface
+        self.pace = 1.0  # a factor on the speed
         self.mouse = (-1.0, -1.0)  # nowhere yet
-        self.looking = self.dividing = False
+        self.looking = False  # with the right mouse button down: the mouse is captured
+        self.dividing = False  # while the divider is dragged
         self.pivot: tuple[float, float, float] | None = None  # of an orbit under way
-        self.travelled = 0.0  # since a button went down
+        self.travelled = 0.0  # window coordinates that the mouse has moved since a button went down
         self._skip = False  # the next motion is none: the mouse was just captured
+        wnd.key_event_func = self.key
+        wnd.unicode_char_entered_func = self.text
+        wnd.mouse_position_event_func = wnd.mouse_drag_event_func = self.mouse_moved
+        wnd.mouse_press_event_func = self.mouse_pressed
+        wnd.mouse_release_event_func = self.mouse_released
+        wnd.mouse_scroll_event_func = self.wheel
+
+    @property
+    def session(self) -> Session:
+        """The session that the actions are about."""
+        return self.actions.session
 
     @property
     def pointer(self) -> tuple[int, int] | None:
@@ -44,22 +53,28 @@ class Controls:
         width, height = self.wnd.buffer_size
         return (x, y) if 0 <= x < width and 0 <= y < height else None
 
-    def _fly(self, dt: float) -> None:
+    @property
+    def active(self) -> bool:
+        """Whether the camera may move in the next frame, though no further event comes."""
+        return bool(self.pressed) or self.looking
+
+    def fly(self, dt: float) -> None:
+        """Move the camera by the keys that are down, for `dt` seconds."""
         names = self.wnd.keys
         right, up, ahead = (
-            float(names.__dict__[plus] in self.held) - float(names.__dict__[minus] in self.held)
+            float(getattr(names, plus) in self.pressed) - float(getattr(names, minus) in self.pressed)
             for plus, minus in (("D", "A"), ("E", "Q"), ("W", "S"))
         )
         if self.backend.wants_keyboard:
-            self.held.clear()  # what is typed from now on is the interface's, until a key is pressed anew
+            self.pressed.clear()  # what is typed from now on is the interface's, until a key is pressed anew
         elif right or up or ahead:
             self.actions.stop()
-            self.actions.session.free_camera.move(right, up, ahead, dt, self.pace)
+            self.session.free_camera.move(right, up, ahead, dt, self.pace)
 
     @property
     def _per_pixel(self) -> float:
         """Radians that the view turns for a motion of one window coordinate: what is grabbed stays under the mouse."""
-        return float(np.radians(self.actions.session.camera.fov)) / max(self.wnd.height, 1)
+        return float(np.radians(self.session.camera.fov)) / max(self.wnd.height, 1)
 
     def _capture(self, on: bool) -> None:
         if self.looking != on:
@@ -67,12 +82,12 @@ class Controls:
             self.wnd.mouse_exclusivity = on
 
     def _on_divider(self, x: float) -> bool:
-        options = self.actions.session.options
+        options = self.session.options
         return options.split != "off" and abs(x - options.divider * self.wnd.width) <= _GRIP
 
-    # ---- events ----------------------------------------------------------------------------------------------------
+    # ---- keys ------------------------------------------------------------------------------------------------------
 
-    def on_key_event(self, key: Any, action: Any, modifiers: KeyModifiers) -> None:
+    def key(self, key: int | str, action: object, modifiers: KeyModifiers) -> None:
         """A key went down or up."""
         names, down = self.wnd.keys, action != self.wnd.keys.ACTION_RELEASE
         # the modifiers that come with such a key's own event may be those before it (X11), or after it
@@ -80,7 +95,7 @@ class Controls:
         ctrl = down if key in (names.LEFT_CTRL, _RIGHT_CTRL) else modifiers.ctrl
         self.pace = _PACE if shift else 1.0 / _PACE if ctrl else 1.0
         if not down:
-            self.held.discard(key)
+            self.pressed.discard(key)
         self.backend.key(key, down, names)
         if action != names.ACTION_PRESS:
             return
@@ -88,42 +103,36 @@ class Controls:
             self._capture(False)
         elif self.backend.wants_keyboard:
             return
-        flying = self.looking or any(getattr(names, name) in self.held for name in _FLYING)
-        self.held.add(key)
+        flying = self.looking or any(getattr(names, name) in self.pressed for name in _FLYING)
+        self.pressed.add(key)
         found = keys.action(names, key, bool(ctrl))
         if found is not None and not (ctrl and flying and found.name in _FLYING):  # Ctrl+Q: slowly down, or quit
             self.actions.press(found)
             if found.action == "open_dialog":
-                self.held.clear()
+                self.pressed.clear()
 
-    def on_unicode_char_entered(self, char: str) -> None:
+    def text(self, char: str) -> None:
         """Text was typed."""
         self.backend.char(char)
 
-    def on_mouse_position_event(self, x: int, y: int, dx: int, dy: int) -> None:
-        """The mouse moved with no button down."""
-        self._moved(x, y, dx, dy)
+    # ---- mouse -----------------------------------------------------------------------------------------------------
 
-    def on_mouse_drag_event(self, x: int, y: int, dx: int, dy: int) -> None:
-        """The mouse moved with a button down."""
-        self._moved(x, y, dx, dy)
-
-    def _moved(self, x: float, y: float, dx: float, dy: float) -> None:
-        session = self.actions.session
+    def mouse_moved(self, x: float, y: float, dx: float, dy: float) -> None:
+        """The mouse moved, with or without a button down."""
         if self.looking:
             if not self._skip:  # the first motion of a captured mouse is a jump
-                session.free_camera.look(dx, dy, self._per_pixel)
+                self.session.free_camera.look(dx, dy, self._per_pixel)
             self._skip = False
             return
         self.mouse = (x, y)
         self.backend.mouse_position(x, y)
         self.travelled += abs(dx) + abs(dy)
         if self.dividing:
-            session.options.divider = float(np.clip(x / max(self.wnd.width, 1), 0.02, 0.98))
+            self.session.options.divider = float(np.clip(x / max(self.wnd.width, 1), 0.02, 0.98))
         elif self.pivot is not None and self.travelled > _CLICK:
-            session.free_camera.orbit(self.pivot, dx, dy, 4.0 * self._per_pixel)
+            self.session.free_camera.orbit(self.pivot, dx, dy, 4.0 * self._per_pixel)
 
-    def on_mouse_press_event(self, x: int, y: int, button: int) -> None:
+    def mouse_pressed(self, x: float, y: float, button: int) -> None:
         """A mouse button went down."""
         if self.looking:  # a captured mouse points at nothing
             return
@@ -133,9 +142,8 @@ class Controls:
         self.travelled = 0.0
         if self.backend.wants_mouse:
             return
-        session = self.actions.session
-        if session.options.split != "off" and self.pointer is not None:
-            self.actions.side = session.side_at(self.pointer[0])
+        if self.session.options.split != "off" and self.pointer is not None:
+            self.actions.side = self.session.side_at(self.pointer[0])
         if button == RIGHT:
             self.actions.stop()
             self._capture(True)
@@ -143,45 +151,47 @@ class Controls:
             self.dividing = True
         elif button == LEFT:
             self.actions.stop()
-            found = session.point_at(self.pointer) if self.pointer is not None else None
-            self.pivot = found or session.free_camera.camera.target
+            found = self.display.point_at(self.pointer) if self.pointer is not None else None
+            self.pivot = found or self.session.free_camera.camera.target
 
-    def on_mouse_release_event(self, x: int, y: int, button: int) -> None:
+    def mouse_released(self, x: float, y: float, button: int) -> None:
         """A mouse button went up."""
         self.backend.mouse_button(button, False)
         if button == RIGHT:
             self._capture(False)
         if button == LEFT:
-            options = self.actions.session.options
-            if self.pivot is not None and self.travelled <= _CLICK and options.inspect and self.pointer is not None:
-                self.actions.session.hold(self.pointer)
+            clicked = self.pivot is not None and self.travelled <= _CLICK
+            if clicked and self.session.options.inspect and self.pointer is not None:
+                self.display.hold(self.pointer)
             self.pivot, self.dividing = None, False
 
-    def on_mouse_scroll_event(self, x_offset: float, y_offset: float) -> None:
+    def wheel(self, x_offset: float, y_offset: float) -> None:
         """The wheel turned."""
-        session = self.actions.session
+        camera = self.session.free_camera
         if self.looking:
-            session.free_camera.change_speed(y_offset)
-            self.actions.say(f"speed {session.free_camera.speed:.3g} m/s", topic="speed")
+            camera.change_speed(y_offset)
+            self.actions.say(f"speed {camera.speed:.3g} m/s", topic="speed")
         elif self.backend.wants_mouse:
             self.backend.scroll(x_offset, y_offset)
         else:
             self.actions.stop()
-            session.free_camera.dolly(y_offset, session.point_at(self.pointer) if self.pointer is not None else None)
+            camera.dolly(y_offset, self.display.point_at(self.pointer) if self.pointer is not None else None)
 
-    def on_drop(self, paths: list[str]) -> None:
+    # ---- the window ------------------------------------------------------------------------------------------------
+
+    def files_dropped(self, paths: list[str]) -> None:
         """Files were dropped on the window: the first is opened."""
         if paths:
-            self.actions.trying(lambda: self.actions.open(paths[0]))
+            self.actions.attempt(lambda: self.actions.open(paths[0]))
 
-    def on_focus(self, focused: bool) -> None:
-        """The window gained or lost the keyboard: what is held then is let go of."""
-        self.held.clear()
+    def focus_changed(self, focused: bool) -> None:
+        """The window gained or lost the keyboard: no key or button counts as down any more, for its release is never seen."""
+        self.pressed.clear()
         self.pace, self.pivot, self.dividing = 1.0, None, False
         self.backend.focus(focused)
         if not focused:
             self._capture(False)
 
-    def on_scale(self, scale: float) -> None:
+    def scale_changed(self, scale: float) -> None:
         """The window is on a monitor of another scale."""
         self.backend.resize_scale(max(1.0, scale) / self.wnd.pixel_ratio)

@@ -9,20 +9,20 @@ import numpy as np
 from irrsplat.core.errors import InputError
 from irrsplat.scene.model import Camera
 
-PITCH = math.radians(89.0)  # up and down as far as a look goes
-STALL = 0.25  # seconds: the longest time step that counts, so that a stall flings nobody through a wall
-FAR = 1e3  # scene diagonals: nobody flies further from the first camera
+PITCH = math.radians(89.0)  # the steepest that `look` and `orbit` go, up and down
+STALL = 0.25  # seconds: the longest time step that counts, so that after a stall the camera does not leap through a wall
+FAR = 1e3  # scene diagonals: the greatest distance from the first camera
 NEAR = 1e-3  # scene diagonals: the least distance to a pivot and to the target
 STEPS = 200.0  # of a wheel in one call; more would overflow
 POLE = 1e-6  # radians: nearer to the world's up, a view's heading is read from its right instead of its forward
 
 
 class FreeCamera:
-    """A camera on the move. Whatever is asked of it, the camera stays valid; where nothing moved, it stays the same object.
+    """A camera that flies, looks and orbits. It always stays valid; where nothing moved, it stays the same object.
 
-    Lengths in metres, world space, right-handed. What is not finite, and what leads beyond FAR diagonals from the first
-    camera, moves nothing. A camera that moved has no name; a roll that the first camera, or one gone to, came with stays
-    until the first look or orbit.
+    Lengths in metres, world space, right-handed. Arguments that are not finite, and moves beyond FAR diagonals from the first
+    camera, are ignored. A camera that moved has no name. A roll that the first camera has, or one that was jumped to, stays until
+    the first look or orbit.
     """
 
     def __init__(self, camera: Camera, diagonal: float, up: tuple[float, float, float] | None = None) -> None:
@@ -38,7 +38,7 @@ class FreeCamera:
 
     @property
     def camera(self) -> Camera:
-        """The present camera; its target lies straight ahead, as far as what was last orbited or dollied to."""
+        """The present camera; its target lies straight ahead, at the distance of the last pivot."""
         return self._camera
 
     def look(self, dx: float, dy: float, per_pixel: float) -> None:
@@ -53,9 +53,9 @@ class FreeCamera:
         self._turn(dx * per_pixel, dy * per_pixel, np.asarray(pivot, float))
 
     def move(self, right: float, up: float, ahead: float, seconds: float, pace: float = 1.0) -> None:
-        """Fly for `seconds` (at most STALL count) with keys held, each -1..1; pace: a factor on the speed.
+        """Fly for `seconds` (at most STALL count) by keys, each -1..1; pace: a factor on the speed.
 
-        right and ahead are the view's, up is the world's. Two keys are no faster than one.
+        right and ahead are the view's, up is the world's. Two keys together are no faster than one.
         """
         keys = np.clip([right, up, ahead], -1.0, 1.0)
         way = keys @ np.stack([self._axes[0], self._world[1], -self._axes[2]])
@@ -63,7 +63,7 @@ class FreeCamera:
         self._stand(self._eye + way * (self.speed * pace * min(max(seconds, 0.0), STALL)))
 
     def change_speed(self, steps: float) -> None:
-        """Fly faster by 1.2 a step of the wheel, slower where negative; between 1e-3 and 10 diagonals a second."""
+        """Multiply the speed by 1.2 for each step of the wheel; it stays between 1e-3 and 10 diagonals a second."""
         factor = 1.2 ** min(max(steps, -STEPS), STEPS)
         if math.isfinite(factor):
             self.speed = min(max(self.speed * factor, 1e-3 * self._diagonal), 10.0 * self._diagonal)
@@ -114,7 +114,7 @@ class FreeCamera:
             self._yaw, self._pitch, self._level = yaw, pitch, True
 
     def _stand(self, eye: np.ndarray, axes: np.ndarray | None = None, about: np.ndarray | None = None) -> bool:
-        """Put the camera at `eye` with `axes` (None: as they are), its target as far as `about`; whether it may stand there."""
+        """Put the camera at `eye` with `axes` (None: as they are), its target as far as `about`; whether it may."""
         if not np.isfinite(eye).all() or (axes is None and (eye == self._eye).all()):
             return False
         from_first = float(np.linalg.norm(eye - self._first.eye))
@@ -146,7 +146,8 @@ def _upward(camera: Camera) -> np.ndarray:
     """
     up = np.asarray(camera.up, float) / np.linalg.norm(camera.up)
     axes = np.concatenate([np.eye(3), -np.eye(3)])
-    return axes[int(np.argmax(axes @ up - np.abs(axes @ camera.axes[0])))]
+    nearest: np.ndarray = axes[int(np.argmax(axes @ up - np.abs(axes @ camera.axes[0])))]
+    return nearest
 
 
 def _basis(up: np.ndarray) -> np.ndarray:
@@ -166,7 +167,8 @@ def _axes(yaw: float, pitch: float, world: np.ndarray) -> np.ndarray:
     (sin_y, cos_y), (sin_p, cos_p) = ((math.sin(a), math.cos(a)) for a in (yaw, pitch))
     right = np.array([cos_y, 0.0, sin_y])
     backward = np.array([-cos_p * sin_y, -sin_p, cos_p * cos_y])
-    return np.stack([right, np.cross(backward, right), backward]) @ world
+    rows: np.ndarray = np.stack([right, np.cross(backward, right), backward]) @ world
+    return rows
 
 
 def _angles(axes: np.ndarray, world: np.ndarray) -> tuple[float, float]:

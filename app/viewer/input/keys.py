@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from irrsplat.app.viewer.show.legend import SHOWINGS
+from irrsplat.app.viewer.buffers.table import BUFFERS
 
 
 @dataclass(frozen=True)
 class Key:
-    """name: as moderngl-window's keys have it, with Ctrl or without. action: a method of Actions, argument: what it takes."""
+    """A key and what it does.
+
+    name: as moderngl-window's keys have it; ctrl: pressed with Ctrl. action: a method of Actions, called with `argument`, if any.
+    """
 
     name: str
     action: str
@@ -33,11 +36,24 @@ _WORDS = {
     "ESCAPE": "Esc",
     "TAB": "Tab",
 }
-_NUMBERS = ("1", "2", "3", "4", "5", "6", "7", "8", "9", "0", "MINUS", "EQUAL")  # emission is in the menu
+_NUMBERS = (
+    "1",
+    "2",
+    "3",
+    "4",
+    "5",
+    "6",
+    "7",
+    "8",
+    "9",
+    "0",
+    "MINUS",
+    "EQUAL",
+)  # the first buffers'; the others are in the menu
 
-BUFFERS = tuple(
-    Key(f"NUMBER_{key}" if len(key) == 1 else key, "show", SHOWINGS[name].title, name)
-    for key, name in zip(_NUMBERS, SHOWINGS, strict=False)
+BUFFER_KEYS = tuple(
+    Key(f"NUMBER_{key}" if len(key) == 1 else key, "show", BUFFERS[name].title, name)
+    for key, name in zip(_NUMBERS, BUFFERS, strict=False)
 )
 CAMERA = (
     Key("HOME", "home", "back to the first camera"),
@@ -85,7 +101,7 @@ WINDOW = (
 )
 GROUPS: dict[str, tuple[Key, ...]] = {
     "camera": CAMERA,
-    "buffers": BUFFERS,
+    "buffers": BUFFER_KEYS,
     "overlays": OVERLAYS,
     "cache": CACHE,
     "picture": PICTURE,
@@ -103,7 +119,7 @@ FLYING = (  # what is held, not pressed
 
 
 def action(keys: object, key: object, ctrl: bool) -> Key | None:
-    """What the window's key number `key` does (its `keys` are moderngl-window's); None for a key that does nothing."""
+    """What the window's key number `key` does, with Ctrl or without; None for nothing. keys: moderngl-window's names of them."""
     for one in KEYS:
         if one.ctrl == ctrl and getattr(keys, one.name, None) == key:
             return one

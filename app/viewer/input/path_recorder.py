@@ -10,13 +10,16 @@ KEY_EVERY = 0.2  # seconds between the keys of a recorded one
 
 
 class PathRecorder:
-    """path: the one recorded or opened last. playing: seconds into it, None while it does not play."""
+    """Records one path at a time, and plays it.
+
+    path: the one recorded or opened last. playing: seconds into it, None while it does not play. recording: its keys so far.
+    """
 
     def __init__(self, path: Path | None = None) -> None:
         self.path = path
         self.playing: float | None = None
         self.recording: list[Camera] | None = None
-        self._recorded = 0.0  # seconds
+        self._recorded = 0.0  # seconds that the recording has
 
     @property
     def camera(self) -> Camera | None:
@@ -31,7 +34,7 @@ class PathRecorder:
         return self.playing is None and self.recording is None
 
     def tick(self, dt: float, camera: Camera) -> Camera | None:
-        """Go on by `dt` seconds, with what is looked through now; the path's last camera where it has come to its end."""
+        """Go on by `dt` seconds, `camera` being the present one; the path's last camera when playing ends, else None."""
         if self.recording is not None:
             self._recorded += dt
             while self._recorded >= KEY_EVERY * len(self.recording):
@@ -42,7 +45,7 @@ class PathRecorder:
         return self.stop() if self.playing * FPS >= self.path.frames else None
 
     def record(self, camera: Camera) -> Path | None:
-        """Begin to record from `camera` on, or end it: then the path."""
+        """Begin to record at `camera` (None), or end the recording: the path."""
         if self.recording is None:
             self.recording, self._recorded = [camera], 0.0
             return None
@@ -51,10 +54,10 @@ class PathRecorder:
         return self.path
 
     def play(self) -> None:
-        """Play the path from its begin, where there is one."""
+        """Play the path from its start, where there is one."""
         self.playing = None if self.path is None else 0.0
 
     def stop(self) -> Camera | None:
-        """End the playing; the camera where it stopped, None where it did not play."""
+        """Stop playing; the camera where it stopped, None if it did not play."""
         camera, self.playing = self.camera, None
         return camera

@@ -1,4 +1,4 @@
-"""What is drawn over a buffer: the records as dots, circles and normals, the scene's edges, and what one record serves."""
+"""What is drawn over a buffer: records as dots, discs and normals, the scene's edges, and the pixels that one record serves."""
 
 from __future__ import annotations
 
@@ -8,14 +8,13 @@ from typing import Any, Literal
 import moderngl
 import numpy as np
 
-from irrsplat.app.viewer.show.legend import Legend
+from irrsplat.app.viewer.buffers.legend import Legend, colour_map
 from irrsplat.app.viewer.show.screen import Programs, Region, colours, view_uniforms
 from irrsplat.core.buffers import Records
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.program import Program, State
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
-from irrsplat.image.tonemap import viridis
 from irrsplat.image.view import View
 from irrsplat.records.weight import record_defines, view_radius_uniforms
 from irrsplat.scene.model import Scene
@@ -38,14 +37,14 @@ class Markers(Owner):
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
-        self.program = Programs(ctx)
+        self.programs = Programs(ctx)
         self.colours = colours(ctx)
         self.query = ctx.query(samples=True)
         self.number = ctx.buffer(reserve=4)  # of the one record that `serves` is about
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.program, self.colours, self.number)
+        return (self.programs, self.colours, self.number)
 
     def points(
         self,
@@ -59,7 +58,7 @@ class Markers(Owner):
         region: Region | None = None,
     ) -> None:
         """Every record as a dot of constant size, coloured by its radius a·R_k or by its age."""
-        program = self.program("viewer/markers/points", "viewer/markers/points", **record_defines(settings.gradients))
+        program = self.programs("viewer/markers/points", "viewer/markers/points", record_defines(settings.gradients))
         self._draw(program, target, view, records, settings, scene, by, region, radius=_RADIUS)
 
     def discs(
@@ -75,7 +74,7 @@ class Markers(Owner):
     ) -> None:
         """Every record's ellipse of radii a·R, as it reaches in this view, in its tangent plane."""
         segments = _segments(target.size[1], settings)
-        program = self.program("viewer/markers/discs", "viewer/markers/discs", **record_defines(settings.gradients))
+        program = self.programs("viewer/markers/discs", "viewer/markers/discs", record_defines(settings.gradients))
         self._draw(
             program,
             target,
@@ -102,7 +101,7 @@ class Markers(Owner):
         region: Region | None = None,
     ) -> None:
         """Every record's normal, a line of constant length on screen but for its slant."""
-        program = self.program("viewer/markers/normals", "viewer/markers/normals", **record_defines(settings.gradients))
+        program = self.programs("viewer/markers/normals", "viewer/markers/normals", record_defines(settings.gradients))
         self._draw(program, target, view, records, settings, scene, by, region, width=_WIDTH, rise=_RISE * view.camera.screen)
 
     def _draw(
@@ -147,7 +146,7 @@ class Markers(Owner):
         count = 0 if surface is None else len(surface.sites)
         if surface is None or surface.records is None or not count:
             return
-        program = self.program("viewer/markers/points", "viewer/markers/sites")
+        program = self.programs("viewer/markers/points", "viewer/markers/sites")
         records = surface.records.records
         uniforms = {
             **view_uniforms(target, view.gbuffer, view.camera),
@@ -172,11 +171,11 @@ class Markers(Owner):
 
     def wireframe(self, target: Target, view: View, geometry: Geometry, *, region: Region | None = None) -> None:
         """The edges of the scene's triangles, thin and half transparent."""
-        program = self.program("viewer/markers/wire", "image/gbuffer")
+        program = self.programs("viewer/markers/wire", "image/gbuffer")
         state = State(blend="over", clamp=True, wire=True)
         uniforms = view_uniforms(target, view.gbuffer, view.camera)
         program(target, geometry=geometry, state=state, scissor=region, **uniforms, tint=_EDGE)
-        self.ctx.wireframe = False  # whoever draws next may not know of it
+        self.ctx.wireframe = False  # imgui's draws do not set it
 
     def serves(
         self,
@@ -191,7 +190,7 @@ class Markers(Owner):
         """Tint the pixels that record `number` speaks for; how many they are, of the target's and in `region`."""
         if not 0 <= number < records.count:
             return 0
-        program = self.program("viewer/buffers/serves", "indirect/splat", **record_defines(settings.gradients))
+        program = self.programs("viewer/markers/serves", "indirect/splat", record_defines(settings.gradients))
         uniforms = {
             **records.uniforms,
             **view_uniforms(target, view.gbuffer, view.camera),
@@ -215,11 +214,11 @@ class Markers(Owner):
 
 def radius_legend(settings: Settings, scene: Scene, by: By, count: int) -> Legend:
     """What the colours of `count` records stand for."""
-    scale = viridis(np.linspace(0.0, 1.0, 64))
     if by == "age":
-        return Legend("0", str(max(count - 1, 0)), "", scale, "record number, old to new")
+        return Legend("record number, old to new", "0", str(max(count - 1, 0)), "", colour_map())
     low, high = radius_range(settings, scene)
-    return Legend(f"{low:.2g}", f"{high:.2g}", "m", scale, "radius a·R_k before the view limits it, logarithmic")
+    text = "radius a·R_k before the view limits it, logarithmic"
+    return Legend(text, f"{low:.2g}", f"{high:.2g}", "m", colour_map())
 
 
 def radius_range(settings: Settings, scene: Scene) -> tuple[float, float]:
@@ -228,7 +227,7 @@ def radius_range(settings: Settings, scene: Scene) -> tuple[float, float]:
 
 
 def _segments(height: int, settings: Settings) -> int:
-    """Of how many straight pieces a circle is made: n of radius r pixels come as near to it as r·(1 - cos(π/n)) ≈ r·π²/2n²,
-    which is half a pixel for n = π·√r."""
+    """How many straight pieces a circle is drawn with: n of them are r·(1 - cos(π/n)) ≈ r·π²/2n² pixels off at radius r pixels,
+    half a pixel for n = π·√r."""
     r = (settings.radius_max or 50.0) / 100.0 * height
     return min(max(math.ceil(math.pi * math.sqrt(r)), 12), 64)

@@ -1,7 +1,8 @@
-"""The few things that all drawing to the screen needs: the window as a target, programs made on first use, single texels."""
+"""What all drawing to the screen needs: the window as a target, programs made on first use, colour maps, single texels."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import moderngl
@@ -21,7 +22,7 @@ _COLOURS = 1024  # of each table
 
 
 class Screen(Target):
-    """A framebuffer that somebody else owns, such as a window's, as a target to draw into; size (width, height) in pixels."""
+    """A framebuffer that is borrowed, such as a window's, as a target to draw into; size (width, height) in pixels."""
 
     def __init__(self, framebuffer: moderngl.Framebuffer, size: tuple[int, int] | None = None) -> None:
         self.ctx = framebuffer.ctx
@@ -42,7 +43,7 @@ class Screen(Target):
 
 
 class Programs(Owner):
-    """Programs that are linked when they are first asked for, and kept."""
+    """Programs, each made on first use and kept."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
@@ -52,16 +53,16 @@ class Programs(Owner):
         """What this frees."""
         return tuple(self._made.values())
 
-    def __call__(self, fragment: str, vertex: str = "lib/fullscreen", **defines: object) -> Program:
-        """The program of these files and defines."""
-        key = f"{fragment} {vertex} {sorted(defines.items())}"
+    def __call__(self, fragment: str, vertex: str = "lib/fullscreen", defines: Mapping[str, object] | None = None) -> Program:
+        """The program of these shaders and defines."""
+        key = f"{fragment} {vertex} {sorted((defines or {}).items())}"
         if key not in self._made:
             self._made[key] = Program(self.ctx, fragment, vertex, defines)
         return self._made[key]
 
 
 def colours(ctx: moderngl.Context) -> moderngl.Texture:
-    """The table that shaders/viewer/buffers/colours.glsl reads: viridis, and above it sRGB, of 0..1."""
+    """The table that shaders/viewer/colours.glsl reads: viridis, and above it sRGB, of 0..1."""
     t = np.linspace(0.0, 1.0, _COLOURS)
     rows = np.stack([viridis(t), np.repeat(srgb(t)[:, None], 3, axis=1)])
     return ctx.texture((_COLOURS, 2), 3, rows.astype("f4").tobytes(), dtype="f4")  # moderngl's filter is linear
@@ -79,7 +80,7 @@ def clear(target: Target, colour: tuple[float, float, float], region: Region | N
 
 
 def view_uniforms(target: Target, gbuffer: GBuffer, camera: Camera) -> dict[str, Any]:
-    """The uniforms of shaders/viewer/buffers/hidden.glsl and of all that draws in the view; the matrix clips nothing with
+    """The uniforms of shaders/viewer/markers/hidden.glsl and of all that draws in the view; the matrix clips nothing with
     depth clamp on."""
     width, height = gbuffer.position.size
     return {
@@ -93,10 +94,10 @@ def view_uniforms(target: Target, gbuffer: GBuffer, camera: Camera) -> dict[str,
 
 
 class Texels(Owner):
-    """Reads single texels by way of a target of one pixel, so that nothing is made for it and no whole texture comes over."""
+    """Reads single texels through a target of one pixel, so that no whole texture is copied from the GPU."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
-        self.program = Program(ctx, "viewer/buffers/texel", "lib/fullscreen")
+        self.program = Program(ctx, "viewer/texel", "lib/fullscreen")
         self.target = Target(ctx, (1, 1), (4,))
 
     def owned(self) -> tuple[Resource | None, ...]:

@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Hashable
 from functools import cache
 from importlib import resources
-from typing import Any
+from typing import Any, NamedTuple, cast
 
 import moderngl
 import numpy as np
 from imgui_bundle import imgui
+from moderngl_window.context.base.keys import BaseKeys
 
 from irrsplat.gpu.program import Program
+from irrsplat.gpu.resource import Owner, Resource
 
 FONTS = ("Roboto/Roboto-Regular.ttf", "Inconsolata-Medium.ttf")  # the second for the arrows, which the first lacks
 FONT_SIZE = 16.0  # window coordinates, at scale 1
-SIZES: tuple[tuple[Any, str], ...] = (  # window coordinates, at scale 1; what is not named is imgui's own
+SIZES: tuple[tuple[float | tuple[float, float], str], ...] = (  # window coordinates at scale 1; all others are imgui's own
     ((9, 8), "window_padding"),
     ((6, 3), "frame_padding item_inner_spacing"),
     (4.0, "window_rounding popup_rounding child_rounding"),
@@ -45,8 +48,8 @@ GLFW_KEYS = {39: "apostrophe", 96: "grave_accent", 335: "keypad_enter"}
 GLFW_KEYS |= dict(enumerate((f"{side}_{name}" for side in ("left", "right") for name in MODIFIERS), start=340))
 
 
-class ImguiBackend:
-    """An imgui context of its own, drawn on `ctx`; between `begin` and `draw` it is the current one, to be called.
+class ImguiBackend(Owner):
+    """An imgui context of its own, drawn on `ctx`; between `begin` and `draw` it is the current one, for windows to be made.
 
     scale: how large text and widgets are, 1 for a plain monitor. Events may come at any time, whichever context is current.
     """
@@ -150,9 +153,15 @@ class ImguiBackend:
         self._pictures[texture.glo] = texture
         imgui.image(imgui.ImTextureRef(texture.glo), size, (0, 1), (1, 0))
 
-    def key(self, key: int, pressed: bool, keys: Any) -> None:
-        """A key of the window's `keys` (moderngl-window's) went down or up; one that imgui does not know is passed over."""
-        found = _key_table(keys).get(key)
+    def key(self, key: int | str, pressed: bool, keys: type[BaseKeys]) -> None:
+        """A key of the window's `keys` (moderngl-window's) went down or up; one that imgui does not know is ignored.
+
+        So is Tab, unless a field is typed into: imgui takes it as the wish to type into its first field, even with its keyboard
+        navigation off, and would get every key from then on.
+        """
+        found = _key_table(cast(Hashable, keys)).get(key)
+        if found == imgui.Key.tab and pressed and not self.wants_keyboard:
+            return
         if found is not None:
             (self._pressed.add if pressed else self._pressed.discard)(found)
             self._io.add_key_event(found, pressed)
@@ -194,11 +203,13 @@ class ImguiBackend:
         """Whether the keyboard is for the interface, as of the last `begin`."""
         return self._io.want_capture_keyboard
 
+    def owned(self) -> tuple[Resource, ...]:
+        """What this frees, besides imgui's context."""
+        return (self._array, self._vertices, self._indices, self.program, *self._textures.values())
+
     def release(self) -> None:
-        """Free the imgui context and every OpenGL object; the ImguiBackend is not used after it."""
-        owned: list[Any] = [self._array, self._vertices, self._indices, self.program, *self._textures.values()]
-        for thing in owned:
-            thing.release()
+        """Free the imgui context and every OpenGL object; nothing may be called after it."""
+        super().release()
         imgui.destroy_context(self._context)
 
     def _serve_textures(self) -> None:
@@ -223,13 +234,22 @@ class ImguiBackend:
                 wanted.set_status(status.destroyed)
 
 
-def _flatten(lists: Any) -> tuple[np.ndarray, np.ndarray, list[tuple[Any, ...]]]:
+class _Run(NamedTuple):
+    """A draw: its texture's number, its clip rectangle (left, top, right, bottom; window coordinates), and its indices."""
+
+    texture: int
+    clip: tuple[float, ...]
+    first_index: int
+    index_count: int
+
+
+def _flatten(lists: Any) -> tuple[np.ndarray, np.ndarray, list[_Run]]:
     """imgui's draw lists as one: vertices (bytes), indices into them (uint32), and the draws in their order.
 
-    A draw: its texture's number, its clip rectangle (left, top, right, bottom; window coordinates), first index, how many.
-    moderngl has no base vertex, so each list's indices move on by the vertices before it.
+    moderngl has no base vertex, so each list's indices are raised by the number of vertices before it.
     """
-    vertices, indices, runs = [np.empty(0, "u1")], [np.empty(0, "u4")], []
+    vertices, indices = [np.empty(0, "u1")], [np.empty(0, "u4")]
+    runs: list[_Run] = []
     vertex = first = 0
     for one in lists:
         vertices.append(_memory(one.vtx_buffer, imgui.VERTEX_SIZE, "u1"))
@@ -238,7 +258,7 @@ def _flatten(lists: Any) -> tuple[np.ndarray, np.ndarray, list[tuple[Any, ...]]]
             start, count = command.idx_offset, command.elem_count
             moved[start : start + count] += np.uint32(command.vtx_offset)
             if count:  # a user's callback has none
-                runs.append((command.tex_ref.get_tex_id(), tuple(command.clip_rect), first + start, count))
+                runs.append(_Run(command.tex_ref.get_tex_id(), tuple(command.clip_rect), first + start, count))
         indices.append(moved)
         vertex, first = vertex + len(one.vtx_buffer), first + len(moved)
     return np.concatenate(vertices), np.concatenate(indices), runs
@@ -250,8 +270,8 @@ def _memory(vector: Any, size: int, dtype: str) -> np.ndarray:
 
 
 @cache
-def _key_table(keys: Any) -> dict[Any, imgui.Key]:
+def _key_table(keys: Hashable) -> dict[int | str, imgui.Key]:
     """A window's numbers of keys -> imgui's keys."""
     table = {getattr(keys, name): KEYS.get(name, name.lower()) for name in dir(keys) if name.isupper()}
-    table |= GLFW_KEYS if keys.ESCAPE == 256 else {}  # which is glfw's number
+    table |= GLFW_KEYS if getattr(keys, "ESCAPE", None) == 256 else {}  # which is glfw's number
     return {key: imgui.Key[name] for key, name in table.items() if name in imgui.Key.__members__ and key != "undefined"}

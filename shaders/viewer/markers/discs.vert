@@ -1,5 +1,5 @@
 // The ellipse of radii a·R, as this view has them, about a record in its tangent plane: a strip of constant width.
-#include "viewer/buffers/record.glsl"
+#include "viewer/markers/record.glsl"
 
 uniform float width;   // half of it, pixels
 uniform int segments;  // straight pieces of an ellipse

@@ -1,5 +1,5 @@
 // A normal in its record's colour with dark sides, where it is not hidden.
-#include "viewer/buffers/hidden.glsl"
+#include "viewer/markers/hidden.glsl"
 #include "viewer/markers/line.glsl"
 
 uniform vec2 scale;  // pixels of the view per pixel of the target

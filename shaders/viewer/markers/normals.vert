@@ -1,5 +1,5 @@
 // A line from a record along its normal.
-#include "viewer/buffers/record.glsl"
+#include "viewer/markers/record.glsl"
 
 uniform float width;  // half of it, pixels
 uniform float rise;   // length of the line at distance 1, metres

@@ -1,6 +1,6 @@
 // A record as a dot of constant size, where the camera sees it.
-#include "viewer/buffers/record.glsl"
-#include "viewer/buffers/hidden.glsl"
+#include "viewer/markers/record.glsl"
+#include "viewer/markers/hidden.glsl"
 
 uniform float radius;  // pixels
 

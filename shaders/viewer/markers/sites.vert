@@ -2,7 +2,7 @@
 #include "generated/constants.glsl"
 #include "lib/display.glsl"
 #include "lib/table.glsl"
-#include "viewer/buffers/hidden.glsl"
+#include "viewer/markers/hidden.glsl"
 
 uniform sampler2D records_position;
 uniform sampler2D records_normal;

@@ -1,5 +1,5 @@
 // The edges of the scene's triangles, where they are not hidden.
-#include "viewer/buffers/hidden.glsl"
+#include "viewer/markers/hidden.glsl"
 
 uniform vec2 scale;  // pixels of the view per pixel of the target
 uniform vec4 tint;

@@ -5,20 +5,23 @@ from __future__ import annotations
 import importlib.util
 import os
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from imgui_bundle import imgui
 
 import irrsplat
-from irrsplat.app.common.error_colours import error_colours
-from irrsplat.app.verify.error_image import FULL, signed_error
-from irrsplat.app.viewer import background_truth as module
-from irrsplat.app.viewer.background_truth import HEIGHT, KEPT, Lattice, Truth
+from irrsplat.app.common.error_colours import FULL, error_colours
+from irrsplat.app.verify.error_image import signed_error
+from irrsplat.app.viewer.buffers import background_truth as module
+from irrsplat.app.viewer.buffers.background_truth import HEIGHT, KEPT, Lattice, Truth
+from irrsplat.app.viewer.buffers.table import BUFFERS
+from irrsplat.app.viewer.buffers.truth import NO_TRUTH
 from irrsplat.app.viewer.session import Session
-from irrsplat.app.viewer.show.legend import NO_TRUTH, TRUTHS, legend
 from irrsplat.gpu import context
 from irrsplat.image.frame import Frame
 from irrsplat.image.tonemap import show
@@ -26,6 +29,8 @@ from irrsplat.reference import worker
 from irrsplat.reference.truth import Traced, errors, in_words, vertices
 from irrsplat.scene.model import Camera
 from tests.support.viewing import SIZE, Driver, Tracer, push
+
+TRUTHS = [name for name, buffer in BUFFERS.items() if buffer.needs_truth]
 
 
 @pytest.fixture
@@ -48,13 +53,22 @@ def here(driver: Driver) -> Truth | None:
     return on.truths.of(on.scene, on.camera, on.size, on.settings(0)[1].bounces)
 
 
+def heard(write: Callable[..., None], place: int, said: list[str]) -> Callable[..., None]:
+    """`write`, which also adds its argument at `place` to what was said."""
+
+    def listen(*args: Any) -> None:
+        said.append(args[place])
+        write(*args)
+
+    return listen
+
+
 def words(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> str:
     """All text that the interface writes in a frame."""
     said: list[str] = []
     with monkeypatch.context() as patch:
         for name, place in (("text", 0), ("text_wrapped", 0), ("text_colored", 1)):
-            plain = getattr(imgui, name)
-            patch.setattr(imgui, name, lambda *args, plain=plain, place=place: (said.append(args[place]), plain(*args))[1])
+            patch.setattr(imgui, name, heard(getattr(imgui, name), place, said))
         driver.frame()
     return "\n".join(said)
 
@@ -121,33 +135,33 @@ def test_both_buffers_show_every_square_s_truth(
         driver.actions.show(name)
         driver.frame()
         assert np.abs(driver.canvas() / 255.0 - expected).max() < 1.01 / 255.0, name
-        (view,) = session.views
+        view, source = driver.display.buffer_view, session.source(0)
         for px, py in ((0, 0), (17, 100), (SIZE[0] - 1, SIZE[1] - 1), (160, 7), (161, 120)):
             at = row[py, px], column[py, px]
-            value = session.buffer_view.value(name, view, px, py, truth)
+            value = view.value(name, source, px, py)
             if found.seen[at]:
                 assert value is not None and np.allclose(value, values[name][at], rtol=1e-5, atol=1e-6)
             else:
                 assert value is None
-        assert session.buffer_view.value(name, view, SIZE[0], 0, truth) is None
-        assert session.buffer_view.value(name, view, 17, 100) is None
+        assert view.value(name, source, SIZE[0], 0) is None
+        assert view.value(name, replace(source, truth=None), 17, 100) is None
 
 
 def test_the_legend_s_scale_is_that_of_verify(driver: Driver, tracer: Tracer) -> None:
     """Its 64 colours stand for errors from −full to full, W/m², and it says how the truth was traced."""
     session, truth = driver.session, traced_truth(driver, tracer)
-    about = {"settings": session.settings(0)[1], "scene": session.scene, "camera": session.camera, "exposure": 1.5}
-    made = legend("error", **about, truth=truth)  # type: ignore[arg-type]
+    source = session.source(0)
+    assert source.truth is truth
+    made = BUFFERS["error"].legend(source)
     assert (float(made.low), float(made.high)) == pytest.approx((-truth.full, truth.full), rel=0.01) and made.unit == "W/m²"
     flat = Tracer.make((64, 1)) | {"halves": np.ones((2, 1, 64, 3), "f4"), "seen": np.ones((1, 64), bool)}
     E = 1.0 + FULL * np.linspace(-1.0, 1.0, 64)[None, :, None].repeat(3, axis=2)
     assert made.colours is not None and np.allclose(made.colours, signed_error(E, Traced(**flat))[0], atol=1e-6)
     assert np.allclose(error_colours(np.array([-7.0, 0.0, 7.0])), [made.colours[0], [1.0, 1.0, 1.0], made.colours[-1]])
     for name in TRUTHS:
-        bounces = in_words(session.settings(0)[1].bounces)
-        assert f"{bounces}, 512 samples" in legend(name, **about, truth=truth).text  # type: ignore[arg-type]
-        assert "noise" in legend(name, **about, truth=truth).text  # type: ignore[arg-type]
-    assert "+1.5 stops" in legend("reference", **about, truth=truth).text  # type: ignore[arg-type]
+        text = BUFFERS[name].legend(source).text
+        assert f"{in_words(source.settings.bounces)}, 512 samples" in text and "noise" in text
+    assert "+1.5 stops" in BUFFERS["reference"].legend(replace(source, exposure=1.5)).text
 
 
 @pytest.mark.parametrize("name", TRUTHS)
@@ -171,10 +185,10 @@ def test_no_frame_waits_for_a_truth(driver: Driver, tracer: Tracer, monkeypatch:
     push(driver, "Y")
     for _ in range(400):  # until its first word
         driver.frame()
-        if driver.session.truths.share:
+        if driver.session.truths.traced:
             break
         time.sleep(0.005)
-    assert driver.session.truths.share == 0.25 and here(driver) is None
+    assert driver.session.truths.traced == 0.25 and here(driver) is None
     said = words(driver, monkeypatch)
     assert said.count("tracing, 25 % (Y stops it)") == 2 and NO_TRUTH in said
     before = driver.canvas()
@@ -198,10 +212,10 @@ def test_it_is_the_truth_of_one_view(driver: Driver, tracer: Tracer) -> None:
     actions.go(replace(home, fov=home.fov + 1.0))
     assert here(driver) is None
     actions.go(home)
-    actions.lamps[0].stops = 1.0
+    actions.lamps.all[0].stops = 1.0
     actions.relight()
     assert here(driver) is None
-    actions.lamps[0].stops = 0.0
+    actions.lamps.all[0].stops = 0.0
     actions.relight()
     assert here(driver) is truth
     driver.resize((200, 240))
@@ -261,10 +275,10 @@ def test_a_missing_path_tracer_is_told_with_its_remedy(driver: Driver, monkeypat
     push(driver, "Y")
     for _ in range(400):
         driver.frame()
-        if driver.session.truths.share is None:
+        if driver.session.truths.traced is None:
             break
         time.sleep(0.005)
-    (said,) = [m.text for m in driver.actions.messages if m.error]
+    (said,) = [m.text for m in driver.actions.messages.lines if m.error]
     assert worker.INSTALL in said and "\n" not in said
 
 
@@ -273,7 +287,7 @@ def test_another_scene_ends_the_tracing_of_this_one(driver: Driver, tracer: Trac
     (thread,) = driver.session.truths._threads
     driver.actions.reload()
     driver.frame()
-    assert driver.session.truths.share is None
+    assert driver.session.truths.traced is None
     thread.join(2.0)
     assert not thread.is_alive() and thread.found is None and thread.error is None
 
@@ -300,7 +314,7 @@ def test_who_stops_it_ends_the_process(driver: Driver, tmp_path: Path, monkeypat
     with pytest.raises(ProcessLookupError):
         os.kill(int(pid.read_text()), 0)
     driver.frame(2)
-    assert driver.session.truths.share is None and not [m for m in driver.actions.messages if m.error]
+    assert driver.session.truths.traced is None and not [m for m in driver.actions.messages.lines if m.error]
 
 
 # ---- the path tracer itself ----------------------------------------------------------------------------------------------

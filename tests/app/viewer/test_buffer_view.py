@@ -3,68 +3,30 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import replace
 
 import moderngl
 import numpy as np
 import pytest
 
-import irrsplat
-from irrsplat.app.viewer.show.buffer_view import BufferView
-from irrsplat.app.viewer.show.legend import SHOWINGS, TRUTHS, depth_range, legend, shadow_range, weight_range
+from irrsplat.app.viewer.buffers.gather_atlas import draw_atlas
+from irrsplat.app.viewer.buffers.shadow_maps import shadow_range
+from irrsplat.app.viewer.buffers.table import BUFFERS
+from irrsplat.app.viewer.buffers.texture_buffers import depth_range
+from irrsplat.app.viewer.buffers.weight import weight_range
 from irrsplat.app.viewer.show.screen import Screen, clear
 from irrsplat.core.buffers import CHANNELS, Atlas
-from irrsplat.gpu import context
 from irrsplat.gpu.target import Target, pixels, table_texture
-from irrsplat.image.frame import Frame
-from irrsplat.image.tonemap import exposure_of, show, tonemap, viridis
-from irrsplat.image.view import View, read
-from irrsplat.renderer import Renderer
-from irrsplat.scene.model import Light, Scene
+from irrsplat.image.tonemap import show, tonemap, viridis
+from irrsplat.scene.model import Light
 from tests.support import worlds
+from tests.support.viewing import ShownView, shown_view
 
 SIZE = (97, 61)
 UNTOUCHED = (0.25, 0.5, 0.75)
 
 
-@dataclass(frozen=True)
-class Shown:
-    """A view after one round, some of whose pixels still ask for records, and the same as arrays."""
-
-    renderer: Renderer
-    view: View
-    frame: Frame
-    exposure: float
-    overlay: BufferView
-
-    def draw(self, target: Target, name: str, **rest: object) -> np.ndarray:
-        """The picture (H, W, 3), top row first."""
-        r = self.renderer
-        lent = {"settings": r.settings, "scene": r.scene, "exposure": self.exposure}
-        self.buffer_view.draw(
-            target, name, self.view, **(lent | {"shadows": r.shadows, "atlas": r.scheduler.gatherer.atlas} | rest)
-        )  # type: ignore[arg-type]
-        return target.read()[..., :3]
-
-
-def shown(scene: Scene, rounds: int = 2) -> Shown:
-    renderer = Renderer(scene, SIZE, ctx=context.shared(), bounces=1, gather_size=16, shadow_size=128)
-    for _ in range(rounds):
-        view, _ = renderer.frame()
-    frame = read(view, scene.sky, renderer.cache.read(), {})
-    return Shown(renderer, view, frame, exposure_of(frame.image), BufferView(renderer.ctx))
-
-
-@pytest.fixture(scope="module")
-def cornell() -> Iterator[Shown]:
-    with context.shared():
-        made = shown(irrsplat.load("cornell"))
-    weight, seen = made.frame.weight, np.isfinite(made.frame.depth)
-    asking = (weight < made.renderer.settings.threshold) & seen
-    assert 0.02 < asking.mean() < 0.9 and 0.02 < (~seen).mean() < 0.5, "pixels of every kind"
-    yield made
-    with context.shared():
-        made.renderer.release()
+TRUTHS = [name for name, buffer in BUFFERS.items() if buffer.needs_truth]
 
 
 @pytest.fixture
@@ -77,55 +39,52 @@ def target(ctx: moderngl.Context) -> Iterator[Target]:
 
 
 def test_the_table_is_the_channels_and_six_more() -> None:
-    assert set(SHOWINGS) == {*CHANNELS, "asking", "shadow", "atlas", "surface", *TRUTHS}
+    assert set(BUFFERS) == {*CHANNELS, "asking", "shadow", "atlas", "surface", *TRUTHS}
     first = ["image", "direct", "indirect", "irradiance", "weight", "position", "normal", "albedo", "depth"]
-    assert list(SHOWINGS)[:9] == first, "the keys 1 to 9"
-    assert all(s.title and s.help for s in SHOWINGS.values())
+    assert list(BUFFERS)[:9] == first, "the keys 1 to 9"
+    assert all(s.title and s.help for s in BUFFERS.values())
 
 
 @pytest.mark.parametrize("name", ["image", "direct", "indirect", "irradiance", "emission", "normal", "albedo"])
-def test_buffers_are_shown_as_in_files(cornell: Shown, target: Target, name: str) -> None:
+def test_buffers_are_shown_as_in_files(cornell: ShownView, target: Target, name: str) -> None:
     picture = cornell.draw(target, name)
-    expected = show(name, getattr(cornell.frame, name), cornell.exposure, np.isfinite(cornell.frame.depth))
+    expected = show(name, getattr(cornell.frame, name), cornell.source.exposure, cornell.seen)
     if name != "emission":  # this box emits nothing
         assert expected.std() > 0.1, "there is something to see"
     assert np.abs(picture - expected).max() < 1.0 / 255.0
 
 
 def test_the_sky_is_in_the_image_and_in_the_emission_alone(ctx: moderngl.Context, target: Target) -> None:
-    made = shown(worlds.scene(worlds.floor(0.5), lights=(worlds.lamp((0, 2, 0)),), sky=(0.2, 0.5, 0.8)))
-    unseen = ~np.isfinite(made.frame.depth)
-    assert 0.2 < unseen.mean() < 0.95
-    for name in SHOWINGS:
-        if SHOWINGS[name].how in ("shadow", "atlas", "asking", "surface", *TRUTHS):
-            continue
-        expected = tonemap(np.array([0.2, 0.5, 0.8]), made.exposure) if name in ("image", "emission") else 0.0
-        assert np.abs(made.draw(target, name)[unseen] - expected).max() < 1.0 / 255.0, name
-    made.renderer.release()
+    with shown_view(worlds.scene(worlds.floor(0.5), lights=(worlds.lamp((0, 2, 0)),), sky=(0.2, 0.5, 0.8))) as made:
+        unseen = ~made.seen
+        assert 0.2 < unseen.mean() < 0.95
+        for name in CHANNELS:
+            expected = tonemap(np.array([0.2, 0.5, 0.8]), made.source.exposure) if name in ("image", "emission") else 0.0
+            assert np.abs(made.draw(target, name)[unseen] - expected).max() < 1.0 / 255.0, name
 
 
-def test_positions_run_through_the_scene_s_bounds(cornell: Shown, target: Target) -> None:
-    low, high = cornell.renderer.scene.bounds
-    seen = np.isfinite(cornell.frame.depth)
+def test_positions_run_through_the_scene_s_bounds(cornell: ShownView, target: Target) -> None:
+    low, high = cornell.source.scene.bounds
+    seen = cornell.seen
     expected = (cornell.frame.position[seen] - low) / (high - low)
     assert np.abs(cornell.draw(target, "position")[seen] - expected).max() < 1e-3
 
 
-def test_depth_runs_through_what_the_camera_can_see(cornell: Shown, target: Target) -> None:
+def test_depth_runs_through_what_the_camera_can_see(cornell: ShownView, target: Target) -> None:
     """The legend's ends are the nearest and farthest corner of the bounds, along the axis from eye to target."""
-    camera, depth = cornell.view.camera, cornell.frame.depth
+    camera, depth = cornell.source.view.camera, cornell.frame.depth
     axis = np.subtract(camera.target, camera.eye) / np.linalg.norm(np.subtract(camera.target, camera.eye))
-    along = (cornell.renderer.scene.corners - camera.eye) @ axis
-    assert depth_range(cornell.renderer.scene, camera) == pytest.approx((along.min(), along.max()))
+    along = (cornell.source.scene.corners - camera.eye) @ axis
+    assert depth_range(cornell.source.scene, camera) == pytest.approx((along.min(), along.max()))
     seen = np.isfinite(depth)
     expected = viridis((depth[seen] - along.min()) / (along.max() - along.min()))
     assert np.abs(cornell.draw(target, "depth")[seen] - expected).max() < 1.0 / 255.0
 
 
-def test_the_contour_runs_between_pixels_on_different_sides(cornell: Shown, target: Target) -> None:
+def test_the_contour_runs_between_pixels_on_different_sides(cornell: ShownView, target: Target) -> None:
     """White where a pixel has enough and one of its four neighbours has not, black on that other side, the scale elsewhere."""
-    weight, threshold = cornell.frame.weight, cornell.renderer.settings.threshold
-    seen = np.isfinite(cornell.frame.depth)
+    weight, threshold = cornell.frame.weight, cornell.source.settings.threshold
+    seen = cornell.seen
     below = weight < threshold
     line = np.zeros(weight.shape, bool)
     for axis in (0, 1):
@@ -138,7 +97,7 @@ def test_the_contour_runs_between_pixels_on_different_sides(cornell: Shown, targ
     assert line.sum() > 50
     picture = cornell.draw(target, "weight")
     assert (picture[line] == np.where(below[line], 0.0, 1.0)[:, None]).all()
-    low, high = weight_range(cornell.renderer.settings)
+    low, high = weight_range(cornell.source.settings)
     scale = viridis(np.log(np.maximum(weight, low) / low) / np.log(high / low))
     rest = seen & ~line
     assert np.abs(picture[rest] - scale[rest]).max() < 1.0 / 255.0
@@ -147,27 +106,23 @@ def test_the_contour_runs_between_pixels_on_different_sides(cornell: Shown, targ
 
 def test_a_silhouette_is_no_contour(ctx: moderngl.Context, target: Target) -> None:
     """Before anything is splatted every pixel of the surface is below the threshold, and there is no other side to it."""
-    with Renderer(worlds.scene(worlds.floor(1.0)), SIZE, ctx=ctx, bounces=0) as renderer:
-        view, _ = renderer.frame()
-        overlay = BufferView(ctx)
-        overlay.draw(target, "weight", view, settings=renderer.settings, scene=renderer.scene, exposure=0.0)
-        overlay.release()
-        seen = read(view, (0, 0, 0), renderer.cache.read(), {}).depth < np.inf
+    with shown_view(worlds.scene(worlds.floor(1.0)), bounces=0) as made:
+        picture, seen = made.draw(target, "weight"), made.seen
     expected = np.where(seen[..., None], viridis(np.zeros(seen.shape)), 0.0)
-    assert 0.1 < seen.mean() < 0.9 and np.abs(target.read()[..., :3] - expected).max() < 1.0 / 255.0
+    assert 0.1 < seen.mean() < 0.9 and np.abs(picture - expected).max() < 1.0 / 255.0
 
 
-def test_asking_marks_exactly_the_pixels_that_ask(cornell: Shown, target: Target) -> None:
+def test_asking_marks_exactly_the_pixels_that_ask(cornell: ShownView, target: Target) -> None:
     """The rest is grey: only what asks has a colour, of too little weight or of records that contradict each other."""
-    settings = cornell.renderer.settings
-    weight, squares = np.moveaxis(pixels(cornell.view.splats.weight)[..., :2].astype(float), -1, 0)
-    sums = pixels(cornell.view.splats.sums).astype(float)
+    settings, splats = cornell.source.settings, cornell.source.view.splats
+    weight, squares = np.moveaxis(pixels(splats.weight)[..., :2].astype(float), -1, 0)
+    sums = pixels(splats.sums).astype(float)
     k = np.maximum(sums[..., 3], 1e-20)
     mean = sums[..., :3] @ (0.2126, 0.7152, 0.0722) / k
-    floor = cornell.view.splats.luminance_floor
+    floor = splats.luminance_floor
     contradict = np.sqrt(np.maximum(squares / k - mean**2, 0.0)) > settings.spread * np.maximum(mean, floor)
     few = weight < settings.threshold
-    asks = (few | (contradict & (weight < 3.0 * settings.threshold))) & np.isfinite(cornell.frame.depth)
+    asks = (few | (contradict & (weight < 3.0 * settings.threshold))) & cornell.seen
     assert (asks & ~few).any() and (asks & few).any()
     picture = cornell.draw(target, "asking")
     coloured = np.ptp(picture, axis=-1) > 0.1
@@ -175,25 +130,25 @@ def test_asking_marks_exactly_the_pixels_that_ask(cornell: Shown, target: Target
     assert picture[~asks].max() < 0.5, "the picture behind is dim"
 
 
-@pytest.mark.parametrize("name", [n for n in SHOWINGS if n not in ("shadow", "atlas", "surface", *TRUTHS)])
-def test_values_are_those_of_the_pixel_under_the_cursor(cornell: Shown, ctx: moderngl.Context, name: str) -> None:
+@pytest.mark.parametrize("name", [*CHANNELS, "asking"])
+def test_values_are_those_of_the_pixel_under_the_cursor(cornell: ShownView, ctx: moderngl.Context, name: str) -> None:
     """(0, 0) is the upper left pixel; nothing is a number where nothing is seen, but the depth, the image and the outside."""
-    overlay, frame = cornell.buffer_view, cornell.frame
+    frame = cornell.frame
     array = frame.weight if name == "asking" else getattr(frame, name)
-    seen = np.isfinite(frame.depth)
+    seen = cornell.seen
     rng = np.random.default_rng(3)
     for y, x in [*rng.permutation(np.argwhere(seen))[:12], *rng.permutation(np.argwhere(~seen))[:3]]:
-        value = overlay.value(name, cornell.view, int(x), int(y))
+        value = cornell.value(name, int(x), int(y))
         if not seen[y, x] and name not in ("image", "depth"):
             assert value is None
         else:
             assert value is not None and value.shape == np.atleast_1d(array[y, x]).shape
             assert np.allclose(value, array[y, x], rtol=1e-6)
-    assert overlay.value(name, cornell.view, SIZE[0], 0) is None and overlay.value(name, cornell.view, 0, -1) is None
+    assert cornell.value(name, SIZE[0], 0) is None and cornell.value(name, 0, -1) is None
 
 
-@pytest.mark.parametrize("name", SHOWINGS)
-def test_a_region_bounds_what_is_drawn(cornell: Shown, target: Target, name: str) -> None:
+@pytest.mark.parametrize("name", BUFFERS)
+def test_a_region_bounds_what_is_drawn(cornell: ShownView, target: Target, name: str) -> None:
     """And inside of it lies what lies there without it."""
     x, y, width, height = region = (31, 7, 40, 33)
     part = cornell.draw(target, name, region=region).copy()
@@ -205,14 +160,13 @@ def test_a_region_bounds_what_is_drawn(cornell: Shown, target: Target, name: str
     assert not (whole == np.array(UNTOUCHED, "f4")).all(-1).any(), "without a region all of it is drawn"
 
 
-def test_a_window_s_framebuffer_is_a_target(cornell: Shown, ctx: moderngl.Context, target: Target) -> None:
+def test_a_window_s_framebuffer_is_a_target(cornell: ShownView, ctx: moderngl.Context, target: Target) -> None:
     texture = ctx.texture(SIZE, 4)
     framebuffer = ctx.framebuffer([texture])
     screen = Screen(framebuffer)
     assert screen.size == SIZE
     clear(screen, (0.0, 0.0, 0.0))
-    renderer = cornell.renderer
-    cornell.buffer_view.draw(screen, "normal", cornell.view, settings=renderer.settings, scene=renderer.scene, exposure=0.0)
+    cornell.buffer_view.draw(screen, "normal", cornell.source)
     found = np.frombuffer(texture.read(), "u1").reshape(SIZE[1], SIZE[0], 4)[::-1, :, :3] / 255.0
     assert np.abs(found - cornell.draw(target, "normal")).max() <= 0.51 / 255.0
     screen.release()
@@ -221,7 +175,7 @@ def test_a_window_s_framebuffer_is_a_target(cornell: Shown, ctx: moderngl.Contex
     framebuffer.release()
 
 
-def test_a_larger_target_shows_each_pixel_larger(cornell: Shown, ctx: moderngl.Context, target: Target) -> None:
+def test_a_larger_target_shows_each_pixel_larger(cornell: ShownView, ctx: moderngl.Context, target: Target) -> None:
     large = Target(ctx, (2 * SIZE[0], 2 * SIZE[1]), (4,))
     for name in ("image", "weight"):
         twice = cornell.draw(large, name)
@@ -241,8 +195,8 @@ def test_a_shadow_map_shows_distances_from_the_light(ctx: moderngl.Context, targ
     bodies = worlds.floor(2.0), worlds.box((-0.3, 0.0, -0.3), (0.3, 1.0, 0.3))
     spot = worlds.lamp((0, 3, 0), spot_target=(0, 0, 0), spot_cutoff=40.0, spot_inner=40.0)
     light = spot if kind == "spot" else Light((0, 1, 0), (1, 1, 1), directional=True)
-    made = shown(worlds.scene(*bodies, lights=(light,)), rounds=1)
-    scene, shadows = made.renderer.scene, made.renderer.shadows
+    made = shown_view(worlds.scene(*bodies, lights=(light,)), rounds=1)
+    scene, shadows = made.source.scene, made.renderer.shadows
     assert shadows is not None
     low, high = shadow_range(scene, shadows)
     thick = 1.001 * scene.diagonal
@@ -254,22 +208,21 @@ def test_a_shadow_map_shows_distances_from_the_light(ctx: moderngl.Context, targ
     beside = picture[SIZE[1] // 2, SIZE[0] // 2 + 12]  # the floor, inside the tile and outside the box
     assert np.abs(centre - viridis(np.array((top - low) / (high - low)))).max() < 0.02
     assert np.abs(beside - viridis(np.array((top + 1.0 - low) / (high - low)))).max() < 0.02
-    text = legend("shadow", settings=made.renderer.settings, scene=scene, camera=made.view.camera, exposure=0, shadows=shadows)
+    text = BUFFERS["shadow"].legend(made.source)
     assert (float(text.low), float(text.high)) == pytest.approx((low, high), rel=0.01) and text.unit == "m"
-    made.renderer.release()
+    made.release()
 
 
-def test_without_lights_and_batches_there_is_only_ground(ctx: moderngl.Context, target: Target) -> None:
-    made = shown(worlds.scene(worlds.floor(), sky=1.0), rounds=1)
-    for name in ("shadow", "atlas"):
-        picture = made.draw(target, name, atlas=None)
-        assert (picture == picture[0, 0]).all() and picture[0, 0, 0] != UNTOUCHED[0]
-    text = legend("shadow", settings=made.renderer.settings, scene=made.renderer.scene, camera=made.view.camera, exposure=0)
-    assert "no light" in text.text
-    made.renderer.release()
+def test_without_lights_batches_and_bounces_there_is_only_ground(ctx: moderngl.Context, target: Target) -> None:
+    with shown_view(worlds.scene(worlds.floor(), sky=1.0), rounds=1, bounces=0) as made:
+        for name in ("shadow", "atlas", "surface"):
+            clear(target, UNTOUCHED)
+            picture = made.draw(target, name)
+            assert (picture == picture[0, 0]).all() and picture[0, 0, 0] != UNTOUCHED[0], name
+        assert "no light" in BUFFERS["shadow"].legend(made.source).text
 
 
-def test_the_atlas_shows_its_cells_from_the_upper_left(cornell: Shown, ctx: moderngl.Context) -> None:
+def test_the_atlas_shows_its_cells_from_the_upper_left(cornell: ShownView, ctx: moderngl.Context) -> None:
     """Three cells of 4x3 texels, two in an atlas row, in a target with room for just 3x1 of ten times that, 2 pixels apart."""
     radiance = np.zeros((6, 8, 4))
     for i, (x, y) in enumerate([(0, 0), (4, 0), (0, 3)]):
@@ -278,9 +231,9 @@ def test_the_atlas_shows_its_cells_from_the_upper_left(cornell: Shown, ctx: mode
         radiance[y, x] = 0.0  # one texel hits nothing
     sky = (0.25, 0.5, 1.0)
     table = table_texture(ctx, radiance)
-    atlas = Atlas(table, None, None, None, None, 3, 2, (4, 3), (1, 1))
+    atlas = Atlas(table, None, None, None, None, 3, 2, (4, 3), (1, 1))  # type: ignore[arg-type]  # only radiance is drawn
     target = Target(ctx, (124, 30), (4,))
-    BufferView(ctx).atlas(target, atlas, 2.0, sky)
+    draw_atlas(cornell.buffer_view.canvas(target), atlas, 2.0, sky)
     picture = target.read()[..., :3]
     for i in range(3):
         x = i * 42
@@ -296,21 +249,22 @@ def test_the_atlas_shows_its_cells_from_the_upper_left(cornell: Shown, ctx: mode
 # ---- legends ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", SHOWINGS)
-def test_every_showing_has_a_legend(cornell: Shown, name: str) -> None:
-    r = cornell.renderer
-    made = legend(name, settings=r.settings, scene=r.scene, camera=cornell.view.camera, exposure=2.34, shadows=r.shadows)
+@pytest.mark.parametrize("name", BUFFERS)
+def test_every_buffer_has_a_legend(cornell: ShownView, name: str) -> None:
+    made = BUFFERS[name].legend(replace(cornell.source, exposure=2.34))
     assert made.text
     assert (made.colours is None) or made.colours.shape[1:] == (3,)
-    if SHOWINGS[name].how in ("radiance", "irradiance", "indirect"):
+    if name in ("image", "direct", "indirect", "irradiance", "emission", "atlas"):
         assert "+2.3 stops" in made.text and made.unit in made.text
 
 
 @pytest.mark.parametrize("tolerance", ["auto", 0.01, 3.0, 1e5, 0.0])
-def test_the_threshold_has_its_place_on_the_scale_of_weights(cornell: Shown, tolerance: object) -> None:
+def test_the_threshold_has_its_place_on_the_scale_of_weights(cornell: ShownView, tolerance: object) -> None:
     """On a logarithmic scale from low to high the mark is at threshold = low·(high/low)^mark; a threshold of 0 has no place."""
-    settings = cornell.renderer.settings.with_values({"tolerance": tolerance})
-    made = legend("weight", settings=settings, scene=cornell.renderer.scene, camera=cornell.view.camera, exposure=0)
+    renderer, before = cornell.renderer, cornell.renderer.settings
+    renderer.change(before.with_values({"tolerance": tolerance}))
+    settings, made = renderer.settings, BUFFERS["weight"].legend(cornell.source)
+    renderer.change(before)
     low, high = weight_range(settings)
     assert low < high and (float(made.low), float(made.high)) == pytest.approx((low, high), rel=0.01)
     if tolerance == 0.0:

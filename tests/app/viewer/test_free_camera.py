@@ -83,7 +83,8 @@ def test_every_way_is_as_fast() -> None:
     keys = np.array(np.meshgrid(*[[-1, 0, 1]] * 3)).reshape(3, -1).T
     for one in keys[np.any(keys != 0, axis=1)]:
         flight = FreeCamera(PLAIN, DIAGONAL)
-        flight.move(*one, seconds=0.1)
+        right, up, ahead = one
+        flight.move(right, up, ahead, 0.1)
         assert np.linalg.norm(eye(flight) - PLAIN.eye) == pytest.approx(0.1 * DIAGONAL / 6)
         np.testing.assert_allclose((eye(flight) - PLAIN.eye) @ (one * [1, 1, -1]) > 0, True)  # ahead is -z
 
@@ -278,9 +279,9 @@ def test_an_orbit_levels_about_the_pivot() -> None:
 
 def steep(up: tuple[float, float, float], heading: float, degrees: float) -> Camera:
     """A roll-free view with an up perpendicular to it, as a glTF's matrix gives, that looks down by `degrees`."""
-    up, p = np.array(up), math.radians(degrees)
-    level = np.roll(up, 1) * math.cos(heading) + np.roll(up, 2) * math.sin(heading)
-    ahead, above = level * math.cos(p) - up * math.sin(p), level * math.sin(p) + up * math.cos(p)
+    upward, p = np.array(up), math.radians(degrees)
+    level = np.roll(upward, 1) * math.cos(heading) + np.roll(upward, 2) * math.sin(heading)
+    ahead, above = level * math.cos(p) - upward * math.sin(p), level * math.sin(p) + upward * math.cos(p)
     return Camera((0.0, 0.0, 0.0), tuple(ahead), tuple(above))
 
 
@@ -364,7 +365,8 @@ def test_no_sequence_breaks_it(place: float, diagonal: float) -> None:
             case 1:
                 flight.orbit(pivot, number(300), number(300), 0.005)
             case 2:
-                flight.move(*random.integers(-1, 2, 3), seconds=abs(number(0.3)), pace=random.choice([0.25, 1, 4]))
+                right, up, ahead = random.integers(-1, 2, 3)
+                flight.move(right, up, ahead, abs(number(0.3)), random.choice([0.25, 1, 4]))
             case 3:
                 flight.dolly(number(20), None if random.random() < 0.5 else pivot)
             case 4:

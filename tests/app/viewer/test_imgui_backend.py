@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Callable, Iterator
+from functools import partial
 from types import SimpleNamespace
 from typing import Any
 
@@ -18,11 +19,12 @@ from irrsplat.app.viewer.ui import imgui_backend as module
 from irrsplat.app.viewer.ui.imgui_backend import ImguiBackend
 
 SIZE = (240, 160)
+CLEAR = (0.0, 0.0, 0.0, 0.0)
 BARE = imgui.WindowFlags_.no_decoration | imgui.WindowFlags_.no_saved_settings
 
 
 class Screen:
-    """A ImguiBackend and what it is drawn into; `frame` runs one frame and returns the picture (H, W, 4) uint8, top row first."""
+    """An ImguiBackend and its target; `frame` runs one frame and returns the picture (H, W, 4) uint8, top row first."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], density: float, scale: float) -> None:
         self.size, self.pixels = size, (round(size[0] * density), round(size[1] * density))
@@ -31,10 +33,10 @@ class Screen:
         self.backend = ImguiBackend(ctx, scale)
         self.released = False
 
-    def frame(self, content: Callable[[], Any] = lambda: None, clear: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)) -> np.ndarray:
+    def frame(self, content: Callable[[], Any] = lambda: None, clear: tuple[float, float, float, float] = CLEAR) -> np.ndarray:
         self.backend.begin(self.size, self.pixels, 1 / 60)
         self.result = content()
-        self.target.clear(*clear)
+        self.target.clear(color=clear)
         self.backend.draw(self.target)
         return np.frombuffer(self.target.read(components=4), "u1").reshape(self.pixels[1], self.pixels[0], 4)[::-1]
 
@@ -191,7 +193,7 @@ def test_a_texture_stands_upright_in_its_own_colours(ctx: moderngl.Context, scre
     rows = np.array([[[10, 20, 30], [250, 128, 3]], [[0, 255, 0], [77, 0, 201]], [[1, 2, 3], [255, 255, 255]]], "u1")  # top first
     shown = [ctx.texture((2, 3), 3, np.ascontiguousarray(rows[::-1]).tobytes(), alignment=1)]  # OpenGL's first row: the bottom
     shown[0].filter = moderngl.NEAREST, moderngl.NEAREST
-    picture = one.frame(rect(lambda: one.gui.image(shown[0], (20, 30))))
+    picture = one.frame(rect(lambda: one.backend.image(shown[0], (20, 30))))
     left, top = (round(middle - half) for middle, half in zip(one.result[1], (10, 15), strict=True))
     assert np.array_equal(picture[top : top + 30, left : left + 20, :3], rows.repeat(10, 0).repeat(10, 1))
     shown[0].release()
@@ -205,11 +207,11 @@ def test_a_click_presses_a_button_once(screen: Callable[..., Screen]) -> None:
     one.frame(show)
     pressed = []
     for event in (
-        lambda: one.gui.mouse_position(*one.result[1]),
-        lambda: one.gui.mouse_button(1, True),
-        lambda: one.gui.mouse_button(1, False),
-        lambda: one.gui.mouse_button(2, True),
-        lambda: one.gui.mouse_button(2, False),
+        lambda: one.backend.mouse_position(*one.result[1]),
+        lambda: one.backend.mouse_button(1, True),
+        lambda: one.backend.mouse_button(1, False),
+        lambda: one.backend.mouse_button(2, True),
+        lambda: one.backend.mouse_button(2, False),
         lambda: None,
     ):
         event()
@@ -222,10 +224,10 @@ def test_other_buttons_and_the_wheel_arrive(screen: Callable[..., Screen]) -> No
     one = screen()
     seen: list[Any] = []
     for button in (2, 3):
-        one.gui.mouse_button(button, True)
+        one.backend.mouse_button(button, True)
         one.frame(lambda: seen.append([imgui.is_mouse_down(i) for i in range(3)]))
     assert seen == [[False, True, False], [False, True, True]]  # imgui counts left, right, middle
-    one.gui.scroll(-1.0, 2.0)
+    one.backend.scroll(-1.0, 2.0)
     one.frame(lambda: seen.append((imgui.get_io().mouse_wheel_h, imgui.get_io().mouse_wheel)))
     assert seen[-1] == (-1.0, 2.0)
 
@@ -234,11 +236,11 @@ def test_the_mouse_is_wanted_over_a_window_only(screen: Callable[..., Screen]) -
     one = screen()
     one.frame(text("a"))
     for place, wanted in (((100, 80), True), ((5, 5), False)):
-        one.gui.mouse_position(*place)
+        one.backend.mouse_position(*place)
         one.frame(text("a"))
         one.frame(text("a"))
-        assert one.gui.wants_mouse is wanted
-    assert not one.gui.wants_keyboard
+        assert one.backend.wants_mouse is wanted
+    assert not one.backend.wants_keyboard
 
 
 class Field:
@@ -247,9 +249,9 @@ class Field:
     def __init__(self, one: Screen) -> None:
         self.one, self.value = one, ""
         one.frame(self.show)
-        one.gui.mouse_position(*one.result[1])
+        one.backend.mouse_position(*one.result[1])
         for pressed in (True, False):
-            one.gui.mouse_button(1, pressed)
+            one.backend.mouse_button(1, pressed)
             one.frame(self.show)
 
     def show(self) -> Any:
@@ -261,12 +263,12 @@ class Field:
     def tap(self, *keys: int) -> None:
         """Press the keys one after the other, and let them go the other way round."""
         for key, pressed in [(k, True) for k in keys] + [(k, False) for k in keys[::-1]]:
-            self.one.gui.key(key, pressed, KEYS)
+            self.one.backend.key(key, pressed, KEYS)
             self.one.frame(self.show)
 
     def type(self, line: str) -> str:
         for character in line:
-            self.one.gui.char(character)
+            self.one.backend.char(character)
         for _ in range(2):
             self.one.frame(self.show)
         return self.value
@@ -274,7 +276,7 @@ class Field:
 
 def test_typed_text_arrives(screen: Callable[..., Screen]) -> None:
     field = Field(screen())
-    assert field.one.gui.wants_keyboard
+    assert field.one.backend.wants_keyboard
     assert field.type("a = 0.3 ρπ") == "a = 0.3 ρπ"
     field.tap(KEYS.BACKSPACE)
     assert field.value == "a = 0.3 ρ"
@@ -287,7 +289,7 @@ def test_typed_text_arrives(screen: Callable[..., Screen]) -> None:
 @pytest.mark.parametrize("control", [KEYS.LEFT_CTRL, 345])  # glfw.KEY_RIGHT_CONTROL: moderngl-window has no name for it
 def test_modifiers_arrive(screen: Callable[..., Screen], control: int, monkeypatch: pytest.MonkeyPatch) -> None:
     field = Field(screen())
-    field.one.gui._io.config_mac_osx_behaviors = False  # there, the Cmd key selects all
+    field.one.backend._io.config_mac_osx_behaviors = False  # there, the Cmd key selects all
     field.type("old")
     field.tap(control, KEYS.A)
     assert field.type("new") == "new"  # all was selected
@@ -297,7 +299,7 @@ def test_modifiers_arrive(screen: Callable[..., Screen], control: int, monkeypat
 
 def test_a_modifier_holds_until_both_its_keys_are_up_or_the_window_is_left(screen: Callable[..., Screen]) -> None:
     one = screen()
-    gui, held = one.gui, []
+    gui, held = one.backend, []
 
     def look() -> None:
         held.append(imgui.get_io().key_shift)
@@ -333,7 +335,7 @@ def test_every_key_of_the_window_is_known() -> None:
 
 def test_the_headless_windows_keys_are_passed_over(screen: Callable[..., Screen]) -> None:
     assert module._key_table(HEADLESS_KEYS) == {}  # all of them are called "undefined"
-    screen().gui.key(HEADLESS_KEYS.A, True, HEADLESS_KEYS)
+    screen().backend.key(HEADLESS_KEYS.A, True, HEADLESS_KEYS)
 
 
 @pytest.mark.parametrize("character", "Σρπ²·°×→")
@@ -354,9 +356,9 @@ def test_scale_makes_text_larger_and_can_be_changed(screen: Callable[..., Screen
     plain, large = screen(), screen(scale=2.0)
     small, big = (one.frame(text("H")) for one in (plain, large))
     assert height(small) > 8 and abs(height(big) - 2 * height(small)) <= 2
-    plain.gui.resize_scale(2.0)
+    plain.backend.resize_scale(2.0)
     assert np.array_equal(plain.frame(text("H")), big)
-    plain.gui.resize_scale(1.0)
+    plain.backend.resize_scale(1.0)
     assert np.array_equal(plain.frame(text("H")), small)
 
 
@@ -385,12 +387,15 @@ def test_a_dense_framebuffer_gets_finer_text_in_the_same_place(screen: Callable[
 
 
 def test_glyphs_that_come_later_are_drawn_as_well(screen: Callable[..., Screen], monkeypatch: pytest.MonkeyPatch) -> None:
-    """They reach the atlas as updates of parts of it; the picture is that of a ImguiBackend which had them from the start."""
-    updates = []
+    """They reach the atlas as updates of parts of it; the picture is that of an ImguiBackend which had them from the start."""
+    updates: list[dict[str, Any]] = []
     write = moderngl.Texture.write
-    monkeypatch.setattr(
-        moderngl.Texture, "write", lambda self, data, **options: updates.append(options) or write(self, data, **options)
-    )
+
+    def watched(self: moderngl.Texture, data: Any, **options: Any) -> None:
+        updates.append(options)
+        write(self, data, **options)
+
+    monkeypatch.setattr(moderngl.Texture, "write", watched)
     late, early = screen(), screen()
     late.frame(text("abc"))
     before = len(updates)
@@ -422,14 +427,14 @@ def test_release_leaves_nothing_behind(screen: Callable[..., Screen], monkeypatc
     one = screen()
     other = screen()
     watch = Watch(monkeypatch)
-    gui, one.gui = one.gui, ImguiBackend(one.gui.ctx)
+    gui, one.backend = one.backend, ImguiBackend(one.backend.ctx)
     for _ in range(3):
         one.frame(text("abc"))
     assert sorted(set(watch.alive())) == ["buffer", "program", "texture", "vertex_array"]
-    one.gui.release()
+    one.backend.release()
     assert watch.alive() == []
     assert imgui.get_current_context() is None
-    one.gui = gui
+    one.backend = gui
     assert letters(one.frame(text("abc"))).any() and letters(other.frame(text("abc"))).any()  # theirs are untouched
 
 
@@ -443,7 +448,7 @@ def test_an_atlas_that_imgui_outgrew_is_freed(screen: Callable[..., Screen], mon
         imgui.pop_font()
 
     for points in range(40, 120, 8):
-        one.frame(window(lambda points=points: sizes(points)))
+        one.frame(window(partial(sizes, points)))
     assert len([kind for kind, _ in watch.made if kind == "texture"]) >= 4  # the target's, and one atlas after another
     for _ in range(4):
         picture = one.frame(text("abc"))
@@ -458,7 +463,8 @@ def test_a_draw_states_its_state_and_leaves_none(ctx: moderngl.Context, screen: 
     expected = one.frame(text("abc"))
     ctx.enable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
     ctx.depth_func, ctx.cull_face, ctx.front_face = "<", "front_and_back", "cw"
-    ctx.blend_func, ctx.blend_equation, ctx.wireframe = (moderngl.ZERO, moderngl.ONE), moderngl.FUNC_REVERSE_SUBTRACT, True
+    ctx.blend_func, ctx.wireframe = (moderngl.ZERO, moderngl.ONE), True
+    ctx.blend_equation = moderngl.FUNC_REVERSE_SUBTRACT  # type: ignore[assignment]
     one.target.viewport = (0, 0, 3, 3)
     assert np.array_equal(one.frame(text("abc")), expected)
     assert not ctx.wireframe and one.target.scissor in (None, (0, 0, *SIZE))
@@ -483,22 +489,22 @@ def test_two_guis_take_turns(screen: Callable[..., Screen]) -> None:
     for _ in range(2):
         one.frame(show)
         other.frame(show)
-    for event in (lambda: one.gui.mouse_position(*one.result[1]), lambda: one.gui.mouse_button(1, True)):
+    for event in (lambda: one.backend.mouse_position(*one.result[1]), lambda: one.backend.mouse_button(1, True)):
         event()
         one.frame(show)
         other.frame(show)
-    one.gui.mouse_button(1, False)
+    one.backend.mouse_button(1, False)
     other.frame(show)
     one.frame(show)
     assert one.result[0] and not other.result[0]
-    assert one.gui.wants_mouse and not other.gui.wants_mouse
+    assert one.backend.wants_mouse and not other.backend.wants_mouse
     expected = [each.frame(text(line)) for each, line in ((one, "abc"), (other, "XYZ"))]
     for each, line in ((one, "abc"), (other, "XYZ")):  # frames that overlap
-        each.gui.begin(SIZE, SIZE, 1 / 60)
+        each.backend.begin(SIZE, SIZE, 1 / 60)
         text(line)()
     for each, picture in zip((one, other), expected, strict=True):
         each.target.clear()
-        each.gui.draw(each.target)
+        each.backend.draw(each.target)
         assert np.array_equal(np.frombuffer(each.target.read(components=4), "u1").reshape(picture.shape)[::-1], picture)
 
 
@@ -506,19 +512,19 @@ def test_a_minimised_window_draws_nothing(ctx: moderngl.Context, screen: Callabl
     one = screen()
     one.frame(text("abc"))
     for _ in range(2):
-        one.gui.begin((0, 0), (0, 0), 0.0)
+        one.backend.begin((0, 0), (0, 0), 0.0)
         text("XYZ")()
-        one.gui.draw(one.target)
+        one.backend.draw(one.target)
     assert letters(one.frame(text("XYZ"))).any()  # its glyphs came while nothing was drawn
 
 
 def test_no_settings_file_is_written(screen: Callable[..., Screen], tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     one = screen()
-    one.gui.begin(SIZE, SIZE, 10.0)  # imgui saves some seconds after a change, and when its context ends
+    one.backend.begin(SIZE, SIZE, 10.0)  # imgui saves some seconds after a change, and when its context ends
     imgui.begin("a window that moves")
     imgui.set_window_pos((1, 1))
     imgui.end()
-    one.gui.draw(one.target)
+    one.backend.draw(one.target)
     one.release()
     assert not list(tmp_path.iterdir())

@@ -9,7 +9,7 @@ import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import platformdirs
@@ -18,7 +18,7 @@ import pytest
 from irrsplat.app.viewer.preferences import Preferences, bookmarks, load, save, set_bookmarks
 from irrsplat.scene import Camera
 from irrsplat.scene import load as load_scene
-from irrsplat.settings import PRESETS, SETTINGS, preset
+from irrsplat.settings import PRESETS, SETTINGS, SettingValues, preset
 
 FULL = Preferences(
     size=(1280, 720),
@@ -65,7 +65,7 @@ def test_what_is_saved_comes_back(place: Path) -> None:
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_each_presets_values_come_back_with_their_types(name: str) -> None:
-    values = {key: getattr(preset(name), key) for key in SETTINGS}
+    values = cast(SettingValues, {key: getattr(preset(name), key) for key in SETTINGS})
     assert save(Preferences(preset=name, values=values)) is None
     back, notices = load()
     assert (back.preset, back.values, notices) == (name, values, [])
@@ -74,7 +74,7 @@ def test_each_presets_values_come_back_with_their_types(name: str) -> None:
 
 def test_where_the_files_lie(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.delenv("IRRSPLAT_CONFIG")
-    asked = {}
+    asked: dict[str, object] = {}
 
     def config(name: str, **options: Any) -> Path:
         asked.update(options, name=name)
@@ -162,6 +162,7 @@ def replaced(tree: Any, path: tuple[Any, ...], value: Any) -> Any:
     return tree
 
 
+WRONG: tuple[Any, ...]
 WRONG = (None, "wrong", "1", [], [[]], {}, {"x": 1}, True, -1, 0, 1, 1.5, 10**400, 1e60, 1e300, "\ud800", "line\nline")
 
 
@@ -235,7 +236,7 @@ def test_bookmarks_come_back(place: Path) -> None:
     assert set_bookmarks("cornell", []) is None
     assert bookmarks("cornell") == []
     numbers = np.array([[1.0, 2.0, 3.0], [0.0, 0.0, 0.0]], "f4")  # as a loader may leave them in a Camera
-    made = Camera(tuple(numbers[0]), tuple(numbers[1]), fov=np.float32(40.0))
+    made = Camera(tuple(numbers[0]), tuple(numbers[1]), fov=np.float32(40.0))  # type: ignore[arg-type]
     assert set_bookmarks("cornell", [made]) is None
     assert bookmarks("cornell") == [made]
 

@@ -3,57 +3,45 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from dataclasses import replace
 
 import moderngl
 import numpy as np
 import pytest
 
-import irrsplat
-from irrsplat.app.viewer.show import record_inspector
-from irrsplat.app.viewer.show.record_inspector import RecordInspector, Table
+from irrsplat.app.viewer.show.record_inspector import RecordInspector
+from irrsplat.app.viewer.show.record_table import RecordTable, read
 from irrsplat.app.viewer.show.screen import Texels
-from irrsplat.core.buffers import HitLight
 from irrsplat.gather.raster import RasterGather
 from irrsplat.gpu import context
 from irrsplat.image.tonemap import tonemap
-from irrsplat.image.view import View, read
 from irrsplat.renderer import Renderer
 from irrsplat.scene.model import Camera, Scene
 from tests.support import worlds
+from tests.support.viewing import ShownView, shown_view
 
 SIZE = (97, 61)
 INSIDE = Camera((0.0, 0.3, 0.8), (0.0, -0.5, -0.5))
 
 
 @pytest.fixture(scope="module")
-def cornell() -> Iterator[tuple[Renderer, View, Table, irrsplat.Frame]]:
-    """A view after two rounds: every record is splatted but the last round's."""
+def table(shared_cornell: ShownView) -> RecordTable:
+    """The records of the Cornell box; all but those of the last round are splatted."""
     with context.shared():
-        renderer = Renderer(irrsplat.load("cornell"), SIZE, ctx=context.shared(), bounces=1, gather_size=16, shadow_size=128)
-        renderer.frame()
-        renderer.frame()
-        view, _ = renderer.frame(gather=False)
-        made = renderer, view, record_inspector.read(renderer.cache.records), read(view, (0, 0, 0), renderer.cache.read(), {})
-    yield made
-    with context.shared():
-        renderer.release()
+        return read(shared_cornell.renderer.cache.records)
 
 
-Cornell = tuple[Renderer, View, Table, irrsplat.Frame]
-
-
-def test_the_table_is_the_cache(cornell: Cornell, ctx: moderngl.Context) -> None:
-    renderer, _, table, frame = cornell
+def test_the_table_is_the_cache(cornell: ShownView, table: RecordTable) -> None:
+    renderer, frame = cornell.renderer, cornell.frame
     assert len(table) == renderer.cache.count == len(frame.records_radius)
     assert np.array_equal(table.position, frame.records_position) and np.array_equal(table.normal, frame.records_normal)
     assert np.array_equal(table.irradiance, frame.records_irradiance) and np.array_equal(table.radius, frame.records_radius)
     assert (table.slope() > 0.0).any() and np.isfinite(table.slope()).all()
 
 
-def test_the_weights_add_up_to_what_was_splatted(cornell: Cornell, ctx: moderngl.Context) -> None:
+def test_the_weights_add_up_to_what_was_splatted(cornell: ShownView, table: RecordTable) -> None:
     """Σw at a pixel is the sum over all records of what each weighs there: the splat buffer's, but for pixels at a rim."""
-    renderer, view, table, frame = cornell
+    renderer, view, frame = cornell.renderer, cornell.source.view, cornell.frame
     seen = np.argwhere(np.isfinite(frame.depth))
     sums, found = [], []
     for y, x in np.random.default_rng(6).permutation(seen)[:200]:
@@ -64,37 +52,35 @@ def test_the_weights_add_up_to_what_was_splatted(cornell: Cornell, ctx: moderngl
     assert np.mean(np.array(found) > 0.0) > 0.4 and not np.all(np.array(found) > 0.0)
 
 
-def test_the_record_that_weighs_most_is_picked(cornell: Cornell, ctx: moderngl.Context) -> None:
+def test_the_record_that_weighs_most_is_picked(cornell: ShownView, table: RecordTable) -> None:
     """None where nothing is seen, where no record speaks, and outside of the picture."""
-    renderer, view, table, frame = cornell
-    settings, rng, texel = renderer.settings, np.random.default_rng(7), Texels(ctx)
+    view, frame, texels = cornell.source.view, cornell.frame, cornell.buffer_view.texels
+    settings, rng = cornell.source.settings, np.random.default_rng(7)
     served, lacking = (np.argwhere(np.isfinite(frame.depth) & m) for m in (frame.weight > 0.0, frame.weight == 0.0))
     for y, x in rng.permutation(served)[:40]:
         w = table.weights(frame.position[y, x], frame.normal[y, x], view.camera, settings)
-        number = record_inspector.pick(texel, table, view, settings, int(x), int(y))
+        number = table.pick(texels, view, settings, int(x), int(y))
         assert number == int(np.argmax(w))
         apart, axis = frame.position[y, x] - table.position[number], table.axis[number]
         along, across = table.reach(view.camera, settings)[number]
         aside = apart - (apart @ axis) * axis
         assert (apart @ axis / along) ** 2 + (aside @ aside) / across**2 <= 1.0, "and the pixel lies within its ellipse"
     for y, x in [*rng.permutation(lacking)[:10], *np.argwhere(~np.isfinite(frame.depth))[:3]]:
-        assert record_inspector.pick(texel, table, view, settings, int(x), int(y)) is None
-    assert (
-        record_inspector.pick(texel, table, view, settings, -1, 0) is None
-        and record_inspector.pick(texel, table, view, settings, 0, SIZE[1]) is None
-    )
+        assert table.pick(texels, view, settings, int(x), int(y)) is None
+    assert table.pick(texels, view, settings, -1, 0) is None and table.pick(texels, view, settings, 0, SIZE[1]) is None
 
 
 def test_no_records_are_none_to_pick(ctx: moderngl.Context) -> None:
     with Renderer(worlds.scene(worlds.floor()), SIZE, ctx=ctx, bounces=0) as renderer:
         view, _ = renderer.frame()
-        table, texel = record_inspector.read(renderer.cache.records), Texels(ctx)
-        assert len(table) == 0 and record_inspector.pick(texel, table, view, renderer.settings, 48, 30) is None
+        table = read(renderer.cache.records)
+        with Texels(ctx) as texels:
+            assert len(table) == 0 and table.pick(texels, view, renderer.settings, 48, 30) is None
 
 
-def test_what_is_said_of_a_record(cornell: Cornell, ctx: moderngl.Context) -> None:
-    renderer, view, table, _ = cornell
-    said = dict(record_inspector.describe(17, table, view, renderer.settings))
+def test_what_is_said_of_a_record(cornell: ShownView, table: RecordTable) -> None:
+    renderer, view = cornell.renderer, cornell.source.view
+    said = dict(table.describe(17, view, renderer.settings))
     assert said["record"] == f"17 of {len(table)}"
     assert [float(v) for v in said["position"].split()[:3]] == pytest.approx(table.position[17], abs=1e-3)
     assert [float(v) for v in said["irradiance"].split()[:3]] == pytest.approx(table.irradiance[17], rel=0.01)
@@ -105,7 +91,7 @@ def test_what_is_said_of_a_record(cornell: Cornell, ctx: moderngl.Context) -> No
     along, across = table.reach(view.camera, renderer.settings)[17]
     assert said["a·R"].endswith(f"here {along:.3g} by {across:.3g} m") and along >= across > 0.0
     flat = renderer.settings.with_values({"gradients": False})
-    assert "|grad E|" not in dict(record_inspector.describe(17, table, view, flat))
+    assert "|grad E|" not in dict(table.describe(17, view, flat))
 
 
 # ---- the hemisphere ---------------------------------------------------------------------------------------------------
@@ -131,38 +117,34 @@ def test_where_nothing_is_hit_there_is_the_sky(ctx: moderngl.Context) -> None:
 
 def hemispheres(ctx: moderngl.Context, world: Scene, kind: str) -> np.ndarray:
     """What a record on the floor of `world` sees, exposed by -1 stops."""
-    with Renderer(world, SIZE, ctx=ctx, bounces=1, gather=kind, gather_size=16, placement="tiles") as renderer:
-        renderer.frame()
-        where, number = renderer.cache.sites(np.array([3])), 3
-        assert renderer.shadows is not None
-        looker = RecordInspector(ctx)
-        texture = looker.hemisphere(
-            number, where, renderer.world, HitLight(renderer.shadows), settings=renderer.settings, exposure=-1.0
-        )
-        made = picture(texture)
-        ctx.detect_framebuffer(0).use()
-        looker.release()
-    return made
+    with shown_view(world, rounds=1, gather=kind, placement="tiles") as made, RecordInspector(ctx, made.buffer_view) as inspector:
+        texture = inspector.hemisphere(3, replace(made.source, exposure=-1.0))
+        assert texture is not None
+        return picture(texture)
 
 
-def test_a_record_that_is_gathered_again_is_the_same(cornell: Cornell, ctx: moderngl.Context) -> None:
+def test_a_record_that_is_gathered_again_is_the_same(cornell: ShownView, table: RecordTable) -> None:
     """E = Σ L·cosθ·dω over the texels of its cell is what the cache has, and the picture is their radiance."""
-    renderer, _, table, _ = cornell
-    looker = RecordInspector(ctx)
-    assert renderer.shadows is not None
-    for number in (0, 33, len(table) - 1):
-        where = renderer.cache.sites(np.array([number]))
-        seen_by = renderer.world, HitLight(renderer.shadows)
-        texture = looker.hemisphere(number, where, *seen_by, settings=renderer.settings, exposure=1.0)
-        gather = looker.gather_pass
-        assert isinstance(gather, RasterGather) and gather.target is not None
-        seen = gather.target.read()[::-1, :, :3]
-        assert np.einsum("ij,ijc->c", gather.share, seen) == pytest.approx(table.irradiance[number], rel=1e-3)
-        assert np.abs(picture(texture) - tonemap(seen, 1.0)).max() <= 0.6 / 255.0
-        assert picture(texture).std() > 0.05
-    first = looker.gather_pass
-    coarse = renderer.settings.with_values({"gather_size": 8})
-    texture = looker.hemisphere(0, where, *seen_by, settings=coarse, exposure=1.0)
-    assert looker.gather_pass is not first and texture.size == (16, 12)
-    ctx.detect_framebuffer(0).use()
-    looker.release()
+    source = replace(cornell.source, exposure=1.0)
+    with RecordInspector(cornell.renderer.ctx, cornell.buffer_view) as inspector:
+        for number in (0, 33, len(table) - 1):
+            texture = inspector.hemisphere(number, source)
+            gather = inspector.gather_pass
+            assert texture is not None and isinstance(gather, RasterGather) and gather.target is not None
+            seen = gather.target.read()[::-1, :, :3]
+            assert np.einsum("ij,ijc->c", gather.share, seen) == pytest.approx(table.irradiance[number], rel=1e-3)
+            assert np.abs(picture(texture) - tonemap(seen, 1.0)).max() <= 0.6 / 255.0
+            assert picture(texture).std() > 0.05
+
+
+def test_another_gather_size_shows_another_hemisphere(ctx: moderngl.Context) -> None:
+    with shown_view(worlds.scene(worlds.floor(), sky=1.0), rounds=1) as made:
+        inspector, sizes = RecordInspector(ctx, made.buffer_view), []
+        for side in (16, 8):
+            made.renderer.change(made.source.settings.with_values({"gather_size": side}))
+            made.renderer.frame()
+            texture = inspector.hemisphere(0, made.source)
+            assert texture is not None
+            sizes.append(texture.size)
+        assert sizes == [(32, 24), (16, 12)]
+        inspector.release()

@@ -30,7 +30,7 @@ def room(one: Driver) -> Iterator[Path]:
     yield path
     write_room(path.parent)
     with one.wnd.ctx:
-        one.actions.trying(lambda: one.actions.open(str(path)))
+        one.actions.attempt(lambda: one.actions.open(str(path)))
 
 
 @pytest.fixture
@@ -47,19 +47,17 @@ def rewrite(driver: Driver, path: Path, text: str) -> None:
     path.write_text(text)
     then = time.time() - 1000.0 + next(_SAVES)  # another time for each
     os.utime(path, (then, then))
-    driver.actions.watch._next = 0.0
+    driver.actions.file_watch._next = 0.0
 
 
 def errors(driver: Driver) -> list[str]:
-    return [m.text for m in driver.actions.messages if m.error]
+    return [m.text for m in driver.actions.messages.lines if m.error]
 
 
 # ---- shaders -------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "name", ["image/composite.frag", "viewer/buffers/buffer.frag", "viewer/buffers/copy.frag", "viewer/gui.frag"]
-)
+@pytest.mark.parametrize("name", ["image/composite.frag", "viewer/buffers/picture.glsl", "viewer/copy.frag", "viewer/gui.frag"])
 def test_a_broken_shader_is_told_and_the_last_good_one_goes_on(driver: Driver, copied: Path, name: str) -> None:
     """File and line, whoever's shader it is; mended, F5 reads it again, and the error is gone."""
     file = copied / name
@@ -107,12 +105,12 @@ def test_a_changed_core_shader_shows_where_no_record_changes(driver: Driver, cop
     good = file.read_text()
     assert "out_image = vec4(" in good
     file.write_text(good.replace("out_image = vec4(", "out_image = 2.0 * vec4("))
-    driver.session.reload_shaders(*driver.actions.others)
+    driver.session.reload_shaders(*driver.actions._other_programs())
     driver.settle()
     after = driver.canvas().astype(int)
     assert (after >= before).all() and (after > before).mean() > 0.4
     file.write_text(good)
-    driver.session.reload_shaders(*driver.actions.others)
+    driver.session.reload_shaders(*driver.actions._other_programs())
     driver.settle()
     assert np.array_equal(driver.canvas(), before)
 
@@ -153,13 +151,13 @@ def test_a_mesh_or_a_light_that_changes_counts_too(driver: Driver, room: Path) -
     rewrite(driver, room.with_name("lamp.light"), "position 0 0.8 0 1\nintensity 1 2 3\n")
     driver.frame()
     assert driver.session.scene.lights[0].color == (1.0, 2.0, 3.0)
-    assert driver.actions.lamps[0].light.position == (0.0, 0.8, 0.0)
+    assert driver.actions.lamps.all[0].light.position == (0.0, 0.8, 0.0)
 
 
 def test_while_a_file_is_being_written_nobody_reads_it(driver: Driver, room: Path) -> None:
     renderer = driver.session.renderers[0]
     room.write_text(ROOM[:40])
-    driver.actions.watch._next = 0.0
+    driver.actions.file_watch._next = 0.0
     driver.frame()
     assert driver.session.renderers[0] is renderer and not driver.said
 
@@ -174,7 +172,7 @@ def test_a_dropped_scene_is_opened_with_the_same_settings(driver: Driver, room: 
     driver.session.change(0, a=0.7)
     other = write_room(tmp_path).rename(tmp_path / "other.scene")
     other.write_text(ROOM.replace("cam 0 0 2.6", "cam 0 0.1 2.2"))
-    driver.viewer.on_drop([str(other), "second.scene"])
+    driver.viewer.controls.files_dropped([str(other), "second.scene"])
     driver.frame()
     assert driver.session.scene.name == "other" and driver.session.camera.eye == (0.0, 0.1, 2.2)
     assert [r.preset for r in driver.session.renderers] == ["default", "paper"] and driver.session.settings(0)[1].a == 0.7
@@ -189,18 +187,18 @@ def test_nonsense_is_refused_and_nothing_changes(driver: Driver, tmp_path: Path,
     for name in ("a.scene", "a.xyz", "a.path", "a.glb", "missing.scene", "."):
         if name.startswith("a."):
             (tmp_path / name).write_text(content)
-        driver.actions.messages.clear()
-        driver.viewer.on_drop([name])
+        driver.actions.messages.lines.clear()
+        driver.viewer.controls.files_dropped([name])
         driver.frame()
         (said,) = errors(driver)
         assert name in said or name == "."
     assert np.array_equal(driver.canvas(), before) and driver.session.camera == camera
-    driver.viewer.on_drop([])
+    driver.viewer.controls.files_dropped([])
 
 
 def test_a_dropped_path_plays_to_its_end(driver: Driver, tmp_path: Path) -> None:
     (tmp_path / "flight.path").write_text(PATH)
-    driver.viewer.on_drop(["flight.path"])
+    driver.viewer.controls.files_dropped(["flight.path"])
     driver.frame(10, 0.05)
     assert driver.session.path_recorder.playing == pytest.approx(0.5)
     assert driver.session.views[0].camera.eye == pytest.approx((0.25, 0.1, 2.1))  # half way, evenly: two keys make a line

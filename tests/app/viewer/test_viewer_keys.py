@@ -10,9 +10,9 @@ import pytest
 
 from irrsplat.app.flags import parse
 from irrsplat.app.viewer import preferences
-from irrsplat.app.viewer.input.keys import BUFFERS, GROUPS, Key
+from irrsplat.app.viewer.buffers.table import BUFFERS
+from irrsplat.app.viewer.input.keys import BUFFER_KEYS, GROUPS, Key
 from irrsplat.app.viewer.session import overrides
-from irrsplat.app.viewer.show.legend import SHOWINGS
 from irrsplat.scene import load
 from irrsplat.scene.camera_path import load_path
 from tests.support.viewing import FAST, Cases, Driver, Tracer, push
@@ -31,13 +31,13 @@ def test_a_key_does_what_it_says(driver: Driver, shown: str) -> None:
     before = driver.session.camera
     CASES.made[shown](driver, shown)
     assert shown in ("Home", "P", "R") or driver.session.camera == before
-    assert not driver.actions.quitting and not any(m.error for m in driver.actions.messages)
+    assert not driver.actions.quitting and not any(m.error for m in driver.actions.messages.lines)
 
 
 # ---- buffers -------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("found", BUFFERS, ids=[k.shown for k in BUFFERS])
+@pytest.mark.parametrize("found", BUFFER_KEYS, ids=[k.shown for k in BUFFER_KEYS])
 def test_a_number_shows_its_buffer(driver: Driver, found: Key) -> None:
     """Another picture, with its own legend, and nothing else is drawn again; the title is said once."""
     push(driver, "2" if found.argument == "image" else "1")
@@ -48,7 +48,7 @@ def test_a_number_shows_its_buffer(driver: Driver, found: Key) -> None:
     assert driver.session.options.buffers[0] == found.argument
     assert (driver.canvas() != canvas).any()
     assert driver.session.ms == {} and (cache.count, cache.revision) == state
-    assert driver.said == SHOWINGS[str(found.argument)].title
+    assert driver.said == BUFFERS[str(found.argument)].title
 
 
 def test_the_buffers_are_all_different_pictures(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -56,7 +56,7 @@ def test_the_buffers_are_all_different_pictures(driver: Driver, monkeypatch: pyt
     driver.actions.trace()
     tracer.finish(driver)
     pictures = {}
-    for name in SHOWINGS:
+    for name in BUFFERS:
         driver.actions.show(name)
         driver.frame()
         pictures[name] = driver.canvas()
@@ -213,9 +213,11 @@ def inspect(driver: Driver, shown: str) -> None:
     found = driver.viewer.inspected
     assert found is not None and found.lines[0][1].startswith(f"{found.number} of ")
     assert (driver.canvas() != before).any(-1).sum() == found.served > 10
-    x, y = 120, 120
-    view, renderer = driver.session.views[0], driver.session.renderers[0]
-    here, record = driver.session.buffer_view.value("position", view, x, y), renderer.cache.read()["position"][found.number]
+    renderer, source = driver.session.renderers[0], driver.session.source(0)
+    here, record = (
+        driver.display.buffer_view.value("position", source, 120, 120),
+        renderer.cache.read()["position"][found.number],
+    )
     assert here is not None and np.linalg.norm(here - record) < 2.0 * renderer.settings.a * renderer.scene.diagonal
     driver.session.held = 0, found.number
     push(driver, shown)
@@ -275,7 +277,7 @@ def expose(driver: Driver, shown: str) -> None:
     before = driver.canvas().astype(int)
     push(driver, shown)
     way = 1 if shown == "]" else -1
-    assert driver.session.settings(0)[1].exposure == FAST["exposure"] + 0.5 * way == driver.session.exposure
+    assert driver.session.settings(0)[1].exposure == 1.0 + 0.5 * way == driver.session.exposure
     after = driver.canvas().astype(int)
     assert (way * (after - before) >= 0).all() and (after != before).mean() > 0.5
     assert driver.session.ms == {}
@@ -330,13 +332,13 @@ def trace(driver: Driver, shown: str) -> None:
     with pytest.MonkeyPatch.context() as monkeypatch:
         tracer, truths = Tracer(monkeypatch), driver.session.truths
         push(driver, shown)
-        assert truths.share is not None
+        assert truths.traced is not None
         push(driver, shown)
-        assert truths.share is None and "stopped" in driver.said
+        assert truths.traced is None and "stopped" in driver.said
         push(driver, shown)
         tracer.finish(driver)
         (truth,) = truths.kept
         assert truth.camera == driver.session.camera and truth.size == driver.wnd.buffer_size
         count = len(tracer.calls)
         push(driver, shown)
-        assert truths.share is None and len(tracer.calls) == count and truths.kept == [truth] and "already" in driver.said
+        assert truths.traced is None and len(tracer.calls) == count and truths.kept == [truth] and "already" in driver.said

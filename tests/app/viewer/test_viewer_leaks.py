@@ -9,21 +9,22 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import moderngl
 import pytest
 
+from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.input.keys import KEYS
-from irrsplat.app.viewer.session import SPLITS
-from irrsplat.app.viewer.show.legend import SHOWINGS
+from irrsplat.app.viewer.view_options import SPLITS
+from irrsplat.settings import SettingValues
 from tests.support.viewing import LEFT, RIGHT, Driver, viewing, write_room
 
 SECONDS, DT = 60.0, 1.0 / 20.0
 CREATORS = ("texture", "depth_texture", "buffer", "framebuffer", "program", "vertex_array")
 SIZES = ((96, 72), (64, 96), (128, 64), (96, 72))
 LEFT_OUT = {"quit", "fullscreen", "reload", "screenshot", "screenshot_bare", "record", "bookmark", "open_dialog"}  # see `rare`
-LEFT_OUT |= {"trace"}  # for minutes, or not at all: tests/test_viewer_truth.py
+LEFT_OUT |= {"trace"}  # takes minutes: test_background_truth.py
 
 
 class Watch:
@@ -78,7 +79,7 @@ def anything(driver: Driver, chance: random.Random) -> None:
         driver.button(False, button)
     elif what == "wheel":
         driver.move(*place)
-        driver.viewer.on_mouse_scroll_event(0.0, chance.choice((-1.0, 1.0)))
+        driver.viewer.controls.wheel(0.0, chance.choice((-1.0, 1.0)))
     elif what == "key":
         key = chance.choice([k for k in KEYS if k.action not in LEFT_OUT])
         if key.ctrl:
@@ -87,16 +88,16 @@ def anything(driver: Driver, chance: random.Random) -> None:
         driver.up(key.name)
         driver.up("LEFT_CTRL")
     elif what == "buffer":
-        actions.show(chance.choice(list(SHOWINGS)))
+        actions.show(chance.choice(list(BUFFERS)))
     elif what == "set":
         name, values = chance.choice(
             (("a", (0.5, 1.0)), ("smooth", (True, False)), ("gradients", (True, False)), ("gather", ("raster", "plane")),
              ("gather_size", (8, 12)), ("shadow_size", (32, 64)), ("bounces", (0, 1, 1, 1)), ("blend", (0.3, 0.5)),
              ("exposure", ("auto", 1.0)), ("kernel", ("cut", "smooth")), ("radius_max", (20.0, 60.0)))
         )  # fmt: skip
-        session.change(chance.choice((0, 1)), **{name: chance.choice(values)})
+        session.change(chance.choice((0, 1)), **cast(SettingValues, {name: chance.choice(values)}))
     elif what == "light":
-        lamp = actions.lamps[0]
+        lamp = actions.lamps.all[0]
         lamp.light = replace(lamp.light, position=(chance.uniform(-0.9, 0.9), chance.uniform(-0.9, 0.9), 0.3))
         lamp.on, lamp.stops = chance.random() < 0.8, chance.uniform(-2.0, 2.0)
         actions.relight()
@@ -142,7 +143,7 @@ def test_a_minute_of_anything_leaves_nothing_behind(tmp_path: Path, monkeypatch:
             driver.frame(dt=DT)
             if number % round(1 / DT) == 0:
                 rare(driver, number * round(DT * 1e6) // 1_000_000)
-            assert not [m for m in driver.actions.messages if m.error], driver.said
+            assert not [m for m in driver.actions.messages.lines if m.error], driver.said
             if number % (frames // 3) == 0:
                 driver.session.renderers[1:] = [r for r in driver.session.renderers[1:] if r.release()]  # type: ignore[func-returns-value]
                 driver.reset()

@@ -59,10 +59,10 @@ def test_keys_are_let_go_of_when_the_window_loses_the_keyboard(driver: Driver) -
     driver.move(*WALL)
     driver.button(True, RIGHT)
     driver.frame()
-    driver.viewer.on_focus(False)
+    driver.viewer.controls.focus_changed(False)
     before = driver.session.camera
     driver.frame(3)
-    assert driver.session.camera == before and not driver.viewer.looking and driver.viewer.pace == 1.0
+    assert driver.session.camera == before and not driver.viewer.controls.looking and driver.viewer.controls.pace == 1.0
     driver.modifiers.shift = False
 
 
@@ -86,7 +86,7 @@ def test_right_mouse_looks_after_the_first_jump(driver: Driver) -> None:
     before = driver.session.camera
     driver.move(*WALL)
     driver.button(True, RIGHT)
-    assert driver.wnd.mouse_exclusivity and driver.viewer.pointer is None
+    assert driver.wnd.mouse_exclusivity and driver.viewer.controls.pointer is None
     driver.move(0, 0, 500, -300)
     driver.frame()
     assert driver.session.camera == before
@@ -108,7 +108,7 @@ def test_the_wheel_sets_the_speed_while_right_mouse_is_held(driver: Driver) -> N
     driver.move(*WALL)
     driver.button(True, RIGHT)
     for _ in range(3):
-        driver.viewer.on_mouse_scroll_event(0.0, 1.0)
+        driver.viewer.controls.wheel(0.0, 1.0)
     driver.button(False, RIGHT)
     assert driver.session.free_camera.speed > 1.5 * speed and driver.session.camera == before
     assert driver.said == f"speed {driver.session.free_camera.speed:.3g} m/s", "said once"
@@ -118,12 +118,12 @@ def test_the_wheel_dollies_to_the_point_under_the_cursor(driver: Driver) -> None
     """A tenth of the way a step: the point stays under the cursor."""
     driver.move(*WALL)
     driver.frame()
-    point, before = driver.session.point_at((60, 100)), driver.session.camera
+    point, before = driver.display.point_at((60, 100)), driver.session.camera
     assert point is not None
-    driver.viewer.on_mouse_scroll_event(0.0, 1.0)
+    driver.viewer.controls.wheel(0.0, 1.0)
     driver.frame()
     assert gone(driver, before) == pytest.approx(0.1 * np.subtract(point, before.eye), abs=1e-5)
-    driver.viewer.on_mouse_scroll_event(0.0, -1.0)
+    driver.viewer.controls.wheel(0.0, -1.0)
     assert gone(driver, before) == pytest.approx(0.0, abs=1e-5)
 
 
@@ -131,7 +131,7 @@ def test_a_left_drag_orbits_about_the_point_that_was_picked(driver: Driver) -> N
     """The picked point keeps its place on the screen and its distance."""
     driver.move(*WALL)
     driver.frame()
-    point, before = driver.session.point_at((60, 100)), driver.session.camera
+    point, before = driver.display.point_at((60, 100)), driver.session.camera
     assert point is not None
     driver.drag(WALL, (110.0, 90.0))
     after = driver.session.camera
@@ -154,9 +154,9 @@ def test_a_click_moves_nothing_but_holds_a_record_where_they_are_inspected(drive
     driver.move(200, 60)
     driver.frame(2)
     assert driver.viewer.inspected is not None and driver.viewer.inspected.number == number, "held while the mouse goes on"
-    driver.session.use(0, "paper")
+    driver.session.use_preset(0, "paper")
     assert driver.session.held is None, "its records are gone"
-    driver.session.use(0, "default")
+    driver.session.use_preset(0, "default")
     driver.session.change(0, gather_size=8)
 
 
@@ -213,10 +213,10 @@ def test_the_interface_keeps_mouse_and_wheel_from_the_camera(driver: Driver) -> 
     driver.frame(3)
     before = driver.session.camera
     driver.drag((40.0, 80.0), (100.0, 100.0))
-    driver.viewer.on_mouse_scroll_event(0.0, 2.0)
+    driver.viewer.controls.wheel(0.0, 2.0)
     driver.click(40.0, 80.0, RIGHT)
     driver.frame(2)
-    assert driver.session.camera == before and not driver.viewer.looking and driver.viewer.pointer is None
+    assert driver.session.camera == before and not driver.viewer.controls.looking and driver.viewer.controls.pointer is None
 
 
 def test_a_press_right_after_a_jump_is_the_panel_s_or_the_picture_s(driver: Driver) -> None:
@@ -254,8 +254,8 @@ def test_at_rest_nothing_but_the_interface_is_drawn(driver: Driver, monkeypatch:
         driver.actions.show(name)
         driver.settle()
         drawn: list[object] = []
-        draw = driver.session.draw
-        monkeypatch.setattr(driver.session, "draw", lambda *args, draw=draw, drawn=drawn: drawn.append(args) or draw(*args))
+        draw = driver.display.draw
+        monkeypatch.setattr(driver.display, "draw", lambda *args, draw=draw, drawn=drawn: drawn.append(args) or draw(*args))
         view = driver.session.views[0]
         driver.actions.panels.hud = driver.actions.panels.settings = True
         for x in range(250, 300, 10):

@@ -1,4 +1,4 @@
-"""The panels by the mouse: a widget for every setting, presets, menus, the lights, the buttons over the picture."""
+"""The panels by the mouse: a widget for every setting, presets, menus, the lights, the buttons over the picture; and Tab."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.session import overrides
-from irrsplat.app.viewer.show.legend import SHOWINGS
 from irrsplat.settings import PRESETS, SETTINGS, preset
-from tests.support.viewing import FAST, Driver, fresh, viewing, write_room
+from tests.support.viewing import FAST, Driver, fresh, push, viewing, write_room
 
 TALL = (460, 1160)  # so that the whole panel fits
 
@@ -21,7 +21,7 @@ TALL = (460, 1160)  # so that the whole panel fits
 CHANGES: dict[str, tuple[str | None, Any]] = {
     "shadow_size": ("128", 128),
     "seed": ("7", 7),
-    "bounces": ("0", 0),
+    "bounces": ("1", 1),
     "gather": ("plane", "plane"),
     "gather_size": ("12", 12),
     "gradients": (None, False),
@@ -54,7 +54,8 @@ CHANGES: dict[str, tuple[str | None, Any]] = {
 
 @pytest.fixture(scope="module")
 def one(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Driver]:
-    with viewing(write_room(tmp_path_factory.mktemp("room")), TALL, radius_max=40.0) as driver:
+    """A tall window; without bounces, since what is gathered is not of interest to most of these tests."""
+    with viewing(write_room(tmp_path_factory.mktemp("room")), TALL, bounces=0) as driver:
         yield driver
 
 
@@ -66,8 +67,8 @@ def driver(one: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iter
 
 @pytest.fixture
 def panel(driver: Driver) -> Driver:
-    """All stages of the settings' panel unfolded."""
-    driver.actions.panels.settings = True
+    """All stages of the settings' panel unfolded, the cache frozen."""
+    driver.actions.panels.settings = driver.session.options.frozen = True
     driver.frame(3)
     for stage in ("view", "composite", "examine", "splat", "gather", "shadow"):
         if all(d.stage != stage or label(d.name) not in shown(driver) for d in SETTINGS.values()):
@@ -110,7 +111,6 @@ def test_a_widget_changes_its_setting_alone_and_the_arrow_takes_it_back(panel: D
         assert value(panel, name) == pytest.approx(old.threshold if name == "tolerance" else panel.session.exposure, abs=1e-3)
     widget = panel.find(label(name))
     if SETTINGS[name].kind == "choice":
-        panel.session.options.frozen = True  # what it costs to gather anew is not of interest here
         panel.click(*widget.at())
         x, y = widget.at()
         step = widget.box[3] - widget.box[1]
@@ -136,7 +136,6 @@ def test_a_widget_changes_its_setting_alone_and_the_arrow_takes_it_back(panel: D
 def test_a_slider_is_dragged(panel: Driver, name: str) -> None:
     """From end to end: the least and the greatest value of its span. What all records hang on waits for the button to go up."""
     widget, seen = panel.find(label(name)), []
-    panel.session.options.frozen = True
     panel.move(*widget.at())
     panel.frame(2)
     panel.button(True)
@@ -173,6 +172,9 @@ def test_auto_and_back(panel: Driver) -> None:
 
 def test_all_bounces_and_as_many_as_they_were(panel: Driver) -> None:
     """Switched off, it stays at the number that was made."""
+    panel.session.options.frozen = False
+    panel.session.change(0, budget=2000.0, radius_min=10.0)
+    panel.frame()
     panel.click(*panel.find("all", beside="bounces").at(0.1))
     assert value(panel, "bounces") == "all"
     panel.settle()
@@ -184,9 +186,8 @@ def test_all_bounces_and_as_many_as_they_were(panel: Driver) -> None:
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_presets_are_in_the_list_and_in_the_menu(panel: Driver, name: str) -> None:
-    panel.session.options.frozen = True
     for way in ("menu", "list"):
-        panel.session.use(0, "preview" if name != "preview" else "default")
+        panel.session.use_preset(0, "preview" if name != "preview" else "default")
         panel.frame(2)
         panel.choose("Preset" if way == "menu" else "preset")
         panel.choose(name)
@@ -195,7 +196,6 @@ def test_presets_are_in_the_list_and_in_the_menu(panel: Driver, name: str) -> No
 
 
 def test_the_side_at_hand_gets_the_setting(panel: Driver) -> None:
-    panel.session.options.frozen = True
     panel.session.split("presets")
     panel.frame(3)
     panel.choose("right")
@@ -209,15 +209,55 @@ def test_the_side_at_hand_gets_the_setting(panel: Driver) -> None:
     assert [r.settings.blend for r in panel.session.renderers] == [0.75, 0.25], "the right side is out of sight"
 
 
+# ---- Tab ---------------------------------------------------------------------------------------------------------------
+
+
+def test_in_a_field_tab_goes_on_to_the_next(panel: Driver) -> None:
+    """Esc leaves the fields: then Tab splits the view again."""
+    panel.down("LEFT_CTRL")
+    panel.click(*panel.find("a").at())
+    panel.press("A")
+    panel.up("LEFT_CTRL")
+    panel.type("0.8")
+    panel.press("TAB")
+    panel.frame(2)
+    assert panel.viewer.backend.wants_keyboard and panel.session.options.split == "off"
+    assert value(panel, "a") == pytest.approx(0.8)
+    panel.press("ESCAPE")
+    panel.frame(2)
+    assert not panel.viewer.backend.wants_keyboard
+    panel.press("TAB")
+    assert panel.session.options.split == "buffers"
+
+
+def test_tab_comes_to_two_presets_and_round_again(panel: Driver) -> None:
+    """Also after a click into the panel, which gives its window imgui's focus; and a key after it is typed into no setting."""
+    for way in ("buffers", "presets", "off", "buffers", "presets"):
+        panel.press("TAB")
+        panel.frame(3)
+        assert panel.session.options.split == way and not panel.viewer.backend.wants_keyboard
+        if way == "off":
+            for _ in range(2):
+                panel.click(*panel.find("gradients").at())
+    before, panel.actions.side = [renderer.settings for renderer in panel.session.renderers], 0
+    push(panel, "5")
+    panel.type("5")
+    assert panel.session.options.buffers[0] == "weight"
+    assert [renderer.settings for renderer in panel.session.renderers] == before
+    panel.press("TAB", ctrl=True)
+    panel.frame(3)
+    assert not panel.viewer.backend.wants_keyboard and panel.session.options.split == "presets", "imgui opens no list of windows"
+
+
 # ---- menus -------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", SHOWINGS)
+@pytest.mark.parametrize("name", BUFFERS)
 def test_the_menu_shows_every_buffer(driver: Driver, name: str) -> None:
     driver.session.options.buffers[0] = "albedo" if name != "albedo" else "image"
     driver.frame()
     before = driver.canvas()
-    driver.choose("Show", SHOWINGS[name].title)
+    driver.choose("Show", BUFFERS[name].title)
     assert driver.session.options.buffers[0] == name and (driver.canvas() != before).any()
 
 
@@ -256,21 +296,23 @@ def test_the_split_from_the_menu(driver: Driver) -> None:
 def test_the_buttons_over_the_picture(driver: Driver) -> None:
     driver.actions.panels.hud = True
     driver.frame(3)
+    driver.session.change(0, bounces=1, radius_min=10.0)
+    driver.settle()
     driver.choose("freeze")
     assert driver.session.options.frozen
+    assert driver.session.renderers[0].cache.count > 0
     driver.choose("clear")
     assert driver.session.renderers[0].cache.count == 0
     driver.choose("thaw")
-    driver.settle()
-    assert not driver.session.options.frozen and driver.session.progress[0].coverage == 1.0
+    assert not driver.session.options.frozen
 
 
 # ---- lights ------------------------------------------------------------------------------------------------------------
 
 
 def test_lights_are_moved_dimmed_switched_and_put_back(driver: Driver) -> None:
-    """Records are gathered again where they are; switched off, the room is black, for nothing else lights it."""
-    loaded, count = driver.session.scene.lights, driver.session.renderers[0].cache.count
+    """Switched off, the room is black, for nothing else lights it."""
+    loaded = driver.session.scene.lights
     driver.actions.panels.lights = True
     driver.settle()
     canvas = driver.canvas()
@@ -294,12 +336,11 @@ def test_lights_are_moved_dimmed_switched_and_put_back(driver: Driver) -> None:
     driver.settle()
     assert driver.session.scene.lights == loaded
     assert np.abs(driver.canvas().astype(float) - canvas).mean() < 1.0
-    assert driver.session.renderers[0].cache.count >= count
 
 
 def test_a_black_light_gets_its_colour_back(driver: Driver) -> None:
     driver.actions.panels.lights = True
-    lamp = driver.actions.lamps[0]
+    lamp = driver.actions.lamps.all[0]
     lamp.light = replace(lamp.light, color=(0.0, 0.0, 0.0))
     driver.actions.relight()
     driver.frame(3)

@@ -29,7 +29,7 @@ def test_every_key_has_its_case() -> None:
 def test_a_key_does_what_it_says(driver: Driver, shown: str) -> None:
     before = driver.session.camera
     CASES.made[shown](driver, shown)
-    assert driver.session.camera == before and not any(m.error for m in driver.actions.messages)
+    assert driver.session.camera == before and not any(m.error for m in driver.actions.messages.lines)
 
 
 def covered(driver: Driver) -> float:
@@ -61,7 +61,7 @@ def hide(driver: Driver, shown: str) -> None:
     driver.actions.say("something is wrong", error=True)
     driver.frame(3)
     assert covered(driver) > 0.01
-    driver.actions.messages.clear()
+    driver.actions.messages.lines.clear()
     push(driver, shown)
     assert covered(driver) > 0.1
 
@@ -98,8 +98,7 @@ def screenshot(driver: Driver, shown: str) -> None:
     with OpenEXR.File(str(file.with_suffix(".exr")), separate_channels=True) as exr:
         channels = exr.channels()
         assert {name.split(".")[0] for name in channels} == set(CHANNELS)
-        view = driver.session.views[0]
-        seen = driver.session.buffer_view.value("irradiance", view, 100, 60)
+        seen = driver.display.buffer_view.value("irradiance", driver.session.source(0), 100, 60)
         assert seen is not None and channels["irradiance.G"].pixels[60, 100] == pytest.approx(seen[1], rel=1e-5)
     push(driver, shown)
     assert len(list(Path().glob("irrsplat-room-*.png"))) == 2, "the first one is not written over"
@@ -116,8 +115,10 @@ def open_dialog(driver: Driver, shown: str) -> None:
     for letter in "WASDEQZXF":
         driver.press(letter)
     driver.type("wasd")
-    assert driver.session.camera == here and driver.viewer.held == set(), "W is held no longer"
-    assert driver.viewer.menu._typed == "wasd" and not driver.session.options.points and not driver.session.options.frozen
+    assert driver.session.camera == here and driver.viewer.controls.pressed == set(), "W is held no longer"
+    assert (
+        driver.viewer.interface.dialog.typed == "wasd" and not driver.session.options.points and not driver.session.options.frozen
+    )
     push(driver, "Esc")
     driver.frame(5)
     assert not driver.actions.panels.open and driver.session.camera == here
@@ -125,7 +126,7 @@ def open_dialog(driver: Driver, shown: str) -> None:
     driver.session.free_camera.home()
     driver.settle()
     assert np.array_equal(driver.canvas(), canvas)
-    driver.viewer.menu._typed = ""
+    driver.viewer.interface.dialog.typed = ""
 
 
 @case("Ctrl+Q")
@@ -155,11 +156,11 @@ def escape(driver: Driver, shown: str) -> None:
     actions.play()
     driver.move(200, 120)
     driver.button(True, 2)
-    assert driver.viewer.looking and driver.wnd.mouse_exclusivity
+    assert driver.viewer.controls.looking and driver.wnd.mouse_exclusivity
     driver.session.held, actions.panels.help = (0, 3), True
     actions.play()
     push(driver, shown)
-    assert not driver.viewer.looking and not driver.wnd.mouse_exclusivity
+    assert not driver.viewer.controls.looking and not driver.wnd.mouse_exclusivity
     assert not actions.panels.help and driver.session.held is None
     assert driver.session.path_recorder.playing is None
     driver.button(False, 2)
@@ -216,7 +217,7 @@ def test_what_was_set_is_there_again(tmp_path: Path, monkeypatch: pytest.MonkeyP
             push(driver, shown)
         driver.resize((260, 200))
         driver.frame()
-        assert driver.actions.remember(driver.wnd.size, False) is None
+        assert driver.actions.save_preferences(driver.wnd.size, False) is None
     remembered, notices = preferences.load()
     assert notices == [] and remembered.size == (260, 200) and remembered.recent[0] == str(room)
     with viewing(room, (260, 200), remembered) as driver:
@@ -232,13 +233,18 @@ def test_what_was_set_is_there_again(tmp_path: Path, monkeypatch: pytest.MonkeyP
 def test_close_remembers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """By default; and what cannot be written is told."""
     kept: list[bool] = []
-    monkeypatch.setattr(preferences, "save", lambda one: kept.append(one.fullscreen) or "no room left")
+
+    def save(one: preferences.Preferences) -> str:
+        kept.append(one.fullscreen)
+        return "no room left"
+
+    monkeypatch.setattr(preferences, "save", save)
     monkeypatch.setenv("IRRSPLAT_CONFIG", str(tmp_path))
     close = Viewer.close
     monkeypatch.setattr(Viewer, "close", lambda self, remember=True: said.append(close(self)))
     said: list[str | None] = []
     with viewing(write_room(tmp_path)) as driver:
-        driver.actions.wants_fullscreen = True
+        driver.actions.fullscreen_wanted = True
         driver.frame()
     assert said == ["no room left"] and kept == [True]
 
@@ -261,7 +267,7 @@ def test_on_a_finer_monitor_text_is_larger(driver: Driver) -> None:
         return int((driver.window() != driver.canvas()).any(-1)[:, 240:].mean(1).cumprod().round().sum())
 
     plain = bar()
-    driver.viewer.on_scale(2.0)
+    driver.viewer.controls.scale_changed(2.0)
     assert bar() == pytest.approx(2 * plain, abs=2) and plain > 10
-    driver.viewer.on_scale(1.0)
+    driver.viewer.controls.scale_changed(1.0)
     assert bar() == plain

@@ -1,4 +1,4 @@
-"""The path-traced truth of the view on show: traced in the background, coarser than the window, kept for some views."""
+"""The path-traced truth of the view on show: traced in a thread, coarser than the window, and kept for the last few views."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from irrsplat.reference.truth import Traced, in_words, traced
 from irrsplat.scene.model import Camera, Scene
 
 SAMPLES = 512  # of each kind per pixel
-HEIGHT = 200  # rows that are traced, about, at most
+HEIGHT = 200  # rows that are traced at most, about
 KEPT = 4  # views
-_PATIENCE = 2.0  # seconds that closing waits for a thread that was told to stop
+_JOIN = 2.0  # seconds that closing waits for a thread that was told to stop
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Lattice:
         return Lattice(stride, (across, down), ((across * stride - size[0]) // 2, (down * stride - size[1]) // 2))
 
     def camera(self, camera: Camera, size: tuple[int, int]) -> Camera:
-        """The camera whose picture of `count` pixels has their centres where `camera` has the traced pixels' of (W, H)."""
+        """The camera whose pixel centres, in a picture of `count`, are those of the traced pixels in `camera`'s of (W, H)."""
         if self.stride == 1:
             return camera
         screen = camera.screen * self.stride * self.count[1] / size[1]
@@ -87,24 +87,24 @@ class Truth:
 
 
 class _Stopped(Exception):
-    """Nobody waits for this truth any more."""
+    """Tracing was stopped."""
 
 
-class _Work(Thread):
-    """Traces one view. When it has ended, `found` or `error` is set, or neither where it was stopped."""
+class _Tracing(Thread):
+    """Traces one view. When it has ended, `found` or `error` is set; neither, if it was stopped."""
 
     def __init__(self, scene: Scene, camera: Camera, size: tuple[int, int], bounces: int | str) -> None:
         super().__init__(name="truth", daemon=True)
         self.scene, self.camera, self.size, self.bounces = scene, camera, size, bounces
         self.lattice = Lattice.of(size)
-        self.share = 0.0  # done
+        self.traced = 0.0  # the fraction that is traced
         self.notices: list[str] = []
         self.found: Traced | None = None
         self.error: Exception | None = None
         self.stopped = Event()
 
     def run(self) -> None:
-        """Trace; the main thread raises what goes wrong."""
+        """Trace; `collect` raises in the main thread what goes wrong here."""
         try:
             camera = self.lattice.camera(self.camera, self.size)
             count, say = self.lattice.count, self.notices.append
@@ -114,69 +114,69 @@ class _Work(Thread):
         except Exception as error:
             self.error = error
 
-    def _progress(self, share: float) -> None:
+    def _progress(self, traced: float) -> None:
         if self.stopped.is_set():
             raise _Stopped
-        self.share = share
+        self.traced = traced
 
 
 class Truths(Owner):
-    """The truths of the last KEPT views, and the one that is being traced; drawing never waits for it."""
+    """The truths of the last KEPT views, and the one that is being traced; nothing waits for it."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
         self.kept: list[Truth] = []
-        self._work: _Work | None = None
-        self._threads: list[_Work] = []  # the present one, and those that have yet to notice that they are stopped
+        self._tracing: _Tracing | None = None
+        self._threads: list[_Tracing] = []  # the present one, and those that were stopped and have not ended yet
 
     def owned(self) -> tuple[Resource, ...]:
         """What this frees."""
         return tuple(truth.values for truth in self.kept)
 
     @property
-    def share(self) -> float | None:
-        """How much of a truth is traced, 0..1; None while none is."""
-        return None if self._work is None else self._work.share
+    def traced(self) -> float | None:
+        """The fraction of the present truth that is traced, 0..1; None while none is being traced."""
+        return None if self._tracing is None else self._tracing.traced
 
     def of(self, scene: Scene, camera: Camera, size: tuple[int, int], bounces: int | str) -> Truth | None:
-        """The truth of this view, if it is here."""
+        """The truth of this view; None where it has not been traced."""
         return next((truth for truth in self.kept if truth.is_of(scene, camera, size, bounces)), None)
 
     def toggle(self, scene: Scene, camera: Camera, size: tuple[int, int], bounces: int | str) -> str:
-        """Begin to trace this view, or stop what is being traced; a line that says which."""
-        if self._work is not None:
+        """Begin to trace this view, or stop tracing; a line that says which."""
+        if self._tracing is not None:
             self.stop()
             return "tracing is stopped"
         if self.of(scene, camera, size, bounces) is not None:
             return "the truth of this view is here already"
-        self._work = _Work(scene, camera, size, bounces)
-        self._threads = [thread for thread in self._threads if thread.is_alive()] + [self._work]
-        self._work.start()
+        self._tracing = _Tracing(scene, camera, size, bounces)
+        self._threads = [thread for thread in self._threads if thread.is_alive()] + [self._tracing]
+        self._tracing.start()
         return "tracing the truth of this view"
 
     def stop(self) -> None:
-        """Trace no more; a moment later the path tracer is gone."""
-        if self._work is not None:
-            self._work.stopped.set()
-            self._work = None
+        """Stop tracing; the path tracer's process ends a moment later."""
+        if self._tracing is not None:
+            self._tracing.stopped.set()
+            self._tracing = None
 
     def collect(self, scene: Scene, say: Callable[[str], object]) -> None:
-        """Take what has been traced meanwhile, and let go of all that belongs to another scene than this.
+        """Take the truth that has been traced meanwhile, and drop those of other scenes.
 
-        say: called with a line for the user. Raises IrrsplatError where nothing could be traced.
+        say: called with lines for the user. Raises IrrsplatError where tracing failed.
         """
         self._keep([truth for truth in self.kept if truth.scene.meshes is scene.meshes])
-        work = self._work
-        if work is not None and work.scene.meshes is not scene.meshes:
+        tracing = self._tracing
+        if tracing is not None and tracing.scene.meshes is not scene.meshes:
             self.stop()
-        elif work is not None and not work.is_alive():
-            self._work = None
-            for notice in work.notices:
+        elif tracing is not None and not tracing.is_alive():
+            self._tracing = None
+            for notice in tracing.notices:
                 say(notice)
-            if work.error is not None:
-                raise work.error
-            assert work.found is not None
-            self._keep([*self.kept, self._upload(work, work.found)][-KEPT:])
+            if tracing.error is not None:
+                raise tracing.error
+            assert tracing.found is not None
+            self._keep([*self.kept, self._upload(tracing, tracing.found)][-KEPT:])
             say("the truth is traced: see the buffers reference and error")
 
     def _keep(self, truths: list[Truth]) -> None:
@@ -186,22 +186,24 @@ class Truths(Owner):
                 gone.values.release()
         self.kept = truths
 
-    def _upload(self, work: _Work, found: Traced) -> Truth:
+    def _upload(self, tracing: _Tracing, found: Traced) -> Truth:
         E, seen = found.irradiance, found.seen
         values = table_texture(self.ctx, np.concatenate([E, seen[..., None]], axis=-1)[::-1])
         compared = found.valid if found.valid.any() else seen
         mean = float(E[compared].mean()) if compared.any() else 0.0
-        n = work.lattice.stride
+        n = tracing.lattice.stride
         about = f"{SAMPLES} samples a pixel" if n == 1 else f"{SAMPLES} samples in the middle of every {n} x {n} pixels"
-        about = f"{in_words(work.bounces)}, {about}"
+        about = f"{in_words(tracing.bounces)}, {about}"
         if found.valid.any() and found.noise is not None:
             about += f", noise {100.0 * found.noise:.2g} %"
-        return Truth(work.scene, work.camera, work.size, work.bounces, work.lattice, values, FULL * (mean or 1.0), about)
+        return Truth(
+            tracing.scene, tracing.camera, tracing.size, tracing.bounces, tracing.lattice, values, FULL * (mean or 1.0), about
+        )
 
     def release(self) -> None:
         """Stop tracing, and free all that is kept."""
         self.stop()
         for thread in self._threads:
             thread.stopped.set()
-            thread.join(_PATIENCE)
+            thread.join(_JOIN)
         self._keep([])

@@ -1,6 +1,6 @@
 // What the markers of records share: an instance is a record, coloured by its radius or its age.
 #include "records/view_radius.glsl"
-#include "viewer/buffers/colours.glsl"
+#include "viewer/colours.glsl"
 
 uniform mat4 clip_from_world;
 uniform vec2 size;    // of the target in pixels

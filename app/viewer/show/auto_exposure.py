@@ -1,4 +1,4 @@
-"""The exposure of what is shown: as the settings say, or following the picture, as an eye does."""
+"""The exposure of what is shown: as the settings say, or following the picture as an eye adapts."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from irrsplat.image.composite import CompositePass
 from irrsplat.image.view import View
 from irrsplat.renderer import Renderer
 
-_TIME = 0.25  # seconds in which it goes 63 % of its way
-_NEAR = 0.01  # stops
+_TIME = 0.25  # seconds: time constant of the adaptation
+_NEAR = 0.01  # stops within which the goal counts as reached
 
 
 class AutoExposure:
-    """The stops that both sides are exposed by, so that they compare; NaN until there is a picture."""
+    """The exposure of both sides in stops, the same so that they compare; NaN until there is a picture."""
 
     def __init__(self) -> None:
         self.stops = math.nan
         self._goal = 0.0
-        self._view: View | None = None  # the last one that was metered
-        self._meter: CompositePass | None = None  # whose reading is still to come
+        self._view: View | None = None  # the last view that was metered
+        self._meter: CompositePass | None = None  # that was asked, and has yet to be read
 
     @property
     def settled(self) -> bool:
@@ -27,7 +27,7 @@ class AutoExposure:
         return self._meter is None and abs(self.stops - self._goal) <= _NEAR
 
     def tick(self, renderer: Renderer, view: View, dt: float) -> None:
-        """Go on by `dt` seconds towards what the renderer's settings say, or its `view` asks for."""
+        """Move by `dt` seconds towards what the renderer's settings say, or what its `view` needs."""
         if renderer.settings.exposure != "auto":
             self.stops = self._goal = float(renderer.settings.exposure)
             self._view = self._meter = None
@@ -39,7 +39,7 @@ class AutoExposure:
         if view is not self._view:
             self._view, self._meter = view, meter
             meter.measure(view.image)
-        if math.isnan(self.stops):  # the first picture of all waits for its own
+        if math.isnan(self.stops):  # the very first picture: wait for the reading
             self._meter, self._goal = None, meter.metered()
             self.stops = self._goal
         way = self._goal - self.stops

@@ -1,5 +1,5 @@
 // A tile of the shadow maps: how far along its axis lies what the light sees there.
-#include "viewer/buffers/colours.glsl"
+#include "viewer/colours.glsl"
 
 uniform sampler2D shadow_depth;
 uniform vec2 corner;    // first texel of the tile

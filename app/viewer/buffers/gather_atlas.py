@@ -1,0 +1,48 @@
+"""What the records of the last batch saw: the cells of the gather atlas, a hemisphere each."""
+
+from __future__ import annotations
+
+from irrsplat.app.viewer.buffers.legend import Legend
+from irrsplat.app.viewer.buffers.shown_buffer import GROUND, Canvas, Identity, ShownBuffer, ViewSource
+from irrsplat.app.viewer.buffers.texture_buffers import exposed
+from irrsplat.app.viewer.buffers.tiles import GAP, tiling
+from irrsplat.core.buffers import Atlas
+
+
+class GatherAtlasBuffer(ShownBuffer):
+    """The atlas of the last batch."""
+
+    in_view = False
+
+    def inputs(self, source: ViewSource) -> object:
+        """The batch."""
+        return Identity(source.renderer.scheduler.gatherer.atlas)
+
+    def draw(self, canvas: Canvas, source: ViewSource) -> None:
+        """Draw all cells; only ground before the first batch."""
+        canvas.blank()
+        atlas = source.renderer.scheduler.gatherer.atlas
+        if atlas is not None:
+            draw_atlas(canvas, atlas, source.gain, source.scene.sky)
+
+    def legend(self, source: ViewSource) -> Legend:
+        """Unit and exposure."""
+        return Legend(exposed(self.unit, source), unit=self.unit)
+
+
+def draw_atlas(canvas: Canvas, atlas: Atlas, gain: float, sky: tuple[float, float, float]) -> None:
+    """Draw the cells of an atlas as large as they fit, radiance times `gain`; a texel that hits nothing shows the sky."""
+    grid = tiling(atlas.count, atlas.cell, canvas.target.size)
+    canvas.programs("viewer/buffers/gather_atlas")(
+        canvas.target,
+        scissor=canvas.region,
+        radiance=atlas.radiance,
+        cell=atlas.cell,
+        columns=atlas.columns,
+        count=atlas.count,
+        place=(grid.left, grid.top, 1.0 / grid.pixels_per_texel, GAP),
+        across=grid.per_row,
+        gain=gain,
+        sky=sky,
+        ground=GROUND,
+    )

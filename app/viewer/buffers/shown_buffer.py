@@ -1,0 +1,136 @@
+"""What every buffer that the viewer can show has: words, a picture, a legend, and its value at a pixel."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any
+
+import moderngl
+import numpy as np
+
+from irrsplat.app.viewer.buffers.background_truth import Truth
+from irrsplat.app.viewer.buffers.legend import Legend
+from irrsplat.app.viewer.show.screen import Programs, Region, Texels, clear, scale
+from irrsplat.gpu.target import Target
+from irrsplat.image.view import View
+from irrsplat.renderer import Renderer
+from irrsplat.scene.model import Scene
+from irrsplat.settings import Settings
+
+GROUND = (0.11, 0.11, 0.12)  # display colour where a buffer has nothing to show
+
+Uniform = moderngl.Texture | np.ndarray | tuple[float, ...] | float | bool
+
+
+@dataclass(frozen=True, eq=False)
+class Identity:
+    """Something that is equal to itself alone: for a memo's inputs, where a new object may have the handles of the old one."""
+
+    thing: object
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Identity) and self.thing is other.thing
+
+    def __hash__(self) -> int:
+        return id(self.thing)
+
+
+@dataclass(frozen=True)
+class ViewSource:
+    """One side of the window, which buffers are shown of: a renderer's view, exposed by `exposure` stops.
+
+    truth: the path-traced truth of this very view, where there is one.
+    """
+
+    renderer: Renderer
+    view: View
+    exposure: float
+    truth: Truth | None = None
+
+    @property
+    def settings(self) -> Settings:
+        """The renderer's settings."""
+        return self.renderer.settings
+
+    @property
+    def scene(self) -> Scene:
+        """The renderer's scene, as it is lit now."""
+        return self.renderer.scene
+
+    @property
+    def inputs(self) -> object:
+        """What all its buffers are made of, for a memo; compared by ==."""
+        return Identity(self.view), self.settings, self.exposure
+
+    @property
+    def gain(self) -> float:
+        """The exposure as a factor."""
+        return float(2.0**self.exposure)
+
+
+@dataclass(frozen=True)
+class Canvas:
+    """Where a buffer is drawn, and the means: a target or a `region` of it, programs made on first use, the table of colours."""
+
+    target: Target
+    programs: Programs
+    colours: moderngl.Texture
+    region: Region | None = None
+
+    def picture(self, source: ViewSource, fragment: str, values: moderngl.Texture, **uniforms: Uniform) -> None:
+        """Draw with shaders/viewer/buffers/`fragment`.frag, which colours each pixel of the view by its texel of `values`."""
+        program = self.programs(f"viewer/buffers/{fragment}")
+        gbuffer = source.view.gbuffer
+        given: dict[str, Any] = {
+            "position": gbuffer.position,
+            "scale": scale(self.target, gbuffer),
+            "colours": self.colours,
+            "values": values,
+            **uniforms,
+        }
+        program(self.target, scissor=self.region, **given)
+
+    def blank(self) -> None:
+        """Fill with the ground's colour."""
+        clear(self.target, GROUND, self.region)
+
+
+@dataclass(frozen=True)
+class ShownBuffer(ABC):
+    """A buffer that the viewer can show. A new one is an instance (or a subclass) of this, listed in table.BUFFERS.
+
+    name: as in core.buffers.CHANNELS where it is one of those. title: in menu, legend and help. help: one line for the tooltip.
+    """
+
+    name: str
+    title: str
+    unit: str
+    help: str
+
+    in_view = True  # whether its pixels are those of the view, so that records and edges can be marked over it
+    needs_truth = False  # whether it shows what the path tracer has to find first
+
+    def inputs(self, source: ViewSource) -> object:
+        """What it is made of besides the view and the settings, for a memo; compared by ==."""
+        return None
+
+    @abstractmethod
+    def draw(self, canvas: Canvas, source: ViewSource) -> None:
+        """Draw it over the whole canvas."""
+
+    @abstractmethod
+    def legend(self, source: ViewSource) -> Legend:
+        """What its colours stand for."""
+
+    def value(self, texels: Texels, source: ViewSource, x: int, y: int) -> np.ndarray | None:
+        """Its 1 or 3 numbers in `unit` at pixel (x, y) of the view, (0, 0) the upper left one; None where it has none."""
+        return None
+
+
+def depth_at(texels: Texels, source: ViewSource, x: int, y: int) -> float | None:
+    """The depth in metres at pixel (x, y) of the view, 0 where nothing is seen; None outside of it."""
+    position = source.view.gbuffer.position
+    if not (0 <= x < position.width and 0 <= y < position.height):
+        return None
+    return float(texels(position, x, y)[3])

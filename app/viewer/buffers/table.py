@@ -1,0 +1,67 @@
+"""The table of all buffers that the viewer can show: its keys, menu, legends, values under the cursor and help come from here.
+
+A further buffer is one more entry: of a class in texture_buffers.py where it is a texture of the view, else of a class of its own
+(with its shader, where none of those in shaders/viewer/buffers/ will do).
+"""
+
+from __future__ import annotations
+
+from irrsplat.app.viewer.buffers.gather_atlas import GatherAtlasBuffer
+from irrsplat.app.viewer.buffers.shadow_maps import ShadowMapsBuffer
+from irrsplat.app.viewer.buffers.shown_buffer import ShownBuffer
+from irrsplat.app.viewer.buffers.surface_cache import SurfaceCacheBuffer
+from irrsplat.app.viewer.buffers.texture_buffers import (
+    DepthBuffer,
+    EmissionBuffer,
+    IndirectBuffer,
+    IrradianceBuffer,
+    RadianceBuffer,
+    ReflectanceBuffer,
+    VectorBuffer,
+)
+from irrsplat.app.viewer.buffers.truth import ErrorBuffer, ReferenceBuffer
+from irrsplat.app.viewer.buffers.weight import AskingBuffer, WeightBuffer
+from irrsplat.core.buffers import CHANNELS
+
+
+def _channel(name: str) -> tuple[str, str, str, str]:
+    """Name, title, unit and help of an image channel, which files hold too."""
+    return name, name, CHANNELS[name].unit, CHANNELS[name].help
+
+
+# In the order of the menu; the first twelve have the keys 1 to 9, 0, - and =.
+BUFFERS: dict[str, ShownBuffer] = {
+    buffer.name: buffer
+    for buffer in (
+        RadianceBuffer(*_channel("image"), texture=lambda view: view.image, everywhere=True),
+        RadianceBuffer(*_channel("direct"), texture=lambda view: view.direct),
+        IndirectBuffer(*_channel("indirect"), texture=lambda view: view.indirect or view.sums),
+        IrradianceBuffer(*_channel("irradiance"), texture=lambda view: view.sums),
+        WeightBuffer(*_channel("weight"), texture=lambda view: view.splats.weight, components=1),
+        VectorBuffer(
+            *_channel("position"),
+            texture=lambda view: view.gbuffer.position,
+            ends=lambda scene: scene.bounds,
+            note=" within the scene's bounds",
+        ),
+        VectorBuffer(*_channel("normal"), texture=lambda view: view.gbuffer.normal),
+        ReflectanceBuffer(*_channel("albedo"), texture=lambda view: view.gbuffer.albedo),
+        DepthBuffer(*_channel("depth"), texture=lambda view: view.gbuffer.position),
+        AskingBuffer(
+            "asking",
+            "asking",
+            "",
+            "where the examination asks for records",
+            texture=lambda view: view.splats.weight,
+            components=1,
+        ),
+        ShadowMapsBuffer(
+            "shadow", "shadow maps", "m", "every light's shadow maps: distance from the light along each one's axis"
+        ),
+        GatherAtlasBuffer("atlas", "gather atlas", "W/(m² sr)", "what the records of the last batch saw, a hemisphere each"),
+        EmissionBuffer(*_channel("emission"), texture=lambda view: view.emission or view.gbuffer.emission),
+        SurfaceCacheBuffer("surface", "surface cache", "W/m²", "irradiance of all bounces but the last, as gathers look it up"),
+        ReferenceBuffer("reference", "reference", "W/m²", "the path-traced truth of irradiance"),
+        ErrorBuffer("error", "error", "W/m²", "irradiance minus its path-traced truth"),
+    )
+}

@@ -1,0 +1,183 @@
+"""Buffers that are a texture of the view: a texel for every pixel, shown by one of a few small shaders."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+
+from irrsplat.app.viewer.buffers.legend import Legend, colour_map
+from irrsplat.app.viewer.buffers.shown_buffer import Canvas, ShownBuffer, ViewSource, depth_at
+from irrsplat.app.viewer.show.screen import Texels
+from irrsplat.image.view import View
+from irrsplat.scene.model import Camera, Scene
+
+
+@dataclass(frozen=True)
+class TextureBuffer(ShownBuffer):
+    """A buffer whose value at a pixel is a texel's first components. texture: where it lies in a view.
+
+    components: how many of the texel are the value. everywhere: whether it has a value where the camera sees nothing.
+    """
+
+    texture: Callable[[View], moderngl.Texture]
+    components: int = 3
+    everywhere: bool = False
+
+    def value(self, texels: Texels, source: ViewSource, x: int, y: int) -> np.ndarray | None:
+        """The texel; None where nothing is seen, unless the buffer has a value everywhere."""
+        depth = depth_at(texels, source, x, y)
+        if depth is None or (depth == 0.0 and not self.everywhere):
+            return None
+        return texels(self.texture(source.view), x, y)[: self.components]
+
+
+@dataclass(frozen=True)
+class RadianceBuffer(TextureBuffer):
+    """Radiance, exposed and tone-mapped as the picture is."""
+
+    def draw(self, canvas: Canvas, source: ViewSource) -> None:
+        """Draw the texture itself."""
+        self.draw_radiance(canvas, source, self.texture(source.view), covers_unseen=True)
+
+    def draw_radiance(self, canvas: Canvas, source: ViewSource, radiance: moderngl.Texture, covers_unseen: bool) -> None:
+        """Draw a texture of radiance; where it does not cover what the camera does not see, the sky stands there."""
+        sky = source.scene.sky
+        canvas.picture(source, "radiance", radiance, covers_unseen=covers_unseen, gain=source.gain, unseen=sky)
+
+    def legend(self, source: ViewSource) -> Legend:
+        """Unit and exposure."""
+        return Legend(exposed(self.unit, source), unit=self.unit)
+
+
+class EmissionBuffer(RadianceBuffer):
+    """Emitted radiance: the mean of a pixel's samples, or, of the one at its centre, the surface's or the sky's."""
+
+    def draw(self, canvas: Canvas, source: ViewSource) -> None:
+        """The texture of a single sample holds nothing where the sky is seen."""
+        self.draw_radiance(canvas, source, self.texture(source.view), covers_unseen=source.view.emission is not None)
+
+
+class IndirectBuffer(RadianceBuffer):
+    """Indirect radiance: the mean of a pixel's samples, or, of the one at its centre, albedo/π times the irradiance there."""
+
+    def draw(self, canvas: Canvas, source: ViewSource) -> None:
+        """Draw the mean, or the product."""
+        view = source.view
+        if view.indirect is not None:
+            super().draw(canvas, source)
+        else:
+            canvas.picture(source, "indirect", view.sums, albedo=view.gbuffer.albedo, gain=source.gain)
+
+    def value(self, texels: Texels, source: ViewSource, x: int, y: int) -> np.ndarray | None:
+        """W/(m² sr), three channels."""
+        view = source.view
+        if view.indirect is not None:
+            return super().value(texels, source, x, y)
+        if not depth_at(texels, source, x, y):
+            return None
+        indirect: np.ndarray = irradiance_at(texels, view, x, y) * texels(view.gbuffer.albedo, x, y)[:3] / np.float32(np.pi)
+        return indirect
+
+
+class IrradianceBuffer(TextureBuffer):
+    """Irradiance as a white surface reflects it, so that it compares with the picture; its texture holds Σ k·E and Σ k."""
+
+    def draw(self, canvas: Canvas, source: ViewSource) -> None:
+        """Draw every pixel's own texel."""
+        draw_irradiance(canvas, source, self.texture(source.view))
+
+    def value(self, texels: Texels, source: ViewSource, x: int, y: int) -> np.ndarray | None:
+        """W/m², three channels."""
+        return irradiance_at(texels, source.view, x, y) if depth_at(texels, source, x, y) else None
+
+    def legend(self, source: ViewSource) -> Legend:
+        """Unit and exposure."""
+        return Legend(exposed_white(self.unit, source), unit=self.unit)
+
+
+class ReflectanceBuffer(TextureBuffer):
+    """Values 0..1, sRGB encoded."""
+
+    def draw(self, canvas: Canvas, source: ViewSource) -> None:
+        """Draw the texture itself."""
+        canvas.picture(source, "unit", self.texture(source.view))
+
+    def legend(self, source: ViewSource) -> Legend:
+        """From 0 to 1."""
+        return Legend("reflectance, sRGB encoded", "0", "1")
+
+
+@dataclass(frozen=True)
+class VectorBuffer(TextureBuffer):
+    """Vectors, x y z as red, green and blue between two ends. ends: low and high (3,) in a scene. note: what they are."""
+
+    ends: Callable[[Scene], np.ndarray] = lambda scene: np.array([[-1.0] * 3, [1.0] * 3])
+    note: str = ""
+
+    def draw(self, canvas: Canvas, source: ViewSource) -> None:
+        """Draw the texture between the ends; an axis without extent is black."""
+        low, high = self.ends(source.scene)
+        canvas.picture(source, "range", self.texture(source.view), low=low, high=np.where(high > low, high, low + 1.0))
+
+    def legend(self, source: ViewSource) -> Legend:
+        """The ends; of unit vectors they are the same on all axes."""
+        axes, unit = (1, "") if self.unit == "1" else (3, self.unit)
+        low, high = (" ".join(f"{v:.3g}" for v in end[:axes]) for end in self.ends(source.scene))
+        return Legend("x y z as red, green, blue" + self.note, low, high, unit)
+
+
+class DepthBuffer(TextureBuffer):
+    """The distance along the view axis, which the position's texels hold as their fourth component."""
+
+    def draw(self, canvas: Canvas, source: ViewSource) -> None:
+        """Draw by the colour map."""
+        low, high = depth_range(source.scene, source.view.camera)
+        canvas.picture(source, "depth", self.texture(source.view), low=low, high=high)
+
+    def value(self, texels: Texels, source: ViewSource, x: int, y: int) -> np.ndarray | None:
+        """Metres, infinity where nothing is seen."""
+        depth = depth_at(texels, source, x, y)
+        return None if depth is None else np.array([depth or np.inf], "f4")
+
+    def legend(self, source: ViewSource) -> Legend:
+        """The range of depths that the scene's bounds allow."""
+        low, high = depth_range(source.scene, source.view.camera)
+        return Legend("distance along the view axis", f"{low:.3g}", f"{high:.3g}", self.unit, colour_map())
+
+
+def draw_irradiance(
+    canvas: Canvas,
+    source: ViewSource,
+    sums: moderngl.Texture,
+    stride: int = 1,
+    margin: tuple[int, int] = (0, 0),
+) -> None:
+    """Draw irradiance (Σ k·E, Σ k) as a white surface reflects it. stride, margin: of cells of pixels, as Lattice has them."""
+    canvas.picture(source, "irradiance", sums, gain=source.gain, stride=stride, margin=margin)
+
+
+def irradiance_at(texels: Texels, view: View, x: int, y: int) -> np.ndarray:
+    """(3,) irradiance in W/m² that the picture shows at pixel (x, y) of the view; 0 where no record contributes."""
+    sums = texels(view.sums, x, y)
+    irradiance: np.ndarray = sums[:3] / (sums[3] if sums[3] > 0.0 else np.float32(1.0))
+    return irradiance
+
+
+def exposed(unit: str, source: ViewSource) -> str:
+    """How a legend says unit and exposure."""
+    return f"{unit}, exposed by {source.exposure:+.1f} stops"
+
+
+def exposed_white(unit: str, source: ViewSource) -> str:
+    """The same, of irradiance."""
+    return exposed(unit, source) + ", as a white surface sends it out"
+
+
+def depth_range(scene: Scene, camera: Camera) -> tuple[float, float]:
+    """The least and the greatest distance along the view axis, in metres, that anything within the scene's bounds can have."""
+    along = (scene.corners - np.asarray(camera.eye)) @ -camera.axes[2]
+    low, high = max(float(along.min()), 0.0), float(along.max())
+    return low, high if high > low else low + scene.diagonal

@@ -1,0 +1,118 @@
+"""The picture in the window: each side's buffer, what is marked over it, and the record inspected."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from irrsplat.app.viewer.buffers.buffer_view import BufferView
+from irrsplat.app.viewer.buffers.shown_buffer import Identity
+from irrsplat.app.viewer.buffers.table import BUFFERS
+from irrsplat.app.viewer.session import Session
+from irrsplat.app.viewer.show.markers import By, Markers
+from irrsplat.app.viewer.show.record_inspector import InspectedRecord, RecordInspector
+from irrsplat.app.viewer.show.screen import Region, clear
+from irrsplat.core.memo import Memo
+from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.target import Target
+
+_DIVIDER = (1.0, 1.0, 1.0)  # display colour of the line between two sides
+
+
+class Display(Owner):
+    """Draws a session's picture. A cursor is a pixel of the window, from the upper left corner."""
+
+    def __init__(self, session: Session) -> None:
+        self.session = session
+        self.buffer_view, self.markers = BufferView(session.ctx), Markers(session.ctx)
+        self.inspector = RecordInspector(session.ctx, self.buffer_view)
+        self._memo = Memo()
+
+    def owned(self) -> tuple[Resource, ...]:
+        """What this frees."""
+        return (self.buffer_view, self.markers, self.inspector)
+
+    def update(self, screen: Target, cursor: tuple[int, int] | None = None) -> InspectedRecord | None:
+        """As `draw`, where the screen does not hold that very picture already."""
+        options, session = self.session.options, self.session
+        sides = [self._inputs(side) for side, _ in session.sides()]
+        inputs = sides, replace(options, buffers=[]), session.held, options.inspect and cursor, Identity(screen)
+        return self._memo.get("picture", inputs, lambda: self.draw(screen, cursor))
+
+    def _inputs(self, side: int) -> object:
+        """What the picture of a side is made of, besides the options."""
+        name, source = self.session.options.buffers[side], self.session.source(side)
+        cache, surface = source.renderer.cache, source.renderer.scheduler.gatherer.surface
+        markers = cache.count, cache.revision, Identity(None if surface is None else surface.result)
+        return name, source.inputs, BUFFERS[name].inputs(source), markers
+
+    def draw(self, screen: Target, cursor: tuple[int, int] | None = None) -> InspectedRecord | None:
+        """Draw both sides; the record that is held or lies under the cursor, where records are inspected."""
+        sides = list(self.session.sides())
+        for side, region in sides:
+            self._draw_side(screen, side, region)
+        found = self._inspect(screen, cursor) if self.session.options.inspect else None
+        for _, region in sides[1:]:
+            assert region is not None
+            clear(screen, _DIVIDER, (region[0] - 1, 0, 2, region[3]))
+        return found
+
+    def _draw_side(self, screen: Target, side: int, region: Region | None) -> None:
+        options, source = self.session.options, self.session.source(side)
+        buffer, view, markers = options.buffers[side], source.view, self.markers
+        renderer, settings, scene = source.renderer, source.settings, source.scene
+        self.buffer_view.draw(screen, buffer, source, region)
+        if not BUFFERS[buffer].in_view:
+            return
+        if options.wire:
+            markers.wireframe(screen, view, renderer.world.geometry, region=region)
+        by: By = "age" if options.by_age else "radius"
+        for wanted, draw in (
+            (options.discs, markers.discs),
+            (options.normals, markers.normals),
+            (options.points, markers.points),
+        ):
+            if wanted:
+                draw(screen, view, renderer.cache.records, settings=settings, scene=scene, by=by, region=region)
+        if options.sites:
+            markers.sites(screen, view, renderer.scheduler.gatherer.surface, exposure=source.exposure, region=region)
+
+    def _inspect(self, screen: Target, cursor: tuple[int, int] | None) -> InspectedRecord | None:
+        session, held = self.session, self.session.held
+        side = held[0] if held is not None else session.side_at(cursor[0]) if cursor is not None else 0
+        source = session.source(side)
+        number = source.renderer.cache.number_of(held[1]) if held is not None else None
+        if number is None and cursor is not None:
+            number = self._record_at(side, cursor)
+        if number is None:
+            return None
+        settings, records = source.settings, source.renderer.cache.records
+        region = dict(session.sides())[side]
+        served = self.markers.serves(screen, source.view, records, number, settings=settings, region=region)
+        return self.inspector.inspect(number, side, source, served)
+
+    def _record_at(self, side: int, cursor: tuple[int, int]) -> int | None:
+        """The number of the record that weighs most under the cursor."""
+        source = self.session.source(side)
+        return self.inspector.table(side, source).pick(self.buffer_view.texels, source.view, source.settings, *cursor)
+
+    def hold(self, cursor: tuple[int, int]) -> None:
+        """Hold the record under the cursor; where one is held, let go of it instead."""
+        session, side = self.session, self.session.side_at(cursor[0])
+        number = self._record_at(side, cursor) if session.held is None else None
+        session.held = None if number is None else (side, session.source(side).renderer.cache.id_of(number))
+
+    def value(self, side: int, cursor: tuple[int, int]) -> np.ndarray | None:
+        """The value under the cursor of the buffer that a side shows; read again where that, or the cursor, is another."""
+        name, source = self.session.options.buffers[side], self.session.source(side)
+        inputs = self._inputs(side), cursor
+        return self._memo.get(f"value of side {side}", inputs, lambda: self.buffer_view.value(name, source, *cursor))
+
+    def point_at(self, cursor: tuple[int, int]) -> tuple[float, float, float] | None:
+        """The world point seen at the cursor; None where there is none."""
+        if not self.session.views:
+            return None
+        source = self.session.source(self.session.side_at(cursor[0]))
+        found = self.buffer_view.value("position", source, *cursor)
+        return None if found is None else (float(found[0]), float(found[1]), float(found[2]))

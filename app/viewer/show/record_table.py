@@ -1,0 +1,107 @@
+"""The records on the CPU: how far each reaches in a view, what it weighs at a point, and what it holds, in words."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from irrsplat.app.viewer.show.screen import Texels
+from irrsplat.core.buffers import Records
+from irrsplat.core.color import LUMINANCE
+from irrsplat.core.record_layout import COLUMNS
+from irrsplat.image.view import View
+from irrsplat.records.weight import behind_wall, record_distance, record_weight, view_radius
+from irrsplat.scene.model import Camera
+from irrsplat.settings import Settings
+
+
+@dataclass(frozen=True)
+class RecordTable:
+    """The records on the CPU, float32 arrays with a row for each record; record_layout.COLUMNS says what its columns are.
+
+    luminance_floor: as buffers.Records has it.
+    """
+
+    position: np.ndarray
+    normal: np.ndarray
+    irradiance: np.ndarray
+    radius: np.ndarray
+    gradient: np.ndarray
+    axis: np.ndarray
+    curvature: np.ndarray
+    max_radius: np.ndarray
+    walls: np.ndarray
+    limit: np.ndarray
+    luminance_floor: float = 0.0
+
+    def __len__(self) -> int:
+        return len(self.radius)
+
+    def slope(self) -> np.ndarray:
+        """(N,) |∇E| of luminance in W/m³."""
+        slope: np.ndarray = np.linalg.norm(np.einsum("ncx,c->nx", self.gradient, LUMINANCE), axis=1)
+        return slope
+
+    def reach(self, camera: Camera, settings: Settings) -> np.ndarray:
+        """(N, 2) the radii a·R in metres along `axis` and across it, with all limits of this view and the settings, as
+        shaders/records/view_radius.glsl has them."""
+        R = self.radius
+        if settings.gradients:  # R <= E/|∇E|
+            slope, Y = self.slope(), self.irradiance @ LUMINANCE
+            E = np.maximum(Y, max(self.luminance_floor, 1e-20))
+            R = np.where(slope * R > E, E / np.where(slope > 0.0, slope, 1.0), R)
+        radii = np.stack([R, R], axis=1)
+        if settings.gradients and settings.radius == "hessian":
+            known = self.axis.any(axis=1)
+            square = (2.0 * E / np.maximum(Y, 1e-20))[:, None] / np.maximum(np.abs(self.curvature), 1e-14)
+            radii[known] = np.minimum(np.sqrt(square), self.max_radius[:, None])[known]
+        distance = np.linalg.norm(self.position - np.asarray(camera.eye), axis=1)
+        return view_radius(radii * self.limit[:, None], distance[:, None], camera, settings)
+
+    def weights(self, p: np.ndarray, n: np.ndarray, camera: Camera, settings: Settings) -> np.ndarray:
+        """(N,) every record's raw w at a point p with unit normal n, (3,) each; 0 where it does not count there."""
+        radii, apart = self.reach(camera, settings) / settings.a, p - self.position
+        distance = record_distance(apart, self.axis, radii)
+        w = record_weight(distance, apart, n, self.normal, radii[:, 1], settings.in_front)
+        counts = w > 1.0 / settings.a
+        if settings.gradients and settings.walls:
+            counts &= ~behind_wall(apart, self.axis, self.normal, self.walls)
+        return np.where(counts, w, 0.0)
+
+    def pick(self, texels: Texels, view: View, settings: Settings, x: int, y: int) -> int | None:
+        """The number of the record that weighs most at pixel (x, y) of the view, (0, 0) the upper left one; None for none."""
+        position = view.gbuffer.position
+        if not len(self) or not (0 <= x < position.width and 0 <= y < position.height):
+            return None
+        here = texels(position, x, y)
+        if here[3] == 0.0:
+            return None
+        w = self.weights(here[:3], texels(view.gbuffer.normal, x, y)[:3], view.camera, settings)
+        best = int(np.argmax(w))
+        return best if w[best] > 0.0 else None
+
+    def describe(self, number: int, view: View, settings: Settings) -> list[tuple[str, str]]:
+        """What record `number` holds, a label and a text each, with units."""
+        E, R = self.irradiance[number], float(self.radius[number])
+        along, across = self.reach(view.camera, settings)[number]
+        lines = [
+            ("record", f"{number} of {len(self)}"),
+            ("position", " ".join(f"{v:.3f}" for v in self.position[number]) + " m"),
+            ("normal", " ".join(f"{v:.3f}" for v in self.normal[number])),
+            ("irradiance", " ".join(f"{v:.3g}" for v in E) + " W/m²"),
+            ("luminance", f"{float(E @ LUMINANCE):.3g} W/m²"),
+            ("R", f"{R:.3g} m"),
+            ("a·R", f"{settings.a * R:.3g} m, here {along:.3g} by {across:.3g} m"),
+        ]
+        if settings.gradients:
+            lines.append(("|grad E|", f"{float(self.slope()[number]):.3g} W/m³"))
+        if self.axis[number].any():
+            lines.append(("curvature", " and ".join(f"{v:.3g}" for v in self.curvature[number]) + " of E per m²"))
+        return lines
+
+
+def read(records: Records) -> RecordTable:
+    """The records of the GPU. Waits until what is being drawn is done, so it is for a click, or for a cache that has changed."""
+    names = [field.name for field in fields(RecordTable) if field.name in COLUMNS]
+    return RecordTable(**records.read(*names), luminance_floor=records.luminance_floor)

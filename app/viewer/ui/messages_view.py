@@ -1,0 +1,30 @@
+"""Messages at the top in the middle; errors are red, and have a button that closes them."""
+
+from __future__ import annotations
+
+from imgui_bundle import imgui
+
+from irrsplat.app.viewer.messages import Messages
+from irrsplat.app.viewer.ui.layout import MENU_BAR, PLAIN, RED
+
+
+def draw_messages(messages: Messages, scale: float) -> None:
+    """Draw the lines on show."""
+    if not messages.lines:
+        return
+    view = imgui.get_main_viewport()
+    imgui.set_next_window_pos((0.5 * view.size.x, MENU_BAR * scale), imgui.Cond_.always, (0.5, 0.0))
+    imgui.set_next_window_size_constraints((0.0, 0.0), (0.9 * view.size.x, view.size.y))
+    errors = messages.errors
+    if errors:
+        imgui.push_style_color(imgui.Col_.window_bg, RED)
+    imgui.begin("messages", None, PLAIN | (0 if errors else imgui.WindowFlags_.no_inputs))
+    imgui.push_text_wrap_pos(0.85 * view.size.x)
+    for message in messages.lines:
+        imgui.text_wrapped(message.text)
+    imgui.pop_text_wrap_pos()
+    if errors and imgui.small_button("close"):
+        messages.close_errors()
+    imgui.end()
+    if errors:
+        imgui.pop_style_color()

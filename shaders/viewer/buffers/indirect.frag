@@ -1,0 +1,11 @@
+// Indirect radiance, albedo/pi times the irradiance that the sums hold.
+#include "viewer/buffers/picture.glsl"
+
+uniform sampler2D albedo;  // g-buffer
+uniform float gain;        // the exposure as a factor
+
+vec3 picture(ivec2 pixel, float depth)
+{
+    vec4 s = texelFetch(values, pixel, 0);
+    return s.a > 0.0 ? display(texelFetch(albedo, pixel, 0).rgb * (s.rgb / s.a * INV_PI * gain)) : vec3(0.0);
+}

@@ -1,0 +1,10 @@
+// Vectors x y z as red, green, blue between two ends.
+#include "viewer/buffers/picture.glsl"
+
+uniform vec3 low;
+uniform vec3 high;
+
+vec3 picture(ivec2 pixel, float depth)
+{
+    return depth > 0.0 ? (texelFetch(values, pixel, 0).rgb - low) / (high - low) : vec3(0.0);
+}

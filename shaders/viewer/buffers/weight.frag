@@ -1,0 +1,23 @@
+// The sum of weights by the colour map on a logarithmic scale, with the contour of the threshold below which a pixel asks.
+#include "viewer/buffers/picture.glsl"
+
+uniform float low;
+uniform float high;
+uniform float threshold;
+
+bool other_side(ivec2 pixel, bool below)
+{
+    float w = texelFetch(values, clamp(pixel, ivec2(0), textureSize(values, 0) - 1), 0).r;
+    return w < NOTHING_SEEN && (w < threshold) != below;
+}
+
+// Where neighbours lie on different sides of the threshold, the one above it is white and the one below it black.
+vec3 picture(ivec2 pixel, float depth)
+{
+    if (depth == 0.0) return vec3(0.0);
+    float w = texelFetch(values, pixel, 0).r;
+    bool below = w < threshold;
+    if (other_side(pixel + ivec2(1, 0), below) || other_side(pixel - ivec2(1, 0), below) ||
+        other_side(pixel + ivec2(0, 1), below) || other_side(pixel - ivec2(0, 1), below)) return vec3(below ? 0.0 : 1.0);
+    return heat(log(max(w, low) / low) / log(high / low));
+}
