@@ -24,9 +24,10 @@ def light(write, text: str):
 
 
 def test_matrices_multiply_on_the_right_as_opengl_does(write):
-    # p' = T·R·S·p: (1 0 0) is scaled to (2 0 0), turned by 90° about z to (0 2 0), moved to (10 2 0); the axis need not be unit
-    scene = write("trans 10 0 0\nrotate 90 0 0 7\nscale 2 3 1\nobj t.obj\n")
-    np.testing.assert_allclose(scene.meshes[0].positions, [[10, 0, 0], [10, 2, 0], [7, 0, 0]], atol=1e-6)
+    # p' = T·R·S·U·p: (1 0 0) is moved to (1 0 1), scaled to (2 0 4), turned by 90° about z to (0 2 4), moved to (10 2 4); the
+    # axis need not be unit, and U comes last, so that no command has only the unit matrix to multiply
+    scene = write("trans 10 0 0\nrotate 90 0 0 7\nscale 2 3 4\ntrans 0 0 1\nobj t.obj\n")
+    np.testing.assert_allclose(scene.meshes[0].positions, [[10, 0, 4], [10, 2, 4], [7, 0, 4]], atol=1e-6)
     assert scene.meshes[0].positions.dtype == np.float32
 
 

@@ -1,0 +1,582 @@
+"""Deliberate faults, each of which some test finds; run.py proves it.
+
+They are slips that are easily made in lines that matter: a sign, a cosine, a missing π, a swapped axis, a stale result, a wrong
+column, an off-by-one. Change such a line, and its old text here has to follow; write a new formula, and add a fault in it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """One fault: `old`, which occurs exactly once in `file`, becomes `new`.
+
+    file: as in the repository. tests: the test files or pytest node ids that find the fault, as few as will do.
+    """
+
+    name: str
+    file: str
+    old: str
+    new: str
+    tests: tuple[str, ...]
+
+
+_REDUCE = ("tests/gather/test_reduce.py::test_reduction_equals_numpy[raster-8-0]",)
+_SPLAT = ("tests/indirect/test_splat.py::test_splatting_equals_numpy",)
+_EXAMINE = ("tests/indirect/test_examine.py::test_examination_equals_numpy",)
+_TEXT = ("tests/scene/test_text.py",)
+
+SHADERS = (
+    # ---- gather
+    Mutant(
+        "gradient's sign",
+        "shaders/gather/reduce_blocks.frag",
+        "G += outerProduct(edge.xyz * nearer, L_b.rgb - L.rgb);",
+        "G += outerProduct(edge.xyz * nearer, L.rgb - L_b.rgb);",
+        _REDUCE,
+    ),
+    Mutant(
+        "cosine left out of E",
+        "shaders/gather/reduce_blocks.frag",
+        "out_sums += direction.w * vec4(L.rgb, L.a);",
+        "out_sums += direction.w / direction.z * vec4(L.rgb, L.a);",
+        _REDUCE,
+    ),
+    Mutant(
+        "Hessian by 2/r² instead of 4/r²",
+        "shaders/gather/reduce_blocks.frag",
+        "H += 4.0 * nearer * nearer",
+        "H += 2.0 * nearer * nearer",
+        _REDUCE,
+    ),
+    Mutant(
+        "axes of irradiance vectors swapped",
+        "shaders/gather/reduce_blocks.frag",
+        "M += outerProduct(direction.xyz * (direction.w / direction.z), L.rgb);",
+        "M += outerProduct(direction.yxz * (direction.w / direction.z), L.rgb);",
+        _REDUCE,
+    ),
+    Mutant(
+        "directions below the surface counted",
+        "shaders/gather/reduce_blocks.frag",
+        "if (dot(direction.xyz, g) <= 0.0) continue;",
+        "if (dot(direction.xyz, g) <= -2.0) continue;",
+        ("tests/gather/test_reduce.py::test_directions_below_the_surface_bring_nothing",),
+    ),
+    Mutant(
+        "bends' axis is the greater one's",
+        "shaders/gather/reduce_total.frag",
+        "float lesser = middle < 0.0 ? middle + apart : middle - apart",
+        "float lesser = middle < 0.0 ? middle - apart : middle + apart",
+        _REDUCE,
+    ),
+    Mutant(
+        "record written beside its texel",
+        "shaders/lib/table.glsl",
+        "vec2 texel = vec2(i % size.x, i / size.x) + 0.5;",
+        "vec2 texel = vec2(i % size.x + 1, i / size.x) + 0.5;",
+        _REDUCE,
+    ),
+    Mutant(
+        "π left out of what a ray brings",
+        "shaders/gather/trace.frag",
+        "+ albedo * INV_PI * E;",
+        "+ albedo * E;",
+        ("tests/gather/test_trace.py::test_what_a_ray_sees_of_a_lit_plane",),
+    ),
+    Mutant(
+        "π left out of what a texel brings",
+        "shaders/gather/raster_texel.glsl",
+        "emission + albedo * INV_PI * E",
+        "emission + albedo * E",
+        ("tests/gather/test_analytic.py::test_what_a_texel_sees_of_a_lit_plane",),
+    ),
+    Mutant(
+        "ray through a stratum by equal steps of sinθ",
+        "shaders/gather/trace.frag",
+        "vec3(sqrt(square.x) * vec2(x.x, y.x), sqrt(1.0 - square.x))",
+        "vec3(square.x * vec2(x.x, y.x), sqrt(1.0 - square.x * square.x))",
+        ("tests/gather/test_trace.py::test_parallel_patch",),
+    ),
+    Mutant(
+        "box test takes the nearest exit for the farthest",
+        "shaders/lib/bvh.glsl",
+        "<= min(min(t1.x, t1.y), min(t1.z, hit.t))",
+        "<= min(max(t1.x, t1.y), min(t1.z, hit.t))",
+        ("tests/gpu/test_bvh.py::test_looking_costs_the_logarithm_of_the_triangles",),
+    ),
+    Mutant(
+        "box test takes the nearest entry for the farthest",
+        "shaders/lib/bvh.glsl",
+        "bool inside = max(max(t0.x, t0.y), max(t0.z, 0.0))",
+        "bool inside = max(max(t0.x, t0.y), max(t0.z, 0.1))",
+        ("tests/gpu/test_bvh.py::test_the_shader_finds_the_same",),
+    ),
+    # ---- records and splats
+    Mutant(
+        "weight without the square root",
+        "shaders/records/weight.glsl",
+        "+ sqrt(max(0.0, 1.0 - cosine)), LEAST_ERROR)",
+        "+ max(0.0, 1.0 - cosine), LEAST_ERROR)",
+        _SPLAT,
+    ),
+    Mutant(
+        "records in front of a pixel count",
+        "shaders/records/weight.glsl",
+        "abs(dot(apart, n + n_k)) * 0.5 > IN_FRONT * R.y)",
+        "abs(dot(apart, n + n_k)) * 0.5 > 99.0 * R.y)",
+        _SPLAT,
+    ),
+    Mutant(
+        "light beyond a record's wall",
+        "shaders/records/weight.glsl",
+        "return max(dot(place, walls.xy), dot(place, walls.zw)) > 1.0;",
+        "return max(dot(place, walls.xy), dot(place, walls.xy)) > 1.0;",
+        _SPLAT,
+    ),
+    Mutant(
+        "second order without its half",
+        "shaders/records/weight.glsl",
+        "clamp(0.5 * (curvature.x * along * along",
+        "clamp(1.0 * (curvature.x * along * along",
+        ("tests/indirect/test_splat.py::test_a_quadratic_field_is_said_exactly",),
+    ),
+    Mutant(
+        "kernel stops short of zero at the rim",
+        "shaders/indirect/splat.frag",
+        "float k = cut ? w : w - 1.0 / a;",
+        "float k = w;",
+        _SPLAT,
+    ),
+    Mutant(
+        "quad too small for its sphere",
+        "shaders/indirect/splat.vert",
+        "vec2(r * d / sqrt(d * d - r * r))",
+        "vec2(0.9 * r)",
+        ("tests/indirect/test_splat.py::test_no_quad_cuts_an_ellipse",),
+    ),
+    Mutant(
+        "rank of what is behind the eye",
+        "shaders/records/coverage.frag",
+        "if (depths.y <= 0.0) return;",
+        "if (depths.x <= 0.0) return;",
+        ("tests/renderer/test_relight.py::test_records_are_ranked_by_the_pixels_that_they_serve",),
+    ),
+    Mutant(
+        "rank by a share of samples instead of pixels",
+        "shaders/records/coverage.frag",
+        "max(float(served) / float(SAMPLES * SAMPLES) * (high.x - low.x) * (high.y - low.y), least)",
+        "max(float(served) / float(SAMPLES * SAMPLES), least)",
+        ("tests/renderer/test_relight.py::test_records_are_ranked_by_the_pixels_that_they_serve",),
+    ),
+    Mutant(
+        "ellipse by bends without the root",
+        "shaders/records/record.glsl",
+        "vec2 radii = sqrt(square / max(",
+        "vec2 radii = (square / max(",
+        ("tests/indirect/test_splat.py::test_an_ellipse_lies_as_its_axis_does",),
+    ),
+    Mutant(
+        "limit of a radius by the difference instead of its root",
+        "shaders/records/radius_limit.frag",
+        "at / a * sqrt(adapt / difference)",
+        "at / a * (adapt / difference)",
+        ("tests/records/test_adapt.py::test_limits_equal_numpy_in_any_order",),
+    ),
+    Mutant(
+        "grid's cell index with two axes swapped on the GPU",
+        "shaders/records/point_grid.glsl",
+        "int row = (walk.row.y * grid_cells + walk.row.x) * grid_cells;",
+        "int row = (walk.row.x * grid_cells + walk.row.y) * grid_cells;",
+        ("tests/records/test_adapt.py::test_the_limits_of_many_are_those_of_the_few_near_them",),
+    ),
+    Mutant(
+        "examination asks where there is enough",
+        "shaders/indirect/examine.frag",
+        "needy += w < tolerance ? 1.0 : 0.0;",
+        "needy += w > tolerance ? 1.0 : 0.0;",
+        ("tests/indirect/test_examine.py::test_nothing_asks_where_all_is_served",),
+    ),
+    Mutant(
+        "the best pixel of a tile instead of the worst",
+        "shaders/indirect/examine.frag",
+        "worst = w < least ? i : worst;",
+        "worst = w > least ? i : worst;",
+        _EXAMINE,
+    ),
+    Mutant(
+        "upsampling takes every square for a plane",
+        "shaders/indirect/upsample.frag",
+        "abs(dot(plane.xyz, p.xyz) - plane.w) <= MAX_RISE * pixel * p.w;",
+        "abs(dot(plane.xyz, p.xyz) - plane.w) <= 1e9 * pixel * p.w;",
+        ("tests/indirect/test_upsample.py",),
+    ),
+    Mutant(
+        "surface lookup's weights swapped",
+        "shaders/surface_cache/lookup.glsl",
+        "return look.weights.x * surface_value(look.values.x) + look.weights.y * surface_value(look.values.y) +",
+        "return look.weights.y * surface_value(look.values.x) + look.weights.x * surface_value(look.values.y) +",
+        ("tests/surface_cache/test_surface.py::test_a_linear_field_is_found_as_it_is",),
+    ),
+    # ---- light and picture
+    Mutant(
+        "direct light falls off with the distance",
+        "shaders/lighting/lights.glsl",
+        "dot(falloff.xyz, vec3(1.0, d, d2))",
+        "dot(falloff.xyz, vec3(1.0, d2, d))",
+        ("tests/lighting/test_direct.py::test_a_lit_plane",),
+    ),
+    Mutant(
+        "spot exponent left out",
+        "shaders/lighting/lights.glsl",
+        "falloff.w > 0.0 ? pow(max(c, 0.0), falloff.w) : 1.0",
+        "falloff.w > 0.0 ? max(c, 0.0) : 1.0",
+        ("tests/lighting/test_direct.py::test_a_lit_plane",),
+    ),
+    Mutant(
+        "shadow test without its bias",
+        "shaders/lighting/lights.glsl",
+        "const float BIAS = 0.1;",
+        "const float BIAS = -0.1;",
+        ("tests/lighting/test_direct.py::test_a_sphere_has_no_acne",),
+    ),
+    Mutant(
+        "light's cosine by the geometric normal alone",
+        "shaders/lighting/lights.glsl",
+        "max(dot(r.n, l), 0.0) : 0.0;",
+        "1.0 : 0.0;",
+        ("tests/lighting/test_direct.py::test_a_lit_plane",),
+    ),
+    Mutant(
+        "π left out of the picture's indirect light",
+        "shaders/image/composite.frag",
+        "texelFetch(albedo, pixel, 0).rgb * INV_PI * E;",
+        "texelFetch(albedo, pixel, 0).rgb * E;",
+        ("tests/image/test_composite.py::test_blend",),
+    ),
+    Mutant(
+        "filmic curve not divided by its white",
+        "shaders/lib/display.glsl",
+        "hable(x) / hable(vec3(FILMIC_WHITE))",
+        "hable(x)",
+        ("tests/image/test_composite.py::test_the_screen_shows_what_the_file_holds",),
+    ),
+    Mutant(
+        "sRGB's threshold on the screen",
+        "shaders/lib/display.glsl",
+        "step(SRGB_LINEAR_END, c)",
+        "step(0.031308, c)",
+        ("tests/image/test_composite.py::test_the_screen_shows_what_the_file_holds",),
+    ),
+    Mutant(
+        "normals not turned to the viewer",
+        "shaders/lib/normals.glsl",
+        "return dot(n, g) < 0.0 ? -n : n;",
+        "return n;",
+        ("tests/image/test_gbuffer.py::test_surfaces_are_two_sided",),
+    ),
+)
+
+CORE = (
+    # ---- gather and surface cache
+    Mutant(
+        "hemicube's solid angles without the distance",
+        "irrsplat/gather/hemicube.py",
+        "4.0 / (w * h) / length**3",
+        "4.0 / (w * h) / length**2",
+        ("tests/gather/test_hemisphere.py::test_the_table_covers_the_hemisphere",),
+    ),
+    Mutant(
+        "strata of equal steps in θ",
+        "irrsplat/gather/stratified.py",
+        "np.arcsin(np.sqrt(np.arange(m + 1) / m))",
+        "np.arcsin(np.arange(m + 1) / m)",
+        ("tests/gather/test_trace.py::test_a_stratum_s_vector_is_its_integral",),
+    ),
+    Mutant(
+        "edge between elevations without a cosine",
+        "irrsplat/gather/stratified.py",
+        "np.broadcast_arrays(c * c * s * np.cos(middle), c * c * s * np.sin(middle), -s * s * c)",
+        "np.broadcast_arrays(c * s * np.cos(middle), c * s * np.sin(middle), -s * s * c)",
+        ("tests/gather/test_trace.py::test_edges_are_ward_and_heckbert_s_sum",),
+    ),
+    Mutant(
+        "π left out of the transport",
+        "irrsplat/surface_cache/transport.py",
+        "weights = weights * (share / np.pi)[..., None]",
+        "weights = weights * share[..., None]",
+        ("tests/surface_cache/test_bounces.py::test_a_ray_s_hit_goes_where_it_is_said",),
+    ),
+    Mutant(
+        "geometric series adds what is already there",
+        "irrsplat/surface_cache/transport.py",
+        "np.float32(1.0 / (1.0 - fade))",
+        "np.float32(1.0 / (1.0 + fade))",
+        ("tests/surface_cache/test_bounces.py::test_all_bounces_are_the_solution_of_the_equation",),
+    ),
+    Mutant(
+        "one bounce too many",
+        "irrsplat/surface_cache/transport.py",
+        "for made in range(2, most + 1):",
+        "for made in range(1, most + 1):",
+        ("tests/surface_cache/test_bounces.py::test_as_many_bounces_as_are_asked_for",),
+    ),
+    # ---- which records are made, drawn, kept and gathered again
+    Mutant(
+        "chessboard's other colour",
+        "irrsplat/indirect/site_selection.py",
+        "(rows // spacing + columns // spacing) % 2 == phase",
+        "(rows // spacing + columns // spacing) % 2 != phase",
+        ("tests/indirect/test_examine.py::test_sites_of_a_round_keep_apart",),
+    ),
+    Mutant(
+        "eviction takes what was seen last",
+        "irrsplat/records/eviction.py",
+        "np.lexsort((-distance, -cache.views_unseen[numbers]))",
+        "np.lexsort((-distance, cache.views_unseen[numbers]))",
+        ("tests/records/test_eviction.py::test_the_longest_unseen_go_first_and_then_the_farthest",),
+    ),
+    Mutant(
+        "eviction takes what is near",
+        "irrsplat/records/eviction.py",
+        "np.lexsort((-distance, -cache.views_unseen[numbers]))",
+        "np.lexsort((distance, -cache.views_unseen[numbers]))",
+        ("tests/records/test_eviction.py::test_the_longest_unseen_go_first_and_then_the_farthest",),
+    ),
+    Mutant(
+        "culling without the spheres' radii",
+        "irrsplat/records/culling.py",
+        "_outside(offset, camera, size, _BESIDE) <= radius)",
+        "_outside(offset, camera, size, _BESIDE) <= 0.0)",
+        ("tests/records/test_culling.py::test_what_is_left_out_would_add_nothing",),
+    ),
+    Mutant(
+        "point grid's cell index with two axes swapped",
+        "irrsplat/records/point_grid.py",
+        "return (z * self.cells + y) * self.cells + x",
+        "return (x * self.cells + y) * self.cells + z",
+        ("tests/records/test_grid.py",),
+    ),
+    Mutant(
+        "point grid's cell ends one plane too early",
+        "irrsplat/records/point_grid.py",
+        'np.searchsorted(e, p, side="right")',
+        'np.searchsorted(e, p, side="left")',
+        ("tests/records/test_grid.py",),
+    ),
+    Mutant(
+        "invalidation raises no epoch",
+        "irrsplat/records/record_cache.py",
+        "columns, later = dict(self._columns), self.invalidation_epoch + 1",
+        "columns, later = dict(self._columns), self.invalidation_epoch",
+        ("tests/renderer/test_relight.py::test_renewed_in_place_is_gathered_from_scratch",),
+    ),
+    Mutant(
+        "records gathered again stay stale",
+        "irrsplat/records/record_cache.py",
+        '        columns["epoch"][numbers] = self.invalidation_epoch\n        self._stale = None\n',
+        '        columns["epoch"][numbers] = self.invalidation_epoch\n',
+        ("tests/renderer/test_relight.py::test_renewed_in_place_is_gathered_from_scratch",),
+    ),
+    Mutant(
+        "refresh order by waiting alone",
+        "irrsplat/records/refresh_order.py",
+        "-served * waited * cache.drift[stale]",
+        "-waited * cache.drift[stale]",
+        ("tests/renderer/test_relight.py::test_what_is_seen_most_and_longest_comes_first",),
+    ),
+    Mutant(
+        "vectors do not turn with a moved mesh",
+        "irrsplat/records/record_cache.py",
+        "texels |= self._rotated(moved.numbers, moved.linear_map)",
+        "pass",
+        ("tests/renderer/test_move.py::test_a_turned_room_is_the_same_room",),
+    ),
+    Mutant(
+        "moved mesh not noticed",
+        "irrsplat/scene/change.py",
+        "if a is not b)",
+        "if a.name != b.name)",
+        ("tests/scene/test_change.py",),
+    ),
+    # ---- caches and files
+    Mutant(
+        "damaged cache file taken",
+        "irrsplat/records/cache_file.py",
+        "if hashlib.sha256(data).digest() != digest:",
+        "if hashlib.sha256(data).digest() == b'':",
+        ("tests/records/test_store.py::test_a_damaged_file_is_refused",),
+    ),
+    Mutant(
+        "cache file of other lights taken",
+        "irrsplat/records/cache_file.py",
+        "lights=_hash(json.dumps(lights).encode()),",
+        "lights=_hash(b''),",
+        ("tests/records/test_store.py::test_another_scene_is_refused",),
+    ),
+    Mutant(
+        "memo keeps the old result while a stage is made",
+        "irrsplat/core/memo.py",
+        "        self._made.pop(stage, None)\n        made = make()\n        self._made[stage] = inputs, made\n",
+        "        self._made[stage] = inputs, None\n        made = make()\n        self._made[stage] = inputs, made\n",
+        ("tests/core/test_memo.py",),
+    ),
+    Mutant(
+        "view's progress outlives its camera",
+        "irrsplat/renderer.py",
+        "if state.camera == camera and state.subject == subject:",
+        "if state.subject == subject:",
+        ("tests/renderer/test_persistence.py",),
+    ),
+    Mutant(
+        "records without values after a failed gather",
+        "irrsplat/indirect/record_gatherer.py",
+        "                self.cache.truncate(first)  # they hold nothing\n",
+        "",
+        ("tests/renderer/test_interrupts.py",),
+    ),
+    Mutant(
+        "a failed write leaves its part",
+        "irrsplat/core/files.py",
+        "        part.unlink(missing_ok=True)\n",
+        "        pass\n",
+        ("tests/image/test_output.py::test_a_failed_write_leaves_the_old_file_and_no_part",),
+    ),
+    Mutant(
+        "sRGB decoded without its straight part",
+        "irrsplat/core/color.py",
+        "values <= c.encoded_end",
+        "values <= 0.0",
+        ("tests/scene/test_assets.py",),
+    ),
+    Mutant(
+        "overhead of batches not counted",
+        "irrsplat/gpu/time_budget.py",
+        "(n + batches * self._overhead) / t - self._overhead if batches else 1.0",
+        "n / t if batches else 1.0",
+        ("tests/gpu/test_time_budget.py",),
+    ),
+    Mutant(
+        "a tick's reserve is spent",
+        "irrsplat/gpu/time_budget.py",
+        "share * (self.left - reserve)",
+        "share * self.left",
+        ("tests/gpu/test_time_budget.py",),
+    ),
+    # ---- what is shown
+    Mutant(
+        "limits of radii kept with other settings",
+        "irrsplat/records/adaptive_radius.py",
+        "same = inputs == done.inputs",
+        "same = done.inputs is not None",
+        ("tests/records/test_adapt.py::test_turned_off_and_on_again",),
+    ),
+)
+
+SCENES = (
+    Mutant(
+        "matrices multiply on the left",
+        "irrsplat/scene/io/scene_text.py",
+        "self.matrix = self.matrix @ step",
+        "self.matrix = step @ self.matrix",
+        _TEXT,
+    ),
+    Mutant(
+        "pop keeps the matrix",
+        "irrsplat/scene/io/scene_text.py",
+        "_, self.matrix = self.stack.pop()",
+        "self.stack.pop()",
+        _TEXT,
+    ),
+    Mutant(
+        "rotate turns the other way",
+        "irrsplat/scene/io/scene_text.py",
+        "matrix[:3, :3] += np.sin(radians) * cross",
+        "matrix[:3, :3] -= np.sin(radians) * cross",
+        _TEXT,
+    ),
+    Mutant(
+        "spot cutoff taken for radians",
+        "irrsplat/lighting/light_table.py",
+        "row[4] = [np.radians(light.spot_cutoff), np.radians(light.spot_inner)",
+        "row[4] = [light.spot_cutoff, np.radians(light.spot_inner)",
+        ("tests/lighting/test_direct.py::test_a_lit_plane",),
+    ),
+    Mutant(
+        "π left out of OpenGL's diffuse light",
+        "irrsplat/lighting/light_table.py",
+        "(1.0 if light.physical else np.pi)",
+        "1.0",
+        ("tests/lighting/test_direct.py::test_a_lit_plane",),
+    ),
+    Mutant(
+        "texture's index taken for the normal's",
+        "irrsplat/scene/io/obj.py",
+        "table[:, :, -1], normals",
+        "table[:, :, 1], normals",
+        _TEXT,
+    ),
+    Mutant(
+        "negative indices off by one",
+        "irrsplat/scene/io/obj.py",
+        "np.where(index < 0, above[at][:, None] + index, index - 1)",
+        "np.where(index < 0, above[at][:, None] + index - 1, index - 1)",
+        _TEXT,
+    ),
+    Mutant(
+        "normals transformed as points are",
+        "irrsplat/scene/io/mesh_builder.py",
+        "np.linalg.inv(matrix[:3, :3]).T",
+        "matrix[:3, :3]",
+        _TEXT,
+    ),
+    Mutant(
+        "ambient colour taken for the diffuse one",
+        "irrsplat/scene/io/mtl.py",
+        'elif line.word in ("Kd", "Ke"):',
+        'elif line.word in ("Ka", "Kd", "Ke"):',
+        ("tests/scene/test_assets.py",),
+    ),
+)
+
+APP = (
+    Mutant(
+        "wrong flag exits with 1",
+        "app/cli.py",
+        "    except InputError as error:\n        return _fail(str(error), 2)",
+        "    except InputError as error:\n        return _fail(str(error), 1)",
+        ("tests/app/test_cli_errors.py",),
+    ),
+    Mutant(
+        "only the last output is written",
+        "app/flags.py",
+        '"-o", "--output", metavar="OUT", action="append", required=True,',
+        '"-o", "--output", metavar="OUT", nargs=1, required=True,',
+        ("tests/app/test_cli.py::test_outputs_may_be_repeated_and_restricted",),
+    ),
+    Mutant(
+        "benchmark's ratio upside down",
+        "app/bench/compare.py",
+        "old['seconds'] / run['seconds']:.2f",
+        "run['seconds'] / old['seconds']:.2f",
+        ("tests/app/bench/test_ratios.py",),
+    ),
+    Mutant(
+        "pick reads a row from the bottom",
+        "app/viewer/show/screen.py",
+        "place=(x, texture.height - 1 - y)",
+        "place=(x, y)",
+        ("tests/app/viewer/test_record_inspector.py::test_the_record_that_weighs_most_is_picked",),
+    ),
+    Mutant(
+        "preferences not written",
+        "app/viewer/preferences.py",
+        '        write_text(path, text + "\\n")\n',
+        "",
+        ("tests/app/viewer/test_preferences.py::test_what_is_saved_comes_back",),
+    ),
+)
+
+MUTANTS = (*SHADERS, *CORE, *SCENES, *APP)
