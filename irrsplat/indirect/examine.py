@@ -24,8 +24,11 @@ _TILES = 100  # along the image's height
 
 @dataclass(frozen=True)
 class Examination:
-    """A round's finding, per tile (h, w): `asking` and `seen` pixels, and the worst served pixel as a site, (h, w, 3); triangle
-    (h, w) is its number."""
+    """A round's finding, per tile (h, w).
+
+    asking, seen: counts of pixels that ask for a record, and that see a surface. position, normal, geometric (h, w, 3): of the
+    worst served pixel, a site for a record. triangle, weight (h, w): the number of the triangle there, and its Σw.
+    """
 
     asking: np.ndarray
     seen: np.ndarray
@@ -33,6 +36,12 @@ class Examination:
     normal: np.ndarray
     geometric: np.ndarray
     triangle: np.ndarray
+    weight: np.ndarray
+
+    @property
+    def holes(self) -> int:
+        """How many tiles have a pixel that no record speaks for."""
+        return int(np.count_nonzero((self.asking > 0.0) & (self.weight <= 0.0)))
 
     @property
     def missing(self) -> float:
@@ -87,7 +96,9 @@ class ExaminePass(Owner):
         position, normal, rest = (self.target.read(i) for i in range(3))
         geometric = octahedral_decode(normal[..., 3], rest[..., 0])
         triangle = rest[..., 3].astype(np.intp)
-        return Examination(position[..., 3], rest[..., 2], position[..., :3], normal[..., :3], geometric, triangle)
+        return Examination(
+            position[..., 3], rest[..., 2], position[..., :3], normal[..., :3], geometric, triangle, weight=rest[..., 1]
+        )
 
 
 def _stride(count: int) -> int:

@@ -112,13 +112,18 @@ class RecordScheduler(Owner):
     ) -> tuple[ViewState, RoundResult]:
         """Gather where the view lacks records, as far as the budget goes."""
         ask = self._scan if self.settings.placement == "scan" else self._ask
-        before = state.coverage
+        before = state
         state, result = ask(state, gbuffer, splats, shadows, camera, budget)
         state = replace(state, coverage=1.0 - state.missing)
         if not result.complete:
             return state, result
-        stalled = 0 if state.coverage > before else state.stalled_rounds + 1
-        state = replace(state, rounds=state.rounds + 1, stalled_rounds=stalled)
+        gained = state.coverage > before.coverage or state.holes < before.holes_before
+        state = replace(
+            state,
+            rounds=state.rounds + 1,
+            stalled_rounds=0 if gained else state.stalled_rounds + 1,
+            holes_before=state.holes,
+        )
         if result.new:
             return state, result
         state, limited = self.limit_radii(state, last=True)
@@ -169,7 +174,7 @@ class RecordScheduler(Owner):
             while asking and not len(tiles[0]):  # these fields of the chessboard ask for nothing: the next ones
                 step += 1
                 tiles = choose(found.asking, *spacing(step, reach, asking), settings.seed)
-            return replace(state, missing=found.missing, step=step + 1), found.at(tiles)
+            return replace(state, missing=found.missing, holes=found.holes, step=step + 1), found.at(tiles)
 
     def _scan(
         self, state: ViewState, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps, camera: Camera, budget: Budget

@@ -13,32 +13,28 @@ GIVE_UP = 8  # rounds in a row without gain in coverage, after which a view asks
 
 @dataclass(frozen=True)
 class ViewState:
-    """One view's progress.
-
-    camera, subject: what the view is of, to be compared. pixel_stride: 2 while only every other pixel is to be splatted, else 1.
-    rounds: complete ones. coverage: the share of the seen pixels that ask for nothing, 0..1, when the present round began.
-    stalled_rounds: in a row without gain in coverage. settled: the splats and the criteria at which nothing was asked for;
-    looked_at: those at which `coverage` was found while nothing was gathered. limited: whether the old records have been held
-    against each other for this view.
-    queue: the sites of the present round that are still to be gathered; None between rounds. missing: the share of the seen
-    pixels that asked when the round began. step: of the site selection, coarse to fine. full: whether the view needs more records
-    than there may be. scan: the view as the paper's algorithm goes through it.
-    """
+    """One view's progress; `camera` and `subject` say which view, by all that decides what it asks for."""
 
     camera: Camera | None = None
     subject: tuple[object, ...] = ()
-    pixel_stride: int = 1
-    rounds: int = 0
-    coverage: float = 0.0
-    stalled_rounds: int = 0
-    settled: tuple[SplatBuffer, tuple[object, ...]] | None = None
-    looked_at: tuple[SplatBuffer, tuple[object, ...]] | None = None
-    limited: bool = False
-    queue: Sites | None = None
-    missing: float = 0.0
-    step: int = 0
-    full: bool = False
-    scan: paper_scan.View | None = None
+    pixel_stride: int = 1  # 2 while only every other pixel is to be splatted, in both directions
+
+    # over all rounds
+    rounds: int = 0  # complete ones
+    coverage: float = 0.0  # share of the seen pixels that asked for nothing when the present round began, 0..1
+    stalled_rounds: int = 0  # in a row, without gain in coverage and without fewer holes
+    limited: bool = False  # whether the old records have been held against each other for this view
+    settled: tuple[SplatBuffer, tuple[object, ...]] | None = None  # the splats and criteria at which nothing was asked for
+    looked_at: tuple[SplatBuffer, tuple[object, ...]] | None = None  # those of `coverage`, found while nothing was gathered
+
+    # the present round
+    queue: Sites | None = None  # the sites that are still to be gathered; None between rounds
+    missing: float = 0.0  # share of the seen pixels that asked when it began
+    holes: int = 0  # tiles with a pixel that no record spoke for when it began
+    holes_before: int = 0  # when the round before it began
+    step: int = 0  # of the site selection, coarse to fine
+    full: bool = False  # whether the view needs more records than there may be
+    scan: paper_scan.View | None = None  # the view as the paper's algorithm goes through it
 
     @property
     def stalled(self) -> bool:

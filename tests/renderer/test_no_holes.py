@@ -18,6 +18,8 @@ from irrsplat.gpu.target import pixels
 from irrsplat.gpu.time_budget import Pace
 from irrsplat.image.view import Progress, View
 from irrsplat.indirect import splat_buffer
+from irrsplat.indirect.scheduler import RecordScheduler, RoundResult
+from irrsplat.indirect.view_state import ViewState
 from irrsplat.scene.model import Camera
 from tests.renderer.test_move import shift
 from tests.renderer.test_renderer import FAST, FRONT, room
@@ -76,6 +78,20 @@ def test_rounds_while_records_are_stale_are_no_reason_to_give_up(monkeypatch: py
         assert holes(view) == 0 and told[-1].coverage == 1.0 and told[-1].done
         renderer.forget(records=False)  # which looks at the view again
         assert rest(renderer, None, 1e-4)[1][-1].records == before
+
+
+def test_a_view_is_not_given_up_while_its_holes_become_fewer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rounds that serve pixels without a record count as gain, even if as many others ask because their records disagree."""
+    left = iter(range(30, 0, -1))
+
+    def ask(self: object, state: ViewState, *_: object) -> tuple[ViewState, RoundResult]:
+        return replace(state, missing=0.01, holes=next(left, 1)), RoundResult(1, True)
+
+    with Renderer(room(), (96, 64), **FAST) as renderer:
+        renderer.frame()
+        monkeypatch.setattr(RecordScheduler, "_ask", ask)
+        told = [renderer.frame()[1] for _ in range(60)]
+        assert next(left, None) is None and 30 < sum(p.new for p in told) < 50 and told[-1].still and not told[-1].done
 
 
 class Fuzz:
