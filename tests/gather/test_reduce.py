@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from irrsplat.core.buffers import Atlas
-from irrsplat.gather.hemicube import edge_table, frames, hemisphere_table
+from irrsplat.gather.hemicube import edge_table, hemisphere_table
+from irrsplat.gather.record_frame import tangent_frames
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gpu.target import table_texture
 from irrsplat.records.record_cache import RecordCache
@@ -137,7 +138,7 @@ def test_reduction_equals_numpy(ctx: moderngl.Context, kind: str, side: int, fir
     rng = np.random.default_rng(first)
     normal = rng.normal(size=(count, 3))
     where = sites(rng.normal(size=(count, 3)), normal)
-    frame = frames(where.normal, np.arange(count), 0)
+    frame = tangent_frames(where.normal, np.arange(count), 0)
     seen, table = cells(count, kind, side, seed=first + 1)
     planes = planes_of(seen, table, frame, seed=first + 2)
     cache = RecordCache(ctx)
@@ -180,7 +181,7 @@ def test_reduction_equals_numpy(ctx: moderngl.Context, kind: str, side: int, fir
 def test_where_nothing_changes_nothing_bends(ctx: moderngl.Context, light: str) -> None:
     """No light, or the same from all sides: radii as great as there are, an axis all the same, and no NaN."""
     where = sites(np.zeros((4, 3)), np.random.default_rng(0).normal(size=(4, 3)))
-    frame = frames(where.normal, np.arange(4), 0)
+    frame = tangent_frames(where.normal, np.arange(4), 0)
     seen, table = cells(4, "raster", 8, seed=3)
     seen[..., :3] = 0.0 if light == "black" else 2.0
     seen[..., 3] = np.maximum(seen[..., 3], 0.1)  # no sky
@@ -196,7 +197,7 @@ def test_where_nothing_changes_nothing_bends(ctx: moderngl.Context, light: str) 
 def test_without_gradients_a_record_says_E_for_every_normal(ctx: moderngl.Context) -> None:
     """M = n_k·E, ∇E = 0: E = n_k·M is what it was."""
     where = sites(np.zeros((4, 3)), np.random.default_rng(0).normal(size=(4, 3)))
-    frame = frames(where.normal, np.arange(4), 0)
+    frame = tangent_frames(where.normal, np.arange(4), 0)
     seen, _ = cells(4, "raster", 8, seed=3)
     cache = RecordCache(ctx)
     cache.append(where)
@@ -211,7 +212,7 @@ def test_directions_below_the_surface_bring_nothing(ctx: moderngl.Context) -> No
     """E, R and M with geometric normals 40° off the shading normals."""
     rng = np.random.default_rng(2)
     where = sites(rng.normal(size=(6, 3)), rng.normal(size=(6, 3)))
-    frame = frames(where.normal, np.arange(6), 0)
+    frame = tangent_frames(where.normal, np.arange(6), 0)
     geometric = np.cos(0.7) * frame[:, 2] + np.sin(0.7) * frame[:, 0]
     seen, _ = cells(6, "raster", 8, seed=4)
     cache = RecordCache(ctx)
@@ -227,7 +228,7 @@ def test_directions_below_the_surface_bring_nothing(ctx: moderngl.Context) -> No
 def test_radius_stays_finite_and_within_its_limits(ctx: moderngl.Context, distance: float, radius: float) -> None:
     """Every direction misses: R is the greatest there is; every distance the same: R is that."""
     where = sites(np.zeros((1, 3)), (0, 1, 0))
-    frame = frames(where.normal, np.arange(1), 0)
+    frame = tangent_frames(where.normal, np.arange(1), 0)
     seen, _ = cells(1, "raster", 8, seed=5)
     seen[..., 3] = distance
     cache = RecordCache(ctx)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from irrsplat.core.buffers import Sites
-from irrsplat.gather.record_frame import eyes
+from irrsplat.gather.record_frame import eye_positions
 from irrsplat.scene.model import Camera, Scene
 from tests.support.leaky import (
     DRAPE_SIDE,
@@ -88,7 +88,7 @@ def test_a_record_looks_from_its_own_side_of_a_sheet() -> None:
     floor = np.array([[[-4.0, 0, 2], [4, 0, 2], [4, 0, -2]]])
     position = np.array([[0.0005, 0, 1], [3.0, 0, 2], [4, 0, 2]])
     up = np.tile([0.0, 1, 0], (3, 1))
-    moved = eyes(Sites(position, up, up, np.zeros(3, int)), floor, 0.001) - position
+    moved = eye_positions(Sites(position, up, up, np.zeros(3, int)), floor, 0.001) - position
     assert np.allclose(moved[:, 1], 0.001)
     assert np.allclose(moved[0, [0, 2]], 0.0)
     assert np.allclose(np.linalg.norm(moved[1:, [0, 2]], axis=1), 0.001)
