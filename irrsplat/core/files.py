@@ -1,4 +1,4 @@
-"""Files written whole or not at all: beside their place first, then renamed."""
+"""Files that are written completely or not at all: under a temporary name beside their place first, then renamed."""
 
 from __future__ import annotations
 
@@ -37,17 +37,17 @@ def check_file(path: Pathlike) -> None:
 
 
 def write_text(path: Pathlike, text: str) -> None:
-    """Write `text` (UTF-8) to `path`, whole or not at all; raises IrrsplatError where that fails."""
+    """Write `text` (UTF-8) to `path`, completely or not at all; raises IrrsplatError where that fails."""
     _write_file(path, lambda part: part.write_text(text, encoding="utf-8"))
 
 
 def write_bytes(path: Pathlike, data: bytes) -> None:
-    """Write `data` to `path`, whole or not at all; raises IrrsplatError where that fails."""
+    """Write `data` to `path`, completely or not at all; raises IrrsplatError where that fails."""
     _write_file(path, lambda part: part.write_bytes(data))
 
 
 def write_picture(path: Pathlike, display: np.ndarray) -> None:
-    """Write (H, W, 3) display values 0..1 as a PNG, whole or not at all; raises IrrsplatError where that fails."""
+    """Write (H, W, 3) display values 0..1 as a PNG, completely or not at all; raises IrrsplatError where that fails."""
     _write_file(path, lambda part: _png(part, display))
 
 
@@ -58,13 +58,13 @@ def _png(path: Path, display: np.ndarray) -> None:
 
 
 def _part(folder: Path, ending: str = "") -> Path:
-    """A name in `folder` that nobody has yet."""
+    """A temporary name in `folder` that no file has."""
     return folder / f".irrsplat-{secrets.token_hex(6)}.part{ending}"
 
 
 @contextmanager
-def _speaking_of(path: Pathlike) -> Iterator[None]:
-    """What the system, numpy or OpenEXR say of a failed write, as one IrrsplatError that names `path`."""
+def _naming(path: Pathlike) -> Iterator[None]:
+    """Turns errors of the system, numpy or OpenEXR while writing into one IrrsplatError that names `path`."""
     try:
         yield
     except (OSError, RuntimeError, ValueError) as error:
@@ -73,11 +73,11 @@ def _speaking_of(path: Pathlike) -> Iterator[None]:
 
 
 def _write_file(path: Pathlike, write: Callable[[Path], object]) -> None:
-    """Let `write` fill a file beside `path`, then rename it, so that `path` is at no time half written."""
+    """Let `write` fill a temporary file beside `path`, then rename it: at no time is `path` half written."""
     target = Path(os.path.realpath(path))  # what a link points to is replaced, not the link
     part = _part(target.parent, target.suffix)
     try:
-        with _speaking_of(path):
+        with _naming(path):
             write(part)
             os.replace(part, target)
     finally:
@@ -89,7 +89,7 @@ def _write_folder(folder: Path, pictures: Iterator[tuple[str, np.ndarray]]) -> N
     exists = folder.is_dir()
     part = _part(folder if exists else folder.parent)
     try:
-        with _speaking_of(folder):
+        with _naming(folder):
             part.mkdir()
             names = []
             for name, display in pictures:
@@ -114,7 +114,7 @@ def _try_folder(text: str) -> None:
 
 
 def _try_inside(folder: Path, text: str) -> None:
-    """Raises InputError, speaking of `text`, where no file can be made in `folder`."""
+    """Raises InputError, naming `text`, where no file can be made in `folder`."""
     if not folder.is_dir():
         raise InputError(f"cannot write: the folder '{folder}' does not exist; make it first", text)
     part = _part(folder)

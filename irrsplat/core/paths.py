@@ -1,4 +1,4 @@
-"""Where files lie: the bundled shaders and scenes, and what is kept from one run to the next."""
+"""Where files are: the bundled shaders and scenes, and the folder for what is kept between runs."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def folder(name: str) -> Path:
 
 
 def cache_folder() -> Path | None:
-    """What IRRSPLAT_CACHE names, else the user's cache folder; None where there is none."""
+    """The folder that IRRSPLAT_CACHE names, else the user's cache folder; None for a user without a home."""
     if named := os.environ.get("IRRSPLAT_CACHE"):
         return Path(named)
     import platformdirs

@@ -9,11 +9,10 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
 from importlib import metadata
 from pathlib import Path
-from typing import Any
 
 import moderngl
 import numpy as np
@@ -84,7 +83,7 @@ def gather_pass(world: World, settings: Settings, capacity: int | None = None) -
     return RasterGather(world, how, settings.gather_size, capacity, surface=surface)
 
 
-def machine(about: dict[str, Any]) -> str:
+def machine(about: Mapping[str, object]) -> str:
     """What times hold for: the OpenGL that `about` describes (see gpu.context.describe), and this version of irrsplat."""
     try:
         version = metadata.version("irrsplat")
@@ -98,7 +97,7 @@ def rasters(times: Times) -> bool:
     return times[0] <= times[1]
 
 
-def kept(about: dict[str, Any]) -> list[Times]:
+def kept(about: Mapping[str, object]) -> list[Times]:
     """The times that were kept on this machine."""
     path = _path()
     return [] if path is None else [times for name, times in _read(path).items() if name.startswith(machine(about) + ";")]

@@ -20,7 +20,7 @@ from irrsplat.gather.look import Gather
 from irrsplat.gather.record_frame import atlas_grid, eye_positions, frame_rows, tangent_frames
 from irrsplat.gather.world import World
 from irrsplat.gpu.geometry import Geometry
-from irrsplat.gpu.program import Draw, Program, State
+from irrsplat.gpu.program import Draw, DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target, float_texture, table_texture
 from irrsplat.lighting.light_table import light_defines
@@ -152,7 +152,7 @@ class SingleDraw(Owner):
             self.target,
             geometry=geometry,
             instances=views.count,
-            state=State(depth="<", clamp=True, clips=5),
+            state=DrawState(depth="<", depth_clamp=True, clip_planes=5),
             atlas=self.target.size,
             **views.uniforms,
             **geometry.uniforms,
@@ -188,7 +188,7 @@ class MeshletDraw(Owner):
                     self.seen,
                     geometry=in_meshlets,
                     draws=draws,
-                    state=State(depth="<", clamp=True, clips=clips),
+                    state=DrawState(depth="<", depth_clamp=True, clip_planes=clips),
                     near=views.near,
                     atlas=self.seen.size,
                     views=views.texture,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from functools import cache
-from typing import Any
+from typing import Any, TypedDict
 
 import moderngl
 
@@ -14,7 +14,7 @@ from irrsplat.core.errors import GLError
 REQUIRED = 330  # OpenGL 3.3 core: macOS (4.1) and old laptops stay in
 _DEVICES = 8  # EGL devices that are tried before giving up
 
-# Part of moderngl's message -> what is wrong, and the one command that mends it. moderngl 5.13 raises bare Exceptions.
+# Part of moderngl's message -> what is wrong, and the one command that helps. moderngl 5.13 raises bare Exceptions.
 _APT = "sudo apt-get install -y"
 _ADVICE = (
     ("libGL.so not loaded", f"the library libGL is missing; run: {_APT} libgl1"),
@@ -31,12 +31,12 @@ _ADVICE = (
 def create(require: int = REQUIRED) -> moderngl.Context:
     """A new standalone context of at least version `require`, made current; EGL on Linux, else the system's own.
 
-    Raises GLError, one line with the command that mends it, where that cannot be had.
+    Raises GLError, one line with the command that helps, where there is none.
     """
     options: list[dict[str, Any]] = [{}]
     if sys.platform.startswith("linux"):
-        os.environ.setdefault("EGL_LOG_LEVEL", "fatal")  # Mesa's own warnings: an error here is one line, ours
-        chosen = "GLCONTEXT_DEVICE_INDEX" in os.environ  # then glcontext reads it, and it is not ours to override
+        os.environ.setdefault("EGL_LOG_LEVEL", "fatal")  # without Mesa's own warnings: an error is one line, ours
+        chosen = "GLCONTEXT_DEVICE_INDEX" in os.environ  # the user's choice, which glcontext reads
         options = [
             {"backend": "egl"} | ({} if chosen or i == 0 else {"device_index": i}) for i in range(1 if chosen else _DEVICES)
         ]
@@ -58,15 +58,26 @@ def make_current(ctx: moderngl.Context) -> None:
 
 
 def advice(message: str) -> str:
-    """One line for a user in place of moderngl's `message`: what is wrong with OpenGL here, and what mends it."""
+    """One line for a user in place of moderngl's `message`: what is wrong with OpenGL here, and what helps."""
     for part, text in _ADVICE:
         if part in message:
             return f"no OpenGL 3.3: {text}"
     return f"no OpenGL 3.3: {message or 'unknown reason'}; install a graphics driver, or run: {_APT} libgl1 libegl1"
 
 
-def describe(ctx: moderngl.Context) -> dict[str, Any]:
-    """What `ctx` is: renderer, vendor, version (text), version_code (330 …), software (bool) and max_texture_size (texels)."""
+class Description(TypedDict):
+    """What an OpenGL context is; `software`: it runs on the CPU."""
+
+    renderer: str
+    vendor: str
+    version: str
+    version_code: int  # 330 is OpenGL 3.3
+    software: bool
+    max_texture_size: int  # texels
+
+
+def describe(ctx: moderngl.Context) -> Description:
+    """What `ctx` is."""
     info = ctx.info
     renderer = str(info["GL_RENDERER"])
     return {
@@ -79,19 +90,7 @@ def describe(ctx: moderngl.Context) -> dict[str, Any]:
     }
 
 
-def diagnose() -> dict[str, Any]:
-    """What `irrsplat doctor` reports: `describe` of a fresh context with "ok": True, or "ok": False and "advice", one line."""
-    try:
-        ctx = create()
-    except GLError as error:
-        return {"ok": False, "advice": str(error)}
-    try:
-        return {"ok": True, **describe(ctx)}
-    finally:
-        ctx.release()
-
-
 @cache
 def shared() -> moderngl.Context:
-    """The one context that all who ask for it share (tests, short scripts); it lives until the process ends."""
+    """The context that tests and short scripts share; it lives until the process ends."""
     return create()

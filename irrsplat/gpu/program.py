@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import moderngl
 import numpy as np
@@ -19,27 +19,27 @@ CLIP_DISTANCE0 = 0x3000
 
 
 @dataclass(frozen=True)
-class State:
-    """All the fixed-function state of one draw; whatever is not named is off.
+class DrawState:
+    """All the fixed-function state of one draw; the default is a draw without depth test, blending or culling.
 
-    depth: "<", "1" (always) or None; keep: it is tested, but not written. blend: "add", "over" (by the fragment's alpha),
-    "min" or None. cull: "front", "back" or None. clamp: depth clamp, so that no near plane clips. clips: how many
-    gl_ClipDistance planes are on. push: polygon offset as glPolygonOffset, (slopes, units). wire: the edges of triangles alone.
+    depth: the test, "<" or "1" (always passes), or None. blend: "add", "over" (by the fragment's alpha), "min" or None.
+    cull: "front", "back" or None. depth_clamp: geometry before the near plane is drawn, not clipped. clip_planes: how many
+    gl_ClipDistance are used. polygon_offset: as glPolygonOffset, (factor, units). wireframe: only the edges of triangles.
     """
 
-    depth: str | None = None
-    keep: bool = False
-    blend: str | None = None
-    cull: str | None = None
-    clamp: bool = False
-    clips: int = 0
-    push: tuple[float, float] = (0.0, 0.0)
-    wire: bool = False
+    depth: Literal["<", "1"] | None = None
+    depth_write: bool = True
+    blend: Literal["add", "over", "min"] | None = None
+    cull: Literal["front", "back"] | None = None
+    depth_clamp: bool = False
+    clip_planes: int = 0
+    polygon_offset: tuple[float, float] = (0.0, 0.0)
+    wireframe: bool = False
 
 
 @dataclass(frozen=True)
 class Draw:
-    """One of several draws of a geometry: `count` indices from the `first` on, so many instances, and uniforms of its own."""
+    """One of several draws of a geometry: `count` indices from number `first` on, so many instances, uniforms of its own."""
 
     first: int
     count: int
@@ -48,10 +48,10 @@ class Draw:
 
 
 class Program:
-    """`Program(ctx, "image/gbuffer")` is shaders/image/gbuffer.vert and .frag, linked at its first draw into a target.
+    """`Program(ctx, "image/gbuffer")` is shaders/image/gbuffer.vert and .frag, compiled and linked at its first draw.
 
     Every uniform that the shaders declare must be given by name (samplers take textures), and no other; else TypeError.
-    What does not compile is a ShaderError then, not at once.
+    An error of the compiler is a ShaderError at that first draw, not in the constructor.
     """
 
     def __init__(
@@ -87,7 +87,7 @@ class Program:
         self.active = set(program)
         for name in self.units.keys() & self.active:
             program[name].value = self.units[name]  # type: ignore[union-attr]
-        self._kept: list[Any] = []  # what the arrays were made of, so that no id is used twice
+        self._kept: list[Any] = []  # what the arrays were made of: kept alive, so that no id is used twice
         self._gl = program  # last: it counts as linked once all of it is set
 
     @property
@@ -102,7 +102,7 @@ class Program:
         self,
         target: Target,
         *,
-        state: State = State(),
+        state: DrawState = DrawState(),
         geometry: Geometry | MeshletGeometry | None = None,
         draws: Sequence[Draw] | None = None,
         instances: int = 1,
@@ -114,12 +114,12 @@ class Program:
         scissor: tuple[int, int, int, int] | None = None,
         **uniforms: Any,
     ) -> None:
-        """Draw `geometry` (its `part`, or `draws` of it), or `vertices` numbered by gl_VertexID (default: the triangle that fills
-        the target).
+        """Draw `geometry` (its `part`, or `draws` of it) into `target`; without one, so many `vertices` without attributes, which
+        the vertex shader tells by gl_VertexID (default: a triangle that covers the target).
 
-        mode: what the numbered vertices make, such as moderngl.TRIANGLE_STRIP, LINES or POINTS. numbers: of int32, of which each
-        instance has its own as the attribute in_number.
-        viewport, scissor: (x, y, width, height) in pixels; default the whole target, and none.
+        mode: the primitive that such vertices make, e.g. moderngl.TRIANGLE_STRIP, LINES or POINTS. numbers: int32, one for each
+        instance, its attribute in_number. viewport, scissor: (x, y, width, height) in pixels; default the whole target, and none.
+        uniforms: textures, numbers, tuples and arrays; a matrix (rows, columns) as numpy has it.
         """
         names = uniforms.keys() | {name for draw in draws or () for name in draw.uniforms}
         if names != self.uniforms.keys():
@@ -132,12 +132,12 @@ class Program:
                 value.use(self.units[name])
             elif isinstance(value, np.ndarray) and value.ndim == 2:
                 uniform = program[name]
-                # a matrix is column-major there; an array may end where the compiler saw its last use
+                # OpenGL's matrices are column-major; a compiler may cut an array off behind the last element that is used
                 rows = value.T if self.uniforms[name].startswith("mat") else value[: uniform.array_length]  # type: ignore[union-attr]
                 uniform.write(rows.astype("f4").tobytes())  # type: ignore[union-attr]
             else:
                 program[name].value = tuple(value) if isinstance(value, np.ndarray) else value  # type: ignore[union-attr]
-        target.use(viewport, scissor, keep=state.keep)
+        target.use(viewport, scissor, depth_write=state.depth_write)
         self._apply(state)
         array = self._array(geometry, numbers)
         if geometry is None:
@@ -152,12 +152,12 @@ class Program:
             first, count = geometry.parts[part]
             if count:
                 array.render(moderngl.TRIANGLES, vertices=count, first=first, instances=instances)
-        for i in range(state.clips):
+        for i in range(state.clip_planes):
             self.ctx.disable_direct(CLIP_DISTANCE0 + i)
-        if state.clamp:
+        if state.depth_clamp:
             self.ctx.disable_direct(DEPTH_CLAMP)
 
-    def _apply(self, state: State) -> None:
+    def _apply(self, state: DrawState) -> None:
         ctx = self.ctx
         flags = (moderngl.DEPTH_TEST if state.depth else 0) | (moderngl.BLEND if state.blend else 0)
         ctx.enable_only(flags | (moderngl.CULL_FACE if state.cull else 0))
@@ -167,14 +167,14 @@ class Program:
             ctx.blend_equation = moderngl.MIN if state.blend == "min" else moderngl.FUNC_ADD  # type: ignore[assignment]
             over = state.blend == "over"
             ctx.blend_func = (moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA) if over else (moderngl.ONE, moderngl.ONE)
-        ctx.wireframe = state.wire
-        ctx.polygon_offset = state.push
-        ctx.front_face = "ccw"  # gl_FrontFacing goes by it
+        ctx.wireframe = state.wireframe
+        ctx.polygon_offset = state.polygon_offset
+        ctx.front_face = "ccw"  # decides gl_FrontFacing
         if state.cull:
             ctx.cull_face = state.cull
-        if state.clamp:
+        if state.depth_clamp:
             ctx.enable_direct(DEPTH_CLAMP)
-        for i in range(state.clips):
+        for i in range(state.clip_planes):
             ctx.enable_direct(CLIP_DISTANCE0 + i)
 
     def _array(self, geometry: Geometry | MeshletGeometry | None, numbers: moderngl.Buffer | None) -> moderngl.VertexArray:
@@ -192,7 +192,7 @@ class Program:
         return self._arrays[key]
 
     def _content(self, buffer: moderngl.Buffer) -> tuple[Any, ...]:
-        """moderngl's (buffer, format, names…), attributes that the compiler removed skipped as padding."""
+        """moderngl's (buffer, format, names…); attributes that the compiler removed are padding."""
         names = Geometry.ATTRIBUTES
         used = [name in self.active for name in names]
         padded = [w if u else f"{int(w[:-1]) * 4}x" for w, u in zip(Geometry.FORMAT.split(), used, strict=True)]
@@ -208,13 +208,13 @@ class Program:
 
 
 def programs_of(*owners: Owner) -> Iterator[Program]:
-    """Every program that these own, and what they own."""
+    """Every program that these owners own, directly or through others."""
     return (thing for owner in owners for thing in owner.resources() if isinstance(thing, Program))
 
 
 def reload(programs: Iterable[Program]) -> None:
-    """Make all of them again from their files, or none: raises ShaderError for the first that does not compile, or whose
-    uniforms are no longer those that its caller gives, and they go on as they were."""
+    """Compile all of them again from their files, or none: where one does not compile, or its uniforms are no longer those that
+    its caller gives, all stay as they were, and this raises ShaderError."""
     made: list[tuple[Program, list[shader_source.Source], moderngl.Program]] = []
     try:
         for program in programs:

@@ -1,4 +1,4 @@
-"""Shader text: reads GLSL files, expands includes once each, and names file and line when a compiler objects."""
+"""Shader text: reads GLSL files, expands each include once, and turns a compiler's message into file and line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Textures to draw into: a set of float attachments, and a depth buffer where asked for."""
+"""Textures, and framebuffers to draw into: float attachments, and a depth buffer if asked for."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def table_texture(ctx: moderngl.Context, rows: np.ndarray) -> moderngl.Texture:
 
 
 def depth_texture(ctx: moderngl.Context, size: tuple[int, int]) -> moderngl.Texture:
-    """A depth texture of `size` that is read as plain numbers by texelFetch (no comparison)."""
+    """A depth texture of `size` whose values shaders read by texelFetch (no comparison)."""
     texture = ctx.depth_texture(size)
     texture.compare_func = ""
     texture.filter = moderngl.NEAREST, moderngl.NEAREST
@@ -36,7 +36,7 @@ def depth_texture(ctx: moderngl.Context, size: tuple[int, int]) -> moderngl.Text
 
 
 def pixels(texture: moderngl.Texture) -> np.ndarray:
-    """A float texture as (H, W, C) float32, top row first, read only; C is 1 for a scalar texture too."""
+    """A float texture as a read-only array (H, W, C) float32, top row first; C is 1 for a scalar texture too."""
     return np.frombuffer(texture.read(), "f4").reshape(texture.height, texture.width, texture.components)[::-1]
 
 
@@ -63,14 +63,13 @@ class Target(Owner):
         self,
         viewport: tuple[int, int, int, int] | None = None,
         scissor: tuple[int, int, int, int] | None = None,
-        keep: bool = False,
+        depth_write: bool = True,
     ) -> None:
-        """Bind for drawing, with the whole area as viewport unless another is given, scissored where asked for; keep: no draw
-        writes depth."""
+        """Bind for drawing, with the whole area as viewport unless another is given, scissored where asked for."""
         self.gl.viewport = viewport or (0, 0, *self.size)
         self.gl.scissor = scissor  # type: ignore[assignment]
         self.gl.color_mask = (True,) * 4 if len(self.textures) == 1 else ((True,) * 4,) * len(self.textures)  # type: ignore[assignment]
-        self.gl.depth_mask = not keep
+        self.gl.depth_mask = depth_write
         self.gl.use()
 
     def clear(self, value: float = 0.0, depth: float = 1.0) -> None:

@@ -10,7 +10,7 @@ import moderngl
 
 
 class Timers:
-    """Milliseconds per stage name, summed until `clear`; nothing is measured, and nothing waits, unless `enabled`."""
+    """Milliseconds per stage name, summed until `clear`. Unless `enabled`, nothing is measured and nothing waits for the GPU."""
 
     def __init__(self, ctx: moderngl.Context, software: bool, enabled: bool = False) -> None:
         self.ctx = ctx

@@ -11,7 +11,7 @@ import moderngl
 
 from irrsplat.core.buffers import GBuffer, ShadowMaps
 from irrsplat.gpu.geometry import Geometry
-from irrsplat.gpu.program import Program, State
+from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.gpu.time_budget import Budget
@@ -177,7 +177,7 @@ class MeanPass(Owner):
         """
         self.program(
             self.target,
-            state=State(blend="over") if number > 1 else State(),  # old·(1 - share) + new·share
+            state=DrawState(blend="over") if number > 1 else DrawState(),  # old·(1 - share) + new·share
             position=gbuffer.position,
             albedo=gbuffer.albedo,
             emission=gbuffer.emission,

@@ -7,7 +7,7 @@ import numpy as np
 
 from irrsplat.core.buffers import GBuffer
 from irrsplat.gpu.geometry import Geometry
-from irrsplat.gpu.program import Program, State
+from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.scene.model import Camera, Scene
@@ -48,7 +48,7 @@ class GBufferPass(Owner):
         self.program(
             target,
             geometry=geometry,
-            state=State(depth="<", clamp=True),
+            state=DrawState(depth="<", depth_clamp=True),
             clip_from_world=camera.clip_from_view(width / height, _NEAR * far, far) @ camera.view_from_world,
             eye=eye,
             forward=-camera.axes[2],

@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import GBuffer, Records, SplatBuffer
-from irrsplat.gpu.program import Program, State
+from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.records.culling import TILE
@@ -74,7 +74,7 @@ class SplatPass(Owner):
             mode=moderngl.TRIANGLE_STRIP,
             instances=len(numbers),
             numbers=self.numbers,
-            state=State(blend="add", clamp=True),
+            state=DrawState(blend="add", depth_clamp=True),
             **records.uniforms,
             clip_from_world=camera.clip_from_view(width / height, 1e-3, 1e3) @ camera.view_from_world,
             **view_radius_uniforms(camera, settings),

@@ -7,7 +7,7 @@ from typing import Any
 import moderngl
 
 from irrsplat.core.buffers import GBuffer, SplatBuffer
-from irrsplat.gpu.program import Program, State
+from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.scene.model import Camera
@@ -41,12 +41,12 @@ class UpsamplePass(Owner):
         irradiance, planes = self.target.textures
         self.between(
             self.out,
-            state=State(depth="1"),
+            state=DrawState(depth="1"),
             position=gbuffer.position,
             irradiance=irradiance,
             planes=planes,
             pixel=camera.screen / self.size[1],
         )
-        self.search(self.out, state=State(depth="<", keep=True), **seen, sums=splats.sums, weight=splats.weight)
+        self.search(self.out, state=DrawState(depth="<", depth_write=False), **seen, sums=splats.sums, weight=splats.weight)
         sums, weight = self.out.textures
         return SplatBuffer(sums, weight, splats.luminance_floor)

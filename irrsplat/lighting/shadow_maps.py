@@ -6,7 +6,7 @@ import moderngl
 
 from irrsplat.core.buffers import ShadowMaps
 from irrsplat.gpu.geometry import Geometry
-from irrsplat.gpu.program import Program, State
+from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.lighting.light_table import light_table, sheet
@@ -15,9 +15,9 @@ from irrsplat.scene.model import Scene
 # Front faces are culled, the paper's cure for acne, where the far side of a closed mesh stands for them. That alone leaks
 # where the far side touches what it shades, a box on the floor: so the front faces are drawn as well, pushed back.
 _DRAWS = (
-    ("open", State(depth="<", clamp=True)),
-    ("closed", State(depth="<", clamp=True, cull="front")),
-    ("closed", State(depth="<", clamp=True, cull="back", push=(2.0, 16.0))),
+    ("open", DrawState(depth="<", depth_clamp=True)),
+    ("closed", DrawState(depth="<", depth_clamp=True, cull="front")),
+    ("closed", DrawState(depth="<", depth_clamp=True, cull="back", polygon_offset=(2.0, 16.0))),
 )
 
 

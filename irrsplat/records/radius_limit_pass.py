@@ -13,7 +13,7 @@ import numpy as np
 
 from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gpu import texel_table
-from irrsplat.gpu.program import Program, State
+from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target, float_texture, table_texture
 from irrsplat.records import point_grid
@@ -59,12 +59,12 @@ class RadiusLimitPass(Owner):
         if self.out is None or self.out.textures[0] is not limit:
             self.out = Target(self.ctx, cache.records.size, textures=[limit])
         everything = self._grids_of(cache.positions, 0)
-        self._limit(cache, np.arange(first, cache.count), everything, settings, State())
+        self._limit(cache, np.arange(first, cache.count), everything, settings, DrawState())
         if first and old:
             near = _near(cache, first, settings)
-            self._limit(cache, near, self._grids_of(cache.positions, first), settings, State(blend="min"))
+            self._limit(cache, near, self._grids_of(cache.positions, first), settings, DrawState(blend="min"))
 
-    def _limit(self, cache: RecordCache, numbers: np.ndarray, others: list[_Grid], settings: Settings, state: State) -> None:
+    def _limit(self, cache: RecordCache, numbers: np.ndarray, others: list[_Grid], settings: Settings, state: DrawState) -> None:
         """Limit the records of these numbers by those in the grids; state: how a limit is combined with the one in the cache."""
         assert self.out is not None
         records, width = cache.records, _TABLE[0]
@@ -75,7 +75,7 @@ class RadiusLimitPass(Owner):
             for one in others:
                 self.program(
                     self.found,
-                    state=State() if one is others[0] else State(blend="min"),
+                    state=DrawState() if one is others[0] else DrawState(blend="min"),
                     scissor=(0, 0, width, -(-len(part) // width)),
                     **records.uniforms,
                     **record_uniforms(settings),

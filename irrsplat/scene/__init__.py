@@ -1,4 +1,4 @@
-"""Scenes from files, as plain numpy data: `load` reads every format, `bundled` names what is in the box; nothing of OpenGL."""
+"""Scenes from files, as plain numpy data: `load` reads every format, `bundled` lists the scenes that come with irrsplat; nothing of OpenGL."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Triangles cut into meshlets, neighbours together, so that who draws many views leaves out what a view does not see."""
+"""Triangles grouped into meshlets of neighbours, so that a gather that draws many views can skip what a view does not see."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-SIZE = 96  # triangles of one at most, unless there are too many of them
-MOST = 256  # meshlets, about: twice as many draws at most
-_MARGIN = 1e-5  # of the coordinates: by how much a meshlet's box is larger, in a view, than what is in it
-_LARGE = 0.2  # of the bounding box's diagonal: triangles that reach farther are kept apart, or all that lies near reaches as far
+SIZE = 96  # triangles in a meshlet at most, as long as that makes no more than about MOST meshlets
+MOST = 256  # meshlets, about; a view takes at most two draws for each
+_MARGIN = 1e-5  # of the largest coordinate: added to a meshlet's box when it is tested, for the rounding of float32
+_LARGE = (
+    0.2  # of the bounding box's diagonal: larger triangles get meshlets of their own, or they would enlarge their neighbours'
+)
 
 
 @dataclass(frozen=True)
@@ -30,8 +32,8 @@ class Meshlets:
         return len(self.first)
 
     def seen(self, rows: np.ndarray, near: float) -> tuple[np.ndarray, np.ndarray]:
-        """(C, …) bool each: which meshlets may reach into the pyramid |x|, |y| <= w of each of the views, and which of these lie
-        within it for certain, farther than w = `near`.
+        """Which meshlets may reach into the pyramid |x|, |y| <= w of each view, and which of them lie wholly inside it and beyond
+        w = `near`: both (C, …) bool, conservative.
 
         rows: (…, 3, 4) float64, x, y and w from world, dotted with (p, 1).
         """
@@ -40,7 +42,7 @@ class Meshlets:
         ahead[..., 3] -= near
         sides = np.stack([w - x, w + x, w - y, w + y, ahead]).reshape(-1, 4)
         scale = np.abs(self.centre).max(initial=0.0) + self.half.max(initial=0.0)
-        # float32, with a margin for it: the shader's own coordinates are no finer
+        # float32 is enough, with a margin: the shader's own coordinates are no finer
         middle = self.centre.astype("f4") @ sides[:, :3].T.astype("f4") + sides[:, 3].astype("f4")
         reach = (self.half + _MARGIN * scale).astype("f4") @ np.abs(sides[:, :3]).T.astype("f4")
         shape = len(self), 5, *rows.shape[:-2]
@@ -49,9 +51,9 @@ class Meshlets:
 
 
 def cut(corners: np.ndarray) -> Meshlets:
-    """The meshlets of triangles (F, 3, 3); the same corners make the same ones.
+    """The meshlets of triangles (F, 3, 3), reproducibly.
 
-    Halved again and again by number, along the axis in which the triangles' middles lie widest apart.
+    Groups are split in halves of equal number, along the axis in which the triangles' centres spread most, until they are small.
     """
     a, b, c = corners.swapaxes(0, 1)
     low, high = np.minimum(np.minimum(a, b), c), np.maximum(np.maximum(a, b), c)
@@ -71,7 +73,7 @@ def cut(corners: np.ndarray) -> Meshlets:
 
 
 def _halved(points: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
-    """An order of points (N, 3) in runs of at most `size` that lie close, and where each run begins."""
+    """An order of points (N, 3) in runs of at most `size` points that are close together, and where each run begins."""
     order, begin = np.arange(len(points)), np.zeros(min(len(points), 1), np.intp)
     while len(begin) and len(points) > size * len(begin):
         run = np.repeat(np.arange(len(begin)), np.diff(begin, append=len(points)))

@@ -1,26 +1,26 @@
-"""Meshes that move: the scene with one of them elsewhere, what moves with it, and which points that leaves as they were."""
+"""Meshes that move: the scene with one of them elsewhere, and the checks of what a caller asks for."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from irrsplat.core.errors import InputError
 from irrsplat.core.vectors import times, unit
 from irrsplat.scene.io.lines import quote
 from irrsplat.scene.model import Mesh, Scene
 
-_FLAT = 1e-12  # of the longest edge of its unit cube, cubed: a matrix that leaves less volume collapses a mesh
+_FLAT = 1e-12  # least determinant of a transform, relative to the cube of its largest element: less would flatten a mesh
 
 
-def moved(scene: Scene, loaded: Sequence[Mesh], mesh: int | str, transform: Any) -> Scene:
+def moved(scene: Scene, loaded: Sequence[Mesh], mesh: int | str, transform: npt.ArrayLike) -> Scene:
     """The scene with `mesh`, an index or the name of one mesh, where the matrix takes it from where it was `loaded`.
 
-    transform: (4, 4) or (3, 4) affine, world_from_world. Triangles keep their numbers; a mirrored mesh is wound anew, so that a
-    closed one stays so. Raises InputError for a mesh that is not there and a matrix that is none.
+    transform: (4, 4) or (3, 4) affine, world_from_world. Triangles keep their numbers; a mirrored mesh gets its winding reversed,
+    so that a closed mesh stays closed. Raises InputError for an unknown mesh and for a matrix that is not affine, or singular.
     """
     number, matrix = find(scene, mesh), affine(transform)
     meshes = list(scene.meshes)
@@ -29,7 +29,7 @@ def moved(scene: Scene, loaded: Sequence[Mesh], mesh: int | str, transform: Any)
 
 
 def find(scene: Scene, mesh: int | str) -> int:
-    """The index of the mesh; raises InputError, with those there are, where there is no such one or several have the name."""
+    """The index of a mesh given by index or name; raises InputError, listing the meshes, for an unknown or ambiguous one."""
     count = len(scene.meshes)
     if isinstance(mesh, str):
         found = [i for i, one in enumerate(scene.meshes) if one.name == mesh]
@@ -46,8 +46,8 @@ def find(scene: Scene, mesh: int | str) -> int:
     return int(mesh)
 
 
-def affine(transform: Any) -> np.ndarray:
-    """(4, 4) float64 of a 4×4 or 3×4 matrix; raises InputError where it is none, is not affine, or cannot be undone."""
+def affine(transform: npt.ArrayLike) -> np.ndarray:
+    """(4, 4) float64 of a 4×4 or 3×4 matrix; raises InputError for other shapes, a matrix that is not affine, a singular one."""
     try:
         given = np.asarray(transform, float)
     except (TypeError, ValueError):
@@ -66,7 +66,7 @@ def affine(transform: Any) -> np.ndarray:
 
 
 def transformed(mesh: Mesh, matrix: np.ndarray) -> Mesh:
-    """The mesh where an affine matrix (4, 4) takes it; raises InputError beyond what float32 holds."""
+    """The mesh, transformed by an affine matrix (4, 4); raises InputError where float32 overflows."""
     with np.errstate(over="ignore"):
         positions = (times(mesh.positions.astype(float), matrix[:3, :3]) + matrix[:3, 3]).astype(np.float32)
     if not np.isfinite(positions).all():
@@ -74,6 +74,3 @@ def transformed(mesh: Mesh, matrix: np.ndarray) -> Mesh:
     normals = unit(times(mesh.normals.astype(float), np.linalg.inv(matrix[:3, :3]).T)).astype(np.float32)
     mirrored = np.linalg.det(matrix[:3, :3]) < 0.0
     return replace(mesh, positions=positions, normals=normals, faces=mesh.faces[:, ::-1].copy() if mirrored else mesh.faces)
-
-
-# ---- what a move leaves as it was -------------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ from irrsplat.app.viewer.buffers.legend import Legend, colour_map
 from irrsplat.app.viewer.show.screen import Programs, Region, colours, view_uniforms
 from irrsplat.core.buffers import Records
 from irrsplat.gpu.geometry import Geometry
-from irrsplat.gpu.program import Program, State
+from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.image.view import View
@@ -23,7 +23,7 @@ from irrsplat.surface_cache.cache import SurfaceCache
 
 By = Literal["radius", "age"]
 
-_OVER = State(blend="over", clamp=True)
+_OVER = DrawState(blend="over", depth_clamp=True)
 _RADIUS = 4.0  # of a dot, pixels
 _WIDTH = 1.75  # half a line's, pixels
 _RISE = 0.03  # length of a normal, of the image height
@@ -172,7 +172,7 @@ class Markers(Owner):
     def wireframe(self, target: Target, view: View, geometry: Geometry, *, region: Region | None = None) -> None:
         """The edges of the scene's triangles, thin and half transparent."""
         program = self.programs("viewer/markers/wire", "image/gbuffer")
-        state = State(blend="over", clamp=True, wire=True)
+        state = DrawState(blend="over", depth_clamp=True, wireframe=True)
         uniforms = view_uniforms(target, view.gbuffer, view.camera)
         program(target, geometry=geometry, state=state, scissor=region, **uniforms, tint=_EDGE)
         self.ctx.wireframe = False  # imgui's draws do not set it

@@ -1,4 +1,4 @@
-"""Reads geometry and diffuse colours from OBJ, PLY, STL and glTF files; trimesh does the formats, this file the doubting.
+"""Reads geometry and diffuse colours from OBJ, PLY, STL and glTF files; trimesh parses the formats, this file checks what it returns.
 
 A material's albedo is its base colour alone (metalness, roughness and transparency are not read); a texture counts by its mean
 colour. Where a file names no colour, the albedo is 0.5, as in a `.scene`.
@@ -27,7 +27,7 @@ from irrsplat.scene.io.lines import read_bytes
 from irrsplat.scene.io.mesh_builder import build_mesh
 from irrsplat.scene.io.mtl import load_mtl
 from irrsplat.scene.io.obj import load_obj
-from irrsplat.scene.model import Material, Scene
+from irrsplat.scene.model import Material, Mesh, Scene
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Part:
     material: Material = Material()
     colors: np.ndarray | None = None
     name: str = ""
-    files: tuple[Path, ...] = ()  # that it was read from, apart from the main one
+    files: tuple[Path, ...] = ()  # read for it, apart from the main one
 
 
 def load_asset(path: Path) -> Scene:
@@ -60,9 +60,11 @@ def load_asset(path: Path) -> Scene:
             parts = readers.get(path.suffix.lower(), _gltf)(path, notices)
     except InputError:
         raise
-    except Exception as error:  # a damaged file may break trimesh, or us, anywhere
+    except Exception as error:  # a damaged file may raise anything anywhere in trimesh
         reason = (str(error).splitlines() or [""])[0].strip("'\" ")[:80]
-        said = f" ({reason})" if reason and not isinstance(error, ImportError) else ""  # it guesses encodings by an extra package
+        said = (
+            f" ({reason})" if reason and not isinstance(error, ImportError) else ""
+        )  # trimesh wants an extra package to guess encodings
         kind = path.suffix[1:].upper()
         raise InputError(f"this is no {kind} file, or a damaged one{said}; export it again", path) from None
     meshes, dropped = [], 0
@@ -74,7 +76,8 @@ def load_asset(path: Path) -> Scene:
     return finish(path, meshes, (), (), None, Counter({str(path): dropped}), notices, files)
 
 
-def _build(path: Path, part: Part) -> Any:
+def _build(path: Path, part: Part) -> tuple[Mesh, int]:
+    """The mesh of a part, and how many degenerate triangles were dropped; raises InputError for what cannot be drawn."""
     corners, count = part.corners.astype(np.int64), len(part.positions)
     if len(corners) and not 0 <= corners.min() <= corners.max() < count:
         bad = corners.min() if corners.min() < 0 else corners.max()
@@ -124,10 +127,10 @@ def _obj(path: Path, notices: list[str]) -> list[Part]:
 
 def _trimesh(path: Path, data: bytes, ending: str) -> Any:
     """The trimesh Scene of `data`, as it is in the file; raises whatever trimesh raises."""
-    import trimesh  # 0.4 s: only who opens such a file pays for it
+    import trimesh  # takes 0.4 s: imported only for such files
     from trimesh.resolvers import FilePathResolver
 
-    logging.getLogger("trimesh").addHandler(logging.NullHandler())  # else its warnings land on stderr
+    logging.getLogger("trimesh").addHandler(logging.NullHandler())  # otherwise its warnings are printed to stderr
     return trimesh.load_scene(io.BytesIO(data), file_type=ending, process=False, resolver=FilePathResolver(str(path)))
 
 

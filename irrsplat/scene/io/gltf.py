@@ -1,4 +1,4 @@
-"""Looks into a glTF file's JSON for what trimesh rounds or drops: exact colours, emission, and which mesh has normals."""
+"""Reads from a glTF file's JSON what trimesh rounds or drops: exact colours, emission, and which meshes have normals."""
 
 from __future__ import annotations
 
