@@ -1,4 +1,4 @@
-"""Scenes from files, as plain numpy data: `load` reads every format, `bundled` lists the scenes that come with irrsplat; nothing of OpenGL."""
+"""Scenes from files, as plain numpy data without OpenGL: `load` reads every format, `bundled` lists what irrsplat brings along."""
 
 from __future__ import annotations
 

@@ -9,9 +9,7 @@ import numpy as np
 SIZE = 96  # triangles in a meshlet at most, as long as that makes no more than about MOST meshlets
 MOST = 256  # meshlets, about; a view takes at most two draws for each
 _MARGIN = 1e-5  # of the largest coordinate: added to a meshlet's box when it is tested, for the rounding of float32
-_LARGE = (
-    0.2  # of the bounding box's diagonal: larger triangles get meshlets of their own, or they would enlarge their neighbours'
-)
+_LARGE = 0.2  # of the bounding box's diagonal: larger triangles get their own meshlets, so as not to enlarge others
 
 
 @dataclass(frozen=True)

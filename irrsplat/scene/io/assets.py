@@ -1,4 +1,4 @@
-"""Reads geometry and diffuse colours from OBJ, PLY, STL and glTF files; trimesh parses the formats, this file checks what it returns.
+"""Reads geometry and diffuse colours from OBJ, PLY, STL and glTF files; trimesh parses, this file checks what it returns.
 
 A material's albedo is its base colour alone (metalness, roughness and transparency are not read); a texture counts by its mean
 colour. Where a file names no colour, the albedo is 0.5, as in a `.scene`.
@@ -62,9 +62,7 @@ def load_asset(path: Path) -> Scene:
         raise
     except Exception as error:  # a damaged file may raise anything anywhere in trimesh
         reason = (str(error).splitlines() or [""])[0].strip("'\" ")[:80]
-        said = (
-            f" ({reason})" if reason and not isinstance(error, ImportError) else ""
-        )  # trimesh wants an extra package to guess encodings
+        said = f" ({reason})" if reason and not isinstance(error, ImportError) else ""  # of an encoding guesser
         kind = path.suffix[1:].upper()
         raise InputError(f"this is no {kind} file, or a damaged one{said}; export it again", path) from None
     meshes, dropped = [], 0
