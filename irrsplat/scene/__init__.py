@@ -1,4 +1,4 @@
-"""Scenes from files, as plain numpy data without OpenGL: `load` reads every format, `bundled` lists what irrsplat brings along."""
+"""Scenes from files, as plain numpy data without OpenGL: `load` reads every format, `bundled` lists what comes with irrsplat."""
 
 from __future__ import annotations
 
