@@ -13,7 +13,6 @@ from irrsplat.app import cli
 from irrsplat.app.bench import cases, fly_through
 from irrsplat.app.viewer import viewer
 from irrsplat.app.viewer.window import open_window
-from irrsplat.reference import fine_gather
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -28,7 +27,7 @@ def small(words: list[str]) -> list[str]:
     if "--size" in words:
         i = words.index("--size")
         words = words[:i] + words[i + 3 :]
-    quick = [] if words[0] == "bench" else ["--gather-size", "8", "--warmup", "20"]
+    quick = [] if words[0] == "bench" else ["--gather-size", "8", "--warmup", "20", "--shadow-size", "64"]
     return [*words, "--size", "24", "24", *quick]
 
 
@@ -53,7 +52,7 @@ def test_the_commands_run(
     monkeypatch.setattr(viewer.Viewer, "loop", lambda self: [self.frame(0.1) for _ in range(5)])
     monkeypatch.setattr(fly_through, "FRAMES", 5)
     monkeypatch.setattr(cases, "REPETITIONS", 1)
-    monkeypatch.setattr(fine_gather, "SIDE", 32)
+    monkeypatch.setattr(cases, "error", lambda renderer, camera: None)  # tests/app/bench has the errors
     words = shlex.split(command)[1:]
     assert cli.main(small(words)) == 0, capsys.readouterr().err
     if words[0] == "view":
@@ -78,7 +77,7 @@ def test_the_demo_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_the_python_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.chdir(tmp_path)
     (code,) = re.findall(r"```python\n(.*?)```", README, re.S)
-    exec(compile(code.replace("(200, 200)", "(24, 24)"), "README.md", "exec"), {})
+    exec(compile(code.replace("size=(200, 200)", "size=(24, 24), gather_size=8, shadow_size=64"), "README.md", "exec"), {})
     assert "(24, 24, 3)" in capsys.readouterr().out
     assert (tmp_path / "out.exr").is_file()
 

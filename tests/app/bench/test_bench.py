@@ -15,7 +15,7 @@ import irrsplat
 from irrsplat.app import cli
 from irrsplat.app.bench import cases, fly_through, gather_truth, machine, paper_times
 from irrsplat.gather.hemicube import hemisphere_table
-from irrsplat.gpu.resource import Owner
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.indirect import paper_scan
 from irrsplat.reference import fine_gather
 from irrsplat.scene.model import Camera
@@ -31,11 +31,12 @@ def quick(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Everything once and small, and truths in a folder of the test's own."""
     monkeypatch.setattr(cases, "REPETITIONS", 1)
     monkeypatch.setattr(fine_gather, "SIDE", 32)
-    monkeypatch.setattr(gather_truth, "COUNT", 200)
-    monkeypatch.setattr(fly_through, "FRAMES", 8)
+    monkeypatch.setattr(gather_truth, "COUNT", 150)
+    monkeypatch.setattr(fly_through, "FRAMES", 4)
     monkeypatch.setenv("IRRSPLAT_CACHE", str(tmp_path / "cache"))
 
 
+@pytest.mark.slow
 def test_json_and_tables(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     command = ["bench", "cornell-paper", "furnace", "--preset", "paper", "--preset", "default", "--size", "32", "28"]
     assert cli.main([*command, "--json", str(tmp_path / "b.json")]) == 0
@@ -166,13 +167,15 @@ def test_a_lamp_moves_towards_the_middle() -> None:
 
 
 def test_memory_counts_textures_and_buffers_once(ctx: moderngl.Context) -> None:
-    """A 4x2 RGBA32F texture that two hold, a buffer of 100 bytes, and a released one that counts no more."""
+    """A 4x2 RGBA32F texture that is listed twice, a buffer of 100 bytes, and a released one that counts no more."""
 
     class Kept(Owner):
         def __init__(self) -> None:
             self.texture = ctx.texture((4, 2), 4, dtype="f4")
-            self.again = [self.texture]
             self.buffer, self.gone = ctx.buffer(reserve=100), ctx.buffer(reserve=1000)
+
+        def owned(self) -> tuple[Resource, ...]:
+            return (self.texture, self.texture, self.buffer, self.gone)
 
     kept = Kept()
     kept.gone.release()
