@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
@@ -82,12 +83,27 @@ class GBuffer:
     emission: moderngl.Texture
 
 
+class LightRow(IntEnum):
+    """What the rows of a light in the light table hold: shaders/lighting/lights.glsl reads them as LIGHT_POSITION and so on."""
+
+    POSITION = 0  # xyz position, or the unit direction towards a directional light; w: 1 if directional
+    COLOR = 1  # rgb: E = rgb·cosθ·spot/(k·(1, d, d²)); w: number of shadow tiles
+    FALLOFF = 2  # xyz: k, constant, linear and quadratic; w: spot exponent
+    SPOT = 3  # xyz: unit axis of the cone, from the light; w: 1 if there is a cone
+    CONE = 4  # x: cutoff, y: inner, half angles in radians (a directional light's x: its tile's depth in metres);
+    # z: number of its first tile; w: scale of the tiles' right and up
+    TILE = 5  # of a single tile, three rows right·scale, up·scale, forward: each dotted with (p, 1)
+
+
+LIGHT_ROWS = LightRow.TILE + 3  # of a light in the table
+
+
 @dataclass(frozen=True, eq=False)
 class ShadowMaps:
     """Every light's depth tiles in one texture, and the table that finds them (shaders/lighting/lights.glsl reads both).
 
-    depth: depth texture of all tiles. table: (8·lights, 4) float, eight rows a light (eight of zeros for none).
-    layout: a tile's side in texels, the tiles per row, and the near plane of the perspective ones in metres.
+    depth: depth texture of all tiles. table: (LIGHT_ROWS·lights, 4) float, one light of zeros for none; LightRow says what the
+    rows are. layout: a tile's side in texels, the tiles per row, and the near plane of the perspective ones in metres.
     """
 
     depth: moderngl.Texture

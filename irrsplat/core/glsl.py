@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 
 from irrsplat.core import record_layout
-from irrsplat.core.buffers import FILMIC, NOTHING_SEEN
+from irrsplat.core.buffers import FILMIC, LIGHT_ROWS, NOTHING_SEEN, LightRow
 from irrsplat.core.color import LUMINANCE, SRGB
 
 TABLE_COLUMNS = 1024  # items in a row of every table that shaders look things up in by number; a power of two
+NEIGHBOUR_STRIDE = 4096  # a texel's neighbour is packed into one float as row·NEIGHBOUR_STRIDE + column (gather/hemicube.py)
 
 CONSTANTS: dict[str, int | float | tuple[float, ...]] = {
     "PI": math.pi,
@@ -16,7 +17,10 @@ CONSTANTS: dict[str, int | float | tuple[float, ...]] = {
     "LUMINANCE": tuple(float(str(weight)) for weight in LUMINANCE),
     "TABLE_COLUMNS": TABLE_COLUMNS,
     "TABLE_SHIFT": TABLE_COLUMNS.bit_length() - 1,
+    "NEIGHBOUR_STRIDE": NEIGHBOUR_STRIDE,
     "NOTHING_SEEN": NOTHING_SEEN,
+    "LIGHT_ROWS": LIGHT_ROWS,
+    **{f"LIGHT_{row.name}": row.value for row in LightRow},
     **{f"FILMIC_{name.upper()}": value for name, value in FILMIC._asdict().items()},
     **{f"SRGB_{name.upper()}": value for name, value in SRGB._asdict().items()},
 }

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from irrsplat.core.glsl import NEIGHBOUR_STRIDE
+
 PLANE_FIELD = 150.0  # degrees, the paper's single plane
 _SUPERSAMPLES = 8  # per side of a texel, for its share of the hemisphere
 
@@ -64,7 +66,8 @@ def edge_table(kind: str, side: int) -> np.ndarray:
 
     xyz: cosθ·(e₁ × e₂) of the edge's end directions, turned towards the neighbour: as the record moves by δ, what is seen
     across the edge at distance r slides by δ/r, so that ∇E = Σ (L_b - L_a)·xyz/min(r_a, r_b) (after Krivanek et al. 2005).
-    w: the neighbour, row·4096 + column; the texel itself for none, at the horizon and at the border of a single plane.
+    w: the neighbour, row·NEIGHBOUR_STRIDE + column; the texel itself for none, at the horizon and at the border of a single
+    plane.
     """
     table = hemisphere_table(kind, side)
     height, width = table.shape[:2]
@@ -95,7 +98,7 @@ def edge_table(kind: str, side: int) -> np.ndarray:
     across = np.cross(both[:, 0], both[:, 1]) * (both[:, 0] + both[:, 1])[:, 2:] / 2.0
     ahead = directions[partner] - directions[owner]
     across *= np.sign((across * ahead).sum(-1, keepdims=True))
-    packed = (number // width * 4096 + number % width).ravel()
+    packed = (number // width * NEIGHBOUR_STRIDE + number % width).ravel()
     out = np.zeros((height * width, 2, 4))
     out[..., 3] = packed[:, None]
     # right and upper edges suffice; a seam that is such an edge on both of its sides belongs to one of them

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from irrsplat.core.glsl import NEIGHBOUR_STRIDE
+
 
 def shape(side: int) -> tuple[int, int]:
     """Elevations M and azimuths N of side² rays: strata are about as wide as they are high where N is π·M (Ward and Heckbert
@@ -51,9 +53,9 @@ def stratum_edges(side: int) -> np.ndarray:
     middle, after = 0.5 * (phi[:-1] + phi[1:]), phi[1:]
     out = np.zeros((m, n, 2, 4))
     out[:, :, 0, :2] = np.diff(np.sin(theta))[:, None, None] * np.stack([-np.sin(after), np.cos(after)], axis=-1)
-    out[:, :, 0, 3] = 4096 * y + (x + 1) % n
+    out[:, :, 0, 3] = NEIGHBOUR_STRIDE * y + (x + 1) % n
     s, c = np.sin(theta[1:-1])[:, None], np.cos(theta[1:-1])[:, None]
     ring = np.stack(np.broadcast_arrays(c * c * s * np.cos(middle), c * c * s * np.sin(middle), -s * s * c), axis=-1)
     out[:-1, :, 1, :3] = 2.0 * np.pi / n * ring
-    out[:, :, 1, 3] = 4096 * np.minimum(y + 1, m - 1) + x  # the last elevation ends at the horizon: no neighbour
+    out[:, :, 1, 3] = NEIGHBOUR_STRIDE * np.minimum(y + 1, m - 1) + x  # the last elevation ends at the horizon: no neighbour
     return out.reshape(m, 2 * n, 4)

@@ -1,4 +1,4 @@
-"""What can be drawn at all: sizes and numbers of lights, checked before anything is made."""
+"""What OpenGL can draw here: the size of the picture and the number of lights, checked before anything is made."""
 
 from __future__ import annotations
 
@@ -6,13 +6,14 @@ import operator
 
 import moderngl
 
+from irrsplat.core.buffers import LIGHT_ROWS
 from irrsplat.core.errors import InputError
 from irrsplat.lighting.light_table import light_table, sheet
 from irrsplat.scene.model import Scene
 
 
 def checked(size: tuple[int, int]) -> tuple[int, int]:
-    """`size` as two whole numbers of pixels, width and height; raises InputError where it is none."""
+    """`size` as width and height in pixels; raises InputError where it is not two whole numbers of at least 1."""
     try:
         width, height = (operator.index(n) for n in size)
     except (TypeError, ValueError):
@@ -23,11 +24,11 @@ def checked(size: tuple[int, int]) -> tuple[int, int]:
 
 
 def check(ctx: moderngl.Context, size: tuple[int, int], scene: Scene, shadow_size: int) -> None:
-    """Raises InputError where `ctx` takes no picture of this size, or not so many lights with shadow tiles of so many texels."""
+    """Raises InputError for a picture too large for `ctx`, too many lights, or more shadow tiles of `shadow_size` than fit."""
     limit = int(ctx.info["GL_MAX_TEXTURE_SIZE"])
     if max(size) > limit:
         raise InputError(f"size {size[0]}x{size[1]} is beyond the limit here, {limit} pixels a side")
-    most = int(ctx.info["GL_MAX_FRAGMENT_UNIFORM_VECTORS"]) // 8 - 8  # eight rows of the light table a light
+    most = int(ctx.info["GL_MAX_FRAGMENT_UNIFORM_VECTORS"]) // LIGHT_ROWS - 8  # the table is a uniform; there are others
     if len(scene.lights) > most:
         raise InputError(f"the scene has {len(scene.lights)} lights, and this OpenGL takes {most}: leave some out")
     sheet(len(light_table(scene, shadow_size).tiles), shadow_size, limit)

@@ -1,7 +1,7 @@
-"""The scene's lights as the shaders take them: a table of numbers, the tiles of their shadow maps, and what kinds there are.
+"""The lights of a scene as shaders take them: a table of numbers, the tiles of their shadow maps, and which kinds there are.
 
-A point light among the geometry, or a cone wider than 160°, has six tiles; a narrower cone, a light that stands outside and
-a directional light have one.
+A point light inside the scene's bounding box, or one with a cone wider than 160°, has six tiles, the faces of a cube. A narrower
+cone, a light outside the box and a directional light have one.
 """
 
 from __future__ import annotations
@@ -10,18 +10,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from irrsplat.core.buffers import LIGHT_ROWS, LightRow
 from irrsplat.core.errors import InputError
 from irrsplat.scene.model import Light, Scene
 
-# right, up, forward of the cube faces +x -x +y -y +z -z, in the order that lighting/lights.glsl counts them;
-# right × up = -forward as in any OpenGL view, so that windings keep their sense
+# right, up and forward of the cube faces +x -x +y -y +z -z, in the order in which lighting/lights.glsl numbers them;
+# right × up = -forward as in any OpenGL view, so that triangles keep their winding
 _X, _Y, _Z = np.eye(3)
 _CUBE = np.array([[_Z, _Y, _X], [_Y, _Z, -_X], [_X, _Z, _Y], [_Z, _X, -_Y], [_Y, _X, _Z], [_X, _Y, -_Z]])
-_WIDEST_CONE = 80.0  # degrees, half angle
+_WIDEST_CONE = 80.0  # degrees: the greatest half angle of a cone that one tile covers
 _GUARD = 2  # texels around a tile, so that dithered samples stay inside it
-_NEAR = 1e-3  # of the scene's diagonal
-_ROWS = 8  # of the light table per light, as lighting/lights.glsl counts them
-_TILE = 5  # the first of them that holds a single tile's matrix
+_NEAR = 1e-3  # distance of the near plane, as a share of the scene's diagonal
 
 
 def _axes(forward: np.ndarray) -> np.ndarray:
@@ -33,18 +32,19 @@ def _axes(forward: np.ndarray) -> np.ndarray:
 
 
 def _unit(v: np.ndarray) -> np.ndarray:
-    return v / np.linalg.norm(v)
+    unit: np.ndarray = v / np.linalg.norm(v)
+    return unit
 
 
 def _single(light: Light, scene: Scene) -> tuple[np.ndarray, float] | None:
-    """Axis and half angle's tangent of the one perspective tile that shows all that the light reaches; None: it takes six."""
+    """Axis and tangent of half the angle of one perspective tile that covers all that the light reaches; None: it takes six."""
     position = np.asarray(light.position, float)
     if light.spot_target is not None and light.spot_cutoff <= _WIDEST_CONE:
         return _unit(np.subtract(light.spot_target, position)), float(np.tan(np.radians(light.spot_cutoff)))
     low, high = scene.bounds
     if (position >= low).all() and (position <= high).all():
         return None
-    # from outside, the corners of the bounding box bound all of it
+    # outside the bounding box, a tile that covers the box's corners covers all of it
     axes = _axes(_unit(scene.bounds.mean(0) - position))
     corners = (scene.corners - position) @ axes.T
     if corners[:, 2].min() <= 0.0:
@@ -54,6 +54,7 @@ def _single(light: Light, scene: Scene) -> tuple[np.ndarray, float] | None:
 
 
 def _is_square(light: Light) -> bool:
+    """Whether it falls off by the square of the distance alone."""
     return not light.directional and (light.physical or not any(light.attenuation[:2]))
 
 
@@ -79,10 +80,11 @@ def _tiles(light: Light, scene: Scene, side: int) -> tuple[np.ndarray, float, fl
 
 @dataclass(frozen=True)
 class LightTable:
-    """rows: (8·lights, 4), eight rows a light (eight of zeros for none), as shaders/lighting/lights.glsl reads them.
+    """The lights' numbers, and the tiles of their shadow maps.
 
-    tiles: (T, 3, 4) rows right·scale, up·scale, forward of every tile, dotted with (p, 1). near: (T,) the near plane in
-    metres of a perspective tile, 0 for a parallel one.
+    rows: (LIGHT_ROWS·lights, 4), LightRow says what they hold; one light of zeros for none. tiles: (T, 3, 4) rows right·scale,
+    up·scale and forward of every tile, dotted with (p, 1). near: (T,) the near plane of a perspective tile in metres, 0 for a
+    parallel tile.
     """
 
     rows: np.ndarray
@@ -93,30 +95,30 @@ class LightTable:
 def light_table(scene: Scene, side: int) -> LightTable:
     """The table of the scene's lights for shadow tiles of `side` texels."""
     near = _NEAR * scene.diagonal
-    table = np.zeros((max(len(scene.lights), 1), _ROWS, 4))
+    table = np.zeros((max(len(scene.lights), 1), LIGHT_ROWS, 4))
     tiles: list[np.ndarray] = []
     nears: list[float] = []
     for light, row in zip(scene.lights, table, strict=False):
         matrices, scale, depth = _tiles(light, scene, side)
         direction = np.asarray(light.position, float)
-        row[0] = [*(_unit(direction) if light.directional else direction), light.directional]
-        # OpenGL's light: E = π·diffuse·cosθ·spot/(k_c + k_l·d + k_q·d²); a physical one: E = I·cosθ·spot/d²
-        row[1] = [*(np.asarray(light.color) * (1.0 if light.physical else np.pi)), len(matrices)]
-        row[2] = [*((0, 0, 1) if light.physical else light.attenuation), light.spot_exponent]
+        row[LightRow.POSITION] = [*(_unit(direction) if light.directional else direction), light.directional]
+        # OpenGL's light: E = π·diffuse·cosθ·spot/(k_c + k_l·d + k_q·d²); a light with an intensity I: E = I·cosθ·spot/d²
+        row[LightRow.COLOR] = [*(np.asarray(light.color) * (1.0 if light.physical else np.pi)), len(matrices)]
+        row[LightRow.FALLOFF] = [*((0, 0, 1) if light.physical else light.attenuation), light.spot_exponent]
         if light.spot_target is not None:
-            row[3] = [*_unit(np.subtract(light.spot_target, light.position)), 1.0]
-        row[4] = [np.radians(light.spot_cutoff), np.radians(light.spot_inner), len(tiles), scale]
+            row[LightRow.SPOT] = [*_unit(np.subtract(light.spot_target, light.position)), 1.0]
+        row[LightRow.CONE] = [np.radians(light.spot_cutoff), np.radians(light.spot_inner), len(tiles), scale]
         if light.directional:
-            row[4, 0] = depth
+            row[LightRow.CONE, 0] = depth
         if len(matrices) == 1:
-            row[_TILE:] = matrices[0]
+            row[LightRow.TILE :] = matrices[0]
         tiles += list(matrices)
         nears += [0.0 if light.directional else near] * len(matrices)
     return LightTable(table.reshape(-1, 4), np.array(tiles).reshape(-1, 3, 4), np.array(nears))
 
 
 def sheet(count: int, side: int, limit: int) -> tuple[int, int]:
-    """Columns and rows in which `count` tiles of `side` texels fit into a texture of `limit` a side; InputError: they do not."""
+    """Columns and rows of `count` tiles of `side` texels in one texture; InputError if it would be larger than `limit`."""
     columns = min(max(count, 1), 8, max(limit // side, 1))
     rows = -(-max(count, 1) // columns)
     if side * max(columns, rows) > limit:
@@ -125,7 +127,7 @@ def sheet(count: int, side: int, limit: int) -> tuple[int, int]:
 
 
 def light_defines(scene: Scene) -> dict[str, int]:
-    """What shaders/lighting/lights.glsl is compiled for: how many lights, and which kinds, so that no other costs anything."""
+    """What shaders/lighting/lights.glsl is compiled for: how many lights there are, and of which kinds."""
     cubes = [not light.directional and _single(light, scene) is None for light in scene.lights]
     return {
         "LIGHTS": len(scene.lights),

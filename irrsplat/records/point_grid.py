@@ -1,4 +1,4 @@
-"""Points sorted into cells by place, so that those near a place are found without looking at all of them."""
+"""A grid of points: those near a place are found without looking at all of them."""
 
 from __future__ import annotations
 
@@ -6,16 +6,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-MOST = 32  # cells along an axis
-_SAMPLE = 4096  # points by which cells are cut
+MAX_CELLS = 32  # along an axis
+_SAMPLE = 4096  # points that the planes between cells are chosen by
 
 
 @dataclass(frozen=True)
 class Grid:
-    """K³ cells between planes along each axis, about as many points between any two of them: far-off places do not coarsen it.
+    """K³ cells between K + 1 planes across each axis, with about as many points between any two neighbouring planes, so that
+    a few points far away do not make the cells of the others coarse.
 
-    edges: (K + 1, 3) float32 ascending, from the least coordinates to the greatest. order: (N,) the points' numbers cell by cell,
-    x first. starts: (K³ + 1,) where in it each cell begins, whose x is the number of inner edges that are not beyond its points.
+    edges: (K + 1, 3) float32, the planes' coordinates, ascending. order: (N,) the points' numbers, cell by cell, along x first.
+    starts: (K³ + 1,) where each cell begins in `order`. A point on a plane belongs to the cell above it.
     """
 
     edges: np.ndarray
@@ -28,15 +29,16 @@ class Grid:
         return len(self.edges) - 1
 
     def find(self, points: np.ndarray) -> np.ndarray:
-        """(N,) the numbers of the cells in which points (N, 3) lie, those beyond the grid in its outermost ones."""
+        """(N,) the numbers of the cells of points (N, 3); beyond the grid these are the outermost ones."""
         x, y, z = (np.searchsorted(e, p, side="right") for e, p in zip(self.edges[1:-1].T, points.T, strict=True))
-        return (z * self.cells + y) * self.cells + x
+        cells: np.ndarray = (z * self.cells + y) * self.cells + x
+        return cells
 
 
 def build(points: np.ndarray) -> Grid:
-    """The grid of points (N, 3) float32, N > 0; the more of them, the finer."""
+    """The grid of points (N, 3) float32, N > 0; K is √N/8, within 1 and MAX_CELLS."""
     count = len(points)
-    cells = int(np.clip(np.sqrt(count) / 8.0, 1, MOST))
+    cells = int(np.clip(np.sqrt(count) / 8.0, 1, MAX_CELLS))
     sample = np.sort(points[:: -(-count // _SAMPLE)], axis=0)
     inner = sample[len(sample) * np.arange(1, cells) // cells]
     edges, empty = np.concatenate([points.min(0)[None], inner, points.max(0)[None]]), np.zeros(0, np.intp)

@@ -1,18 +1,10 @@
-// Direct irradiance of the scene's delta lights, with their shadow maps; the table comes from lights.py, the maps from passes/shadow.py.
+// Direct irradiance of the scene's point, spot and directional lights, with their shadow maps. The light table and the tiles of the
+// shadow maps come from irrsplat/lighting/light_table.py: light i has LIGHT_ROWS rows from i·LIGHT_ROWS on, which LightRow in
+// irrsplat/core/buffers.py explains.
 #include "generated/constants.glsl"
 
-// LIGHTS is how many there are, the other LIGHTS_… whether any of them has what the name says: a branch that no light
-// needs is not compiled, since software renderers run both sides of every branch.
-// Light i is the LIGHT_ROWS rows of light_table from i·LIGHT_ROWS on.
-const int LIGHT_ROWS = 8;
-const int LIGHT_POSITION = 0;    // xyz position, or the unit direction towards a directional light; w: 1 if directional
-const int LIGHT_COLOR = 1;       // rgb: E = rgb·cosθ·spot/(k·(1,d,d²)); w: number of shadow tiles
-const int LIGHT_FALLOFF = 2;     // xyz: k, constant, linear and quadratic; w: spot exponent
-const int LIGHT_SPOT = 3;        // xyz: unit axis of the cone, from the light; w: 1 if there is a cone
-const int LIGHT_CONE = 4;        // x: cutoff, y: inner, half angles in radians (a directional light's x: its tile's depth in
-                                 // metres); z: number of its first tile; w: scale of the tiles' right and up
-const int LIGHT_TILE = 5;        // of a single tile, the rows right·scale, up·scale, forward: each dotted with (p, 1)
-
+// Defined by light_defines: LIGHTS is the number of lights, and each other LIGHTS_… is 1 if any light has what its name says. What no
+// light needs is not compiled, since software renderers run both sides of every branch.
 uniform vec4 light_table[LIGHT_ROWS * max(LIGHTS, 1)];
 uniform sampler2D shadow_depth;  // every tile of every light, side by side
 uniform vec3 shadow_layout;      // tile side in texels, tiles per row, near plane of point and spot tiles in metres
@@ -35,18 +27,19 @@ struct Projected
     float range;  // metres of depth in a parallel tile; 0: perspective
     vec2 texel;   // where the point is in the tile, in texels
     vec2 corner;  // first texel of the tile
-    vec3 plane;   // dotted with (texel, 1): the depth of the tangent plane, near/z in a perspective tile
+    vec3 plane;   // dotted with (texel, 1): the depth of the tangent plane, as near/z in a perspective tile
     float own;    // near/z of the point
-    float slack;  // times the plane's near/z: what may lie in front of it
-    float slope;  // by how much the stored depth may be off where it is steep
+    float slack;  // factor on the plane's near/z within which a stored depth counts as the plane itself
+    float slope;  // error of the stored depth where the plane is steep
 };
 
-// 1 where the tap that is nearest to the receiver, `offset` texels away, sees the receiver's tangent plane, 0 in shadow.
-// The plane's depth is taken at the tap's own centre: a planar receiver never shadows itself, at any slope, so that the
-// bias need only cover what is not planar.
-const float BIAS = 0.1;       // texels of depth
-const float SNAP = 0.02;      // texels: how far a rasteriser may shift a triangle
-const float ROUNDING = 0.05;  // of the near plane: how far off its surface an interpolated position may lie
+const float BIAS = 0.1;       // of depth, in sizes of a texel
+const float SNAP = 0.02;      // texels by which a rasteriser may shift a triangle
+const float ROUNDING = 0.05;  // how far off its surface an interpolated position may lie, as a share of the near plane's distance
+
+// 1 if the shadow map's texel `offset` texels from the receiver sees the receiver's tangent plane, 0 in shadow.
+// The plane's depth is taken at the texel's centre, so that a plane does not shadow itself at any slope, and the bias has only to
+// cover what is not planar.
 
 float shadow_tap(Projected r, vec2 offset)
 {
@@ -65,7 +58,7 @@ float shadow_tap(Projected r, vec2 offset)
     return 1.0 - stored <= expected * r.slack + r.slope + 2e-7 ? 1.0 : 0.0;
 }
 
-// A point light's tile that sees `d` = p - light, and d and g in its axes; lights.py has the same six.
+// The tile of a point light that sees d = p - light, with d and g in that tile's axes; light_table.py has the same six tiles.
 void cube_tile(vec3 d, vec3 g, inout Projected t)
 {
     vec3 s = abs(d);
@@ -89,7 +82,7 @@ void cube_tile(vec3 d, vec3 g, inout Projected t)
     }
 }
 
-// The share of `taps` dithered shadow samples that light `i` reaches.
+// The share, 0..1, of `taps` dithered shadow samples that light i reaches; rotation: cosine and sine of the angle of their pattern.
 float visibility(int i, Receiver r, int taps, vec2 rotation)
 {
     int row = i * LIGHT_ROWS;
@@ -120,12 +113,12 @@ float visibility(int i, Receiver r, int taps, vec2 rotation)
     }
 #endif
     float side = shadow_layout.x, near = shadow_layout.z;
-    float line = floor((float(t.tile) + 0.5) / shadow_layout.y);  // integer division is slow on software renderers
+    float line = floor((float(t.tile) + 0.5) / shadow_layout.y);  // in floats: integer division is slow on software renderers
     t.corner = vec2(float(t.tile) - line * shadow_layout.y, line) * side;
     t.texel = (((parallel ? t.q.xy : t.q.xy / t.q.z) * 0.5 + 0.5) * side);
     t.own = near / t.q.z;
     t.slack = 1.0 + BIAS * t.width + ROUNDING * near / max(abs(t.k), 1e-20);
-    // of the plane m·q = k: near/z is near·m·(x, y, 1)/k at (x, y) = 2·texel/side - 1, z in a parallel tile is affine in x, y
+    // On the plane m·q = k, near/z is near·m·(x, y, 1)/k at (x, y) = 2·texel/side - 1; in a parallel tile z is affine in x and y.
     vec3 m = parallel ? vec3(-t.m.xy / (abs(t.m.z) > 1e-6 ? t.m.z : 1e-6), 0.0) : t.m * (near / t.k);
     t.plane = vec3(m.xy * (2.0 / side), m.z - m.x - m.y);
     if (parallel) t.plane.z = t.q.z - dot(t.plane.xy, t.texel);
@@ -138,7 +131,7 @@ float visibility(int i, Receiver r, int taps, vec2 rotation)
 }
 
 #ifdef FOOTPRINT
-// The corners of what the texel sees of the receiver's plane, in order around it, relative to r.p, and its area in m².
+// What a texel of a gather sees of the receiver's plane: its four corners in order, relative to r.p, and its area in m².
 vec3 footprint[4];
 float footprint_area;
 
@@ -150,8 +143,8 @@ float solid_angle(vec3 a, vec3 b, vec3 c)
     return 2.0 * atan(abs(dot(a, cross(b, c))), den);
 }
 
-// The mean of cosθ/d² over the footprint. A lamp close to a wall makes a spot there far smaller than a texel, which a
-// sample at its centre hits or misses; but ∫ cosθ/d² dA is the solid angle that the footprint takes up in the lamp's sky.
+// The mean of cosθ/d² over the footprint: ∫ cosθ/d² dA is the solid angle of the footprint as seen from the lamp. A lamp close to
+// a wall lights a spot far smaller than a texel, which a single sample at the texel's centre would hit or miss.
 float footprint_mean(vec3 to_lamp)
 {
     vec3 a = footprint[0] - to_lamp, b = footprint[1] - to_lamp, c = footprint[2] - to_lamp, d = footprint[3] - to_lamp;
@@ -175,7 +168,7 @@ vec3 light_irradiance(int i, Receiver r)
     float cosine = dot(r.g, l) > 0.0 ? max(dot(r.n, l), 0.0) : 0.0;
 #if defined(FOOTPRINT) && LIGHTS_WITH_SQUARE
     float facing = dot(r.g, l);
-    // a footprint that is small from the lamp is as good as a point, and its solid angle would drown in rounding
+    // seen from afar a footprint is as good as a point, and its solid angle would be lost in rounding
     if (!parallel && falloff.x + falloff.y == 0.0 && facing > 1e-3 && footprint_area > 1e-3 * d2)
         cosine *= footprint_mean(to_light) * d2 / facing;
 #endif
@@ -190,10 +183,10 @@ vec3 light_irradiance(int i, Receiver r)
         strength *= edge * (falloff.w > 0.0 ? pow(max(c, 0.0), falloff.w) : 1.0);
     }
 #endif
-    return min(color * cosine * strength, vec3(1e30));  // a lamp may touch a surface
+    return min(color * cosine * strength, vec3(1e30));  // finite even where a lamp touches a surface
 }
 
-// Direct irradiance E in W/m², `taps` (1 or 4) shadow samples per light.
+// Direct irradiance E in W/m² with `taps` (1 or 4) shadow samples per light.
 vec3 direct_irradiance(Receiver r, int taps, vec2 rotation)
 {
     vec3 sum = vec3(0.0);
