@@ -54,7 +54,8 @@ def within(points: np.ndarray, camera: Camera, size: tuple[int, int]) -> np.ndar
 
 def _offset(points: np.ndarray, camera: Camera) -> np.ndarray:
     """(3, N) float32: points (N, 3) relative to the eye, a row for each axis."""
-    return np.ascontiguousarray(points.T, "f4") - np.asarray(camera.eye, "f4")[:, None]
+    offset: np.ndarray = np.ascontiguousarray(points.T, "f4") - np.asarray(camera.eye, "f4")[:, None]
+    return offset
 
 
 def _outside(offset: np.ndarray, camera: Camera, size: tuple[int, int], margin: float = 0.0) -> np.ndarray:

@@ -154,4 +154,4 @@ def test_harmonic_radii_are_circles(settings: dict[str, object]) -> None:
         assert np.allclose(reach[:, 0], renderer.settings.a * np.minimum(table.radius, limit), rtol=1e-4)
         assert (ellipses[:, 0] > 1.5 * ellipses[:, 1]).mean() > 0.3
     else:
-        assert np.allclose(reach[:, 0], renderer.settings.a * table.radius) and not table.axis.any() and not table.bend.any()
+        assert np.allclose(reach[:, 0], renderer.settings.a * table.radius) and not table.axis.any() and not table.curvature.any()
