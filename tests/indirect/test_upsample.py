@@ -90,3 +90,18 @@ def test_small_views_and_those_who_want_it_so_have_all_pixels_at_once(size: tupl
     with Renderer(irrsplat.load("cornell"), size=size, preset="preview", bounces=1, coarse=coarse) as renderer:
         _, progress = renderer.frame()
         assert progress.new > 0 and renderer.splats.pixel_stride == every
+
+
+def test_a_thing_between_four_pixels_of_a_wall_takes_no_light_from_it(ctx: moderngl.Context) -> None:
+    """A board before a wall ends in a tongue one pixel wide, between coarse pixels: its light is the board's, 9 times as much."""
+    wall, far = on_plane(CAMERA, SIZE, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    board, near = on_plane(CAMERA, SIZE, (0.0, 0.0, 0.5), (0.0, 0.0, 1.0))
+    nearer = np.zeros(far.shape, bool)
+    nearer[12:19, 4:11] = nearer[15, 11:14] = True  # coarse pixels are those of even row and column
+    gbuffer = gbuffer_of(
+        ctx, np.where(nearer[..., None], board, wall), np.array([0.0, 0.0, 1.0]) + 0 * wall, np.where(nearer, near, far)
+    )
+    E = np.where(nearer, 9.0, 1.0)[::-2, ::2]
+    sums = np.stack([E, E, E, np.ones_like(E)], axis=-1)
+    made = UpsamplePass(ctx, SIZE)(SplatBuffer(table_texture(ctx, sums), table_texture(ctx, np.ones_like(sums))), gbuffer, CAMERA)
+    assert np.allclose(pixels(made.sums)[15, 11:14, :3], 9.0, rtol=0.1)
