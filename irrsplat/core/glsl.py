@@ -10,6 +10,8 @@ from irrsplat.core.color import LUMINANCE, SRGB
 
 TABLE_COLUMNS = 1024  # items in a row of every table that shaders look things up in by number; a power of two
 NEIGHBOUR_STRIDE = 4096  # a texel's neighbour is packed into one float as row·NEIGHBOUR_STRIDE + column (gather/hemicube.py)
+VIEW_ROWS = 8  # rows of numbers that describe a face through which a record looks, see shaders/gather/raster_views.glsl
+HIDDEN_OTHERWISE = 3  # of a cell of the surface cache: which corners are hidden from each other is more than 0..2 can tell
 
 CONSTANTS: dict[str, int | float | tuple[float, ...]] = {
     "PI": math.pi,
@@ -18,6 +20,8 @@ CONSTANTS: dict[str, int | float | tuple[float, ...]] = {
     "TABLE_COLUMNS": TABLE_COLUMNS,
     "TABLE_SHIFT": TABLE_COLUMNS.bit_length() - 1,
     "NEIGHBOUR_STRIDE": NEIGHBOUR_STRIDE,
+    "VIEW_ROWS": VIEW_ROWS,
+    "HIDDEN_OTHERWISE": HIDDEN_OTHERWISE,
     "NOTHING_SEEN": NOTHING_SEEN,
     "LIGHT_ROWS": LIGHT_ROWS,
     **{f"LIGHT_{row.name}": row.value for row in LightRow},

@@ -1,7 +1,7 @@
-"""Which gather is faster: for a single bounce in a small scene both are timed on it once, and the times are kept.
+"""Which gather is faster: for a single bounce in a small scene both are timed on it once, and the times are kept in a file.
 
-A record costs a raster gather more the more triangles there are, and rays hardly; but how much either costs at all goes by the
-machine, its driver and the scene's lights.
+The cost of a record by rasters grows with the number of triangles, by rays hardly; how much either costs depends on the machine,
+its driver and the scene's lights.
 """
 
 from __future__ import annotations
@@ -33,25 +33,25 @@ from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
 
-# Triangles up to which it is not obvious that rays are faster. On llvmpipe a hemicube of 64 costs 1.1 times what 64² rays cost at
+# Triangles up to which rays are not certain to be faster. On llvmpipe a hemicube of 64 costs 1.1 times what 64² rays cost at
 # 30 triangles, 1.4 times at 2500, and 3 times at 20 thousand; a GPU draws triangles far faster.
 DOUBTFUL = {True: 2000, False: 100_000}  # by whether OpenGL is software
-_GUESS = {True: 100, False: 1000}  # triangles up to which it is rasters where nothing can be kept
-_SIDES = (16, 32, 64)  # gather sizes that are timed; others go by the next smaller one
+_GUESS = {True: 100, False: 1000}  # triangles up to which rasters are taken where times cannot be kept
+_SIDES = (16, 32, 64)  # gather sizes that are timed; for another the next smaller one counts
 _SITES = 16  # records that either gathers
-_TIMES = 3  # of which the best counts
+_TIMES = 3  # runs, of which the fastest counts
 _SHADOWS = 64  # texels of a tile
 _FILE, _VERSION, _MOST = "gathers.json", 1, 500  # entries
 
 Times = tuple[float, float]  # milliseconds a record: by rasters, by rays
-_known: dict[str, str] = {}  # what has been decided in this process, so that it stays
+_known: dict[str, str] = {}  # the choices of this process, which stay as they are
 
 
 def kind(ctx: moderngl.Context, scene: Scene, settings: Settings) -> str:
     """How records are gathered in `scene`: "plane", "raster" or "trace" (the setting `gather`, its auto resolved).
 
-    auto: rays for more than one bounce, which need the rays' tree anyway and look up more than they light, and in large scenes.
-    Else both are timed, and the choice is the same for all of the process and, where it can be kept, from one to the next.
+    auto: rays in large scenes, and for more than one bounce, which needs the rays' tree anyway. Else both are timed once, and the
+    choice holds for the rest of the process and, where the times can be kept, for later ones.
     """
     if settings.gather != "auto":
         return settings.gather

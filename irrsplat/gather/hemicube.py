@@ -1,6 +1,6 @@
-"""The hemisphere that a record sees, cut into texels: faces, what each texel stands for, and the edges between them.
+"""The hemisphere that a record sees, cut into texels: the faces, what each texel stands for, and the edges between texels.
 
-A `raster` gather sees all of it as a hemicube, one full face and four half ones; a `plane` gather is the paper's single plane.
+A "raster" gather sees all of it by a hemicube, one full face and four half ones; a "plane" gather by the paper's single plane.
 """
 
 from __future__ import annotations
@@ -10,11 +10,11 @@ import numpy as np
 from irrsplat.core.glsl import NEIGHBOUR_STRIDE
 
 PLANE_FIELD = 150.0  # degrees, the paper's single plane
-_SUPERSAMPLES = 8  # per side of a texel, for its share of the hemisphere
+_SUPERSAMPLES = 8  # points along a texel's side by which its share of the hemisphere is integrated
 
-# A face as rows x, y, w in the record's frame (tangent, bitangent, normal): it sees |x|, |y| <= w.
-# The half faces look sideways and use the upper half of their field alone: y = 2·normal - w runs from -w to w there.
-# Each one's right border is the next one's left, and each one's upper border is one of the front face's.
+# A face as rows x, y, w in the record's frame (tangent, bitangent, normal): it sees the directions with |x|, |y| <= w.
+# The half faces look sideways and use only the upper half of their field: y = 2·normal - w runs from -w to w there.
+# The right border of each is the left one of the next, and the upper border of each is a border of the front face.
 _T, _B, _N = np.eye(3)
 _HEMICUBE = np.array([[_T, _B, _N], *([x, 2 * _N - w, w] for x, w in ((_B, _T), (-_T, _B), (-_B, -_T), (_T, -_B)))])
 _HEMICUBE_CELLS = np.array([[0, 0, 2, 2], [2, 0, 2, 1], [2, 1, 2, 1], [0, 2, 2, 1], [2, 2, 2, 1]])  # x y w h, half sides
@@ -23,7 +23,8 @@ _PLANE_CELLS = np.array([[0, 0, 2, 2]])
 
 
 def faces(kind: str) -> tuple[np.ndarray, np.ndarray]:
-    """The faces (F, 3, 3) of the gather `kind` ("raster", "plane"), and their places (F, 4) in a cell, x y w h in half sides."""
+    """The faces (F, 3, 3) of the gather `kind`, "raster" or "plane", and their rectangles (F, 4) in a cell, x y w h in half
+    sides."""
     return (_PLANE, _PLANE_CELLS) if kind == "plane" else (_HEMICUBE, _HEMICUBE_CELLS)
 
 
@@ -45,8 +46,8 @@ def _corners(kind: str, side: int, points: int = 1) -> list[tuple[tuple[slice, s
 def hemisphere_table(kind: str, side: int) -> np.ndarray:
     """(H, W, 4) float64: each texel's mean direction in the record's frame, unit, and the cosθ·dω that it stands for.
 
-    With d = F⁻¹(x, y, 1), dω = det(F⁻¹)·dx·dy/|d|³; ∫ω·dω over a texel is the sum over a grid of points in it, the direction
-    is its own, and its third component is the cosθ·dω.
+    With d = F⁻¹(x, y, 1), dω = det(F⁻¹)·dx·dy/|d|³; ∫ω·dω over a texel is summed over a grid of points in it: its direction
+    is the texel's, and its component along the normal is the cosθ·dω.
     """
     width, height = (int(n) for n in (faces(kind)[1][:, :2] + faces(kind)[1][:, 2:]).max(0) * (side // 2))
     table = np.zeros((height, width, 4))
@@ -64,10 +65,10 @@ def hemisphere_table(kind: str, side: int) -> np.ndarray:
 def edge_table(kind: str, side: int) -> np.ndarray:
     """(H, 2W, 4) float64: at (y, 2x + j), texel (x, y)'s edge to its right (j = 0) or upper (j = 1) neighbour, seams included.
 
-    xyz: cosθ·(e₁ × e₂) of the edge's end directions, turned towards the neighbour: as the record moves by δ, what is seen
-    across the edge at distance r slides by δ/r, so that ∇E = Σ (L_b - L_a)·xyz/min(r_a, r_b) (after Krivanek et al. 2005).
-    w: the neighbour, row·NEIGHBOUR_STRIDE + column; the texel itself for none, at the horizon and at the border of a single
-    plane.
+    xyz: cosθ·(e₁ × e₂) of the directions of the edge's ends, pointing towards the neighbour: as the record moves by δ, what is
+    seen across the edge at distance r slides by δ/r, so that ∇E = Σ (L_b - L_a)·xyz/min(r_a, r_b) (after Krivanek et al. 2005).
+    w: the neighbour, row·NEIGHBOUR_STRIDE + column; the texel itself where there is none, at the horizon and at the border of
+    a single plane.
     """
     table = hemisphere_table(kind, side)
     height, width = table.shape[:2]
@@ -83,7 +84,7 @@ def edge_table(kind: str, side: int) -> np.ndarray:
             owners.append(number[place].ravel())
             slots.append(np.full(owners[-1].size, j))
     both, owner, slot = np.concatenate(ends), np.concatenate(owners), np.concatenate(slots)
-    # an edge's middle names it: the two texels that share it find each other there
+    # an edge is identified by its middle, by which the two texels that share it find each other
     middle = np.round((both[:, 0] + both[:, 1]) * 1e5).astype(np.int64)
     _, name = np.unique(middle, axis=0, return_inverse=True)
     order = np.argsort(name.ravel(), kind="stable")
@@ -101,7 +102,7 @@ def edge_table(kind: str, side: int) -> np.ndarray:
     packed = (number // width * NEIGHBOUR_STRIDE + number % width).ravel()
     out = np.zeros((height * width, 2, 4))
     out[..., 3] = packed[:, None]
-    # right and upper edges suffice; a seam that is such an edge on both of its sides belongs to one of them
+    # right and upper edges suffice; a seam that is a right or upper edge of both texels is stored with one of them
     mine = (twin >= 0) & (slot < 2) & ((slot[twin] >= 2) | (owner < partner))
     out[owner[mine], slot[mine]] = np.concatenate([across, packed[partner][:, None]], axis=-1)[mine]
     return out.reshape(height, 2 * width, 4)

@@ -1,7 +1,7 @@
-"""The gather: what many records see at once, drawn into an atlas (Jones 2010, section 3.4).
+"""The gather by rasters: what many records see, drawn into an atlas (Jones 2010, section 3.4), a cell each.
 
-A scene of few triangles is one instanced draw. Of many, a face draws those meshlets alone that may reach into it, and only marks
-which triangle each texel sees; then the light from there is found once, whatever lies behind it.
+A scene of few triangles is one instanced draw. Of many triangles, each face draws only the meshlets that may reach into it, and
+notes which triangle each texel sees; then every texel is shaded once, however many triangles lie behind it.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import Atlas, HitLight, Sites
-from irrsplat.core.glsl import TABLE_COLUMNS
+from irrsplat.core.glsl import TABLE_COLUMNS, VIEW_ROWS
 from irrsplat.gather.hemicube import edge_table, faces, hemisphere_table
 from irrsplat.gather.look import Gather
 from irrsplat.gather.record_frame import atlas_grid, eye_positions, frame_rows, tangent_frames
@@ -26,9 +26,8 @@ from irrsplat.gpu.target import Target, float_texture, table_texture
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.scene.meshlets import Meshlets
 
-SINGLE_DRAW_TRIANGLES = 128  # triangles that one draw takes; on llvmpipe both ways cost about the same there
-_ROWS = 8  # of a view, as shaders/gather/raster_views.glsl has them
-_PAIRS = 1 << 21  # of faces and meshlets that are looked at together, at most: 16 MiB of those that are drawn
+SINGLE_DRAW_TRIANGLES = 128  # at most, that one draw takes: there both ways cost about the same on llvmpipe
+_PAIRS = 1 << 21  # of faces and meshlets that are tested at once, at most; a texture of those that are drawn takes 16 MiB
 
 
 class RasterGather(Gather):
@@ -67,7 +66,7 @@ class RasterGather(Gather):
         self.meshlet_draw: MeshletDraw | None = None
         self.target: Target | None = None  # of the last call
         self.frames = float_texture(ctx, (self.capacity, 4))
-        self.views = float_texture(ctx, (self.capacity, _ROWS * len(self.faces)))
+        self.views = float_texture(ctx, (self.capacity, VIEW_ROWS * len(self.faces)))
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
@@ -79,7 +78,7 @@ class RasterGather(Gather):
         frame = tangent_frames(sites.normal, sites.frame_rotations(numbers), seed)
         self.frames.write(frame_rows(frame, sites, numbers).tobytes(), viewport=(0, 0, count, 4))
         rows = self._views(frame, eye_positions(sites, geometry.corners, self.offset))
-        self.views.write(rows.reshape(-1, count, 4).astype("f4").tobytes(), viewport=(0, 0, count, _ROWS * len(self.faces)))
+        self.views.write(rows.reshape(-1, count, 4).astype("f4").tobytes(), viewport=(0, 0, count, VIEW_ROWS * len(self.faces)))
         draw: SingleDraw | MeshletDraw
         if geometry.triangles <= SINGLE_DRAW_TRIANGLES:
             draw = self.single_draw = self.single_draw or SingleDraw(self.ctx, self.size, self.defines)
@@ -95,7 +94,7 @@ class RasterGather(Gather):
         """(F, 8, N, 4) float64: the rows of shaders/gather/raster_views.glsl for records with these frames (N, 3, 3) and eyes
         (N, 3)."""
         count = len(eye)
-        rows = np.zeros((len(self.faces), _ROWS, count, 4))
+        rows = np.zeros((len(self.faces), VIEW_ROWS, count, 4))
         rows[:, :3, :, :3] = np.einsum("fij,njk->fink", self.faces, frame)
         rows[:, :3, :, 3] = -np.einsum("fink,nk->fin", rows[:, :3, :, :3], eye)
         corner = np.stack([np.arange(count) % self.columns, np.arange(count) // self.columns], axis=-1) * self.cell
@@ -103,9 +102,9 @@ class RasterGather(Gather):
         rows[:, 3, :, :2] = corner + (self.cells[:, :2] + half)[:, None]
         rows[:, 3, :, 2:] = half[:, None]
         rows[:, 4, :, :3] = eye
-        # the direction of (x, y) is F⁻¹(x, y, 1), F = face·frame; x and y advance by 1/half a texel
-        ways = np.einsum("fij,nik->fjnk", np.linalg.inv(self.faces), frame)
-        rows[:, 5:, :, :3] = ways / np.insert(half, 2, 1.0, axis=1)[:, :, None, None]
+        # the direction of (x, y) is F⁻¹(x, y, 1), F = face·frame; from texel to texel x and y advance by 1/half
+        directions = np.einsum("fij,nik->fjnk", np.linalg.inv(self.faces), frame)
+        rows[:, 5:, :, :3] = directions / np.insert(half, 2, 1.0, axis=1)[:, :, None, None]
         return rows
 
 
@@ -124,13 +123,13 @@ class Views:
 
     @property
     def uniforms(self) -> dict[str, Any]:
-        """Those of the programs that draw every face of every record."""
+        """The uniforms of programs that draw every face of every record."""
         return {"views": self.texture, "faces": len(self.rows), "near": self.near}
 
     @property
     def count(self) -> int:
-        """How many faces there are in all."""
-        return self.rows.shape[0] * self.rows.shape[2]
+        """The number of faces of all records together."""
+        return len(self.rows) * int(self.rows.shape[2])
 
 
 class SingleDraw(Owner):
@@ -145,7 +144,7 @@ class SingleDraw(Owner):
         return (self.program, self.target)
 
     def __call__(self, geometry: Geometry, light: HitLight, views: Views) -> Target:
-        """The target with these views drawn anew."""
+        """Draw these views; returns the target, whose textures are radiance and planes as Atlas has them."""
         self.target.use(scissor=views.used)
         self.target.gl.clear(viewport=views.used)
         self.program(
@@ -162,44 +161,44 @@ class SingleDraw(Owner):
 
 
 class MeshletDraw(Owner):
-    """The same for many triangles: a draw for each meshlet, in the views that it may reach into."""
+    """A draw for each meshlet, in the views that it may reach into, and then one that shades what is seen."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], defines: Mapping[str, int]) -> None:
         self.ctx = ctx
-        self.marking = Program(ctx, "gather/raster_triangle", "gather/raster", {"MESHLETS": 1})
-        self.lighting = Program(ctx, "gather/raster_shade", defines={**defines, "MESHLETS": 0})
-        self.seen = Target(ctx, size, (1,), depth=True)
+        self.find_triangles = Program(ctx, "gather/raster_triangle", "gather/raster", {"MESHLETS": 1})
+        self.shade = Program(ctx, "gather/raster_shade", defines={**defines, "MESHLETS": 0})
+        self.triangle = Target(ctx, size, (1,), depth=True)
         self.target = Target(ctx, size, (4, 4))
         self.pairs: moderngl.Texture | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.marking, self.lighting, self.seen, self.target, self.pairs)
+        return (self.find_triangles, self.shade, self.triangle, self.target, self.pairs)
 
     def __call__(self, geometry: Geometry, light: HitLight, views: Views) -> Target:
-        """As SingleDraw's."""
+        """As SingleDraw does."""
         in_meshlets, rows = geometry.meshlet_geometry, views.rows
-        self.seen.use(scissor=views.used)
-        self.seen.gl.clear(viewport=views.used)
+        self.triangle.use(scissor=views.used)
+        self.triangle.gl.clear(viewport=views.used)
         step = max(_PAIRS // max(len(rows) * len(in_meshlets.meshlets), 1), 1)
         for start in range(0, rows.shape[2], step):
             for clips, draws in self._draws(in_meshlets.meshlets, rows[:, :3, start : start + step], start, views.near):
-                self.marking(
-                    self.seen,
+                self.find_triangles(
+                    self.triangle,
                     geometry=in_meshlets,
                     draws=draws,
                     state=DrawState(depth="<", depth_clamp=True, clip_planes=clips),
                     near=views.near,
-                    atlas=self.seen.size,
+                    atlas=self.triangle.size,
                     views=views.texture,
                     pairs=self.pairs,
                 )
-        self.lighting(
+        self.shade(
             self.target,
             vertices=4,
             mode=moderngl.TRIANGLE_STRIP,
             instances=views.count,
-            seen=self.seen.textures[0],
+            seen=self.triangle.textures[0],
             atlas=self.target.size,
             **views.uniforms,
             **in_meshlets.uniforms,
@@ -209,8 +208,12 @@ class MeshletDraw(Owner):
         return self.target
 
     def _draws(self, meshlets: Meshlets, rows: np.ndarray, start: int, near: float) -> Iterator[tuple[int, list[Draw]]]:
-        """How many clip planes are needed, and draws, of the meshlets that views with these x, y and w (F, 3, N, 4) see: an
-        instance is a view, by the pairs that this writes. start: the number of their first record."""
+        """The draws of meshlets in the views that may see them, with the clip planes that these draws need: 5 where a meshlet may
+        reach beyond a view's border, else 0.
+
+        rows: (F, 3, N, 4), x, y and w of the views. start: the number of their first record. An instance is a view, which the
+        shader finds by the pairs (record, face) that this writes.
+        """
         some, within = meshlets.seen(rows.swapaxes(1, 2), near)
         parts = [np.stack(np.nonzero(part)) for part in (some & ~within, within)]
         meshlet, face, record = np.concatenate(parts, axis=1)

@@ -1,4 +1,4 @@
-"""What both gathers share: where a record looks from, its frame as the shaders read it, and how cells fill an atlas."""
+"""What all gathers share: where a record looks from, its tangent frame, and how the cells of many records fill an atlas."""
 
 from __future__ import annotations
 
@@ -8,28 +8,30 @@ import numpy as np
 
 from irrsplat.core.buffers import Sites
 
-OFFSET = 1e-4  # of the scene's diagonal: how far a record looks from above its surface
+OFFSET = 1e-4  # of the scene's diagonal: how far above its surface a record looks from
 _GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
-_TEXELS = 3 << 20  # of an atlas at most, 96 MiB, or 108 with a depth buffer
+_TEXELS = 3 << 20  # of an atlas by default: two RGBA32F textures of 48 MiB, and 12 MiB for a depth buffer
 
 
 def eye_positions(sites: Sites, corners: np.ndarray, offset: float) -> np.ndarray:
-    """(N, 3): `offset` metres above the surface, and as far from its triangle's edges: a site on the very edge of a wall sees it.
+    """(N, 3): where records look from: `offset` metres above the surface, and at least as far within the triangle, so that
+    a site on the very edge of a wall sees the wall.
 
-    corners: (F, 3, 3) of the scene's triangles. A site that is that far from the edges stays where it is, since towards the
-    middle of a large triangle it might come through a sheet that stands on it.
+    corners: (F, 3, 3) of the scene's triangles. A site that is far enough from the edges is not moved towards the middle: on a
+    large triangle it might pass through a sheet that stands there.
     """
-    above = sites.position + offset * sites.geometric.astype(float)
+    above: np.ndarray = sites.position + offset * sites.geometric.astype(float)
     if sites.triangle is None:
         return above
     triangle = corners[sites.triangle].astype(float)
     sides = np.roll(triangle, -1, axis=1) - triangle
     across = np.cross(sites.position[:, None] - triangle, sides)
-    apart = np.linalg.norm(across, axis=-1) / np.maximum(np.linalg.norm(sides, axis=-1), 1e-30)  # from each edge
+    apart = np.linalg.norm(across, axis=-1) / np.maximum(np.linalg.norm(sides, axis=-1), 1e-30)  # distance from each edge
     inward = triangle.mean(1) - sites.position
     length = np.linalg.norm(inward, axis=1)
     share = np.clip(offset - apart.min(1), 0.0, 0.5 * length) / np.maximum(length, 1e-30)
-    return above + inward * share[:, None]
+    inside: np.ndarray = above + inward * share[:, None]
+    return inside
 
 
 def tangent_frames(normal: np.ndarray, number: np.ndarray, seed: int) -> np.ndarray:
@@ -56,8 +58,8 @@ def tangent_frames(normal: np.ndarray, number: np.ndarray, seed: int) -> np.ndar
 
 
 def frame_rows(frame: np.ndarray, sites: Sites, numbers: np.ndarray) -> np.ndarray:
-    """(4, N, 4) float32, the rows of Atlas.frames: tangent, bitangent and normal (N, 3, 3), the geometric normal in that frame
-    and, last, the records' numbers (N,) in the cache."""
+    """(4, N, 4) float32, the rows of Atlas.frames: tangent, bitangent and normal of `frame` (N, 3, 3), then the geometric normal
+    in that frame, with the records' numbers (N,) in the cache as its w."""
     rows = np.zeros((4, len(sites), 4), "f4")
     rows[:3, :, :3] = frame.swapaxes(0, 1)
     rows[3, :, :3] = np.einsum("nij,nj->ni", frame, sites.geometric)
@@ -66,9 +68,9 @@ def frame_rows(frame: np.ndarray, sites: Sites, numbers: np.ndarray) -> np.ndarr
 
 
 def atlas_grid(cell: tuple[int, int], wanted: int | None, limit: int) -> tuple[int, int]:
-    """Cells per row of an atlas, and how many it holds: those `wanted` (None: as many as are worth it), where they fit.
+    """Cells per row of an atlas, and how many it holds in all: about as many as are `wanted`, or by default what fits 96 MiB.
 
-    cell: its width and height in texels. limit: texels that a side of a texture may have.
+    cell: width and height in texels. limit: greatest side of a texture, in texels.
     """
     count = min(wanted or max(1, _TEXELS // (cell[0] * cell[1])), limit)
     columns = max(1, min(math.isqrt(count), limit // cell[0]))

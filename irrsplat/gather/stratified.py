@@ -1,7 +1,7 @@
-"""The hemisphere that a record's rays sample, cut into strata of equal share: M elevations by N azimuths, E = π/(MN)·ΣL.
+"""The hemisphere that a record's rays sample, cut into strata of equal cosθ·dω: M elevations by N azimuths, E = π/(MN)·ΣL.
 
-A cell has a row for each elevation, the zenith's first, and a column for each azimuth. The tables have the form of those in
-hemisphere.py, so that one reduction serves both gathers.
+A cell has a row for each elevation, from the zenith down, and a column for each azimuth. The tables have the form of those in
+hemicube.py, so that one reduction serves both gathers.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from irrsplat.core.glsl import NEIGHBOUR_STRIDE
 
 
 def shape(side: int) -> tuple[int, int]:
-    """Elevations M and azimuths N of side² rays: strata are about as wide as they are high where N is π·M (Ward and Heckbert
-    1992)."""
+    """The elevations M and azimuths N of side² rays: N = 4·M, near π·M, for which strata are about as wide as they are high (Ward
+    and Heckbert 1992)."""
     return side // 2, 2 * side
 
 
@@ -27,7 +27,7 @@ def stratum_table(side: int) -> np.ndarray:
     """(M, N, 4) float64: each stratum's mean direction in the record's frame, unit, and the cosθ·dω that it stands for, π/(MN).
 
     The direction is that of ∫ω·dω over the stratum, as in hemisphere_table: ∫sin²θ dθ = (θ - sinθ·cosθ)/2 along the surface,
-    ∫sinθ·cosθ dθ = sin²θ/2 along the normal. A ray goes through the middle in sin²θ and φ, which is another by second order.
+    ∫sinθ·cosθ dθ = sin²θ/2 along the normal. A ray goes through the middle in sin²θ and φ, which differs from it by second order.
     """
     theta, phi = _edges(side)
     table = np.empty((len(theta) - 1, len(phi) - 1, 4))
@@ -42,7 +42,7 @@ def stratum_table(side: int) -> np.ndarray:
 def stratum_edges(side: int) -> np.ndarray:
     """(M, 2N, 4) float64: at (y, 2x + j) stratum (x, y)'s edge to the next azimuth (j = 0) or elevation (j = 1).
 
-    In the form of hemisphere.edge_table, with which ∇E = Σ (L_b - L_a)·xyz/min(r_a, r_b) is the translation gradient of Ward
+    In the form of hemicube.edge_table, with which ∇E = Σ (L_b - L_a)·xyz/min(r_a, r_b) is the translation gradient of Ward
     and Heckbert (1992), equation 3: along û_k, the azimuth's middle, cos²θ·sinθ·2π/N for an edge between elevations, and along
     v̂_k, an edge's own azimuth turned by a right angle, the difference of sinθ between its ends. xyz is ∫cosθ·m dl with m
     across the edge, so that it says what a step along the normal does, too: -sin²θ·cosθ·2π/N.

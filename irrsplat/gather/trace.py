@@ -1,6 +1,6 @@
-"""The gather by rays: what many records see along cosine-stratified directions, through a tree of the scene's triangles.
+"""The gather by rays: what many records see along cosine-stratified directions, by a tree of the scene's triangles.
 
-A fragment is a ray. What it brings goes into the same kind of atlas as a raster gather's, so that the same reduction sums it.
+A fragment is a ray. Its radiance and distance go into an atlas like that of a raster gather, which the same reduction sums.
 """
 
 from __future__ import annotations
@@ -91,8 +91,11 @@ class TraceGather(Gather):
         return Atlas(radiance, planes, self.table, self.edges, self.frames, count, self.columns, self.cell, block)
 
     def hits(self, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """What the last call's first `count` records' rays hit, of the surface cache: the numbers of three values (N, M·N, 3),
-        how much each speaks for the hit, 0..1, and the reflectance there, both (N, M·N, 3); rays in the order of the cell."""
+        """What the rays of the last call's first `count` records hit, R rays each in the order of the cell's texels.
+
+        Of each hit the numbers of three values of the surface cache, their weights (all 0 where nothing was hit or no value is
+        known), and the reflectance there, each (N, R, 3).
+        """
         assert self.target is not None
         lines, (width, height) = self.target.size[1] // self.cell[1], self.cell
         first, second = (

@@ -1,6 +1,6 @@
-"""A bounding volume hierarchy over triangles: which of them a ray may hit, as tables that a shader walks without a stack.
+"""A bounding volume hierarchy over triangles: what a ray may hit, as tables that a shader traverses without a stack.
 
-The tree is split level by level at the least surface area cost among some bins (Wald 2007, "On fast Construction of SAH-based
+The tree is split level by level, at the least surface area cost among some bins (Wald 2007, "On fast Construction of SAH-based
 Bounding Volume Hierarchies"). It is stored in depth-first order, each node with a link to what follows its subtree, once for
 each octant of ray directions, so that the nearer child comes first (after Hachisuka 2015, "MTBVH").
 """
@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-LEAF = 4  # triangles of a leaf at most; the shader's tables have two bits for their number
-STEPS = 65533  # of the grid along an axis on which boxes lie; with a margin of one on either side they fit in 16 bits
-_MARGIN = 0.05  # steps by which a box is larger than what is in it, more than a shader's rounding
+LEAF = 4  # triangles of a leaf at most; two bits of the shader's tables hold their number
+STEPS = 65533  # of the grid to which boxes are rounded, along an axis; with a margin of one on either side they fit in 16 bits
+_MARGIN = 0.05  # steps by which a box is larger than its content: more than what a shader's rounding may lose
 _BINS = 16  # per node and level at most
-_LEVELS = 40  # after which nodes are split in halves: a tree of triangles that grow by powers would never end
+_LEVELS = 40  # after which nodes are halved by number: triangles whose sizes grow by powers would make a tree without end
 _FAR = np.float32(1e18)  # metres, an empty box's corners; its area is still a number
 
 
@@ -59,7 +59,7 @@ def _grid(low: np.ndarray, high: np.ndarray) -> np.ndarray:
 class _Tree:
     """N nodes, level by level.
 
-    boxes: (6, N) the least corner and the negative of the greatest, so that of all it is the minimum that bounds.
+    boxes: (6, N) the least corner and the negative of the greatest, so that the minimum over boxes bounds all of them.
     left: (N,) the left child; the right one is the next; -1: a leaf. axis: (N,) of the split.
     first, count: (N,) of leaves the first triangle and their number. inner: the numbers of the nodes that
     are no leaves, level by level. order: the triangles, leaf by leaf.
@@ -109,10 +109,10 @@ def _tree(boxes: np.ndarray) -> _Tree:
 
 
 def _split(boxes: np.ndarray, counts: np.ndarray, halve: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Splits nodes that have so many (N,) of the boxes (6, B), one node after the other, each at the axis of its widest spread.
+    """Split N nodes, each of which has `counts` (N,) of the boxes (6, B), across the axis along which centres spread most.
 
-    Returns the boxes' new order, each node's left ones first; the axes (N,), and how many are left (N,). halve: split by number,
-    whatever it costs, as where all centres are one.
+    Returns the boxes' new order, in which each node's left ones come first, the axes (N,), and how many boxes are left (N,).
+    halve: split by number at any cost, as is done where all centres coincide.
     """
     nodes, total = len(counts), boxes.shape[1]
     bins = int(np.clip(2 * total // nodes, 4, _BINS))
@@ -124,7 +124,7 @@ def _split(boxes: np.ndarray, counts: np.ndarray, halve: bool) -> tuple[np.ndarr
     scale = np.float32(bins) / np.maximum(spread, np.float32(1e-30))
     offset = (centre.ravel()[axis[node] * total + np.arange(total)] - low[node]) * scale[node]
     key = node * bins + np.minimum(offset.astype(np.intp), bins - 1)
-    packed = np.sort(key << 32 | np.arange(total))  # the number makes every key another: all sorts agree
+    packed = np.sort(key << 32 | np.arange(total))  # the numbers make all keys different, so that every sort gives the same order
     place, key = packed & 0xFFFFFFFF, packed >> 32
 
     begin = np.flatnonzero(np.diff(key, prepend=-1))
@@ -143,9 +143,10 @@ def _split(boxes: np.ndarray, counts: np.ndarray, halve: bool) -> tuple[np.ndarr
 
 
 def _area(boxes: np.ndarray) -> np.ndarray:
-    """Half the surface of boxes (6, …); of empty ones anything."""
+    """Half the surface area of boxes (6, …); meaningless for empty ones."""
     x, y, z = -(boxes[:3] + boxes[3:])
-    return x * y + y * z + z * x
+    area: np.ndarray = x * y + y * z + z * x
+    return area
 
 
 def _table(tree: _Tree, grid: np.ndarray) -> np.ndarray:

@@ -45,9 +45,10 @@ def both_sides(tessellation: Tessellation, offset: float) -> Members:
 
 
 def sees_nothing(members: Members, bounds: np.ndarray) -> np.ndarray:
-    """(M,) True where all of the box `bounds` (2, 3) lies below the surface, so that a member sees nothing of the scene."""
+    """(M,) True where all of the box `bounds` (2, 3) lies below a member's surface, so that it sees nothing of the scene."""
     farthest = np.where(members.geometric > 0.0, bounds[1], bounds[0])  # the corner that is highest above it
-    return ((farthest - members.eye) * members.geometric).sum(1) <= 0.0
+    below: np.ndarray = ((farthest - members.eye) * members.geometric).sum(1) <= 0.0
+    return below
 
 
 def unlit_interiors(scene: Scene) -> np.ndarray:
@@ -67,9 +68,9 @@ def unlit_interiors(scene: Scene) -> np.ndarray:
 
 
 def voxel_keys(members: Members, size: float) -> np.ndarray:
-    """(M,) int64, the same for members in one voxel of `size` metres that face into one of 24 like parts of the sphere."""
+    """(M,) int64, equal for members in one voxel of `size` metres whose normals lie in the same one of 24 parts of the sphere."""
     low = np.array([x.min() for x in members.position.T]) if len(members) else 0.0
-    # walls lie on round numbers: not on a voxel's border
+    # + 0.37: walls often lie on round numbers, which should not be a voxel's border
     voxel = ((members.position.astype(float) - low) / size + 0.37).astype(np.int64)
     a, b, c = np.ascontiguousarray(
         (members.normal @ _ROTATION).T
@@ -77,7 +78,8 @@ def voxel_keys(members: Members, size: float) -> np.ndarray:
     widest = np.where(np.maximum(np.abs(b), np.abs(c)) <= np.abs(a), 0, np.where(np.abs(c) <= np.abs(b), 1, 2))
     face = 8 * widest + (a < 0.0) + 2 * (b < 0.0) + 4 * (c < 0.0)
     x, y, z = voxel.T
-    return (((x << 19 | y) << 19 | z) << 5) | face
+    key: np.ndarray = (((x << 19 | y) << 19 | z) << 5) | face
+    return key
 
 
 def choose_sites(

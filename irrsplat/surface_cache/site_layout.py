@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from irrsplat.core.buffers import Sites
+from irrsplat.core.glsl import HIDDEN_OTHERWISE
 from irrsplat.gpu.bvh_table import BvhTable
 from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Scene
@@ -24,7 +25,6 @@ POINTS = 2000  # corners of cells on all surfaces, about, where these are large
 MAX_SITES = 4096
 SKY_VALUE, DARK_VALUE = 0, 1  # the numbers of the values of members that see nothing but the sky, and that no light reaches
 FIRST_SITE = 2  # the number of the first value that is gathered
-HIDDEN_OTHERWISE = 3  # of a cell's corners more than one is hidden from the others; see shaders/surface_cache/lookup.glsl
 _ROUNDS = 4  # in which members that do not see their cluster's site form clusters with a site among themselves
 _ALTERNATIVES = 4  # sites of other clusters that a member is held against in the end
 _FIRST_SHARE = 0.6  # of MAX_SITES: most sites of the first round; the rest is for members that do not see theirs

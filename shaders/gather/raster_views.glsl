@@ -1,7 +1,8 @@
 // What records look through: the faces of their hemicubes, or the paper's one plane.
+#include "generated/constants.glsl"
+
 uniform sampler2D views;  // texel (i, VIEW_ROWS·f + k) is row k of face f of record i
 
-const int VIEW_ROWS = 8;
 const int VIEW_X = 0;      // rows of face from world, dotted with (p, 1): the face is |x|, |y| <= w
 const int VIEW_Y = 1;
 const int VIEW_W = 2;

@@ -75,8 +75,8 @@ void main()
             for (int j = 0; j < 2; ++j)
             {
                 vec4 edge = texelFetch(edges, ivec2(2 * x + j, y), 0);
-                float row = floor(edge.w / float(NEIGHBOUR_STRIDE));  // no neighbour: the texel itself, and a difference of 0
-                ivec2 b = ivec2(edge.w - float(NEIGHBOUR_STRIDE) * row, row);
+                int number = int(edge.w);  // no neighbour: the texel itself, and a difference of 0
+                ivec2 b = ivec2(number % NEIGHBOUR_STRIDE, number / NEIGHBOUR_STRIDE);
                 vec4 L_b = seen(corner, b);
                 vec3 w = normalize(direction.xyz + texelFetch(table, b, 0).xyz), w_world = frame * w;
                 // how near the nearer of the two is where they meet: seen at a low angle, much farther than in the texel's middle

@@ -7,6 +7,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
+from irrsplat.core.glsl import NEIGHBOUR_STRIDE
 from irrsplat.gather.hemicube import PLANE_FIELD, edge_table, hemisphere_table
 from irrsplat.gather.record_frame import tangent_frames
 
@@ -61,8 +62,8 @@ def edges(kind: str, side: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     height, width = table.shape[0], table.shape[1] // 2
     owner = np.arange(height * width).reshape(height, width, 1).repeat(2, 2).ravel()
     rows = table.reshape(-1, 4)
-    row = np.floor(rows[:, 3] / 4096.0)
-    other = (row * width + rows[:, 3] - 4096.0 * row).astype(int)
+    row = np.floor(rows[:, 3] / NEIGHBOUR_STRIDE)
+    other = (row * width + rows[:, 3] - NEIGHBOUR_STRIDE * row).astype(int)
     real = other != owner
     assert not rows[~real, :3].any(), "an edge without a neighbour has no weight"
     return owner[real], other[real], rows[real, :3]

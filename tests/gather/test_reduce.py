@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from irrsplat.core.buffers import Atlas
+from irrsplat.core.glsl import NEIGHBOUR_STRIDE
 from irrsplat.gather.hemicube import edge_table, hemisphere_table
 from irrsplat.gather.record_frame import tangent_frames
 from irrsplat.gather.reduce import ReducePass
@@ -94,8 +95,8 @@ def reduced(
     y, x = np.indices((height, width))
     for j in (0, 1):
         edge = edges[:, j::2]
-        row = np.floor(edge[..., 3] / 4096.0).astype(int)
-        column = (edge[..., 3] - 4096.0 * row).astype(int)
+        row = np.floor(edge[..., 3] / NEIGHBOUR_STRIDE).astype(int)
+        column = (edge[..., 3] - NEIGHBOUR_STRIDE * row).astype(int)
         # where the two meet, and how near the nearer of their planes is there, at most as near as what they see in their middles
         w = table[..., :3] + table[row, column, :3]
         w /= np.linalg.norm(w, axis=-1, keepdims=True)

@@ -8,6 +8,7 @@ import pytest
 
 import irrsplat
 from irrsplat.core.buffers import Sites
+from irrsplat.core.glsl import NEIGHBOUR_STRIDE
 from irrsplat.gather.stratified import shape, stratum_edges, stratum_table
 from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Scene
@@ -77,8 +78,8 @@ def test_edges_are_ward_and_heckbert_s_sum() -> None:
             v = (more - sine) * (L[j, k] - L[j, k - 1]) / min(r[j, k], r[j, k - 1])
             truth += v * np.array([-np.sin(before), np.cos(before)])
     table = stratum_edges(side).reshape(m, n, 2, 4)
-    row = np.floor(table[..., 3] / 4096).astype(int)
-    column = (table[..., 3] - 4096 * row).astype(int)
+    row = np.floor(table[..., 3] / NEIGHBOUR_STRIDE).astype(int)
+    column = (table[..., 3] - NEIGHBOUR_STRIDE * row).astype(int)
     change = (L[row, column] - L[..., None]) / np.minimum(r[row, column], r[..., None])
     assert np.allclose((change[..., None] * table[..., :2]).sum((0, 1, 2)), truth, rtol=1e-12)
 
@@ -96,8 +97,8 @@ def test_edges_give_the_gradient_along_the_normal_too() -> None:
     square = np.broadcast_to(((np.arange(m) + 0.5) / m)[:, None], (m, n))
     r, L = height / np.sqrt(1 - square), np.exp(-(height**2) * square / (1 - square))
     table = stratum_edges(side).reshape(m, n, 2, 4)
-    row = np.floor(table[..., 3] / 4096).astype(int)
-    column = (table[..., 3] - 4096 * row).astype(int)
+    row = np.floor(table[..., 3] / NEIGHBOUR_STRIDE).astype(int)
+    column = (table[..., 3] - NEIGHBOUR_STRIDE * row).astype(int)
     change = (L[row, column] - L[..., None]) / np.minimum(r[row, column], r[..., None])
     found = (change[..., None] * table[..., :3]).sum((0, 1, 2))
     assert found[2] == pytest.approx(truth, rel=0.03)
