@@ -1,0 +1,63 @@
+"""The pages are right about the tree: every link, anchor and named file is there, and every command line parses."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from irrsplat.app import flags
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")] + sorted((ROOT / "docs").glob("*.md"))
+FOLDERS = r"(?:\.ci|app|docs|irrsplat|scenes|shaders|tests)/"
+
+pages = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+
+
+def anchors(page: Path) -> set[str]:
+    """The names by which a link may lead to the headings of a page, as GitHub makes them."""
+    headings = re.findall(r"^#+ (.*)$", page.read_text(encoding="utf-8"), re.M)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pages
+def test_links_and_anchors_resolve(page: Path) -> None:
+    for target in re.findall(r"\]\((?!https?:)([^)\s]+)\)", page.read_text(encoding="utf-8")):
+        name, _, anchor = target.partition("#")
+        file = page.parent / name if name else page
+        assert file.exists(), f"{page.name} links to {name}, which is not there"
+        assert not anchor or anchor in anchors(file), f"{page.name} links to #{anchor}, which {file.name} has not"
+
+
+@pages
+def test_files_named_in_backticks_exist(page: Path) -> None:
+    """`path` must exist (a pattern must match a file), and so must the names in `path` (`name`, `name`) in that file."""
+    text = page.read_text(encoding="utf-8")
+    for path in re.findall(rf"`({FOLDERS}[^`\s]*)`", text):
+        assert any(ROOT.glob(path.rstrip("/"))), f"{page.name} names {path}, which is not there"
+    for path, names in re.findall(rf"`({FOLDERS}[^`\s*]+\.\w+)`\s\(((?:`[^`]+`(?:,\s)?)+)", text):
+        source = (ROOT / path).read_text(encoding="utf-8")
+        for name in re.findall(r"`([^`]+)`", names):
+            assert name.split(".")[-1] in source, f"{page.name}: {path} has no {name}"
+
+
+@pages
+def test_command_lines_parse(page: Path) -> None:
+    """Commands inside sentences; those in blocks are run by test_readme.py. `irrsplat render` alone is the name of a command."""
+    for command in re.findall(r"`irrsplat ([^`]+)`", page.read_text(encoding="utf-8")):
+        words = shlex.split(command.replace("\n", " "))
+        if len(words) > 1:
+            try:
+                flags.parse(words)
+            except SystemExit as done:  # --help
+                assert done.code == 0
+
+
+def test_the_check_of_the_hessian_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    """The appendix of METHOD.md: the formulas of gradient and Hessian agree with finite differences."""
+    (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs/METHOD.md").read_text(encoding="utf-8"), re.S)
+    exec(compile(code, "METHOD.md", "exec"), {})
+    assert max(map(float, capsys.readouterr().out.split())) < 2e-6
