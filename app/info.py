@@ -93,11 +93,10 @@ def doctor() -> int:
 
 
 def _light(light: Light) -> str:
-    kind = "directional" if light.directional else "spot" if light.spot_target is not None else "point"
     where = ("from " if light.directional else "at ") + _point(light.position)
     power = f"intensity {_point(light.color)} W/sr" if light.physical else f"diffuse {_point(light.color)} (OpenGL)"
     cone = f", towards {_point(light.spot_target)}, {light.spot_cutoff:g}° half angle" if light.spot_target is not None else ""
-    return f"{kind} {where}{cone}, {power}" + (f" '{light.name}'" if light.name else "")
+    return f"{light.kind} {where}{cone}, {power}" + (f" '{light.name}'" if light.name else "")
 
 
 def _point(values: Iterable[float]) -> str:

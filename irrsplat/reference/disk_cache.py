@@ -43,8 +43,7 @@ def key_of(scene: Scene, camera: Camera, *values: ArrayLike) -> str:
         add(mesh.positions, mesh.normals, mesh.faces, mesh.material.emission)
         add(mesh.material.albedo if mesh.colors is None else mesh.colors)
     for light in scene.lights:
-        add(light.position, light.color, light.directional, light.physical, light.attenuation)
-        add(light.spot_target or (), light.spot_cutoff, light.spot_inner, light.spot_exponent)
+        add(*(() if value is None else value for name, value in vars(light).items() if name != "name"))
     return digest.hexdigest()[:24]
 
 

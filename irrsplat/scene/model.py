@@ -60,6 +60,11 @@ class Light:
     spot_exponent: float = 0.0
     name: str = ""
 
+    @property
+    def kind(self) -> str:
+        """Its kind in a word, for people: directional, spot or point."""
+        return "directional" if self.directional else "point" if self.spot_target is None else "spot"
+
 
 @dataclass(frozen=True)
 class Camera:

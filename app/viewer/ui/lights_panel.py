@@ -33,7 +33,7 @@ class LightsPanel:
                 imgui.text_disabled("the scene has no lights of its own;\nwhat glows and the sky light it")
             for i, lamp in enumerate(lamps.all):
                 title = lamp.light.name or f"light {i + 1}"
-                if imgui.selectable(f"{title}  {_kind(lamp)}##{i}", i == lamps.selected)[0]:
+                if imgui.selectable(f"{title}  ({lamp.light.kind})##{i}", i == lamps.selected)[0]:
                     lamps.selected = i
             if lamps.selected < len(lamps.all):
                 imgui.separator()
@@ -96,9 +96,3 @@ class LightsPanel:
             draw.add_circle(place, 9.0, colour, 0, 2.0)
             if i == lamps.selected:
                 draw.add_circle_filled(place, 5.0, colour)
-
-
-def _kind(lamp: Lamp) -> str:
-    if lamp.light.directional:
-        return "(directional)"
-    return "(point)" if lamp.light.spot_target is None else "(spot)"
