@@ -16,7 +16,9 @@ from irrsplat.app.viewer.window import open_window
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-PAGES = [README] + [page.read_text(encoding="utf-8") for page in (ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md")))]
+PAGES = [README] + [
+    page.read_text(encoding="utf-8") for page in (ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md")))
+]
 COMMANDS = [line for page in PAGES for block in re.findall(r"```sh\n(.*?)```", page, re.S) for line in block.splitlines()]
 IRRSPLAT = list(dict.fromkeys(line for line in COMMANDS if line.startswith("irrsplat ")))
 
