@@ -38,3 +38,10 @@ def test_cells_follow_the_points() -> None:
     """Nine in ten lie within a few metres, the rest within kilometres: no cell holds more than one in forty."""
     made = point_grid.build(CLOUDS["a house on a wide plain"].astype("f4"))
     assert made.cells > 8 and np.diff(made.starts).max() < 250
+
+
+def test_cells_are_numbered_along_x_first_and_a_point_on_a_plane_is_above_it() -> None:
+    made = point_grid.build(RNG.normal(size=(5000, 3)).astype("f4"))
+    K = made.cells
+    corner = np.stack([made.edges[1:K, 0], np.full(K - 1, made.edges[0, 1]), np.full(K - 1, made.edges[K, 2])], axis=1)
+    assert K > 2 and made.find(corner).tolist() == [(K - 1) * K * K + x for x in range(1, K)]
