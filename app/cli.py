@@ -29,7 +29,7 @@ INTERRUPTED = 130
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command line `argv` (default: sys.argv) and return the exit status: 0, 1, 2 or 130, as the README says."""
+    """Run the command line `argv` (default: sys.argv) and return the exit status, as in docs/command-line.md."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # a terminal without UTF-8 is no reason to fail

@@ -1,4 +1,4 @@
-"""Takes the README's pictures of the viewer again, in docs/images: the default view, every buffer, overlays, split views."""
+"""Takes the pictures of the viewer in docs/images again: the default view, every buffer, overlays, split views."""
 
 from __future__ import annotations
 

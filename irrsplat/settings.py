@@ -1,7 +1,8 @@
 """Every parameter of the method, declared once: name, default, range, unit, stage and one line of help.
 
-The command line's flags, the viewer's sliders, the README's table and the checks are all made from the class Settings. Only the
-names and types stand a second time, in SettingValues, because type checkers need them spelled out; a test compares the two.
+The command line's flags, the viewer's sliders, the table of docs/reference.md and the checks are all made from the class
+Settings. Only the names and types stand a second time, in SettingValues, because type checkers need them spelled out; a test
+compares the two.
 """
 
 from __future__ import annotations

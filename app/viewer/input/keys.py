@@ -1,4 +1,4 @@
-"""Every key of the viewer, stated once: what is pressed, what it does, and how the help sheet and the README say it."""
+"""Every key of the viewer, stated once: what is pressed, what it does, and how the help sheet and docs/reference.md say it."""
 
 from __future__ import annotations
 
