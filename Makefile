@@ -13,8 +13,7 @@ view: .venv/.ready
 test: .venv/.ready-dev
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
-	.venv/bin/mypy
-	.venv/bin/mypy app
+	sh .ci/typecheck
 	.venv/bin/python -m pytest -q -n auto --dist worksteal
 
 figures: .venv/.ready

@@ -18,7 +18,7 @@ import numpy as np
 if __package__:  # installed, as irrsplat.scenes
     from irrsplat.scenes.shapes import Array, Writer, ball, cube, lathe, pipe, sheet, surface, torus
 else:
-    from shapes import Array, Writer, ball, cube, lathe, pipe, sheet, surface, torus
+    from shapes import Array, Writer, ball, cube, lathe, pipe, sheet, surface, torus  # type: ignore[no-redef]
 
 
 # (radius, height) from the middle of the bottom, up the outside and, for a vessel, down the inside again
@@ -44,7 +44,9 @@ HANDLE = [(-0.09, 0.15, 0.01), (-0.16, 0.16, 0.011), (-0.19, 0.11, 0.011), (-0.1
 
 
 def _bumps(x: Array, y: Array, z: Array) -> Array:
-    return 0.2 * np.sin(2.6 * x + 1) * np.sin(3.1 * y) * np.sin(2.7 * z + 2) + 0.06 * np.sin(4 * (x + y)) * np.cos(4 * (z - y))
+    coarse, fine = np.sin(2.6 * x + 1) * np.sin(3.1 * y) * np.sin(2.7 * z + 2), np.sin(4 * (x + y)) * np.cos(4 * (z - y))
+    height: Array = 0.2 * coarse + 0.06 * fine
+    return height
 
 
 def curved(folder: Path, detail: float) -> None:
@@ -252,9 +254,9 @@ def atrium(folder: Path, detail: float) -> None:
         for x in (-6, -3, 0, 3, 6):
             for part in ("arch_front", "arch_back", "arch_inside"):
                 w.draw(part, (x, 2.9, 3.5 * side))
-        for x in (-7.5, -4.5, -1.5, 1.5, 4.5, 7.5):
-            w.draw("column", (x, 0, 3.5 * side))
-            w.box((x - 0.28, x + 0.28), (2.88, 2.9), (3.5 * side - 0.28, 3.5 * side + 0.28))
+        for at in (-7.5, -4.5, -1.5, 1.5, 4.5, 7.5):
+            w.draw("column", (at, 0, 3.5 * side))
+            w.box((at - 0.28, at + 0.28), (2.88, 2.9), (3.5 * side - 0.28, 3.5 * side + 0.28))
         w.box((-7.9, -7.5), (2.9, 4.9), (3.5 * side - 0.25, 3.5 * side + 0.25))
         w.box((7.5, 7.9), (2.9, 4.9), (3.5 * side - 0.25, 3.5 * side + 0.25))
     w.color(0.66, 0.27, 0.13, "back walls of the galleries")
@@ -279,11 +281,11 @@ def atrium(folder: Path, detail: float) -> None:
     w.draw("fountain", (1.5, 0.06, 0.7))
     w.color(0.6, 0.24, 0.1, "plants")
     pots = ((-4.5, -2.4), (-1.5, 2.5), (4.5, 2.5), (4.5, -2.4))
-    for x, z in pots:
-        w.draw("planter", (x, 0, z))
+    for pot_x, pot_z in pots:
+        w.draw("planter", (pot_x, 0, pot_z))
     w.color(0.12, 0.35, 0.06)
-    for x, z in pots:
-        w.draw("bush", (x, 1.2, z), size=(0.42, 0.5, 0.42))
+    for pot_x, pot_z in pots:
+        w.draw("bush", (pot_x, 1.2, pot_z), size=(0.42, 0.5, 0.42))
     w.color(0.8, 0.78, 0.74, "sculpture")
     w.box((6.3, 7.1), (0, 1.0), (-1.6, -0.8))
     w.draw("sculpture", (6.7, 1.58, -1.2), size=(0.5, 0.6, 0.5))

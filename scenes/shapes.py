@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 Array = np.ndarray
-Vector = Sequence[float]
+Vector = Sequence[float] | np.ndarray
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,8 @@ def surface(
     a, b, c, d = (positions[quads[:, i]] for i in range(4))
 
     across = np.cross(c - a, d - b)  # twice the area times the quad's normal
-    normals = np.stack([np.bincount(quads.reshape(-1), np.repeat(across[:, i], 4), len(positions)) for i in range(3)], axis=-1)
+    sums = [np.bincount(quads.reshape(-1), np.repeat(across[:, i], 4), len(positions)) for i in range(3)]
+    normals: Array = np.stack(sums, axis=-1)
     normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-30)
 
     first, last = (a == d).all(1), (b == c).all(1)  # collapsed at the start of u, at its end
@@ -69,7 +70,8 @@ def curve(points: Sequence[Vector]) -> Callable[[Array], Array]:
         i = np.minimum(x.astype(int), len(p) - 4)
         x = (x - i)[..., None]
         a, b, c, d = p[i], p[i + 1], p[i + 2], p[i + 3]
-        return b + 0.5 * x * (c - a + x * (2 * a - 5 * b + 4 * c - d + x * (3 * (b - c) + d - a)))
+        point: Array = b + 0.5 * x * (c - a + x * (2 * a - 5 * b + 4 * c - d + x * (3 * (b - c) + d - a)))
+        return point
 
     return at
 
@@ -77,8 +79,9 @@ def curve(points: Sequence[Vector]) -> Callable[[Array], Array]:
 def lathe(profile: Sequence[Vector], rows: int, columns: int) -> Shape:
     """The profile of (radius, height), bottom to top outside, turned about the y axis; a radius of 0 closes it."""
     at = curve(profile)
-    heads = np.asarray(profile, float)[[0, -1], 0] == 0.0
-    low, high = np.min(profile, axis=0)[1], np.max(profile, axis=0)[1]  # the curve may overshoot; a foot must not sink in
+    points = np.asarray(profile, float)
+    heads = points[[0, -1], 0] == 0.0
+    low, high = points[:, 1].min(), points[:, 1].max()  # the curve may overshoot; a foot must not sink in
 
     def f(u: Array, v: Array) -> tuple[Array, Array, Array]:
         r, y = np.moveaxis(at(u), -1, 0)

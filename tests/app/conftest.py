@@ -43,9 +43,11 @@ class FakeRenderer:
         if progress is not None:
             progress(SimpleNamespace(round=1, records=3, new=3, coverage=0.5, sampled=0.0))
         width, height = self.asked.size
-        arrays = {n: np.ones((height, width, 3) if c.components == 3 else (height, width), "f4") for n, c in CHANNELS.items()}
-        records = {f.name: np.ones((1, 3), "f4") for f in fields(Frame) if f.name.startswith("records_")}
-        return Frame(**arrays, **records, stats={"rounds": 1, "records": 1, "converged": True, "exposure": 0.0} | self.stats)
+        shapes = {c.name: (height, width, 3) if c.components == 3 else (height, width) for c in CHANNELS.values()}
+        shapes |= {f.name: (1, 3) for f in fields(Frame) if f.name.startswith("records_")}
+        arrays: dict[str, Any] = {name: np.ones(shape, "f4") for name, shape in shapes.items()}
+        stats: Any = {"rounds": 1, "records": 1, "converged": True, "exposure": 0.0} | self.stats
+        return Frame(**arrays, stats=stats)
 
 
 @pytest.fixture

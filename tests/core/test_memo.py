@@ -12,10 +12,15 @@ from irrsplat.scene.model import Mesh, Scene
 
 
 def test_a_result_holds_until_its_inputs_differ() -> None:
-    memo, made = Memo(), []
+    memo = Memo()
+    made: list[tuple[object, ...]] = []
 
     def get(*inputs: object) -> object:
-        return memo.get("stage", inputs, lambda: made.append(inputs) or object())
+        def make() -> object:
+            made.append(inputs)
+            return object()
+
+        return memo.get("stage", inputs, make)
 
     first = get(1, (2.0, "x"))
     assert get(1, (2.0, "x")) is first and memo.get("stage", (1, (2.0, "x")), object) is first

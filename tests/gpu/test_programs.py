@@ -70,10 +70,10 @@ def unlit(ctx: moderngl.Context) -> Iterator[Owner]:
         yield CoveragePass(ctx, gradients)
         for neighbours in (False, True):
             yield RadiusLimitPass(ctx, gradients, neighbours)
-    for kind in (ShadowPass, VisibilityPass, SurfaceViewPass):
-        yield kind(ctx)
-    for kind in (GBufferPass, ExaminePass, CompositePass, MeanPass, UpsamplePass):
-        yield kind(ctx, SIZE)
+    for simple in (ShadowPass, VisibilityPass, SurfaceViewPass):
+        yield simple(ctx)
+    for sized in (GBufferPass, ExaminePass, CompositePass, MeanPass, UpsamplePass):
+        yield sized(ctx, SIZE)
 
 
 def linked(ctx: moderngl.Context, passes: Iterator[Owner]) -> set[str]:

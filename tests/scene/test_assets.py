@@ -88,7 +88,7 @@ def write(tmp_path: Path):
     return write
 
 
-EVERY = {
+EVERY: dict[str, Any] = {  # file name: content
     "a.obj": "".join("v {:g} {:g} {:g}\n".format(*p) for p in POINTS) + "".join("f {} {} {}\n".format(*(f + 1)) for f in FACES),
     "a.ply": PLY,
     "a.stl": stl(),

@@ -131,7 +131,7 @@ def test_no_path_leads_through_an_invalid_camera() -> None:
     rng = np.random.default_rng(5)
     for i in range(120):
         spread = (lambda: 1.0, lambda: 10.0 ** rng.uniform(-12, 12))[i % 2]
-        keys = []
+        keys: list[Camera] = []
         while len(keys) < 3:
             eye, gaze, up = (rng.integers(-1, 2, 3) * spread() for _ in range(3))
             try:

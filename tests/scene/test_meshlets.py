@@ -137,7 +137,7 @@ def test_meshlets_follow_what_moves(ctx: moderngl.Context) -> None:
     look = Look(ctx, "curved")
     before = look()
     vertices, faces, _ = flatten(look.scene)
-    vertices[: len(vertices) // 2, :3] += np.float32([0.3, 0.2, -0.4])
+    vertices[: len(vertices) // 2, :3] += np.array([0.3, 0.2, -0.4], np.float32)
     look.geometry.update(vertices, faces)
     after = look()
     look.lit.world.geometry = Geometry(ctx, vertices, faces)

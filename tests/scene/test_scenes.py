@@ -83,7 +83,7 @@ def test_names_paths_and_what_is_neither(tmp_path, monkeypatch):
 def test_cornell_is_the_measured_box():
     # published: floor 552.8 wide in front, ceiling at 548.8, back wall at 559.2; the camera's film 0.025 behind 0.035
     scene = load("cornell")
-    np.testing.assert_allclose(scene.bounds, [[0, 0, 0], [5.56, 5.488, 5.592]], atol=1e-6)
+    np.testing.assert_allclose(scene.bounds, np.array([[0, 0, 0], [5.56, 5.488, 5.592]]), atol=1e-6)
     camera = scene.camera()
     assert camera.eye == (2.78, 2.73, -8.0)
     assert camera.fov == pytest.approx(2 * math.degrees(math.atan(0.0125 / 0.035)), abs=1e-3)
@@ -162,6 +162,7 @@ def lights_up(scene: Scene, lamp: Light, points: np.ndarray) -> np.ndarray:
     """(N,) whether a spot lights points (N, 3): they lie in its cone, and nothing is between."""
     towards = points - np.array(lamp.position)
     far = np.linalg.norm(towards, axis=1)
+    assert lamp.spot_target is not None
     axis = unit(np.subtract(lamp.spot_target, lamp.position))
     in_cone = unit(towards) @ axis > math.cos(math.radians(lamp.spot_cutoff))
     return in_cone & (first_hits(scene, np.array(lamp.position), unit(towards)) > 0.999 * far)
