@@ -18,6 +18,11 @@ if TYPE_CHECKING:
     import moderngl
 
 
+# GLSL uniforms by name: numbers, tuples, arrays and textures. Any, because a draw is handed them beside its own arguments; the
+# draw itself checks that every uniform of its shaders is there, and no other.
+Uniforms = dict[str, Any]
+
+
 @dataclass(frozen=True)
 class Channel:
     """One image buffer: its name, number of components, unit, how it is shown, and what it is."""
@@ -111,7 +116,7 @@ class ShadowMaps:
     layout: tuple[float, float, float]
 
     @property
-    def uniforms(self) -> dict[str, Any]:
+    def uniforms(self) -> Uniforms:
         """The uniforms that shaders/lighting/lights.glsl declares."""
         return {
             "light_table": self.table,
@@ -133,9 +138,9 @@ class HitLight:
     """
 
     shadows: ShadowMaps
-    surface: Mapping[TriangleOrder, Mapping[str, Any]] | None = None
+    surface: Mapping[TriangleOrder, Uniforms] | None = None
 
-    def uniforms(self, order: TriangleOrder) -> dict[str, Any]:
+    def uniforms(self, order: TriangleOrder) -> Uniforms:
         """The uniforms of both, for a gather that numbers triangles in this order."""
         return {**self.shadows.uniforms, **(self.surface[order] if self.surface is not None else {})}
 
@@ -221,7 +226,7 @@ class Records:
         return width, height
 
     @property
-    def uniforms(self) -> dict[str, Any]:
+    def uniforms(self) -> Uniforms:
         """The uniforms with which shaders/records/record.glsl reads them."""
         samplers = {f"records_{name}": texture for name, texture in self.textures.items()}
         return {**samplers, "luminance_floor": self.luminance_floor}

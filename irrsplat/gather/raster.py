@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import Atlas, HitLight, Sites
+from irrsplat.core.buffers import Atlas, HitLight, Sites, Uniforms
 from irrsplat.core.glsl import TABLE_COLUMNS, VIEW_ROWS
 from irrsplat.gather.hemicube import edge_table, faces, hemisphere_table
 from irrsplat.gather.look import Gather
@@ -122,7 +121,7 @@ class Views:
     near: float
 
     @property
-    def uniforms(self) -> dict[str, Any]:
+    def uniforms(self) -> Uniforms:
         """The uniforms of programs that draw every face of every record."""
         return {"views": self.texture, "faces": len(self.rows), "near": self.near}
 

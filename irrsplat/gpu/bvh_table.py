@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import moderngl
 import numpy as np
 
+from irrsplat.core.buffers import Uniforms
 from irrsplat.core.errors import InputError
 from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gpu.resource import Owner, Resource
@@ -64,7 +64,7 @@ class BvhTable(Owner):
         return self._tables.order
 
     @property
-    def ray_uniforms(self) -> dict[str, Any]:
+    def ray_uniforms(self) -> Uniforms:
         """The uniforms of shaders/lib/bvh.glsl."""
         tables = self._tables
         return {
@@ -76,7 +76,7 @@ class BvhTable(Owner):
         }
 
     @property
-    def uniforms(self) -> dict[str, Any]:
+    def uniforms(self) -> Uniforms:
         """The same, and the table of the vertices' normals and materials."""
         return self.ray_uniforms | {"looks": self._tables.looks}
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import moderngl
 import numpy as np
 
+from irrsplat.core.buffers import Uniforms
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import table_texture
 from irrsplat.gpu.texel_table import table_rows
@@ -39,7 +38,7 @@ class MeshletGeometry(Owner):
         self.triangle_table.write(table_rows(np.column_stack([faces[order], order])[:, None].astype("f4")).tobytes())
 
     @property
-    def uniforms(self) -> dict[str, Any]:
+    def uniforms(self) -> Uniforms:
         """The uniforms by which shaders/gather/raster_shade.frag finds the triangle that a texel sees."""
         return {"triangle_table": self.triangle_table, "vertex_table": self.vertex_table}
 
@@ -72,7 +71,7 @@ class Geometry(Owner):
         self.parts = {"all": (0, total), "closed": (0, split), "open": (split, total - split)}
 
     @property
-    def uniforms(self) -> dict[str, Any]:
+    def uniforms(self) -> Uniforms:
         """The uniforms with which shaders/lib/surface.glsl finds a triangle's normal."""
         return {"face_planes": self.planes}
 

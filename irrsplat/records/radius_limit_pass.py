@@ -6,11 +6,11 @@ Records farther apart than COMPARED_WITHIN radii a·R are not compared; a grid o
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Any
 
 import moderngl
 import numpy as np
 
+from irrsplat.core.buffers import Uniforms
 from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gpu import texel_table
 from irrsplat.gpu.program import DrawState, Program
@@ -133,7 +133,7 @@ class _Grid(Owner):
         return (self.edges, self.starts, self.places)
 
     @property
-    def uniforms(self) -> dict[str, Any]:
+    def uniforms(self) -> Uniforms:
         """Those of records/point_grid.glsl."""
         return {
             "grid_edges": self.edges,

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
+from irrsplat.core.buffers import Uniforms
 from irrsplat.scene.model import Camera
 from irrsplat.settings import IN_FRONT, LEAST_ERROR, Settings
 
@@ -15,7 +14,7 @@ def record_defines(gradients: bool) -> dict[str, object]:
     return {"GRADIENTS": int(gradients), "LEAST_ERROR": LEAST_ERROR, "IN_FRONT": IN_FRONT}
 
 
-def record_uniforms(settings: Settings) -> dict[str, Any]:
+def record_uniforms(settings: Settings) -> Uniforms:
     """The uniforms by which shaders/records/weight.glsl and record.glsl know the settings."""
     return {
         "a": settings.a,
@@ -67,7 +66,7 @@ def view_radius(R: np.ndarray | float, distance: np.ndarray | float, camera: Cam
     return np.minimum(r, settings.radius_max * percent) if settings.radius_max > 0.0 else r
 
 
-def view_radius_uniforms(camera: Camera, settings: Settings) -> dict[str, Any]:
+def view_radius_uniforms(camera: Camera, settings: Settings) -> Uniforms:
     """The uniforms of shaders/records/view_radius.glsl apart from those of the records."""
     screen = camera.screen
     return {

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass, replace
-from typing import Any
 
 import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import GBuffer, HitLight, ShadowMaps, Sites, TriangleOrder
+from irrsplat.core.buffers import GBuffer, HitLight, ShadowMaps, Sites, TriangleOrder, Uniforms
 from irrsplat.gather.look import gather_records
 from irrsplat.gather.record_frame import OFFSET, tangent_frames
 from irrsplat.gather.reduce import ReducePass
@@ -150,7 +149,7 @@ class SurfaceCache(Owner):
             return Sites(nowhere, nowhere, nowhere)
         return records.sites(slice(FIRST_SITE, records.count))
 
-    def uniforms(self, table: LookupTable | None = None) -> dict[TriangleOrder, dict[str, Any]]:
+    def uniforms(self, table: LookupTable | None = None) -> dict[TriangleOrder, Uniforms]:
         """The uniforms of shaders/surface_cache/lookup.glsl and lib/bvh.glsl for triangles numbered either way, with this table
         or else with that in use."""
         table = table or self.lookup

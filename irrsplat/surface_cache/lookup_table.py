@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import TriangleOrder
+from irrsplat.core.buffers import TriangleOrder, Uniforms
 from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import table_texture
@@ -32,7 +30,7 @@ class LookupTable(Owner):
         """What this frees."""
         return (self.cells, self.values, self.triangles, self.leaves)
 
-    def uniforms(self, order: TriangleOrder) -> dict[str, Any]:
+    def uniforms(self, order: TriangleOrder) -> Uniforms:
         """The uniforms, for shaders that number triangles in this order."""
         return {
             "surface_triangles": self.leaves if order == "tree" else self.triangles,

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import moderngl
 
-from irrsplat.core.buffers import GBuffer
+from irrsplat.core.buffers import GBuffer, Uniforms
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
@@ -25,7 +22,7 @@ class SurfaceViewPass(Owner):
         """What this frees."""
         return (self.program, self.target)
 
-    def __call__(self, gbuffer: GBuffer, surface: Mapping[str, Any]) -> moderngl.Texture:
+    def __call__(self, gbuffer: GBuffer, surface: Uniforms) -> moderngl.Texture:
         """RGBA32F texture of indirect irradiance in W/m²; a: 1 where a surface is seen, else 0. It is this pass's own.
 
         surface: the cache's uniforms for triangles numbered as in the scene.

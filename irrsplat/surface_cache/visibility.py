@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import moderngl
 import numpy as np
 
+from irrsplat.core.buffers import Uniforms
 from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
@@ -31,7 +29,7 @@ class VisibilityPass(Owner):
         """What this frees."""
         return (self.program, self.lines, self.target)
 
-    def __call__(self, rays: Mapping[str, Any], lines: np.ndarray) -> np.ndarray:
+    def __call__(self, rays: Uniforms, lines: np.ndarray) -> np.ndarray:
         """(N,) True where nothing is in the way from lines[:, 0] by lines[:, 1] to lines[:, 2], (N, 3, 3) in metres.
 
         rays: the uniforms of shaders/lib/bvh.glsl, as BvhTable.ray_uniforms has them.

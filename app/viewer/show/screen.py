@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import GBuffer
+from irrsplat.core.buffers import GBuffer, Uniforms
 from irrsplat.core.color import srgb
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
@@ -79,7 +78,7 @@ def clear(target: Target, colour: tuple[float, float, float], region: Region | N
     target.gl.clear(*colour, 1.0, viewport=region)
 
 
-def view_uniforms(target: Target, gbuffer: GBuffer, camera: Camera) -> dict[str, Any]:
+def view_uniforms(target: Target, gbuffer: GBuffer, camera: Camera) -> Uniforms:
     """The uniforms of shaders/viewer/markers/hidden.glsl and of all that draws in the view; the matrix clips nothing with
     depth clamp on."""
     width, height = gbuffer.position.size
