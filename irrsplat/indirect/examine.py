@@ -1,8 +1,8 @@
-"""The examination: finds pixels that no record speaks for, or that records do not agree about, and chooses where to make records
-(Jones 2010, section 2.3).
+"""The examination: finds pixels that need a record, since no record reaches them or records contradict each other there (Jones
+2010, section 2.3).
 
-The screen is cut into tiles of a hundredth of its height, whose worst served pixels come back as one small table; from
-that, sites are chosen coarse to fine, so that those of one round lie apart.
+The screen is cut into tiles of a hundredth of its height. The GPU finds the pixel of least weight in each tile; these come back as
+one small table, from which site_selection.py chooses the sites of a round.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ class ExaminePass(Owner):
 
 
 def _stride(count: int) -> int:
-    """A number coprime to `count`, near its golden section, so that steps by it visit all and hop about."""
+    """A number coprime to `count`, near its golden section: steps by it visit all places, and successive ones lie apart."""
     wanted = max(1, round(0.618 * count))
     return next(n for n in range(wanted, wanted + count + 1) if math.gcd(n, count) == 1)
 

@@ -1,4 +1,4 @@
-"""Which of the tiles that ask get a record in this round: coarse to fine, on a chessboard."""
+"""Which of the tiles that need a record get one in this round: coarse to fine, on a chessboard."""
 
 from __future__ import annotations
 
@@ -6,14 +6,14 @@ import math
 
 import numpy as np
 
-_FEW = 256  # tiles; so few are asked for in one round
+_FEW = 256  # tiles that need a record: so few are served at once, without going from coarse to fine
 
 
 def spacing(step: int, reach: float, asking: int) -> tuple[int, int]:
-    """The spacing in tiles, and the colour of the chess board (-1: both), for a view's step 0, 1, 2, …
+    """The width in tiles of the chessboard's squares, and the colour to use (-1: both), for a view's step 0, 1, 2, …
 
-    From squares as wide as the farthest reach of a record (`reach`, in tiles) down to single tiles, two steps each; where
-    few tiles are `asking`, as after a small move of the camera, at once.
+    The squares shrink from the farthest reach of a record (`reach`, in tiles) to single tiles, with two steps for each width. If
+    only few tiles are `asking`, as after a small move of the camera, they are small from the start.
     """
     if asking < _FEW:
         return (2, -1) if step == 0 else (1, -1)
@@ -23,10 +23,10 @@ def spacing(step: int, reach: float, asking: int) -> tuple[int, int]:
 
 
 def choose(asking: np.ndarray, spacing: int, phase: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """At most one asking tile in every other square of `spacing` tiles: (rows, columns).
+    """The (rows, columns) of the chosen tiles: one at random in each square of the chessboard that has any with asking > 0.
 
-    The squares are taken like the fields of a chess board, `phase` 0 or 1 the colour (-1: both); of a square, a tile
-    drawn at random asks. They come in random order, so that the first few are spread over the screen.
+    spacing: the width of a square in tiles. phase: the colour of the squares, 0 or 1 (-1: both). The tiles come in random order,
+    so that the first few are spread over the screen.
     """
     height, width = asking.shape
     rows, columns = np.nonzero(asking > 0)

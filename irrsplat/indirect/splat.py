@@ -1,4 +1,4 @@
-"""Splatting: every record adds its share to the pixels that it speaks for (Jones 2010, sections 2.2 and 3.5)."""
+"""Splatting: every record adds its weighted irradiance to the pixels within its reach (Jones 2010, sections 2.2 and 3.5)."""
 
 from __future__ import annotations
 

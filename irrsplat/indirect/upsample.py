@@ -1,4 +1,4 @@
-"""From splats of every other pixel to all of them, along surfaces: a joint bilateral upsampling (Kopf et al. 2007)."""
+"""Upsampling of sums from every other pixel to all pixels, along surfaces: joint bilateral (Kopf et al. 2007)."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from irrsplat.scene.model import Camera
 class UpsamplePass(Owner):
     """Brings sums made at every other pixel of a view of `size` (width, height) to all of them.
 
-    Most pixels lie between four neighbours of one surface, and take what a linear filter makes of these. The others are marked in
-    the depth buffer, so that a second draw need not look at the rest, and take what they find of their surface farther around.
+    Most pixels lie between four coarse pixels of one surface, and take the linear interpolation of these. The others are marked
+    in the depth buffer, so that a second draw reaches them alone; they search sixteen coarse pixels for those on their own surface.
     """
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:

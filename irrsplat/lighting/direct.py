@@ -1,4 +1,4 @@
-"""Direct light from the eye, shadow mapped and antialiased by dithered samples (Jones 2010, section 2.4)."""
+"""Direct light at every pixel of a view, with shadow maps that are antialiased by dithered samples (Jones 2010, section 2.4)."""
 
 from __future__ import annotations
 
@@ -25,17 +25,20 @@ class DirectPass(Owner):
         return (self.program, self.target)
 
     def fit(self, lights: Mapping[str, int]) -> None:
-        """Lights are of these kinds from now on."""
+        """Draw for lights of these kinds, as light_defines has them, from now on."""
         if lights != self.lights:
             self.lights = lights
             self.program.release()
             self.program = Program(self.target.ctx, "lighting/direct", "lib/fullscreen", lights)
 
     def __call__(
-        self, gbuffer: GBuffer, shadows: ShadowMaps, turn: float = 0.0, target: Target | None = None
+        self, gbuffer: GBuffer, shadows: ShadowMaps, rotation: float = 0.0, target: Target | None = None
     ) -> moderngl.Texture:
-        """ρ/π·E_direct as an RGBA32F texture, the target's (default: this pass's own). turn: of the shadow samples, radians."""
+        """ρ/π·E_direct as an RGBA32F texture, the target's (default: this pass's own).
+
+        rotation: of the pattern of shadow samples, radians.
+        """
         target = target or self.target
         g = gbuffer
-        self.program(target, position=g.position, normal=g.normal, albedo=g.albedo, turn=turn, **shadows.uniforms)
+        self.program(target, position=g.position, normal=g.normal, albedo=g.albedo, rotation=rotation, **shadows.uniforms)
         return target.textures[0]

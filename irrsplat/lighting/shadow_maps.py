@@ -12,8 +12,8 @@ from irrsplat.gpu.target import Target
 from irrsplat.lighting.light_table import light_table, sheet
 from irrsplat.scene.model import Scene
 
-# Front faces are culled, the paper's cure for acne, where the far side of a closed mesh stands for them. That alone leaks
-# where the far side touches what it shades, a box on the floor: so the front faces are drawn as well, pushed back.
+# Of closed meshes the back faces are drawn, the paper's remedy for shadow acne. Alone they leak light where a mesh touches what
+# it shades, as a box on the floor: so the front faces are drawn as well, pushed back a little.
 _DRAWS = (
     ("open", DrawState(depth="<", depth_clamp=True)),
     ("closed", DrawState(depth="<", depth_clamp=True, cull="front")),
@@ -34,7 +34,7 @@ class ShadowPass(Owner):
         return (self.program, self.target)
 
     def __call__(self, scene: Scene, geometry: Geometry, side: int) -> ShadowMaps:
-        """Every light's tiles, `side` texels square, and the table that lights.glsl reads; InputError for too many lights."""
+        """The shadow maps of all lights in tiles of `side` texels square, and the light table; InputError for too many lights."""
         lights = light_table(scene, side)
         columns, lines = sheet(len(lights.tiles), side, int(self.ctx.info["GL_MAX_TEXTURE_SIZE"]))
         if self.target is not None:

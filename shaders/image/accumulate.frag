@@ -1,4 +1,4 @@
-// One more sample of every pixel: what is seen there beside its centre, blended into the mean of all samples so far.
+// Antialiasing: one more sample of every pixel, beside its centre, is blended into the mean of the samples so far.
 #include "generated/constants.glsl"
 
 uniform sampler2D position;  // the sample's g-buffer
@@ -7,17 +7,18 @@ uniform sampler2D emission;
 uniform sampler2D direct;
 uniform sampler2D sums;      // its Σ k·E, Σ k
 uniform sampler2D centre;    // the same of the pixels' centres
-uniform vec2 blend;          // weights of direct and indirect
+uniform vec2 blend;          // weights of direct and indirect light
 uniform vec3 sky;
-uniform float share;         // of the sample in the mean: 1/n of the n-th
+uniform float share;         // weight of this sample in the mean: 1/n for the n-th
 
-layout(location = 0) out vec4 out_image;  // a, by which they are blended: the share
+layout(location = 0) out vec4 out_image;  // a: the share, which the draw blends by
 layout(location = 1) out vec4 out_direct;
 layout(location = 2) out vec4 out_indirect;
 layout(location = 3) out vec4 out_emission;
 
-// No record speaks for a place that no pixel's centre asked for: those around it are asked, then the pixel's own centre.
-vec4 borrowed(ivec2 pixel)
+// The sums for a sample that no record reaches, since records are made for pixels' centres alone: the sums of the samples around
+// it, or else those of the pixel's own centre.
+vec4 neighbouring_sums(ivec2 pixel)
 {
     ivec2 last = textureSize(sums, 0) - 1;
     vec4 s = vec4(0.0);
@@ -33,7 +34,7 @@ void main()
     if (texelFetch(position, pixel, 0).w > 0.0)
     {
         vec4 s = texelFetch(sums, pixel, 0);
-        if (s.a <= 0.0) s = borrowed(pixel);
+        if (s.a <= 0.0) s = neighbouring_sums(pixel);
         indirect = texelFetch(albedo, pixel, 0).rgb * INV_PI * (s.a > 0.0 ? s.rgb / s.a : vec3(0.0));
         direct_light = texelFetch(direct, pixel, 0).rgb;
         own = texelFetch(emission, pixel, 0).rgb;

@@ -1,12 +1,12 @@
-// The sums become irradiance, and with direct light, emission and sky the picture, all in one radiometric unit.
+// The picture: irradiance from the sums, and with it the outgoing radiance of direct light, indirect light, emission and sky.
 #include "generated/constants.glsl"
 
 uniform sampler2D position;  // g-buffer
 uniform sampler2D albedo;
 uniform sampler2D emission;
 uniform sampler2D direct;
-uniform sampler2D sums;      // Σ k·E, Σ k (or E and 1, where it was smoothed)
-uniform vec2 blend;          // weights of direct and indirect
+uniform sampler2D sums;      // Σ k·E, Σ k; after smoothing E and 1
+uniform vec2 blend;          // weights of direct and indirect light
 uniform vec3 sky;
 
 layout(location = 0) out vec4 out_image;

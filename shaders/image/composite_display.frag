@@ -1,4 +1,4 @@
-// What the screen shows: exposure, a filmic curve, sRGB.
+// The image as a screen shows it: exposed, through the filmic curve, sRGB-encoded.
 #include "lib/display.glsl"
 
 uniform sampler2D image;

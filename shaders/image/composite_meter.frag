@@ -1,8 +1,8 @@
-// The exposure meter: log luminance of a block of the image, and how many of its pixels are lit at all.
+// The exposure meter: the sum of the log₂ luminances of a block of the image's pixels, and the number of those that are not black.
 #include "generated/constants.glsl"
 
 uniform sampler2D image;
-uniform ivec2 block;
+uniform ivec2 block;  // width and height in pixels
 
 layout(location = 0) out vec2 out_log;
 

@@ -1,4 +1,4 @@
-// The paper's second cure for its artefacts: indirect light smoothed along the surface, not across its edges.
+// Indirect light smoothed along surfaces, not across their edges: the paper's second remedy for its artefacts.
 uniform sampler2D position;  // g-buffer
 uniform sampler2D normal;
 uniform sampler2D sums;      // Σ k·E, Σ k
@@ -13,7 +13,7 @@ void main()
     vec4 p = texelFetch(position, pixel, 0);
     out_sums = vec4(0.0);
     if (p.w == 0.0) return;
-    // neighbours count as far as they lie in the pixel's tangent plane and share its normal
+    // neighbours count the more, the closer they are to the pixel's tangent plane and to its normal
     vec3 n = texelFetch(normal, pixel, 0).xyz;
     float thickness = 2.0 * float(smooth_radius) * pixel_size * p.w, sigma = 0.5 * float(smooth_radius);
     vec4 total = vec4(0.0);
@@ -24,8 +24,8 @@ void main()
             vec4 q = texelFetch(position, other, 0), s = texelFetch(sums, other, 0);
             if (q.w == 0.0 || s.a <= 0.0) continue;
             float off = dot(q.xyz - p.xyz, n) / thickness;
-            float alike = max(dot(texelFetch(normal, other, 0).xyz, n), 0.0);
-            float w = exp(-0.5 * float(x * x + y * y) / (sigma * sigma) - 4.0 * off * off) * pow(alike, 32.0);
+            float cosine = max(dot(texelFetch(normal, other, 0).xyz, n), 0.0);
+            float w = exp(-0.5 * float(x * x + y * y) / (sigma * sigma) - 4.0 * off * off) * pow(cosine, 32.0);
             total += w * vec4(s.rgb / s.a, 1.0);
         }
     if (total.a > 0.0) out_sums = vec4(total.rgb / total.a, 1.0);

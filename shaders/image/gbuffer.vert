@@ -1,4 +1,4 @@
-// The scene from the eye.
+// The scene as the camera sees it.
 in vec3 in_position;
 in vec3 in_normal;
 in vec3 in_albedo;

@@ -1,6 +1,6 @@
-// Surfaces are two-sided: normals are turned to whoever looks.
+// Surfaces are two-sided: normals are turned to the side they are seen from.
 
-// The interpolated normal, unit, on the same side of the surface as the geometric normal g.
+// The interpolated normal n made unit and turned to the side of the surface that the geometric normal g points to.
 vec3 shading_normal(vec3 n, vec3 g)
 {
     float size = length(n);

@@ -1,4 +1,4 @@
-// A unit vector in two numbers: the octahedral map (Meyer et al. 2010, "On Floating-Point Normal Vectors").
+// Unit vectors in two numbers in -1..1: the octahedral map (Meyer et al. 2010, "On Floating-Point Normal Vectors").
 vec2 octahedral_encode(vec3 v)
 {
     v /= abs(v.x) + abs(v.y) + abs(v.z);

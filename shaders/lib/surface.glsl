@@ -1,4 +1,4 @@
-// Which way a surface faces.
+// The planes of triangles.
 #include "lib/normals.glsl"
 #include "lib/table.glsl"
 

@@ -1,10 +1,10 @@
-// The scene as one light's tile sees it: depth alone.
+// The scene as one tile of a light's shadow map sees it; only depth is drawn.
 in vec3 in_position;
 
 uniform vec4 tile_right;    // rows of tile from world, dotted with (p, 1)
 uniform vec4 tile_up;
 uniform vec4 tile_forward;
-uniform float tile_near;    // metres; 0 for a parallel tile, whose depth is already 0..1
+uniform float tile_near;    // distance of the near plane, metres; 0 for a parallel tile, whose depth is 0..1 already
 
 void main()
 {
