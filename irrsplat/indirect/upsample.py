@@ -17,7 +17,7 @@ class UpsamplePass(Owner):
     """Brings sums made at every other pixel of a view of `size` (width, height) to all of them.
 
     Most pixels lie between four coarse pixels of one surface, and take the linear interpolation of these. The others are marked
-    in the depth buffer, so that a second draw reaches them alone; they search sixteen coarse pixels for those on their own surface.
+    in the depth buffer, so that a second draw reaches them alone; they search sixteen coarse pixels for those on their surface.
     """
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
