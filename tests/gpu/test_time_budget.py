@@ -135,3 +135,9 @@ def test_without_an_end_everything_is_done_at_once(machine: Callable[..., Machin
     assert made.sizes == [1000, 1000, 500]
     made.tick(-1.0, 100)
     assert made.sizes[3:] and made.sizes[3] >= 1, "at least one item, although the budget is over"
+
+
+@pytest.mark.parametrize(("share", "reserve", "seconds"), [(1.0, 0.0, 100.0), (0.5, 40.0, 30.0), (1.0, 90.0, 20.0)])
+def test_a_part_keeps_the_reserve_but_has_a_fifth_of_the_tick(share: float, reserve: float, seconds: float) -> None:
+    assert Budget(100.0).part(share, reserve).left == pytest.approx(seconds, abs=1.0)
+    assert not Budget(None).part(share, reserve).limited

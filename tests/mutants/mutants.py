@@ -428,7 +428,7 @@ CORE = (
         "irrsplat/indirect/record_gatherer.py",
         "                self.cache.truncate(first)  # they hold nothing\n",
         "",
-        ("tests/renderer/test_interrupts.py",),
+        ("tests/renderer/test_interrupts.py::test_a_gather_that_fails_leaves_no_record_without_values",),
     ),
     Mutant(
         "a failed write leaves its part",
@@ -456,7 +456,7 @@ CORE = (
         "irrsplat/gpu/time_budget.py",
         "share * (self.left - reserve)",
         "share * self.left",
-        ("tests/gpu/test_time_budget.py",),
+        ("tests/gpu/test_time_budget.py::test_a_part_keeps_the_reserve_but_has_a_fifth_of_the_tick",),
     ),
     Mutant(
         "the slower gather is taken",

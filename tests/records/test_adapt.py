@@ -206,6 +206,8 @@ def test_turned_off_and_on_again() -> None:
         limits = np.frombuffer(renderer.cache.records.textures["limit"].read(), "f4")
         assert (limits < 1.0).any()
         renderer.change(replace(renderer.settings, adapt=0.0))
+        renderer.frame()
+        assert (renderer.cache.limits(renderer.cache.count) == 1.0).all(), "of the records that were there, too"
         renderer.forget()
         after = renderer.render()
     assert np.array_equal(after.records_position, before.records_position)

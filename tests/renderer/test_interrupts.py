@@ -19,6 +19,7 @@ import pytest
 import irrsplat
 from irrsplat import Renderer
 from irrsplat.gpu.target import pixels
+from irrsplat.indirect import record_gatherer
 from tests.renderer.test_move import BOX, shift
 from tests.renderer.test_renderer import FAST, room
 from tests.support.worlds import lamp
@@ -122,3 +123,16 @@ def test_what_counts_as_current_is(ctx: moderngl.Context, act: Callable[[Rendere
             gathered_again = at_rest(renderer)["records"][:count]
             off = np.abs(found["records"] - gathered_again).max() / gathered_again.mean()
             assert off < (0.1 if act is act_move else 0.005), f"line {number}: records"  # a move renews what it changes enough
+
+
+def test_a_gather_that_fails_leaves_no_record_without_values(ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise MemoryError
+
+    with Renderer(room(), SIZE, ctx=ctx, **{**FAST, "gather": "trace", "bounces": 1}) as renderer:
+        with monkeypatch.context() as patch, pytest.raises(MemoryError):
+            patch.setattr(record_gatherer, "gather_records", fail)
+            renderer.frame()
+        assert renderer.cache.count == 0
+        renderer.frame()
+        assert renderer.cache.count > 0

@@ -69,7 +69,8 @@ def test_faces_with_and_without_normals_live_in_one_file(write):
 def test_face_forms_polygons_and_negative_indices(tmp_path):
     # a pentagon is a fan of three; -1 is the last vertex *above the face*, here the fifth, although a sixth follows
     vertices = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv .5 2 0\nv 0 1 0\n"
-    text = vertices + "vn 0 0 1\nvt 0 0\nf 1/1 2/1 3/1\nf 1//-1 2//-1 3//-1\nf 1/1/1 2/1/1 3/1/1\nf -5 -4 -3 -2 -1\nv 9 9 9\n"
+    text = vertices + "vn 0 0 1\nvt 0 0\nvt 1 1\nf 1/1 2/1 3/1\nf 1//-1 2//-1 3//-1\nf 1/2/1 2/2/1 3/2/1\nf -5 -4 -3 -2 -1\n"
+    text += "v 9 9 9\n"
     (tmp_path / "a.obj").write_text(text)
     shape = load_obj(tmp_path / "a.obj")
     assert shape.corners.tolist() == [[0, 1, 2]] * 3 + [[0, 1, 2], [0, 2, 3], [0, 3, 4]]
