@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 import irrsplat
+from irrsplat.app import cli
 from irrsplat.core.buffers import CHANNELS
 from irrsplat.image.frame import Frame
 
@@ -66,3 +67,26 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "triangle.obj").write_text(TRIANGLE)
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+@pytest.fixture
+def refused(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
+    """Runs a command line in `tmp_path` that must fail with `status`, one line on stderr, nothing on stdout, and no file written;
+    returns the line."""
+    monkeypatch.chdir(tmp_path)
+
+    def files() -> dict[Path, bytes | None]:
+        return {path: path.read_bytes() if path.is_file() else None for path in tmp_path.rglob("*")}
+
+    def run(argv: list[str], status: int = 2) -> str:
+        before = files()
+        assert cli.main(argv) == status
+        out, err = capsys.readouterr()
+        assert out == ""
+        assert err.count("\n") == 1 and err.endswith("\n"), err
+        assert err.startswith("irrsplat: ")
+        assert "Traceback" not in err
+        assert files() == before
+        return err
+
+    return run

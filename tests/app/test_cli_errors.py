@@ -11,29 +11,11 @@ from typing import Any
 import pytest
 
 import irrsplat
-from irrsplat.app import cli, flags
+from irrsplat.app import flags
 from irrsplat.core.errors import GLError, InputError
 from irrsplat.gpu import context
 
 RENDER = ["render", "plain.scene", "-o", "a.png"]
-
-
-@pytest.fixture
-def refused(place: Path, capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
-    """Runs a command line that must fail with `status`, one line on stderr, nothing on stdout, and no new file."""
-
-    def run(argv: list[str], status: int = 2) -> str:
-        before = sorted(place.rglob("*"))
-        assert cli.main(argv) == status
-        out, err = capsys.readouterr()
-        assert out == ""
-        assert err.count("\n") == 1 and err.endswith("\n"), err
-        assert err.startswith("irrsplat: ")
-        assert "Traceback" not in err
-        assert sorted(place.rglob("*")) == before
-        return err
-
-    return run
 
 
 @pytest.mark.parametrize(
@@ -101,7 +83,7 @@ def refused(place: Path, capsys: pytest.CaptureFixture[str]) -> Callable[..., st
     ],
 )
 def test_a_wrong_command_line_is_one_line_and_exit_status_2(
-    argv: list[str], words: str, refused: Callable[..., str], fake: Any
+    argv: list[str], words: str, refused: Callable[..., str], place: Path, fake: Any
 ) -> None:
     assert words in refused(argv)
 
@@ -121,7 +103,9 @@ def test_a_wrong_scene_is_one_line_before_any_notice(
     assert words in refused(RENDER)
 
 
-def test_outputs_are_tried_before_the_scene_is_loaded(refused: Callable[..., str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_outputs_are_tried_before_the_scene_is_loaded(
+    refused: Callable[..., str], place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def load(_: object) -> None:
         pytest.fail("the scene was loaded first")
 
@@ -140,7 +124,7 @@ def test_outputs_are_tried_before_the_scene_is_loaded(refused: Callable[..., str
     ],
 )
 def test_what_the_renderer_raises(
-    error: BaseException, status: int, words: str, refused: Callable[..., str], monkeypatch: pytest.MonkeyPatch
+    error: BaseException, status: int, words: str, refused: Callable[..., str], place: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(*_: object, **__: object) -> None:
         raise error
@@ -162,7 +146,7 @@ def test_what_the_renderer_raises(
     ],
 )
 def test_a_missing_module_is_one_line(
-    module: str, argv: list[str], refused: Callable[..., str], fake: Any, monkeypatch: pytest.MonkeyPatch
+    module: str, argv: list[str], refused: Callable[..., str], place: Path, fake: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its own command ends with its name; the other commands work without it."""
     for name in [module, *(name for name in sys.modules if name.startswith(f"{module}."))]:
@@ -174,7 +158,7 @@ def test_a_missing_module_is_one_line(
     assert flags.parse(["info"]).command == "info"
 
 
-def test_a_machine_without_gl(refused: Callable[..., str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_machine_without_gl(refused: Callable[..., str], place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def none(*_: object) -> None:
         raise GLError(context.advice("libGL.so not loaded"))
 
@@ -182,5 +166,5 @@ def test_a_machine_without_gl(refused: Callable[..., str], monkeypatch: pytest.M
     assert "libgl1" in refused(RENDER, 1)
 
 
-def test_beyond_the_gl_limit(refused: Callable[..., str]) -> None:
+def test_beyond_the_gl_limit(refused: Callable[..., str], place: Path) -> None:
     assert "limit" in refused([*RENDER, "--size", "1000000", "1"])

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from irrsplat.app import cli
 from irrsplat.app.bench import compare
 
 
@@ -61,17 +61,11 @@ def test_noise(then: list[float], now: list[float], word: str) -> None:
         "\udcff",
     ],
 )
-def test_a_foreign_file_is_refused_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str) -> None:
+def test_a_foreign_file_is_refused_in_one_line(tmp_path: Path, refused: Callable[..., str], text: str) -> None:
     path = tmp_path / "then.json"
     path.write_text(text, encoding="utf-8", errors="surrogateescape")
-    assert cli.main(["bench", "--compare", str(path)]) == 2
-    out, err = capsys.readouterr()
-    assert out == "" and err.count("\n") == 1 and str(path) in err
-
-
-def test_a_missing_file_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["bench", "--compare", str(tmp_path / "none.json")]) == 2
-    assert "cannot read" in capsys.readouterr().err
+    assert str(path) in refused(["bench", "--compare", str(path)])
+    assert "cannot read" in refused(["bench", "--compare", "none.json"])
 
 
 def test_a_file_of_before_is_read(tmp_path: Path) -> None:
