@@ -29,12 +29,12 @@ class Screen(Target):
         self.textures, self.depth = [], None
         self.gl = framebuffer
 
-    def use(self, viewport: Region | None = None, scissor: Region | None = None, keep: bool = False) -> None:
+    def use(self, viewport: Region | None = None, scissor: Region | None = None, depth_write: bool = True) -> None:
         """Bind for drawing, as Target.use."""
         self.gl.viewport = viewport or (0, 0, *self.size)
         self.gl.scissor = scissor  # type: ignore[assignment]
         self.gl.color_mask = (True,) * 4
-        self.gl.depth_mask = not keep
+        self.gl.depth_mask = depth_write
         self.gl.use()
 
     def release(self) -> None:
