@@ -71,14 +71,14 @@ def no_gl_errors(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     assert set(found) <= {"GL_NO_ERROR"}, f"this test left OpenGL errors: {found}"
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def one(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Driver]:
-    """A viewer of a small room, shared by the tests of a module."""
+    """A viewer of a small room, shared by all tests that do not open their own."""
     with viewing(write_room(tmp_path_factory.mktemp("room"))) as made:
         yield made
 
 
 @pytest.fixture
 def driver(one: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Driver]:
-    """The same as at first, at rest; it remembers and writes in `tmp_path`."""
+    """The same as when it was opened, at rest; what it writes goes to `tmp_path`."""
     yield from fresh(one, tmp_path, monkeypatch)

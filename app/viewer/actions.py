@@ -159,9 +159,10 @@ class Actions:
 
     def split(self) -> None:
         """Split the view the next way."""
-        way = SPLITS[(SPLITS.index(self.session.options.split) + 1) % len(SPLITS)]
+        ways = list(SPLITS)
+        way = ways[(ways.index(self.session.options.split) + 1) % len(ways)]
         self.session.split(way)
-        self.say({"off": "one picture", "buffers": "two buffers", "presets": "two presets"}[way], topic="split")
+        self.say(SPLITS[way], topic="split")
 
     def swap_preset(self) -> None:
         """Switch between the paper's algorithm and ours, on the side that keys change."""

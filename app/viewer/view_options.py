@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, field, fields
 from typing import Literal
 
 Split = Literal["off", "buffers", "presets"]
-SPLITS: tuple[Split, ...] = ("off", "buffers", "presets")
+SPLITS: dict[Split, str] = {"off": "one picture", "buffers": "two buffers", "presets": "two presets"}  # and their titles
 
 _SAVED = ("points", "discs", "normals", "by_age", "sites", "wire")  # of ViewOptions, from one session to the next
 _NOT_SAVED = ("help", "open", "hidden")  # of Panels

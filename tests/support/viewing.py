@@ -1,4 +1,4 @@
-"""The viewer in a window in memory, and hands on it: keys, mouse and text as they come from a user, frames in between."""
+"""The viewer in a window in memory, driven as by a user: keys, mouse and text come in, and frames pass in between."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ class Driver:
 
     def __init__(self, viewer: Viewer, values: SettingValues) -> None:
         self.viewer, self.wnd = viewer, viewer.wnd
-        self.values = values  # the settings that `reset` goes back to
+        self.values, self.source = values, viewer.actions.source  # that `reset` goes back to
         self.size = self.wnd.size
         self.modifiers = KeyModifiers()
         self.widgets: list[Widget] = []  # of the last frame
@@ -292,8 +292,18 @@ class Driver:
         self.press("ENTER")
         self.frame(2)
 
+    def split_presets(self) -> None:
+        """Two presets side by side, the right one (paper) with settings for a fast picture; at rest."""
+        self.session.split("presets")
+        self.quicken()
+        self.settle()
+
+    def quicken(self) -> None:
+        """Settings for a fast picture on the right side."""
+        self.session.change(1, warmup=20, a=0.8, gather_size=8, shadow_size=64)
+
     def reset(self) -> None:
-        """As at first: look, panels, camera, settings, lamps; nothing under the mouse, and at rest."""
+        """As when it was opened: options, panels, camera, settings, lamps; nothing under the mouse, and at rest."""
         actions, session = self.actions, self.session
         self.resize(self.size)
         self.viewer.controls.focus_changed(True)
@@ -301,6 +311,11 @@ class Driver:
         self.viewer.controls.mouse_released(0, 0, LEFT)
         self.viewer.controls.mouse_released(0, 0, RIGHT)
         session.split("off")
+        for renderer in session.renderers[1:]:
+            renderer.release()
+        session.renderers[1:] = []
+        if actions.source != self.source:
+            actions.open(self.source)
         actions.panels, actions.side, actions.screenshot_wanted = Panels(settings=False, hud=False), 0, ""
         actions.messages.lines.clear()
         session.options, session.held, session.path_recorder = ViewOptions(), None, PathRecorder()
@@ -357,7 +372,7 @@ def watched(driver: Driver) -> Iterator[None]:
 def viewing(
     source: str | Path, size: tuple[int, int] = SIZE, preferences: Preferences | None = None, **settings: Unpack[SettingValues]
 ) -> Iterator[Driver]:
-    """A viewer of the scene at `source`, with settings for fast pictures; closed in the end, nothing remembered."""
+    """A viewer of the scene at `source` with settings for fast pictures; closed at the end without saving preferences."""
     if preferences is None:
         preferences = Preferences(values={**FAST, **settings}, ui={"panels": {"settings": False, "hud": False}})
     wnd = open_window(size, headless=True)
@@ -372,7 +387,7 @@ def viewing(
 
 
 def fresh(driver: Driver, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Driver]:
-    """The driver as at first and at rest, its context current; it remembers and writes in `folder`."""
+    """The driver as when it was opened, at rest, its context current; what the viewer writes goes to `folder`."""
     monkeypatch.setenv("IRRSPLAT_CONFIG", str(folder / "config"))
     monkeypatch.setenv("IRRSPLAT_CACHE", str(folder / "cache"))
     monkeypatch.chdir(folder)

@@ -11,8 +11,6 @@ from irrsplat.app.viewer.view_options import SPLITS
 from irrsplat.scene import bundled
 from irrsplat.settings import PRESETS
 
-_SPLIT_WORDS = {"off": "one picture", "buffers": "two buffers", "presets": "two presets"}
-
 
 class Menus:
     """Draws the menu bar of the actions."""
@@ -90,8 +88,8 @@ class Menus:
                 imgui.set_item_tooltip(buffer.help)
         self._key("trace")
         imgui.separator_text("split")
-        for way in SPLITS:
-            if imgui.menu_item(_SPLIT_WORDS[way], "", options.split == way)[0]:
+        for way, title in SPLITS.items():
+            if imgui.menu_item(title, "", options.split == way)[0]:
                 self.actions.attempt(lambda way=way: self.actions.session.split(way))  # type: ignore[misc]
         self._key("split")
         imgui.separator_text("exposure")

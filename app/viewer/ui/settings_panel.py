@@ -71,8 +71,10 @@ class SettingsPanel:
         name, settings = actions.session.settings(actions.side)
         base = preset(name)
         changed = any(getattr(settings, key) != getattr(base, key) for key in SETTINGS)
-        imgui.set_next_item_width(self._width)
-        if imgui.begin_combo("preset", name + (" (changed)" if changed else "")):
+        shown = name + (" (changed)" if changed else "")
+        arrow = imgui.get_frame_height() + 2.0 * imgui.get_style().frame_padding.x
+        imgui.set_next_item_width(max(self._width, imgui.calc_text_size(shown).x + arrow))
+        if imgui.begin_combo("preset", shown):
             for one in PRESETS:
                 if imgui.selectable(one, one == name)[0]:
                     self._drafts.clear()

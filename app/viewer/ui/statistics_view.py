@@ -16,6 +16,7 @@ _INNER = 190.0  # width of plot and table
 _PLOT_HEIGHT = 40.0
 _PLOT_MS = 100.0  # milliseconds that the plot shows at least
 _MEAN = 20  # frames that the rate is the mean of
+_KEPT = 30  # frames that a stage's row stays after it ran
 
 
 class StatisticsView:
@@ -23,6 +24,7 @@ class StatisticsView:
 
     def __init__(self, actions: Actions, times: FrameTimes, layout: Layout) -> None:
         self.actions, self.times, self.layout = actions, times, layout
+        self._frames_since: dict[str, int] = {}  # that a stage of the table ran
 
     def draw(self) -> None:
         """Draw it where it is open."""
@@ -73,14 +75,18 @@ class StatisticsView:
         draw_tracing(actions)
 
     def _stages(self) -> None:
+        """Draw a row for each stage; rows stay a while after the stage ran, so that the window keeps its size."""
         session = self.actions.session
+        present = {**session.ms, **self.times.stages}
+        frames = {stage: since + 1 for stage, since in self._frames_since.items() if since < _KEPT}
+        self._frames_since = frames | dict.fromkeys(present, 0)
         if imgui.begin_table("stages", 2, imgui.TableFlags_.sizing_stretch_prop, (_INNER * self.layout.scale, 0.0)):
-            for stage, ms in {**session.ms, **self.times.stages}.items():
+            for stage in self._frames_since:
                 imgui.table_next_row()
                 imgui.table_next_column()
                 imgui.text_disabled(stage)
                 imgui.table_next_column()
-                imgui.text(f"{ms:6.1f} ms")
+                imgui.text(f"{present.get(stage, 0.0):6.1f} ms")
             imgui.end_table()
         imgui.text_disabled(f"clock: {session.renderers[0].timers.clock}")
 

@@ -198,7 +198,7 @@ def test_no_frame_waits_for_a_truth(driver: Driver, tracer: Tracer, monkeypatch:
     assert (driver.canvas() != before).any(-1).mean() > 0.5, "it is on show as soon as it is there"
 
 
-def test_it_is_the_truth_of_one_view(driver: Driver, tracer: Tracer) -> None:
+def test_a_truth_holds_for_one_camera_size_and_lighting(driver: Driver, tracer: Tracer) -> None:
     """Of one camera, by whatever name, one size, one lighting; and of them again."""
     session, actions = driver.session, driver.actions
     truth = traced_truth(driver, tracer)
@@ -229,7 +229,7 @@ def test_it_is_the_truth_of_one_view(driver: Driver, tracer: Tracer) -> None:
     assert session.truths.kept == [], "the scene may be another one"
 
 
-def test_it_is_the_truth_of_so_many_bounces(driver: Driver, tracer: Tracer, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_truth_holds_for_one_number_of_bounces(driver: Driver, tracer: Tracer, monkeypatch: pytest.MonkeyPatch) -> None:
     """Those of the picture: with another number of them it is stale, and Y traces another; both are kept."""
     first = driver.session.settings(0)[1].bounces
     truth = traced_truth(driver, tracer)
@@ -244,7 +244,7 @@ def test_it_is_the_truth_of_so_many_bounces(driver: Driver, tracer: Tracer, monk
     assert here(driver) is truth and [call[2] for call in tracer.calls] == [vertices(first), 0]
 
 
-def test_flying_on_while_it_is_traced(driver: Driver, tracer: Tracer) -> None:
+def test_a_truth_is_of_the_view_where_tracing_began(driver: Driver, tracer: Tracer) -> None:
     """The truth is that of the view where the key was pressed."""
     home = driver.session.camera
     push(driver, "Y")
@@ -293,7 +293,9 @@ def test_another_scene_ends_the_tracing_of_this_one(driver: Driver, tracer: Trac
 
 
 @pytest.mark.parametrize("way", ["the key", "closing"])
-def test_who_stops_it_ends_the_process(driver: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, way: str) -> None:
+def test_stopping_ends_the_path_tracers_process(
+    driver: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, way: str
+) -> None:
     """Within two seconds, though it has not yet said a word, and would not for an hour."""
     script = "import os, sys, time; sys.stdin.buffer.read(); open('pid', 'w').write(str(os.getpid())); time.sleep(3600)"
     monkeypatch.setattr(worker, "_MAIN", script)
@@ -321,7 +323,7 @@ def test_who_stops_it_ends_the_process(driver: Driver, tmp_path: Path, monkeypat
 
 
 @pytest.mark.skipif(importlib.util.find_spec("mitsuba") is None, reason="Mitsuba is not installed")
-def test_the_truth_of_cornell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_traced_truth_of_cornell_agrees_with_the_render(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A picture of 3 x 3 times as many pixels as are traced: in their middles, its irradiance is off by less than 10 %.
 
     Read at the wrong pixels, one to the side, it would not be: that is tried as well.

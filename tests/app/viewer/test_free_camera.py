@@ -78,7 +78,7 @@ def test_the_pitch_ends_short_of_the_pole(turn: Callable[..., None], sign: int) 
     assert flight.camera is stopped  # a mouse pushed against the stop draws nothing anew
 
 
-def test_every_way_is_as_fast() -> None:
+def test_the_speed_is_the_same_in_every_direction() -> None:
     # the view is level: right, ahead and up are perpendicular, so that a cube's diagonal would be √3 times as fast
     keys = np.array(np.meshgrid(*[[-1, 0, 1]] * 3)).reshape(3, -1).T
     for one in keys[np.any(keys != 0, axis=1)]:
@@ -214,7 +214,7 @@ def test_a_dolly_never_passes_the_pivot(pivot: tuple[float, float, float] | None
     np.testing.assert_allclose(eye(flight), stopped, atol=1e-12)
 
 
-def test_a_dolly_away_from_where_one_stands_goes_back() -> None:
+def test_a_dolly_away_from_the_eye_itself_goes_backward() -> None:
     flight = FreeCamera(PLAIN, DIAGONAL)
     flight.dolly(1, PLAIN.eye)
     assert flight.camera is PLAIN
@@ -222,7 +222,7 @@ def test_a_dolly_away_from_where_one_stands_goes_back() -> None:
     np.testing.assert_allclose(flight.camera.eye, [0, 1, 5 + NEAR * DIAGONAL])
 
 
-def test_the_target_follows_what_was_last_dealt_with() -> None:
+def test_the_target_lies_at_the_distance_of_the_last_pivot() -> None:
     # the depth of a pivot (0.4, 0.2, -0.7) before PLAIN, which looks down -z from z = 5, is 5.7
     flight = FreeCamera(PLAIN, DIAGONAL)
     flight.orbit(PIVOT, 10, 5, DEGREE)
@@ -243,7 +243,7 @@ def test_the_speed_is_bounded() -> None:
     assert flight.speed == pytest.approx(DIAGONAL / 1000)
 
 
-def test_home_and_go() -> None:
+def test_home_and_go_jump_to_their_cameras() -> None:
     flight = FreeCamera(PLAIN, DIAGONAL)
     flight.look(10, 10, DEGREE)
     assert flight.camera.name == ""  # no longer the scene's own
@@ -330,7 +330,7 @@ def test_a_given_up_is_any_direction_but_none() -> None:
             FreeCamera(PLAIN, DIAGONAL, up=nothing)
 
 
-def test_what_is_not_finite_moves_nothing() -> None:
+def test_arguments_that_are_not_finite_move_nothing() -> None:
     flight, bad = FreeCamera(OBLIQUE, DIAGONAL), math.nan
     with np.errstate(invalid="ignore"):
         flight.look(bad, 0, DEGREE)
@@ -349,7 +349,7 @@ def test_what_is_not_finite_moves_nothing() -> None:
 
 @pytest.mark.parametrize("place", [0.0, 1e6, 1e12])
 @pytest.mark.parametrize("diagonal", [1e-3, 12.0, 1e5])
-def test_no_sequence_breaks_it(place: float, diagonal: float) -> None:
+def test_random_sequences_leave_a_valid_camera(place: float, diagonal: float) -> None:
     # the Camera checks itself when made (finite, eye ≠ target, up not parallel): 2000 moves make 2000 of them or raise
     random = np.random.default_rng(7)
     ahead = diagonal + 1e-3 * place
@@ -379,7 +379,7 @@ def test_no_sequence_breaks_it(place: float, diagonal: float) -> None:
         assert flight.camera.fov == first.fov
 
 
-def test_nobody_is_lost_beyond_a_thousand_diagonals() -> None:
+def test_the_camera_stays_within_a_thousand_diagonals() -> None:
     flight = FreeCamera(PLAIN, DIAGONAL)
     for _ in range(300):
         flight.dolly(-10)

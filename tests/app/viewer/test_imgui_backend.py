@@ -482,7 +482,7 @@ def test_a_draw_states_its_state_and_leaves_none(ctx: moderngl.Context, screen: 
     program.release()
 
 
-def test_two_guis_take_turns(screen: Callable[..., Screen]) -> None:
+def test_two_backends_are_independent(screen: Callable[..., Screen]) -> None:
     """Each has its own context: events reach the one that they were meant for, though the other's is current."""
     one, other = screen(), screen()
     show = rect(lambda: imgui.button("Gather"))

@@ -244,7 +244,7 @@ def test_a_disc_reaches_less_far_where_light_changes_fast(ctx: moderngl.Context,
 
 
 @pytest.mark.parametrize("camera", [OBLIQUE, GRAZING], ids=["oblique", "grazing"])
-def test_a_disc_of_a_record_that_knows_how_it_bends_is_an_ellipse(
+def test_a_disc_of_a_record_with_known_curvature_is_an_ellipse(
     ctx: moderngl.Context, stage: Callable[..., Stage], camera: Camera
 ) -> None:
     """Of a·√(2/|bend|) along its axis and across it, the share that is allowed of both; a circle of R_k by `radius` harmonic."""

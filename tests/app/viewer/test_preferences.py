@@ -49,7 +49,7 @@ def one_line(text: Any) -> bool:
     return isinstance(text, str) and text != "" and len(text.splitlines()) == 1 and text.isprintable()
 
 
-def test_nothing_remembered_is_no_news(place: Path) -> None:
+def test_missing_files_give_defaults_and_no_notice(place: Path) -> None:
     assert load() == (Preferences(), [])
     assert bookmarks("cornell") == []
     assert not place.parent.exists()  # reading makes no folder
@@ -72,7 +72,7 @@ def test_each_presets_values_come_back_with_their_types(name: str) -> None:
     assert [type(v) for v in back.values.values()] == [type(v) for v in values.values()]
 
 
-def test_where_the_files_lie(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_the_files_lie_in_the_users_configuration_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.delenv("IRRSPLAT_CONFIG")
     asked: dict[str, object] = {}
 
@@ -140,7 +140,7 @@ def test_saving_over_a_file_damaged_since_keeps_that_aside_too(place: Path) -> N
     assert (place / "viewer.json.broken").read_text() == '{"version": 99}'
 
 
-def test_a_mark_that_windows_editors_write_is_no_damage(place: Path) -> None:
+def test_a_byte_order_mark_is_accepted(place: Path) -> None:
     assert save(FULL) is None
     (place / "viewer.json").write_bytes(b"\xef\xbb\xbf" + (place / "viewer.json").read_bytes())
     assert load() == (FULL, [])
@@ -166,7 +166,7 @@ WRONG: tuple[Any, ...]
 WRONG = (None, "wrong", "1", [], [[]], {}, {"x": 1}, True, -1, 0, 1, 1.5, 10**400, 1e60, 1e300, "\ud800", "line\nline")
 
 
-def test_no_wrong_value_stops_it_or_costs_the_others(place: Path) -> None:
+def test_a_wrong_value_is_dropped_and_the_others_stay(place: Path) -> None:
     save(FULL)
     good = json.loads((place / "viewer.json").read_text())
     for path in [p for p in leaves(good) if p[0] != "version"]:
@@ -199,7 +199,7 @@ def test_settings_remembered_by_their_former_names_are_taken(place: Path) -> Non
     assert (back.values, notices) == ({"fill_holes": False, "viewer_samples": 8}, [])
 
 
-def test_what_is_dropped_is_said(place: Path) -> None:
+def test_a_dropped_value_gives_a_notice(place: Path) -> None:
     save(FULL)
     data = json.loads((place / "viewer.json").read_text())
     data |= {"preset": "gone", "later": 1, "size": [0, 100], "fullscreen": "yes", "recent": ["relative.obj", "/kept.obj", 7]}
@@ -269,7 +269,7 @@ def test_another_viewers_bookmarks_are_kept(place: Path) -> None:
     assert json.loads((place / "bookmarks.json").read_text())["scenes"]["/three.obj"] == [{"shape": "of tomorrow"}]
 
 
-def test_no_wrong_bookmark_stops_it_or_costs_the_others(place: Path) -> None:
+def test_a_wrong_bookmark_is_dropped_and_the_others_stay(place: Path) -> None:
     set_bookmarks("/one.obj", CAMERAS)
     set_bookmarks("/two.obj", CAMERAS)
     good = json.loads((place / "bookmarks.json").read_text())
@@ -301,7 +301,7 @@ def test_damaged_bookmarks_are_kept_aside(place: Path, content: bytes) -> None:
     assert bookmarks("cornell") == CAMERAS
 
 
-def test_a_folder_that_cannot_be_made(place: Path) -> None:
+def test_a_folder_that_cannot_be_made_is_reported(place: Path) -> None:
     place.parent.write_text("a file where the folder should be")
     for said in (save(FULL), set_bookmarks("cornell", CAMERAS)):
         assert one_line(said) and str(place) in str(said)
@@ -312,7 +312,7 @@ def test_a_folder_that_cannot_be_made(place: Path) -> None:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="a folder is not made read-only by its mode there")
-def test_a_folder_that_is_read_only(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_folder_that_is_read_only_is_reported(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     save(Preferences(recent=["/old.obj"]))
     (place / "bookmarks.json").write_text("damaged")
     before = {name: (place / name).read_bytes() for name in names(place)}
@@ -337,7 +337,7 @@ def test_a_folder_that_is_read_only(place: Path, monkeypatch: pytest.MonkeyPatch
     assert {name: (place / name).read_bytes() for name in names(place)} == before
 
 
-def test_what_cannot_be_read_is_not_written_over(place: Path) -> None:
+def test_a_file_that_cannot_be_read_is_not_overwritten(place: Path) -> None:
     (place / "viewer.json").mkdir(parents=True)
     (place / "viewer.json" / "kept").write_text("")
     assert one_line(save(FULL))
@@ -347,14 +347,14 @@ def test_what_cannot_be_read_is_not_written_over(place: Path) -> None:
 
 
 @pytest.mark.parametrize("ui", [{"x": float("nan")}, {"x": object()}, {"x": np.float32(1)}, {(1, 2): 3}])
-def test_what_is_no_json_is_said_and_the_old_file_stays(place: Path, ui: dict[Any, Any]) -> None:
+def test_values_that_json_cannot_hold_are_reported_and_the_old_file_stays(place: Path, ui: dict[Any, Any]) -> None:
     save(FULL)
     assert one_line(save(Preferences(ui=ui)))
     assert load() == (FULL, [])
     assert names(place) == {"viewer.json"}
 
 
-def test_a_write_that_breaks_off_leaves_the_old_file(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupted_write_leaves_the_old_file(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     save(FULL)
 
     def full(self: Path, text: str, **_: Any) -> int:
@@ -369,7 +369,7 @@ def test_a_write_that_breaks_off_leaves_the_old_file(place: Path, monkeypatch: p
     assert names(place) == {"viewer.json"}
 
 
-def test_paths_that_are_no_unicode_come_back() -> None:
+def test_paths_that_are_not_unicode_come_back() -> None:
     path = os.fsdecode(b"/caf\xe9.obj")
     it = Preferences()
     it.opened(path)

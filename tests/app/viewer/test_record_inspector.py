@@ -70,7 +70,7 @@ def test_the_record_that_weighs_most_is_picked(cornell: ShownView, table: Record
     assert table.pick(texels, view, settings, -1, 0) is None and table.pick(texels, view, settings, 0, SIZE[1]) is None
 
 
-def test_no_records_are_none_to_pick(ctx: moderngl.Context) -> None:
+def test_without_records_none_is_picked(ctx: moderngl.Context) -> None:
     with Renderer(worlds.scene(worlds.floor()), SIZE, ctx=ctx, bounces=0) as renderer:
         view, _ = renderer.frame()
         table = read(renderer.cache.records)
@@ -78,7 +78,7 @@ def test_no_records_are_none_to_pick(ctx: moderngl.Context) -> None:
             assert len(table) == 0 and table.pick(texels, view, renderer.settings, 48, 30) is None
 
 
-def test_what_is_said_of_a_record(cornell: ShownView, table: RecordTable) -> None:
+def test_a_record_is_described_with_its_numbers_and_units(cornell: ShownView, table: RecordTable) -> None:
     renderer, view = cornell.renderer, cornell.source.view
     said = dict(table.describe(17, view, renderer.settings))
     assert said["record"] == f"17 of {len(table)}"

@@ -303,9 +303,11 @@ def split(driver: Driver, shown: str) -> None:
     """Off, two buffers, two presets, off; the left half stays what it was, up to the white line between."""
     before, middle = driver.canvas(), driver.wnd.width // 2
     for way in ("buffers", "presets"):
+        driver.session.options.frozen = True  # the paper's own settings take a while
         push(driver, shown)
-        if way == "presets":  # the paper's own settings take a while
-            driver.session.change(1, warmup=20, a=0.5)
+        if way == "presets":
+            driver.quicken()
+        driver.session.options.frozen = False
         driver.settle()
         picture = driver.canvas()
         assert driver.session.options.split == way and (picture[:, middle - 1 : middle + 1] == 255).all()

@@ -161,9 +161,7 @@ def test_a_click_moves_nothing_but_holds_a_record_where_they_are_inspected(drive
 
 
 def test_the_record_held_is_that_of_its_side(driver: Driver) -> None:
-    driver.session.split("presets")
-    driver.session.change(1, warmup=30, a=0.5)
-    driver.settle()
+    driver.split_presets()
     push(driver, "I")
     driver.click(*WALL)
     driver.move(250, 100)
@@ -267,6 +265,7 @@ def test_at_rest_nothing_but_the_interface_is_drawn(driver: Driver, monkeypatch:
 
 
 def test_a_view_that_cannot_be_served_comes_to_rest(driver: Driver) -> None:
+    driver.resize((80, 60))
     driver.session.change(0, tolerance=1e6)
     driver.settle()
     assert driver.session.progress[0].coverage < 1.0 and driver.session.ms == {}

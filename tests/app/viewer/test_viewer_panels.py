@@ -159,7 +159,7 @@ def test_a_logarithmic_slider_has_its_geometric_mean_in_the_middle(panel: Driver
     assert value(panel, "a") == pytest.approx(0.02**0.5, rel=0.1)
 
 
-def test_auto_and_back(panel: Driver) -> None:
+def test_switching_auto_exposure_off_keeps_the_exposure(panel: Driver) -> None:
     """Switched off, the value stays where it is: the picture does not jump."""
     assert value(panel, "exposure") == FAST["exposure"]
     panel.click(*panel.find("auto", beside="exposure").at(0.1))
@@ -170,7 +170,7 @@ def test_auto_and_back(panel: Driver) -> None:
     assert value(panel, "exposure") == pytest.approx(shown, abs=2e-3)
 
 
-def test_all_bounces_and_as_many_as_they_were(panel: Driver) -> None:
+def test_switching_all_bounces_off_keeps_their_number(panel: Driver) -> None:
     """Switched off, it stays at the number that was made."""
     panel.session.options.frozen = False
     panel.session.change(0, budget=2000.0, radius_min=10.0)
@@ -195,7 +195,7 @@ def test_presets_are_in_the_list_and_in_the_menu(panel: Driver, name: str) -> No
         assert overrides(*panel.session.settings(0)).keys() <= {"exposure", "budget"}
 
 
-def test_the_side_at_hand_gets_the_setting(panel: Driver) -> None:
+def test_a_setting_is_changed_on_the_selected_side(panel: Driver) -> None:
     panel.session.split("presets")
     panel.frame(3)
     panel.choose("right")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -169,6 +170,35 @@ def escape(driver: Driver, shown: str) -> None:
     assert not driver.wnd.is_closing and not actions.quitting
 
 
+def test_reset_leaves_the_shared_viewer_as_new(driver: Driver, tmp_path: Path) -> None:
+    """Whatever a test has done: so that the next one does not depend on it."""
+
+    def state() -> tuple[object, ...]:
+        actions, session = driver.actions, driver.session
+        shown = asdict(session.options), asdict(actions.panels), session.camera, session.free_camera.speed, session.scene.lights
+        rest = [m.text for m in actions.messages.lines], actions.bookmarks, actions.source, driver.wnd.buffer_size, session.held
+        return (*shown, *rest, [r.settings for r in session.renderers], driver.viewer.controls.pressed, actions.side)
+
+    before, picture = state(), driver.canvas()
+    for shown in ("F3", "X", "I", "B", "2", "M", "R"):
+        push(driver, shown)
+    driver.actions.open(str(write_room(tmp_path)))
+    driver.session.options.frozen = True
+    driver.session.split("presets")
+    driver.actions.side = 1
+    driver.actions.lamps.all[0].stops = -2.0
+    driver.actions.relight()
+    driver.session.free_camera.change_speed(3.0)
+    driver.down("LEFT_SHIFT")
+    driver.down("W")
+    driver.resize((200, 100))
+    driver.actions.say("wrong", error=True)
+    driver.frame(3)
+    driver.reset()
+    assert state() == before
+    assert np.abs(driver.canvas().astype(float) - picture).mean() < 2.0
+
+
 # ---- size ----------------------------------------------------------------------------------------------------------------
 
 
@@ -190,9 +220,7 @@ def test_another_size_keeps_the_records(driver: Driver) -> None:
 
 
 def test_two_presets_are_resized_both(driver: Driver) -> None:
-    driver.session.split("presets")
-    driver.session.change(1, warmup=10, a=0.5)
-    driver.settle()
+    driver.split_presets()
     driver.resize((100, 80))
     driver.frame(2)
     driver.session.split("off")
@@ -207,7 +235,7 @@ def test_two_presets_are_resized_both(driver: Driver) -> None:
 # ---- the end -------------------------------------------------------------------------------------------------------------
 
 
-def test_what_was_set_is_there_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_preferences_are_restored_in_the_next_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Settings, overlays, panels, size and the scene are remembered by closing; a damaged file is told and does no harm."""
     monkeypatch.setenv("IRRSPLAT_CONFIG", str(tmp_path / "config"))
     room = write_room(tmp_path)
@@ -230,7 +258,7 @@ def test_what_was_set_is_there_again(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert len(notices) == 1 and "viewer.json" in notices[0] and remembered == preferences.Preferences()
 
 
-def test_close_remembers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_closing_saves_preferences_and_tells_what_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """By default; and what cannot be written is told."""
     kept: list[bool] = []
 

@@ -1,4 +1,4 @@
-"""A real window on a virtual display, with a hand of its own: from the start of `irrsplat view` to a screenshot to its end."""
+"""A real window on a virtual display, driven by xdotool: from the start of `irrsplat view` to a screenshot to its end."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ pytestmark = pytest.mark.skipif(
 
 @pytest.fixture
 def display(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    """A display of its own in memory."""
+    """A virtual display for this test alone."""
     reader, writer = os.pipe()
     server = subprocess.Popen(
         ["Xvfb", "-displayfd", str(writer), "-screen", "0", "1024x768x24", "-nolisten", "tcp"],
@@ -49,7 +49,7 @@ def display(monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
 
 
 def hand(*words: object) -> str:
-    """Do something with mouse and keyboard, then a moment's rest: windows lose what comes too fast."""
+    """Send mouse or keyboard events, then wait a moment, since windows lose events that come too fast."""
     done = subprocess.run(["xdotool", *map(str, words)], capture_output=True, text=True, check=False)
     time.sleep(0.15)
     return done.stdout.strip()
@@ -89,6 +89,7 @@ def differ(one: np.ndarray, other: np.ndarray) -> float:
     return float((np.abs(one - other).max(axis=2) > 12).mean())
 
 
+@pytest.mark.slow
 def test_from_start_to_screenshot_to_quit(display: str, tmp_path: Path) -> None:
     environment = {**os.environ, "IRRSPLAT_CONFIG": str(tmp_path / "config")}
     command = [sys.executable, "-m", "irrsplat", "view", "cornell", "--size", *map(str, SIZE), "--gather-size", "16"]
