@@ -42,6 +42,7 @@ def key_of(scene: Scene, camera: Camera, *values: ArrayLike) -> str:
     for mesh in scene.meshes:
         add(mesh.positions, mesh.normals, mesh.faces, mesh.material.emission)
         add(mesh.material.albedo if mesh.colors is None else mesh.colors)
+        add(*(value for name, value in vars(mesh.material).items() if name not in ("albedo", "emission")))
     for light in scene.lights:
         add(*(() if value is None else value for name, value in vars(light).items() if name != "name"))
     return digest.hexdigest()[:24]
