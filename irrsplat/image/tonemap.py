@@ -30,7 +30,8 @@ def filmic(x: np.ndarray) -> np.ndarray:
         return y
 
     bounded = np.clip(x, 0.0, c.white / c.scale)  # the curve is white there; infinity would be inf/inf
-    return np.clip(f(c.scale * bounded) / f(np.asarray(c.white)), 0.0, 1.0)
+    display: np.ndarray = np.clip(f(c.scale * bounded) / f(np.asarray(c.white)), 0.0, 1.0)
+    return display
 
 
 def tonemap(radiance: np.ndarray, exposure: float) -> np.ndarray:

@@ -220,7 +220,7 @@ def test_records_go_near_where_it_was_and_is_and_stay_elsewhere(renderer: Render
     assert 0.2 < len(left["radius"]) / len(before["radius"]) < 0.95
     low, high = renderer.scene.meshes[BOX].positions.min(0), renderer.scene.meshes[BOX].positions.max(0)
     where = renderer.cache.sites(slice(0, len(left["radius"])))
-    turn, own = where.turn, where.triangle < 12  # it alone is closed
+    turn, own = where.frame_rotation, where.triangle < 12  # it alone is closed
     assert 0.05 < own.mean() < 0.5
     for mesh in (room().meshes[BOX], renderer.scene.meshes[BOX]):
         assert covered(left["position"][~own], left["normal"][~own], mesh).max() <= COVERED
