@@ -13,6 +13,14 @@ TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 CAM = "cam 0 0 5  0 0 0  0 1 0\n"
 
 
+def refused(write, text, file, line, says, **files):
+    """Reading `text`, a .scene, fails with one line that begins with the place and contains `says`."""
+    with pytest.raises(InputError, match=re.escape(says)) as caught:
+        write(text, **files)
+    place = f"{file}: " if line is None else f"{file}:{line}: "
+    assert place in str(caught.value) and "\n" not in str(caught.value)
+
+
 @pytest.mark.parametrize(
     ("text", "line", "says"),
     [
@@ -62,9 +70,7 @@ CAM = "cam 0 0 5  0 0 0  0 1 0\n"
     ],
 )  # fmt: skip
 def test_a_malformed_scene_line_is_an_error_with_its_place(write, text, line, says):
-    with pytest.raises(InputError, match=re.escape(says)) as caught:
-        write(text)
-    assert f"a.scene:{line}: " in str(caught.value) and "\n" not in str(caught.value)
+    refused(write, text, "a.scene", line, says)
 
 
 POINT = "position 0 5 0 1\n"
@@ -101,10 +107,7 @@ POINT = "position 0 5 0 1\n"
     ],
 )  # fmt: skip
 def test_a_malformed_light_is_an_error_with_its_place(write, text, line, says):
-    with pytest.raises(InputError, match=re.escape(says)) as caught:
-        write("light a.light\n", a_light=text)
-    place = "a.light: " if line is None else f"a.light:{line}: "
-    assert place in str(caught.value) and "\n" not in str(caught.value)
+    refused(write, "light a.light\n", "a.light", line, says, a_light=text)
 
 
 @pytest.mark.parametrize(
@@ -135,10 +138,7 @@ def test_a_malformed_light_is_an_error_with_its_place(write, text, line, says):
     ],
 )  # fmt: skip
 def test_a_malformed_obj_line_is_an_error_with_its_place(write, text, line, says):
-    with pytest.raises(InputError, match=re.escape(says)) as caught:
-        write("obj x.obj\n", x_obj=text)
-    place = "x.obj: " if line is None else f"x.obj:{line}: "
-    assert place in str(caught.value) and "\n" not in str(caught.value)
+    refused(write, "obj x.obj\n", "x.obj", line, says, x_obj=text)
 
 
 @pytest.mark.parametrize(
