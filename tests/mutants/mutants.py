@@ -169,7 +169,7 @@ SHADERS = (
         "shaders/records/record.glsl",
         "vec2 radii = sqrt(square / max(",
         "vec2 radii = (square / max(",
-        ("tests/indirect/test_splat.py", "tests/indirect/test_bend.py"),
+        _SPLAT,
     ),
     Mutant(
         "limit of a radius by the difference instead of its root",
@@ -211,7 +211,7 @@ SHADERS = (
         "shaders/surface_cache/lookup.glsl",
         ": vec3(1.0 - f.x - f.y, f), 0.0);",
         ": vec3(f, 1.0 - f.x - f.y), 0.0);",
-        ("tests/surface_cache/test_surface.py::test_a_linear_field_is_found_as_it_is",),
+        ("tests/surface_cache/test_surface.py::test_a_lookup_is_what_plain_sums_say",),
     ),
     # ---- light and picture
     Mutant(
@@ -344,6 +344,13 @@ CORE = (
         " <= radius)",
         " <= 0.0)",
         ("tests/records/test_culling.py::test_what_is_left_out_would_add_nothing",),
+    ),
+    Mutant(
+        "spheres reach one tile too few",
+        "irrsplat/records/culling.py",
+        "[np.clip(edge, 0, count - 1).astype(np.intp) for edge in (low, high)]",
+        "[np.clip(edge, 0, count - 1).astype(np.intp) for edge in (low + 1, high)]",
+        ("tests/records/test_culling.py::test_what_is_hidden_would_add_nothing",),
     ),
     Mutant(
         "point grid's cell index with two axes swapped",
