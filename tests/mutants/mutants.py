@@ -708,7 +708,7 @@ APP = (
         "irrsplat/reference/truth.py",
         "math.sqrt(max(rmse**2 - noise**2, 0.0))",
         "math.sqrt(max(rmse**2 + noise**2, 0.0))",
-        ("tests/app/verify/test_verify.py::test_the_noise_is_that_of_both_halves_together",),
+        ("tests/app/verify/test_verify.py::test_the_table",),
     ),
     Mutant(
         "pick reads a row from the bottom",

@@ -86,7 +86,7 @@ class Outcome:
         """The first test that failed, as pytest's summary names it; else its last line."""
         lines = [line for line in self.output.splitlines() if line.strip()] or [""]
         marked = [line for line in lines if line.startswith(("FAILED ", "ERROR "))]
-        return (marked or lines)[-1].partition(" - ")[0].removeprefix("FAILED ")
+        return (marked or lines[-1:])[0].partition(" - ")[0].removeprefix("FAILED ")
 
 
 def installed(file: str) -> str:
