@@ -65,6 +65,7 @@ def tangents(n: np.ndarray) -> np.ndarray:
     return np.stack([one, np.cross(n, one)])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "turns"), [("cornell", 1), ("curved", 1), ("door", 1), ("atrium", 3)])
 def test_translation_gradient_in_scenes(ctx: moderngl.Context, name: str, turns: int) -> None:
     """(E(p + δ) - E(p - δ))/2δ along the surface, δ = 2 % of R: the gradient's median error is at most 25 % at the default 64²

@@ -134,6 +134,7 @@ def radiosity(where: np.ndarray, normal: np.ndarray, number: int, parts: int = 1
     return here @ (L_e + rho / np.pi * E) + (np.pi - here.sum(1, keepdims=True)) * SKY
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_bounces_are_those_of_radiosity(ctx: moderngl.Context, kind: str) -> None:
     """Coloured walls, one of which shines, under a sky: two, four and all bounces."""
@@ -167,6 +168,7 @@ def rooms(fine: bool) -> Scene:
     return scene(walls, between, *parts, lights=(lamp((-1, 1.2, 0.2), 5.0),), camera=eye)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("fine", [False, True])
 def test_a_room_that_no_light_enters_stays_black(ctx: moderngl.Context, kind: str, fine: bool) -> None:

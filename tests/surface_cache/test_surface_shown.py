@@ -91,6 +91,7 @@ def test_sites_are_dots_where_they_lie(cornell: tuple[Renderer, View], ctx: mode
     target.release()
 
 
+@pytest.mark.slow
 def test_the_viewer_makes_it_tick_by_tick(driver: Driver) -> None:
     """More bounces: the old picture stays until the cache is made, then all records follow, and the room is brighter."""
     driver.actions.panels.hud = True
