@@ -76,7 +76,7 @@ def test_hessian_of_a_lamp(ctx: moderngl.Context, emitter: str, kind: str) -> No
 
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("emitter", EMITTERS)
-def test_axis_is_the_eigenvector_of_the_lesser_bend(ctx: moderngl.Context, emitter: str, kind: str) -> None:
+def test_the_axis_is_the_eigenvector_of_least_curvature(ctx: moderngl.Context, emitter: str, kind: str) -> None:
     corners, (p, n) = EMITTERS[emitter], places()
     value, way = np.linalg.eigh(hessian(lambda q: polygon_vector(corners, q) @ UP, p))
     order = np.argsort(np.abs(value), axis=1)
@@ -120,7 +120,7 @@ def test_ellipses_lie_along_a_strip_and_along_the_edge_of_a_shadow(ctx: moderngl
 
 
 @pytest.mark.parametrize("gather", KINDS)
-def test_under_a_sky_alone_records_reach_as_far_as_there_is(gather: str) -> None:
+def test_under_a_sky_alone_records_have_the_greatest_radius(gather: str) -> None:
     """Nothing is seen but sky: nothing bends, R is the diagonal; and with no light at all a picture is black without NaN."""
     bare = scene(floor(), sky=1.0)
     for world, E in ((bare, np.pi), (replace(bare, sky=(0.0, 0.0, 0.0)), 0.0)):

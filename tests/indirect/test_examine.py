@@ -96,7 +96,7 @@ def test_examination_equals_numpy(ctx: moderngl.Context, size: tuple[int, int], 
         assert np.allclose(found.geometric[at], data["geometric"][pixel], atol=1e-6)
 
 
-def test_equals_are_drawn_by_lot(ctx: moderngl.Context) -> None:
+def test_equal_pixels_of_a_tile_are_chosen_at_random(ctx: moderngl.Context) -> None:
     """Where all weights are 0, every place in a tile is chosen about equally often, and another seed chooses otherwise."""
     size = (300, 300)
     data = made_up(size, 1)
@@ -112,7 +112,7 @@ def test_equals_are_drawn_by_lot(ctx: moderngl.Context) -> None:
     assert times.min() > 0.7 * expected and times.max() < 1.3 * expected, times
 
 
-def test_nothing_asks_where_all_is_served(ctx: moderngl.Context) -> None:
+def test_no_pixel_needs_a_record_where_all_have_enough_weight(ctx: moderngl.Context) -> None:
     data = made_up((20, 20), 2)
     data["weight"][:] = TOLERANCE  # not below it
     found, _ = examine(ctx, (20, 20), data)
@@ -120,7 +120,9 @@ def test_nothing_asks_where_all_is_served(ctx: moderngl.Context) -> None:
 
 
 @pytest.mark.parametrize(("other", "weight", "asks"), [(1.3, 1.2, False), (2.0, 1.2, True), (2.0, 3.1, False), (0.0, 1.2, True)])
-def test_a_pixel_whose_records_contradict_each_other_asks(ctx: moderngl.Context, other: float, weight: float, asks: bool) -> None:
+def test_a_pixel_needs_a_record_where_its_records_contradict_each_other(
+    ctx: moderngl.Context, other: float, weight: float, asks: bool
+) -> None:
     """Two records of like weight say 1 and `other`: deviation over mean is |1 - other|/(1 + other), allowed is 0.3. Near a
     record, by three tolerances of weight, that does not count."""
     data = made_up((20, 20), 2)
@@ -132,7 +134,7 @@ def test_a_pixel_whose_records_contradict_each_other_asks(ctx: moderngl.Context,
 
 
 @pytest.mark.parametrize("light", [0.0, 1e-30, 3.0, 1e8])
-def test_one_record_or_records_that_agree_are_never_doubted(ctx: moderngl.Context, light: float) -> None:
+def test_a_pixel_of_one_record_or_of_records_that_agree_needs_no_other(ctx: moderngl.Context, light: float) -> None:
     """Black and the very bright too: Σ k·Y² / Σ k - Y² is nothing but rounding then."""
     data = made_up((40, 40), 2)
     k = np.random.default_rng(1).uniform(0.01, 9.0, (40, 40))
@@ -152,7 +154,7 @@ def test_octahedral_map_is_a_round_trip() -> None:
 
 @pytest.mark.parametrize("spacing", [1, 2, 4, 8])
 @pytest.mark.parametrize("phase", [-1, 0, 1])
-def test_sites_of_a_round_keep_apart(spacing: int, phase: int) -> None:
+def test_sites_of_a_round_lie_apart(spacing: int, phase: int) -> None:
     """One asking tile of each square of `spacing` tiles, the squares of one colour of the chess board, or all."""
     asking = np.random.default_rng(3).integers(0, 3, (23, 31))
     rows, columns = choose(asking, spacing, phase, seed=0)
@@ -169,11 +171,11 @@ def test_sites_of_a_round_keep_apart(spacing: int, phase: int) -> None:
     assert np.array_equal(rows, again[0]) and np.array_equal(columns, again[1])
 
 
-def test_every_tile_of_a_square_has_its_chance() -> None:
+def test_every_tile_of_a_square_can_be_chosen() -> None:
     chosen = {tuple(np.concatenate(choose(np.ones((4, 4)), 4, -1, seed)).tolist()) for seed in range(200)}
     assert len(chosen) == 16
 
 
-def test_no_tile_asks_no_site() -> None:
+def test_no_tile_in_need_gives_no_site() -> None:
     rows, columns = choose(np.zeros((5, 5)), 2, 0, 0)
     assert len(rows) == len(columns) == 0

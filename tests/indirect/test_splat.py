@@ -265,7 +265,7 @@ def test_an_ellipse_lies_as_its_axis_does(ctx: moderngl.Context) -> None:
 
 
 @pytest.mark.parametrize("second_order", [True, False])
-def test_a_quadratic_field_is_said_exactly(ctx: moderngl.Context, second_order: bool) -> None:
+def test_a_quadratic_field_is_extrapolated_exactly(ctx: moderngl.Context, second_order: bool) -> None:
     """E = 2 + s·q + ½ Σ h q², q in the plane's own axes: one record with its derivatives says all of it, and without the second
     ones it does not."""
     position, depth = on_plane(CAMERA, SIZE, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
@@ -287,7 +287,7 @@ def test_a_quadratic_field_is_said_exactly(ctx: moderngl.Context, second_order: 
     assert off.max() < 1e-3 if second_order else off.max() > 0.05
 
 
-def test_records_of_black_say_black(ctx: moderngl.Context) -> None:
+def test_a_record_without_light_extrapolates_none(ctx: moderngl.Context) -> None:
     """E = 0, no derivatives and radii as great as there are: 0, and no NaN."""
     seen, records = view(), table(3)
     records.E[:], records.M[:], records.gradient[:] = 0.0, 0.0, 0.0

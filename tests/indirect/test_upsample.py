@@ -86,13 +86,13 @@ def _irradiance(sums: moderngl.Texture) -> np.ndarray:
 
 
 @pytest.mark.parametrize(("size", "coarse", "every"), [((64, 64), True, 1), ((400, 400), True, 2), ((400, 400), False, 1)])
-def test_small_views_and_those_who_want_it_so_have_all_pixels_at_once(size: tuple[int, int], coarse: bool, every: int) -> None:
+def test_small_views_and_those_without_coarse_splat_every_pixel_at_once(size: tuple[int, int], coarse: bool, every: int) -> None:
     with Renderer(irrsplat.load("cornell"), size=size, preset="preview", bounces=1, coarse=coarse) as renderer:
         _, progress = renderer.frame()
         assert progress.new > 0 and renderer.splats.pixel_stride == every
 
 
-def test_a_thing_between_four_pixels_of_a_wall_takes_no_light_from_it(ctx: moderngl.Context) -> None:
+def test_an_object_between_four_pixels_of_a_wall_takes_no_light_from_it(ctx: moderngl.Context) -> None:
     """A board before a wall ends in a tongue one pixel wide, between coarse pixels: its light is the board's, 9 times as much."""
     wall, far = on_plane(CAMERA, SIZE, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
     board, near = on_plane(CAMERA, SIZE, (0.0, 0.0, 0.5), (0.0, 0.0, 1.0))

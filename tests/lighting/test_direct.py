@@ -201,7 +201,7 @@ def test_a_sphere_has_no_acne(ctx: moderngl.Context, kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", ["point", "sun", "spot"])
-def test_no_light_seeps_in_where_a_box_stands(ctx: moderngl.Context, kind: str) -> None:
+def test_no_light_leaks_where_a_box_stands(ctx: moderngl.Context, kind: str) -> None:
     """A closed box on the floor, lit from one side: on the other side the shadow starts at the contact line, and is exactly 0.
 
     The light at (-3, 2, 0) throws the box of ±0.5 m, 1 m high, to the right: the point behind it at x is dark up to the ray over

@@ -141,7 +141,7 @@ SHADERS = (
         "shaders/records/weight.glsl",
         "clamp(0.5 * (curvature.x * along * along",
         "clamp(1.0 * (curvature.x * along * along",
-        ("tests/indirect/test_splat.py::test_a_quadratic_field_is_said_exactly",),
+        ("tests/indirect/test_splat.py::test_a_quadratic_field_is_extrapolated_exactly",),
     ),
     Mutant(
         "kernel stops short of zero at the rim",
@@ -190,7 +190,7 @@ SHADERS = (
         "shaders/indirect/examine.frag",
         "needy += w < tolerance ? 1.0 : 0.0;",
         "needy += w > tolerance ? 1.0 : 0.0;",
-        ("tests/indirect/test_examine.py::test_nothing_asks_where_all_is_served",),
+        ("tests/indirect/test_examine.py::test_no_pixel_needs_a_record_where_all_have_enough_weight",),
     ),
     Mutant(
         "the best pixel of a tile instead of the worst",
@@ -204,7 +204,7 @@ SHADERS = (
         "shaders/indirect/upsample.frag",
         "abs(dot(plane.xyz, p.xyz) - plane.w) <= MAX_RISE * pixel * p.w;",
         "abs(dot(plane.xyz, p.xyz) - plane.w) <= 1e9 * pixel * p.w;",
-        ("tests/indirect/test_upsample.py::test_a_thing_between_four_pixels_of_a_wall_takes_no_light_from_it",),
+        ("tests/indirect/test_upsample.py::test_an_object_between_four_pixels_of_a_wall_takes_no_light_from_it",),
     ),
     Mutant(
         "surface lookup's weights swapped",
@@ -322,21 +322,21 @@ CORE = (
         "irrsplat/indirect/site_selection.py",
         "(rows // spacing + columns // spacing) % 2 == phase",
         "(rows // spacing + columns // spacing) % 2 != phase",
-        ("tests/indirect/test_examine.py::test_sites_of_a_round_keep_apart",),
+        ("tests/indirect/test_examine.py::test_sites_of_a_round_lie_apart",),
     ),
     Mutant(
         "eviction takes what was seen last",
         "irrsplat/records/eviction.py",
         "np.lexsort((-distance, -cache.views_unseen[numbers]))",
         "np.lexsort((-distance, cache.views_unseen[numbers]))",
-        ("tests/records/test_eviction.py::test_the_longest_unseen_go_first_and_then_the_farthest",),
+        ("tests/records/test_eviction.py::test_records_longest_out_of_view_go_first_and_of_those_the_farthest",),
     ),
     Mutant(
         "eviction takes what is near",
         "irrsplat/records/eviction.py",
         "np.lexsort((-distance, -cache.views_unseen[numbers]))",
         "np.lexsort((distance, -cache.views_unseen[numbers]))",
-        ("tests/records/test_eviction.py::test_the_longest_unseen_go_first_and_then_the_farthest",),
+        ("tests/records/test_eviction.py::test_records_longest_out_of_view_go_first_and_of_those_the_farthest",),
     ),
     Mutant(
         "culling without the spheres' radii",

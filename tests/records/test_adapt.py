@@ -134,17 +134,20 @@ VARIANTS = {
 }
 
 
+PARTS = (700,), (1,), (3, 1024, 1025)  # numbers of records that are there after each part
+
+
 @pytest.mark.parametrize("name", VARIANTS)
-@pytest.mark.parametrize("parts", [(), (1,), (700,), (3, 1024, 1025)])
-def test_limits_equal_numpy_in_any_order(ctx: moderngl.Context, name: str, parts: tuple[int, ...]) -> None:
-    """The least of many limits is the same in whatever order they come; a witness at the very rim may fall to either side."""
+def test_limits_equal_numpy_in_any_order(ctx: moderngl.Context, name: str) -> None:
+    """A record at the very rim of another may count or not, by rounding; but the least of many limits is the same bit for bit
+    in whatever parts the records come."""
     made, settings = Made(ctx, 1300), VARIANTS[name]
-    found, expected = made.limits(settings, *parts), truth(made, settings)
-    assert (found[1300:] == 1.0).all(), "beyond the last record nothing is written"
+    found, expected = made.limits(settings), truth(made, settings)
+    assert (found[1300:] == 1.0).all(), "nothing is written beyond the last record"
     assert 0.05 < (expected < 1.0).mean() <= 1.0 and 0.0 < expected.min() < 0.9
-    agree = np.isclose(found[:1300], expected, rtol=1e-3)
-    assert agree.mean() > 0.99
-    assert np.array_equal(found, made.limits(settings)), "bit for bit, in parts as at once"
+    assert np.isclose(found[:1300], expected, rtol=1e-3).mean() > 0.99
+    for parts in PARTS if name in ("default", "neighbours") else PARTS[:1]:
+        assert np.array_equal(made.limits(settings, *parts), found), f"in parts {parts} as at once"
 
 
 def test_the_variants_differ(ctx: moderngl.Context) -> None:
@@ -168,7 +171,7 @@ def of_field(ctx: moderngl.Context, slope: np.ndarray, second: np.ndarray) -> Ma
     return made
 
 
-def test_a_record_that_is_right_about_others_reaches_as_far_as_it_did(ctx: moderngl.Context) -> None:
+def test_a_record_that_agrees_with_others_keeps_its_radius(ctx: moderngl.Context) -> None:
     """On a plane where E is linear, with true gradients, every record says what every other one found; quadratic, by bends."""
     slope = np.array([0.5, 0.0, 0.3])
     linear, bent = of_field(ctx, slope, np.array([1e-6, 0.0, 1e-6])), of_field(ctx, slope, np.array([-0.3, 0.0, 0.8]))
@@ -177,7 +180,7 @@ def test_a_record_that_is_right_about_others_reaches_as_far_as_it_did(ctx: moder
     assert (bent.limits(Settings(adapt=0.01, second_order=False))[:200] < 0.5).mean() > 0.9
 
 
-def test_a_witness_beyond_the_rim_counts_and_one_beyond_two_reaches_does_not(ctx: moderngl.Context) -> None:
+def test_a_record_beyond_the_rim_is_compared_and_one_beyond_two_radii_is_not(ctx: moderngl.Context) -> None:
     """A bright record and a dark one, x reaches apart: the error at x, and by its square what is allowed of the reach."""
     settings = Settings(a=0.5, adapt=0.2, gradients=False)
     for x in (0.3, 0.9, 1.5, 1.9, 2.1):
@@ -188,8 +191,9 @@ def test_a_witness_beyond_the_rim_counts_and_one_beyond_two_reaches_does_not(ctx
         assert np.allclose(made.limits(settings)[:2], expected, rtol=1e-4), x
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "error", "records"), [("door", 0.9, 1.0), ("curved", 1.05, 0.75)])
-def test_records_that_may_not_contradict_each_other_are_worth_more(name: str, error: float, records: float) -> None:
+def test_adaptive_radii_save_records_or_error(name: str, error: float, records: float) -> None:
     """Against smaller radii of all records: in `door` nearer to the truth with no more, in `curved` as near with fewer."""
     scene, reference = irrsplat.load(name), load_reference(name)
     adapted, plain = (

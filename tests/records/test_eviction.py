@@ -26,7 +26,7 @@ from tests.support.worlds import sites, write_columns
 SIZE = (40, 40)
 
 
-def test_those_that_stay_close_ranks(ctx: moderngl.Context) -> None:
+def test_every_column_moves_with_its_record_when_others_go(ctx: moderngl.Context) -> None:
     """Every column moves with its record, on the CPU and on the GPU; names stay, numbers do not."""
     cache = RecordCache(ctx)
     p, n, values = made_up(3000)
@@ -53,7 +53,7 @@ def test_those_that_stay_close_ranks(ctx: moderngl.Context) -> None:
     cache.release()
 
 
-def test_the_longest_unseen_go_first_and_then_the_farthest(ctx: moderngl.Context) -> None:
+def test_records_longest_out_of_view_go_first_and_of_those_the_farthest(ctx: moderngl.Context) -> None:
     """Records along a line behind the camera, those at every second place seen a view later; one before it is needed."""
     settings, camera = replace(Settings(), max_records=100), Camera((0, 0, 0), (0, 0, -1))
     cache = RecordCache(ctx)
@@ -81,7 +81,7 @@ def flight() -> list[Camera]:
 
 
 @pytest.mark.parametrize("settings", [{}, {"preset": "paper", "a": 0.4, "warmup": 60}, {"neighbours": True}])
-def test_all_around_with_fewer_records_than_that_takes(settings: dict[str, Any]) -> None:
+def test_a_full_turn_with_fewer_records_than_it_takes(settings: dict[str, Any]) -> None:
     """No more than allowed, at any time; every view is whole all the same, and is the picture that its own records make."""
     with Renderer(room(), SIZE, **FAST | settings) as free:
         counts = [free.render(camera).stats["records"] for camera in flight()]

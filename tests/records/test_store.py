@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import io
 from collections.abc import Callable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +53,24 @@ def renderer() -> Iterator[Renderer]:
         yield made
 
 
+@dataclass(frozen=True)
+class AllBounces:
+    """A cache file of all bounces, not to be changed; the frame from FRONT that it was saved after, and one of a further view."""
+
+    path: Path
+    known: Frame
+    unknown: Frame
+
+
+@pytest.fixture(scope="module")
+def all_bounces(tmp_path_factory: pytest.TempPathFactory) -> AllBounces:
+    path = tmp_path_factory.mktemp("all") / "room.cache"
+    with Renderer(room(), SIZE, **ALL) as renderer:
+        known = renderer.render()
+        renderer.save_cache(path)
+        return AllBounces(path, known, renderer.render(turned(FRONT, 60.0)))
+
+
 # ---- going on ---------------------------------------------------------------------------------------------------------
 
 
@@ -60,7 +78,7 @@ def renderer() -> Iterator[Renderer]:
     "settings",
     [
         FAST,
-        ALL,
+        pytest.param(ALL, marks=pytest.mark.slow),
         FAST | {"preset": "paper", "a": 0.4, "warmup": 60},
         FAST | {"neighbours": True, "gather": "raster"},
         FAST | {"max_records": 300},
@@ -81,19 +99,22 @@ def test_a_flight_goes_on_to_the_bit_in_another_process(path: Path, settings: di
             assert same(fresh.render(camera), frame)
 
 
-def test_a_known_view_makes_no_surface_cache_and_an_unknown_one_the_same(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """All bounces: the picture is there without any ray; what it says of its bounces is what was said when they were made."""
+@pytest.mark.slow
+def test_a_known_view_makes_no_surface_cache_and_an_unknown_one_the_same(
+    all_bounces: AllBounces, path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The picture of a known view is there without any ray, and its statistics are those of when its records were gathered."""
+    known, unknown = all_bounces.known, all_bounces.unknown
     advanced: list[int] = []
     advance = SurfaceCache.advance
-    monkeypatch.setattr(SurfaceCache, "advance", lambda *args: advanced.append(1) or advance(*args))
-    with Renderer(room(), SIZE, **ALL) as first:
-        known = first.render()
-        first.save_cache(path)
-        unknown = first.render(turned(FRONT, 60.0))
-    assert advanced
-    advanced.clear()
+
+    def counted(*args: Any) -> bool:
+        advanced.append(1)
+        return advance(*args)
+
+    monkeypatch.setattr(SurfaceCache, "advance", counted)
     with Renderer(room(), SIZE, **ALL) as fresh:
-        fresh.load_cache(path)
+        fresh.load_cache(all_bounces.path)
         frame = fresh.render()
         assert not advanced and same(frame, known) and not {"gather", "surface"} & set(frame.stats["stages_ms"])
         assert frame.stats["converged"]
@@ -107,13 +128,12 @@ def test_a_known_view_makes_no_surface_cache_and_an_unknown_one_the_same(path: P
         assert third.cache.refresh_count and not len(third.cache.stale)
 
 
-def test_a_tick_with_a_budget_shows_what_there_is_at_once(path: Path) -> None:
-    """The viewer's way: the records of the file in its first picture, then the surface cache, and no record gathered anew."""
-    with Renderer(room(), SIZE, **ALL) as first:
-        known = first.render()
-        first.save_cache(path)
+@pytest.mark.slow
+def test_a_tick_with_a_budget_shows_what_there_is_at_once(all_bounces: AllBounces) -> None:
+    """As in the viewer: the first picture has the file's records; then the surface cache is made, and no record gathered anew."""
+    known = all_bounces.known
     with Renderer(room(), SIZE, **ALL) as fresh:
-        fresh.load_cache(path)
+        fresh.load_cache(all_bounces.path)
         view, progress = fresh.frame(seconds=0.001)
         assert progress.coverage == 1.0 and progress.surface < 1.0 and not progress.done
         image = np.frombuffer(view.image.read(), "f4").reshape(*SIZE, 4)[::-1, :, :3]
@@ -177,7 +197,7 @@ def test_loading_takes_the_place_of_what_there_is(saved: Path, renderer: Rendere
     assert same(renderer.render(), expected)
 
 
-def test_more_records_than_one_may_have(saved: Path) -> None:
+def test_a_file_with_more_records_than_max_records_loads(saved: Path) -> None:
     with Renderer(room(), SIZE, **FAST, max_records=100, a=0.8) as bounded:
         bounded.load_cache(saved)
         assert bounded.cache.count > 100
