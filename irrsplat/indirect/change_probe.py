@@ -1,4 +1,4 @@
-"""Which records a moved mesh concerns: what a few directions of each bring, held against what the same ones brought before."""
+"""Which records a moved mesh concerns: a rough gather from each is compared with what the same directions brought before."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from irrsplat.gather.reduce import ReducePass
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.records.record_cache import RecordCache
 
-SIDE = 8  # side² directions, a small part of a gather's; as a gather's side
-MOST = 4096  # records that are looked from at once
-_CHANGE = 0.02  # of E or of R, in sum over all moves since a record was gathered: what is less is not worth gathering it again
+SIDE = 8  # side² directions, a small part of a gather's
+MAX_RECORDS = 4096  # probed at once
+_MAX_DRIFT = 0.02  # change of E or R, summed over the moves since a record was gathered, beyond which it is gathered again
 
 
-class Probes(Owner):
-    """Looks from records with `gather`, of SIDE, which becomes this object's own."""
+class ChangeProbe(Owner):
+    """Probes records with `gather`, made for SIDE, which it owns from then on."""
 
     def __init__(self, gather: Gather) -> None:
         self.gather = gather
@@ -37,9 +37,9 @@ class Probes(Owner):
 
 
 def change(before: np.ndarray, after: np.ndarray, luminance_floor: float) -> np.ndarray:
-    """(N,) the greater of the changes of E and R (N, 4), as shares of the greater value; for E of `luminance_floor` at least.
+    """(N,) how much E and R (N, 4) have changed: the greater of both changes, each relative to the greater of its two values.
 
-    Infinite where before has no R: nothing is known of that record.
+    luminance_floor: W/m², below which E counts as if it were that. Infinite where `before` has no R: nothing is known there.
     """
     E = np.maximum(np.maximum(before, after)[:, :3].max(1), max(luminance_floor, 1e-20))
     off = np.abs(after - before)
@@ -47,8 +47,8 @@ def change(before: np.ndarray, after: np.ndarray, luminance_floor: float) -> np.
     return np.where(before[:, 3] > 0.0, share, np.inf)
 
 
-def concerned(cache: RecordCache, found: np.ndarray) -> np.ndarray:
-    """The numbers of the records that change too much, now that they have `found` (N, 4)."""
+def changed_records(cache: RecordCache, found: np.ndarray) -> np.ndarray:
+    """The numbers of the records that have changed too much, now that probes have `found` (N, 4); the cache keeps these."""
     cache.drift[:] = np.minimum(cache.drift + change(cache.probes, found, cache.luminance_floor), 1.0)
     cache.probes[:] = found
-    return np.flatnonzero(cache.drift > _CHANGE)
+    return np.flatnonzero(cache.drift > _MAX_DRIFT)

@@ -18,7 +18,7 @@ from irrsplat.gather.world import World
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.time_budget import Budget, Pace
 from irrsplat.gpu.timers import Timers
-from irrsplat.indirect.change_probe import MOST, SIDE, Probes, concerned
+from irrsplat.indirect.change_probe import MAX_RECORDS, SIDE, ChangeProbe, changed_records
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.change import SceneChange
@@ -111,12 +111,12 @@ class RecordGatherer(Owner):
         return self._made.get("gather", inputs, lambda: autotune.gather_pass(self.world, basis.settings, capacity=one))
 
     @property
-    def probes(self) -> Probes:
+    def probes(self) -> ChangeProbe:
         """A rough look from records, to find out which of them a change concerns."""
         basis = self._basis
         settings = replace(basis.settings, gather=basis.kind, gather_size=SIDE)  # as records are gathered
         inputs = basis.wants_surface, basis.lights, basis.kind
-        return self._made.get("probes", inputs, lambda: Probes(autotune.gather_pass(self.world, settings, MOST)))
+        return self._made.get("probes", inputs, lambda: ChangeProbe(autotune.gather_pass(self.world, settings, MAX_RECORDS)))
 
     @property
     def reduce_pass(self) -> ReducePass:
@@ -245,11 +245,11 @@ class RecordGatherer(Owner):
             return
         cache = self.cache
         looked = cache.probes[:, 3].any()
-        cache.invalidate(concerned(cache, self._probe(shadows, np.arange(cache.count))) if looked else None)
+        cache.invalidate(changed_records(cache, self._probe(shadows, np.arange(cache.count))) if looked else None)
         self._basis = replace(self._basis, moved=False)
 
     def _probe(self, shadows: ShadowMaps, numbers: np.ndarray) -> np.ndarray:
-        """(N, 4), as Probes has it, of the records of these numbers."""
+        """(N, 4), as ChangeProbe has it, of the records of these numbers."""
         with self.timers("gather"):
             return self.probes(self.light(shadows), self.cache.sites(numbers), self.settings.seed)
 

@@ -1,4 +1,4 @@
-"""The truth that a render is held to where there is no path tracer: a fine gather at every pixel tested, no interpolation."""
+"""A reference for renders without a path tracer: a fine gather at every pixel tested, nothing interpolated."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.model import Scene
 
 SIDE = 128  # of a hemicube's front face in texels, 49 thousand directions; or of a square of rays, 16 thousand
-_RASTERS = 1000  # triangles up to which they are
+_RASTER_TRIANGLES = 1000  # up to which rasters are used, else rays
 _BATCH = 32  # pixels gathered at once
-_ANGLE = 18.0  # degrees between a pixel's normal and its neighbours'
-_OFF = 0.01  # of the scene's diagonal: how far neighbours may lie from a pixel's tangent plane
+_ANGLE = 18.0  # degrees at most between the normals of a smooth pixel and its neighbours
+_OFF = 0.01  # of the scene's diagonal: how far neighbours of a smooth pixel may lie from its tangent plane
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Truth:
 
 
 def gather(world: World, seen: Seen, shadow_size: int, count: int = 500, seconds: float = 10.0) -> Truth:
-    """The truth at `count` of the smooth pixels of `seen`, drawn at random, or at as many as `seconds` allow."""
+    """The reference at `count` of the smooth pixels of `seen`, drawn at random, or at as many as `seconds` allow."""
     ctx, scene = world.ctx, world.scene
     candidates = np.argwhere(smooth(seen, _OFF * scene.diagonal))
     pixels = np.random.default_rng(0).permutation(candidates)[:count]
@@ -69,12 +69,12 @@ def _fine(world: World) -> Gather:
 
 
 def rasters(scene: Scene) -> bool:
-    """Whether a record's look at the scene is cheaper by rasters than by rays."""
-    return scene.triangles <= _RASTERS  # not by the clock: a truth is the same each time
+    """Whether the reference of this scene is gathered by rasters."""
+    return scene.triangles <= _RASTER_TRIANGLES  # not by timing, so that a reference is the same each time
 
 
 def directions(scene: Scene) -> int:
-    """How many directions the truth of a pixel has."""
+    """How many directions are gathered from for a pixel."""
     return 6 * SIDE**2 // 2 if rasters(scene) else SIDE**2
 
 

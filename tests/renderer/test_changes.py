@@ -13,7 +13,7 @@ from irrsplat import Renderer
 from irrsplat.gather import autotune
 from irrsplat.gpu.bvh_table import BvhTable
 from irrsplat.gpu.target import pixels
-from irrsplat.indirect.change_probe import Probes
+from irrsplat.indirect.change_probe import ChangeProbe
 from irrsplat.scene.flatten import flatten
 from tests.renderer.test_move import BOX, shift
 from tests.renderer.test_renderer import FAST, SIZE, room
@@ -82,7 +82,7 @@ def fails(*_: Any, **__: Any) -> Any:
 
 
 CHANGES: dict[str, tuple[Any, str, Callable[[Renderer], None]]] = {
-    "probes": (Probes, "__call__", lambda r: r.move(BOX, WAY)),
+    "probes": (ChangeProbe, "__call__", lambda r: r.move(BOX, WAY)),
     "kind": (autotune, "kind", lambda r: r.change(replace(r.settings, gather_size=12))),
     "lights": (autotune, "gather_pass", lambda r: r.relight(TWO)),
     "gather": (autotune, "gather_pass", lambda r: r.change(replace(r.settings, gather="raster", gradients=False))),

@@ -14,7 +14,7 @@ import irrsplat
 from irrsplat import InputError, Renderer
 from irrsplat.gpu.target import pixels
 from irrsplat.gpu.time_budget import Budget
-from irrsplat.indirect.change_probe import change, concerned
+from irrsplat.indirect.change_probe import change, changed_records
 from irrsplat.records.motion import COVERED, carried, covered, untouched
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.io.mesh_builder import is_closed
@@ -268,7 +268,7 @@ def test_small_changes_add_up(ctx: moderngl.Context) -> None:
     for expected in ([2], [], [0]):
         found[0, 1] *= 1.009
         found[1, :3] += 0.002
-        assert concerned(cache, found).tolist() == expected
+        assert changed_records(cache, found).tolist() == expected
         cache.mark_refreshed(np.array(expected, int))
     assert change(np.array([[1.0, 1.0, 1.0, 1.0]]), np.array([[1.0, 1.0, 1.0, 1.25]]), 0.0) == pytest.approx(0.2)
     cache.invalidate()
