@@ -62,7 +62,8 @@ class RecordInspector(Owner):
 
         The texture is RGBA8, bottom row first, this object's own, and holds until the next call.
         """
-        renderer, world, settings = source.renderer, source.renderer.world, source.settings
+        renderer, world = source.renderer, source.renderer.world
+        settings = renderer.scheduler.settings  # those by which records are gathered: without bounces, the last that had some
         if renderer.shadows is None:
             return None
         kind, more = autotune.kind(self.ctx, world.scene, settings), settings.most_bounces > 1
