@@ -82,21 +82,21 @@ SHADERS = (
         "shaders/gather/trace.frag",
         "+ albedo * INV_PI * E;",
         "+ albedo * E;",
-        ("tests/gather/test_trace.py::test_what_a_ray_sees_of_a_lit_plane[physical]",),
+        ("tests/gather/test_analytic.py::test_what_a_texel_sees_of_a_lit_plane",),
     ),
     Mutant(
         "π left out of what a texel brings",
         "shaders/gather/raster_texel.glsl",
         "emission + albedo * INV_PI * E",
         "emission + albedo * E",
-        ("tests/gather/test_analytic.py::test_what_a_texel_sees_of_a_lit_plane[raster-physical]",),
+        ("tests/gather/test_analytic.py::test_what_a_texel_sees_of_a_lit_plane",),
     ),
     Mutant(
         "ray through a stratum by equal steps of sinθ",
         "shaders/gather/trace.frag",
         "vec3(sqrt(square.x) * vec2(x.x, y.x), sqrt(1.0 - square.x))",
         "vec3(square.x * vec2(x.x, y.x), sqrt(1.0 - square.x * square.x))",
-        ("tests/gather/test_trace.py::test_parallel_patch[0.5-1.0]",),
+        ("tests/gather/test_analytic.py::test_parallel_patch[0.5-1.0-trace-64]",),
     ),
     Mutant(
         "far corners of boxes with two axes swapped",
@@ -174,7 +174,7 @@ SHADERS = (
         "shaders/records/radius_limit.frag",
         "at / a * sqrt(adapt / difference)",
         "at / a * (adapt / difference)",
-        ("tests/records/test_adapt.py::test_limits_equal_numpy_in_any_order[parts0-default]",),
+        ("tests/records/test_adapt.py::test_limits_equal_numpy_in_any_order[default]",),
     ),
     Mutant(
         "grid's cell index with two axes swapped on the GPU",
