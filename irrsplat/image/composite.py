@@ -53,7 +53,7 @@ class CompositePass(Owner):
         filling: bool = False,
     ) -> tuple[moderngl.Texture, moderngl.Texture]:
         """The image before exposure, and the sums (Σ k·E, Σ k) whose quotient is E, smoothed where the settings ask for it; while
-        the view is `filling`, holes borrow from around them.
+        the view is `filling`, pixels without records take the light of those around.
 
         Direct and indirect light have the weights Settings.mix; emission and sky are whole.
         """

@@ -1,4 +1,4 @@
-"""How numbers become something to look at: exposure, the filmic curve, sRGB, and colours for scalars."""
+"""Display values from radiance and other buffers: exposure, the filmic curve, sRGB, and colours for scalars."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ from irrsplat.scene.model import Camera
 class View:
     """One round's picture as GPU handles, valid until the next round: what the viewer shows and `render` reads back.
 
-    sums: (Σ k·E, Σ k) of which the picture is made, the splat buffer's own or smoothed; E is their quotient.
+    sums: (Σ k·E, Σ k), whose quotient E the picture is made of: the splat buffer's own, or smoothed.
     samples: of a pixel. Of more than one, the first at its centre, `image`, `direct`, `indirect` and `emission` (the sky's too)
     are the means; of one alone, the last two follow from the rest. All others are of the centre.
     """

@@ -155,19 +155,10 @@ def test_progress_names_the_frame(fake: Any, flight: File, monkeypatch: pytest.M
 # ---- what is refused -----------------------------------------------------------------------------------------------------
 
 MANY = ["-o", "f{frame}.png"]
-FIELDS: tuple[str, ...] = (
-    "{}",
-    "{0}",
-    "{n}",
-    "{frame",
-    "frame}",
-    "{frame}{n}",
-    "{frame.real}",
-    "{frame[0]}",
-    "{frame!r}",
-    "{frame:{frame}}",
+FIELDS = (
+    *("{}", "{0}", "{n}", "{frame", "frame}", "{frame}{n}", "{frame.real}", "{frame[0]}", "{frame!r}", "{frame:{frame}}"),
+    *("{frame:s}", "{frame:c}", "{frame:.2f}", "{frame:%}", "{frame:e}", "{frame:0<4}", "{frame:/>4}", "{frame:999d}"),
 )
-FIELDS += ("{frame:s}", "{frame:c}", "{frame:.2f}", "{frame:%}", "{frame:e}", "{frame:0<4}", "{frame:/>4}", "{frame:999d}")
 
 
 @pytest.mark.parametrize(

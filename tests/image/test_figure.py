@@ -43,7 +43,7 @@ def test_a_diagram_of_the_picture_s_size(name: str) -> None:
 @pytest.mark.parametrize("name", ["cornell", "furnace", "door"])
 def test_the_record_is_one_that_the_eye_sees(name: str) -> None:
     frame, eye, settings = rendered(name)
-    record = figure1.pick(frame, eye, settings)
+    record = figure1.choose_record(frame, eye, settings)
     assert record is not None
     assert (record.position == frame.records_position).all(axis=1).any()
     nearest = np.linalg.norm(frame.position - record.position, axis=-1).min()
@@ -55,7 +55,7 @@ def test_the_radius_is_the_shader_s() -> None:
     frame, eye, settings = rendered("cornell")
     for low, high in ((0.0, 0.0), (0.0, 5.0), (20.0, 0.0)):
         limits = replace(settings, radius_min=low, radius_max=high)
-        record = figure1.pick(frame, eye, limits)
+        record = figure1.choose_record(frame, eye, limits)
         assert record is not None
         percent = 0.02 * np.tan(np.radians(eye.fov) / 2.0) * record.d
         r = max(settings.a * record.radius, low * percent)
@@ -66,7 +66,7 @@ def test_the_quad_bounds_the_silhouette_and_touches_it() -> None:
     """The lines of sight that touch the sphere make a cone of half angle α, sin α = r/d, around the eye vector; in the plane
     through p_k that faces the eye they form a circle of radius d·tan α. The quad's sides must touch that circle."""
     frame, eye, settings = rendered("cornell")
-    record = figure1.pick(frame, eye, settings)
+    record = figure1.choose_record(frame, eye, settings)
     assert record is not None
     circle = record.d * np.tan(np.arcsin(record.r / record.d))
     axis = (record.eye - record.position) / record.d
@@ -81,7 +81,7 @@ def test_an_eye_inside_the_sphere() -> None:
     frame, eye, settings = rendered("furnace")
     huge = replace(settings, a=2.0, radius_max=0.0)
     frame = replace(frame, records_radius=np.full_like(frame.records_radius, 10.0))
-    record = figure1.pick(frame, eye, huge)
+    record = figure1.choose_record(frame, eye, huge)
     assert record is not None and record.inside
     assert "whole screen" in " ".join(words for _, words in figure1._legend(record, huge))
     assert np.abs(figure1.diagram(frame, eye, huge) - plain(frame)).mean() > 0.05

@@ -1,6 +1,6 @@
-"""What the eye sees, looked at from beside: the picture's pixels at their places in the world, in a parallel view.
+"""What the eye sees, drawn from the side: the picture's pixels at their places in the world, in a parallel view.
 
-Nothing stands in the way, since walls that the eye sees from inside vanish where they turn their back; so it works in any room.
+Walls that face away from the viewer are left out, so that nothing hides the inside of a room.
 """
 
 from __future__ import annotations

@@ -19,13 +19,13 @@ from irrsplat.settings import Settings
 LEAST = 160  # pixels: no diagram fits into a smaller picture
 _SUPER = 2  # pixels drawn per pixel shown, along each side
 _UNSEEN = (0.80, 0.83, 0.87)
-_CANDIDATES = 300  # records whose surroundings are looked at
+_CANDIDATES = 300  # records whose surroundings are examined
 _INK, _GREY = (30, 30, 30), (110, 110, 110)
 _SPHERE, _QUAD, _U, _V = (214, 118, 0), (0, 104, 184), (200, 40, 110), (0, 140, 90)
 
 
 @dataclass(frozen=True)
-class Shown:
+class ShownRecord:
     """The record that the figure shows, world space: p_k and n_k (3,), R_k and the radius r that this eye gives it, in metres.
 
     eye: (3,). u, v: (3,) the unit vectors perpendicular to the eye vector that span the quad, as in shaders/indirect/splat.vert.
@@ -63,15 +63,15 @@ class Shown:
 
 
 def diagram(frame: Frame, eye: Camera, settings: Settings) -> np.ndarray:
-    """(H, W, 3) display values 0..1 of the frame's size: above, what `eye` sees of the scene, looked at from beside, with the
+    """(H, W, 3) display values 0..1 of the frame's size: above, what `eye` sees of the scene, seen from the side, with the
     eye vector to one record; below, that record's sphere and quad from nearer. The plain picture where there is no record to
     show, or no room for a diagram."""
     height, width = frame.depth.shape
-    record = pick(frame, eye, settings)
+    record = choose_record(frame, eye, settings)
     if record is None or min(width, height) < LEAST:
         return tonemap(frame.image, frame.exposure)
-    seen = _lit_up(surface(frame, eye.screen / height), record)
-    axes = _beside(record, eye, seen)
+    seen = _tinted(surface(frame, eye.screen / height), record)
+    axes = _side_axes(record, eye, seen)
     size = _SUPER * np.array([width, height])
     font = max(11.0, 0.031 * min(width, height)) * _SUPER
     sheet = Image.new("RGB", tuple(size), tuple(round(255 * c) for c in _UNSEEN))
@@ -99,7 +99,7 @@ def diagram(frame: Frame, eye: Camera, settings: Settings) -> np.ndarray:
     return np.asarray(sheet.resize((width, height), Image.Resampling.BOX), np.float32) / np.float32(255.0)
 
 
-def pick(frame: Frame, eye: Camera, settings: Settings) -> Shown | None:
+def choose_record(frame: Frame, eye: Camera, settings: Settings) -> ShownRecord | None:
     """A record that `eye` sees, near the middle of the picture, turned to the eye, and large; None where it sees none."""
     position = np.asarray(frame.records_position, float)
     normal, R = np.asarray(frame.records_normal, float), np.asarray(frame.records_radius, float)
@@ -136,13 +136,15 @@ def pick(frame: Frame, eye: Camera, settings: Settings) -> Shown | None:
     axis = apart[best] / d[best]
     u = np.cross((0.0, 1.0, 0.0) if abs(axis[1]) < 0.9 else (1.0, 0.0, 0.0), axis)
     u /= np.linalg.norm(u)
-    return Shown(position[best], normal[best], float(R[best]), float(r[best]), np.array(eye.eye, float), u, np.cross(axis, u))
+    return ShownRecord(
+        position[best], normal[best], float(R[best]), float(r[best]), np.array(eye.eye, float), u, np.cross(axis, u)
+    )
 
 
-def _beside(record: Shown, eye: Camera, seen: Surface) -> np.ndarray:
-    """(3, 3) axes of a view from beside the eye vector: rows right, up, towards the viewer.
+def _side_axes(record: ShownRecord, eye: Camera, seen: Surface) -> np.ndarray:
+    """(3, 3) axes of a view from the side of the eye vector: rows right, up, towards the viewer.
 
-    Of some directions the one that sees most of what the eye sees, and the record unhidden.
+    Of 18 directions, the one that sees the most of what the eye sees, with nothing in front of the record.
     """
     axis = (record.eye - record.position) / record.d
     up = np.asarray(eye.up) / np.linalg.norm(eye.up)
@@ -172,7 +174,7 @@ def _beside(record: Shown, eye: Camera, seen: Surface) -> np.ndarray:
     return axes
 
 
-def _overview(record: Shown, eye: Camera, seen: Surface, axes: np.ndarray, room: np.ndarray) -> Parallel:
+def _overview(record: ShownRecord, eye: Camera, seen: Surface, axes: np.ndarray, room: np.ndarray) -> Parallel:
     """A view that holds the eye, the sphere and what is seen around them, in `room` (width, height) pixels."""
     points = seen.corners[:: max(1, len(seen.corners) // 20000), 0]
     points = points[np.linalg.norm(points - record.position, axis=1) < max(record.d, 4.0 * record.r)]
@@ -184,7 +186,7 @@ def _overview(record: Shown, eye: Camera, seen: Surface, axes: np.ndarray, room:
 
 
 def _panel(
-    record: Shown,
+    record: ShownRecord,
     eye: Camera,
     seen: Surface,
     view: Parallel,
@@ -234,7 +236,7 @@ def _panel(
     return image
 
 
-def _lit_up(seen: Surface, record: Shown) -> Surface:
+def _tinted(seen: Surface, record: ShownRecord) -> Surface:
     """The surfaces a little paler, and in the sphere's colour where they lie inside it."""
     colours = 0.88 * seen.colours + 0.12
     reached = np.linalg.norm(seen.corners - record.position, axis=-1) < record.r
@@ -242,7 +244,7 @@ def _lit_up(seen: Surface, record: Shown) -> Surface:
     return Surface(seen.corners, np.where(reached[..., None], 0.45 * colours + 0.55 * tint, colours), seen.normals)
 
 
-def _draw_eye(pen: Pen, record: Shown, eye: Camera, view: Parallel) -> None:
+def _draw_eye(pen: Pen, record: ShownRecord, eye: Camera, view: Parallel) -> None:
     """The eye as the tip of its view pyramid."""
     at = view.at(record.eye)
     if not ((at >= 0) & (at < pen.size)).all():
@@ -261,7 +263,7 @@ def _draw_eye(pen: Pen, record: Shown, eye: Camera, view: Parallel) -> None:
     pen.label("eye", at, (0.0, 1.0), _INK)
 
 
-def _draw_sphere(pen: Pen, record: Shown, view: Parallel, front: bool) -> None:
+def _draw_sphere(pen: Pen, record: ShownRecord, view: Parallel, front: bool) -> None:
     """The front or the back of the sphere: its disc and three great circles, one of them in the quad's plane."""
     centre, r = view.at(record.position), record.r * view.scale
     if front:
@@ -274,7 +276,7 @@ def _draw_sphere(pen: Pen, record: Shown, view: Parallel, front: bool) -> None:
         pen.dashes(view.at(ring), nearer == front, _SPHERE, 0.7 if front else 0.35)
 
 
-def _legend(record: Shown, settings: Settings) -> list[tuple[tuple[int, int, int], str]]:
+def _legend(record: ShownRecord, settings: Settings) -> list[tuple[tuple[int, int, int], str]]:
     """The lines below the figure: what is drawn in which colour, with its formula and its length here."""
     wanted, r = settings.a * record.radius, record.r
     sphere = f"sphere, r = a·R_k = {_metres(wanted)}"
