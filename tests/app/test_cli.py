@@ -198,3 +198,18 @@ def test_end_to_end(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
         assert file["records_position"].shape == (len(file["records_radius"]), 3)
     assert len(list((place / "folder").glob("figure*.png"))) == 6
     assert json.loads((place / "s.json").read_text())["converged"] is True
+
+
+def test_the_command_line_has_samples(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    small = ["plain.scene", "--size", "16", "12", "--gather-size", "8", "--samples", "3", "--stats", "s.json"]
+    assert cli.main(["render", *small, "-o", "one.png"]) == 0, capsys.readouterr().err
+    assert json.loads(Path("s.json").read_text())["samples"] == 3
+    Path("f.path").write_text("cam 0 0 5 0 0 0 0 1 0\ncam 1 0 5 0 0 0 0 1 0\nframes 2\n")
+    assert cli.main(["render", *small, "--path", "f.path", "-o", "f{frame}.png"]) == 0, capsys.readouterr().err
+    assert [frame["samples"] for frame in json.loads(Path("s.json").read_text())["frames"]] == [3, 3]
+    assert cli.main(["render", *small, "-o", "one.png", "--samples", "0"]) == 2
+
+
+def test_verify_s_samples_are_the_path_tracer_s() -> None:
+    args = parser.parse(["verify", "--samples", "64"])
+    assert args.samples == 64 and args.values == {}

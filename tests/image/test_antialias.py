@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import moderngl
@@ -14,7 +12,6 @@ import pytest
 
 import irrsplat
 from irrsplat import Renderer
-from irrsplat.app import cli, flags
 from irrsplat.core.buffers import CHANNELS, GBuffer
 from irrsplat.gpu.target import pixels, table_texture
 from irrsplat.image import antialias
@@ -300,21 +297,3 @@ def test_a_view_says_which_textures_hold_what(renderer: Renderer) -> None:
     assert view.mean("indirect") is None and view.mean("image") is view.image
     many = renderer.accumulate(view, 2)
     assert all(many.mean(name) is not None for name in MEANS) and many.mean("normal") is None
-
-
-# ---- the command line -------------------------------------------------------------------------------------------------
-
-
-def test_the_command_line_has_samples(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    small = ["plain.scene", "--size", "16", "12", "--gather-size", "8", "--samples", "3", "--stats", "s.json"]
-    assert cli.main(["render", *small, "-o", "one.png"]) == 0, capsys.readouterr().err
-    assert json.loads(Path("s.json").read_text())["samples"] == 3
-    Path("f.path").write_text("cam 0 0 5 0 0 0 0 1 0\ncam 1 0 5 0 0 0 0 1 0\nframes 2\n")
-    assert cli.main(["render", *small, "--path", "f.path", "-o", "f{frame}.png"]) == 0, capsys.readouterr().err
-    assert [frame["samples"] for frame in json.loads(Path("s.json").read_text())["frames"]] == [3, 3]
-    assert cli.main(["render", *small, "-o", "one.png", "--samples", "0"]) == 2
-
-
-def test_verify_s_samples_are_the_path_tracer_s() -> None:
-    args = flags.parse(["verify", "--samples", "64"])
-    assert args.samples == 64 and args.values == {}
