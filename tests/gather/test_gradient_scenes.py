@@ -18,7 +18,7 @@ from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
 from tests.support.worlds import Lit
 
-COUNT = 48  # points
+COUNT = 40  # points
 STEP = 0.02  # of R_k
 FLAT = 0.1  # of E: where it changes by less than this over R_k there is no gradient to speak of
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # Rec. 709
@@ -66,12 +66,14 @@ def tangents(n: np.ndarray) -> np.ndarray:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "turns"), [("cornell", 1), ("curved", 1), ("door", 1), ("atrium", 3)])
-def test_translation_gradient_in_scenes(ctx: moderngl.Context, name: str, turns: int) -> None:
-    """(E(p + δ) - E(p - δ))/2δ along the surface, δ = 2 % of R: the gradient's median error is at most 25 % at the default 64²
-    (it is about half of that or less), and less with each finer gather, 32² to 64² to 128².
+@pytest.mark.parametrize(
+    ("name", "turns", "limit"), [("cornell", 1, 0.035), ("curved", 1, 0.05), ("door", 1, 0.15), ("atrium", 3, 0.17)]
+)
+def test_translation_gradient_in_scenes(ctx: moderngl.Context, name: str, turns: int, limit: float) -> None:
+    """(E(p + δ) - E(p - δ))/2δ along the surface, δ = 2 % of R, against the gradient: at the default 64² its median error is
+    below the limit, and it grows with each coarser gather, 32² and 16².
 
-    turns: how many turns of its frame the reference is the mean of; among the atrium's columns one alone is too noisy.
+    turns: of how many rotations of its frame the reference is the mean; among the atrium's columns one alone is too noisy.
     """
     world = irrsplat.load(name)
     where = visible(ctx, world)
@@ -90,8 +92,8 @@ def test_translation_gradient_in_scenes(ctx: moderngl.Context, name: str, turns:
     assert steep.sum() > 0.8 * COUNT
     for how in ("raster", "trace"):
         error = {}
-        for side in (32, 64, 128):
+        for side in (16, 32, 64):
             found = np.einsum("tni,ni->nt", along, Gatherer(ctx, world, how, side)(where).gradient)
             error[side] = float(np.median((np.linalg.norm(found - truth, axis=1) / np.maximum(slope, 1e-30))[steep]))
-        assert error[64] <= 0.25, f"{how}: {error}"
-        assert error[128] < error[64] < error[32], f"{how}: {error}"
+        assert error[64] <= limit, f"{how}: {error}"
+        assert error[64] < error[32] < error[16], f"{how}: {error}"
