@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 
 from irrsplat.core import record_layout
+from irrsplat.core.vertex_layout import MATERIAL
 
 if TYPE_CHECKING:
     import moderngl
@@ -86,6 +87,11 @@ class GBuffer:
     normal: moderngl.Texture
     albedo: moderngl.Texture
     emission: moderngl.Texture
+
+    @property
+    def material_uniforms(self) -> Uniforms:
+        """The uniforms of generated/gbuffer_material.glsl."""
+        return {column.name: getattr(self, column.name) for column in MATERIAL}
 
 
 class LightRow(IntEnum):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from irrsplat.core import record_layout
+from irrsplat.core import record_layout, vertex_layout
 from irrsplat.core.buffers import FILMIC, LIGHT_ROWS, NOTHING_SEEN, LightRow
 from irrsplat.core.color import LUMINANCE, SRGB
 
@@ -45,4 +45,5 @@ INCLUDES: dict[str, str] = {
     "generated/constants.glsl": _constants(),
     "generated/record_columns.glsl": record_layout.glsl_columns(),
     "generated/record_outputs.glsl": record_layout.glsl_outputs(),
+    **vertex_layout.INCLUDES,
 }

@@ -10,6 +10,7 @@ import numpy as np
 from irrsplat.core.buffers import Uniforms
 from irrsplat.core.errors import InputError
 from irrsplat.core.glsl import TABLE_COLUMNS
+from irrsplat.core.vertex_layout import TEXELS, vertex_column, vertex_texels
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import table_texture
 from irrsplat.gpu.texel_table import table_rows
@@ -26,17 +27,17 @@ class _Tables(Owner):
     grid: np.ndarray
     nodes: moderngl.Texture
     triangles: moderngl.Texture
-    looks: moderngl.Texture
+    vertices: moderngl.Texture
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.nodes, self.triangles, self.looks)
+        return (self.nodes, self.triangles, self.vertices)
 
 
 class BvhTable(Owner):
     """A scene's triangles on the GPU as rays find them (shaders/lib/bvh.glsl).
 
-    vertices: (V, 12) float32 rows of position, normal, albedo, emission; faces: (F, 3) int, as scene.flatten gives them.
+    vertices: (V, WIDTH) float32, rows as core/vertex_layout.py has them; faces: (F, 3) int, as scene.flatten gives them.
     Raises InputError for more triangles than the GPU's textures hold.
     """
 
@@ -77,21 +78,19 @@ class BvhTable(Owner):
 
     @property
     def uniforms(self) -> Uniforms:
-        """The same, and the table of the vertices' normals and materials."""
-        return self.ray_uniforms | {"looks": self._tables.looks}
+        """The same, and the table of the vertices (generated/vertex_table.glsl)."""
+        return self.ray_uniforms | {"vertex_table": self._tables.vertices}
 
 
 def _tables(ctx: moderngl.Context, vertices: np.ndarray, faces: np.ndarray) -> _Tables:
-    corners = vertices[faces, :3]
+    corners = vertex_column(vertices, "position")[faces]
     bvh = build(corners)
     limit = int(ctx.info["GL_MAX_TEXTURE_SIZE"])
-    if max(bvh.nodes[..., 0].size, len(vertices), len(faces)) > TABLE_COLUMNS * limit or limit < 3 * TABLE_COLUMNS:
+    if max(bvh.nodes[..., 0].size, len(vertices), len(faces)) > TABLE_COLUMNS * limit or limit < max(TEXELS, 3) * TABLE_COLUMNS:
         raise InputError(f"{len(faces)} triangles are too many to trace here: use --gather raster")
     rows = table_rows(bvh.nodes.reshape(-1, 1, 4))
     nodes = ctx.texture((rows.shape[1], rows.shape[0]), 4, np.ascontiguousarray(rows).tobytes(), dtype="u4")
     nodes.filter = moderngl.NEAREST, moderngl.NEAREST
     leaves = np.concatenate([corners[bvh.order], faces[bvh.order, :, None]], axis=-1, dtype="f4")
-    looks = np.zeros((len(vertices), 3, 4), "f4")
-    looks[..., :3] = vertices[:, 3:].reshape(-1, 3, 3)
-    triangles, looks_texture = table_texture(ctx, table_rows(leaves)), table_texture(ctx, table_rows(looks))
-    return _Tables(corners, bvh.order, bvh.nodes.shape[1], bvh.grid, nodes, triangles, looks_texture)
+    triangles, table = table_texture(ctx, table_rows(leaves)), table_texture(ctx, table_rows(vertex_texels(vertices)))
+    return _Tables(corners, bvh.order, bvh.nodes.shape[1], bvh.grid, nodes, triangles, table)

@@ -6,6 +6,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import Uniforms
+from irrsplat.core.vertex_layout import WIDTH, vertex_column, vertex_texels
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import table_texture
 from irrsplat.gpu.texel_table import table_rows
@@ -16,23 +17,23 @@ class MeshletGeometry(Owner):
     """The triangles of a Geometry in another order, meshlet by meshlet, to be drawn in its place.
 
     triangle_table: RGBA32F table, a texel a triangle in this order: its three vertices' numbers, and its own in the Geometry.
-    vertex_table: RGBA32F table, three texels a vertex: its row of 12 numbers.
+    vertex_table: RGBA32F table of the vertices' rows, as generated/vertex_table.glsl reads it.
     """
 
     def __init__(self, ctx: moderngl.Context, vertices: moderngl.Buffer, rows: np.ndarray, faces: np.ndarray) -> None:
         self.vertices = vertices
         self.indices = ctx.buffer(reserve=max(faces.size, 3) * 4)
         self.triangle_table = table_texture(ctx, table_rows(np.zeros((len(faces), 1, 4))))
-        self.vertex_table = table_texture(ctx, table_rows(rows.reshape(-1, 3, 4)))
+        self.vertex_table = table_texture(ctx, table_rows(vertex_texels(rows)))
         self._cut(rows, faces)
 
     def update(self, rows: np.ndarray, faces: np.ndarray) -> None:
         """Follow the Geometry, whose triangles have moved."""
-        self.vertex_table.write(table_rows(rows.reshape(-1, 3, 4)).astype("f4").tobytes())
+        self.vertex_table.write(table_rows(vertex_texels(rows)).astype("f4").tobytes())
         self._cut(rows, faces)
 
     def _cut(self, rows: np.ndarray, faces: np.ndarray) -> None:
-        self.meshlets: Meshlets = cut(rows[faces, :3])
+        self.meshlets: Meshlets = cut(vertex_column(rows, "position")[faces])
         order = self.meshlets.order
         self.indices.write(np.ascontiguousarray(faces[order], "i4").tobytes())
         self.triangle_table.write(table_rows(np.column_stack([faces[order], order])[:, None].astype("f4")).tobytes())
@@ -50,21 +51,18 @@ class MeshletGeometry(Owner):
 class Geometry(Owner):
     """An indexed triangle list.
 
-    vertices: (V, 12) float32 rows of position, normal, albedo, emission. faces: (F, 3) int32.
+    vertices: (V, WIDTH) float32, rows as core/vertex_layout.py has them. faces: (F, 3) int32.
     The first `closed` faces belong to closed, outward wound meshes: `parts` names the ranges "all", "closed" and "open"
     as (first index, number of indices). planes: RGBA32F table, a texel a face: its unit normal n and n·p.
     corners: (F, 3, 3) float32 of the faces, kept on the CPU.
     """
 
-    FORMAT = "3f 3f 3f 3f"
-    ATTRIBUTES = ("in_position", "in_normal", "in_albedo", "in_emission")
-
     def __init__(self, ctx: moderngl.Context, vertices: np.ndarray, faces: np.ndarray, closed: int = 0) -> None:
         # OpenGL has no empty buffers: an empty scene has one vertex and one triangle that no draw reaches
-        self.vertices = ctx.buffer(np.ascontiguousarray(vertices if len(vertices) else np.zeros((1, 12)), "f4").tobytes())
+        self.vertices = ctx.buffer(np.ascontiguousarray(vertices if len(vertices) else np.zeros((1, WIDTH)), "f4").tobytes())
         self.indices = ctx.buffer(np.ascontiguousarray(faces if len(faces) else np.zeros((1, 3)), "i4").tobytes())
         self.ctx = ctx
-        self.corners = vertices[faces, :3]
+        self.corners = vertex_column(vertices, "position")[faces]
         self.planes = table_texture(ctx, _planes(self.corners.astype(float)))
         self._meshlet_geometry: MeshletGeometry | None = None
         total, split = 3 * len(faces), 3 * closed
@@ -84,7 +82,7 @@ class Geometry(Owner):
     def meshlet_geometry(self) -> MeshletGeometry:
         """The same triangles meshlet by meshlet; made when a gather first draws them."""
         if self._meshlet_geometry is None:
-            rows = np.frombuffer(self.vertices.read(), "f4").reshape(-1, 12)
+            rows = np.frombuffer(self.vertices.read(), "f4").reshape(-1, WIDTH)
             faces = np.frombuffer(self.indices.read(), "i4").reshape(-1, 3)[: self.triangles]
             self._meshlet_geometry = MeshletGeometry(self.ctx, self.vertices, rows, faces)
         return self._meshlet_geometry
@@ -95,7 +93,7 @@ class Geometry(Owner):
             return
         self.vertices.write(np.ascontiguousarray(vertices, "f4").tobytes())
         self.indices.write(np.ascontiguousarray(faces, "i4").tobytes())
-        self.corners = vertices[faces, :3]
+        self.corners = vertex_column(vertices, "position")[faces]
         self.planes.write(_planes(self.corners.astype(float)).astype("f4").tobytes())
         if self._meshlet_geometry is not None:
             self._meshlet_geometry.update(vertices, faces)

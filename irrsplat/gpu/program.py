@@ -9,6 +9,7 @@ from typing import Any, Literal
 import moderngl
 import numpy as np
 
+from irrsplat.core.vertex_layout import ATTRIBUTES, FORMAT
 from irrsplat.gpu import shader_source
 from irrsplat.gpu.geometry import Geometry, MeshletGeometry
 from irrsplat.gpu.resource import Owner
@@ -193,10 +194,9 @@ class Program:
 
     def _content(self, buffer: moderngl.Buffer) -> tuple[Any, ...]:
         """moderngl's (buffer, format, names…); attributes that the compiler removed are padding."""
-        names = Geometry.ATTRIBUTES
-        used = [name in self.active for name in names]
-        padded = [w if u else f"{int(w[:-1]) * 4}x" for w, u in zip(Geometry.FORMAT.split(), used, strict=True)]
-        return (buffer, " ".join(padded), *(n for n, u in zip(names, used, strict=True) if u))
+        used = [name in self.active for name in ATTRIBUTES]
+        padded = [w if u else f"{int(w[:-1]) * 4}x" for w, u in zip(FORMAT.split(), used, strict=True)]
+        return (buffer, " ".join(padded), *(n for n, u in zip(ATTRIBUTES, used, strict=True) if u))
 
     def release(self) -> None:
         """Free the program and its vertex arrays."""

@@ -179,8 +179,7 @@ class MeanPass(Owner):
             self.target,
             state=DrawState(blend="over") if number > 1 else DrawState(),  # old·(1 - share) + new·share
             position=gbuffer.position,
-            albedo=gbuffer.albedo,
-            emission=gbuffer.emission,
+            **gbuffer.material_uniforms,
             direct=direct,
             sums=sums,
             centre=centre,

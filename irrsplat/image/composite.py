@@ -64,8 +64,7 @@ class CompositePass(Owner):
         self.blend(
             self.target,
             position=gbuffer.position,
-            albedo=gbuffer.albedo,
-            emission=gbuffer.emission,
+            **gbuffer.material_uniforms,
             direct=direct,
             sums=sums,
             blend=settings.mix,

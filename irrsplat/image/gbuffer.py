@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import moderngl
 import numpy as np
 
@@ -16,10 +18,10 @@ _NEAR = 1e-6  # of the far distance: only the matrix has it, nothing is clipped 
 
 
 class GBufferTarget(Target):
-    """What a g-buffer is drawn into: the four textures of buffers.GBuffer, and depth."""
+    """What a g-buffer is drawn into: the textures of buffers.GBuffer, and depth."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
-        super().__init__(ctx, size, (4, 4, 4, 4), depth=True)
+        super().__init__(ctx, size, (4,) * len(fields(GBuffer)), depth=True)
         self.marked = Target(ctx, size, textures=self.textures[:1], depth_attachment=self.depth)
 
     def owned(self) -> tuple[Resource | None, ...]:
@@ -28,7 +30,7 @@ class GBufferTarget(Target):
 
 
 class GBufferPass(Owner):
-    """Draws the scene from the eye into four float textures of `size` (width, height)."""
+    """Draws the scene from the eye into float textures of `size` (width, height)."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.program = Program(ctx, "image/gbuffer")

@@ -84,7 +84,8 @@ def read(view: View, sky: tuple[float, float, float], records: dict[str, np.ndar
     """The view as a Frame: a copy of every buffer, zero where nothing is seen, and of the cache's `records`."""
     buffers = {f.name: pixels(getattr(view.gbuffer, f.name)) for f in fields(GBuffer)}
     seen = buffers["position"][..., 3:] > 0.0
-    position, normal, albedo, emission = (np.where(seen, b[..., :3], np.float32(0.0)) for b in buffers.values())
+    values = {name: np.where(seen, b[..., :3], np.float32(0.0)) for name, b in buffers.items()}
+    albedo = values["albedo"]
     sums = pixels(view.sums)
     irradiance = sums[..., :3] / np.where(sums[..., 3:] > 0.0, sums[..., 3:], np.float32(1.0))
     return Frame(
@@ -92,10 +93,10 @@ def read(view: View, sky: tuple[float, float, float], records: dict[str, np.ndar
         direct=_rgb(view.direct),
         indirect=_rgb(view.indirect) if view.indirect is not None else albedo * irradiance / np.float32(np.pi),
         irradiance=irradiance,
-        emission=_rgb(view.emission) if view.emission is not None else np.where(seen, emission, np.asarray(sky, "f4")),
+        emission=_rgb(view.emission) if view.emission is not None else np.where(seen, values["emission"], np.asarray(sky, "f4")),
         weight=np.where(seen[..., 0], pixels(view.splats.weight)[..., 0], np.float32(0.0)),
-        position=position,
-        normal=normal,
+        position=values["position"],
+        normal=values["normal"],
         albedo=albedo,
         depth=np.where(seen, buffers["position"][..., 3:], np.float32(np.inf))[..., 0],
         records_position=records["position"],

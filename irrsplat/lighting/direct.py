@@ -40,5 +40,6 @@ class DirectPass(Owner):
         """
         target = target or self.target
         g = gbuffer
-        self.program(target, position=g.position, normal=g.normal, albedo=g.albedo, rotation=rotation, **shadows.uniforms)
+        uniforms = {**g.material_uniforms, **shadows.uniforms}
+        self.program(target, position=g.position, normal=g.normal, rotation=rotation, **uniforms)
         return target.textures[0]

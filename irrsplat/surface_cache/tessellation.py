@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from irrsplat.core.vertex_layout import vertex_column
+
 _MAX_CELLS = 1 << 17  # beyond one for every triangle
 _SMALL = 0.2  # of the spacing: a triangle whose edges are shorter has one point for all of its corners
 
@@ -44,9 +46,9 @@ class Tessellation:
 def tessellate(vertices: np.ndarray, faces: np.ndarray, spacing: float, inset: float) -> Tessellation:
     """The tessellation whose steps are at most `spacing` metres long, or longer where that would make more than _MAX_CELLS cells.
 
-    vertices: (V, 12) rows of position, normal, albedo, emission; faces: (F, 3), as scene.flatten.flatten gives them.
+    vertices: (V, WIDTH), rows as core/vertex_layout.py has them; faces: (F, 3), as scene.flatten.flatten gives them.
     """
-    p, normals = vertices[faces, :3].astype(float), vertices[faces, 3:6].astype(float)
+    p, normals = (vertex_column(vertices, name)[faces].astype(float) for name in ("position", "normal"))
     edges = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
     longest = np.sqrt(np.max([(e * e).sum(1) for e in (*edges, edges[1] - edges[0])], axis=0, initial=0.0))
     n = steps(longest, spacing)

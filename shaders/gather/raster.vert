@@ -9,12 +9,7 @@ uniform sampler2D pairs;  // in rows of TABLE_COLUMNS: which record, and which f
 uniform ivec2 piece;      // the meshlet's first pair, and its first triangle
 #else
 uniform int faces;        // of a record
-in vec3 in_normal;
-in vec3 in_albedo;
-in vec3 in_emission;
-out vec3 v_normal;
-out vec3 v_albedo;
-out vec3 v_emission;
+#include "generated/attributes.glsl"
 #endif
 
 uniform vec2 atlas;  // texels
@@ -29,9 +24,7 @@ void main()
     ivec2 at = ivec2(texelFetch(pairs, table_texel(pair), 0).xy);
 #else
     ivec2 at = ivec2(gl_InstanceID / faces, gl_InstanceID % faces);
-    v_normal = in_normal;
-    v_albedo = in_albedo;
-    v_emission = in_emission;
+    pass_attributes();
     view_of_texels(at);
 #endif
     vec4 p = vec4(in_position, 1.0);

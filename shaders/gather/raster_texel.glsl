@@ -1,6 +1,7 @@
 // What comes along the ray of a texel from the triangle that it sees: emission and shadow-mapped direct light, and how far it is.
 #define FOOTPRINT
 #include "lighting/lights.glsl"
+#include "lib/material.glsl"
 #include "lib/surface.glsl"
 #if SURFACE
 #include "surface_cache/lookup.glsl"
@@ -26,8 +27,8 @@ vec3 texel_ray()
     return v_ahead + from_centre.x * v_right + from_centre.y * v_up;
 }
 
-// The outputs, for the triangle of this number and its interpolated looks.
-void see(int triangle, vec3 q, vec3 normal, vec3 albedo, vec3 emission)
+// The outputs, for the triangle of this number and its interpolated normal and material.
+void see(int triangle, vec3 q, vec3 normal, Material material)
 {
     // The surface's place by intersection of the texel's ray with the triangle's plane: an interpolated one is too coarse for
     // the shadow test where a large triangle passes close to the record.
@@ -53,6 +54,6 @@ void see(int triangle, vec3 q, vec3 normal, vec3 albedo, vec3 emission)
 #if SURFACE
     E += surface_irradiance(triangle, receiver.p, g);
 #endif
-    out_radiance = vec4(emission + albedo * INV_PI * E, max(length(away), 0.05 * near));
+    out_radiance = vec4(outgoing_radiance(material, E), max(length(away), 0.05 * near));
     out_plane = vec4(g / min(k, -0.05 * near), 0.0);
 }

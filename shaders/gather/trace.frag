@@ -1,13 +1,14 @@
 // Radiance that comes to a record along one ray, and how far it comes: the fragment is the ray's stratum in the record's cell.
 #define FOOTPRINT
 #include "lighting/lights.glsl"
+#include "generated/vertex_table.glsl"
+#include "lib/material.glsl"
 #include "lib/normals.glsl"
 #include "lib/bvh.glsl"
 #if SURFACE
 #include "surface_cache/lookup.glsl"
 #endif
 
-uniform sampler2D looks;     // three texels a vertex, in rows of TABLE_COLUMNS of them: shading normal, albedo, emission
 uniform sampler2D frames;    // texels (i, 0..2): record i's tangent, bitangent and normal, (i, 4): where it looks from
 uniform ivec2 cell;          // azimuths and elevations of a record
 uniform int columns;         // cells per row
@@ -22,16 +23,6 @@ layout(location = 3) out vec4 out_albedo;  // reflectance there, weight of the s
 
 const float FARTHEST = 4.0;  // times the ray's length, where a corner looks past the plane's horizon
 const int PARTS = 4;         // of a stratum
-
-vec3 vertex(int i, int column)
-{
-    return texelFetch(looks, table_texel(i, 3, column), 0).xyz;
-}
-
-vec3 blend(ivec3 corners, vec3 share, int column)
-{
-    return share.x * vertex(corners.x, column) + share.y * vertex(corners.y, column) + share.z * vertex(corners.z, column);
-}
 
 void main()
 {
@@ -65,7 +56,8 @@ void main()
         left[i] = l * min(k / min(dot(g, l), -1e-20), FARTHEST * hit.t) - away;
         right[i] = r * min(k / min(dot(g, r), -1e-20), FARTHEST * hit.t) - away;
     }
-    Receiver receiver = Receiver(eye + away, shading_normal(blend(at, hit.share, 0), g), g);
+    Vertex seen = interpolate(hit.share, vertex_at(at.x), vertex_at(at.y), vertex_at(at.z));
+    Receiver receiver = Receiver(eye + away, shading_normal(seen.normal, g), g);
     vec3 E = vec3(0.0);
     for (int light = 0; light < LIGHTS; ++light)
     {
@@ -78,17 +70,16 @@ void main()
         }
         if (sum.r + sum.g + sum.b > 0.0) E += sum / float(PARTS) * visibility(light, receiver, 1, vec2(1.0, 0.0));
     }
-    vec3 albedo = blend(at, hit.share, 1);
 #if HITS
     // HITS goes with SURFACE
     Look look = surface_look(hit.triangle, receiver.p, g);
     bool lit = hit.t < FARTHEST_HIT && look.weights.x + look.weights.y + look.weights.z > 0.0;
     out_values = lit ? vec4(look.values, look.weights.x) : vec4(-1.0, -1.0, -1.0, 0.0);
-    out_albedo = lit ? vec4(albedo, look.weights.y) : vec4(0.0);
+    out_albedo = lit ? vec4(seen.material.albedo, look.weights.y) : vec4(0.0);
 #elif SURFACE
     E += surface_irradiance(hit.triangle, receiver.p, g);
 #endif
-    vec3 L = blend(at, hit.share, 2) + albedo * INV_PI * E;
+    vec3 L = outgoing_radiance(seen.material, E);
     out_radiance = hit.t < FARTHEST_HIT ? vec4(L, max(hit.t, 0.05 * near)) : vec4(0.0);
     out_plane = hit.t < FARTHEST_HIT ? vec4(g / min(k, -0.05 * near), 0.0) : vec4(0.0);
 }

@@ -1,9 +1,8 @@
 // Antialiasing: one more sample of every pixel, beside its centre, is blended into the mean of the samples so far.
-#include "generated/constants.glsl"
+#include "generated/gbuffer_material.glsl"
+#include "lib/material.glsl"
 
 uniform sampler2D position;  // the sample's g-buffer
-uniform sampler2D albedo;
-uniform sampler2D emission;
 uniform sampler2D direct;
 uniform sampler2D sums;      // its Σ k·E, Σ k
 uniform sampler2D centre;    // the same of the pixels' centres
@@ -35,9 +34,10 @@ void main()
     {
         vec4 s = texelFetch(sums, pixel, 0);
         if (s.a <= 0.0) s = neighbouring_sums(pixel);
-        indirect = texelFetch(albedo, pixel, 0).rgb * INV_PI * (s.a > 0.0 ? s.rgb / s.a : vec3(0.0));
+        Material material = material_at(pixel);
+        indirect = reflected_radiance(material, s.a > 0.0 ? s.rgb / s.a : vec3(0.0));
         direct_light = texelFetch(direct, pixel, 0).rgb;
-        own = texelFetch(emission, pixel, 0).rgb;
+        own = material.emission;
     }
     out_image = vec4(blend.x * direct_light + blend.y * indirect + own, share);
     out_direct = vec4(direct_light, share);

@@ -1,9 +1,8 @@
 // The picture: irradiance from the sums, and with it the outgoing radiance of direct light, indirect light, emission and sky.
-#include "generated/constants.glsl"
+#include "generated/gbuffer_material.glsl"
+#include "lib/material.glsl"
 
 uniform sampler2D position;  // g-buffer
-uniform sampler2D albedo;
-uniform sampler2D emission;
 uniform sampler2D direct;
 uniform sampler2D sums;      // Σ k·E, Σ k; after smoothing E and 1
 uniform vec2 blend;          // weights of direct and indirect light
@@ -16,7 +15,8 @@ void main()
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     vec4 s = texelFetch(sums, pixel, 0);
     vec3 E = s.a > 0.0 ? s.rgb / s.a : vec3(0.0);
-    vec3 indirect = texelFetch(albedo, pixel, 0).rgb * INV_PI * E;
-    vec3 light = blend.x * texelFetch(direct, pixel, 0).rgb + blend.y * indirect + texelFetch(emission, pixel, 0).rgb;
+    Material material = material_at(pixel);
+    vec3 indirect = reflected_radiance(material, E);
+    vec3 light = blend.x * texelFetch(direct, pixel, 0).rgb + blend.y * indirect + material.emission;
     out_image = vec4(texelFetch(position, pixel, 0).w > 0.0 ? light : sky, 1.0);
 }

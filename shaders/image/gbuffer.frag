@@ -1,11 +1,9 @@
 // The g-buffer: position, normals and material of what each pixel sees at its centre.
+#include "generated/interpolated.glsl"
 #include "lib/octahedral.glsl"
 #include "lib/surface.glsl"
 
 in vec3 v_position;
-in vec3 v_normal;
-in vec3 v_albedo;
-in vec3 v_emission;
 
 uniform vec3 eye;
 uniform vec3 forward;   // unit, the view axis

@@ -1,10 +1,11 @@
 // Direct light at every pixel, with four dithered shadow samples per light (Jones 2010, sections 2.4 and 3.3).
+#include "generated/gbuffer_material.glsl"
 #include "lighting/lights.glsl"
+#include "lib/material.glsl"
 #include "lib/octahedral.glsl"
 
 uniform sampler2D position;  // g-buffer
 uniform sampler2D normal;
-uniform sampler2D albedo;
 uniform float rotation;      // of the pattern of the four samples, radians
 
 layout(location = 0) out vec4 out_direct;  // outgoing radiance ρ/π·E
@@ -12,11 +13,11 @@ layout(location = 0) out vec4 out_direct;  // outgoing radiance ρ/π·E
 void main()
 {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    vec4 p = texelFetch(position, pixel, 0), n = texelFetch(normal, pixel, 0), rho = texelFetch(albedo, pixel, 0);
+    vec4 p = texelFetch(position, pixel, 0), n = texelFetch(normal, pixel, 0);
     out_direct = vec4(0.0);
     if (p.w == 0.0) return;
     // interleaved gradient noise (Jimenez 2014) rotates the pattern from pixel to pixel
     float angle = 2.0 * PI * fract(52.9829189 * fract(dot(gl_FragCoord.xy, vec2(0.06711056, 0.00583715)))) + rotation;
-    Receiver receiver = Receiver(p.xyz, n.xyz, octahedral_decode(vec2(n.w, rho.w)));
-    out_direct.rgb = rho.rgb * INV_PI * direct_irradiance(receiver, 4, vec2(cos(angle), sin(angle)));
+    Receiver receiver = Receiver(p.xyz, n.xyz, octahedral_decode(vec2(n.w, texelFetch(albedo, pixel, 0).w)));
+    out_direct.rgb = reflected_radiance(material_at(pixel), direct_irradiance(receiver, 4, vec2(cos(angle), sin(angle))));
 }

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from irrsplat.core.paths import folder
+from irrsplat.core.vertex_layout import WIDTH
 from irrsplat.gpu import shader_source
 from irrsplat.gpu.bvh_table import BvhTable
 from irrsplat.gpu.target import Target, table_texture
@@ -114,7 +115,7 @@ def shaded(
     )
     source = shader_source.load("walk.frag", root=tmp_path)
     program = ctx.program(vertex_shader=shader_source.load("lib/fullscreen.vert").text, fragment_shader=source.text)
-    vertices = np.zeros((3 * len(corners), 12), "f4")
+    vertices = np.zeros((3 * len(corners), WIDTH), "f4")
     vertices[:, :3] = corners.reshape(-1, 3)
     tree = BvhTable(ctx, vertices, np.arange(3 * len(corners), dtype="i4").reshape(-1, 3))
     width, both = 256, np.zeros((-(-len(o) // 256) * 256, 2, 4), "f4")

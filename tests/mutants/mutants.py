@@ -80,15 +80,15 @@ SHADERS = (
     Mutant(
         "π left out of what a ray brings",
         "shaders/gather/trace.frag",
-        "+ albedo * INV_PI * E;",
-        "+ albedo * E;",
+        "outgoing_radiance(seen.material, E)",
+        "outgoing_radiance(seen.material, PI * E)",
         ("tests/gather/test_analytic.py::test_what_a_texel_sees_of_a_lit_plane",),
     ),
     Mutant(
         "π left out of what a texel brings",
         "shaders/gather/raster_texel.glsl",
-        "emission + albedo * INV_PI * E",
-        "emission + albedo * E",
+        "outgoing_radiance(material, E)",
+        "outgoing_radiance(material, PI * E)",
         ("tests/gather/test_analytic.py::test_what_a_texel_sees_of_a_lit_plane",),
     ),
     Mutant(
@@ -241,11 +241,18 @@ SHADERS = (
         ("tests/lighting/test_direct.py::test_a_lit_plane[True-physical]",),
     ),
     Mutant(
-        "π left out of the picture's indirect light",
-        "shaders/image/composite.frag",
-        "texelFetch(albedo, pixel, 0).rgb * INV_PI * E;",
-        "texelFetch(albedo, pixel, 0).rgb * E;",
+        "π left out of what a surface reflects",
+        "shaders/lib/material.glsl",
+        "material.albedo * INV_PI * E;",
+        "material.albedo * E;",
         ("tests/image/test_composite.py::test_blend[0.25-weights1]",),
+    ),
+    Mutant(
+        "a vertex read one channel beside its own",
+        "irrsplat/core/vertex_layout.py",
+        "_CHANNELS[i % 4] for i in run",
+        "_CHANNELS[(i + 1) % 4] for i in run",
+        ("tests/gather/test_analytic.py::test_what_a_texel_sees_of_a_lit_plane",),
     ),
     Mutant(
         "filmic curve not divided by its white",

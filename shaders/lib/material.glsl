@@ -1,0 +1,13 @@
+// What a surface does with light. Both functions give radiance, W/(m² sr), the same in all directions, for an irradiance E in W/m².
+#include "generated/constants.glsl"
+#include "generated/material.glsl"
+
+vec3 reflected_radiance(Material material, vec3 E)
+{
+    return material.albedo * INV_PI * E;
+}
+
+vec3 outgoing_radiance(Material material, vec3 E)
+{
+    return material.emission + reflected_radiance(material, E);
+}
