@@ -14,6 +14,7 @@ from PIL import Image
 from irrsplat.core.buffers import GBuffer, HitLight, Records, Sites
 from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.core.record_layout import COLUMNS, TEXTURES, pack
+from irrsplat.core.vertex_layout import MATERIAL
 from irrsplat.gather.autotune import gather_pass
 from irrsplat.gather.look import Gather, gather_records
 from irrsplat.gather.reduce import ReducePass
@@ -126,10 +127,11 @@ def on_plane(camera: Camera, size: tuple[int, int], point: Vector, normal: Vecto
 def gbuffer_of(ctx: moderngl.Context, position: np.ndarray, normal: np.ndarray, depth: np.ndarray, **rest: np.ndarray) -> GBuffer:
     """A GBuffer of (H, W, 3) arrays, top row first; the geometric normal is the shading normal unless `geometric` is given.
 
-    depth: (H, W), 0 where nothing is seen.
+    depth: (H, W), 0 where nothing is seen. rest: `geometric`, and properties of the material; default albedo 0.5, all others 0.
     """
     octahedral = encode(rest.get("geometric", normal))
-    albedo, emission = rest.get("albedo", np.full_like(position, 0.5)), rest.get("emission", np.zeros_like(position))
+    rest = {"albedo": np.full_like(position, 0.5), **rest}
+    last = {"albedo": octahedral[..., 1], "emission": np.ones_like(depth)}  # what else these textures hold
 
     def texture(rgb: np.ndarray, w: np.ndarray) -> moderngl.Texture:
         return table_texture(ctx, np.concatenate([rgb, w[..., None]], -1)[::-1])
@@ -137,8 +139,7 @@ def gbuffer_of(ctx: moderngl.Context, position: np.ndarray, normal: np.ndarray, 
     return GBuffer(
         texture(position, depth),
         texture(normal, octahedral[..., 0]),
-        texture(albedo, octahedral[..., 1]),
-        texture(emission, np.ones_like(depth)),
+        **{c.name: texture(rest.get(c.name, 0.0 * position), last.get(c.name, 0.0 * depth)) for c in MATERIAL},
     )
 
 
