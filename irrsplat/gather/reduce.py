@@ -69,6 +69,8 @@ class ReducePass(Owner):
         )
         sums: dict[str, Any] = dict(zip(_SUMS, self.target.textures, strict=False))
         if self.out is None or self.out.textures[0] is not records.textures[GATHERED[0]]:
+            if self.out is not None:
+                self.out.release()
             self.out = Target(self.ctx, records.size, textures=[records.textures[name] for name in GATHERED])
         self.total(
             self.out,

@@ -57,6 +57,8 @@ class RadiusLimitPass(Owner):
             return
         limit = cache.records.textures["limit"]
         if self.out is None or self.out.textures[0] is not limit:
+            if self.out is not None:
+                self.out.release()
             self.out = Target(self.ctx, cache.records.size, textures=[limit])
         everything = self._grids_of(cache.positions, 0)
         self._limit(cache, np.arange(first, cache.count), everything, settings, DrawState())

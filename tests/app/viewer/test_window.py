@@ -76,7 +76,7 @@ def settled() -> np.ndarray:
     last = [seen()]
 
     def still() -> bool:
-        time.sleep(0.4)
+        time.sleep(0.8)  # while a view fills, a picture may stay for 0.3 s and a tick
         last.append(seen())
         return bool((np.abs(last[-1] - last[-2]).max(axis=2) > 8).mean() < 1e-4)
 
