@@ -162,11 +162,6 @@ class Renderer(Owner):
         return self._state.size
 
     @property
-    def view_state(self) -> ViewState:
-        """How far the present view has come."""
-        return self._state.view
-
-    @property
     def shadows(self) -> ShadowMaps | None:
         """The shadow maps of the scene as it is now; None before they are drawn."""
         current = self._memo.holds("shadows", self._shadow_inputs)

@@ -96,11 +96,6 @@ class RecordGatherer(Owner):
         return self._basis.settings
 
     @property
-    def scene(self) -> Scene:
-        """The scene whose light is gathered."""
-        return self._basis.scene
-
-    @property
     def gather_pass(self) -> Gather:
         """How a record sees the world; the paper's algorithm gathers one at a time."""
         return self._gather_of(self._basis)

@@ -13,23 +13,15 @@ from irrsplat.gpu.target import Target
 
 
 class DirectPass(Owner):
-    """Draws the direct outgoing radiance of a view of `size` (width, height)."""
+    """Draws the direct outgoing radiance of a view of `size` (width, height), by lights of the kinds that light_defines tells."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], lights: Mapping[str, int]) -> None:
-        self.lights = lights
         self.program = Program(ctx, "lighting/direct", "lib/fullscreen", lights)
         self.target = Target(ctx, size, (4,))
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
         return (self.program, self.target)
-
-    def fit(self, lights: Mapping[str, int]) -> None:
-        """Draw for lights of these kinds, as light_defines has them, from now on."""
-        if lights != self.lights:
-            self.lights = lights
-            self.program.release()
-            self.program = Program(self.target.ctx, "lighting/direct", "lib/fullscreen", lights)
 
     def __call__(
         self, gbuffer: GBuffer, shadows: ShadowMaps, rotation: float = 0.0, target: Target | None = None

@@ -14,6 +14,7 @@ from irrsplat.gather import autotune
 from irrsplat.gpu.bvh_table import BvhTable
 from irrsplat.gpu.target import pixels
 from irrsplat.indirect.change_probe import ChangeProbe
+from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.flatten import flatten
 from tests.renderer.test_move import BOX, shift
 from tests.renderer.test_renderer import FAST, SIZE, room
@@ -81,6 +82,10 @@ def fails(*_: Any, **__: Any) -> Any:
     raise RuntimeError("no memory")
 
 
+def interrupted(*_: Any, **__: Any) -> Any:
+    raise KeyboardInterrupt
+
+
 CHANGES: dict[str, tuple[Any, str, Callable[[Renderer], None]]] = {
     "probes": (ChangeProbe, "__call__", lambda r: r.move(BOX, WAY)),
     "kind": (autotune, "kind", lambda r: r.change(replace(r.settings, gather_size=12))),
@@ -104,6 +109,24 @@ def test_a_change_that_fails_changes_nothing(monkeypatch: pytest.MonkeyPatch, ca
         assert np.array_equal(pixels(renderer.frame()[0].image), image)
         act(renderer)
         renderer.change(replace(renderer.settings, **{**FAST, "gather": "auto", "gradients": True}))
+        agrees(renderer)
+
+
+@pytest.mark.parametrize("act", [lambda r: r.move(BOX, WAY), lambda r: r.relight(TWO)], ids=["move", "relight"])
+def test_a_change_that_is_interrupted_while_records_change_forgets_them(
+    monkeypatch: pytest.MonkeyPatch, act: Callable[[Renderer], None]
+) -> None:
+    """Only some would have changed; the renderer goes on with the scene as it was, and the change can be made later."""
+    with Renderer(room(), SIZE, **FAST, gather="trace") as renderer:
+        renderer.render()
+        scene = renderer.scene
+        with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+            for name in ("keep_only", "invalidate"):
+                patch.setattr(RecordCache, name, interrupted)
+            act(renderer)
+        assert renderer.cache.count == 0 and renderer.scene is scene
+        agrees(renderer)
+        act(renderer)
         agrees(renderer)
 
 
