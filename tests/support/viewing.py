@@ -318,6 +318,7 @@ class Driver:
             actions.open(self.source)
         actions.panels, actions.side, actions.screenshot_wanted = Panels(settings=False, hud=False), 0, ""
         actions.messages.lines.clear()
+        self.viewer.interface.dialog.typed = ""
         session.options, session.held, session.path_recorder = ViewOptions(), None, PathRecorder()
         session.truths.release()
         actions.bookmarks, actions.fullscreen_wanted, actions.quitting = [], False, False

@@ -21,7 +21,7 @@ from PIL import Image
 TOOLS = ("Xvfb", "xdotool", "import")
 MISSING = [tool for tool in TOOLS if shutil.which(tool) is None]
 SIZE = (640, 480)
-PATIENCE = 60.0  # seconds: machines are slow at times, and nothing here is about speed
+PATIENCE = 180.0  # seconds: machines are slow at times, and nothing here is about speed
 
 pytestmark = pytest.mark.skipif(
     bool(MISSING) and not os.environ.get("CI"), reason=f"{', '.join(MISSING)} missing; run: sh .ci/setup dev"
