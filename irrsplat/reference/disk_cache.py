@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from irrsplat.core import paths
 from irrsplat.core.errors import IrrsplatError
-from irrsplat.scene.model import Camera, Scene
+from irrsplat.scene.model import Camera, Material, Scene
 
 # what reading a damaged file raises
 DAMAGE = (OSError, ValueError, KeyError, EOFError, TypeError, NotImplementedError, zipfile.BadZipFile, zlib.error)
@@ -38,11 +38,23 @@ def key_of(scene: Scene, camera: Camera, *values: ArrayLike) -> str:
             digest.update(f"{array.shape}".encode())
             digest.update((array + 0.0).tobytes())  # −0 is 0
 
-    add(*values, scene.sky, camera.eye, camera.target, camera.up, camera.fov)
+    def add_material(material: Material) -> None:
+        digest.update(f"{material.alpha_mode}".encode())
+        add(material.normal_scale, material.opacity, material.alpha_cutoff, material.transmission, material.double_sided)
+        for texture in (material.albedo_texture, material.emission_texture, material.normal_texture):
+            if texture is None:
+                add(())
+            else:
+                digest.update(f"{texture.image.pixels.shape}{texture.wrap}".encode())
+                digest.update(np.ascontiguousarray(texture.image.pixels).tobytes())
+                add(texture.uv_set, texture.transform, texture.nearest)
+
+    add(*values, scene.sky, scene.sky_gradient, scene.up, camera.eye, camera.target, camera.up, camera.fov)
     for mesh in scene.meshes:
         add(mesh.positions, mesh.normals, mesh.faces, mesh.material.emission)
         add(mesh.material.albedo if mesh.colors is None else mesh.colors)
-        add(*(value for name, value in vars(mesh.material).items() if name not in ("albedo", "emission")))
+        add(*(() if value is None else value for value in (mesh.uvs, mesh.opacities)))
+        add_material(mesh.material)
     for light in scene.lights:
         add(*(() if value is None else value for name, value in vars(light).items() if name != "name"))
     return digest.hexdigest()[:24]

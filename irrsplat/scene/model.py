@@ -5,18 +5,92 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
 from irrsplat.core.errors import InputError
 
 
+@dataclass(frozen=True, eq=False)  # compared by identity: two textures share an image where it is the same object
+class Image:
+    """A picture that surfaces wear.
+
+    pixels: (H, W, 4) uint8, top row first; red, green and blue are sRGB-encoded, those of a normal map the stored values; alpha is
+    linear. name: of its file, for notices.
+    """
+
+    pixels: np.ndarray
+    name: str = ""
+
+
+Wrap = Literal["repeat", "mirror", "clamp"]
+AlphaMode = Literal["opaque", "mask", "blend"]
+
+
+@dataclass(frozen=True)
+class Texture:
+    """An image, and how it lies on a surface.
+
+    uv_set: which of a mesh's two sets of coordinates, 0 or 1. transform: (a, b, c, d, e, f), the image's coordinates are
+    (a·u + b·v + c, d·u + e·v + f). They run from (0, 0) at the image's top left corner to (1, 1) at its bottom right one.
+    wrap: beyond that, along u and v. nearest: magnified texels are squares, not blended.
+    """
+
+    image: Image
+    uv_set: int = 0
+    transform: tuple[float, float, float, float, float, float] = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+    wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
+    nearest: bool = False
+
+
 @dataclass(frozen=True)
 class Material:
-    """A two-sided Lambertian surface: `albedo` (3,) in 0..1 linear, `emission` (3,) emitted radiance in W/(m² sr)."""
+    """A Lambertian surface, lit from both sides.
+
+    albedo: (3,) diffuse reflectance in 0..1, linear; times the colour of albedo_texture. emission: (3,) emitted radiance in
+    W/(m² sr), from both sides; times the colour of emission_texture.
+    normal_texture: a tangent-space normal map (green up, as glTF has it); normal_scale: factor on its x and y.
+    opacity: 0..1, times the alpha of albedo_texture. alpha_mode: "opaque" ignores opacity; "mask" is not there where it is below
+    alpha_cutoff; "blend" lets what is behind show through. transmission: 0..1, the share of light that passes what is there.
+    double_sided: False, and a camera does not see it from behind; to light it is there from both sides.
+    """
 
     albedo: tuple[float, float, float] = (0.5, 0.5, 0.5)
     emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    albedo_texture: Texture | None = None
+    emission_texture: Texture | None = None
+    normal_texture: Texture | None = None
+    normal_scale: float = 1.0
+    opacity: float = 1.0
+    alpha_mode: AlphaMode = "opaque"
+    alpha_cutoff: float = 0.5
+    transmission: float = 0.0
+    double_sided: bool = True
+
+    @property
+    def light_cutoff(self) -> float:
+        """The opacity (of `opacity`, texture and vertices) from which on light sees the surface; 0: it always does; above 1: never.
+
+        The rule: what is cut out is not there. What blends or transmits is there to light where more than half of the light would
+        be held back; elsewhere light passes as if there were nothing, and the picture is tinted (a filter).
+        """
+        if self.alpha_mode == "mask":
+            return self.alpha_cutoff if self.transmission <= 0.5 else 2.0
+        if self.transmission > 0.5:
+            return 2.0
+        return 0.5 / (1.0 - self.transmission) if self.alpha_mode == "blend" else 0.0
+
+    @property
+    def filters(self) -> bool:
+        """Whether it may tint what is behind it: the picture shows that times 1 - opacity·(1 - albedo)."""
+        return self.alpha_mode == "blend" or self.transmission > 0.5
+
+    @property
+    def textures(self) -> tuple[Texture, ...]:
+        """Those that it has."""
+        all_of_them = self.albedo_texture, self.emission_texture, self.normal_texture
+        return tuple(texture for texture in all_of_them if texture is not None)
 
 
 @dataclass(frozen=True, eq=False)  # compared by identity: arrays have no single answer to ==, and a moved mesh is a new one
@@ -24,7 +98,8 @@ class Mesh:
     """Triangles in world space; each mesh is equal only to itself.
 
     positions: (V, 3) float32, metres. normals: (V, 3) float32, unit shading normals. faces: (F, 3) int32.
-    colors: (V, 3) float32 linear reflectance that replaces material.albedo, or None.
+    colors: (V, 3) float32 linear reflectance that replaces material.albedo, or None. opacities: (V,) float32 that replaces
+    material.opacity, or None. uvs: (V, 4) float32, two sets of texture coordinates, u v u v, or None (all 0).
     closed: True only where the surface is watertight and wound outward (in world space).
     """
 
@@ -35,6 +110,8 @@ class Mesh:
     colors: np.ndarray | None = None
     closed: bool = False
     name: str = ""
+    uvs: np.ndarray | None = None
+    opacities: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -125,8 +202,11 @@ class Camera:
 
 @dataclass(frozen=True)
 class Scene:
-    """All that is lit and seen. `cameras[0]` is the default one; `sky` (3,) is a uniform environment radiance.
+    """All that is lit and seen. `cameras[0]` is the default one.
 
+    sky: (3,) mean radiance of the environment; sky_gradient: (3,) how much brighter it is straight up; what comes from the unit
+    direction d is sky + sky_gradient·dot(d, up). up: (3,) unit, world space. own_sky: whether the file has asked for this sky; a
+    stand-in is not what the camera shows behind things.
     notices: one-line remarks of the loader (degenerate triangles dropped, a sky invented, …), for a user to read.
     files: the paths of all files that it was read from.
     """
@@ -139,6 +219,20 @@ class Scene:
     path: str = ""
     notices: tuple[str, ...] = ()
     files: tuple[str, ...] = ()
+    sky_gradient: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    up: tuple[float, float, float] = (0.0, 1.0, 0.0)
+    own_sky: bool = True
+
+    @cached_property
+    def materials(self) -> dict[Material, int]:
+        """The different materials of its meshes, and the number of each."""
+        return {material: i for i, material in enumerate(dict.fromkeys(mesh.material for mesh in self.meshes))}
+
+    def sky_radiance(self, directions: np.ndarray) -> np.ndarray:
+        """(N, 3) radiance of the sky from unit directions (N, 3)."""
+        rise = directions @ np.asarray(self.up)
+        radiance: np.ndarray = np.asarray(self.sky) + rise[:, None] * np.asarray(self.sky_gradient)
+        return radiance
 
     @cached_property
     def bounds(self) -> np.ndarray:
