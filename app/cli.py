@@ -71,7 +71,7 @@ def view(args: argparse.Namespace) -> int:
     import irrsplat
     from irrsplat.app.viewer import preferences
 
-    scene = irrsplat.load(args.scene)
+    scene = irrsplat.load(args.scene, **vars(args.loading))
     camera = _camera(args, scene)
     remembered, notices = preferences.load()
     if args.preset is not None:
@@ -81,7 +81,8 @@ def view(args: argparse.Namespace) -> int:
         _check_cache(args.cache, scene, remembered.preset, remembered.values)
     from irrsplat.app.viewer import viewer
 
-    said = viewer.run(scene, args.scene, tuple(args.size) if args.size else None, remembered, camera, notices, args.cache)
+    size = tuple(args.size) if args.size else None
+    said = viewer.run(scene, args.scene, size, remembered, camera, notices, args.cache, args.loading)
     if said is not None:
         say(f"notice: {said}")
     return 0
@@ -98,7 +99,7 @@ def render(args: argparse.Namespace) -> int:
 
     import irrsplat
 
-    scene = irrsplat.load(args.scene)
+    scene = irrsplat.load(args.scene, **vars(args.loading))
     flight = None if args.path is None else render_path.plan(args, scene)
     camera = _camera(args, scene)
     with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, **args.values) as renderer:
@@ -124,7 +125,7 @@ def info(args: argparse.Namespace) -> int:
     """`irrsplat info`: what is in a scene, or the table of bundled ones."""
     from irrsplat.app import info as report
 
-    report.scene(args.scene) if args.scene is not None else report.bundled()
+    report.scene(args.scene, args.loading) if args.scene is not None else report.bundled()
     return 0
 
 
@@ -162,7 +163,7 @@ def verify(args: argparse.Namespace) -> int:
 
     import irrsplat
 
-    scene = irrsplat.load(args.scene)
+    scene = irrsplat.load(args.scene, **vars(args.loading))
     return verification.run(scene, _camera(args, scene), args)
 
 

@@ -10,6 +10,7 @@ from typing import Any, NoReturn
 
 from irrsplat.app.common.version import version
 from irrsplat.core.errors import InputError
+from irrsplat.core.load_options import CREASE_ANGLE, UP_AXES, LoadOptions
 from irrsplat.settings import PRESETS, SETTINGS, Declaration
 
 DEFAULT_SCENE = "cornell"
@@ -66,11 +67,14 @@ def frames(text: str) -> tuple[int, int | None]:
 
 
 def parse(argv: Sequence[str]) -> argparse.Namespace:
-    """The checked command line: `command`, its arguments, and for render, view and verify `values`, the settings given by flag.
+    """The checked command line: `command`, its arguments, `loading` where there is a scene, and for render, view and verify
+    `values`, the settings given by flag.
 
     Raises InputError, one line, for what is wrong with it; SystemExit(0) after --help and --version.
     """
     args = build().parse_args(list(_spelled_out(argv)))
+    if hasattr(args, "up_axis"):
+        args.loading = LoadOptions(args.up_axis, args.crease_angle, args.time)
     if args.command in ("render", "view", "verify"):
         args.values = {
             name: d.parse(text) for name, d in SETTINGS.items() if (text := getattr(args, "set_" + name, None)) is not None
@@ -90,6 +94,7 @@ def build() -> argparse.ArgumentParser:
     _add_bench(commands)
     info = commands.add_parser("info", help="what is in a scene", description="Say what is in a scene.")
     info.add_argument("scene", nargs="?", metavar="SCENE", help="a path, or the name of a bundled scene (default: list those)")
+    _add_loading(info)
     commands.add_parser(
         "doctor",
         help="what OpenGL there is here, and what mends it",
@@ -192,6 +197,7 @@ def _add_bench(commands: Any) -> None:
         "--preset", metavar="NAME", choices=tuple(PRESETS), action="append",
         help="may be repeated (default: default; for cornell-paper, paper as well)",
     )  # fmt: skip
+    _add_loading(parser)
     add("--bounces", metavar="N|all", default="1", help="indirect bounces (default: 1, as the paper has it)")
     add("--flight", choices=("on", "off"), default="on", help="fly through the viewer's window as well (default: on)")
     add("--json", metavar="FILE", help="write the results to this file as well")
@@ -213,6 +219,16 @@ def _peers() -> str:
 def _add_scene(parser: argparse.ArgumentParser) -> None:
     words = "a path, or a bundled scene's name (default: cornell)"
     parser.add_argument("scene", nargs="?", metavar="SCENE", default=DEFAULT_SCENE, help=words)
+    _add_loading(parser)
+
+
+def _add_loading(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group("reading the scene", "of files that say nothing about it; a .scene needs none of them")
+    add = group.add_argument
+    add("--up-axis", choices=UP_AXES, default="auto", help="which axis points up (default: auto, by format and exporter)")
+    words = "edges between triangles that meet at less are smooth, where a file has no normals"
+    add("--crease-angle", type=number, default=CREASE_ANGLE, metavar="DEG", help=f"{words} (0..180; default: {CREASE_ANGLE:g})")
+    add("--time", type=number, metavar="S", help="pose the animation at so many seconds (default: the stored pose)")
 
 
 def _add_camera(parser: argparse.ArgumentParser) -> None:

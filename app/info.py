@@ -11,16 +11,17 @@ from irrsplat.app.common.version import version
 from irrsplat.core.errors import IrrsplatError
 
 if TYPE_CHECKING:
+    from irrsplat.core.load_options import LoadOptions
     from irrsplat.scene.model import Light
 
 LIBRARIES = ("moderngl", "glcontext", "numpy", "trimesh", "Pillow", "OpenEXR", "rich")
 
 
-def scene(source: str) -> None:
+def scene(source: str, options: LoadOptions) -> None:
     """Print what the scene at a path, or the bundled one of that name, consists of; raises InputError as `irrsplat.load`."""
     from irrsplat.scene import load
 
-    it = load(source)
+    it = load(source, **vars(options))
     low, high = it.bounds
     print(f"{it.name}" + (f"  ({it.path})" if it.path else ""))
     closed = sum(mesh.closed for mesh in it.meshes)

@@ -22,6 +22,7 @@ from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session, overrides
 from irrsplat.app.viewer.view_options import SPLITS, Panels, restore, saved
 from irrsplat.core.files import write_picture, write_text
+from irrsplat.core.load_options import LoadOptions
 from irrsplat.gpu.program import Program
 from irrsplat.scene.camera_path import camera_flags, camera_line, load_path, path_text
 from irrsplat.scene.model import Camera
@@ -32,7 +33,8 @@ _STOPS = 64.0  # the greatest exposure, up and down
 class Actions:
     """What a user does to a session. source: what its scene was loaded from. preferences: how the viewer was left last time.
 
-    copy: takes text to the clipboard. other_programs: what F5 reads again besides the session's shaders.
+    copy: takes text to the clipboard. other_programs: what F5 reads again besides the session's shaders. loading: how scenes are
+    read, this one again and others.
     """
 
     def __init__(
@@ -42,8 +44,9 @@ class Actions:
         preferences: Preferences,
         copy: Callable[[str], None] = lambda text: None,
         other_programs: Callable[[], Iterable[Program]] = lambda: (),
+        loading: LoadOptions = LoadOptions(),  # noqa: B008  # it is frozen
     ) -> None:
-        self.session, self.source, self.preferences = session, source, preferences
+        self.session, self.source, self.preferences, self.loading = session, source, preferences, loading
         self._copy, self._other_programs = copy, other_programs
         self.panels, self.messages = Panels(), Messages()
         restore(preferences.ui, session.options, self.panels)
@@ -263,7 +266,7 @@ class Actions:
         self.panels.open = False
 
     def _load(self, source: str, keep_camera: bool) -> None:
-        scene = irrsplat.load(source)
+        scene = irrsplat.load(source, **vars(self.loading))
         self.session.open(scene, keep_camera)
         self.lamps, self.file_watch = Lamps(scene), FileWatch(scene.files)
         self.messages.close_errors()

@@ -22,6 +22,7 @@ from irrsplat.app.viewer.ui.frame_times import FrameTimes
 from irrsplat.app.viewer.ui.imgui_backend import ImguiBackend
 from irrsplat.app.viewer.ui.interface import Interface
 from irrsplat.app.viewer.window import TITLE, Desktop, open_window
+from irrsplat.core.load_options import LoadOptions
 from irrsplat.gpu.program import Program, programs_of
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
@@ -34,17 +35,23 @@ _SMOOTHING = 0.3  # weight of the last frame in the running mean of what everyth
 
 
 class Viewer(Owner):
-    """The program in its window. source: what `scene` was loaded from. preferences: how it was left last time."""
+    """The program in its window. source: what `scene` was loaded from, loading: how. preferences: how it was left last time."""
 
     def __init__(
-        self, wnd: BaseWindow, scene: Scene, source: str, preferences: Preferences, camera: Camera | None = None
+        self,
+        wnd: BaseWindow,
+        scene: Scene,
+        source: str,
+        preferences: Preferences,
+        camera: Camera | None = None,
+        loading: LoadOptions = LoadOptions(),  # noqa: B008  # it is frozen
     ) -> None:
         self.wnd, self.ctx, self.desktop = wnd, wnd.ctx, Desktop(wnd)
         self.session = Session(wnd.ctx, scene, wnd.buffer_size, preferences.preset, preferences.values, camera)
         self.display = Display(self.session)
         self.copy = Program(wnd.ctx, "viewer/copy", "lib/fullscreen")
         self.backend = ImguiBackend(wnd.ctx, self.scale)
-        self.actions = Actions(self.session, source, preferences, self.desktop.copy, self._programs)
+        self.actions = Actions(self.session, source, preferences, self.desktop.copy, self._programs, loading)
         self.times = FrameTimes()
         self.interface = Interface(self.actions, self.display, self.backend, self.times)
         self.controls = Controls(wnd, self.actions, self.display, self.backend)
@@ -181,15 +188,16 @@ def run(
     camera: Camera | None = None,
     notices: Sequence[str] = (),
     cache: str | None = None,
+    loading: LoadOptions = LoadOptions(),  # noqa: B008  # it is frozen
 ) -> str | None:
     """Open the window on `scene` and stay until it closes; None, or what could not be remembered.
 
-    notices: lines to show at first. cache: the file that its records are kept in. Raises GLError where no window can be had,
-    and InputError where there is such a file, but not of this scene and these settings.
+    notices: lines to show at first. cache: the file that its records are kept in. loading: how `scene` was read. Raises
+    GLError where no window can be had, and InputError where there is such a file, but not of this scene and these settings.
     """
     wnd = open_window(size or preferences.size or SIZE)
     try:
-        viewer = Viewer(wnd, scene, source, preferences, camera)
+        viewer = Viewer(wnd, scene, source, preferences, camera, loading)
         for notice in notices:
             viewer.actions.say(notice)
         try:

@@ -8,6 +8,7 @@ from pathlib import Path
 from irrsplat.core import paths
 from irrsplat.core.errors import InputError
 from irrsplat.scene.io.lines import quote
+from irrsplat.core.load_options import CREASE_ANGLE, LoadOptions, UpAxis
 from irrsplat.scene.io.scene_text import load_text
 from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
 
@@ -21,12 +22,20 @@ def bundled() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in paths.folder("scenes").glob("*/*.scene") if path.stem == path.parent.name))
 
 
-def load(source: str | os.PathLike[str]) -> Scene:
+def load(
+    source: str | os.PathLike[str],
+    *,
+    up_axis: UpAxis = "auto",
+    crease_angle: float = CREASE_ANGLE,
+    time: float | None = None,
+) -> Scene:
     """The scene at a path, or the bundled scene of that name, such as ``"cornell"``; a file that exists wins.
 
     Reads `.scene` text and, as geometry with diffuse colours, `.obj`, `.ply`, `.stl`, `.glb` and `.gltf`. World space is
-    right-handed, in metres. Raises InputError, one line, for whatever is wrong with the file or the name.
+    right-handed, in metres. `LoadOptions` says what the keywords mean; a `.scene` needs none of them. Raises InputError, one
+    line, for whatever is wrong with the file, the name or a keyword.
     """
+    options = LoadOptions(up_axis, crease_angle, time)
     if not isinstance(source, (str, os.PathLike)):
         raise InputError(f"load takes a path or the name of a bundled scene, not {type(source).__name__}")
     path = Path(source)
@@ -48,4 +57,4 @@ def load(source: str | os.PathLike[str]) -> Scene:
         return load_text(path)
     from irrsplat.scene.io.assets import load_asset
 
-    return load_asset(path)
+    return load_asset(path, options)

@@ -17,6 +17,7 @@ import pytest
 from irrsplat.app import cli
 from irrsplat.app import flags as parser
 from irrsplat.core.errors import GLError
+from irrsplat.core.load_options import LoadOptions
 from irrsplat.gpu import context
 from irrsplat.settings import SETTINGS
 
@@ -78,6 +79,14 @@ def test_every_setting_is_a_flag_with_range_and_default(
         assert f"({declaration.range}; default: " in text
         args = parser.build().parse_args([*RENDER, declaration.flag, "x"])
         assert getattr(args, "set_" + declaration.name) == "x"
+
+
+@pytest.mark.parametrize("command", ["view", "render", "info", "verify", "bench"])
+def test_how_a_file_is_read_is_told_wherever_a_scene_is_given(command: str) -> None:
+    output = ["-o", "a.png"] if command == "render" else []
+    args = parser.parse([command, "a.stl", "--up-axis", "z", "--crease-angle", "25", "--time", "1.5", *output])
+    assert args.loading == LoadOptions("z", 25.0, 1.5)
+    assert parser.parse([command, "a.stl", *output]).loading == LoadOptions()
 
 
 def test_negative_numbers_of_every_spelling(fake: Any, place: Path) -> None:

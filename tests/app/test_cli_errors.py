@@ -29,6 +29,9 @@ RENDER = ["render", "plain.scene", "-o", "a.png"]
         (["render", "plain.scene", "-o"], "expected one argument"),
         ([*RENDER, "another"], "another"),
         ([*RENDER, "--nonsense"], "--nonsense"),
+        ([*RENDER, "--up-axis", "w"], "'w'"),
+        ([*RENDER, "--crease-angle", "181"], "crease_angle lies between 0 and 180 degrees, not 181"),
+        (["info", "plain.scene", "--time", "-1"], "time is a number of seconds"),
         ([*RENDER, "--siz", "4", "4"], "--siz"),  # no abbreviations
         ([*RENDER, "--path", "x", "--frames", "0:9"], "--path"),
         ([*RENDER, "--cache"], "expected one argument"),
@@ -106,7 +109,7 @@ def test_a_wrong_scene_is_one_line_before_any_notice(
 def test_outputs_are_tried_before_the_scene_is_loaded(
     refused: Callable[..., str], place: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def load(_: object) -> None:
+    def load(*_: object, **options: object) -> None:
         pytest.fail("the scene was loaded first")
 
     monkeypatch.setattr(irrsplat, "load", load)

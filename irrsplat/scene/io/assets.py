@@ -21,6 +21,7 @@ import numpy as np
 
 from irrsplat.core.color import clip_color, linear_from_srgb
 from irrsplat.core.errors import InputError
+from irrsplat.core.load_options import LoadOptions
 from irrsplat.scene.io import gltf
 from irrsplat.scene.io.defaults import finish
 from irrsplat.scene.io.lines import read_bytes
@@ -45,7 +46,7 @@ class Part:
     files: tuple[Path, ...] = ()  # read for it, apart from the main one
 
 
-def load_asset(path: Path) -> Scene:
+def load_asset(path: Path, options: LoadOptions) -> Scene:
     """The geometry of a `.obj`, `.ply`, `.stl`, `.glb` or `.gltf` file, with diffuse colours and emission, in metres.
 
     Vertex normals are the file's; a mesh without any gets face normals. Scene.notices say what was dropped or invented.
@@ -53,11 +54,11 @@ def load_asset(path: Path) -> Scene:
     that needs a feature which is not read.
     """
     notices: list[str] = []
-    readers: dict[str, Callable[[Path, list[str]], list[Part]]] = {".obj": _obj, ".ply": _ply, ".stl": _stl}
+    readers: dict[str, Callable[[Path, list[str], LoadOptions], list[Part]]] = {".obj": _obj, ".ply": _ply, ".stl": _stl}
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            parts = readers.get(path.suffix.lower(), _gltf)(path, notices)
+            parts = readers.get(path.suffix.lower(), _gltf)(path, notices, options)
     except InputError:
         raise
     except Exception as error:  # a damaged file may raise anything anywhere in trimesh
@@ -95,7 +96,7 @@ def _build(path: Path, part: Part) -> tuple[Mesh, int]:
         raise InputError(str(error), path) from None
 
 
-def _obj(path: Path, notices: list[str]) -> list[Part]:
+def _obj(path: Path, notices: list[str], options: LoadOptions) -> list[Part]:
     shape = load_obj(path)
     if not len(shape.corners):
         raise InputError("there are no faces in this file; expected 'f' lines", path)
@@ -132,7 +133,7 @@ def _trimesh(path: Path, data: bytes, ending: str) -> Any:
     return trimesh.load_scene(io.BytesIO(data), file_type=ending, process=False, resolver=FilePathResolver(str(path)))
 
 
-def _ply(path: Path, notices: list[str]) -> list[Part]:
+def _ply(path: Path, notices: list[str], options: LoadOptions) -> list[Part]:
     data = read_bytes(path)
     if not re.match(rb"ply\s", data) or b"end_header" not in data[:100_000]:
         raise InputError("this is no PLY file (it has no PLY header); export it again", path)
@@ -183,7 +184,7 @@ def _unit_colors(values: np.ndarray, kind: np.dtype[Any]) -> np.ndarray:
     return linear_from_srgb(np.clip(np.nan_to_num(values.astype(float) / scale), 0.0, 1.0))
 
 
-def _stl(path: Path, notices: list[str]) -> list[Part]:
+def _stl(path: Path, notices: list[str], options: LoadOptions) -> list[Part]:
     data = read_bytes(path)
     scene = _trimesh(path, data, "stl")
     parts = [Part(np.asarray(m.vertices), np.asarray(m.faces), name=path.stem) for m in scene.geometry.values()]
@@ -196,7 +197,7 @@ def _stl(path: Path, notices: list[str]) -> list[Part]:
     return parts
 
 
-def _gltf(path: Path, notices: list[str]) -> list[Part]:
+def _gltf(path: Path, notices: list[str], options: LoadOptions) -> list[Part]:
     ending = path.suffix.lower()[1:]
     document = gltf.read(path)
     if not document.tree.get("meshes"):

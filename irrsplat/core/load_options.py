@@ -1,0 +1,40 @@
+"""What a caller of `load` decides about a file: which axis is up, which edges stay sharp, and at what time it is posed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+from irrsplat.core.errors import InputError
+
+UpAxis = Literal["auto", "x", "y", "z"]
+UP_AXES: tuple[UpAxis, ...] = get_args(UpAxis)
+CREASE_ANGLE = 40.0
+
+
+@dataclass(frozen=True)
+class LoadOptions:
+    """How files are read.
+
+    up_axis: which axis of the world points up; "auto": as the format or the file's exporter has it. crease_angle: degrees, 0 to
+    180; where a file has no normals, edges between triangles that meet at less are smooth. time: seconds into the file's
+    animation, 0 or more, at which it is posed; None: the stored pose.
+    """
+
+    up_axis: UpAxis = "auto"
+    crease_angle: float = CREASE_ANGLE
+    time: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.up_axis not in UP_AXES:
+            raise InputError(f"up_axis is one of {', '.join(UP_AXES)}, not {self.up_axis!r}")
+        if not _within(self.crease_angle, 180.0):
+            raise InputError(f"crease_angle lies between 0 and 180 degrees, not {self.crease_angle!r}")
+        if self.time is not None and not _within(self.time, math.inf):
+            raise InputError(f"time is a number of seconds, 0 or more, not {self.time!r}")
+
+
+def _within(value: object, most: float) -> bool:
+    """Whether it is a finite number from 0 to `most`."""
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value) and 0.0 <= value <= most
