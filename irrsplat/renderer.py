@@ -19,11 +19,11 @@ from irrsplat.core import files
 from irrsplat.core.buffers import GBuffer, ShadowMaps, SplatBuffer
 from irrsplat.core.errors import InputError
 from irrsplat.core.memo import Memo
-from irrsplat.gather.world import World
 from irrsplat.gpu import context, program
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
+from irrsplat.gpu.world import World
 from irrsplat.image.antialias import Antialiaser, FrameInputs, FramePasses, OnProgress
 from irrsplat.image.composite import CompositePass
 from irrsplat.image.figures.paper_figures import PaperFigures
@@ -293,11 +293,11 @@ class Renderer(Owner):
 
     def draw_shadows(self) -> ShadowMaps:
         """The shadow maps: by the lights, the meshes and the maps' size."""
-        scene, side = self.scene, self.settings.shadow_size
+        side = self.settings.shadow_size
 
         def draw() -> ShadowMaps:
             with self.timers("shadow"):
-                return self.shadow_pass(scene, self.world.geometry, side)
+                return self.shadow_pass(self.world, side)
 
         return self._memo.get("shadows", self._shadow_inputs, draw)
 
@@ -307,7 +307,7 @@ class Renderer(Owner):
 
         def draw() -> GBuffer:
             with self.timers("gbuffer"):
-                return self.gbuffer_pass(scene, self.world.geometry, camera)
+                return self.gbuffer_pass(self.world, camera)
 
         return self._memo.get("gbuffer", (camera, scene.meshes, self.size), draw)
 
@@ -355,7 +355,7 @@ class Renderer(Owner):
         least; the cache is left as it is. on_progress: called with the share done, 0..1, after each."""
         self._use()
         passes = FramePasses(self.gbuffer_pass, self.splats.splat_pass, self.direct_pass, self.composite_pass)
-        inputs = FrameInputs(self.scene, self.world.geometry, self.draw_shadows(), self.cache, self.settings)
+        inputs = FrameInputs(self.world, self.draw_shadows(), self.cache, self.settings)
         return self.antialiaser(view, samples, Budget(seconds), passes, inputs, on_progress)
 
     # ---- what changes ----------------------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 
 from irrsplat.core import record_layout
-from irrsplat.core.vertex_layout import MATERIAL
+from irrsplat.core.material_layout import PROPERTIES
 
 if TYPE_CHECKING:
     import moderngl
@@ -91,7 +91,7 @@ class GBuffer:
     @property
     def material_uniforms(self) -> Uniforms:
         """The uniforms of generated/gbuffer_material.glsl."""
-        return {column.name: getattr(self, column.name) for column in MATERIAL}
+        return {one.name: getattr(self, one.name) for one in PROPERTIES}
 
 
 class LightRow(IntEnum):

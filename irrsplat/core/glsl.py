@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 
-from irrsplat.core import record_layout, vertex_layout
+from irrsplat.core import material_layout, record_layout, vertex_layout
 from irrsplat.core.buffers import FILMIC, LIGHT_ROWS, NOTHING_SEEN, LightRow
 from irrsplat.core.color import LUMINANCE, SRGB
+from irrsplat.core.material_layout import MATERIAL_ROWS, MaterialRow
 
 TABLE_COLUMNS = 1024  # items in a row of every table that shaders look things up in by number; a power of two
 NEIGHBOUR_STRIDE = 4096  # a texel's neighbour is packed into one float as row·NEIGHBOUR_STRIDE + column (gather/hemicube.py)
@@ -25,6 +26,8 @@ CONSTANTS: dict[str, int | float | tuple[float, ...]] = {
     "NOTHING_SEEN": NOTHING_SEEN,
     "LIGHT_ROWS": LIGHT_ROWS,
     **{f"LIGHT_{row.name}": row.value for row in LightRow},
+    "MATERIAL_ROWS": MATERIAL_ROWS,
+    **{f"MATERIAL_{row.name}": row.value for row in MaterialRow},
     **{f"FILMIC_{name.upper()}": value for name, value in FILMIC._asdict().items()},
     **{f"SRGB_{name.upper()}": value for name, value in SRGB._asdict().items()},
 }
@@ -46,4 +49,5 @@ INCLUDES: dict[str, str] = {
     "generated/record_columns.glsl": record_layout.glsl_columns(),
     "generated/record_outputs.glsl": record_layout.glsl_outputs(),
     **vertex_layout.INCLUDES,
+    **material_layout.INCLUDES,
 }

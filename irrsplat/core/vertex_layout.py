@@ -1,12 +1,12 @@
-"""The layout of a vertex: one table of its columns, among them the properties of its material.
+"""The layout of a vertex: one table of its columns.
 
 From `COLUMNS` are made: the rows that scene.flatten writes, the attributes of the vertex buffer, the table in which shaders look
-vertices up by number, and the GLSL that reads both of these and the material in the g-buffer (the includes in `INCLUDES`).
+vertices up by number, and the GLSL that reads these (the includes in `INCLUDES`). What a vertex has of its mesh's material stands
+here; the rest is in the table of materials (core/material_layout.py).
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import groupby
 
@@ -18,13 +18,13 @@ _CHANNELS = "xyzw"
 
 @dataclass(frozen=True)
 class VertexColumn:
-    """One value of every vertex, interpolated over triangles. material: it is the field of scene.Material with this name."""
+    """One value of every vertex, interpolated over triangles; flat: the same at all three corners."""
 
     name: str
     components: int
     unit: str
     meaning: str
-    material: bool = False
+    flat: bool = False
 
     @property
     def kind(self) -> str:
@@ -34,11 +34,12 @@ class VertexColumn:
 
 COLUMNS = (
     VertexColumn("position", 3, "m", "world space"),
+    VertexColumn("material", 1, "1", "number of the material in the table of materials", flat=True),
     VertexColumn("normal", 3, "1", "shading normal, world space, of any length and on either side"),
-    VertexColumn("albedo", 3, "1", "diffuse reflectance, linear", material=True),
-    VertexColumn("emission", 3, "W/(m² sr)", "emitted radiance", material=True),
+    VertexColumn("opacity", 1, "1", "factor on the alpha of the albedo's texture"),
+    VertexColumn("albedo", 3, "1", "diffuse reflectance, linear, before its texture"),
+    VertexColumn("uv", 4, "1", "two sets of texture coordinates"),
 )
-MATERIAL = tuple(column for column in COLUMNS if column.material)
 WIDTH = sum(column.components for column in COLUMNS)  # numbers in a vertex's row
 TEXELS = -(-WIDTH // 4)  # of a vertex in a table of vertices
 
@@ -68,9 +69,9 @@ _MADE = "made from irrsplat/core/vertex_layout.py."
 _PASSED = tuple(column for column in COLUMNS if column.name != "position")  # what each shader does with the position is its own
 
 
-def glsl_material() -> str:
-    """`struct Material`: a field for each property."""
-    return _text(f"// The material of a surface, {_MADE}", "struct Material", "{", *map(_field, MATERIAL), "};")
+def glsl_vertex() -> str:
+    """`struct Vertex`: a field for each column."""
+    return _text(f"// A vertex, or a point of a triangle, {_MADE}", "struct Vertex", "{", *map(_field, COLUMNS), "};")
 
 
 def glsl_attributes() -> str:
@@ -78,7 +79,7 @@ def glsl_attributes() -> str:
     return _text(
         f"// The attributes of a vertex that are interpolated, {_MADE}",
         *(f"in {c.kind} in_{c.name};" for c in _PASSED),
-        *(f"out {c.kind} v_{c.name};" for c in _PASSED),
+        *(f"{_flat(c)}out {c.kind} v_{c.name};" for c in _PASSED),
         "",
         "void pass_attributes()",
         "{",
@@ -88,72 +89,48 @@ def glsl_attributes() -> str:
 
 
 def glsl_interpolated() -> str:
-    """For fragment shaders: what `pass_attributes()` handed on, and `interpolated_material()`."""
+    """For fragment shaders: what `pass_attributes()` handed on, and `interpolated_vertex(position)` made of it."""
+    values = ("position" if c.name == "position" else f"v_{c.name}" for c in COLUMNS)
     return _text(
         f"// The interpolated attributes of a vertex, {_MADE}",
-        '#include "generated/material.glsl"',
-        *(f"in {c.kind} v_{c.name};" for c in _PASSED),
+        '#include "generated/vertex.glsl"',
+        *(f"{_flat(c)}in {c.kind} v_{c.name};" for c in _PASSED),
         "",
-        *_function("Material interpolated_material()", f"Material({', '.join(f'v_{c.name}' for c in MATERIAL)})"),
+        *_function("Vertex interpolated_vertex(vec3 position)", f"Vertex({', '.join(values)})"),
     )
 
 
 def glsl_vertex_table() -> str:
-    """`struct Vertex`, its lookup by number `vertex_at(i)`, and `interpolate(share, a, b, c)` over a triangle."""
-    plain = [c for c in COLUMNS if not c.material]
-    blended = [f"\n        share.x * a.{name} + share.y * b.{name} + share.z * c.{name}" for name in _members()]
+    """The lookup of a vertex by number `vertex_at(i)`, and `interpolate(share, a, b, c)` over a triangle."""
+    blended = (
+        f"a.{c.name}" if c.flat else f"\n        share.x * a.{c.name} + share.y * b.{c.name} + share.z * c.{c.name}"
+        for c in COLUMNS
+    )
     return _text(
         f"// The table of vertices, {_MADE}",
-        '#include "generated/material.glsl"',
+        '#include "generated/vertex.glsl"',
         '#include "lib/table.glsl"',
         f"uniform sampler2D vertex_table;  // {TEXELS} texels a vertex, in rows of TABLE_COLUMNS vertices",
-        "",
-        "struct Vertex",
-        "{",
-        *(_field(c) for c in plain),
-        "    Material material;",
-        "};",
         "",
         "Vertex vertex_at(int i)",
         "{",
         f"    ivec2 at = table_texel(i, {TEXELS}, 0);",
         *(f"    vec4 t{t} = texelFetch(vertex_table, at + ivec2({t}, 0), 0);" for t in range(TEXELS)),
-        f"    return {_vertex(_in_texels(c) for c in COLUMNS)};",
+        f"    return Vertex({', '.join(map(_in_texels, COLUMNS))});",
         "}",
         "",
         "// The vertices' values with these weights, which sum to 1.",
-        *_function("Vertex interpolate(vec3 share, Vertex a, Vertex b, Vertex c)", _vertex(blended)),
+        *_function("Vertex interpolate(vec3 share, Vertex a, Vertex b, Vertex c)", f"Vertex({', '.join(blended)})"),
     )
 
 
-def glsl_gbuffer_material() -> str:
-    """The g-buffer's textures of material, and `material_at(pixel)`."""
-    fetched = (f"texelFetch({c.name}, pixel, 0).{_CHANNELS[: c.components]}" for c in MATERIAL)
-    return _text(
-        f"// The material that a pixel sees, {_MADE}",
-        '#include "generated/material.glsl"',
-        *(f"uniform sampler2D {c.name};  // g-buffer" for c in MATERIAL),
-        "",
-        *_function("Material material_at(ivec2 pixel)", f"Material({', '.join(fetched)})"),
-    )
+def _flat(column: VertexColumn) -> str:
+    return "flat " if column.flat else ""
 
 
 def _field(column: VertexColumn) -> str:
     """The column as the field of a struct."""
     return f"    {column.kind} {column.name};  // {column.meaning} [{column.unit}]"
-
-
-def _members() -> list[str]:
-    """How GLSL names each column of a Vertex."""
-    return [f"material.{c.name}" if c.material else c.name for c in COLUMNS]
-
-
-def _vertex(values: Iterable[str]) -> str:
-    """A constructor of Vertex from a GLSL expression for each column."""
-    given = list(zip(COLUMNS, values, strict=True))
-    plain = [value for column, value in given if not column.material]
-    material = [value for column, value in given if column.material]
-    return f"Vertex({', '.join(plain)}, Material({', '.join(material)}))"
 
 
 def _in_texels(column: VertexColumn) -> str:
@@ -172,9 +149,8 @@ def _text(*lines: str) -> str:
 
 
 INCLUDES = {
-    "generated/material.glsl": glsl_material(),
+    "generated/vertex.glsl": glsl_vertex(),
     "generated/attributes.glsl": glsl_attributes(),
     "generated/interpolated.glsl": glsl_interpolated(),
     "generated/vertex_table.glsl": glsl_vertex_table(),
-    "generated/gbuffer_material.glsl": glsl_gbuffer_material(),
 }

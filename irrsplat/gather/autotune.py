@@ -25,8 +25,8 @@ from irrsplat.gather.look import Gather, gather_records
 from irrsplat.gather.raster import RasterGather
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.trace import TraceGather
-from irrsplat.gather.world import World
 from irrsplat.gpu import context
+from irrsplat.gpu.world import World
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.records.record_cache import RecordCache
@@ -113,7 +113,7 @@ def race(ctx: moderngl.Context, scene: Scene, side: int) -> Times:
         trace = stack.enter_context(TraceGather(world, side, _SITES))
         geometry = world.geometry
         light, sites = (
-            HitLight(shadow(scene, geometry, _SHADOWS)),
+            HitLight(shadow(world, _SHADOWS)),
             _sites(scene, geometry.corners, geometry.parts["closed"][1] // 3),
         )
         numbers = cache.append(sites) + np.arange(len(sites))

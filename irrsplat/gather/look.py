@@ -14,9 +14,9 @@ import numpy as np
 from irrsplat.core.buffers import Atlas, HitLight, Sites, TriangleOrder
 from irrsplat.gather.record_frame import OFFSET
 from irrsplat.gather.reduce import ReducePass
-from irrsplat.gather.world import World
 from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.timers import Timers
+from irrsplat.gpu.world import World
 from irrsplat.records.record_cache import RecordCache
 
 

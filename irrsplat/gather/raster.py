@@ -17,11 +17,10 @@ from irrsplat.core.glsl import TABLE_COLUMNS, VIEW_ROWS
 from irrsplat.gather.hemicube import edge_table, faces, hemisphere_table
 from irrsplat.gather.look import Gather
 from irrsplat.gather.record_frame import atlas_grid, eye_positions, frame_rows, tangent_frames
-from irrsplat.gather.world import World
-from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.program import Draw, DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target, float_texture, table_texture
+from irrsplat.gpu.world import World
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.scene.meshlets import Meshlets
 
@@ -84,7 +83,7 @@ class RasterGather(Gather):
         else:
             draw = self.meshlet_draw = self.meshlet_draw or MeshletDraw(self.ctx, self.size, self.defines)
         used = (0, 0, self.size[0], -(-count // self.columns) * self.cell[1])
-        target = self.target = draw(geometry, light, Views(rows, self.views, used, self.offset))
+        target = self.target = draw(self.world, light, Views(rows, self.views, used, self.offset))
         block = (self.side // 4, self.side // 4)
         radiance, planes = target.textures
         return Atlas(radiance, planes, self.table, self.edges, self.frames, count, self.columns, self.cell, block)
@@ -142,18 +141,18 @@ class SingleDraw(Owner):
         """What this frees."""
         return (self.program, self.target)
 
-    def __call__(self, geometry: Geometry, light: HitLight, views: Views) -> Target:
+    def __call__(self, world: World, light: HitLight, views: Views) -> Target:
         """Draw these views; returns the target, whose textures are radiance and planes as Atlas has them."""
         self.target.use(scissor=views.used)
         self.target.gl.clear(viewport=views.used)
         self.program(
             self.target,
-            geometry=geometry,
+            geometry=world.geometry,
             instances=views.count,
             state=DrawState(depth="<", depth_clamp=True, clip_planes=5),
             atlas=self.target.size,
             **views.uniforms,
-            **geometry.uniforms,
+            **world.raster_uniforms,
             **light.uniforms("scene"),
         )
         return self.target
@@ -174,9 +173,9 @@ class MeshletDraw(Owner):
         """What this frees."""
         return (self.find_triangles, self.shade, self.triangle, self.target, self.pairs)
 
-    def __call__(self, geometry: Geometry, light: HitLight, views: Views) -> Target:
+    def __call__(self, world: World, light: HitLight, views: Views) -> Target:
         """As SingleDraw does."""
-        in_meshlets, rows = geometry.meshlet_geometry, views.rows
+        in_meshlets, rows = world.geometry.meshlet_geometry, views.rows
         self.triangle.use(scissor=views.used)
         self.triangle.gl.clear(viewport=views.used)
         step = max(_PAIRS // max(len(rows) * len(in_meshlets.meshlets), 1), 1)
@@ -201,7 +200,7 @@ class MeshletDraw(Owner):
             atlas=self.target.size,
             **views.uniforms,
             **in_meshlets.uniforms,
-            **geometry.uniforms,
+            **world.raster_uniforms,
             **light.uniforms("scene"),
         )
         return self.target

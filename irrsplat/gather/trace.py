@@ -11,10 +11,10 @@ from irrsplat.core.buffers import Atlas, HitLight, Sites
 from irrsplat.gather.look import Gather
 from irrsplat.gather.record_frame import atlas_grid, eye_positions, frame_rows, tangent_frames
 from irrsplat.gather.stratified import stratum_edges, stratum_table
-from irrsplat.gather.world import World
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Resource
 from irrsplat.gpu.target import Target, float_texture, table_texture
+from irrsplat.gpu.world import World
 from irrsplat.lighting.light_table import light_defines
 
 
@@ -84,7 +84,7 @@ class TraceGather(Gather):
                     cell=self.cell,
                     columns=self.columns,
                     near=self.offset,
-                    **(self.tree.uniforms | light.uniforms(self.triangle_order)),
+                    **(self.world.trace_uniforms | light.uniforms(self.triangle_order)),
                 )
         block = (self.side // 4, self.side // 4)
         radiance, planes = self.target.textures[:2]

@@ -10,12 +10,12 @@ from functools import partial
 import moderngl
 
 from irrsplat.core.buffers import GBuffer, ShadowMaps
-from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
+from irrsplat.gpu.world import World
 from irrsplat.image.composite import CompositePass
 from irrsplat.image.gbuffer import GBufferPass, GBufferTarget
 from irrsplat.image.jitter import jittered, sample_offset
@@ -24,7 +24,6 @@ from irrsplat.indirect.splat import SplatPass
 from irrsplat.lighting.direct import DirectPass
 from irrsplat.records.culling import reaching
 from irrsplat.records.record_cache import RecordCache
-from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
 
 OnProgress = Callable[[float], None]  # called with the share of the samples that are done, 0..1
@@ -44,8 +43,7 @@ class FramePasses:
 class FrameInputs:
     """What a frame is drawn from, its camera aside."""
 
-    scene: Scene
-    geometry: Geometry
+    world: World
     shadows: ShadowMaps
     cache: RecordCache
     settings: Settings
@@ -82,7 +80,7 @@ class Antialiaser(Owner):
             return view
         buffers = self._buffers_for(view.image.size)
         if self._sampled is None or self._source is not view or self._sampled.samples > samples:
-            means = buffers.mean(1, view.gbuffer, view.direct, view.sums, view.sums, inputs.scene.sky, inputs.settings.mix)
+            means = buffers.mean(1, view.gbuffer, view.direct, view.sums, view.sums, inputs.world.scene.sky, inputs.settings.mix)
             image, direct, indirect, emission = means
             self._source = view
             self._sampled = replace(view, image=image, direct=direct, indirect=indirect, emission=emission)
@@ -136,7 +134,7 @@ def _add_sample(number: int, view: View, passes: FramePasses, inputs: FrameInput
     """Draw the sample of this number as a frame is drawn, and blend it into the means."""
     x, y, rotation = sample_offset(number)
     camera, settings = jittered(view.camera, (x, y), buffers.size), inputs.settings
-    gbuffer = passes.gbuffer(inputs.scene, inputs.geometry, camera, buffers.gbuffer)
+    gbuffer = passes.gbuffer(inputs.world, camera, buffers.gbuffer)
     passes.splat.clear(gbuffer, target=buffers.splat)
     if settings.most_bounces > 0 and inputs.cache.count:
         numbers = reaching(inputs.cache, 0, camera, buffers.size, settings, partial(passes.splat.farthest, gbuffer, camera))
@@ -146,7 +144,7 @@ def _add_sample(number: int, view: View, passes: FramePasses, inputs: FrameInput
         buffers.smooth = buffers.smooth or Target(buffers.gbuffer.ctx, buffers.size, (4,))
         sums = passes.composite.smoothed(sums, gbuffer, camera, buffers.smooth)
     direct = passes.direct(gbuffer, inputs.shadows, rotation, buffers.direct)
-    buffers.mean(number + 1, gbuffer, direct, sums, view.sums, inputs.scene.sky, settings.mix)
+    buffers.mean(number + 1, gbuffer, direct, sums, view.sums, inputs.world.scene.sky, settings.mix)
 
 
 class MeanPass(Owner):

@@ -8,11 +8,11 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import GBuffer
-from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
-from irrsplat.scene.model import Camera, Scene
+from irrsplat.gpu.world import World
+from irrsplat.scene.model import Camera
 
 _NEAR = 1e-6  # of the far distance: only the matrix has it, nothing is clipped there
 
@@ -30,7 +30,7 @@ class GBufferTarget(Target):
 
 
 class GBufferPass(Owner):
-    """Draws the scene from the eye into float textures of `size` (width, height)."""
+    """Draws the world's scene from the eye into float textures of `size` (width, height)."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.program = Program(ctx, "image/gbuffer")
@@ -40,9 +40,9 @@ class GBufferPass(Owner):
         """What this frees."""
         return (self.program, self.target)
 
-    def __call__(self, scene: Scene, geometry: Geometry, camera: Camera, target: GBufferTarget | None = None) -> GBuffer:
+    def __call__(self, world: World, camera: Camera, target: GBufferTarget | None = None) -> GBuffer:
         """What `camera` sees; the textures are the target's (default: this pass's own), and hold until it is drawn into again."""
-        target = target or self.target
+        target, scene, geometry = target or self.target, world.scene, world.geometry
         width, height = target.size
         eye = np.asarray(camera.eye, float)
         far = 1.01 * float(np.linalg.norm(scene.corners - eye, axis=1).max()) + 1e-3 * scene.diagonal
@@ -56,6 +56,6 @@ class GBufferPass(Owner):
             forward=-camera.axes[2],
             far=far,
             closed=geometry.parts["closed"][1] // 3,
-            **geometry.uniforms,
+            **world.raster_uniforms,
         )
         return GBuffer(*target.textures)

@@ -14,10 +14,10 @@ from irrsplat.core.memo import Memo
 from irrsplat.gather import autotune
 from irrsplat.gather.look import Gather, gather_records
 from irrsplat.gather.reduce import ReducePass
-from irrsplat.gather.world import World
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.time_budget import Budget, Pace
 from irrsplat.gpu.timers import Timers
+from irrsplat.gpu.world import World
 from irrsplat.indirect.change_probe import MAX_RECORDS, SIDE, ChangeProbe, changed_records
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.records.record_cache import RecordCache

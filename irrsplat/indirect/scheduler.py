@@ -8,11 +8,11 @@ from typing import cast
 import numpy as np
 
 from irrsplat.core.buffers import GBuffer, ShadowMaps, Sites, SplatBuffer
-from irrsplat.gather.world import World
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import pixels
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
+from irrsplat.gpu.world import World
 from irrsplat.indirect import paper_scan
 from irrsplat.indirect.examine import Examination, ExaminePass
 from irrsplat.indirect.record_gatherer import BounceStatistics, RecordGatherer

@@ -5,12 +5,11 @@ from __future__ import annotations
 import moderngl
 
 from irrsplat.core.buffers import ShadowMaps
-from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
+from irrsplat.gpu.world import World
 from irrsplat.lighting.light_table import light_table, sheet
-from irrsplat.scene.model import Scene
 
 # Of closed meshes the back faces are drawn, the paper's remedy for shadow acne. Alone they leak light where a mesh touches what
 # it shades, as a box on the floor: so the front faces are drawn as well, pushed back a little.
@@ -33,9 +32,9 @@ class ShadowPass(Owner):
         """What this frees."""
         return (self.program, self.target)
 
-    def __call__(self, scene: Scene, geometry: Geometry, side: int) -> ShadowMaps:
+    def __call__(self, world: World, side: int) -> ShadowMaps:
         """The shadow maps of all lights in tiles of `side` texels square, and the light table; InputError for too many lights."""
-        lights = light_table(scene, side)
+        lights = light_table(world.scene, side)
         columns, lines = sheet(len(lights.tiles), side, int(self.ctx.info["GL_MAX_TEXTURE_SIZE"]))
         if self.target is not None:
             self.target.release()
@@ -46,7 +45,7 @@ class ShadowPass(Owner):
             for part, state in _DRAWS:
                 self.program(
                     self.target,
-                    geometry=geometry,
+                    geometry=world.geometry,
                     part=part,
                     state=state,
                     viewport=cell,

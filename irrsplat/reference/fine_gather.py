@@ -12,7 +12,7 @@ from irrsplat.gather.look import Gather, gather_records
 from irrsplat.gather.raster import RasterGather
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.trace import TraceGather
-from irrsplat.gather.world import World
+from irrsplat.gpu.world import World
 from irrsplat.indirect.paper_scan import Seen
 from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.records.record_cache import RecordCache
@@ -54,7 +54,7 @@ def gather(world: World, seen: Seen, shadow_size: int, count: int = 500, seconds
         ReducePass(ctx, gradients=False) as reduce,
         RecordCache(ctx) as cache,
     ):
-        light, start = HitLight(shadow(scene, world.geometry, shadow_size)), time.perf_counter()
+        light, start = HitLight(shadow(world, shadow_size)), time.perf_counter()
         while cache.count < len(sites) and time.perf_counter() - start < seconds:
             batch = sites[cache.count : cache.count + gather.capacity]
             gather_records(gather, reduce, light, cache, cache.append(batch) + np.arange(len(batch)), seed=0)

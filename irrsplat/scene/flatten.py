@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from irrsplat.core.vertex_layout import COLUMNS, PARTS, WIDTH, VertexColumn
+from irrsplat.core.vertex_layout import WIDTH, vertex_column
 from irrsplat.scene.model import Mesh, Scene
 
 
@@ -18,22 +18,18 @@ def flatten(scene: Scene) -> tuple[np.ndarray, np.ndarray, int]:
 
     The faces of closed meshes come first.
     """
-    meshes = in_order(scene)
+    meshes, numbers = in_order(scene), scene.materials
     vertices, faces, start = [np.zeros((0, WIDTH), "f4")], [np.zeros((0, 3), "i4")], 0
     for mesh in meshes:
         rows = np.empty((len(mesh.positions), WIDTH), "f4")
-        for column in COLUMNS:
-            rows[:, PARTS[column.name]] = _values(mesh, column)
+        vertex_column(rows, "position")[:] = mesh.positions
+        vertex_column(rows, "normal")[:] = mesh.normals
+        vertex_column(rows, "material")[:] = numbers[mesh.material]
+        vertex_column(rows, "albedo")[:] = mesh.material.albedo if mesh.colors is None else mesh.colors
+        vertex_column(rows, "opacity")[:, 0] = mesh.material.opacity if mesh.opacities is None else mesh.opacities
+        vertex_column(rows, "uv")[:] = 0.0 if mesh.uvs is None else mesh.uvs
         vertices.append(rows)
         faces.append(mesh.faces + start)
         start += len(rows)
     closed = sum(len(mesh.faces) for mesh in meshes if mesh.closed)
     return np.concatenate(vertices), np.concatenate(faces), closed
-
-
-def _values(mesh: Mesh, column: VertexColumn) -> np.ndarray:
-    """(V, components) or (components,): the column's values at the mesh's vertices, or the one of all of them."""
-    if column.material:
-        replaced = mesh.colors if column.name == "albedo" else None
-        return np.asarray(getattr(mesh.material, column.name)) if replaced is None else replaced
-    return {"position": mesh.positions, "normal": mesh.normals}[column.name]

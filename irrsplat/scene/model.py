@@ -16,8 +16,8 @@ from irrsplat.core.errors import InputError
 class Image:
     """A picture that surfaces wear.
 
-    pixels: (H, W, 4) uint8, top row first; red, green and blue are sRGB-encoded, those of a normal map the stored values; alpha is
-    linear. name: of its file, for notices.
+    pixels: (H, W, 4) uint8, top row first; red, green and blue are sRGB-encoded, those of a normal map the stored
+    values; alpha is linear. name: of its file, for notices.
     """
 
     pixels: np.ndarray
@@ -70,7 +70,7 @@ class Material:
 
     @property
     def light_cutoff(self) -> float:
-        """The opacity (of `opacity`, texture and vertices) from which on light sees the surface; 0: it always does; above 1: never.
+        """The opacity (of `opacity`, texture and vertices) from which on light sees the surface; 0: always; above 1: never.
 
         The rule: what is cut out is not there. What blends or transmits is there to light where more than half of the light would
         be held back; elsewhere light passes as if there were nothing, and the picture is tinted (a filter).

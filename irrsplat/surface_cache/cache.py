@@ -17,10 +17,10 @@ from irrsplat.gather.look import gather_records
 from irrsplat.gather.record_frame import OFFSET, tangent_frames
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.trace import TraceGather
-from irrsplat.gather.world import World
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.time_budget import Budget, Pace
 from irrsplat.gpu.timers import Timers
+from irrsplat.gpu.world import World
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.model import Scene

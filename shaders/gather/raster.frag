@@ -4,5 +4,6 @@
 
 void main()
 {
-    see(gl_PrimitiveID, texel_ray(), v_normal, interpolated_material());
+    vec3 q = texel_ray();
+    see(gl_PrimitiveID, q, interpolated_vertex(vec3(0.0)));
 }

@@ -18,7 +18,6 @@ void main()
     vec3 share = vec3(dot(q, cross(c - b, c + b)), dot(q, cross(a - c, a + c)), dot(q, cross(b - a, b + a)));
     share = max(share.x + share.y + share.z < 0.0 ? -share : share, 1e-30);
     share /= share.x + share.y + share.z;
-    Vertex seen_point = interpolate(share, A, B, C);
-    see(int(triangle.w), q, seen_point.normal, seen_point.material);
+    see(int(triangle.w), q, interpolate(share, A, B, C));
     if (number < 0) out_radiance = out_plane = vec4(0.0);
 }

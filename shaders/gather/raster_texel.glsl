@@ -2,6 +2,7 @@
 #define FOOTPRINT
 #include "lighting/lights.glsl"
 #include "lib/material.glsl"
+#include "lib/material_table.glsl"
 #include "lib/surface.glsl"
 #if SURFACE
 #include "surface_cache/lookup.glsl"
@@ -27,8 +28,8 @@ vec3 texel_ray()
     return v_ahead + from_centre.x * v_right + from_centre.y * v_up;
 }
 
-// The outputs, for the triangle of this number and its interpolated normal and material.
-void see(int triangle, vec3 q, vec3 normal, Material material)
+// The outputs, for the triangle of this number, seen at this point of it (whose position is not looked at).
+void see(int triangle, vec3 q, Vertex point)
 {
     // The surface's place by intersection of the texel's ray with the triangle's plane: an interpolated one is too coarse for
     // the shadow test where a large triangle passes close to the record.
@@ -49,11 +50,11 @@ void see(int triangle, vec3 q, vec3 normal, Material material)
     }
     footprint_area = 0.5 * length(cross(footprint[2] - footprint[0], footprint[3] - footprint[1])) + 1e-30;
 
-    Receiver receiver = Receiver(v_eye + away, shading_normal(normal, g), g);
+    Receiver receiver = Receiver(v_eye + away, shading_normal(point.normal, g), g);
     vec3 E = direct_irradiance(receiver, 1, vec2(1.0, 0.0));
 #if SURFACE
     E += surface_irradiance(triangle, receiver.p, g);
 #endif
-    out_radiance = vec4(outgoing_radiance(material, E), max(length(away), 0.05 * near));
+    out_radiance = vec4(outgoing_radiance(material_of(point), E), max(length(away), 0.05 * near));
     out_plane = vec4(g / min(k, -0.05 * near), 0.0);
 }

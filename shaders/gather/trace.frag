@@ -3,6 +3,7 @@
 #include "lighting/lights.glsl"
 #include "generated/vertex_table.glsl"
 #include "lib/material.glsl"
+#include "lib/material_table.glsl"
 #include "lib/normals.glsl"
 #include "lib/bvh.glsl"
 #if SURFACE
@@ -58,6 +59,7 @@ void main()
     }
     Vertex seen = interpolate(hit.share, vertex_at(at.x), vertex_at(at.y), vertex_at(at.z));
     Receiver receiver = Receiver(eye + away, shading_normal(seen.normal, g), g);
+    Material material = material_of(seen);
     vec3 E = vec3(0.0);
     for (int light = 0; light < LIGHTS; ++light)
     {
@@ -75,11 +77,11 @@ void main()
     Look look = surface_look(hit.triangle, receiver.p, g);
     bool lit = hit.t < FARTHEST_HIT && look.weights.x + look.weights.y + look.weights.z > 0.0;
     out_values = lit ? vec4(look.values, look.weights.x) : vec4(-1.0, -1.0, -1.0, 0.0);
-    out_albedo = lit ? vec4(seen.material.albedo, look.weights.y) : vec4(0.0);
+    out_albedo = lit ? vec4(material.albedo, look.weights.y) : vec4(0.0);
 #elif SURFACE
     E += surface_irradiance(hit.triangle, receiver.p, g);
 #endif
-    vec3 L = outgoing_radiance(seen.material, E);
+    vec3 L = outgoing_radiance(material, E);
     out_radiance = hit.t < FARTHEST_HIT ? vec4(L, max(hit.t, 0.05 * near)) : vec4(0.0);
     out_plane = hit.t < FARTHEST_HIT ? vec4(g / min(k, -0.05 * near), 0.0) : vec4(0.0);
 }

@@ -1,5 +1,6 @@
 // The g-buffer: position, normals and material of what each pixel sees at its centre.
 #include "generated/interpolated.glsl"
+#include "lib/material_table.glsl"
 #include "lib/octahedral.glsl"
 #include "lib/surface.glsl"
 
@@ -24,11 +25,12 @@ void main()
     vec3 g = face_plane(gl_PrimitiveID).xyz;
     g = gl_FrontFacing ? g : -g;  // turned to the eye by the rasteriser's judgement: at a silhouette a dot product is noise
     vec3 n = shading_normal(v_normal, g);
+    Material material = material_of(interpolated_vertex(v_position));
     vec2 octahedral = octahedral_encode(g);
     out_position = vec4(v_position, max(depth, 1e-30));
     out_normal = vec4(n, octahedral.x);
-    out_albedo = vec4(v_albedo, octahedral.y);
-    out_emission = vec4(v_emission, float(gl_PrimitiveID));
+    out_albedo = vec4(material.albedo, octahedral.y);
+    out_emission = vec4(material.emission, float(gl_PrimitiveID));
     // Linear depth is equally fine near and far, whatever the scene's size. From outside, the inner side of a closed mesh is never
     // visible, but at a silhouette depth is noise: moved back, it loses to the outer side.
     gl_FragDepth = depth / far + (!gl_FrontFacing && gl_PrimitiveID < closed ? BACK : 0.0);

@@ -13,7 +13,7 @@ import pytest
 import irrsplat
 from irrsplat import Renderer
 from irrsplat.core.buffers import CHANNELS, GBuffer
-from irrsplat.core.vertex_layout import MATERIAL
+from irrsplat.core.material_layout import PROPERTIES
 from irrsplat.gpu.target import pixels, table_texture
 from irrsplat.image import antialias
 from irrsplat.image.antialias import MeanPass
@@ -73,7 +73,7 @@ def test_the_means_are_those_of_the_samples(ctx: moderngl.Context) -> None:
         heard = chance.random((height, width)) < 0.7
         heard[0, :4] = heard[1, :4] = heard[2, :4] = False  # here nobody around knows anything either
         position, normal = some(seen), some()
-        material, direct = {c.name: some() for c in MATERIAL}, some()
+        material, direct = {c.name: some() for c in PROPERTIES}, some()
         albedo, emission = material["albedo"], material["emission"]
         values = chance.random((height, width, 4)).astype("f4") * heard[..., None]
         textures = add(

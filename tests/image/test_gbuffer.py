@@ -6,11 +6,10 @@ import moderngl
 import numpy as np
 import pytest
 
-from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.target import Target
+from irrsplat.gpu.world import World
 from irrsplat.image.gbuffer import GBufferPass
 from irrsplat.indirect.examine import octahedral_decode
-from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Camera, Scene
 from tests.support.worlds import box, floor, material, on_plane, quad, rays, scene, sphere
 
@@ -18,7 +17,7 @@ from tests.support.worlds import box, floor, material, on_plane, quad, rays, sce
 def seen(ctx: moderngl.Context, world: Scene, camera: Camera, size: tuple[int, int]) -> dict[str, np.ndarray]:
     """The g-buffer as arrays, top row first."""
     drawer = GBufferPass(ctx, size)
-    drawer(world, Geometry(ctx, *flatten(world)), camera)
+    drawer(World(ctx, world), camera)
     target: Target = drawer.target
     position, normal, albedo, emission = (target.read(i) for i in range(4))
     return {
@@ -117,10 +116,10 @@ def test_the_nearer_surface_wins(ctx: moderngl.Context) -> None:
 def test_a_second_view_forgets_the_first(ctx: moderngl.Context) -> None:
     """What one camera saw is nowhere in the picture of the next one, which looks away."""
     world = scene(floor(1.0))
-    drawer, geometry = GBufferPass(ctx, (8, 8)), Geometry(ctx, *flatten(world))
-    drawer(world, geometry, Camera((0, 1, 0.1), (0, 0, 0)))
+    drawer, placed = GBufferPass(ctx, (8, 8)), World(ctx, world)
+    drawer(placed, Camera((0, 1, 0.1), (0, 0, 0)))
     assert (drawer.target.read(0)[..., 3] > 0.0).all()
-    drawer(world, geometry, Camera((0, 1, 0), (0, 2, 0), (0, 0, 1)))
+    drawer(placed, Camera((0, 1, 0), (0, 2, 0), (0, 0, 1)))
     assert not (drawer.target.read(0)[..., 3] > 0.0).any()
 
 

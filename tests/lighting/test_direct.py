@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat.gpu.geometry import Geometry
+from irrsplat.gpu.world import World
 from irrsplat.image.gbuffer import GBufferPass
 from irrsplat.lighting.direct import DirectPass
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.shadow_maps import ShadowPass
-from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Camera, Light, Scene
 from tests.gather.test_analytic import LIGHTS, irradiance, rim_distance
 from tests.support.worlds import ABOVE, assert_pictures, box, floor, lamp, material, on_plane, quad, scene, sphere
@@ -26,10 +25,10 @@ UP = np.array([0.0, 1.0, 0.0])
 
 def directed(ctx: moderngl.Context, world: Scene, camera: Camera | None = None, shadow: int = 512) -> dict[str, np.ndarray]:
     """Direct outgoing radiance (H, W, 3), positions, normals and depth of a view of SIZE, top row first."""
-    geometry, draw, shadows = Geometry(ctx, *flatten(world)), GBufferPass(ctx, SIZE), ShadowPass(ctx)
+    placed, draw, shadows = World(ctx, world), GBufferPass(ctx, SIZE), ShadowPass(ctx)
     light = DirectPass(ctx, SIZE, light_defines(world))
-    gbuffer = draw(world, geometry, camera or world.cameras[0])
-    light(gbuffer, shadows(world, geometry, shadow))
+    gbuffer = draw(placed, camera or world.cameras[0])
+    light(gbuffer, shadows(placed, shadow))
     position, normal = draw.target.read(0), draw.target.read(1)
     found = {"direct": light.target.read()[..., :3].copy(), "position": position[..., :3], "depth": position[..., 3]}
     ctx.detect_framebuffer(0).use()

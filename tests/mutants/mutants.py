@@ -80,8 +80,8 @@ SHADERS = (
     Mutant(
         "π left out of what a ray brings",
         "shaders/gather/trace.frag",
-        "outgoing_radiance(seen.material, E)",
-        "outgoing_radiance(seen.material, PI * E)",
+        "outgoing_radiance(material, E)",
+        "outgoing_radiance(material, PI * E)",
         ("tests/gather/test_analytic.py::test_what_a_texel_sees_of_a_lit_plane",),
     ),
     Mutant(

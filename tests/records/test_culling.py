@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from irrsplat import Renderer
+from irrsplat.core.vertex_layout import vertex_column
 from irrsplat.indirect.splat import SplatPass
 from irrsplat.records import culling
 from irrsplat.records.culling import TILE, reaching, within
@@ -91,7 +92,7 @@ def test_what_is_hidden_would_add_nothing(name: str, monkeypatch: pytest.MonkeyP
     vertices, faces, _ = flatten(world)
     face = faces[rng.integers(0, len(faces), COUNT)]
     share = rng.dirichlet((1, 1, 1), COUNT)
-    p, n = (np.einsum("nc,ncx->nx", share, vertices[face, part]) for part in (slice(0, 3), slice(3, 6)))
+    p, n = (np.einsum("nc,ncx->nx", share, vertex_column(vertices, name)[face]) for name in ("position", "normal"))
     drawn = []
     with Renderer(world, size, **FAST) as renderer:
         values = np.column_stack([rng.uniform(0.0, 3.0, (COUNT, 3)), 10.0 ** rng.uniform(-2.0, -0.3, COUNT)])
@@ -100,7 +101,7 @@ def test_what_is_hidden_would_add_nothing(name: str, monkeypatch: pytest.MonkeyP
         for camera in cameras(30, 8):
             eye = rng.uniform((-2.9, 0.05, -2.9), (2.9, 1.45, 2.9))
             camera = replace(camera, eye=tuple(eye), target=tuple(eye + np.subtract(camera.target, camera.eye)))
-            gbuffer = renderer.gbuffer_pass(world, renderer.world.geometry, camera)
+            gbuffer = renderer.gbuffer_pass(renderer.world, camera)
             found = []
             sight = partial(splats.farthest, gbuffer, camera)
             for numbers in (np.arange(COUNT), reaching(renderer.cache, 0, camera, size, settings, sight)):

@@ -13,14 +13,14 @@ from PIL import Image
 
 from irrsplat.core.buffers import GBuffer, HitLight, Records, Sites
 from irrsplat.core.glsl import TABLE_COLUMNS
+from irrsplat.core.material_layout import PROPERTIES
 from irrsplat.core.record_layout import COLUMNS, TEXTURES, pack
-from irrsplat.core.vertex_layout import MATERIAL
 from irrsplat.gather.autotune import gather_pass
 from irrsplat.gather.look import Gather, gather_records
 from irrsplat.gather.reduce import ReducePass
-from irrsplat.gather.world import World
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import float_texture, table_texture
+from irrsplat.gpu.world import World
 from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
@@ -34,7 +34,7 @@ ABOVE = Camera((0.0, 4.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, -1.0), 45.0)  # look
 def material(albedo: float | tuple[float, float, float] = 0.5, emission: float | tuple[float, float, float] = 0.0) -> Material:
     """A Material of grey or coloured reflectance and emission."""
     grey = [(v, v, v) if isinstance(v, (int, float)) else v for v in (albedo, emission)]
-    return Material(*grey)
+    return Material(albedo=grey[0], emission=grey[1])
 
 
 def quad(corner: Vector, u: Vector, v: Vector, paint: Material | None = None) -> Mesh:
@@ -139,7 +139,7 @@ def gbuffer_of(ctx: moderngl.Context, position: np.ndarray, normal: np.ndarray, 
     return GBuffer(
         texture(position, depth),
         texture(normal, octahedral[..., 0]),
-        **{c.name: texture(rest.get(c.name, 0.0 * position), last.get(c.name, 0.0 * depth)) for c in MATERIAL},
+        **{c.name: texture(rest.get(c.name, 0.0 * position), last.get(c.name, 0.0 * depth)) for c in PROPERTIES},
     )
 
 
@@ -210,7 +210,7 @@ class Lit(Owner):
         self.ctx, self.scene = ctx, scene
         self.world, self.shadow = World(ctx, scene), ShadowPass(ctx)
         self.geometry = self.world.geometry
-        self.light = HitLight(self.shadow(scene, self.geometry, shadow))
+        self.light = HitLight(self.shadow(self.world, shadow))
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""

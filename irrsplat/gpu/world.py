@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import moderngl
 
+from irrsplat.core.buffers import Uniforms
 from irrsplat.gpu.bvh_table import BvhTable
 from irrsplat.gpu.geometry import Geometry
+from irrsplat.gpu.material_table import MaterialTable
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Mesh, Scene
@@ -17,13 +19,24 @@ class World(Owner):
     def __init__(self, ctx: moderngl.Context, scene: Scene) -> None:
         self.ctx = ctx
         self.geometry = Geometry(ctx, *flatten(scene))
+        self.materials = MaterialTable(ctx, scene.materials)
         self._scene = scene
         self._uploaded: tuple[Mesh, ...] | None = scene.meshes  # None while what is on the GPU is neither before nor after a move
         self._tree: BvhTable | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.geometry, self._tree)
+        return (self.geometry, self.materials, self._tree)
+
+    @property
+    def raster_uniforms(self) -> Uniforms:
+        """What shaders need that draw the triangles: their planes and materials."""
+        return self.geometry.uniforms | self.materials.uniforms
+
+    @property
+    def trace_uniforms(self) -> Uniforms:
+        """What shaders need that send rays through the tree and look at what these hit."""
+        return self.tree.uniforms | self.materials.uniforms
 
     @property
     def scene(self) -> Scene:
