@@ -7,8 +7,8 @@ from pathlib import Path
 
 from irrsplat.core import paths
 from irrsplat.core.errors import InputError
-from irrsplat.scene.io.lines import quote
 from irrsplat.core.load_options import CREASE_ANGLE, LoadOptions, UpAxis
+from irrsplat.scene.io.lines import quote
 from irrsplat.scene.io.scene_text import load_text
 from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
 
@@ -55,6 +55,10 @@ def load(
         raise InputError(f"unknown ending {quote(path.suffix)}; expected one of {' '.join(FORMATS)}", path)
     if ending == ".scene":
         return load_text(path)
+    if ending in (".glb", ".gltf"):
+        from irrsplat.scene.io.gltf.reader import load_gltf
+
+        return load_gltf(path, options.time)
     from irrsplat.scene.io.assets import load_asset
 
     return load_asset(path, options)

@@ -244,13 +244,11 @@ def test_an_empty_gltf_is_a_scene_without_geometry(write):
     [
         ({"asset": {"version": "1.0"}}, "glTF 1.0"),
         ({"asset": None}, "no glTF"),
-        ({"extensionsUsed": ["KHR_draco_mesh_compression"]}, "KHR_draco"),
-        ({"buffers": [{"byteLength": 10, "uri": "gone.bin"}]}, "a.gltf: "),
+        ({"buffers": [{"byteLength": 10, "uri": "gone.bin"}]}, "gone.bin is missing"),
         ({"meshes": [{"primitives": [{"attributes": {"POSITION": 9}, "indices": 1}]}]}, "a.gltf: "),
         ({"meshes": [{"primitives": [{"attributes": {}}]}]}, "a.gltf: "),
-        ({"meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "material": 3}]}]}, "no glTF"),
         ({"nodes": [{"mesh": 7}]}, "a.gltf: "),
-        ({"accessors": [{"componentType": 5126, "count": 10**12, "type": "VEC3"}]}, "sparse"),
+        ({"accessors": [{"componentType": 5126, "count": 10**12, "type": "VEC3"}]}, "a.gltf: "),
     ],
 )  # fmt: skip
 def test_a_damaged_gltf_is_one_line(write, change, says):

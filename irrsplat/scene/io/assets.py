@@ -1,4 +1,4 @@
-"""Reads geometry and diffuse colours from OBJ, PLY, STL and glTF files; trimesh parses, this file checks what it returns.
+"""Reads geometry and diffuse colours from OBJ, PLY and STL files; trimesh parses, this file checks what it returns.
 
 A material's albedo is its base colour alone (metalness, roughness and transparency are not read); a texture counts by its mean
 colour. Where a file names no colour, the albedo is 0.5, as in a `.scene`.
@@ -11,18 +11,16 @@ import logging
 import re
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-from urllib.parse import unquote
 
 import numpy as np
 
-from irrsplat.core.color import clip_color, linear_from_srgb
+from irrsplat.core.color import linear_from_srgb
 from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import LoadOptions
-from irrsplat.scene.io import gltf
 from irrsplat.scene.io.defaults import finish
 from irrsplat.scene.io.lines import read_bytes
 from irrsplat.scene.io.mesh_builder import build_mesh
@@ -47,18 +45,18 @@ class Part:
 
 
 def load_asset(path: Path, options: LoadOptions) -> Scene:
-    """The geometry of a `.obj`, `.ply`, `.stl`, `.glb` or `.gltf` file, with diffuse colours and emission, in metres.
+    """The geometry of a `.obj`, `.ply` or `.stl` file, with diffuse colours and emission, in metres.
 
     Vertex normals are the file's; a mesh without any gets face normals. Scene.notices say what was dropped or invented.
     Raises InputError, one line with the file's path, for a file that is missing, empty, truncated, garbage, not finite, or
     that needs a feature which is not read.
     """
     notices: list[str] = []
-    readers: dict[str, Callable[[Path, list[str], LoadOptions], list[Part]]] = {".obj": _obj, ".ply": _ply, ".stl": _stl}
+    readers: dict[str, Callable[[Path, list[str], LoadOptions], list[Part]]] = {".obj": _obj, ".ply": _ply}
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            parts = readers.get(path.suffix.lower(), _gltf)(path, notices, options)
+            parts = readers.get(path.suffix.lower(), _stl)(path, notices, options)
     except InputError:
         raise
     except Exception as error:  # a damaged file may raise anything anywhere in trimesh
@@ -195,40 +193,3 @@ def _stl(path: Path, notices: list[str], options: LoadOptions) -> list[Part]:
     if not count:
         raise InputError("there are no triangles in this file", path)
     return parts
-
-
-def _gltf(path: Path, notices: list[str], options: LoadOptions) -> list[Part]:
-    ending = path.suffix.lower()[1:]
-    document = gltf.read(path)
-    if not document.tree.get("meshes"):
-        return []
-    scene = _trimesh(path, document.labelled(), ending)
-    uris = [str(buffer.get("uri", "data:")) for buffer in document.tree.get("buffers", ())]
-    files = tuple(path.parent / unquote(uri) for uri in uris if not uri.startswith("data:"))
-    return [replace(part, files=files) for part in _placed(path, scene, document)]
-
-
-def _placed(path: Path, scene: Any, document: gltf.Document) -> Iterator[Part]:
-    for node in scene.graph.nodes_geometry:
-        matrix, name = scene.graph[node]
-        mesh = scene.geometry[name]
-        if not hasattr(mesh, "faces"):  # lines and points
-            continue
-        primitive, material = document.primitive(mesh.visual.material.name)
-        attributes = primitive.get("attributes", {})
-        albedo, emission = gltf.colors(material, mesh.visual.material)
-        colors = None
-        if "COLOR_0" in attributes:  # linear, as glTF 2.0 section 3.9.2 has it
-            raw = np.asarray(mesh.visual.vertex_attributes["color"])[:, :3]
-            scale = float(np.iinfo(raw.dtype).max) if raw.dtype.kind in "ui" else 1.0
-            colors = np.clip(np.nan_to_num(raw / scale) * (albedo if material is not None else 1.0), 0.0, 1.0)
-        normals = np.asarray(mesh.vertex_normals) if "NORMAL" in attributes else None
-        yield Part(
-            np.asarray(mesh.vertices),
-            np.asarray(mesh.faces),
-            normals,
-            matrix=np.asarray(matrix, float),
-            material=Material(clip_color(albedo), emission),
-            colors=colors,
-            name=str(node),
-        )

@@ -1,0 +1,98 @@
+"""Numbers of a glTF file as numpy arrays: strided, sparse, normalised, quantised."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from irrsplat.scene.io.gltf.document import Damaged, Document, whole
+from irrsplat.scene.io.gltf.packed import plain_view
+
+_TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5124: "<i4", 5125: "<u4", 5126: "<f4", 5130: "<f8"}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
+_MOST = 1 << 27  # elements of an accessor without bytes of its own
+
+
+def count(document: Document, index: object) -> int:
+    """The number of elements of an accessor; raises Damaged where there is no such accessor."""
+    return whole(document.entry("accessors", index), "count")
+
+
+def values(
+    document: Document, index: object, widths: tuple[int, ...], rows: np.ndarray | None = None, shares: bool = False
+) -> np.ndarray:
+    """(N, width) float32: an accessor's elements, all or those of `rows`, integers that count as normalised in 0..1 or -1..1.
+
+    widths: how many components an element may have. shares: integers count as normalised whatever the accessor says. Raises Damaged where the accessor is missing or reaches beyond its data.
+    """
+    entry = document.entry("accessors", index)
+    return as_floats(_elements(document, entry, index, widths, rows), shares or entry.get("normalized") is True)
+
+
+def as_floats(array: np.ndarray, normalized: bool) -> np.ndarray:
+    """Elements of an accessor as float32, integers in 0..1 or -1..1 if they are normalised."""
+    if normalized and array.dtype.kind in "iu":
+        array = np.maximum(array.astype(np.float32) / np.float32(np.iinfo(array.dtype).max), np.float32(-1.0))
+    return np.asarray(array, np.float32)
+
+
+def integers(document: Document, index: object, widths: tuple[int, ...] = (1,), rows: np.ndarray | None = None) -> np.ndarray:
+    """(N, width) int64: an accessor's elements as they are; raises Damaged as `values`, and where they are no integers."""
+    array = _elements(document, document.entry("accessors", index), index, widths, rows)
+    if array.dtype.kind not in "iu":
+        raise Damaged(f"accessor {index} holds no integers")
+    return np.asarray(array, np.int64)
+
+
+def _elements(
+    document: Document, entry: Mapping[str, Any], index: object, widths: tuple[int, ...], rows: np.ndarray | None
+) -> np.ndarray:
+    width = _WIDTHS.get(str(entry.get("type")))
+    kind = _TYPES.get(whole(entry, "componentType"))
+    if width not in widths or kind is None:
+        raise Damaged(f"accessor {index} is of a type that is not expected there")
+    number = whole(entry, "count")
+    if "bufferView" in entry:
+        array = _bytes(document, entry["bufferView"], whole(entry, "byteOffset", 0), number, width, np.dtype(kind), index)
+    elif number <= _MOST:
+        array = np.zeros((number, width), kind)
+    else:
+        raise Damaged(f"accessor {index} announces {number} elements of nothing")
+    sparse = entry.get("sparse")
+    if isinstance(sparse, dict):
+        array = _replaced(document, sparse, array, index)
+    if rows is None:
+        return np.asarray(array)
+    if len(rows) and rows.max() >= number:
+        raise Damaged(f"accessor {index} has {number} elements, and {rows.max() + 1} are needed")
+    return np.asarray(array[rows])
+
+
+def _bytes(
+    document: Document, view: object, offset: int, number: int, width: int, kind: np.dtype[Any], index: object
+) -> np.ndarray:
+    """(number, width) elements in a buffer view, without a copy; raises Damaged where they reach beyond it."""
+    data, stride, name = plain_view(document, view)
+    size = width * kind.itemsize
+    stride = stride or size
+    if not number:
+        return np.zeros((0, width), kind)
+    if offset + stride * (number - 1) + size > len(data):
+        raise Damaged(f"accessor {index} reaches beyond its data; {name} is truncated")
+    return np.ndarray((number, width), kind, data, offset, (stride, kind.itemsize))
+
+
+def _replaced(document: Document, sparse: Mapping[str, Any], array: np.ndarray, index: object) -> np.ndarray:
+    """The elements after a sparse accessor's own values have taken their places."""
+    number = whole(sparse, "count")
+    at, new = sparse["indices"], sparse["values"]
+    places = _bytes(
+        document, at["bufferView"], whole(at, "byteOffset", 0), number, 1, np.dtype(_TYPES[at["componentType"]]), index
+    ).astype(np.int64)[:, 0]
+    if number and not 0 <= places.min() <= places.max() < len(array):
+        raise Damaged(f"accessor {index} replaces elements that it does not have")
+    array = array.copy()
+    array[places] = _bytes(document, new["bufferView"], whole(new, "byteOffset", 0), number, array.shape[1], array.dtype, index)
+    return array

@@ -1,0 +1,111 @@
+"""Cameras and lights (KHR_lights_punctual) of a glTF file's nodes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from irrsplat.scene.io.gltf.document import Damaged, Document, extension, number, numbers, shown
+from irrsplat.scene.io.gltf.nodes import Node
+from irrsplat.scene.io.gltf.nodes import name as node_name
+from irrsplat.scene.model import Camera, Light
+
+_LIGHTS = "KHR_lights_punctual"
+_DISTANCE = 1000.0  # of the pinhole that stands for an orthographic camera, in diagonals of the scene
+_Vector = tuple[float, float, float]
+
+
+def cameras(document: Document, nodes: Iterable[Node], bounds: np.ndarray) -> list[Camera]:
+    """The cameras of these nodes, each by the name of its node, else its own, else "camera 1" and so on.
+
+    bounds: (2, 3) of the scene. A camera's target is as far away as the scene's middle. An orthographic one becomes a pinhole
+    so far behind its place that lines which are parallel in the world differ by less than a thousandth of the scene's size.
+    """
+    found: list[Camera] = []
+    for node in nodes:
+        if "camera" not in node.entry:
+            continue
+        with document.part(f"the camera of {node_name(document, node.index)}"):
+            entry = document.entry("cameras", node.entry["camera"])
+            name = node.name or shown(entry.get("name") or "") or f"camera {len(found) + 1}"
+            taken = {camera.name for camera in found}
+            name = next(free for i in range(1, len(taken) + 2) if (free := name if i == 1 else f"{name} {i}") not in taken)
+            found.append(_camera(entry, node.world, bounds, name))
+    return found
+
+
+def _camera(entry: Mapping[str, Any], world: np.ndarray, bounds: np.ndarray, name: str) -> Camera:
+    eye, forward, up = world[:3, 3], -_direction(world[:, 2]), _direction(world[:, 1])
+    diagonal = float(np.linalg.norm(bounds[1] - bounds[0])) or 1.0
+    depth = max(float((bounds.mean(0) - eye) @ forward), 0.1 * diagonal)
+    target = eye + depth * forward
+    if entry.get("type") == "orthographic":
+        half = abs(number(_object(entry, "orthographic"), "ymag", 0.0))
+        eye = target - _DISTANCE * diagonal * forward
+        fov = 2.0 * math.atan(half / (_DISTANCE * diagonal))
+    else:
+        fov = number(_object(entry, "perspective"), "yfov", 0.0)
+    if not 0.0 < fov < math.pi:
+        raise Damaged("its field of view is damaged")
+    return Camera(_vector(eye), _vector(target), _vector(up), math.degrees(fov), name)
+
+
+def lights(document: Document, nodes: Iterable[Node]) -> list[Light]:
+    """The lights of these nodes, by the names of the nodes, else their own; ranges are ignored: light falls off with 1/d²."""
+    found = []
+    for node in nodes:
+        asked = extension(node.entry, _LIGHTS)
+        if asked is None:
+            continue
+        with document.part(f"the light of {node_name(document, node.index)}"):
+            entry = document.entry("lights", asked.get("light"), extension(document.tree, _LIGHTS) or {})
+            found.append(_light(entry, node))
+    return found
+
+
+def _light(entry: Mapping[str, Any], node: Node) -> Light:
+    position, backward = node.world[:3, 3], _direction(node.world[:, 2])
+    color = number(entry, "intensity", 1.0) * np.array(numbers(entry, "color", (1.0, 1.0, 1.0)))
+    if not (color >= 0.0).all():
+        raise Damaged("its intensity is negative")
+    name, kind = node.name or shown(entry.get("name") or ""), entry.get("type")
+    if kind == "directional":  # lux: what falls on a surface that faces it, which is π times OpenGL's diffuse
+        return Light(_vector(backward), _vector(color / math.pi), directional=True, name=name)
+    if kind == "point":
+        return Light(_vector(position), _vector(color), physical=True, name=name)
+    if kind != "spot":
+        raise Damaged("it is of an unknown type")
+    cone = entry.get("spot") if isinstance(entry.get("spot"), dict) else {}
+    outer = math.degrees(number(cone or {}, "outerConeAngle", math.pi / 4.0))
+    inner = math.degrees(number(cone or {}, "innerConeAngle", 0.0))
+    if not 0.0 <= inner <= outer or outer <= 0.0:
+        raise Damaged("its cone is damaged")
+    outer = min(outer, 89.9)  # a half space; tiles of shadow maps can't show more
+    target = _vector(position - backward)
+    inner = min(inner, outer)
+    return Light(
+        _vector(position), _vector(color), physical=True, spot_target=target, spot_cutoff=outer, spot_inner=inner, name=name
+    )
+
+
+def _object(entry: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    found = entry.get(key)
+    if not isinstance(found, dict):
+        raise Damaged(f"its {key} is damaged")
+    return found
+
+
+def _direction(axis: np.ndarray) -> np.ndarray:
+    """(3,) unit: a column of a node's matrix; raises Damaged where the node is scaled to nothing."""
+    length = float(np.linalg.norm(axis[:3]))
+    if not (length > 0.0 and math.isfinite(length)):
+        raise Damaged("its node is scaled to nothing")
+    return np.asarray(axis[:3] / length)
+
+
+def _vector(values: np.ndarray | Sequence[float]) -> _Vector:
+    x, y, z = np.asarray(values, float).tolist()
+    return x, y, z

@@ -1,0 +1,230 @@
+"""A glTF file's JSON and the bytes that it refers to, and the record of what in it is damaged or not shown."""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+import struct
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote, unquote_to_bytes
+
+import numpy as np
+
+from irrsplat.core.errors import InputError
+from irrsplat.scene.io.images import find_file
+from irrsplat.scene.io.lines import read_bytes
+
+_JSON, _BIN = 0x4E4F534A, 0x004E4942
+_MISSING = object()
+GREATEST = 1e15  # of a number, as in the other formats: its square is still a float32
+
+
+class Damaged(ValueError):
+    """A part of the file can't be read; the message says why, in words that follow a colon."""
+
+
+WRONG = (InputError, ValueError, KeyError, TypeError, AttributeError, IndexError, ArithmeticError, MemoryError, struct.error)
+
+
+@dataclass
+class Document:
+    """A glTF file, its buffers read when they are first asked for.
+
+    tree: the JSON. chunk: the binary chunk of a GLB. files: what was read apart from `path`.
+    lost: names of the parts that are left out, by reason. unshown: what the file asks for and is not read.
+    unpacked: the bytes of compressed buffer views, by index.
+    """
+
+    path: Path
+    tree: dict[str, Any]
+    chunk: bytes | None = None
+    files: list[Path] = field(default_factory=list)
+    lost: dict[str, list[str]] = field(default_factory=dict)
+    unshown: dict[str, None] = field(default_factory=dict)
+    unpacked: dict[object, np.ndarray] = field(default_factory=dict)
+    _buffers: dict[int, memoryview | Damaged] = field(default_factory=dict)
+
+    @contextmanager
+    def part(self, name: str) -> Iterator[None]:
+        """A `with` block that reads one part of the scene: whatever is wrong in it costs that part, and is told by `notices`."""
+        try:
+            yield
+        except WRONG as error:
+            known = isinstance(error, (Damaged, InputError))
+            self.lose(name, (str(error) if known else "its description is damaged"))
+
+    def lose(self, name: str, reason: str) -> None:
+        """Leaves out the part called `name`."""
+        parts = self.lost.setdefault(reason, [])
+        if name not in parts[-1:]:
+            parts.append(name)
+
+    def notices(self) -> list[str]:
+        """One line for each reason why parts are left out, and one for all that is not shown."""
+        lines = []
+        for reason, parts in self.lost.items():
+            more = f" and {len(parts) - 1} more parts are" if len(parts) > 1 else " is"
+            lines.append(f"{self.path}: {parts[0]}{more} left out: {reason}")
+        if self.unshown:
+            lines.append(f"{self.path}: not shown: {', '.join(self.unshown)}")
+        return lines
+
+    def entries(self, kind: str, inside: Mapping[str, Any] | None = None) -> list[Any]:
+        """The list called `kind` of the file (or of one of its objects); empty where there is none."""
+        found = (self.tree if inside is None else inside).get(kind)
+        return found if isinstance(found, list) else []
+
+    def entry(self, kind: str, index: object, inside: Mapping[str, Any] | None = None) -> dict[str, Any]:
+        """The object at `index` of the list called `kind`; raises Damaged where there is none."""
+        entries = self.entries(kind, inside)
+        if isinstance(index, bool) or not isinstance(index, int) or not 0 <= index < len(entries):
+            raise Damaged(f"there is no {kind.removesuffix('s')} {index!r:.20}")
+        found = entries[index]
+        if not isinstance(found, dict):
+            raise Damaged(f"{kind.removesuffix('s')} {index} is damaged")
+        return found
+
+    def buffer(self, index: int) -> memoryview:
+        """The bytes of a buffer: of the GLB's chunk, of a data URI or of a file; raises Damaged where they are not there."""
+        if index not in self._buffers:
+            try:
+                self._buffers[index] = memoryview(self._buffer(index))
+            except Damaged as error:
+                self._buffers[index] = error
+        found = self._buffers[index]
+        if isinstance(found, Damaged):
+            raise found
+        return found
+
+    def _buffer(self, index: int) -> bytes:
+        uri = self.entry("buffers", index).get("uri")
+        if uri is None:
+            if self.chunk is None or index:
+                raise Damaged("its binary chunk is missing" if not index else f"buffer {index} has no data")
+            return self.chunk
+        return self.resource(uri)[0]
+
+    def resource(self, uri: object) -> tuple[bytes, str]:
+        """The bytes that a URI stands for, and a name for messages; raises Damaged where there are none."""
+        if not isinstance(uri, str):
+            raise Damaged("a URI is damaged")
+        if uri[:5].lower() == "data:":
+            head, _, body = uri.partition(",")
+            try:
+                return (base64.b64decode(unquote(body)) if head.endswith("base64") else unquote_to_bytes(body)), "data"
+            except ValueError:
+                raise Damaged("a data URI is damaged") from None
+        name = shown(unquote(uri))
+        file = find_file(self.path.parent, uri)
+        if file is None:
+            raise Damaged(f"{name} is missing")
+        self.files.append(file)
+        try:
+            return file.read_bytes(), name
+        except OSError as error:
+            raise Damaged(f"{name} can't be read ({error.strerror})") from None
+
+    def buffer_name(self, index: int) -> str:
+        """What a message calls a buffer: the name of its file."""
+        uri = self.entry("buffers", index).get("uri")
+        return shown(unquote(uri)) if isinstance(uri, str) and uri[:5].lower() != "data:" else "the file"
+
+
+def shown(text: object) -> str:
+    """A name from the file, fit to stand in a one-line message."""
+    words = str(text)[:80]
+    return words if words.isprintable() else ascii(words)[1:-1]
+
+
+def extension(entry: Mapping[str, Any], name: str) -> dict[str, Any] | None:
+    """The extension of that name which an object of the file carries, or None."""
+    extensions = entry.get("extensions")
+    found = extensions.get(name) if isinstance(extensions, dict) else None
+    return found if isinstance(found, dict) else None
+
+
+def number(entry: Mapping[str, Any], key: str, default: float) -> float:
+    """A finite number of an object, or the default where it is not there; raises Damaged for any other value."""
+    return numbers(entry, key, (default,))[0]
+
+
+def numbers(entry: Mapping[str, Any], key: str, default: tuple[float, ...]) -> tuple[float, ...]:
+    """As many finite numbers of an object as the default has, or the default; raises Damaged for any other value."""
+    found = entry.get(key, _MISSING)
+    if found is _MISSING:
+        return default
+    values = found if isinstance(found, list) else [found]
+    if len(values) != len(default) or not all(_is_number(value) for value in values):
+        raise Damaged(f"its {key} is damaged")
+    return tuple(float(value) for value in values)
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value) and abs(value) <= GREATEST
+
+
+def view(document: Document, index: object) -> tuple[np.ndarray, int | None, str]:
+    """The bytes of a buffer view as (N,) uint8, its byteStride if it has one, and the name of its buffer for messages.
+
+    Raises Damaged where they are not there.
+    """
+    entry = document.entry("bufferViews", index)
+    data, buffer = _slice(document, entry)
+    stride = entry.get("byteStride")
+    return data, stride if isinstance(stride, int) and stride > 0 else None, document.buffer_name(buffer)
+
+
+def _slice(document: Document, entry: Mapping[str, Any]) -> tuple[np.ndarray, int]:
+    buffer, start, length = (whole(entry, key, 0) for key in ("buffer", "byteOffset", "byteLength"))
+    data = np.frombuffer(document.buffer(buffer), np.uint8)
+    return data[start : start + length], buffer
+
+
+def whole(entry: Mapping[str, Any], key: str, default: int | None = None) -> int:
+    """An integer of an object, 0 or more; raises Damaged for any other value."""
+    found = entry.get(key, default)
+    if isinstance(found, float) and found.is_integer():
+        found = int(found)
+    if isinstance(found, bool) or not isinstance(found, int) or found < 0:
+        raise Damaged(f"its {key} is damaged")
+    return found
+
+
+def read(path: Path) -> Document:
+    """The glTF file at `path`; raises InputError where it is truncated, or no glTF 2.0."""
+    data = read_bytes(path)
+    chunk = None
+    try:
+        text = data
+        if data[:4] == b"glTF":
+            text, chunk = _chunks(path, data)
+        elif path.suffix.lower() == ".glb" and not data.lstrip().startswith(b"{"):
+            raise InputError("this is no GLB file (it does not begin with 'glTF'); export it again", path)
+        tree = json.loads(text.decode(json.detect_encoding(text), "replace").removeprefix("\ufeff"))
+        version = str(tree["asset"]["version"])
+    except (ValueError, KeyError, TypeError, AttributeError, IndexError, struct.error, RecursionError):
+        raise InputError("this is no glTF 2.0 file, or a damaged one; export it again", path) from None
+    if not version.startswith("2"):
+        raise InputError(f"this is glTF {shown(version)}; expected version 2.0", path)
+    return Document(path, tree, chunk)
+
+
+def _chunks(path: Path, data: bytes) -> tuple[bytes, bytes | None]:
+    """The JSON and the binary chunk (None: it has none) of a GLB; raises InputError where it is cut off or no glTF 2.0."""
+    _, version, length = struct.unpack_from("<4sII", data)
+    if version != 2:
+        raise InputError(f"this is glTF {version}.0; expected version 2.0", path)
+    if length > len(data):
+        raise InputError(f"the file is truncated: {len(data)} of {length} bytes are there", path)
+    chunks: dict[int, bytes] = {}
+    at = 12
+    while at + 8 <= length:
+        size, kind = struct.unpack_from("<II", data, at)
+        chunks.setdefault(kind, data[at + 8 : at + 8 + size])
+        at += 8 + size + -size % 4
+    return chunks[_JSON], chunks.get(_BIN)

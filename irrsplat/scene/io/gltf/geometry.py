@@ -1,0 +1,175 @@
+"""The triangles of a glTF primitive in its node's space: indices, attributes, morph targets and skins."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from irrsplat.scene.io.gltf import accessors
+from irrsplat.scene.io.gltf.document import Damaged, Document, extension
+from irrsplat.scene.io.gltf.packed import DRACO, draco
+
+_MODES = {0: "points", 1: "lines", 2: "lines", 3: "lines"}
+_STRIP, _FAN = 5, 6
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """Triangles of a primitive, only those vertices that they use.
+
+    positions: (V, 3). corners: (F, 3). normals: (V, 3) or None. uvs: (V, 4) or None. colors: (V, 3 or 4) linear or None.
+    """
+
+    positions: np.ndarray
+    corners: np.ndarray
+    normals: np.ndarray | None = None
+    uvs: np.ndarray | None = None
+    colors: np.ndarray | None = None
+
+
+class Attributes:
+    """The vertex attributes of one primitive, of those vertices that its triangles use."""
+
+    def __init__(self, document: Document, primitive: Mapping[str, Any]) -> None:
+        self._document = document
+        self._primitive = primitive
+        self._given: Mapping[str, Any] = primitive["attributes"]
+        self._unpacked: dict[str, np.ndarray] = {}
+        corners = self._corners()
+        number = len(self._unpacked["POSITION"]) if self._unpacked else accessors.count(document, self._given["POSITION"])
+        if corners.size and corners.max() >= number:
+            raise Damaged(f"a face refers to vertex {corners.max()} (from 0), but there are {number} vertices")
+        used = np.zeros(number if corners.size else 0, bool)
+        used[corners] = True
+        self.rows = np.flatnonzero(used)
+        self.corners = (np.cumsum(used) - 1)[corners] if corners.size else corners
+
+    def _corners(self) -> np.ndarray:
+        """(F, 3) int64: the triangles."""
+        packed = extension(self._primitive, DRACO)
+        if packed is not None:
+            try:
+                faces, self._unpacked = draco(self._document, packed)
+                return faces.astype(np.int64)
+            except Damaged:
+                if "bufferView" not in self._document.entry("accessors", self._given["POSITION"]):
+                    raise  # otherwise the file has them unpacked as well
+        if "indices" in self._primitive:
+            indices = accessors.integers(self._document, self._primitive["indices"])[:, 0]
+        else:
+            indices = np.arange(accessors.count(self._document, self._given["POSITION"]))
+        if len(indices) and indices.min() < 0:
+            raise Damaged(f"a face refers to vertex {indices.min()}")
+        return triangles(indices, self._primitive.get("mode", 4))
+
+    def floats(self, name: str, widths: tuple[int, ...]) -> np.ndarray | None:
+        """(V, n) float32: an attribute, or None where there is none."""
+        if name not in self._given:
+            return None
+        shares = name.startswith(("COLOR", "WEIGHTS"))  # always: some files forget to say so
+        if name in self._unpacked:
+            array = self._unpacked[name][self.rows]
+            if array.shape[1] not in widths:
+                raise Damaged(f"its {name} is of a type that is not expected there")
+            accessor = self._document.entry("accessors", self._given[name])
+            return accessors.as_floats(array, shares or accessor.get("normalized") is True)
+        return accessors.values(self._document, self._given[name], widths, self.rows, shares)
+
+    def integers(self, name: str) -> np.ndarray | None:
+        """(V, 4) int64: an attribute, or None where there is none."""
+        if name not in self._given:
+            return None
+        if name in self._unpacked:
+            return self._unpacked[name][self.rows].astype(np.int64)
+        return accessors.integers(self._document, self._given[name], (4,), self.rows)
+
+    def moves(self, name: str, weights: np.ndarray) -> np.ndarray | float:
+        """What the morph targets add to an attribute: the weighted sum (V, n), or 0."""
+        total: np.ndarray | float = 0.0
+        targets = self._document.entries("targets", self._primitive)
+        for weight, target in zip(weights.tolist(), targets, strict=False):
+            if weight and name in target:
+                total = total + np.float32(weight) * accessors.values(self._document, target[name], (2, 3, 4), self.rows)
+        return total
+
+
+def triangles(indices: np.ndarray, mode: object) -> np.ndarray:
+    """(F, 3): the triangles that indices make as a list, a strip or a fan; what is left over is ignored."""
+    if mode == _STRIP:
+        i = np.arange(max(len(indices) - 2, 0))
+        odd = i % 2
+        corners = indices[np.stack([i, i + 1 + odd, i + 2 - odd], 1)]
+        flat = (corners == np.roll(corners, 1, 1)).any(1)  # links between strips
+        return np.asarray(corners[~flat])
+    if mode == _FAN:
+        i = np.arange(1, max(len(indices) - 1, 1))
+        return indices[np.stack([i, i + 1, np.zeros_like(i)], 1)]
+    if mode != 4:
+        raise Damaged("its mode is damaged")
+    return indices[: len(indices) // 3 * 3].reshape(-1, 3)
+
+
+def undrawn(primitive: Mapping[str, Any]) -> str | None:
+    """What the primitive has instead of triangles, in a word; None where it has some."""
+    mode = primitive.get("mode", 4)
+    return _MODES.get(mode) if isinstance(mode, int) else None
+
+
+def read(attributes: Attributes, uv_sets: tuple[int, int], weights: np.ndarray) -> Geometry:
+    """The triangles at the given morph weights (W,), before any skin; raises Damaged."""
+    positions = attributes.floats("POSITION", (3,))
+    if positions is None:
+        raise Damaged("it has no positions")
+    normals, colors = attributes.floats("NORMAL", (3,)), attributes.floats("COLOR_0", (3, 4))
+    pairs = [attributes.floats(f"TEXCOORD_{number}", (2,)) for number in uv_sets]
+    uvs = None
+    if any(pair is not None for pair in pairs):
+        uvs = np.concatenate([np.zeros((len(positions), 2), np.float32) if pair is None else pair for pair in pairs], axis=1)
+    if weights.any():
+        positions = positions + attributes.moves("POSITION", weights)
+        normals = None if normals is None else normals + attributes.moves("NORMAL", weights)
+        colors = None if colors is None else colors + attributes.moves("COLOR_0", weights)
+    return Geometry(positions, attributes.corners, normals, uvs, colors)
+
+
+def skinned(geometry: Geometry, attributes: Attributes, joints: np.ndarray) -> Geometry:
+    """The triangles in world space after a skin has moved them, wound as before.
+
+    joints: (J, 4, 4) world_from_vertex of each joint, its inverse bind matrix included. Raises Damaged.
+    """
+    blend = np.zeros((len(geometry.positions), 3, 4))
+    total = np.zeros(len(geometry.positions))
+    for i in range(2):
+        numbers, weights = attributes.integers(f"JOINTS_{i}"), attributes.floats(f"WEIGHTS_{i}", (4,))
+        if numbers is None or weights is None:
+            continue
+        for k in range(4):
+            some = weights[:, k] != 0.0
+            if some.any() and not 0 <= numbers[some, k].min() <= numbers[some, k].max() < len(joints):
+                raise Damaged("it refers to joints that its skin does not have")
+            blend[some] += weights[some, k, None, None] * joints[numbers[some, k], :3]
+            total += weights[:, k]
+    if not (total > 0.0).any():
+        raise Damaged("it has no weights for its skin")
+    blend[total > 0.0] /= total[total > 0.0, None, None]
+    blend[total <= 0.0] = joints[0, :3]
+    positions = np.einsum("vij,vj->vi", blend[:, :, :3], geometry.positions) + blend[:, :, 3]
+    corners, normals = geometry.corners, geometry.normals
+    turned = cofactors(blend[:, :, :3])
+    if normals is not None:
+        normals = np.einsum("vij,vj->vi", turned, normals)
+    if len(blend) and np.median((turned[:, 0] * blend[:, 0, :3]).sum(1)) < 0.0:  # mirrored
+        corners, normals = corners[:, ::-1], None if normals is None else -normals
+    return replace(geometry, positions=positions, corners=corners, normals=normals)
+
+
+def cofactors(matrices: np.ndarray) -> np.ndarray:
+    """(N, 3, 3): what turns normals as the matrices (N, 3, 3) turn points, to length and, where one mirrors, to sign.
+
+    The transposed inverse times the determinant, which exists for singular matrices, too.
+    """
+    a, b, c = (matrices[:, i] for i in range(3))
+    return np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)

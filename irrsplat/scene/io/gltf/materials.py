@@ -1,0 +1,202 @@
+"""The diffuse part of a glTF file's materials: colours, textures, emission, alpha; metals reflect their base colour."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, get_args
+
+import numpy as np
+
+from irrsplat.core.color import clip_color
+from irrsplat.core.errors import InputError
+from irrsplat.scene.io.gltf.document import Damaged, Document, extension, number, numbers, shown
+from irrsplat.scene.io.gltf.packed import plain_view
+from irrsplat.scene.io.images import read_image
+from irrsplat.scene.model import AlphaMode, Image, Material, Texture, Wrap
+
+_WRAPS: dict[object, Wrap] = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
+_NEAREST = 9728
+_IMAGE_FORMATS = ("EXT_texture_webp", "EXT_texture_avif", "KHR_texture_basisu", "MSFT_texture_dds")  # the first that can be read
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A material as a primitive wears it.
+
+    factor: base colour and alpha, (4,) linear, that vertex colours multiply. uv_sets: which TEXCOORD_n the two sets of the mesh's
+    coordinates are. unlit: it shows its base colour whatever light falls on it.
+    """
+
+    material: Material
+    factor: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
+    uv_sets: tuple[int, int] = (0, 1)
+    unlit: bool = False
+
+
+@dataclass
+class Materials:
+    """The materials of a document, each read once, so that equal ones are the same."""
+
+    document: Document
+    _surfaces: dict[object, Surface] = field(default_factory=dict)
+    _images: dict[object, Image | None] = field(default_factory=dict)
+    _clear: dict[int, bool] = field(default_factory=dict)  # whether an image's alpha is 1 everywhere, by its id
+
+    def surface(self, index: object) -> Surface:
+        """The material at `index`; None, or one that is damaged: grey with a reflectance of 0.5."""
+        if index not in self._surfaces:
+            self._surfaces[index] = Surface(Material(double_sided=False))
+            if index is not None:
+                with self.document.part(f"material {index}"):
+                    self._surfaces[index] = self._read(self.document.entry("materials", index))
+        return self._surfaces[index]
+
+    def worn(self, surface: Surface, colors: np.ndarray | None) -> Material:
+        """The material of a mesh with vertex colours (V, 3 or 4), linear, or None.
+
+        Where alpha is nowhere below 1, there is neither filter nor cut-out. What an unlit surface emits is its mean colour's.
+        """
+        material = surface.material
+        if colors is not None and surface.unlit and len(colors):
+            r, g, b = (np.asarray(material.emission) * np.clip(colors[:, :3], 0.0, 1.0).mean(0)).tolist()
+            material = replace(material, emission=(r, g, b))
+        seen_through = colors is not None and colors.shape[1] == 4 and not (colors[:, 3] >= 1.0).all()
+        if material.alpha_mode == "opaque" or material.opacity < 1.0 or seen_through or not self._is_clear(material):
+            return material
+        return replace(material, alpha_mode="opaque")
+
+    def _is_clear(self, material: Material) -> bool:
+        if material.albedo_texture is None:
+            return True
+        image = material.albedo_texture.image
+        if id(image) not in self._clear:
+            self._clear[id(image)] = bool((image.pixels[..., 3] == 255).all())
+        return self._clear[id(image)]
+
+    def _read(self, entry: Mapping[str, Any]) -> Surface:
+        metal = entry.get("pbrMetallicRoughness")
+        base: Mapping[str, Any] = metal if isinstance(metal, dict) else {}
+        gloss = extension(entry, "KHR_materials_pbrSpecularGlossiness")
+        keys = ("baseColorFactor", "baseColorTexture")
+        if gloss is not None:
+            base, keys = gloss, ("diffuseFactor", "diffuseTexture")
+        r, g, b, alpha = numbers(base, keys[0], (1.0, 1.0, 1.0, 1.0))
+        unlit = extension(entry, "KHR_materials_unlit") is not None
+
+        infos = [base.get(keys[1]), *((None, None) if unlit else (entry.get("emissiveTexture"), entry.get("normalTexture")))]
+        sets = [_uv_set(info) for info in infos if isinstance(info, dict)]
+        uv_sets = _two_sets(sets)
+        if any(used not in uv_sets for used in sets):
+            self.document.unshown["more than two sets of texture coordinates in a material"] = None
+        color, emission, normal = (self._texture(info, uv_sets) for info in infos)
+
+        strength = number(extension(entry, "KHR_materials_emissive_strength") or {}, "emissiveStrength", 1.0)
+        glow = [max(0.0, strength * value) for value in numbers(entry, "emissiveFactor", (0.0, 0.0, 0.0))]
+        mode = str(entry.get("alphaMode", "OPAQUE")).lower()
+        alpha_mode: AlphaMode = mode if mode in get_args(AlphaMode) else "opaque"  # type: ignore[assignment]  # mypy can't narrow
+        material = Material(
+            albedo=clip_color((r, g, b)),
+            emission=(glow[0], glow[1], glow[2]),
+            albedo_texture=color,
+            emission_texture=emission if any(glow) else None,
+            normal_texture=normal,
+            normal_scale=number(infos[2], "scale", 1.0) if normal is not None and infos[2] is not None else 1.0,
+            opacity=min(max(alpha, 0.0), 1.0),
+            alpha_mode=alpha_mode,
+            alpha_cutoff=number(entry, "alphaCutoff", 0.5),
+            transmission=0.0 if unlit else self._transmission(entry, base),
+            double_sided=entry.get("doubleSided") is True,
+        )
+        if unlit:
+            lit = clip_color((r, g, b))
+            material = replace(material, albedo=(0.0, 0.0, 0.0), emission=lit, emission_texture=color)
+            if material.alpha_mode == "opaque":
+                material = replace(material, albedo_texture=None)  # otherwise its alpha counts
+        return Surface(material, (r, g, b, alpha), uv_sets, unlit)
+
+    def _transmission(self, entry: Mapping[str, Any], base: Mapping[str, Any]) -> float:
+        """The share of light that passes: what is no metal of the factor, times the mean of its texture's red."""
+        asked = extension(entry, "KHR_materials_transmission")
+        if asked is None:
+            return 0.0
+        share = number(asked, "transmissionFactor", 0.0)
+        if "metallicRoughnessTexture" not in base:
+            share *= 1.0 - number(base, "metallicFactor", 1.0)
+        texture = self._texture(asked.get("transmissionTexture"), (0, 1)) if share > 0.0 else None
+        if texture is not None:
+            share *= float(texture.image.pixels[..., 0].mean()) / 255.0
+            self.document.unshown["where a transmission texture varies (its mean is shown)"] = None
+        return min(max(share, 0.0), 1.0)
+
+    def _texture(self, info: object, uv_sets: tuple[int, int]) -> Texture | None:
+        """The texture that a textureInfo speaks of; None where there is none, or a broken one."""
+        if not isinstance(info, dict):
+            return None
+        with self.document.part(f"texture {info.get('index')}"):
+            entry = self.document.entry("textures", info.get("index"))
+            image = self._image(entry)
+            if image is None:
+                return None
+            sampler: Mapping[str, Any] = self.document.entry("samplers", entry["sampler"]) if "sampler" in entry else {}
+            moved = extension(info, "KHR_texture_transform") or {}
+            angle, (sx, sy) = number(moved, "rotation", 0.0), numbers(moved, "scale", (1.0, 1.0))
+            x, y = numbers(moved, "offset", (0.0, 0.0))
+            cosine, sine = math.cos(angle), math.sin(angle)
+            used = _uv_set(info)
+            return Texture(
+                image,
+                uv_set=uv_sets.index(used) if used in uv_sets else 0,
+                # counter-clockwise as one looks at the image, whose v runs downward; the scaling first
+                transform=(cosine * sx, sine * sy, x, -sine * sx, cosine * sy, y),
+                wrap=(_WRAPS.get(sampler.get("wrapS"), "repeat"), _WRAPS.get(sampler.get("wrapT"), "repeat")),
+                nearest=sampler.get("magFilter") == _NEAREST,
+            )
+        return None
+
+    def _image(self, texture: Mapping[str, Any]) -> Image | None:
+        """The image of a texture: the first of its formats that can be read; None where none can, which is told."""
+        sources = [found["source"] for name in _IMAGE_FORMATS if (found := extension(texture, name)) and "source" in found]
+        sources += [texture["source"]] if "source" in texture else []
+        failures: dict[object, str] = {}
+        for index in sources:
+            if index not in self._images:
+                try:
+                    self._images[index] = self._decoded(index)
+                except (Damaged, InputError, MemoryError) as error:
+                    failures[index] = str(error) or "memory does not suffice"
+                    continue
+            image = self._images[index]
+            if image is not None:
+                return image
+        for index, reason in failures.items():
+            self._images[index] = None
+            self.document.lose(f"image {index}", reason)
+        if not sources:
+            raise Damaged("it has no image")
+        return None
+
+    def _decoded(self, index: object) -> Image:
+        entry = self.document.entry("images", index)
+        if "bufferView" in entry:
+            data, name = plain_view(self.document, entry["bufferView"])[0].tobytes(), entry.get("name") or f"image {index}"
+        else:
+            data, name = self.document.resource(entry.get("uri"))
+            name = entry.get("name") or f"image {index}" if name == "data" else name
+        return read_image(data, shown(name))
+
+
+def _uv_set(info: Mapping[str, Any]) -> int:
+    """Which TEXCOORD_n a textureInfo uses."""
+    moved = (extension(info, "KHR_texture_transform") or {}).get("texCoord")
+    used = moved if moved is not None else info.get("texCoord", 0)
+    return used if isinstance(used, int) and used >= 0 else 0
+
+
+def _two_sets(used: list[int]) -> tuple[int, int]:
+    """The two of the used sets of coordinates that a mesh is to have: 0 and 1 where these suffice."""
+    if max(used, default=0) <= 1:
+        return 0, 1
+    first, *more = sorted(set(used))
+    return (first, more[0]) if more else (first, 0 if first else 1)

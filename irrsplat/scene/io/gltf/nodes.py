@@ -1,0 +1,139 @@
+"""The nodes of a glTF file's scene: which are shown, and where they stand in the world, in float64."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from irrsplat.scene.io.gltf import accessors
+from irrsplat.scene.io.gltf.animation import Pose
+from irrsplat.scene.io.gltf.document import Damaged, Document, extension, numbers, shown
+
+_TRS: dict[str, tuple[float, ...]] = {
+    "translation": (0.0, 0.0, 0.0),
+    "rotation": (0.0, 0.0, 0.0, 1.0),
+    "scale": (1.0, 1.0, 1.0),
+}
+
+
+@dataclass(frozen=True)
+class Node:
+    """A node that is shown. world: (4, 4) float64, world_from_node; name: "" where it has none."""
+
+    index: int
+    name: str
+    entry: Mapping[str, Any]
+    world: np.ndarray
+
+
+def worlds(document: Document, pose: Pose) -> list[np.ndarray | None]:
+    """(4, 4) float64 world_from_node of every node of the file; None for one that is damaged, or stands below such a one."""
+    entries = document.entries("nodes")
+    parents = [-1] * len(entries)
+    for i, entry in enumerate(entries):
+        with document.part(name(document, i)):
+            for child in document.entries("children", entry):
+                document.entry("nodes", child)
+                parents[child] = i
+    found: list[np.ndarray | None] = [None] * len(entries)
+    below: list[list[int]] = [[] for _ in entries]
+    for i, parent in enumerate(parents):
+        if parent >= 0:
+            below[parent].append(i)
+    waiting = [(i, np.eye(4)) for i, parent in enumerate(parents) if parent < 0]  # nodes in a circle are never met
+    while waiting:
+        i, above = waiting.pop()
+        with document.part(name(document, i)):
+            found[i] = matrix = above @ _local(document.entry("nodes", i), i, pose)
+            waiting += [(child, matrix) for child in below[i]]
+    return found
+
+
+def visible(document: Document, world: list[np.ndarray | None]) -> list[Node]:
+    """The nodes of the default scene, else of the first, else all; parents before children."""
+    entries = document.entries("nodes")
+    scenes = document.entries("scenes")
+    if scenes:
+        default = document.tree.get("scene")
+        chosen = scenes[default] if isinstance(default, int) and 0 <= default < len(scenes) else scenes[0]
+        waiting = list(document.entries("nodes", chosen if isinstance(chosen, dict) else {}))
+    else:
+        children = {child for entry in entries for child in document.entries("children", entry) if isinstance(child, int)}
+        waiting = [i for i in range(len(entries)) if i not in children]
+    waiting.reverse()
+    nodes, met = [], set()
+    while waiting:
+        i = waiting.pop()
+        with document.part(f"node {i}"):
+            entry = document.entry("nodes", i)
+            if i in met:
+                continue
+            met.add(i)
+            if (extension(entry, "KHR_node_visibility") or {}).get("visible") is False:
+                continue
+            matrix = world[i]
+            if matrix is not None:
+                nodes.append(Node(i, shown(entry.get("name") or ""), entry, matrix))
+            waiting += reversed(document.entries("children", entry))
+    return nodes
+
+
+def name(document: Document, index: int) -> str:
+    """What a message calls a node."""
+    entry = document.entries("nodes")[index]
+    named = entry.get("name") if isinstance(entry, dict) else None
+    return f"node '{shown(named)}'" if named else f"node {index}"
+
+
+def _local(entry: Mapping[str, Any], index: int, pose: Pose) -> np.ndarray:
+    """(4, 4) parent_from_node."""
+    moved = {path: pose[index, path] for path in _TRS if (index, path) in pose}
+    if "matrix" in entry and not moved:
+        matrix: np.ndarray = np.reshape(numbers(entry, "matrix", tuple(np.eye(4).reshape(-1))), (4, 4)).T
+        if not np.allclose(matrix[3], (0.0, 0.0, 0.0, 1.0), atol=1e-4):
+            raise Damaged("its matrix is not affine")
+        return matrix
+    values = {path: np.asarray(moved.get(path, numbers(entry, path, default))) for path, default in _TRS.items()}
+    made: np.ndarray = transforms(*(values[path][None] for path in _TRS))[0]
+    return made
+
+
+def transforms(translations: np.ndarray, rotations: np.ndarray, scales: np.ndarray) -> np.ndarray:
+    """(N, 4, 4): moves (N, 3) after turns by quaternions x y z w (N, 4), a zero one turning nothing, after scalings (N, 3)."""
+    length = np.linalg.norm(rotations, axis=1, keepdims=True)
+    x, y, z, w = np.where(length > 0.0, rotations / np.where(length > 0.0, length, 1.0), (0.0, 0.0, 0.0, 1.0)).T
+    turn = [
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
+        [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
+        [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
+    ]
+    matrices = np.zeros((len(translations), 4, 4))
+    matrices[:, :3, :3] = np.moveaxis(np.array(turn), -1, 0) * scales[:, None, :]
+    matrices[:, :3, 3] = translations
+    matrices[:, 3, 3] = 1.0
+    return matrices
+
+
+def instances(document: Document, node: Node) -> np.ndarray:
+    """(N, 4, 4) where the node's mesh stands: once, or as often as EXT_mesh_gpu_instancing says; raises Damaged."""
+    asked = extension(node.entry, "EXT_mesh_gpu_instancing")
+    if asked is None:
+        return node.world[None]
+    attributes = asked.get("attributes")
+    if not isinstance(attributes, dict):
+        raise Damaged("its instances are damaged")
+    given = {key: attributes[key.upper()] for key in _TRS if key.upper() in attributes}
+    numbers_of = {accessors.count(document, index) for index in given.values()}
+    if len(numbers_of) != 1:
+        raise Damaged("its instances are damaged")
+    number = numbers_of.pop()
+    columns = []
+    for key, default in _TRS.items():
+        if key in given:
+            columns.append(accessors.values(document, given[key], (len(default),)).astype(float))
+        else:
+            columns.append(np.tile(default, (number, 1)))
+    return np.asarray(node.world @ transforms(*columns))

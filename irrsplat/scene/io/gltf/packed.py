@@ -1,0 +1,64 @@
+"""Unpacks compressed geometry: buffer views by meshoptimizer, primitives by Draco; the packages come with the extra `gltf`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from irrsplat.scene.io.gltf.document import Damaged, Document, extension, view, whole
+
+MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
+DRACO = "KHR_draco_mesh_compression"
+_INSTALL = "to read it: pip install 'irrsplat[gltf]'"
+
+
+def plain_view(document: Document, index: object) -> tuple[np.ndarray, int | None, str]:
+    """The bytes of a buffer view as (N,) uint8, unpacked, its byteStride if it has one, and its buffer's name for messages.
+
+    Raises Damaged where they are not there, or can't be unpacked.
+    """
+    entry = document.entry("bufferViews", index)
+    packed = next((found for name in MESHOPT if (found := extension(entry, name)) is not None), None)
+    if packed is None:
+        return view(document, index)
+    if index not in document.unpacked:
+        document.unpacked[index] = _meshopt(document, packed)
+    return document.unpacked[index], whole(packed, "byteStride"), document.buffer_name(whole(packed, "buffer"))
+
+
+def _meshopt(document: Document, packed: Mapping[str, Any]) -> np.ndarray:
+    try:
+        import meshopt
+    except ImportError:
+        raise Damaged(f"it is packed with {MESHOPT[0]}; {_INSTALL}") from None
+    start, length = whole(packed, "byteOffset", 0), whole(packed, "byteLength")
+    count, stride = whole(packed, "count"), whole(packed, "byteStride")
+    data = document.buffer(whole(packed, "buffer"))[start : start + length]
+    if count * stride > 256 * max(len(data), 1) * 16:  # far beyond what it packs
+        raise Damaged("its packed data are damaged")
+    try:
+        plain = meshopt.decode_gltf_buffer(bytes(data), count, stride, packed["mode"], packed.get("filter"))
+    except Exception:  # whatever its decoder raises for damaged data
+        raise Damaged("its packed data are damaged") from None
+    return np.ascontiguousarray(plain).reshape(-1).view(np.uint8)
+
+
+def draco(document: Document, packed: Mapping[str, Any]) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    """The triangles (F, 3) and the attributes (V, n) by name of a primitive that is packed by Draco; raises Damaged."""
+    try:
+        import DracoPy
+    except ImportError:
+        raise Damaged(f"it is packed with {DRACO}; {_INSTALL}") from None
+    key = packed.get("bufferView")
+    data, _, _ = view(document, key)
+    try:
+        mesh = DracoPy.decode(bytes(data))
+        faces = np.asarray(mesh.faces).reshape(-1, 3)
+        attributes = {
+            name: np.asarray(mesh.get_attribute_by_unique_id(number)["data"]) for name, number in packed["attributes"].items()
+        }
+    except Exception:  # whatever its decoder raises for damaged data
+        raise Damaged("its packed data are damaged") from None
+    return faces, {name: array.reshape(len(array), -1) for name, array in attributes.items()}

@@ -1,0 +1,230 @@
+"""Reads `.gltf` and `.glb` files: glTF 2.0's geometry, diffuse materials, cameras and lights, posed at a time."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from irrsplat.core.errors import InputError
+from irrsplat.core.vectors import times
+from irrsplat.scene.io.defaults import finish
+from irrsplat.scene.io.gltf import geometry
+from irrsplat.scene.io.gltf.accessors import values
+from irrsplat.scene.io.gltf.animation import Pose, pose
+from irrsplat.scene.io.gltf.cameras_lights import cameras, lights
+from irrsplat.scene.io.gltf.document import GREATEST, Damaged, Document, read, shown
+from irrsplat.scene.io.gltf.geometry import Attributes, Geometry, cofactors
+from irrsplat.scene.io.gltf.materials import Materials, Surface
+from irrsplat.scene.io.gltf.nodes import Node, instances, name, visible, worlds
+from irrsplat.scene.io.mesh_builder import build_mesh
+from irrsplat.scene.model import Mesh, Scene
+
+_READ = {  # extensions that are heeded, or that change nothing that could be seen
+    "EXT_mesh_gpu_instancing",
+    "EXT_meshopt_compression",
+    "EXT_texture_avif",
+    "EXT_texture_webp",
+    "KHR_draco_mesh_compression",
+    "KHR_lights_punctual",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_transmission",
+    "KHR_materials_unlit",
+    "KHR_mesh_quantization",
+    "KHR_meshopt_compression",
+    "KHR_node_visibility",
+    "KHR_texture_basisu",
+    "KHR_texture_transform",
+    "KHR_xmp",
+    "KHR_xmp_json_ld",
+    "MSFT_texture_dds",
+}
+_MOST_VERTICES = 1 << 26  # that the instances of one mesh may have together
+
+
+def load_gltf(path: Path, time: float | None = None) -> Scene:
+    """The default scene of a `.gltf` or `.glb` file, in metres, y up.
+
+    time: seconds into the animations at which it is posed; None: their first frame. A part that is damaged, or of a kind that is
+    not shown, is left out, and Scene.notices tell of it. Raises InputError, one line with the file's path, where the file is no
+    glTF 2.0, is truncated, or has triangles of which none can be read.
+    """
+    document = read(path)
+    with np.errstate(all="ignore"):
+        reader = _Reader(document, pose(document, 0.0 if time is None else time))
+        meshes = reader.meshes()
+        if not meshes and (document.lost or document.unshown):
+            why = [line.removeprefix(f"{path}: ") for line in document.notices()]
+            raise InputError(f"{why[0]}; nothing is left to show", path)
+        bounds = Scene(tuple(meshes), (), ()).bounds
+        found_cameras = cameras(document, reader.nodes, bounds)
+        found_lights = lights(document, reader.nodes)
+    for used in document.entries("extensionsUsed"):
+        if used not in _READ:
+            document.unshown[shown(used)] = None
+    if document.entries("animations") and time is None:
+        document.unshown["animations beyond their first frame (--time poses them)"] = None
+    return finish(
+        path, meshes, found_lights, found_cameras, None, {str(path): reader.degenerate}, document.notices(), document.files
+    )
+
+
+@dataclass
+class _Reader:
+    """What a document's meshes become. degenerate: how many triangles without an area were dropped."""
+
+    document: Document
+    pose: Pose
+    degenerate: int = 0
+    nodes: list[Node] = field(init=False)
+    _world: list[np.ndarray | None] = field(init=False)
+    _materials: Materials = field(init=False)
+    _shared: Counter[object] = field(init=False)  # how many nodes show a mesh
+    _kept: dict[object, tuple[Geometry, Attributes]] = field(default_factory=dict)  # of meshes that several nodes show
+
+    def __post_init__(self) -> None:
+        self._world = worlds(self.document, self.pose)
+        self.nodes = visible(self.document, self._world)
+        if not self.document.entries("nodes"):  # a library of meshes
+            self.nodes = [Node(i, "", {"mesh": i}, np.eye(4)) for i in range(len(self.document.entries("meshes")))]
+        self._materials = Materials(self.document)
+        self._shared = Counter(node.entry["mesh"] for node in self.nodes if isinstance(node.entry.get("mesh"), int))
+
+    def meshes(self) -> list[Mesh]:
+        """The meshes of the nodes that are shown, one for each primitive with triangles."""
+        found = []
+        for node in self.nodes:
+            if "mesh" not in node.entry:
+                continue
+            called = name(self.document, node.index) if self.document.entries("nodes") else f"mesh {node.index}"
+            with self.document.part(called):
+                entry = self.document.entry("meshes", node.entry["mesh"])
+                label = node.name or shown(entry.get("name") or "") or called
+                places = instances(self.document, node)
+                for i, primitive in enumerate(self.document.entries("primitives", entry)):
+                    with self.document.part(called):
+                        other = geometry.undrawn(primitive)
+                        if other is not None:
+                            self.document.unshown[other] = None
+                            continue
+                        mesh = self._mesh(node, entry, i, places, called, label)
+                        if len(mesh.faces):
+                            found.append(mesh)
+        return found
+
+    def _mesh(self, node: Node, entry: Mapping[str, Any], i: int, places: np.ndarray, called: str, label: str) -> Mesh:
+        """The mesh that the i-th primitive of a node's mesh becomes; raises Damaged."""
+        primitive = entry["primitives"][i]
+        surface = self._materials.surface(primitive.get("material"))
+        shape, attributes = self._geometry(node, entry, i, surface)
+        if "skin" in node.entry:
+            with self.document.part(f"the skin of {called}"):
+                shape = geometry.skinned(shape, attributes, self._joints(node.entry["skin"]))
+                places = np.eye(4)[None]
+        shape = self._finite(shape, called)
+        material = self._materials.worn(surface, shape.colors)
+        colors, opacities = _vertex_colors(shape.colors, surface)
+        shape, matrix = _placed(shape, places)
+        repeat = len(shape.positions) // max(1, len(attributes.rows))
+        colors, opacities, uvs = (
+            np.tile(array, (repeat, 1) if array.ndim == 2 else repeat) if array is not None and repeat > 1 else array
+            for array in (colors, opacities, shape.uvs if material.textures else None)
+        )
+        mesh, dropped = build_mesh(
+            shape.positions.astype(float),
+            shape.corners,
+            np.zeros((len(shape.positions), 3)) if shape.normals is None else shape.normals.astype(float),
+            None,
+            matrix,
+            material,
+            colors,
+            label,
+            uvs=uvs,
+            opacities=opacities if material.alpha_mode != "opaque" else None,
+        )
+        self.degenerate += dropped
+        return mesh
+
+    def _geometry(self, node: Node, entry: Mapping[str, Any], i: int, surface: Surface) -> tuple[Geometry, Attributes]:
+        """The triangles of a primitive with its morph targets at the node's weights, and its attributes."""
+        targets = self.document.entries("targets", entry["primitives"][i])
+        given = self.pose.get((node.index, "weights"))
+        if given is None:
+            given = np.asarray(node.entry.get("weights", entry.get("weights", [])), float).reshape(-1)
+        weights = np.nan_to_num(given)[: len(targets)]
+        key = node.entry["mesh"], i, weights.tobytes()
+        if key in self._kept:
+            return self._kept[key]
+        attributes = Attributes(self.document, entry["primitives"][i])
+        found = geometry.read(attributes, surface.uv_sets, weights), attributes
+        if self._shared[node.entry["mesh"]] > 1:
+            self._kept[key] = found
+        return found
+
+    def _joints(self, index: object) -> np.ndarray:
+        """(J, 4, 4) world_from_vertex of a skin's joints; raises Damaged."""
+        skin = self.document.entry("skins", index)
+        joints = [self._world[j] for j in self.document.entries("joints", skin) if self.document.entry("nodes", j) is not None]
+        if not joints:
+            raise Damaged("it has no joints")
+        matrices = np.array([np.full((4, 4), np.nan) if joint is None else joint for joint in joints])
+        if "inverseBindMatrices" in skin:
+            rows = np.arange(len(joints))
+            binds = values(self.document, skin["inverseBindMatrices"], (16,), rows).astype(float)
+            matrices = matrices @ binds.reshape(-1, 4, 4).transpose(0, 2, 1)
+        return matrices
+
+    def _finite(self, shape: Geometry, called: str) -> Geometry:
+        """The geometry without triangles whose vertices are not finite, or too far away for 32-bit floats; the rest zeros."""
+        good = (np.abs(shape.positions) <= GREATEST).all(1)  # false for NaN
+        keep: np.ndarray = good[shape.corners].all(1) if not good.all() else np.ones(len(shape.corners), bool)
+        if not keep.all():
+            part = f"{np.count_nonzero(~keep)} triangles of {called}" if keep.any() else called
+            self.document.lose(part, "its vertices are not finite")
+        return Geometry(
+            np.where(good[:, None], shape.positions, 0.0) if not good.all() else shape.positions,
+            shape.corners[keep] if not keep.all() else shape.corners,
+            *(None if a is None else np.nan_to_num(a, posinf=0.0, neginf=0.0) for a in (shape.normals, shape.uvs, shape.colors)),
+        )
+
+
+def _vertex_colors(colors: np.ndarray | None, surface: Surface) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """(V, 3) albedo and (V,) opacity of a surface at vertices of these colours; None where the material's own will do."""
+    if colors is None or not len(colors):
+        return None, None
+    albedo = None
+    if not surface.unlit and not (colors[:, :3] == 1.0).all():
+        albedo = np.clip(colors[:, :3] * np.asarray(surface.factor[:3]), 0.0, 1.0)
+    return albedo, np.clip(colors[:, 3] * surface.factor[3], 0.0, 1.0) if colors.shape[1] == 4 else None
+
+
+def _placed(shape: Geometry, places: np.ndarray) -> tuple[Geometry, np.ndarray]:
+    """The geometry, and the matrix (4, 4) that brings it to its place; copies at several places (N, 4, 4) are one geometry.
+
+    Where a place mirrors, the triangles are wound the other way. A matrix that flattens is applied here, without normals.
+    Raises Damaged where the geometry collapses at every place.
+    """
+    determinants = np.linalg.det(places[:, :3, :3])
+    if len(places) == 1 and determinants[0] != 0.0:
+        return (replace(shape, corners=shape.corners[:, ::-1]) if determinants[0] < 0.0 else shape), places[0]
+    places = places[np.isfinite(determinants) & (np.linalg.matrix_rank(np.nan_to_num(places[:, :3, :3])) >= 2)]
+    determinants = np.linalg.det(places[:, :3, :3])
+    number = len(shape.positions)
+    if not len(places):
+        raise Damaged("it is scaled to nothing")
+    if number * len(places) > _MOST_VERTICES:
+        raise Damaged(f"its {len(places)} instances have more vertices than fit into memory")
+    positions = np.concatenate([times(shape.positions, place[:3, :3]) + place[:3, 3] for place in places])
+    corners = np.concatenate(
+        [shape.corners[:, :: -1 if mirror else 1] + i * number for i, mirror in enumerate(determinants < 0.0)]
+    )
+    normals = None
+    if shape.normals is not None and (determinants != 0.0).all():
+        turned = cofactors(places[:, :3, :3]) * np.sign(determinants)[:, None, None]
+        normals = np.concatenate([times(shape.normals, turn) for turn in turned])
+    return replace(shape, positions=positions, corners=corners, normals=normals), np.eye(4)
