@@ -25,6 +25,7 @@ from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.image.antialias import Antialiaser, FrameInputs, FramePasses, OnProgress
+from irrsplat.image.backdrop import backdrop_of
 from irrsplat.image.composite import CompositePass
 from irrsplat.image.figures.paper_figures import PaperFigures
 from irrsplat.image.frame import Frame
@@ -336,6 +337,7 @@ class Renderer(Owner):
         settings, gbuffer, shadows = self.settings, done.gbuffer, done.shadows
         filling = settings.fill_holes and done.progress.coverage < 1.0 and settings.most_bounces > 0
         splats = self.splats.at_every_pixel(done.splats, gbuffer, done.camera)
+        backdrop = backdrop_of(self.scene, settings)
 
         def light() -> moderngl.Texture:
             with self.timers("direct"):
@@ -344,10 +346,10 @@ class Renderer(Owner):
         def compose() -> View:
             direct = self._memo.get("direct", (gbuffer, shadows), light)
             with self.timers("composite"):
-                image, sums = self.composite_pass(splats, direct, gbuffer, self.scene.sky, done.camera, settings, filling)
-            return View(done.camera, gbuffer, direct, splats, sums, image)
+                image, alpha, sums = self.composite_pass(splats, direct, gbuffer, backdrop, done.camera, settings, filling)
+            return View(done.camera, gbuffer, direct, splats, sums, image, alpha, backdrop=backdrop)
 
-        made_of = gbuffer, shadows, splats, settings.blend, settings.smooth, filling
+        made_of = gbuffer, shadows, splats, settings.blend, settings.smooth, filling, backdrop
         return self._memo.get("picture", made_of, compose)
 
     def accumulate(self, view: View, samples: int, seconds: float | None = None, on_progress: OnProgress | None = None) -> View:
@@ -484,7 +486,7 @@ class Renderer(Owner):
         view = self.accumulate(view, samples, on_progress=sample_progress(progress, stats))
         if view.samples < self.settings.samples:  # Ctrl-C
             stats |= {"interrupted": True, "converged": False}
-        frame = read(view, self.scene.sky, self.cache.read(), stats | self.stats(view))
+        frame = read(view, self.cache.read(), stats | self.stats(view))
         return replace(frame, figures=album.figures(frame, view.camera, self.settings)) if figures else frame
 
     def _splatted(self, count: int) -> np.ndarray:

@@ -223,6 +223,11 @@ class Settings:
         word="auto",
     )
 
+    backdrop: str = _declare(
+        "auto", "choice", "composite", "what stands behind everything, no light unless it is the sky; auto: the sky where the "
+        "scene's file has one, else grey; clear: nothing, the picture has alpha",
+        choices=("auto", "sky", "grey", "black", "white", "clear"),
+    )  # fmt: skip
     budget: float = _declare(
         80.0, "float", "view", "time of one tick of the viewer, gathering and drawing together; a render takes what it needs",
         low=1, high=10_000, unit="ms",
@@ -322,6 +327,7 @@ class SettingValues(TypedDict, total=False):
     smooth: bool
     samples: int
     exposure: float | Auto
+    backdrop: str
     budget: float
     viewer_samples: int
 

@@ -158,7 +158,7 @@ class Session(Owner):
         stats = Statistics(records=progress.records, rounds=progress.round, coverage=progress.coverage, converged=progress.done)
         stats |= source.renderer.stats(source.view)
         stats["exposure"] = self.exposure
-        return read(source.view, self.scene.sky, source.renderer.cache.read(), stats)
+        return read(source.view, source.renderer.cache.read(), stats)
 
     # ---- what changes ----------------------------------------------------------------------------------------------
 

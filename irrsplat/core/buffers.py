@@ -38,16 +38,17 @@ class Channel:
 CHANNELS: dict[str, Channel] = {
     c.name: c
     for c in (
-        Channel("image", 3, "W/(m² sr)", "radiance", "blended direct + indirect, plus emission and sky, before exposure"),
+        Channel("image", 3, "W/(m² sr)", "radiance", "direct and indirect light, emission and the sky behind, not exposed"),
         Channel("direct", 3, "W/(m² sr)", "radiance", "direct outgoing radiance from the scene's lights, ρ/π·E_direct"),
         Channel("indirect", 3, "W/(m² sr)", "radiance", "indirect outgoing radiance, ρ/π·E"),
         Channel("irradiance", 3, "W/m²", "radiance", "interpolated indirect irradiance E at the pixel"),
-        Channel("emission", 3, "W/(m² sr)", "radiance", "emitted radiance of the surface, or the sky's"),
+        Channel("emission", 3, "W/(m² sr)", "radiance", "emitted radiance of the surface, or of a sky that is seen"),
         Channel("weight", 1, "1", "heat", "Σ of raw w over the records that speak for the pixel"),
         Channel("position", 3, "m", "range", "world space, at the pixel's centre"),
         Channel("normal", 3, "1", "signed", "world space shading normal, turned to the camera"),
         Channel("albedo", 3, "1", "unit", "diffuse reflectance ρ, linear"),
         Channel("depth", 1, "m", "heat", "distance along the view axis; +inf where the camera sees nothing"),
+        Channel("alpha", 1, "1", "unit", "share of the pixel where the camera sees a surface, 0..1"),
     )
 }
 

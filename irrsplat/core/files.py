@@ -47,7 +47,8 @@ def write_bytes(path: Pathlike, data: bytes) -> None:
 
 
 def write_picture(path: Pathlike, display: np.ndarray) -> None:
-    """Write (H, W, 3) display values 0..1 as a PNG, completely or not at all; raises IrrsplatError where that fails."""
+    """Write display values 0..1, (H, W, 3) or with alpha (H, W, 4), as a PNG, completely or not at all; raises IrrsplatError
+    where that fails."""
     _write_file(path, lambda part: _png(part, display))
 
 

@@ -17,6 +17,7 @@ from irrsplat.gather.reduce import ReducePass
 from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
+from irrsplat.lighting.sky import sky_uniforms
 from irrsplat.records.record_cache import RecordCache
 
 
@@ -72,5 +73,5 @@ def gather_records(
         with timers("gather") if timers else nullcontext():
             atlas = gather(light, cache.sites(batch), batch, seed)
         with timers("reduce") if timers else nullcontext():
-            reduce(atlas, cache.records, gather.world.scene.sky, gather.radii)
+            reduce(atlas, cache.records, sky_uniforms(gather.world.scene), gather.radii)
     return atlas

@@ -9,7 +9,7 @@ from typing import Any
 
 import moderngl
 
-from irrsplat.core.buffers import Atlas, Records
+from irrsplat.core.buffers import Atlas, Records, Uniforms
 from irrsplat.core.record_layout import GATHERED
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
@@ -44,8 +44,11 @@ class ReducePass(Owner):
         """What this frees."""
         return (self.blocks, self.total, self.target, self.out)
 
-    def __call__(self, atlas: Atlas, records: Records, sky: tuple[float, float, float], radii: tuple[float, float]) -> None:
-        """Write E, R, M and ∇E of the atlas's records into `records`, each at its number; R is kept within `radii`."""
+    def __call__(self, atlas: Atlas, records: Records, sky: Uniforms, radii: tuple[float, float]) -> None:
+        """Write E, R, M and ∇E of the atlas's records into `records`, each at its number; R is kept within `radii`.
+
+        sky: the uniforms of shaders/lighting/sky.glsl.
+        """
         size = atlas.radiance.width // atlas.block[0], atlas.radiance.height // atlas.block[1]
         if self.target is None or self.target.size != size:
             if self.target is not None:
@@ -65,7 +68,7 @@ class ReducePass(Owner):
             cell=atlas.cell,
             block=atlas.block,
             columns=atlas.columns,
-            sky=sky,
+            **sky,
         )
         sums: dict[str, Any] = dict(zip(_SUMS, self.target.textures, strict=False))
         if self.out is None or self.out.textures[0] is not records.textures[GATHERED[0]]:

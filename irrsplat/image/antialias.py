@@ -9,7 +9,7 @@ from functools import partial
 
 import moderngl
 
-from irrsplat.core.buffers import GBuffer, ShadowMaps
+from irrsplat.core.buffers import GBuffer, ShadowMaps, Uniforms
 from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
@@ -80,10 +80,11 @@ class Antialiaser(Owner):
             return view
         buffers = self._buffers_for(view.image.size)
         if self._sampled is None or self._source is not view or self._sampled.samples > samples:
-            means = buffers.mean(1, view.gbuffer, view.direct, view.sums, view.sums, inputs.world.scene.sky, inputs.settings.mix)
-            image, direct, indirect, emission = means
+            behind = view.backdrop.uniforms(view.camera, buffers.size)
+            means = buffers.mean(1, view.gbuffer, view.direct, view.sums, view.sums, behind, inputs.settings.mix)
+            image, direct, indirect, emission, alpha = means
             self._source = view
-            self._sampled = replace(view, image=image, direct=direct, indirect=indirect, emission=emission)
+            self._sampled = replace(view, image=image, direct=direct, indirect=indirect, emission=emission, alpha=alpha)
         if self._sampled.samples == samples:
             return self._sampled
         first = done = self._sampled.samples
@@ -144,15 +145,15 @@ def _add_sample(number: int, view: View, passes: FramePasses, inputs: FrameInput
         buffers.smooth = buffers.smooth or Target(buffers.gbuffer.ctx, buffers.size, (4,))
         sums = passes.composite.smoothed(sums, gbuffer, camera, buffers.smooth)
     direct = passes.direct(gbuffer, inputs.shadows, rotation, buffers.direct)
-    buffers.mean(number + 1, gbuffer, direct, sums, view.sums, inputs.world.scene.sky, settings.mix)
+    buffers.mean(number + 1, gbuffer, direct, sums, view.sums, view.backdrop.uniforms(camera, buffers.size), settings.mix)
 
 
 class MeanPass(Owner):
-    """Keeps the means of image, direct, indirect and emission over the samples of a view of `size` (width, height)."""
+    """Keeps the means of image, direct, indirect, emission and alpha over the samples of a view of `size` (width, height)."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.program = Program(ctx, "image/accumulate", "lib/fullscreen")
-        self.target = Target(ctx, size, (4, 4, 4, 4))
+        self.target = Target(ctx, size, (4, 4, 4, 4, 1))
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
@@ -165,13 +166,14 @@ class MeanPass(Owner):
         direct: moderngl.Texture,
         sums: moderngl.Texture,
         centre: moderngl.Texture,
-        sky: tuple[float, float, float],
+        behind: Uniforms,
         mix: tuple[float, float],
     ) -> list[moderngl.Texture]:
         """The means with the `number`-th sample in them (1: the first, which begins anew), RGBA32F textures of this pass's own.
 
         sums: (Σ k·E, Σ k) of the sample; centre: the same at the pixels' centres, used where those of the sample are empty.
-        mix: weights of direct and of indirect light in the image.
+        behind: the uniforms of shaders/image/backdrop.glsl for the sample. mix: weights of direct and of indirect
+        light in the image.
         """
         self.program(
             self.target,
@@ -182,7 +184,7 @@ class MeanPass(Owner):
             sums=sums,
             centre=centre,
             blend=mix,
-            sky=sky,
+            **behind,
             share=1.0 / number,
         )
         return self.target.textures

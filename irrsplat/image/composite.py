@@ -12,6 +12,7 @@ from irrsplat.core.color import MID_GREY
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
+from irrsplat.image.backdrop import Backdrop
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
 
@@ -29,7 +30,7 @@ class CompositePass(Owner):
         self.blend = Program(ctx, "image/composite", "lib/fullscreen")
         self.meter = Program(ctx, "image/composite_meter", "lib/fullscreen")
         self.display = Program(ctx, "image/composite_display", "lib/fullscreen")
-        self.target = Target(ctx, size, (4,))
+        self.target = Target(ctx, size, (4, 1))
         self.fill_target: Target | None = None
         self.smooth_target: Target | None = None
         self.meter_block = (-(-size[0] // _METER), -(-size[1] // _METER))
@@ -47,15 +48,15 @@ class CompositePass(Owner):
         splats: SplatBuffer,
         direct: moderngl.Texture,
         gbuffer: GBuffer,
-        sky: tuple[float, float, float],
+        backdrop: Backdrop,
         camera: Camera,
         settings: Settings,
         filling: bool = False,
-    ) -> tuple[moderngl.Texture, moderngl.Texture]:
-        """The image before exposure, and the sums (Σ k·E, Σ k) whose quotient is E, smoothed where the settings ask for it; while
-        the view is `filling`, pixels without records take the light of those around.
+    ) -> tuple[moderngl.Texture, moderngl.Texture, moderngl.Texture]:
+        """The image before exposure, its alpha, and the sums (Σ k·E, Σ k) whose quotient is E, smoothed where the settings ask
+        for it; while the view is `filling`, pixels without records take the light of those around.
 
-        Direct and indirect light have the weights Settings.mix; emission and sky are whole.
+        Direct and indirect light have the weights Settings.mix; emission and the backdrop's are whole.
         """
         sums = self._filled(splats.sums, gbuffer) if filling else splats.sums
         if settings.smooth:
@@ -68,9 +69,10 @@ class CompositePass(Owner):
             direct=direct,
             sums=sums,
             blend=settings.mix,
-            sky=sky,
+            **backdrop.uniforms(camera, self.size),
         )
-        return self.target.textures[0], sums
+        image, alpha = self.target.textures
+        return image, alpha, sums
 
     def _filled(self, sums: moderngl.Texture, gbuffer: GBuffer) -> moderngl.Texture:
         self.fill_target = self.fill_target or Target(self.target.ctx, self.size, (4,))

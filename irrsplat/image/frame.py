@@ -16,6 +16,7 @@ from irrsplat.core.buffers import CHANNELS
 from irrsplat.core.errors import InputError
 from irrsplat.core.files import Pathlike, _png, _try_folder, _write_file, _write_folder, check_file
 from irrsplat.image import statistics
+from irrsplat.image.backdrop import BackdropKind, display_picture
 from irrsplat.image.statistics import Statistics
 from irrsplat.image.tonemap import exposure_of, show, tonemap
 
@@ -29,9 +30,10 @@ _NUMBER = re.compile(r"0?[0-9]{0,2}[dxXob]?")  # how {frame} may be spelled: two
 class Frame:
     """One rendered view; every array belongs to the caller, float32, linear, top row first (see buffers.CHANNELS).
 
-    image, direct, indirect, emission: means over the samples of a pixel; all others are of its centre.
+    image, direct, indirect, emission, alpha: means over the samples of a pixel; all others are of its centre.
     records_*: the cache, N rows. stats: how the frame was made. figures: further (H, W, 3) pictures by name, for the figures of
     the paper: radiance "first_samples" and "splat_buffer", and "quad", which is in display values 0..1.
+    backdrop: what pictures show where there is no surface; only a sky is in the image, all others are put behind it.
     """
 
     image: np.ndarray
@@ -44,22 +46,30 @@ class Frame:
     normal: np.ndarray
     albedo: np.ndarray
     depth: np.ndarray
+    alpha: np.ndarray
     records_position: np.ndarray
     records_normal: np.ndarray
     records_irradiance: np.ndarray
     records_radius: np.ndarray
     stats: Statistics = field(default_factory=Statistics)
     figures: dict[str, np.ndarray] = field(default_factory=dict)
+    backdrop: BackdropKind = "sky"
 
     @property
     def exposure(self) -> float:
         """The picture's exposure in stops (stats["exposure"]; 0 where that is missing)."""
         return float(self.stats.get("exposure", 0.0))
 
+    @property
+    def picture(self) -> np.ndarray:
+        """The image as a screen shows it, (H, W, 3) sRGB-encoded 0..1, before its backdrop; (H, W, 4) where that is clear."""
+        return display_picture(self.image, self.exposure, self.alpha, self.backdrop)
+
     def save(self, path: Pathlike, buffers: Sequence[str] | None = None) -> None:
         """Write this frame in the format that `path`'s ending names; a file there is replaced whole, or not at all.
 
-        .png: the picture, exposed, tone-mapped, sRGB, 8 bit. .exr: a float32 layer per buffer. .npz: every buffer, the records
+        .png: the picture, exposed, tone-mapped, sRGB, 8 bit, before its backdrop; with alpha where that is clear. .exr: a float32
+        layer per buffer; image has A where the backdrop is clear, multiplied in. .npz: every buffer, the records
         and the stats (JSON text). A path without an ending, with a slash at its end, or of an existing folder: a PNG per
         buffer, and the paper's figures. buffers: the names of those that go into EXR, NPZ or folder (default: all).
         Raises InputError for a path or name that cannot be right, IrrsplatError where writing fails.
@@ -73,12 +83,14 @@ class Frame:
         _write_file(path, lambda part: write(part, names))
 
     def _write_png(self, part: Path, names: Sequence[str]) -> None:
-        _png(part, tonemap(self.image, self.exposure))
+        _png(part, self.picture)
 
     def _write_exr(self, part: Path, names: Sequence[str]) -> None:
         import OpenEXR
 
         layers = {name: np.ascontiguousarray(getattr(self, name), np.float32) for name in names if name in CHANNELS}
+        if self.backdrop == "clear" and "image" in layers:
+            layers["image"] = np.ascontiguousarray(np.dstack([layers["image"], self.alpha]), np.float32)
         header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, "stats": statistics.to_json(self.stats)}
         with OpenEXR.File(header, layers) as file:
             file.write(str(part))
@@ -93,7 +105,7 @@ class Frame:
         seen = np.isfinite(self.depth)
         for name in names:
             if name in CHANNELS:
-                yield f"{name}.png", show(name, getattr(self, name), self.exposure, seen)
+                yield f"{name}.png", self.picture if name == "image" else show(name, getattr(self, name), self.exposure, seen)
         if "quad" in self.figures:
             yield "figure1_quad.png", np.clip(self.figures["quad"], 0.0, 1.0)
         yield "figure2_direct.png", tonemap(self.direct, self.exposure)
@@ -104,7 +116,7 @@ class Frame:
             if name in sums:
                 yield file, tonemap(self.figures[name], stops)
         yield "figure5_normalized.png", tonemap(self.indirect, self.exposure)
-        yield "figure6_combined.png", tonemap(self.image, self.exposure)
+        yield "figure6_combined.png", self.picture
 
 
 def check_writable(path: Pathlike, buffers: Sequence[str] | None = None) -> str:

@@ -83,7 +83,8 @@ def show(name: str, values: np.ndarray, exposure: float, seen: np.ndarray) -> np
     if way == "heat":
         return heat(values, seen)
     if way == "unit":
-        return srgb(values)
+        encoded = srgb(values)
+        return encoded if values.ndim == 3 else np.repeat(encoded[..., None], 3, axis=-1)
     if way == "signed":
         return np.where(seen[..., None], np.clip(0.5 * values + 0.5, 0.0, 1.0), 0.0)
     assert way == "range", way

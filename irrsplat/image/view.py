@@ -10,6 +10,7 @@ import numpy as np
 
 from irrsplat.core.buffers import GBuffer, SplatBuffer
 from irrsplat.gpu.target import pixels
+from irrsplat.image.backdrop import Backdrop
 from irrsplat.image.frame import Frame
 from irrsplat.image.statistics import Statistics
 from irrsplat.scene.model import Camera
@@ -20,8 +21,9 @@ class View:
     """One round's picture as GPU handles, valid until the next round: what the viewer shows and `render` reads back.
 
     sums: (Σ k·E, Σ k), whose quotient E the picture is made of: the splat buffer's own, or smoothed.
-    samples: of a pixel. Of more than one, the first at its centre, `image`, `direct`, `indirect` and `emission` (the sky's too)
-    are the means; of one alone, the last two follow from the rest. All others are of the centre.
+    samples: of a pixel. Of more than one, the first at its centre, `image`, `direct`, `indirect`, `emission` (the sky's
+    too) and `alpha` are the means; of one alone, indirect and emission follow from the rest. All others are of the centre.
+    backdrop: what stands where nothing is seen.
     """
 
     camera: Camera
@@ -30,9 +32,11 @@ class View:
     splats: SplatBuffer
     sums: moderngl.Texture
     image: moderngl.Texture
+    alpha: moderngl.Texture
     samples: int = 1
     indirect: moderngl.Texture | None = None
     emission: moderngl.Texture | None = None
+    backdrop: Backdrop = Backdrop()
 
     def mean(self, name: str) -> moderngl.Texture | None:
         """The texture that holds `image`, `direct`, `indirect` or `emission` of every pixel; None for one that has none."""
@@ -80,12 +84,13 @@ def sample_progress(on_round: Callable[[Progress], None] | None, stats: Statisti
     return lambda share: on_round(replace(now, sampled=share))
 
 
-def read(view: View, sky: tuple[float, float, float], records: dict[str, np.ndarray], stats: Statistics) -> Frame:
+def read(view: View, records: dict[str, np.ndarray], stats: Statistics) -> Frame:
     """The view as a Frame: a copy of every buffer, zero where nothing is seen, and of the cache's `records`."""
     buffers = {f.name: pixels(getattr(view.gbuffer, f.name)) for f in fields(GBuffer)}
     seen = buffers["position"][..., 3:] > 0.0
     values = {name: np.where(seen, b[..., :3], np.float32(0.0)) for name, b in buffers.items()}
     albedo = values["albedo"]
+    behind = view.backdrop.radiance(view.camera, view.image.size)
     sums = pixels(view.sums)
     irradiance = sums[..., :3] / np.where(sums[..., 3:] > 0.0, sums[..., 3:], np.float32(1.0))
     return Frame(
@@ -93,17 +98,19 @@ def read(view: View, sky: tuple[float, float, float], records: dict[str, np.ndar
         direct=_rgb(view.direct),
         indirect=_rgb(view.indirect) if view.indirect is not None else albedo * irradiance / np.float32(np.pi),
         irradiance=irradiance,
-        emission=_rgb(view.emission) if view.emission is not None else np.where(seen, values["emission"], np.asarray(sky, "f4")),
+        emission=_rgb(view.emission) if view.emission is not None else np.where(seen, values["emission"], behind),
         weight=np.where(seen[..., 0], pixels(view.splats.weight)[..., 0], np.float32(0.0)),
         position=values["position"],
         normal=values["normal"],
         albedo=albedo,
+        alpha=pixels(view.alpha)[..., 0].copy(),
         depth=np.where(seen, buffers["position"][..., 3:], np.float32(np.inf))[..., 0],
         records_position=records["position"],
         records_normal=records["normal"],
         records_irradiance=records["irradiance"],
         records_radius=records["radius"],
         stats=stats,
+        backdrop=view.backdrop.kind,
     )
 
 

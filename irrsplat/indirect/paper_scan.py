@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from irrsplat.core.buffers import GBuffer, HitLight, Sites
+from irrsplat.core.buffers import Atlas, GBuffer, HitLight, Sites
 from irrsplat.gather.look import Gather
 from irrsplat.gpu.target import pixels
 from irrsplat.indirect.examine import octahedral_decode
@@ -78,7 +78,6 @@ class Recorder:
         goes_on: Callable[[], bool] = lambda: True,
     ) -> None:
         self.gather, self.light, self.goes_on = gather, light, goes_on
-        self.sky = np.asarray(gather.world.scene.sky, "f4")
         self.stopped = False
 
     def __call__(self, site: Sites) -> np.ndarray:
@@ -88,11 +87,21 @@ class Recorder:
         seen = np.frombuffer(atlas.radiance.read(), "f4").reshape(height, width, 4)
         share = self.gather.share  # cosθ·dω, which on the plane at distance 1 is ΔA/(1+x²+y²)²
         hit = seen[..., 3] > 0.0
-        E = np.einsum("ij,ijc->c", share, np.where(hit[..., None], seen[..., :3], self.sky))
+        E = np.einsum("ij,ijc->c", share, np.where(hit[..., None], seen[..., :3], self._sky(atlas)))
         inverse = (share[hit] / seen[..., 3][hit]).sum()
         R = np.clip(share.sum() / max(inverse, 1e-30), *self.gather.radii)
         self.stopped = not self.goes_on()
         return np.array([*E, R], "f4")
+
+    def _sky(self, atlas: Atlas) -> np.ndarray:
+        """(3,) the sky's radiance, or (H, W, 3) that in the directions of the texels where it is not the same all around."""
+        scene = self.gather.world.scene
+        if not any(scene.sky_gradient):
+            return np.asarray(scene.sky, "f4")
+        frames, table = atlas.frames, np.frombuffer(atlas.table.read(), "f4").reshape(-1, 4)
+        frame = np.frombuffer(frames.read(), "f4").reshape(frames.height, frames.width, 4)[:3, 0, :3]
+        width, height = atlas.cell
+        return scene.sky_radiance(table[:, :3] @ frame).reshape(height, width, 3).astype("f4")
 
 
 def warm_up(seen: Seen, record: Recorder, settings: Settings, first: int = 0) -> tuple[Sites, np.ndarray]:

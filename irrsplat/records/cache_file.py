@@ -59,10 +59,15 @@ def key(scene: Scene, settings: Settings) -> CacheKey:
     names = ["seed", "bounces", "gather", "gather_size", "shadow_size", "gradients", "placement"]
     names += ["warmup"] if settings.placement == "scan" else []
     return CacheKey(
-        geometry=_hash(vertices.tobytes(), faces.tobytes(), repr((closed, tuple(scene.sky))).encode()),
+        geometry=_hash(vertices.tobytes(), faces.tobytes(), repr((closed, *_sky(scene))).encode()),
         lights=_hash(json.dumps(lights).encode()),
         settings={name: getattr(settings, name) for name in names},
     )
+
+
+def _sky(scene: Scene) -> tuple[object, ...]:
+    """What it sends out; its up vector counts only where it is not the same all around."""
+    return (tuple(scene.sky), tuple(scene.sky_gradient), tuple(scene.up)) if any(scene.sky_gradient) else (tuple(scene.sky),)
 
 
 def write(path: files.Pathlike, key: CacheKey, state: CacheState) -> None:

@@ -229,9 +229,9 @@ class Scene:
         return {material: i for i, material in enumerate(dict.fromkeys(mesh.material for mesh in self.meshes))}
 
     def sky_radiance(self, directions: np.ndarray) -> np.ndarray:
-        """(N, 3) radiance of the sky from unit directions (N, 3)."""
+        """(…, 3) radiance of the sky from unit directions (…, 3)."""
         rise = directions @ np.asarray(self.up)
-        radiance: np.ndarray = np.asarray(self.sky) + rise[:, None] * np.asarray(self.sky_gradient)
+        radiance: np.ndarray = np.asarray(self.sky) + rise[..., None] * np.asarray(self.sky_gradient)
         return radiance
 
     @cached_property

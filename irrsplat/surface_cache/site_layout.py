@@ -121,7 +121,9 @@ class SiteChooser:
     def _known_values(self, clusters: _Clusters) -> np.ndarray:
         """(M,) the numbers of the members' values where no gather is needed to know them, else -1."""
         face = clusters.tessellation.face
-        value = np.where(clustering.sees_nothing(clusters.members, self.scene.bounds), SKY_VALUE, -1)
+        value = np.full(len(clusters.members), -1)
+        if not any(self.scene.sky_gradient):  # else it depends on where a member faces
+            value[clustering.sees_nothing(clusters.members, self.scene.bounds)] = SKY_VALUE
         value[len(face) + np.flatnonzero(self.unlit[face])] = DARK_VALUE
         return value
 

@@ -1,5 +1,6 @@
 // First step of the reduction: the sums over one block of a record's cell.
 #include "generated/constants.glsl"
+#include "lighting/sky.glsl"
 
 uniform sampler2D radiance;  // the atlas: rgb radiance, a distance (0: nothing hit)
 uniform sampler2D planes;    // of what is seen there: dot(xyz, w) is 1/distance in the unit direction w (0: nothing hit)
@@ -9,7 +10,6 @@ uniform sampler2D frames;    // texel (i, 3): record i's geometric normal in its
 uniform ivec2 cell;          // texels of a cell
 uniform ivec2 block;         // texels of a block
 uniform int columns;         // cells per row
-uniform vec3 sky;            // radiance where nothing was hit
 
 layout(location = 0) out vec4 out_sums;   // Σ L·cosθ·dω, Σ cosθ·dω / r
 layout(location = 1) out vec2 out_share;  // Σ cosθ·dω
@@ -31,11 +31,12 @@ const float LOW = 0.2, HIGH = 0.5;
 const float UPRIGHT = 0.8;
 #endif
 
-// Radiance, and 1/distance, seen by a texel of the cell whose first texel is `corner`.
-vec4 seen(ivec2 corner, ivec2 texel)
+// Radiance, and 1/distance, seen by a texel of the cell whose first texel is `corner`; rise: its direction's cosine with the sky's
+// up vector.
+vec4 seen(ivec2 corner, ivec2 texel, float rise)
 {
     vec4 s = texelFetch(radiance, corner + texel, 0);
-    return s.a > 0.0 ? vec4(s.rgb, 1.0 / s.a) : vec4(sky, 0.0);
+    return s.a > 0.0 ? vec4(s.rgb, 1.0 / s.a) : vec4(sky_radiance(rise), 0.0);
 }
 
 void main()
@@ -45,11 +46,12 @@ void main()
     vec3 g = texelFetch(frames, ivec2(place.y * columns + place.x, 3), 0).xyz;
     out_sums = vec4(0.0);
     out_share = vec2(0.0);
-#if GRADIENTS
-    mat3 M = mat3(0.0), G = mat3(0.0);
     int record = place.y * columns + place.x;
     mat3 frame = mat3(texelFetch(frames, ivec2(record, 0), 0).xyz, texelFetch(frames, ivec2(record, 1), 0).xyz,
                       texelFetch(frames, ivec2(record, 2), 0).xyz);
+    vec3 up = sky_up * frame;  // in the record's frame
+#if GRADIENTS
+    mat3 M = mat3(0.0), G = mat3(0.0);
     vec3 H = vec3(0.0);
     float near = 0.0;  // 1/distance along the surface of the nearest thing that stands on it
     vec2 wall = vec2(0.0);
@@ -59,7 +61,7 @@ void main()
         {
             vec4 direction = texelFetch(table, ivec2(x, y), 0);
             if (dot(direction.xyz, g) <= 0.0) continue;  // below the surface itself
-            vec4 L = seen(corner, ivec2(x, y));
+            vec4 L = seen(corner, ivec2(x, y), dot(direction.xyz, up));
             out_sums += direction.w * vec4(L.rgb, L.a);
             out_share.x += direction.w;
 #if GRADIENTS
@@ -77,8 +79,9 @@ void main()
                 vec4 edge = texelFetch(edges, ivec2(2 * x + j, y), 0);
                 int number = int(edge.w);  // no neighbour: the texel itself, and a difference of 0
                 ivec2 b = ivec2(number % NEIGHBOUR_STRIDE, number / NEIGHBOUR_STRIDE);
-                vec4 L_b = seen(corner, b);
-                vec3 w = normalize(direction.xyz + texelFetch(table, b, 0).xyz), w_world = frame * w;
+                vec3 beside = texelFetch(table, b, 0).xyz;
+                vec4 L_b = seen(corner, b, dot(beside, up));
+                vec3 w = normalize(direction.xyz + beside), w_world = frame * w;
                 // how near the nearer of the two is where they meet: seen at a low angle, much farther than in the texel's middle
                 float nearer = max(dot(texelFetch(planes, corner + ivec2(x, y), 0).xyz, w_world),
                                    dot(texelFetch(planes, corner + b, 0).xyz, w_world));

@@ -1,5 +1,6 @@
 // Antialiasing: one more sample of every pixel, beside its centre, is blended into the mean of the samples so far.
 #include "generated/gbuffer_material.glsl"
+#include "image/backdrop.glsl"
 #include "lib/material.glsl"
 
 uniform sampler2D position;  // the sample's g-buffer
@@ -7,13 +8,13 @@ uniform sampler2D direct;
 uniform sampler2D sums;      // its Σ k·E, Σ k
 uniform sampler2D centre;    // the same of the pixels' centres
 uniform vec2 blend;          // weights of direct and indirect light
-uniform vec3 sky;
 uniform float share;         // weight of this sample in the mean: 1/n for the n-th
 
 layout(location = 0) out vec4 out_image;  // a: the share, which the draw blends by
 layout(location = 1) out vec4 out_direct;
 layout(location = 2) out vec4 out_indirect;
 layout(location = 3) out vec4 out_emission;
+layout(location = 4) out vec4 out_alpha;     // r: the share of the samples that see a surface
 
 // The sums for a sample that no record reaches, since records are made for pixels' centres alone: the sums of the samples around
 // it, or else those of the pixel's own centre.
@@ -29,8 +30,9 @@ vec4 neighbouring_sums(ivec2 pixel)
 void main()
 {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    vec3 direct_light = vec3(0.0), indirect = vec3(0.0), own = sky;
-    if (texelFetch(position, pixel, 0).w > 0.0)
+    vec3 direct_light = vec3(0.0), indirect = vec3(0.0), own;
+    bool seen = texelFetch(position, pixel, 0).w > 0.0;
+    if (seen)
     {
         vec4 s = texelFetch(sums, pixel, 0);
         if (s.a <= 0.0) s = neighbouring_sums(pixel);
@@ -39,8 +41,10 @@ void main()
         direct_light = texelFetch(direct, pixel, 0).rgb;
         own = material.emission;
     }
+    else own = backdrop_radiance(gl_FragCoord.xy);
     out_image = vec4(blend.x * direct_light + blend.y * indirect + own, share);
     out_direct = vec4(direct_light, share);
     out_indirect = vec4(indirect, share);
     out_emission = vec4(own, share);
+    out_alpha = vec4(seen ? 1.0 : 0.0, 0.0, 0.0, share);
 }

@@ -1,14 +1,15 @@
 // The picture: irradiance from the sums, and with it the outgoing radiance of direct light, indirect light, emission and sky.
 #include "generated/gbuffer_material.glsl"
+#include "image/backdrop.glsl"
 #include "lib/material.glsl"
 
 uniform sampler2D position;  // g-buffer
 uniform sampler2D direct;
 uniform sampler2D sums;      // Σ k·E, Σ k; after smoothing E and 1
 uniform vec2 blend;          // weights of direct and indirect light
-uniform vec3 sky;
 
 layout(location = 0) out vec4 out_image;
+layout(location = 1) out float out_alpha;  // 1 where a surface is seen
 
 void main()
 {
@@ -18,5 +19,7 @@ void main()
     Material material = material_at(pixel);
     vec3 indirect = reflected_radiance(material, E);
     vec3 light = blend.x * texelFetch(direct, pixel, 0).rgb + blend.y * indirect + material.emission;
-    out_image = vec4(texelFetch(position, pixel, 0).w > 0.0 ? light : sky, 1.0);
+    bool seen = texelFetch(position, pixel, 0).w > 0.0;
+    out_image = vec4(seen ? light : backdrop_radiance(gl_FragCoord.xy), 1.0);
+    out_alpha = seen ? 1.0 : 0.0;
 }

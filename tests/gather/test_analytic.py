@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import moderngl
 import numpy as np
 import pytest
@@ -306,6 +308,18 @@ def test_directions_below_the_geometric_surface_count_as_nothing(ctx: moderngl.C
 def test_no_geometry_is_sky(ctx: moderngl.Context, kind: str) -> None:
     found = gather(ctx, scene(sky=2.0), sites(np.zeros((3, 3)), UP), 16, kind)
     assert np.allclose(found.E, 2.0 * np.pi, rtol=5e-3 if kind == "raster" else 1e-5)
+
+
+@pytest.mark.parametrize("kind", WHOLE)
+def test_a_sky_that_is_brighter_above_lights_by_where_a_surface_faces(ctx: moderngl.Context, kind: str) -> None:
+    """E = π·sky + 2π/3·gradient·cos, of the angle between normal and up: ∫ cosθ dω = π, ∫ ω cosθ dω = 2π/3·n."""
+    sky, gradient, up = np.array([1.0, 2.0, 0.5]), np.array([0.7, -0.3, 0.5]), np.array([0.0, 0.6, 0.8])
+    world = replace(scene(sky=tuple(sky)), sky_gradient=tuple(gradient), up=tuple(up))
+    normals = np.random.default_rng(2).normal(size=(16, 3))
+    normals = np.concatenate([normals / np.linalg.norm(normals, axis=1, keepdims=True), [up, -up]])
+    found = gather(ctx, world, sites(np.zeros((18, 3)), normals), 32, kind)
+    expected = np.pi * sky + 2.0 * np.pi / 3.0 * (normals @ up)[:, None] * gradient
+    assert np.allclose(found.E, expected, rtol=2e-3, atol=5e-3)
 
 
 @pytest.mark.parametrize("kind", WHOLE)

@@ -16,6 +16,7 @@ from irrsplat.records.record_cache import RecordCache
 from tests.support.worlds import sites
 
 SKY = (0.3, 0.7, 1.1)
+SKY_GRADIENT, SKY_UP = np.array([0.1, -0.05, 0.2]), np.array([0.6, 0.0, -0.8])
 RADII = (1e-3, 4.0)
 COLUMNS, ROWS = 3, 4  # of cells in the atlas
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # Rec. 709
@@ -84,7 +85,8 @@ def reduced(
     below = np.einsum("nij,nj->ni", frame, geometric)  # the geometric normal in the record's frame
     above = np.einsum("hwk,nk->nhw", table[..., :3], below) > 0.0
     hit = seen[..., 3] > 0.0
-    L = np.where(hit[..., None], seen[..., :3], SKY).astype(float)
+    rise = np.einsum("hwk,nkj,j->nhw", table[..., :3], frame, SKY_UP)
+    L = np.where(hit[..., None], seen[..., :3], SKY + rise[..., None] * SKY_GRADIENT).astype(float)
     inverse = np.where(hit, 1.0 / np.where(hit, seen[..., 3], 1.0), 0.0).astype(float)
     planes = np.zeros((*seen.shape[:3], 3)) if planes is None else planes.astype(float)
     share = np.where(above, table[..., 3], 0.0)
@@ -113,7 +115,8 @@ def reduced(
 
 def reduce(ctx: moderngl.Context, atlas: Atlas, cache: RecordCache, gradients: bool = True) -> None:
     """Run the pass, and leave no released framebuffer bound for the next test (see test_target.py)."""
-    ReducePass(ctx, gradients)(atlas, cache.records, SKY, RADII)
+    sky = {"sky": SKY, "sky_gradient": SKY_GRADIENT, "sky_up": SKY_UP}
+    ReducePass(ctx, gradients)(atlas, cache.records, sky, RADII)
     ctx.detect_framebuffer(0).use()
 
 

@@ -17,6 +17,7 @@ from irrsplat.core.material_layout import PROPERTIES
 from irrsplat.gpu.target import pixels, table_texture
 from irrsplat.image import antialias
 from irrsplat.image.antialias import MeanPass
+from irrsplat.image.backdrop import Backdrop
 from irrsplat.image.jitter import jittered, sample_offset
 from irrsplat.image.view import View
 from irrsplat.scene.model import Camera, Light, Scene
@@ -66,7 +67,7 @@ def test_the_means_are_those_of_the_samples(ctx: moderngl.Context) -> None:
         return values, table_texture(ctx, values)
 
     centre, centre_texture = some(np.full((height, width), 2.0, "f4"))
-    total = {name: np.zeros((height, width, 3)) for name in MEANS}
+    total, covered = {name: np.zeros((height, width, 3)) for name in MEANS}, np.zeros((height, width))
     add = MeanPass(ctx, (width, height))
     for number in range(1, count + 1):
         seen = chance.random((height, width)) < 0.8
@@ -82,7 +83,7 @@ def test_the_means_are_those_of_the_samples(ctx: moderngl.Context) -> None:
             direct[1],
             table_texture(ctx, values),
             centre_texture,
-            sky,
+            Backdrop("sky", sky).uniforms(ABOVE, (width, height)),
             mix,
         )
         padded = np.pad(values, ((1, 1), (1, 1), (0, 0)), mode="edge")
@@ -94,8 +95,10 @@ def test_the_means_are_those_of_the_samples(ctx: moderngl.Context) -> None:
         parts["image"] = mix[0] * parts["direct"] + mix[1] * parts["indirect"] + parts["emission"]
         for name, part in parts.items():
             total[name] += part
-    for name, texture in zip(MEANS, textures, strict=True):
+        covered += seen
+    for name, texture in zip(MEANS, textures, strict=False):
         assert np.allclose(pixels(texture)[::-1, :, :3], total[name] / count, rtol=2e-6, atol=1e-6), name
+    assert np.allclose(pixels(textures[-1])[::-1, :, 0], covered / count, rtol=2e-6, atol=1e-6)
 
 
 def glowing(turn: float) -> Scene:
@@ -194,7 +197,7 @@ def test_what_is_a_mean_and_what_is_the_centre_s(settings: dict[str, Any]) -> No
     one, many = (irrsplat.render(world, SIZE, **{**FAST, **settings, "samples": n}) for n in (1, 8))
     assert one.stats["samples"] == 1 and many.stats["samples"] == 8 and many.stats["converged"]
     assert many.stats["records"] == one.stats["records"]
-    for name in set(CHANNELS) - set(MEANS) | {"records_position", "records_irradiance", "records_radius"}:
+    for name in set(CHANNELS) - {*MEANS, "alpha"} | {"records_position", "records_irradiance", "records_radius"}:
         assert np.array_equal(getattr(one, name), getattr(many, name)), name
     b = settings.get("blend", 0.5)
     mixed = min(1.0, 2.0 * (1.0 - b)) * many.direct + min(1.0, 2.0 * b) * many.indirect + many.emission

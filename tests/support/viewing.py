@@ -119,7 +119,7 @@ def shown_view(scene: Scene, rounds: int = 2, size: tuple[int, int] = (97, 61), 
     for _ in range(rounds):
         renderer.frame()
     view, _ = renderer.frame(gather=False)
-    frame = read(view, scene.sky, renderer.cache.read(), {})
+    frame = read(view, renderer.cache.read(), {})
     return ShownView(ViewSource(renderer, view, exposure_of(frame.image)), frame, BufferView(renderer.ctx))
 
 

@@ -6,7 +6,8 @@ from irrsplat.app.viewer.buffers.legend import Legend
 from irrsplat.app.viewer.buffers.shown_buffer import GROUND, Canvas, Identity, ShownBuffer, ViewSource
 from irrsplat.app.viewer.buffers.texture_buffers import exposed
 from irrsplat.app.viewer.buffers.tiles import GAP, tiling
-from irrsplat.core.buffers import Atlas
+from irrsplat.core.buffers import Atlas, Uniforms
+from irrsplat.lighting.sky import sky_uniforms
 
 
 class GatherAtlasBuffer(ShownBuffer):
@@ -23,15 +24,16 @@ class GatherAtlasBuffer(ShownBuffer):
         canvas.blank()
         atlas = source.renderer.scheduler.gatherer.atlas
         if atlas is not None:
-            draw_atlas(canvas, atlas, source.gain, source.scene.sky)
+            draw_atlas(canvas, atlas, source.gain, sky_uniforms(source.scene))
 
     def legend(self, source: ViewSource) -> Legend:
         """Unit and exposure."""
         return Legend(exposed(self.unit, source), unit=self.unit)
 
 
-def draw_atlas(canvas: Canvas, atlas: Atlas, gain: float, sky: tuple[float, float, float]) -> None:
-    """Draw the cells of an atlas as large as they fit, radiance times `gain`; a texel that hits nothing shows the sky."""
+def draw_atlas(canvas: Canvas, atlas: Atlas, gain: float, sky: Uniforms) -> None:
+    """Draw the cells of an atlas as large as they fit, radiance times `gain`; a texel that hits nothing shows the sky, of
+    these uniforms of shaders/lighting/sky.glsl."""
     grid = tiling(atlas.count, atlas.cell, canvas.target.size)
     canvas.programs("viewer/buffers/gather_atlas")(
         canvas.target,
@@ -43,6 +45,8 @@ def draw_atlas(canvas: Canvas, atlas: Atlas, gain: float, sky: tuple[float, floa
         place=(grid.left, grid.top, 1.0 / grid.pixels_per_texel, GAP),
         across=grid.per_row,
         gain=gain,
-        sky=sky,
+        table=atlas.table,
+        frames=atlas.frames,
+        **sky,
         ground=GROUND,
     )

@@ -13,10 +13,12 @@ from irrsplat.app.viewer.buffers.surface_cache import SurfaceCacheBuffer
 from irrsplat.app.viewer.buffers.texture_buffers import (
     DepthBuffer,
     EmissionBuffer,
+    ImageBuffer,
     IndirectBuffer,
     IrradianceBuffer,
     RadianceBuffer,
     ReflectanceBuffer,
+    ShareBuffer,
     VectorBuffer,
 )
 from irrsplat.app.viewer.buffers.truth import ErrorBuffer, ReferenceBuffer
@@ -33,7 +35,7 @@ def _channel(name: str) -> tuple[str, str, str, str]:
 BUFFERS: dict[str, ShownBuffer] = {
     buffer.name: buffer
     for buffer in (
-        RadianceBuffer(*_channel("image"), texture=lambda view: view.image, everywhere=True),
+        ImageBuffer(*_channel("image"), texture=lambda view: view.image, everywhere=True),
         RadianceBuffer(*_channel("direct"), texture=lambda view: view.direct),
         IndirectBuffer(*_channel("indirect"), texture=lambda view: view.indirect or view.sums),
         IrradianceBuffer(*_channel("irradiance"), texture=lambda view: view.sums),
@@ -61,6 +63,7 @@ BUFFERS: dict[str, ShownBuffer] = {
         GatherAtlasBuffer("atlas", "gather atlas", "W/(m² sr)", "what the records of the last batch saw, a hemisphere each"),
         EmissionBuffer(*_channel("emission"), texture=lambda view: view.emission or view.gbuffer.emission),
         SurfaceCacheBuffer("surface", "surface cache", "W/m²", "irradiance of all bounces but the last, as gathers look it up"),
+        ShareBuffer(*_channel("alpha"), texture=lambda view: view.alpha, components=1, everywhere=True),
         ReferenceBuffer("reference", "reference", "W/m²", "the path-traced truth of irradiance"),
         ErrorBuffer("error", "error", "W/m²", "irradiance minus its path-traced truth"),
     )

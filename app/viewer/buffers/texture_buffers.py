@@ -43,20 +43,32 @@ class RadianceBuffer(TextureBuffer):
         self.draw_radiance(canvas, source, self.texture(source.view), covers_unseen=True)
 
     def draw_radiance(self, canvas: Canvas, source: ViewSource, radiance: moderngl.Texture, covers_unseen: bool) -> None:
-        """Draw a texture of radiance; where it does not cover what the camera does not see, the sky stands there."""
-        sky = source.scene.sky
-        canvas.picture(source, "radiance", radiance, covers_unseen=covers_unseen, gain=source.gain, unseen=sky)
+        """Draw a texture of radiance; where it does not cover what the camera does not see, the backdrop's stands there."""
+        view = source.view
+        behind = view.backdrop.uniforms(view.camera, view.image.size)
+        canvas.picture(source, "radiance", radiance, covers_unseen=covers_unseen, gain=source.gain, **behind)
 
     def legend(self, source: ViewSource) -> Legend:
         """Unit and exposure."""
         return Legend(exposed(self.unit, source), unit=self.unit)
 
 
-class EmissionBuffer(RadianceBuffer):
-    """Emitted radiance: the mean of a pixel's samples, or, of the one at its centre, the surface's or the sky's."""
+class ImageBuffer(RadianceBuffer):
+    """The picture, before its backdrop."""
 
     def draw(self, canvas: Canvas, source: ViewSource) -> None:
-        """The texture of a single sample holds nothing where the sky is seen."""
+        """Draw it, over the backdrop where that is no light."""
+        view = source.view
+        lower, upper = view.backdrop.ends
+        plain = view.backdrop.kind == "sky"
+        canvas.picture(source, "image", view.image, alpha=view.alpha, plain=plain, lower=lower, upper=upper, gain=source.gain)
+
+
+class EmissionBuffer(RadianceBuffer):
+    """Emitted radiance: the mean of a pixel's samples, or, of the one at its centre, the surface's or the backdrop's."""
+
+    def draw(self, canvas: Canvas, source: ViewSource) -> None:
+        """The texture of a single sample holds nothing where the backdrop is seen."""
         self.draw_radiance(canvas, source, self.texture(source.view), covers_unseen=source.view.emission is not None)
 
 
@@ -103,11 +115,23 @@ class ReflectanceBuffer(TextureBuffer):
 
     def draw(self, canvas: Canvas, source: ViewSource) -> None:
         """Draw the texture itself."""
-        canvas.picture(source, "unit", self.texture(source.view))
+        canvas.picture(source, "unit", self.texture(source.view), grey=False)
 
     def legend(self, source: ViewSource) -> Legend:
         """From 0 to 1."""
         return Legend("reflectance, sRGB encoded", "0", "1")
+
+
+class ShareBuffer(TextureBuffer):
+    """A share 0..1 of each pixel, black to white, sRGB encoded."""
+
+    def draw(self, canvas: Canvas, source: ViewSource) -> None:
+        """Draw the texture itself."""
+        canvas.picture(source, "unit", self.texture(source.view), grey=True)
+
+    def legend(self, source: ViewSource) -> Legend:
+        """From 0 to 1."""
+        return Legend("share of the pixel", "0", "1")
 
 
 @dataclass(frozen=True)

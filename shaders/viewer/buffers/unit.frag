@@ -1,7 +1,10 @@
 // Values 0..1, sRGB encoded.
 #include "viewer/buffers/picture.glsl"
 
+uniform bool grey;  // one value a pixel, also of those whose centre sees nothing
+
 vec3 picture(ivec2 pixel, float depth)
 {
-    return depth > 0.0 ? encoded(texelFetch(values, pixel, 0).rgb) : vec3(0.0);
+    vec3 value = texelFetch(values, pixel, 0).rgb;
+    return grey ? encoded(value.rrr) : depth > 0.0 ? encoded(value) : vec3(0.0);
 }

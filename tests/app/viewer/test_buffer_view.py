@@ -59,7 +59,8 @@ def test_the_sky_is_in_the_image_and_in_the_emission_alone(ctx: moderngl.Context
         unseen = ~made.seen
         assert 0.2 < unseen.mean() < 0.95
         for name in CHANNELS:
-            expected = tonemap(np.array([0.2, 0.5, 0.8]), made.source.exposure) if name in ("image", "emission") else 0.0
+            sky = tonemap(np.array([0.2, 0.5, 0.8]), made.source.exposure)
+            expected = sky if name in ("image", "emission") else 0.0
             assert np.abs(made.draw(target, name)[unseen] - expected).max() < 1.0 / 255.0, name
 
 
@@ -132,14 +133,14 @@ def test_asking_marks_exactly_the_pixels_that_ask(cornell: ShownView, target: Ta
 
 @pytest.mark.parametrize("name", [*CHANNELS, "asking"])
 def test_values_are_those_of_the_pixel_under_the_cursor(cornell: ShownView, ctx: moderngl.Context, name: str) -> None:
-    """(0, 0) is the upper left pixel; nothing is a number where nothing is seen, but the depth, the image and the outside."""
+    """(0, 0) is the upper left pixel; nothing is a number where nothing is seen, but depth, image and alpha, and outside."""
     frame = cornell.frame
     array = frame.weight if name == "asking" else getattr(frame, name)
     seen = cornell.seen
     rng = np.random.default_rng(3)
     for y, x in [*rng.permutation(np.argwhere(seen))[:12], *rng.permutation(np.argwhere(~seen))[:3]]:
         value = cornell.value(name, int(x), int(y))
-        if not seen[y, x] and name not in ("image", "depth"):
+        if not seen[y, x] and name not in ("image", "depth", "alpha"):
             assert value is None
         else:
             assert value is not None and value.shape == np.atleast_1d(array[y, x]).shape
@@ -231,9 +232,12 @@ def test_the_atlas_shows_its_cells_from_the_upper_left(cornell: ShownView, ctx: 
         radiance[y, x] = 0.0  # one texel hits nothing
     sky = (0.25, 0.5, 1.0)
     table = table_texture(ctx, radiance)
-    atlas = Atlas(table, None, None, None, None, 3, 2, (4, 3), (1, 1))  # type: ignore[arg-type]  # only radiance is drawn
+    frames = table_texture(ctx, np.tile(np.eye(4, 4)[:, None], (1, 3, 1)))
+    directions = table_texture(ctx, np.tile([0.6, 0.0, 0.8, 1.0], (3, 4, 1)))
+    atlas = Atlas(table, None, directions, None, frames, 3, 2, (4, 3), (1, 1))  # type: ignore[arg-type]  # planes and edges
     target = Target(ctx, (124, 30), (4,))
-    draw_atlas(cornell.buffer_view.canvas(target), atlas, 2.0, sky)
+    above = {"sky": (0.25, 0.5, 0.6), "sky_gradient": (0.0, 0.0, 0.5), "sky_up": (0.0, 0.0, 1.0)}  # 0.8 of it adds 0.4
+    draw_atlas(cornell.buffer_view.canvas(target), atlas, 2.0, above)
     picture = target.read()[..., :3]
     for i in range(3):
         x = i * 42
@@ -243,7 +247,8 @@ def test_the_atlas_shows_its_cells_from_the_upper_left(cornell: ShownView, ctx: 
         assert np.allclose(picture[10:20, x : x + 40], picture[14, x + 15], atol=1 / 255), "the whole row is the cell's"
     assert (picture[:, 40:42] == picture[0, 40]).all() and picture[0, 40, 0] < 0.2, "ground between the cells"
     target.release()
-    table.release()
+    for texture in (table, frames, directions):
+        texture.release()
 
 
 # ---- legends ----------------------------------------------------------------------------------------------------------

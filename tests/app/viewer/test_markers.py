@@ -330,7 +330,7 @@ def test_what_a_record_serves_is_tinted_and_counted(ctx: moderngl.Context) -> No
     with Renderer(irrsplat.load("cornell"), SIZE, ctx=ctx, bounces=1, gather_size=16, shadow_size=128) as renderer:
         for _ in range(3):
             view, _ = renderer.frame()
-        frame = read(view, renderer.scene.sky, renderer.cache.read(), {})
+        frame = read(view, renderer.cache.read(), {})
         settings, made = renderer.settings, renderer.cache.records
         world = Stage(renderer, view, Markers(ctx), Target(ctx, SIZE, (4,)))
         counts: list[int] = []

@@ -1,0 +1,89 @@
+"""What stands behind everything in a picture: the sky that lights the scene, or a backdrop that is no light."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from irrsplat.core.buffers import Uniforms
+from irrsplat.image.jitter import JitteredCamera
+from irrsplat.image.tonemap import tonemap
+from irrsplat.scene.model import Camera, Scene
+from irrsplat.settings import Settings
+
+BackdropKind = Literal["sky", "grey", "black", "white", "clear"]
+_BLACK, _WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
+# display values at the picture's lower and upper edge: between what is dark and what is bright in a well exposed picture
+GREY = (0.22, 0.22, 0.22), (0.36, 0.36, 0.36)
+_ENDS = {"grey": GREY, "black": (_BLACK, _BLACK), "white": (_WHITE, _WHITE), "clear": GREY}
+
+
+@dataclass(frozen=True)
+class Backdrop:
+    """What a camera sees where there is no surface. kind: what it is; sky, gradient, up: as a Scene has them.
+
+    Only a sky is light: of all others the buffers hold nothing, and the display puts them behind the picture by its coverage.
+    """
+
+    kind: BackdropKind = "sky"
+    sky: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    gradient: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    up: tuple[float, float, float] = (0.0, 1.0, 0.0)
+
+    def uniforms(self, camera: Camera, size: tuple[int, int]) -> Uniforms:
+        """The uniforms of shaders/image/backdrop.glsl for a view of `size` (width, height)."""
+        return {"sky": self.sky, "sky_gradient": self.gradient, "sky_up": self.up, "pixel_rays": pixel_rays(camera, size)}
+
+    def radiance(self, camera: Camera, size: tuple[int, int]) -> np.ndarray:
+        """(H, W, 3) float32: the radiance that comes from behind every pixel's centre, top row first; 0 where it is no sky."""
+        x, y = np.meshgrid(np.arange(size[0]) + 0.5, np.arange(size[1])[::-1] + 0.5)
+        ways = np.stack([x, y, np.ones_like(x)], -1) @ pixel_rays(camera, size).T
+        rise = (ways @ np.asarray(self.up)) / np.linalg.norm(ways, axis=-1)
+        radiance: np.ndarray = np.asarray(self.sky) + rise[..., None] * np.asarray(self.gradient)
+        return radiance.astype(np.float32)
+
+    @property
+    def ends(self) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
+        """The display colours of the lower and of the upper edge, 0..1; of a sky, which has none, black."""
+        return _ENDS.get(self.kind, (_BLACK, _BLACK))
+
+
+def backdrop_of(scene: Scene, settings: Settings) -> Backdrop:
+    """What the setting `backdrop` asks for; "auto" is the sky where the scene's file has one of its own, else grey."""
+    kind = settings.backdrop
+    if kind == "auto":
+        kind = "sky" if scene.own_sky else "grey"
+    if kind == "sky":
+        return Backdrop("sky", scene.sky, scene.sky_gradient, scene.up)
+    return Backdrop(kind)  # type: ignore[arg-type]  # the setting's choices
+
+
+def pixel_rays(camera: Camera, size: tuple[int, int]) -> np.ndarray:
+    """(3, 3): times (x, y, 1), pixels from the lower left corner, the direction of a ray in world space, of any length."""
+    right, up, backward = camera.axes
+    step = camera.screen / size[1]
+    shift = np.asarray(camera.shift if isinstance(camera, JitteredCamera) else (0.0, 0.0)) * size  # pixels, of the picture
+    corner = -backward - step * ((0.5 * size[0] + shift[0]) * right + (0.5 * size[1] + shift[1]) * up)
+    return np.stack([step * right, step * up, corner], axis=1)
+
+
+def display_picture(radiance: np.ndarray, exposure: float, alpha: np.ndarray, kind: BackdropKind) -> np.ndarray:
+    """(H, W, 3) sRGB-encoded 0..1 of (H, W, 3) radiance that covers `alpha` (H, W) of each pixel, with the backdrop behind it;
+    (H, W, 4) where that is clear: alpha is straight, not multiplied in.
+
+    exposure: stops. Radiance where a pixel is covered in part is a mean that has 0 for the rest of it.
+    """
+    if kind == "sky":
+        return tonemap(radiance, exposure)
+    share = alpha[..., None]
+    own = tonemap(radiance / np.where(share > 0.0, share, 1.0), exposure)
+    if kind == "clear":
+        return np.concatenate([own, share], axis=-1)
+    low, high = np.asarray(_ENDS[kind])
+    height = len(radiance)
+    rise = ((np.arange(height)[::-1] + 0.5) / height)[:, None, None]
+    behind = low + rise * (high - low)
+    picture: np.ndarray = share * own + (1.0 - share) * behind
+    return picture

@@ -1,0 +1,17 @@
+// The picture, exposed and tone-mapped, before a backdrop that is no light.
+#include "viewer/buffers/picture.glsl"
+
+uniform sampler2D alpha;  // the share of a pixel that shows a surface
+uniform bool plain;       // what stands behind is in the picture already
+uniform vec3 lower;       // display colours of the backdrop at the lower and the upper edge
+uniform vec3 upper;
+uniform float gain;       // the exposure as a factor
+
+vec3 picture(ivec2 pixel, float depth)
+{
+    vec3 radiance = texelFetch(values, pixel, 0).rgb;
+    if (plain) return display(radiance * gain);
+    float share = texelFetch(alpha, pixel, 0).r;
+    vec3 behind = mix(lower, upper, (float(pixel.y) + 0.5) / float(textureSize(values, 0).y));
+    return share > 0.0 ? mix(behind, display(radiance * (gain / share)), share) : behind;
+}
