@@ -37,9 +37,15 @@ class MaterialRow(IntEnum):
     """What the rows of a material in the table of materials hold: shaders read them as MATERIAL_EMISSION and so on."""
 
     EMISSION = 0  # rgb emitted radiance before its texture; w: the opacity from which on light sees the surface (light_cutoff)
+    # Of a texture three rows. The first two: xyz dotted with (u, v, 1) are the image's coordinates; w: its layer among those that
+    # light looks at (-1: none), and WRAPS.index along u, + 3 times that along v, + 9 for the second set of u and v. The third:
+    # what stands for the texture where it has no layer, its mean (1 without a texture), colours times alpha and alpha.
+    ALBEDO_TEXTURE = 1
+    EMISSION_TEXTURE = 4
 
 
-MATERIAL_ROWS = len(MaterialRow)
+MATERIAL_ROWS = MaterialRow.EMISSION_TEXTURE + 3
+WRAPS = ("repeat", "mirror", "clamp")
 
 
 # ---- GLSL ----------------------------------------------------------------------------------------------------------------

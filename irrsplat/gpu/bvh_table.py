@@ -15,6 +15,7 @@ from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import table_texture
 from irrsplat.gpu.texel_table import table_rows
 from irrsplat.scene.bvh import build
+from irrsplat.scene.seen_by_light import FaceCounts
 
 
 @dataclass(frozen=True)
@@ -38,12 +39,14 @@ class BvhTable(Owner):
     """A scene's triangles on the GPU as rays find them (shaders/lib/bvh.glsl).
 
     vertices: (V, WIDTH) float32, rows as core/vertex_layout.py has them; faces: (F, 3) int, as scene.flatten gives them.
-    Raises InputError for more triangles than the GPU's textures hold.
+    counts: of which sort the faces are (default: all open); those that light passes are not in the tree. Raises InputError for
+    more triangles than the GPU's textures hold.
     """
 
-    def __init__(self, ctx: moderngl.Context, vertices: np.ndarray, faces: np.ndarray) -> None:
+    def __init__(self, ctx: moderngl.Context, vertices: np.ndarray, faces: np.ndarray, counts: FaceCounts | None = None) -> None:
         self.ctx = ctx
-        self._tables = _tables(ctx, vertices, faces)
+        self.counts = counts or FaceCounts(0, len(faces))
+        self._tables = _tables(ctx, vertices, faces, self.counts)
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
@@ -51,7 +54,7 @@ class BvhTable(Owner):
 
     def update(self, vertices: np.ndarray, faces: np.ndarray) -> None:
         """The same triangles elsewhere; whoever holds this table sees them there."""
-        before, self._tables = self._tables, _tables(self.ctx, vertices, faces)
+        before, self._tables = self._tables, _tables(self.ctx, vertices, faces, self.counts)
         before.release()
 
     @property
@@ -61,7 +64,7 @@ class BvhTable(Owner):
 
     @property
     def order(self) -> np.ndarray:
-        """(F,) the scene's numbers of the triangles, in the order in which the tree and its shaders count them."""
+        """(T,) the scene's numbers of the triangles that light sees, in the order in which the tree counts them."""
         return self._tables.order
 
     @property
@@ -82,9 +85,9 @@ class BvhTable(Owner):
         return self.ray_uniforms | {"vertex_table": self._tables.vertices}
 
 
-def _tables(ctx: moderngl.Context, vertices: np.ndarray, faces: np.ndarray) -> _Tables:
+def _tables(ctx: moderngl.Context, vertices: np.ndarray, faces: np.ndarray, counts: FaceCounts) -> _Tables:
     corners = vertex_column(vertices, "position")[faces]
-    bvh = build(corners)
+    bvh = build(corners[: counts.lit])
     limit = int(ctx.info["GL_MAX_TEXTURE_SIZE"])
     if max(bvh.nodes[..., 0].size, len(vertices), len(faces)) > TABLE_COLUMNS * limit or limit < max(TEXELS, 3) * TABLE_COLUMNS:
         raise InputError(f"{len(faces)} triangles are too many to trace here: use --gather raster")

@@ -10,20 +10,24 @@ from irrsplat.core.vertex_layout import WIDTH, vertex_column, vertex_texels
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import table_texture
 from irrsplat.gpu.texel_table import table_rows
-from irrsplat.scene.meshlets import Meshlets, cut
+from irrsplat.scene.meshlets import Meshlets, cut, joined
+from irrsplat.scene.seen_by_light import FaceCounts
 
 
 class MeshletGeometry(Owner):
-    """The triangles of a Geometry in another order, meshlet by meshlet, to be drawn in its place.
+    """The triangles of a Geometry that light sees, in another order, meshlet by meshlet, to be drawn in its place.
 
+    The first `solid` meshlets are of what light sees all of, the others of what is cut out.
     triangle_table: RGBA32F table, a texel a triangle in this order: its three vertices' numbers, and its own in the Geometry.
     vertex_table: RGBA32F table of the vertices' rows, as generated/vertex_table.glsl reads it.
     """
 
-    def __init__(self, ctx: moderngl.Context, vertices: moderngl.Buffer, rows: np.ndarray, faces: np.ndarray) -> None:
-        self.vertices = vertices
+    def __init__(
+        self, ctx: moderngl.Context, vertices: moderngl.Buffer, rows: np.ndarray, faces: np.ndarray, counts: FaceCounts
+    ) -> None:
+        self.vertices, self.counts = vertices, counts
         self.indices = ctx.buffer(reserve=max(faces.size, 3) * 4)
-        self.triangle_table = table_texture(ctx, table_rows(np.zeros((len(faces), 1, 4))))
+        self.triangle_table = table_texture(ctx, table_rows(np.zeros((counts.lit, 1, 4))))
         self.vertex_table = table_texture(ctx, table_rows(vertex_texels(rows)))
         self._cut(rows, faces)
 
@@ -33,7 +37,10 @@ class MeshletGeometry(Owner):
         self._cut(rows, faces)
 
     def _cut(self, rows: np.ndarray, faces: np.ndarray) -> None:
-        self.meshlets: Meshlets = cut(vertex_column(rows, "position")[faces])
+        corners, solid = vertex_column(rows, "position")[faces], self.counts.solid
+        parts = cut(corners[:solid]), cut(corners[solid : self.counts.lit])
+        self.solid = len(parts[0])
+        self.meshlets: Meshlets = joined(*parts)
         order = self.meshlets.order
         self.indices.write(np.ascontiguousarray(faces[order], "i4").tobytes())
         self.triangle_table.write(table_rows(np.column_stack([faces[order], order])[:, None].astype("f4")).tobytes())
@@ -52,12 +59,12 @@ class Geometry(Owner):
     """An indexed triangle list.
 
     vertices: (V, WIDTH) float32, rows as core/vertex_layout.py has them. faces: (F, 3) int32.
-    The first `closed` faces belong to closed, outward wound meshes: `parts` names the ranges "all", "closed" and "open"
-    as (first index, number of indices). planes: RGBA32F table, a texel a face: its unit normal n and n·p.
-    corners: (F, 3, 3) float32 of the faces, kept on the CPU.
+    counts: of which sort the faces are (default: all open). `parts` names the ranges "all", "closed", "open", "cut_out" and "lit"
+    (all but what light passes) as (first index, number of indices). planes: RGBA32F table, a texel a face: its unit normal n and
+    n·p. corners: (F, 3, 3) float32 of the faces, kept on the CPU.
     """
 
-    def __init__(self, ctx: moderngl.Context, vertices: np.ndarray, faces: np.ndarray, closed: int = 0) -> None:
+    def __init__(self, ctx: moderngl.Context, vertices: np.ndarray, faces: np.ndarray, counts: FaceCounts | None = None) -> None:
         # OpenGL has no empty buffers: an empty scene has one vertex and one triangle that no draw reaches
         self.vertices = ctx.buffer(np.ascontiguousarray(vertices if len(vertices) else np.zeros((1, WIDTH)), "f4").tobytes())
         self.indices = ctx.buffer(np.ascontiguousarray(faces if len(faces) else np.zeros((1, 3)), "i4").tobytes())
@@ -65,8 +72,14 @@ class Geometry(Owner):
         self.corners = vertex_column(vertices, "position")[faces]
         self.planes = table_texture(ctx, _planes(self.corners.astype(float)))
         self._meshlet_geometry: MeshletGeometry | None = None
-        total, split = 3 * len(faces), 3 * closed
-        self.parts = {"all": (0, total), "closed": (0, split), "open": (split, total - split)}
+        self.counts = counts or FaceCounts(0, len(faces))
+        self.parts = {
+            "all": (0, 3 * len(faces)),
+            "closed": (0, 3 * self.counts.closed),
+            "open": (3 * self.counts.closed, 3 * self.counts.open),
+            "cut_out": (3 * self.counts.solid, 3 * self.counts.cut_out),
+            "lit": (0, 3 * self.counts.lit),
+        }
 
     @property
     def uniforms(self) -> Uniforms:
@@ -80,11 +93,11 @@ class Geometry(Owner):
 
     @property
     def meshlet_geometry(self) -> MeshletGeometry:
-        """The same triangles meshlet by meshlet; made when a gather first draws them."""
+        """Those that light sees, meshlet by meshlet; made when a gather first draws them."""
         if self._meshlet_geometry is None:
             rows = np.frombuffer(self.vertices.read(), "f4").reshape(-1, WIDTH)
             faces = np.frombuffer(self.indices.read(), "i4").reshape(-1, 3)[: self.triangles]
-            self._meshlet_geometry = MeshletGeometry(self.ctx, self.vertices, rows, faces)
+            self._meshlet_geometry = MeshletGeometry(self.ctx, self.vertices, rows, faces, self.counts)
         return self._meshlet_geometry
 
     def update(self, vertices: np.ndarray, faces: np.ndarray) -> None:

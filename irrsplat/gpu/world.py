@@ -11,6 +11,7 @@ from irrsplat.gpu.material_table import MaterialTable
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Mesh, Scene
+from irrsplat.scene.seen_by_light import face_counts
 
 
 class World(Owner):
@@ -18,7 +19,7 @@ class World(Owner):
 
     def __init__(self, ctx: moderngl.Context, scene: Scene) -> None:
         self.ctx = ctx
-        self.geometry = Geometry(ctx, *flatten(scene))
+        self.geometry = Geometry(ctx, *flatten(scene)[:2], face_counts(scene))
         self.materials = MaterialTable(ctx, scene.materials)
         self._scene = scene
         self._uploaded: tuple[Mesh, ...] | None = scene.meshes  # None while what is on the GPU is neither before nor after a move
@@ -51,7 +52,7 @@ class World(Owner):
     def tree(self) -> BvhTable:
         """The triangles as rays find them, made when first wanted. Raises InputError for more of them than the GPU can hold."""
         if self._tree is None:
-            self._tree = BvhTable(self.ctx, *flatten(self._scene)[:2])
+            self._tree = BvhTable(self.ctx, *flatten(self._scene)[:2], self.geometry.counts)
         return self._tree
 
     def set_scene(self, scene: Scene) -> None:

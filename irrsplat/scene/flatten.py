@@ -6,17 +6,18 @@ import numpy as np
 
 from irrsplat.core.vertex_layout import WIDTH, vertex_column
 from irrsplat.scene.model import Mesh, Scene
+from irrsplat.scene.seen_by_light import face_counts, sort_of
 
 
 def in_order(scene: Scene) -> list[Mesh]:
-    """The scene's meshes as their triangles are numbered: the closed ones first."""
-    return sorted(scene.meshes, key=lambda mesh: not mesh.closed)
+    """The scene's meshes as their triangles are numbered: by sort_of."""
+    return sorted(scene.meshes, key=sort_of)
 
 
 def flatten(scene: Scene) -> tuple[np.ndarray, np.ndarray, int]:
     """Vertices (V, WIDTH) float32, rows as core/vertex_layout.py has them; faces (F, 3) int32; how many faces are closed.
 
-    The faces of closed meshes come first.
+    The faces come in the order that FaceCounts tells.
     """
     meshes, numbers = in_order(scene), scene.materials
     vertices, faces, start = [np.zeros((0, WIDTH), "f4")], [np.zeros((0, 3), "i4")], 0
@@ -31,5 +32,4 @@ def flatten(scene: Scene) -> tuple[np.ndarray, np.ndarray, int]:
         vertices.append(rows)
         faces.append(mesh.faces + start)
         start += len(rows)
-    closed = sum(len(mesh.faces) for mesh in meshes if mesh.closed)
-    return np.concatenate(vertices), np.concatenate(faces), closed
+    return np.concatenate(vertices), np.concatenate(faces), face_counts(scene).closed

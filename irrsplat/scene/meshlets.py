@@ -70,6 +70,13 @@ def cut(corners: np.ndarray) -> Meshlets:
     return Meshlets(order, first, np.diff(first, append=len(order)), 0.5 * (low + high), 0.5 * (high - low))
 
 
+def joined(one: Meshlets, other: Meshlets) -> Meshlets:
+    """The meshlets of both, where the triangles of `other` are numbered after those of `one`."""
+    order, first = other.order + len(one.order), other.first + len(one.order)
+    pairs = (one.order, order), (one.first, first), (one.count, other.count), (one.centre, other.centre), (one.half, other.half)
+    return Meshlets(*(np.concatenate(pair) for pair in pairs))
+
+
 def _halved(points: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
     """An order of points (N, 3) in runs of at most `size` points that are close together, and where each run begins."""
     order, begin = np.arange(len(points)), np.zeros(min(len(points), 1), np.intp)

@@ -23,6 +23,12 @@ class Image:
     pixels: np.ndarray
     name: str = ""
 
+    @cached_property
+    def alpha_range(self) -> tuple[float, float]:
+        """The least and the greatest alpha of its pixels, 0..1."""
+        alpha = self.pixels[..., 3]
+        return int(alpha.min()) / 255.0, int(alpha.max()) / 255.0
+
 
 Wrap = Literal["repeat", "mirror", "clamp"]
 AlphaMode = Literal["opaque", "mask", "blend"]

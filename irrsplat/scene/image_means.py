@@ -1,0 +1,85 @@
+"""Images scaled down in linear light: the mean over what each texel covers, which is what a surface that wears it reflects."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from irrsplat.core.color import linear_from_srgb
+
+_AT_ONCE = 1 << 16  # pixels that are decoded at once: so many stay in a processor's cache
+
+
+def _decoded() -> tuple[np.ndarray, np.ndarray]:
+    """(65536,) complex64 each, two numbers an entry: red and green, blue and alpha, by the two bytes that a pixel has of them."""
+    color, alpha = linear_from_srgb(np.arange(256) / 255.0), np.arange(256) / 255.0
+    pairs = (np.stack(np.broadcast_arrays(color, second[:, None]), axis=-1) for second in (color, alpha))
+    first, last = (pair.astype(np.float32).reshape(-1, 2).view(np.complex64).ravel() for pair in pairs)
+    return first, last
+
+
+_RED_GREEN, _BLUE_ALPHA = _decoded()
+
+
+def area_means(pixels: np.ndarray, side: int, weighted: bool) -> np.ndarray:
+    """(side, side, 4) float32, linear: the means over equal rectangles of an image of sRGB pixels (H, W, 4) uint8, with alpha.
+
+    weighted: colours count by their alpha; where all of that is 0 they count alike.
+    """
+    height, width = pixels.shape[:2]
+    down = _weights(height, side)
+    out = np.empty((side, side, 8 if weighted else 4), np.float32)
+    step = max(_AT_ONCE * side // max(width * height, 1), 1)
+    pairs = np.ascontiguousarray(pixels).view("<u2")
+    for start in range(0, side, step):
+        rows = down[start : start + step]
+        used = np.flatnonzero(rows.any(0))
+        part = pairs[used[0] : used[-1] + 1]
+        both = [np.take(table, part[..., i], mode="clip") for i, table in enumerate((_RED_GREEN, _BLUE_ALPHA))]
+        values = np.stack(both, axis=-1).view(np.float32)
+        if weighted:
+            values = np.concatenate([values, values * values[..., 3:4]], axis=-1)
+        thin = rows[:, used[0] : used[-1] + 1] @ values.reshape(len(part), -1)
+        out[start : start + step] = _means_across(thin.reshape(len(rows), width, -1), side)
+    if not weighted:
+        return out
+    alpha = out[..., 3:4]
+    colour = np.divide(out[..., 4:7], alpha, out=out[..., :3].copy(), where=alpha > 1e-6)
+    return np.concatenate([colour, alpha], axis=-1)
+
+
+def _weights(count: int, side: int) -> np.ndarray:
+    """(side, count) float32: how much of each of so many pixels lies in each of `side` equal parts of their row; sums are 1."""
+    edges = np.arange(side + 1) * (count / side)
+    at = np.arange(count)
+    share = np.minimum(edges[1:, None], at + 1.0) - np.maximum(edges[:-1, None], at)
+    weights: np.ndarray = (np.maximum(share, 0.0) * (side / count)).astype(np.float32)
+    return weights
+
+
+def _means_across(values: np.ndarray, side: int) -> np.ndarray:
+    """(R, side, C) the means over `side` equal parts of each of R rows of pixels (R, W, C)."""
+    rows, width, channels = values.shape
+    if width % side == 0:
+        grouped: np.ndarray = np.einsum("rskc->rsc", values.reshape(rows, side, width // side, channels))
+        return grouped * np.float32(side / width)
+    sums = np.zeros((rows, width + 2, channels))
+    np.cumsum(values, axis=1, out=sums[:, 1:-1])
+    sums[:, -1] = sums[:, -2]
+    place = np.arange(side + 1) * (width / side)
+    whole = place.astype(np.intp)
+    before = sums[:, whole] + (place - whole)[:, None] * (sums[:, whole + 1] - sums[:, whole])
+    means: np.ndarray = np.diff(before, axis=1) * (side / width)
+    return means
+
+
+def with_coverage(alpha: np.ndarray, means: np.ndarray, cutoff: float) -> np.ndarray:
+    """(S, S) float32: alphas that pass the cutoff over the same share of the image as those of its pixels `alpha` (H, W) uint8
+    do, where their means (S, S) would make thin things vanish (after Castano 2010, "Computing Alpha Mipmaps")."""
+    share = float((alpha >= cutoff * 255.0).mean())
+    if share in (0.0, 1.0) or min(alpha.shape) <= len(means):
+        return means
+    levels, counts = np.unique(means, return_counts=True)
+    passing = np.cumsum(counts[::-1])[::-1] / means.size  # the share of texels that are at least as high as each level
+    level = float(levels[np.argmin(np.abs(passing - share))])
+    scaled: np.ndarray = np.minimum(means * np.float32(1.0001 * cutoff / max(level, 1e-6)), 1.0).astype(np.float32)
+    return scaled
