@@ -25,7 +25,8 @@ def values(
 ) -> np.ndarray:
     """(N, width) float32: an accessor's elements, all or those of `rows`, integers that count as normalised in 0..1 or -1..1.
 
-    widths: how many components an element may have. shares: integers count as normalised whatever the accessor says. Raises Damaged where the accessor is missing or reaches beyond its data.
+    widths: how many components an element may have. shares: integers count as normalised whatever the accessor says.
+    Raises Damaged where the accessor is missing or reaches beyond its data.
     """
     entry = document.entry("accessors", index)
     return as_floats(_elements(document, entry, index, widths, rows), shares or entry.get("normalized") is True)

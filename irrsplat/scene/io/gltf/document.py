@@ -74,9 +74,10 @@ class Document:
             lines.append(f"{self.path}: not shown: {', '.join(self.unshown)}")
         return lines
 
-    def entries(self, kind: str, inside: Mapping[str, Any] | None = None) -> list[Any]:
+    def entries(self, kind: str, inside: object = None) -> list[Any]:
         """The list called `kind` of the file (or of one of its objects); empty where there is none."""
-        found = (self.tree if inside is None else inside).get(kind)
+        whole = self.tree if inside is None else inside
+        found = whole.get(kind) if isinstance(whole, dict) else None
         return found if isinstance(found, list) else []
 
     def entry(self, kind: str, index: object, inside: Mapping[str, Any] | None = None) -> dict[str, Any]:
