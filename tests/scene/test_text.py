@@ -10,7 +10,7 @@ import pytest
 
 from irrsplat.core.errors import InputError
 from irrsplat.scene.io.mesh_builder import build_mesh, is_closed
-from irrsplat.scene.io.obj import load_obj
+from irrsplat.scene.io.obj.reader import load_obj
 from irrsplat.scene.model import Material
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"

@@ -12,7 +12,6 @@ import re
 import warnings
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -23,25 +22,9 @@ from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.scene.io.defaults import finish
 from irrsplat.scene.io.lines import read_bytes
-from irrsplat.scene.io.mesh_builder import build_mesh
-from irrsplat.scene.io.mtl import load_mtl
-from irrsplat.scene.io.obj import load_obj
-from irrsplat.scene.model import Material, Mesh, Scene
-
-
-@dataclass(frozen=True)
-class Part:
-    """Triangles of one material before their transform: what `build_mesh` takes, by its names."""
-
-    positions: np.ndarray
-    corners: np.ndarray
-    normals: np.ndarray | None = None
-    corner_normals: np.ndarray | None = None
-    matrix: np.ndarray | None = None
-    material: Material = Material()
-    colors: np.ndarray | None = None
-    name: str = ""
-    files: tuple[Path, ...] = ()  # read for it, apart from the main one
+from irrsplat.scene.io.obj.asset import read_obj
+from irrsplat.scene.io.part import Part
+from irrsplat.scene.model import Scene
 
 
 def load_asset(path: Path, options: LoadOptions) -> Scene:
@@ -52,7 +35,7 @@ def load_asset(path: Path, options: LoadOptions) -> Scene:
     that needs a feature which is not read.
     """
     notices: list[str] = []
-    readers: dict[str, Callable[[Path, list[str], LoadOptions], list[Part]]] = {".obj": _obj, ".ply": _ply}
+    readers: dict[str, Callable[[Path, list[str], LoadOptions], list[Part]]] = {".obj": read_obj, ".ply": _ply}
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -66,60 +49,11 @@ def load_asset(path: Path, options: LoadOptions) -> Scene:
         raise InputError(f"this is no {kind} file, or a damaged one{said}; export it again", path) from None
     meshes, dropped = [], 0
     for part in parts:
-        mesh, lost = _build(path, part)
+        mesh, lost = part.mesh(path)
         meshes.append(mesh)
         dropped += lost
     files = [file for part in parts for file in part.files]
     return finish(path, meshes, (), (), None, Counter({str(path): dropped}), notices, files)
-
-
-def _build(path: Path, part: Part) -> tuple[Mesh, int]:
-    """The mesh of a part, and how many degenerate triangles were dropped; raises InputError for what cannot be drawn."""
-    corners, count = part.corners.astype(np.int64), len(part.positions)
-    if len(corners) and not 0 <= corners.min() <= corners.max() < count:
-        bad = corners.min() if corners.min() < 0 else corners.max()
-        raise InputError(f"a face refers to vertex {bad} (from 0), but there are {count} vertices", path)
-    if not np.isfinite(part.positions).all():
-        raise InputError("a vertex is not finite (NaN or infinity); expected finite coordinates", path)
-    normals = np.zeros((0, 3)) if part.normals is None else np.nan_to_num(part.normals.astype(float), posinf=0.0, neginf=0.0)
-    corner_normals = part.corner_normals
-    if corner_normals is None:
-        corner_normals = corners if part.normals is not None else np.full_like(corners, -1)
-    matrix = np.eye(4) if part.matrix is None else part.matrix
-    try:
-        return build_mesh(
-            part.positions.astype(float), corners, normals, corner_normals, matrix, part.material, part.colors, part.name
-        )
-    except InputError as error:
-        raise InputError(str(error), path) from None
-
-
-def _obj(path: Path, notices: list[str], options: LoadOptions) -> list[Part]:
-    shape = load_obj(path)
-    if not len(shape.corners):
-        raise InputError("there are no faces in this file; expected 'f' lines", path)
-    materials: dict[str, Material] = {}
-    for library in shape.libraries:
-        file = path.parent / library
-        if file.is_file():
-            materials |= load_mtl(file)
-        else:
-            notices.append(f"{path}: there is no material file '{library}'; its colours are 0.5")
-    parts = []
-    for i, name in enumerate(shape.names):
-        which = shape.materials == i
-        if which.any():
-            part = Part(
-                shape.positions,
-                shape.corners[which],
-                shape.normals,
-                shape.corner_normals[which],
-                material=materials.get(name, Material()),
-                name=name or path.stem,
-                files=tuple(path.parent / library for library in shape.libraries),
-            )
-            parts.append(part)
-    return parts
 
 
 def _trimesh(path: Path, data: bytes, ending: str) -> Any:

@@ -31,20 +31,38 @@ def read_bytes(path: Path) -> bytes:
     return data
 
 
-def text_bytes(path: Path) -> bytes:
-    """The bytes of a UTF-8 text file without byte-order mark, lines ended by ``\\n``; raises InputError for any other."""
+def text_bytes(path: Path, strict: bool = True) -> bytes:
+    """The bytes of a UTF-8 text file without byte-order mark, lines ended by ``\\n``; raises InputError for any other.
+
+    Not strict: UTF-16 becomes UTF-8, other encodings stay as they are, and only binary data is refused.
+    """
     data = read_bytes(path)
-    if data[:2] in (b"\xff\xfe", b"\xfe\xff") or max(data[0::2].count(0), data[1::2].count(0)) > 0.4 * (len(data) // 2):
-        raise InputError("the text is UTF-16; save it as UTF-8", path)
     if b"\0" in data:
-        raise InputError("this is binary data; expected a text file in UTF-8", path)
-    data = data.removeprefix(b"\xef\xbb\xbf").replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    try:
-        data.decode()
-    except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        raise InputError("this is not UTF-8 text (binary data, or another encoding); save it as UTF-8", path, line) from None
+        data = _without_zeros(path, data, strict)
+    data = data.removeprefix(b"\xef\xbb\xbf")
+    if b"\r" in data:
+        data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    if strict:
+        try:
+            data.decode()
+        except UnicodeDecodeError as error:
+            line = data.count(b"\n", 0, error.start) + 1
+            raise InputError("this is not UTF-8 text (binary data, or another encoding); save it as UTF-8", path, line) from None
     return data
+
+
+def _without_zeros(path: Path, data: bytes, strict: bool) -> bytes:
+    """The same text in UTF-8 or another encoding without bytes of 0; raises InputError for what is no text."""
+    marked = data[:2] in (b"\xff\xfe", b"\xfe\xff")
+    even, odd = data[0::2].count(0), data[1::2].count(0)
+    if marked or max(even, odd) > 0.4 * (len(data) // 2):
+        if strict:
+            raise InputError("the text is UTF-16; save it as UTF-8", path)
+        encoding = "utf-16" if marked else "utf-16-be" if even > odd else "utf-16-le"
+        return data.decode(encoding, "replace").replace("\0", " ").encode()
+    if strict or even + odd > 0.01 * len(data):
+        raise InputError("this is binary data; expected a text file in UTF-8", path)
+    return data.replace(b"\0", b" ")
 
 
 GREATEST = 1e15  # its square, and light summed up from it, is still a float32

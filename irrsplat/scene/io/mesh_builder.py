@@ -116,9 +116,9 @@ def is_closed(positions: np.ndarray, faces: np.ndarray) -> bool:
     total = np.abs(np.cross(b - a, c - a).sum(0)).max()  # a closed surface's normals cancel out: most open ones end here
     if total > 1e-12 * len(faces) * np.abs(points).max() ** 2:
         return False
-    first, weld = _welded(positions)
-    welded = weld[faces]
-    edges = np.concatenate([welded[:, [0, 1]], welded[:, [1, 2]], welded[:, [2, 0]]])
+    first, weld = welded(positions)
+    joined = weld[faces]
+    edges = np.concatenate([joined[:, [0, 1]], joined[:, [1, 2]], joined[:, [2, 0]]])
     count = len(first)
     forward = np.sort(edges[:, 0] * count + edges[:, 1])
     if (forward[1:] == forward[:-1]).any():
@@ -126,12 +126,12 @@ def is_closed(positions: np.ndarray, faces: np.ndarray) -> bool:
     backward = np.sort(edges[:, 1] * count + edges[:, 0])
     if not np.array_equal(forward, backward):
         return False
-    part = _parts(edges[edges[:, 0] < edges[:, 1]], count)[welded[:, 0]]
+    part = _parts(edges[edges[:, 0] < edges[:, 1]], count)[joined[:, 0]]
     volume = np.bincount(part, (a * np.cross(b, c)).sum(1), minlength=count)
     return bool((volume[np.unique(part)] > 0.0).all())
 
 
-def _welded(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def welded(positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """One vertex of each place (M,), and the number of each vertex's place (V,); positions (V, 3) float32."""
     bits = np.ascontiguousarray(positions + np.float32(0.0)).view(np.uint32).astype(np.uint64)  # + 0: no -0
     hashed = bits @ np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], np.uint64)  # a number for each place

@@ -13,7 +13,7 @@ from irrsplat.scene.io.defaults import finish
 from irrsplat.scene.io.light_text import load_light
 from irrsplat.scene.io.lines import Line, lines, number, quote
 from irrsplat.scene.io.mesh_builder import build_mesh
-from irrsplat.scene.io.obj import Shape, load_obj
+from irrsplat.scene.io.obj.reader import Shape, load_obj
 from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
 
 USAGE = {

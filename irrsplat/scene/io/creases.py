@@ -1,0 +1,90 @@
+"""Makes vertex normals for triangles that have none: smooth where they meet at less than an angle, sharp elsewhere."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from irrsplat.core.vectors import unit
+from irrsplat.scene.io.mesh_builder import welded
+
+_PAIRS = 1 << 21  # of corners that are compared at once
+_CROWD = 256  # corners at one place beyond which they aren't compared in pairs: those of a crease there stay flat
+
+
+def crease_normals(positions: np.ndarray, corners: np.ndarray, angle: float) -> tuple[np.ndarray, np.ndarray]:
+    """(N, 3) unit normals, and (F, 3) which of them each corner has, for triangles `corners` (F, 3) into positions (V, 3).
+
+    A corner's normal is the mean of the normals of those triangles at its place that deviate from its own triangle by less than
+    `angle`, in degrees, weighted by their angle there (Thürmer & Wüthrich 1998). Vertices at the same place count as one.
+    """
+    _, place = welded(positions.astype(np.float32))
+    at = place[corners]
+    points = positions[corners]
+    with np.errstate(all="ignore"):
+        face = unit(np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]))
+        weighted = face[:, None] * _angles(points)[..., None]
+    flat_at = at.reshape(-1)
+    count = int(flat_at.max(initial=-1)) + 1
+    spread = weighted.reshape(-1, 3)
+    mean = unit(np.stack([np.bincount(flat_at, spread[:, i], minlength=count) for i in range(3)], 1))
+    if angle >= 180.0:
+        return mean, at
+    with np.errstate(all="ignore"):
+        off: np.ndarray = (face[:, None] * mean[at]).sum(2) < np.cos(np.radians(0.5 * angle)) + 1e-6
+    creased = np.zeros(count, bool)  # others have all their triangles within half the angle of the mean: within it of each other
+    real = np.abs(face).max(axis=1, initial=0.0) > 0.0
+    creased[at[off & real[:, None]]] = True
+    sharp = np.flatnonzero(creased[flat_at])
+    sharp = sharp[np.argsort(flat_at[sharp], kind="stable")]
+    own = _alike(flat_at[sharp], face[sharp // 3], spread[sharp], float(np.cos(np.radians(angle))) + 1e-6)
+    number = at.reshape(-1).copy()
+    kept, number_of = _different(flat_at[sharp], own)
+    number[sharp] = count + number_of
+    return np.concatenate([mean, own[kept]]), number.reshape(-1, 3)
+
+
+def _angles(points: np.ndarray) -> np.ndarray:
+    """(F, 3) radians: the angle at each corner of triangles (F, 3, 3)."""
+    forward = np.roll(points, -1, axis=1) - points
+    backward = np.roll(points, 1, axis=1) - points
+    return np.asarray(np.arctan2(np.linalg.norm(np.cross(forward, backward), axis=2), (forward * backward).sum(2)))
+
+
+def _alike(place: np.ndarray, face: np.ndarray, weighted: np.ndarray, least: float) -> np.ndarray:
+    """(R, 3) unit: each corner's sum of `weighted` over those at its place whose `face` has a cosine above `least` with its own.
+
+    place: (R,) in ascending order.
+    """
+    first = np.flatnonzero(np.diff(place, prepend=-1))
+    size = np.diff(first, append=len(place))
+    begin, count = np.repeat(first, size), np.repeat(size, size)
+    crowded = count > _CROWD
+    begin[crowded], count[crowded] = np.flatnonzero(crowded), 1
+    sums = np.empty_like(weighted)
+    ends = np.cumsum(count)
+    low = 0
+    while low < len(place):
+        done = int(ends[low - 1]) if low else 0
+        high = max(low + 1, int(np.searchsorted(ends, done + _PAIRS, "right")))
+        rows = slice(low, high)
+        starts = ends[rows] - count[rows] - done
+        one = np.repeat(np.arange(low, high), count[rows])
+        other = np.arange(len(one)) + np.repeat(begin[rows] - starts, count[rows])
+        close = ((face[one] * face[other]).sum(1) > least) | (one == other)
+        sums[rows] = np.add.reduceat(weighted[other] * close[:, None], starts)
+        low = high
+    return unit(sums)
+
+
+def _different(place: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """One of each different pair of place (R,) and normal (R, 3), (M,) into them, and (R,) which of those each is."""
+    rows = np.column_stack([place.astype(float), normals + 0.0])
+    bits = rows.view(np.uint64)
+    with np.errstate(over="ignore"):
+        hashed = bits @ np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9, 0xD6E8FEB86659FD93], np.uint64)
+    hashed ^= hashed >> np.uint64(29)
+    _, kept, number = np.unique(hashed, return_index=True, return_inverse=True)
+    number = number.reshape(-1)
+    if np.array_equal(rows[kept][number], rows):
+        return kept, number
+    return np.arange(len(place)), np.arange(len(place))  # two with one hash: all stay apart

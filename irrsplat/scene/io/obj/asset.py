@@ -1,0 +1,150 @@
+"""Reads an `.obj` file that is opened by itself: its materials, groups, vertex colours and missing normals."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from irrsplat.core.errors import InputError
+from irrsplat.core.load_options import LoadOptions
+from irrsplat.scene.io.creases import crease_normals
+from irrsplat.scene.io.images import find_file
+from irrsplat.scene.io.lines import quote
+from irrsplat.scene.io.obj.mtl import MaterialFiles, find_libraries
+from irrsplat.scene.io.obj.reader import Shape, load_obj
+from irrsplat.scene.io.part import Part
+from irrsplat.scene.model import Material
+
+MOST_GROUPS = 400  # with more of them, groups are not kept apart
+
+
+def read_obj(path: Path, notices: list[str], options: LoadOptions) -> list[Part]:
+    """The triangles of the file, one part for each group (or object) and material; of a material alone where that makes over 400.
+
+    Parts are called by their group, by group and material where it has several, else by material. Texture coordinates are kept
+    where the material has a texture. Triangles without normals get them by the crease angle, or stay flat where smoothing is off.
+    Notices say what is missing or left out. Raises InputError where there is no face that can be read.
+    """
+    shape = load_obj(path, strict=False)
+    if not len(shape.corners):
+        lost = f" ({shape.notices[0]})" if shape.notices else ""
+        raise InputError(f"there are no faces in this file{lost}; expected 'f' lines", path)
+    notices += [f"{path}: {notice}" for notice in shape.notices]
+    materials, files = _materials(path, shape, notices)
+    normals, corner_normals = _normals(shape, options.crease_angle)
+    part, names, used = _parts(shape, path.stem)
+
+    order = np.argsort(part.astype(np.uint16 if len(names) < 1 << 16 else np.int64), kind="stable")
+    ends = np.cumsum(np.bincount(part, minlength=len(names)))
+    parts = []
+    for i, (name, number, end) in enumerate(zip(names, used, ends.tolist(), strict=True)):
+        rows = order[ends[i - 1] if i else 0 : end]
+        material = materials.get(number)
+        colors, uvs, corner_uvs = shape.colors, None, None
+        positions, corners, where = _compact(shape.positions, shape.corners[rows])
+        if colors is not None:
+            colors = colors[where]
+            if (colors == 1.0).all():
+                colors = None
+            elif material is not None and any(material.albedo):
+                colors = colors * material.albedo
+        own_normals, own_corner_normals, _ = _compact(normals, corner_normals[rows])
+        if material is not None and material.textures and len(shape.uvs):
+            uvs, corner_uvs, _ = _compact(shape.uvs, shape.corner_uvs[rows])
+            uvs = np.pad(uvs, ((0, 0), (0, 2)))
+        parts.append(
+            Part(
+                positions,
+                corners,
+                own_normals,
+                own_corner_normals,
+                material=material or Material(),
+                colors=colors,
+                name=name,
+                files=files,
+                uvs=uvs,
+                corner_uvs=corner_uvs,
+            )
+        )
+    return parts
+
+
+def _materials(path: Path, shape: Shape, notices: list[str]) -> tuple[dict[int, Material], tuple[Path, ...]]:
+    """The materials of shape.names, by number, where they are known, and the files that were read for them."""
+    reader = MaterialFiles()
+    found: dict[str, Material] = {}
+    missing = []
+    for name, file in (one for written in shape.libraries for one in find_libraries(path.parent, written)):
+        if file is None:
+            missing.append(name)
+            continue
+        try:
+            found |= reader.read(file)
+        except InputError as error:
+            notices.append(f"{error}; its colours are 0.5")
+    beside = find_file(path.parent, f"{path.stem}.mtl") if missing and not found else None
+    if beside is not None:
+        found |= reader.read(beside)
+    for name in dict.fromkeys(missing):
+        instead = f"'{beside.name}' is read instead" if beside else "its colours are 0.5"
+        notices.append(f"{path}: there is no material file {quote(name)}; {instead}")
+    notices += reader.notices
+    folded = {name.casefold(): material for name, material in found.items()}
+    known = {i: found.get(name, folded.get(name.casefold())) for i, name in enumerate(shape.names) if name}
+    unknown = [shape.names[i] for i, material in known.items() if material is None]
+    if unknown and found:
+        others = f" and {len(unknown) - 1} more" * (len(unknown) > 1)
+        notices.append(f"{path}: no material file knows {quote(unknown[0])}{others}; grey 0.5 stands in")
+    return {i: material for i, material in known.items() if material is not None}, tuple(reader.files)
+
+
+def _normals(shape: Shape, angle: float) -> tuple[np.ndarray, np.ndarray]:
+    """The file's normals (N, 3), with more of them for those triangles that have none, and (F, 3) which each corner has."""
+    given: np.ndarray = np.min(shape.corner_normals, axis=1) >= 0
+    if len(shape.normals):
+        nonzero = np.abs(shape.normals).max(axis=1) > 0.0
+        given &= np.all(nonzero[shape.corner_normals], axis=1)
+    bare = np.flatnonzero(~given & ~shape.flat)
+    corner_normals = shape.corner_normals
+    if not len(bare) or angle <= 0.0:
+        return shape.normals, corner_normals
+    positions, corners, _ = _compact(shape.positions, shape.corners[bare])
+    more, corner_more = crease_normals(positions, corners, angle)
+    corner_normals = corner_normals.copy()
+    corner_normals[bare] = corner_more + len(shape.normals)
+    return np.concatenate([shape.normals, more]), corner_normals
+
+
+def _parts(shape: Shape, stem: str) -> tuple[np.ndarray, list[str], list[int]]:
+    """(F,) the part of each triangle, and for each part its name and its material's number."""
+    count = len(shape.names)
+    key = shape.groups * count + shape.materials
+    if len(shape.group_names) * count < 1 << 22:
+        there = np.bincount(key) > 0
+        present, part = np.flatnonzero(there), (np.cumsum(there) - 1)[key]
+    else:
+        present, part = np.unique(key, return_inverse=True)
+    if len(present) > MOST_GROUPS:
+        there = np.bincount(shape.materials) > 0
+        present, part = np.flatnonzero(there), (np.cumsum(there) - 1)[shape.materials]
+        return part, [shape.names[i] or stem for i in present.tolist()], present.tolist()
+    groups, used = (present // count).tolist(), (present % count).tolist()
+    names = []
+    for group, material in zip(groups, used, strict=True):
+        own, of = shape.group_names[group], shape.names[material]
+        several = groups.count(group) > 1
+        names.append(f"{own} {of}".strip() if own and several else own or of or stem)
+    return part, names, used
+
+
+def _compact(values: np.ndarray, index: np.ndarray) -> tuple[np.ndarray, np.ndarray, slice | np.ndarray]:
+    """The rows of `values` that `index` (-1: none) needs, and some between; `index` into those; and which rows they are."""
+    low, high = int(index.min(initial=0 if not len(values) else len(values) - 1, where=index >= 0)), int(index.max(initial=-1))
+    if high - low < 4 * index.size:
+        rows: slice | np.ndarray = slice(low, high + 1)
+        return values[rows], np.where(index >= 0, index - low, -1) if low else index, rows
+    rows, inverse = np.unique(index[index >= 0], return_inverse=True)
+    out = np.full(index.shape, -1)
+    out[index >= 0] = inverse
+    return values[rows], out, rows

@@ -1,0 +1,180 @@
+"""Reads the corners of an `.obj` file's faces: any mixture of a, a/t, a//n and a/t/n."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from irrsplat.scene.io.lines import quote
+from irrsplat.scene.io.obj.text import COORDINATE, FACE, NORMAL, VERTEX, Block, Lines, block, integers
+
+_CORNER = re.compile(r"[+-]?[0-9]{1,18}(?:/[+-]?[0-9]{1,18}|//[+-]?[0-9]{1,18}|(?:/[+-]?[0-9]{1,18}){2})?")
+_USAGE = "expected at least three of a, a/t, a//n or a/t/n, all of one kind"
+_COMMON = b"0123456789/ \t\n\v\f\r"
+_SLASH_TO_BLANK = bytes(32 if c == ord("/") else c for c in range(256))
+
+
+@dataclass(frozen=True)
+class Faces:
+    """The faces that can be read: lines (P,), the number of corners of each (P,), and what the corners (C, 3) refer to.
+
+    corners: vertex, texture coordinate, normal; from 0 on, -1 for none. bad: numbers of the lines that can't be read.
+    loose: how many corners refer to a texture coordinate or a normal that is not there, and do without it.
+    """
+
+    lines: np.ndarray
+    sides: np.ndarray
+    corners: np.ndarray
+    bad: np.ndarray
+    loose: int
+
+
+def read_faces(lines: Lines, strict: bool) -> Faces:
+    """The faces of the file. strict: a face is bad too where its corners are of several kinds, and where a normal is missing."""
+    which = np.flatnonzero(lines.kind == FACE)
+    text = block(lines, which)
+    bad = _odd_lines(text)
+    if bad.any():
+        text = block(lines, which[~bad])
+    table, form = _table(text)
+    wrong = np.zeros(len(text.lines), bool)
+    if len(form):
+        owner = np.repeat(np.arange(len(text.lines)), text.count)
+        table, missing = _resolve(lines, text, owner, table)
+        wrong[owner[missing[:, 0] | (form < 0)]] = True
+        if strict:
+            filled = np.flatnonzero(text.count)
+            lowest = np.minimum.reduceat(form, text.first[filled])
+            wrong[filled[lowest != np.maximum.reduceat(form, text.first[filled])]] = True
+            wrong[owner[missing[:, 2] | (form > 3) | ((form > 1) & (table[:, 2] < 0))]] = True
+    wrong |= text.count < 3
+    corner_is_good = np.repeat(~wrong, text.count)
+    loose = int(missing[corner_is_good, 1:].sum()) if len(form) else 0
+    rejected = np.sort(np.concatenate([which[bad], text.lines[wrong]]))
+    good = table if corner_is_good.all() else table[corner_is_good]
+    return Faces(text.lines[~wrong], text.count[~wrong], good, rejected, loose)
+
+
+def explain_face(lines: Lines, line: int) -> str:
+    """What is wrong with the face in the `line`-th line."""
+    words = lines.words(line)
+    if len(words) < 3:
+        return f"a face has {len(words)} corners; {_USAGE}"
+    for word in words:
+        if not _CORNER.fullmatch(word):
+            return f"{quote(word)} is no corner of a face; {_USAGE}"
+    if len({"//" in word or -word.count("/") for word in words}) > 1:
+        return f"the corners of this face are of different kinds; {_USAGE}"
+    for word in words:
+        parts = word.split("/")
+        for kind, what, part in ((VERTEX, "vertex", parts[0]), (NORMAL, "normal", parts[2] if len(parts) == 3 else "")):
+            if part:
+                reason = _explain_index(lines, line, kind, int(part))
+                if reason:
+                    return f"the face refers to {what} {int(part)}, but {reason}"
+    return f"a malformed face; {_USAGE}"
+
+
+def _explain_index(lines: Lines, line: int, kind: int, index: int) -> str:
+    has = int((lines.kind[: line if index < 0 else None] == kind).sum())
+    if index == 0:
+        return "indices start at 1"
+    if abs(index) <= has:
+        return ""
+    return f"there are {has} '{'v' if kind == VERTEX else 'vn'}' lines" + (" above it" if index < 0 else "")
+
+
+def _odd_lines(text: Block) -> np.ndarray:
+    """(L,) which lines have a character that no face has, or a sign within a number."""
+    code = text.code
+    if not code.tobytes().translate(None, _COMMON):
+        return np.zeros(len(text.offset), bool)
+    odd = np.flatnonzero((code > 57) | ((code > 32) & (code < 43)) | (code == 44) | (code == 46))
+    sign = np.flatnonzero((code == 43) | (code == 45))
+    before, after = code[sign - 1], code[sign + 1]
+    astray = sign[((before > 32) & (before != 47)) | (after < 48) | (after > 57)]
+    positions = np.concatenate([odd, astray])
+    bad = np.zeros(len(text.offset), bool)
+    bad[np.searchsorted(text.offset, positions, "right") - 1] = True
+    return bad
+
+
+def _table(text: Block) -> tuple[np.ndarray, np.ndarray]:
+    """(C, 3) the numbers of each corner as they are written, 0 for what is not, and (C,) its form.
+
+    Forms: 0 a, 1 a/t, 2 a/t/n, 3 a//n; 4 one with a slash at the end; -1 none of them.
+    """
+    count = len(text.word)
+    table = np.zeros((count, 3), np.int64)
+    if not count:
+        return table, np.zeros(0, np.int8)
+    slash = np.flatnonzero(text.code == ord("/"))
+    numbers = text.code.tobytes().translate(_SLASH_TO_BLANK)
+    form, columns = _common_form(text, slash)
+    if columns:
+        values = integers(numbers, count * len(columns))
+        if values is not None:
+            table[:, columns] = values.reshape(count, len(columns))
+            return table, np.full(count, form, np.int8)
+    gap = (text.code <= 32) | (text.code == ord("/"))
+    token = np.flatnonzero(gap[:-1] & ~gap[1:]) + 1
+    word = np.searchsorted(text.word, token, "right") - 1
+    before = np.searchsorted(slash, token)
+    slot = before - np.searchsorted(slash, text.word)[word]
+    slashes = np.bincount(np.searchsorted(text.word, slash, "right") - 1, minlength=count)
+    values = integers(numbers, len(token))
+    if values is None:
+        raise ValueError("faces with strange letters in them")  # _odd_lines has taken them out
+    there = np.zeros((count, 3), bool)
+    fits = slot < 3
+    there[word[fits], slot[fits]] = True
+    table[word[fits], slot[fits]] = values[fits]
+    forms = np.where(slashes < 2, slashes, np.where(there[:, 1], 2, 3))
+    forms[np.where(slashes == 1, ~there[:, 1], (slashes == 2) & ~there[:, 2])] = 4
+    forms[~there[:, 0] | (slashes > 2)] = -1
+    return table, forms.astype(np.int8)
+
+
+def _common_form(text: Block, slash: np.ndarray) -> tuple[int, list[int]]:
+    """The form that all corners have and its columns; no columns where they may differ."""
+    count = len(text.word)
+    if not len(slash):
+        return 0, [0]
+    if len(slash) == count:
+        inside = (slash > text.word).all() and (slash[:-1] < text.word[1:]).all()
+        return (1, [0, 1]) if inside else (-1, [])
+    if len(slash) != 2 * count:
+        return -1, []
+    left, right = slash[0::2], slash[1::2]
+    if not ((left > text.word).all() and (right[:-1] < text.word[1:]).all()):
+        return -1, []
+    double = right == left + 1
+    return (3, [0, 2]) if double.all() else (-1, []) if double.any() else (2, [0, 1, 2])
+
+
+def _resolve(lines: Lines, text: Block, owner: np.ndarray, table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(C, 3) indices from 0 for OBJ's, which count from 1, or back from the last one above the face where negative; -1: none.
+
+    And (C, 3): which of them are written and are not there. A vertex that is not written is not there.
+    """
+    resolved = np.empty_like(table)
+    missing = np.zeros(table.shape, bool)
+    for column, kind in enumerate((VERTEX, COORDINATE, NORMAL)):
+        index = table[:, column]
+        has = int((lines.kind == kind).sum())
+        least, greatest = int(index.min()), int(index.max())
+        if least < 0:
+            above = np.cumsum(lines.kind == kind)[text.lines]
+            index = np.where(index < 0, np.maximum(above[owner] + index, -1) + 1, index)
+            beyond = (index < 0) | (index > has) | ((index == 0) & (table[:, column] != 0))
+            index = np.where(beyond, 0, index)
+            missing[:, column] = beyond
+        elif greatest > has:
+            missing[:, column] = index > has
+            index = np.where(missing[:, column], 0, index)
+        if column == 0:
+            missing[:, column] |= index == 0
+        resolved[:, column] = index - 1
+    return resolved, missing

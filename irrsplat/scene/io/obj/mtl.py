@@ -1,0 +1,281 @@
+"""Reads the diffuse part of the materials in an OBJ file's `.mtl` library: colours, emission, opacity and their textures."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from irrsplat.core.color import LUMINANCE, clip_color
+from irrsplat.core.errors import InputError
+from irrsplat.scene.io.images import find_file, read_image
+from irrsplat.scene.io.lines import number, quote, read_bytes, text_bytes
+from irrsplat.scene.io.obj.text import decoded
+from irrsplat.scene.model import AlphaMode, Image, Material, Texture, Wrap
+
+_VALUES = {"kd": 3, "ke": 3, "ks": 3, "tf": 3, "d": 1, "tr": 1, "illum": 1}  # how many numbers each has
+_MAPS = {"map_kd": "map_kd", "map_ke": "map_ke", "map_d": "map_d", "norm": "norm", "map_kn": "norm"}
+_HEIGHTS = ("bump", "map_bump", "disp")
+_OPTIONS = {  # of a texture, and the most arguments that each takes; those of -o, -s and -t are numbers, one to three
+    **dict.fromkeys(("-o", "-s", "-t"), 3),
+    **dict.fromkeys(("-blendu", "-blendv", "-bm", "-boost", "-cc", "-clamp", "-imfchan", "-texres", "-type"), 1),
+    "-mm": 2,
+}
+_GLASS = (4, 6, 7, 9)  # illumination models that let light through, and those that mirror
+_MIRROR = (3, 5, 8)
+
+
+@dataclass(frozen=True)
+class _Map:
+    """A texture as an .mtl names it: the file, and the options before it."""
+
+    file: str
+    options: dict[str, list[str]]
+
+    def numbers(self, option: str, default: float) -> list[float]:
+        """Three values of -o or -s."""
+        given = [_finite(word, default) for word in self.options.get(option, [])]
+        return (given + [default] * 3)[:3]
+
+    def texture(self, image: Image) -> Texture:
+        """`image` where the options put it: a point's (u, v), v upward, shows the image's -s·(u, v) + -o."""
+        su, sv, _ = self.numbers("-s", 1.0)
+        ou, ov, _ = self.numbers("-o", 0.0)
+        wrap: Wrap = "clamp" if self.options.get("-clamp") == ["on"] else "repeat"
+        return Texture(image, 0, (su, 0.0, ou, 0.0, sv, 1.0 - sv - ov), (wrap, wrap))
+
+
+@dataclass
+class _Entry:
+    """What the lines of one material say."""
+
+    values: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    maps: dict[str, _Map] = field(default_factory=dict)
+
+
+@dataclass
+class MaterialFiles:
+    """Reads material files and the images that they name, each once, and remembers what to tell.
+
+    notices: one line each. files: what was read.
+    """
+
+    notices: list[str] = field(default_factory=list)
+    files: list[Path] = field(default_factory=list)
+    _images: dict[Path, Image | None] = field(default_factory=dict)
+    _cut: dict[tuple[Image | None, Image, str], tuple[Image, AlphaMode]] = field(default_factory=dict)
+
+    def read(self, path: Path) -> dict[str, Material]:
+        """The materials in the file at `path`, by name; surfaces are double-sided.
+
+        Kd (clipped to 0..1) times map_Kd; Ke times map_Ke; `norm`; d or Tr, times map_d or map_Kd's alpha, which is a mask where
+        hardly any of it lies between 0 and 1. Kd or Ke 0 0 0 beside a map counts as 1 1 1, as in most programs. Glass (by its
+        illum, and with Kd 0 0 0) transmits Tf; a mirror or a metal with Kd 0 0 0 reflects Ks.
+        What can't be read costs a notice. Raises InputError where the whole file can't be.
+        """
+        self.files.append(path)
+        entries = self._entries(path)
+        invisible = [entry for entry in entries.values() if _opacity(entry) == 0.0]
+        if invisible and len(invisible) == len(entries):  # some exporters write d 0, or Tr 1, for opaque things
+            for entry in invisible:
+                entry.values["d"] = (1.0,)
+            self.notices.append(f"{path}: every material is transparent altogether; they are drawn opaque")
+        missing: list[str] = []
+        found = {name: self._material(path.parent, entry, missing) for name, entry in entries.items()}
+        missing = list(dict.fromkeys(missing))
+        if missing:
+            more = f" and {len(missing) - 1} more" * (len(missing) > 1)
+            self.notices.append(f"{path}: {missing[0]}{more}; the colours stand alone")
+        return found
+
+    def _entries(self, path: Path) -> dict[str, _Entry]:
+        found: dict[str, _Entry] = {}
+        current = _Entry()
+        bad: list[tuple[int, str]] = []
+        heights = 0
+        for i, line in enumerate(text_bytes(path, strict=False).split(b"\n"), 1):
+            words = decoded(line).split(None, 1)
+            if not words or words[0].startswith("#"):
+                continue
+            key, rest = words[0].lower(), words[1].strip() if len(words) > 1 else ""
+            try:
+                if key == "newmtl":
+                    current = found.setdefault(" ".join(rest.split()), _Entry())
+                elif key in _VALUES:
+                    current.values[key] = _numbers(rest, _VALUES[key])
+                elif key in _MAPS:
+                    current.maps[_MAPS[key]] = _map(rest)
+                elif key in _HEIGHTS:
+                    heights += 1
+            except ValueError as error:
+                bad.append((i, f"{words[0]}: {error}"))
+        if bad:
+            count = f"; {len(bad)} such lines are left out" if len(bad) > 1 else "; the line is left out"
+            self.notices.append(f"{path}:{bad[0][0]}: {bad[0][1]}{count}")
+        if heights:
+            self.notices.append(f"{path}: {heights} height map{'s' * (heights > 1)} (bump, disp) not shown; norm would be")
+        return found
+
+    def _material(self, folder: Path, entry: _Entry, missing: list[str]) -> Material:
+        images = {key: self._image(folder, one.file, missing) for key, one in entry.maps.items()}
+        textures = {key: entry.maps[key].texture(image) for key, image in images.items() if image is not None}
+        color = textures.get("map_kd")
+        albedo = entry.values.get("kd", (1.0,) * 3 if color else (0.5,) * 3)
+        emission = tuple(max(value, 0.0) for value in entry.values.get("ke", (0.0,) * 3))
+        transmission, illum = 0.0, entry.values.get("illum", (2.0,))[0]
+        if not any(albedo):
+            filtered, mirrored = entry.values.get("tf", (1.0,) * 3), entry.values.get("ks", (0.0,) * 3)
+            if color:
+                albedo = (1.0,) * 3
+            elif "map_kd" in entry.maps:
+                albedo = (0.5,) * 3
+            elif illum in _GLASS and any(filtered):
+                albedo, transmission = filtered, 1.0
+            elif illum in _MIRROR:
+                albedo = mirrored
+        if not any(emission) and "map_ke" in textures:
+            emission = (1.0,) * 3
+        opacity = _opacity(entry)
+        mode: AlphaMode = "opaque"
+        if color or "map_d" in textures:
+            color, mode = self._with_alpha(color, textures.get("map_d"), entry.maps.get("map_d"))
+        if opacity < 1.0:
+            mode = "blend"
+        bend = entry.maps["norm"].options.get("-bm", ["1"])[-1] if "norm" in textures else "1"
+        return Material(
+            clip_color(albedo),
+            (emission[0], emission[1], emission[2]),
+            color,
+            textures.get("map_ke"),
+            textures.get("norm"),
+            _finite(bend, 1.0),
+            opacity,
+            mode,
+            transmission=transmission,
+        )
+
+    def _image(self, folder: Path, written: str, missing: list[str]) -> Image | None:
+        """The image that is written so; None, and a reason in `missing`, where there is none."""
+        file = find_file(folder, written)
+        if file is None:
+            missing.append(f"there is no image {quote(written)}")
+            return None
+        if file not in self._images:
+            self.files.append(file)
+            try:
+                self._images[file] = read_image(read_bytes(file), file.name)
+            except InputError as error:
+                self._images[file] = None
+                missing.append(str(error))
+        return self._images[file]
+
+    def _with_alpha(self, color: Texture | None, cut: Texture | None, written: _Map | None) -> tuple[Texture | None, AlphaMode]:
+        """The texture with the alpha of `cut`, else of its own, and what that alpha means."""
+        if cut is None or written is None or (color is not None and cut.image is color.image):
+            return color, _mode(color.image.pixels[..., 3]) if color else "opaque"
+        channel = written.options.get("-imfchan", [""])[-1]
+        image = color.image if color else None
+        key = image, cut.image, channel
+        if key not in self._cut:
+            alpha = _scalar(cut.image.pixels, channel)
+            mode = _mode(alpha)
+            self._cut[key] = (_joined(image, alpha, cut.image.name) if mode != "opaque" or image is None else image), mode
+        combined, mode = self._cut[key]
+        if mode == "opaque":
+            return color, mode
+        place = color or cut
+        return Texture(combined, 0, place.transform, place.wrap), mode
+
+
+def find_libraries(folder: Path, written: str) -> Iterator[tuple[str, Path | None]]:
+    """The files that an `mtllib` line means, each name with None where there is none: one name with blanks, or several."""
+    whole = find_file(folder, written)
+    if whole is not None:
+        yield written, whole
+        return
+    for name in re.findall(r"\S.*?\.mtl(?=\s|$)|\S+", written, re.IGNORECASE):
+        yield name, find_file(folder, name)
+
+
+def _numbers(text: str, count: int) -> tuple[float, ...]:
+    """The numbers at the beginning of a line; one stands for three. Raises ValueError where there are fewer, or none."""
+    words = text.split("#")[0].split()
+    if count == 1 and words[:1] == ["-halo"]:
+        words = words[1:]
+    values = tuple(number(word) for word in words[:count])
+    if len(values) == 1:
+        return values * count
+    if len(values) < count:
+        raise ValueError(f"{len(values)} values; expected {count}")
+    return values
+
+
+def _map(text: str) -> _Map:
+    """A texture's options and file; raises ValueError where no file is named."""
+    options: dict[str, list[str]] = {}
+    rest = text
+    while True:
+        word, _, behind = rest.partition(" ")
+        most = _OPTIONS.get(word.lower())
+        if most is None:
+            break
+        rest = behind.lstrip()
+        args: list[str] = []
+        while len(args) < most:
+            arg, _, behind = rest.partition(" ")
+            if most > 1 and not re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", arg):
+                break
+            args.append(arg.lower())
+            rest = behind.lstrip()
+        options[word.lower()] = args
+    if not rest:
+        raise ValueError("no file is named")
+    return _Map(rest, options)
+
+
+def _finite(word: str, default: float) -> float:
+    try:
+        return number(word)
+    except ValueError:
+        return default
+
+
+def _opacity(entry: _Entry) -> float:
+    value = entry.values["d"][0] if "d" in entry.values else 1.0 - entry.values.get("tr", (0.0,))[0]
+    return min(max(value, 0.0), 1.0)
+
+
+def _mode(alpha: np.ndarray) -> AlphaMode:
+    """What an alpha channel (H, W) uint8 means: a mask where hardly any of it lies between; all 0 is an unused channel."""
+    count = np.bincount(alpha.reshape(-1), minlength=256)
+    absent, present = int(count[:16].sum()), int(count[240:].sum())
+    between = alpha.size - absent - present
+    if present == alpha.size or absent == alpha.size:
+        return "opaque"
+    return "mask" if between <= min(0.1 * alpha.size, absent) else "blend"
+
+
+def _scalar(pixels: np.ndarray, channel: str) -> np.ndarray:
+    """(H, W) uint8 of a picture: the channel of -imfchan, else its alpha where that says something, else its brightness."""
+    if channel in ("r", "g", "b", "m"):
+        return np.asarray(pixels[..., "rgbm".index(channel)])
+    if channel != "l" and pixels[..., 3].min() < 255:
+        return np.asarray(pixels[..., 3])
+    return np.asarray(np.rint(pixels[..., :3] @ LUMINANCE), np.uint8)
+
+
+def _joined(image: Image | None, alpha: np.ndarray, name: str) -> Image:
+    """The image (None: white) with another alpha; both in the larger of their sizes."""
+    import PIL.Image
+
+    height, width = alpha.shape
+    rgb = np.full((height, width, 3), 255, np.uint8) if image is None else image.pixels[..., :3]
+    height, width = max(height, rgb.shape[0]), max(width, rgb.shape[1])
+    planes = [
+        np.asarray(PIL.Image.fromarray(np.ascontiguousarray(plane)).resize((width, height), PIL.Image.Resampling.BILINEAR))
+        for plane in (rgb, alpha)
+    ]
+    return Image(np.dstack(planes), name if image is None else image.name)
