@@ -130,25 +130,6 @@ def test_mtl_colours_group_the_faces(write, tmp_path):
     assert scene.sky == (0, 0, 0) and any("gone.mtl" in notice for notice in scene.notices)
 
 
-def test_a_bad_mtl_line_is_an_error_with_its_place(write, tmp_path):
-    (tmp_path / "m.mtl").write_text("newmtl a\nKd 1 x 0\n")
-    with pytest.raises(InputError, match=r"m\.mtl:2: 'x' is not a number; expected: Kd R G B"):
-        write("a.obj", "mtllib m.mtl\n" + EVERY["a.obj"])
-    (tmp_path / "m.mtl").write_text("newmtl a\nmap_Kd gone.png\n")
-    with pytest.raises(InputError, match=r"m\.mtl:2: cannot read the texture 'gone\.png'"):
-        write("a.obj", "mtllib m.mtl\n" + EVERY["a.obj"])
-
-
-def test_a_texture_counts_by_its_mean_in_linear_light(write, tmp_path):
-    # half black, half white: the mean of the light is 1/2, whereas the mean of the bytes would be (127.5/255)^2.2 = 0.21
-    from PIL import Image
-
-    Image.fromarray(np.array([[0, 255], [255, 0]], np.uint8)).save(tmp_path / "t.png")
-    (tmp_path / "m.mtl").write_text("newmtl a\nKd 1 0.5 1\nmap_Kd t.png\n")
-    scene = write("a.obj", "mtllib m.mtl\nusemtl a\n" + EVERY["a.obj"])
-    assert scene.meshes[0].material.albedo == pytest.approx((0.5, 0.25, 0.5))
-
-
 # PLY
 
 

@@ -60,7 +60,7 @@ def _without_zeros(path: Path, data: bytes, strict: bool) -> bytes:
             raise InputError("the text is UTF-16; save it as UTF-8", path)
         encoding = "utf-16" if marked else "utf-16-be" if even > odd else "utf-16-le"
         return data.decode(encoding, "replace").replace("\0", " ").encode()
-    if strict or even + odd > 0.01 * len(data):
+    if strict or even + odd > 8 + 0.01 * len(data):
         raise InputError("this is binary data; expected a text file in UTF-8", path)
     return data.replace(b"\0", b" ")
 

@@ -79,7 +79,7 @@ def load_obj(path: Path, strict: bool = True) -> Shape:
     group_names, groups = table.names(b"g o", line)
     corners, corner_uvs, corner_normals = (np.ascontiguousarray(faces.corners[:, i])[at] for i in range(3))
     return Shape(
-        positions,
+        np.nan_to_num(positions),
         None if strict else _colors(vertices),
         np.nan_to_num(normals, posinf=0.0, neginf=0.0),
         _downward(coordinates),
@@ -163,7 +163,7 @@ def _without_bad_vertices(lines: Lines, faces: Faces, positions: np.ndarray, rem
 
 
 def _colors(vertices: np.ndarray) -> np.ndarray | None:
-    """(V, 3) linear colours of those behind the positions, sRGB in 0..1 or 0..255; white where one has none. None: none at all."""
+    """(V, 3) linear colours of those behind the positions, sRGB in 0..1 or 0..255; white where one has none; None: none has."""
     if vertices.shape[1] < 6:
         return None
     rgb = vertices[:, 3:6]
