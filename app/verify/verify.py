@@ -6,6 +6,8 @@ import os
 from argparse import Namespace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from irrsplat.app.common.terminal import progress, say
 from irrsplat.app.verify import error_image
 from irrsplat.app.verify.measure import gather, percent, silent, trace
@@ -91,12 +93,17 @@ def _against_trace(renderer: Renderer, scene: Scene, camera: Camera, args: Names
         truth, origin = trace(scene, camera, args, tell)
         frame = renderer.render(camera, progress=lambda now: tell(now.coverage, f"rendering: {now.records} records"))
     found = compare(frame, truth)
-    shown = tonemap(truth.picture, frame.exposure), tonemap(frame.direct + frame.indirect + frame.emission, frame.exposure)
+    radiance = frame.direct + frame.indirect + frame.emission
+    # where there is no surface, both show what the renderer puts behind things
+    expected = np.where(truth.seen[..., None], truth.picture, radiance)
+    shown = tonemap(expected, frame.exposure), tonemap(radiance, frame.exposure)
     flip = error_image.flip(*shown)
     rows = [
         ("pixels compared", f"{int(truth.valid.sum()):,}", f"of {width * height:,}; edges and what is no surface are left out"),
         *_table(found, float(frame.irradiance[truth.valid].mean()), float(truth.irradiance[truth.valid].mean())),
         ("direct light RMSE", percent(found["direct"]), "away from shadow edges"),
+        ("albedo", f"{found['albedo']:.4f}", "median difference from a texture lookup of its own"),
+        ("normal", f"{found['normal']:.2f} °", "median angle between the normals, normal maps included"),
         ("truth", f"{2 * side_of(args.samples) ** 2:,}", f"samples of each kind per pixel, {origin}"),
     ]
     noise = ("noise of the truth", percent(truth.noise), "its own relative RMSE, by two independent halves")

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from irrsplat.core import paths
 from irrsplat.core.errors import IrrsplatError
-from irrsplat.scene.model import Camera, Material, Scene
+from irrsplat.scene.model import Camera, Material, Scene, Texture
 
 # what reading a damaged file raises
 DAMAGE = (OSError, ValueError, KeyError, EOFError, TypeError, NotImplementedError, zipfile.BadZipFile, zlib.error)
@@ -38,21 +38,27 @@ def key_of(scene: Scene, camera: Camera, *values: ArrayLike) -> str:
             digest.update(f"{array.shape}".encode())
             digest.update((array + 0.0).tobytes())  # −0 is 0
 
-    def add_material(material: Material) -> None:
-        digest.update(f"{material.alpha_mode}".encode())
-        add(material.normal_scale, material.opacity, material.alpha_cutoff, material.transmission, material.double_sided)
-        for texture in (material.albedo_texture, material.emission_texture, material.normal_texture):
-            if texture is None:
-                add(())
-            else:
-                digest.update(f"{texture.image.pixels.shape}{texture.wrap}".encode())
-                digest.update(np.ascontiguousarray(texture.image.pixels).tobytes())
-                add(texture.uv_set, texture.transform, texture.nearest)
+    images: dict[int, bytes] = {}
 
-    add(*values, scene.sky, scene.sky_gradient, scene.up, camera.eye, camera.target, camera.up, camera.fov)
+    def add_texture(texture: Texture | None) -> None:
+        add(texture is None)
+        if texture is not None:
+            pixels = texture.image.pixels
+            if id(pixels) not in images:  # many materials may share an image, and an image may have millions of texels
+                images[id(pixels)] = hashlib.sha256(f"{pixels.shape}".encode() + np.ascontiguousarray(pixels).tobytes()).digest()
+            digest.update(images[id(pixels)] + f"{texture.wrap}".encode())
+            add(texture.uv_set, texture.transform, texture.nearest)
+
+    def add_material(material: Material) -> None:
+        digest.update(material.alpha_mode.encode())
+        add(material.emission, material.normal_scale, material.opacity, material.alpha_cutoff, material.transmission)
+        add(material.double_sided)
+        for texture in (material.albedo_texture, material.emission_texture, material.normal_texture):
+            add_texture(texture)
+
+    add(*values, scene.sky, scene.sky_gradient, scene.up, scene.own_sky, camera.eye, camera.target, camera.up, camera.fov)
     for mesh in scene.meshes:
-        add(mesh.positions, mesh.normals, mesh.faces, mesh.material.emission)
-        add(mesh.material.albedo if mesh.colors is None else mesh.colors)
+        add(mesh.positions, mesh.normals, mesh.faces, mesh.material.albedo if mesh.colors is None else mesh.colors)
         add(*(() if value is None else value for value in (mesh.uvs, mesh.opacities)))
         add_material(mesh.material)
     for light in scene.lights:

@@ -1,16 +1,18 @@
 """An independent truth: irradiance of N bounces and direct light by path tracing, with Mitsuba 3 finding the intersections.
 
 Importing this needs the extra `reference`.
-Everything radiometric is written out here (lights, spots, two-sided Lambertian surfaces), so that lights of the OpenGL
-kind, which Mitsuba lacks, have a truth as well, and so that a fault of the renderer is not repeated by shared code.
+Everything radiometric is written out here (lights, spots, two-sided Lambertian surfaces, their textures), so that lights of the
+OpenGL kind, which Mitsuba lacks, have a truth as well, and so that a fault of the renderer is not repeated by shared code.
 
-E_N(p) = ∫ L(q)·cosθ dω over the hemisphere about the shading normal n, L = L_emitted + ρ/π·(E_direct + E_(N−1)) at the
-surface q that is hit, or the sky's radiance; E_0 = 0; directions below the geometric surface count 0. A path has N vertices,
+E_N(p) = ∫ L(q)·cosθ dω over the hemisphere about the normal n, L = L_emitted + ρ/π·(E_direct + E_(N−1)) at the
+surface q that is hit, or the sky's radiance; E_0 = 0; directions below the geometric surface count 0. At a pixel n is bent by the
+normal map, at q it is the interpolated one. Rays pass what light does not see (Material.light_cutoff). A path has N vertices,
 the first at p, each further one where a cosine-distributed ray from the one before it hits. At every vertex, what the ray
-sees is estimated by two kinds of samples: that ray, and, for each positional light, a ray from the light whose hit is
-connected to the vertex. The balance heuristic (Veach & Guibas 1995, eq. 9) joins the two, light by light: without the second
-kind, a lamp close to a wall, which makes a tiny and very bright spot there, would hardly converge. Paths end early by Russian
-roulette (Arvo & Kirk 1990), which does not change the mean.
+sees is estimated by three kinds of samples: that ray; for each positional light, a ray from the light whose hit is
+connected to the vertex; and a point on an emitting triangle, chosen by power, to which the vertex is connected. The balance
+heuristic (Veach & Guibas 1995, eq. 9) joins the first with each of the others, light by light: without the second kind, a lamp
+close to a wall, which makes a tiny and very bright spot there, would hardly converge, nor would a small bulb without the third.
+Paths end early by Russian roulette (Arvo & Kirk 1990), which does not change the mean.
 """
 
 from __future__ import annotations
@@ -24,6 +26,11 @@ import mitsuba as mi
 import numpy as np
 
 from irrsplat.core.errors import IrrsplatError
+from irrsplat.reference.camera_view import EPSILON, Visible, seen
+from irrsplat.reference.caster import camera_rays
+from irrsplat.reference.emitters import Emitters
+from irrsplat.reference.surfaces import Surfaces
+from irrsplat.reference.textures import TextureTable
 from irrsplat.scene.model import Camera, Light, Scene
 
 Lanes: TypeAlias = Any  # a Dr.Jit array with an entry a lane; its class depends on the variant that is chosen at run time
@@ -49,7 +56,8 @@ def choose_variant() -> str:
 
 @dataclass(frozen=True)
 class Hit:
-    """Surface points, one per lane; `n` and `g` are the shading and geometric normals, turned to where the ray came from."""
+    """Surface points, one per lane; `n` and `g` are the shading and geometric normals, turned to where the ray came from; `face`
+    is the number of the triangle among those that light may see."""
 
     valid: Lanes
     p: Lanes
@@ -57,70 +65,183 @@ class Hit:
     g: Lanes
     albedo: Lanes
     emission: Lanes
+    face: Lanes
     ambiguous: Lanes  # the geometric normal is turned to the ray's origin, but the shading normal is not
 
 
+class LaneBackend:
+    """Lanes for textures.TextureTable."""
+
+    def array(self, values: np.ndarray) -> Lanes:
+        """A table of floats, or of unsigned integers."""
+        return mi.UInt32(values) if values.dtype.kind == "u" else mi.Float(values.astype(np.float32))
+
+    def gather(self, table: Lanes, index: Lanes) -> Lanes:
+        """The table's entries."""
+        return dr.gather(type(table), table, index)
+
+    def select(self, condition: Lanes, yes: Lanes, no: Lanes) -> Lanes:
+        """`yes` where the condition holds, else `no`."""
+        return dr.select(condition, yes, no)
+
+    def floor(self, x: Lanes) -> Lanes:
+        """The greatest whole numbers up to x."""
+        return dr.floor(x)
+
+    def whole(self, x: Lanes) -> Lanes:
+        """Whole floats as unsigned integers."""
+        return mi.UInt32(x)
+
+
 class Tracer:
-    """A scene, ready to be traced; lengths in the scene's units, radiance and irradiance in W/(m² sr) and W/m²."""
+    """A scene, ready to be traced; lengths in the scene's units, radiance and irradiance in W/(m² sr) and W/m².
 
-    def __init__(self, scene: Scene) -> None:
-        meshes = [m for m in scene.meshes if len(m.faces)]
-        first = np.cumsum([0] + [len(m.positions) for m in meshes])[:-1]
-        positions = np.concatenate([m.positions for m in meshes]).astype(np.float32)
-        faces = np.concatenate([m.faces + k for m, k in zip(meshes, first, strict=True)]).astype(np.uint32)
-        albedo = [np.broadcast_to(m.material.albedo if m.colors is None else m.colors, m.positions.shape) for m in meshes]
-        emission = [np.broadcast_to(m.material.emission, (len(m.faces), 3)) for m in meshes]
+    emitters: whether emitting triangles are sampled as lights; without, they are only met by chance.
+    """
 
-        mesh = mi.Mesh("scene", vertex_count=len(positions), face_count=len(faces))
-        parameters = mi.traverse(mesh)
-        parameters["vertex_positions"] = positions.ravel()
-        parameters["faces"] = faces.ravel()
-        parameters.update()
-        self.world = mi.load_dict({"type": "scene", "mesh": mesh})
-        self.scene = scene
-        self.epsilon = 2e-5 * scene.diagonal  # keeps a ray off the surface that it starts from
+    def __init__(self, scene: Scene, emitters: bool = True) -> None:
+        self.scene, self.surfaces = scene, Surfaces.of(scene)
+        self.epsilon = EPSILON * scene.diagonal  # keeps a ray off the surface that it starts from
+        surfaces, table = self.surfaces, self.surfaces.materials
+        may, depends = surfaces.seen_by_light
+        solid = np.flatnonzero(may)  # the triangles that light may see
+        faces, material = surfaces.faces[solid], surfaces.material[solid]
+        self.world = _world(surfaces.positions, faces)
+        self.camera_world = self.world if may.all() else _world(surfaces.positions, surfaces.faces)
 
-        self.positions = mi.Float(positions.ravel())
-        self.faces = mi.UInt32(faces.ravel())
-        self.normals = mi.Float(np.concatenate([m.normals for m in meshes]).astype(np.float32).ravel())
-        self.albedo = mi.Float(np.concatenate(albedo).astype(np.float32).ravel())
-        self.emission = mi.Float(np.concatenate(emission).astype(np.float32).ravel())
+        self.positions, self.normals, self.albedo = (
+            mi.Float(a.ravel()) for a in (surfaces.positions, surfaces.normals, surfaces.albedo)
+        )
+        self.faces = mi.UInt32(faces.astype(np.uint32).ravel())
+        self.emission = mi.Float(surfaces.emission[solid].ravel())
+
+        # where light passes depends on the point of these triangles: below the cutoff; elsewhere that is 0
+        self.cutoff = None
+        if depends.any():
+            self.cutoff = mi.Float(np.where(depends[solid], table.light_cutoff[material], 0.0).astype(np.float32))
+        self.opacity, self.uvs = mi.Float(surfaces.opacity), mi.Float(surfaces.uvs.ravel())
+        self.textures = TextureTable.of(table.textures, LaneBackend()) if table.textures else None
+        numbers = {kind: table.texture[kind][material] for kind in ("albedo", "emission")}  # −1 becomes the greatest number
+        self.texture = {k: mi.UInt32(n.astype(np.uint32)) if (n >= 0).any() else None for k, n in numbers.items()}
+
+        # emitting triangles: which one is drawn, and by the number of a triangle the density per area with which it is
+        found = Emitters.of(surfaces) if emitters else None
+        self.emitters: Any = None
+        if found is not None:
+            place = np.searchsorted(solid, found.face)
+            density = np.zeros(len(solid))
+            density[place] = found.probability / found.area
+            self.emitters = mi.DiscreteDistribution(mi.Float(found.probability.astype(np.float32)))
+            self.emitter_face, self.emitter_density = mi.UInt32(place.astype(np.uint32)), mi.Float(density.astype(np.float32))
 
     # --- rays -----------------------------------------------------------------------------------------------------------
 
     def hit(self, origin: Lanes, direction: Lanes, active: Lanes = True) -> Hit:
-        """The nearest surface from `origin` along the unit `direction`, at least epsilon away."""
-        ray = mi.Ray3f(origin + self.epsilon * direction, direction)
-        found = self.world.ray_intersect_preliminary(ray, coherent=False, active=mi.Bool(active))
-        valid = found.is_valid() & mi.Bool(active)
-        triangle = dr.gather(mi.Vector3u, self.faces, found.prim_index, active=valid)
-        a, b, c = (dr.gather(mi.Point3f, self.positions, v, active=valid) for v in (triangle.x, triangle.y, triangle.z))
-        u, v = (dr.select(valid, x, 0.0) for x in (found.prim_uv.x, found.prim_uv.y))
-
-        def interpolate(values: Lanes) -> Lanes:
-            x, y, z = (dr.gather(mi.Vector3f, values, k, active=valid) for k in (triangle.x, triangle.y, triangle.z))
-            return x * (1.0 - u - v) + y * u + z * v
-
+        """The nearest surface that light sees, from `origin` along the unit `direction`, at least epsilon away."""
+        valid, face, u, v = self._nearest(origin + self.epsilon * direction, direction, mi.Bool(active))
+        corners = dr.gather(mi.Vector3u, self.faces, face, active=valid)
+        a, b, c = (dr.gather(mi.Point3f, self.positions, k, active=valid) for k in (corners.x, corners.y, corners.z))
         g = dr.select(valid, dr.normalize(dr.cross(b - a, c - a)), -direction)
         g = dr.select(dr.dot(g, direction) < 0.0, g, -g)
-        n = interpolate(self.normals)
+        n = self._blended(self.normals, corners, u, v, valid)
         n = dr.select(dr.dot(n, n) > 0.0, dr.normalize(n), g)
         n = dr.select(dr.dot(n, g) < 0.0, -n, n)
+        albedo, emission = self._colors(face, corners, u, v, valid)
         return Hit(
             valid=valid,
             p=mi.Point3f(a * (1.0 - u - v) + b * u + c * v),
             n=n,
             g=g,
-            albedo=mi.Color3f(interpolate(self.albedo)),
-            emission=dr.gather(mi.Color3f, self.emission, found.prim_index, active=valid),
+            albedo=albedo,
+            emission=emission,
+            face=face,
             ambiguous=dr.dot(n, direction) >= 0.0,
         )
 
     def visible(self, origin: Lanes, direction: Lanes, distance: Lanes, active: Lanes) -> Lanes:
-        """True where nothing lies between `origin` and the point at `distance` along the unit `direction`."""
+        """True where nothing that light sees lies between `origin` and the point at `distance` along the unit `direction`."""
         length = distance - 2.0 * self.epsilon
-        ray = mi.Ray3f(mi.Ray3f(origin + self.epsilon * direction, direction), length)
-        return active & ((length <= 0.0) | ~self.world.ray_test(ray, coherent=False, active=active))
+        start = origin + self.epsilon * direction
+        if self.cutoff is None:
+            ray = mi.Ray3f(mi.Ray3f(start, direction), length)
+            return active & ((length <= 0.0) | ~self.world.ray_test(ray, coherent=False, active=active))
+        blocked, *_ = self._nearest(start, direction, active & (length > 0.0), length)
+        return active & ~blocked
+
+    def _nearest(
+        self, origin: Lanes, direction: Lanes, active: Lanes, length: Lanes | None = None
+    ) -> tuple[Lanes, Lanes, Lanes, Lanes]:
+        """(valid, triangle, u, v) of the nearest point that light sees, at most `length` away; rays pass all others."""
+        ray = mi.Ray3f(origin, direction)
+        if length is not None:
+            ray = mi.Ray3f(ray, length)
+        found = self.world.ray_intersect_preliminary(ray, coherent=False, active=active)
+        valid = found.is_valid() & active
+        face = mi.UInt32(found.prim_index)
+        u, v = (dr.select(valid, x, 0.0) for x in (found.prim_uv.x, found.prim_uv.y))
+        if self.cutoff is None:
+            return valid, face, u, v
+        farthest = mi.Float(dr.inf) if length is None else length
+        distance = mi.Float(dr.select(valid, found.t, 0.0))
+        passes = valid & self._lets_through(face, u, v, valid)
+
+        def step(
+            passes: Lanes, valid: Lanes, face: Lanes, u: Lanes, v: Lanes, distance: Lanes
+        ) -> tuple[Lanes, Lanes, Lanes, Lanes, Lanes, Lanes]:
+            done = distance + self.epsilon
+            further = mi.Ray3f(mi.Ray3f(origin + done * direction, direction), farthest - done)
+            found = self.world.ray_intersect_preliminary(further, coherent=False, active=passes)
+            hit = passes & found.is_valid()
+            face = dr.select(hit, found.prim_index, face)
+            u, v = dr.select(hit, found.prim_uv.x, u), dr.select(hit, found.prim_uv.y, v)
+            distance = dr.select(hit, done + found.t, distance)
+            return hit & self._lets_through(face, u, v, hit), dr.select(passes, hit, valid), face, u, v, distance
+
+        state = passes, valid, face, mi.Float(u), mi.Float(v), distance
+        _, valid, face, u, v, _ = dr.while_loop(state, lambda passes, *_: passes, step)
+        return valid, face, u, v
+
+    def _lets_through(self, face: Lanes, u: Lanes, v: Lanes, active: Lanes) -> Lanes:
+        """Whether light passes these points of triangles."""
+        cutoff = dr.gather(mi.Float, self.cutoff, face, active=active)
+        tested = active & (cutoff > 0.0)
+        corners = dr.gather(mi.Vector3u, self.faces, face, active=tested)
+        x, y, z = (dr.gather(mi.Float, self.opacity, k, active=tested) for k in (corners.x, corners.y, corners.z))
+        opacity = x * (1.0 - u - v) + y * u + z * v
+        if self.texture["albedo"] is not None:
+            opacity = opacity * self._texel("albedo", face, self._places(corners, u, v, tested), tested)[3]
+        return tested & (opacity < cutoff)
+
+    def _blended(self, values: Lanes, corners: Lanes, u: Lanes, v: Lanes, active: Lanes) -> Lanes:
+        """Vectors of three at vertices, interpolated."""
+        x, y, z = (dr.gather(mi.Vector3f, values, k, active=active) for k in (corners.x, corners.y, corners.z))
+        return x * (1.0 - u - v) + y * u + z * v
+
+    def _places(self, corners: Lanes, u: Lanes, v: Lanes, active: Lanes) -> tuple[Lanes, ...]:
+        """The texture coordinates (u, v, u, v) at points of triangles."""
+        x, y, z = (dr.gather(mi.Vector4f, self.uvs, k, active=active) for k in (corners.x, corners.y, corners.z))
+        return tuple(x * (1.0 - u - v) + y * u + z * v)
+
+    def _texel(self, kind: str, face: Lanes, uvs: tuple[Lanes, ...], active: Lanes) -> tuple[Lanes, Lanes, Lanes, Lanes]:
+        """Red, green, blue and alpha of the triangles' textures of this kind; 1 where they have none."""
+        assert self.textures is not None
+        number = dr.gather(mi.UInt32, self.texture[kind], face, active=active)
+        worn = active & (number < len(self.surfaces.materials.textures))
+        found = self.textures.color_at(dr.select(worn, number, 0), uvs)
+        return tuple(dr.select(worn, channel, 1.0) for channel in found)
+
+    def _colors(self, face: Lanes, corners: Lanes, u: Lanes, v: Lanes, active: Lanes) -> tuple[Lanes, Lanes]:
+        """The albedo and the emission at points of triangles."""
+        albedo = mi.Color3f(self._blended(self.albedo, corners, u, v, active))
+        emission = dr.gather(mi.Color3f, self.emission, face, active=active)
+        if self.textures is None:
+            return albedo, emission
+        uvs = self._places(corners, u, v, active)
+        if self.texture["albedo"] is not None:
+            albedo *= mi.Color3f(*self._texel("albedo", face, uvs, active)[:3])
+        if self.texture["emission"] is not None:
+            emission *= mi.Color3f(*self._texel("emission", face, uvs, active)[:3])
+        return albedo, emission
 
     # --- lights ---------------------------------------------------------------------------------------------------------
 
@@ -174,7 +295,8 @@ class Tracer:
         lane = dr.arange(mi.UInt32, dr.width(p) * count)
         point = lane // count
         p, n, g = (dr.gather(mi.Vector3f, x, point) for x in (p, n, g))
-        random: Lanes = mi.PCG32(size=dr.width(lane), initstate=seed)
+        generator: Any = mi.PCG32
+        random: Lanes = generator(size=dr.width(lane), initstate=seed)
         stratum = mi.Point2u((lane % count) % side, (lane % count) // side)
 
         def uniform() -> Lanes:  # a point in the unit square per lane, of the first vertex a stratified one
@@ -185,7 +307,7 @@ class Tracer:
         total: Lanes = dr.zeros(mi.Color3f, dr.width(lane))
         weight: Lanes = mi.Color3f(1.0)
         for vertex in range(bounces):
-            seen, q = self._seen(mi.Point3f(p), n, g, uniform)
+            seen, q = self._seen(mi.Point3f(p), n, g, uniform, random.next_float32)
             seen *= weight
             dr.eval(seen, q, random)
             if not vertex:
@@ -204,12 +326,20 @@ class Tracer:
         sums = [dr.block_sum(total[k], count) for k in range(3)]
         return np.stack([np.array(s, dtype=np.float64) for s in sums], axis=1) / count
 
-    def _seen(self, p: Lanes, n: Lanes, g: Lanes, uniform: Lanes) -> tuple[Lanes, Hit]:
-        """E_1 at each p as estimated by one ray from it and one from each light; and the hits of the rays from p."""
+    def _seen(self, p: Lanes, n: Lanes, g: Lanes, uniform: Lanes, single: Lanes) -> tuple[Lanes, Hit]:
+        """E_1 at each p as estimated by one ray from it, one from each light, and one to an emitter; and the hits of the first.
+
+        uniform: draws points of the unit square; single: numbers.
+        """
         direction = mi.Frame3f(n).to_world(cosine_hemisphere(uniform()))
         above = dr.dot(direction, g) > 0.0
         q = self.hit(p, direction, above)
-        total = mi.Color3f(dr.select(q.valid, q.emission, dr.select(above, mi.Color3f(*self.scene.sky), 0.0))) * pi
+        emission, p_ray = q.emission, None
+        if self.emitters is not None:
+            p_ray = _density_of_ray(p, n, q.p, q.g)
+            p_emitter = dr.gather(mi.Float, self.emitter_density, q.face, active=q.valid)
+            emission = emission * dr.select(p_emitter > 0.0, p_ray / (p_ray + p_emitter + TINY), 1.0)
+        total = mi.Color3f(dr.select(q.valid, emission, dr.select(above, self.sky(direction), 0.0))) * pi
         for light in self.scene.lights:
             E, _ = self.lit(light, q)
             w: Lanes = 1.0
@@ -220,7 +350,39 @@ class Tracer:
         for light in self.scene.lights:
             if not light.directional:
                 total += self._from_light(light, p, n, g, uniform())
+        if self.emitters is not None:
+            total += self._from_emitter(p, n, g, uniform(), single())
         return total, q
+
+    def sky(self, direction: Lanes) -> Lanes:
+        """The radiance that comes from unit directions where there is no surface."""
+        radiance = mi.Color3f(*self.scene.sky)
+        if any(self.scene.sky_gradient):
+            radiance = radiance + mi.Color3f(*self.scene.sky_gradient) * dr.dot(direction, mi.Vector3f(*self.scene.up))
+        return radiance
+
+    def _from_emitter(self, p: Lanes, n: Lanes, g: Lanes, u: Lanes, further: Lanes) -> Lanes:
+        """The share of E_1 that comes from connecting points of emitting triangles to p."""
+        face = dr.gather(mi.UInt32, self.emitter_face, self.emitters.sample(u.x))
+        corners = dr.gather(mi.Vector3u, self.faces, face)
+        a, b, c = (dr.gather(mi.Point3f, self.positions, k) for k in (corners.x, corners.y, corners.z))
+        root = dr.sqrt(further)  # not u.x, which has chosen the triangle
+        s, t = root * (1.0 - u.y), root * u.y
+        y = a * (1.0 - s - t) + b * s + c * t
+        toward = y - p
+        r = dr.norm(toward)
+        w = toward / (r + TINY)
+        m = dr.normalize(dr.cross(b - a, c - a))
+        cos_p, cos_y = dr.dot(n, w), dr.abs(dr.dot(m, w))
+        active = (r > 0.0) & (cos_p > 0.0) & (dr.dot(g, w) > 0.0) & (cos_y > 0.0)
+        if self.cutoff is not None:
+            active &= ~self._lets_through(face, s, t, active)
+        _, emission = self._colors(face, corners, s, t, active)
+        active &= lights(emission)
+        active &= self.visible(p, w, r, active)
+        p_ray, p_emitter = _density_of_ray(p, n, y, m), dr.gather(mi.Float, self.emitter_density, face)
+        geometry = cos_p * cos_y / dr.square(r)
+        return dr.select(active & (p_emitter > 0.0), emission * (geometry / (p_ray + p_emitter)), 0.0)
 
     def _from_light(self, light: Light, p: Lanes, n: Lanes, g: Lanes, u: Lanes) -> Lanes:
         """The share of E_1 that comes from connecting the hits of rays from `light` to p."""
@@ -245,9 +407,8 @@ class Tracer:
     @staticmethod
     def _densities(light: Light, p: Lanes, n: Lanes, q: Lanes, g: Lanes) -> tuple[Lanes, Lanes]:
         """Densities per area at q of a cosine-distributed ray from p, and of a ray from the light."""
-        to_p, to_light = p - q, mi.Point3f(*light.position) - q
-        r, d = dr.norm(to_p), dr.norm(to_light)
-        p_ray = positive(dr.dot(n, -to_p)) * dr.abs(dr.dot(g, to_p)) / (pi * r * r * r * r)
+        to_light = mi.Point3f(*light.position) - q
+        d = dr.norm(to_light)
         density = 1.0 / (4.0 * pi)
         inside = mi.Bool(True)
         if has_cone(light):
@@ -255,29 +416,77 @@ class Tracer:
             density = 1.0 / (2.0 * pi * (1.0 - edge))
             inside = dr.dot(mi.Vector3f(axis(light)), -to_light) >= edge * d
         p_light = dr.select(inside & (dr.dot(g, to_light) > 0.0), density * dr.dot(g, to_light) / (d * d * d), 0.0)
-        return dr.select(r > 0.0, p_ray, 0.0), dr.select(d > 0.0, p_light, 0.0)
+        return _density_of_ray(p, n, q, g), dr.select(d > 0.0, p_light, 0.0)
 
 
-def camera_rays(camera: Camera, size: tuple[int, int], dx: float | np.ndarray = 0.5, dy: float | np.ndarray = 0.5) -> np.ndarray:
-    """(W·H, 3) unit directions, row by row from the top, through the point (dx, dy) of every pixel (0.5: its centre).
+def _density_of_ray(p: Lanes, n: Lanes, q: Lanes, g: Lanes) -> Lanes:
+    """The density per area at q, where the surface's normal is g, of a cosine-distributed ray from p."""
+    to_p = p - q
+    r = dr.norm(to_p)
+    return dr.select(r > 0.0, positive(dr.dot(n, -to_p)) * dr.abs(dr.dot(g, to_p)) / (pi * r * r * r * r), 0.0)
 
-    size: (W, H). dx, dy: 0..1 to the right and downward, one number or (H, W).
-    """
-    width, height = size
-    row, column = np.indices((height, width))
-    slope = np.tan(np.radians(camera.fov) / 2.0)
-    x = ((column + dx) / width * 2.0 - 1.0) * slope * (width / height)
-    y = (1.0 - (row + dy) / height * 2.0) * slope
-    world = np.stack([x, y, -np.ones_like(x)], axis=-1).reshape(-1, 3) @ camera.axes
-    directions: np.ndarray = world / np.linalg.norm(world, axis=1, keepdims=True)
-    return directions
+
+def _world(positions: np.ndarray, faces: np.ndarray) -> Any:
+    """Triangles as Mitsuba intersects them; one without extent where there are none."""
+    faces = faces if len(faces) else np.zeros((1, 3))
+    mesh = mi.Mesh("scene", vertex_count=len(positions), face_count=len(faces))
+    parameters = mi.traverse(mesh)
+    parameters["vertex_positions"] = positions.ravel()
+    parameters["faces"] = faces.astype(np.uint32).ravel()
+    parameters.update()
+    return mi.load_dict({"type": "scene", "mesh": mesh})
+
+
+class _LaneHits:
+    """Hits of a camera's rays (N, 3) on all triangles, for camera_view.seen."""
+
+    def __init__(self, tracer: Tracer, camera: Camera, directions: np.ndarray) -> None:
+        self.world, self.epsilon, self.directions = tracer.camera_world, tracer.epsilon, directions
+        self.eye = np.asarray(camera.eye, float)
+        # rays set out where they enter the scene's sphere: from an eye far away, float32 would miss by pixels
+        middle = tracer.scene.bounds.mean(axis=0)
+        self.entry = directions @ (middle - self.eye) - 0.51 * tracer.scene.diagonal
+
+    def nearest(self, pixel: np.ndarray, beyond: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """(found, triangle, u, v, distance) of the nearest hits of rays by number (N,) farther than `beyond` (N,)."""
+        start = np.maximum(np.maximum(beyond, self.epsilon), self.entry[pixel])
+        d = self.directions[pixel]
+        ray = mi.Ray3f(mi.Point3f((self.eye + start[:, None] * d).T), mi.Vector3f(d.T))
+        found = self.world.ray_intersect_preliminary(ray, coherent=False)
+        valid = np.array(found.is_valid())
+        face, u, v, t = (np.array(x) for x in (found.prim_index, found.prim_uv.x, found.prim_uv.y, found.t))
+        return valid, face.astype(np.int64), u.astype(float), v.astype(float), start + np.where(valid, t, 0.0)
+
+
+def view(
+    tracer: Tracer, camera: Camera, size: tuple[int, int], dx: float | np.ndarray = 0.5, dy: float | np.ndarray = 0.5
+) -> Visible:
+    """What the camera sees through one point of every pixel, as camera_rays has it; one ray a pixel, row by row."""
+    directions = camera_rays(camera, size, dx, dy)
+    return seen(tracer.surfaces, directions, _LaneHits(tracer, camera, directions), tracer.epsilon)
 
 
 def look(
     tracer: Tracer, camera: Camera, size: tuple[int, int], dx: float | np.ndarray = 0.5, dy: float | np.ndarray = 0.5
 ) -> Hit:
-    """What the camera sees through one point of every pixel, as camera_rays has it; one lane per pixel."""
-    return tracer.hit(mi.Point3f(*camera.eye), mi.Vector3f(camera_rays(camera, size, dx, dy).T))
+    """The surfaces that the camera sees through one point of every pixel, with their mapped normals; one lane per pixel."""
+    return surface(view(tracer, camera, size, dx, dy), camera)
+
+
+def surface(found: Visible, camera: Camera) -> Hit:
+    """What rays of a camera see, in lanes."""
+    toward = found.position - np.asarray(camera.eye)
+    away = ((found.normal * toward).sum(1) >= 0.0) | ((found.smooth * toward).sum(1) >= 0.0)
+    return Hit(
+        valid=mi.Bool(found.seen),
+        p=mi.Point3f(found.position.T),
+        n=mi.Vector3f(found.normal.T),
+        g=mi.Vector3f(found.geometric.T),
+        albedo=mi.Color3f(found.albedo.T),
+        emission=mi.Color3f(found.emission.T),
+        face=dr.zeros(mi.UInt32, len(away)),
+        ambiguous=mi.Bool(away),
+    )
 
 
 def image(values: Lanes, size: tuple[int, int]) -> np.ndarray:

@@ -6,16 +6,21 @@ Importing this needs the extra `reference`. `main` is the process that `irrsplat
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
+import mitsuba as mi
 import numpy as np
 
-from irrsplat.reference.path_tracer import Hit, Tracer, image, lights, look
+from irrsplat.reference.camera_view import Visible
+from irrsplat.reference.caster import camera_rays
+from irrsplat.reference.path_tracer import Hit, Tracer, image, lights, look, surface, view
 from irrsplat.reference.worker import serve
 from irrsplat.scene.model import Camera, Scene
 
 ANGLE = 18.0  # degrees between a pixel's normal and its neighbours'
 PLANE = 0.01  # distance of its neighbours from its tangent plane, in diagonals
 FAR_FROM_EDGES = 3  # pixels: direct light is compared where a shadow's edge is farther than this
+_FINE = 4  # textures are looked up in side² points of every pixel
 _PART = 1 << 22  # samples between two reports of progress
 
 
@@ -26,13 +31,19 @@ def trace(
     half; report: called with the share done."""
     width, height = size
     tracer = Tracer(scene)
-    hit = look(tracer, camera, size)
-    position, normal, geometric = (image(v, size) for v in (hit.p, hit.n, hit.g))
-    seen, smooth = image(hit.valid, size), valid_pixels(position, normal, image(hit.valid, size), scene.diagonal)
+    middle = view(tracer, camera, size)
+    hit, centre = surface(middle, camera), middle.image(size)
+    seen, smooth = centre.seen, valid_pixels(centre.position, centre.smooth, centre.seen, scene.diagonal)
     direct, changes = direct_light(tracer, camera, hit, size)
     valid = smooth & ~image(hit.ambiguous, size)  # which way is "turned to the camera" there is a matter of taste
+    if any(mesh.material.textures for mesh in scene.meshes):
+        albedo, normal = over_pixels(tracer, camera, size, centre)
+        hit = replace(hit, n=mi.Vector3f(normal.reshape(-1, 3).T), albedo=mi.Color3f(albedo.reshape(-1, 3).T))
+        direct = sum((image(hit.albedo * tracer.lit(light, hit)[0] / np.pi, size) for light in scene.lights), 0.0 * albedo)
+    else:
+        albedo, normal = centre.albedo, centre.normal
 
-    p, n, g = (a[seen] for a in (position, normal, geometric))
+    p, n, g = (a[seen] for a in (centre.position, normal, centre.geometric))
     halves = np.zeros((2, height, width, 3), np.float32)
     step = min(max(_PART // (side * side), 1), 65536)  # below the distance of two seeds in Tracer.irradiance
     parts = [slice(k, k + step) for k in range(0, len(p), step)]
@@ -43,15 +54,37 @@ def trace(
         report((k + 1) / len(parts))
     for half in range(2):
         halves[half][seen] = np.concatenate(found[half]) if parts else 0.0
+    sky = scene.sky_radiance(camera_rays(camera, size)).reshape(height, width, 3) if scene.own_sky else 0.0
     return {
         "halves": halves,
         "direct": np.where(seen[..., None], direct, 0.0).astype(np.float32),
-        "albedo": np.where(seen[..., None], image(hit.albedo, size), 0.0).astype(np.float32),
-        "emission": np.where(seen[..., None], image(hit.emission, size), scene.sky).astype(np.float32),
+        "albedo": albedo.astype(np.float32),
+        "emission": np.where(seen[..., None], centre.emission, sky).astype(np.float32),
+        "normal": normal.astype(np.float32),
+        "tint": centre.tint.astype(np.float32),
+        "opacity": centre.opacity.astype(np.float32),
         "seen": seen,
         "valid": valid,
         "clear": valid & (distance_to(changes | ~smooth) > FAR_FROM_EDGES),
     }
+
+
+def over_pixels(tracer: Tracer, camera: Camera, size: tuple[int, int], centre: Visible) -> tuple[np.ndarray, np.ndarray]:
+    """(H, W, 3) albedo and mapped normal as means over every pixel, of what lies on the surface that its centre sees.
+
+    A texture may be finer than a pixel, and no renderer shows the texel that happens to lie in the middle.
+    """
+    albedo, normal = centre.albedo.copy(), centre.normal.copy()
+    count = np.ones((*centre.seen.shape, 1))
+    for dx, dy in _within_a_pixel(_FINE):
+        sub = view(tracer, camera, size, dx, dy).image(size)
+        near = np.abs(((sub.position - centre.position) * centre.smooth).sum(-1)) <= PLANE * tracer.scene.diagonal
+        same = sub.seen & centre.seen & near & ((sub.smooth * centre.smooth).sum(-1) >= np.cos(np.radians(ANGLE)))
+        albedo += np.where(same[..., None], sub.albedo, 0.0)
+        normal += np.where(same[..., None], sub.normal, 0.0)
+        count += same[..., None]
+    length = np.linalg.norm(normal, axis=-1, keepdims=True)
+    return albedo / count, np.where(length > 0.0, normal / np.where(length > 0.0, length, 1.0), centre.normal)
 
 
 def neighbours(array: np.ndarray, reach: int = 1) -> np.ndarray:
@@ -86,7 +119,7 @@ def direct_light(tracer: Tracer, camera: Camera, hit: Hit, size: tuple[int, int]
         strength.append(image(before, size).max(axis=-1))
         least.append(np.ones((height, width), bool))
         most.append(np.zeros((height, width), bool))
-    for dx, dy in np.stack(np.meshgrid([1 / 6, 0.5, 5 / 6], [1 / 6, 0.5, 5 / 6]), -1).reshape(-1, 2):
+    for dx, dy in _within_a_pixel(3):
         sub = look(tracer, camera, size, dx, dy)
         for k, light in enumerate(tracer.scene.lights):
             E, before = tracer.lit(light, sub)
@@ -101,6 +134,12 @@ def direct_light(tracer: Tracer, camera: Camera, hit: Hit, size: tuple[int, int]
         differs = ~neighbours(low).all(axis=0) & neighbours(high).any(axis=0)
         changes |= differs & (neighbours(s).max(axis=0) > 1e-3 * total)
     return direct, changes
+
+
+def _within_a_pixel(side: int) -> np.ndarray:
+    """(side², 2) points spread evenly over a pixel, 0..1 to the right and downward."""
+    s = (np.arange(side) + 0.5) / side
+    return np.stack(np.meshgrid(s, s), -1).reshape(-1, 2)
 
 
 def distance_to(marked: np.ndarray, most: int = 255) -> np.ndarray:

@@ -16,7 +16,7 @@ from irrsplat.reference.disk_cache import folder
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import preset
 
-VERSION = 2  # of what is traced and how; older files in the cache are not read
+VERSION = 3  # of what is traced and how; older files in the cache are not read
 MOST_BOUNCES = preset(bounces="all").most_bounces  # what a surface of reflectance ρ adds after N is ρ^N of the first one's
 MOST_SAMPLES = 131_072  # what is in flight at once fits into memory
 NOTHING = "the camera sees no smooth surface, so there is nothing to compare; give another camera or a larger size"
@@ -29,7 +29,9 @@ class Traced:
     """The truth of a view of W×H pixels, top row first, float32.
 
     halves: (2, H, W, 3) indirect irradiance in W/m², by two independent halves of the samples. direct: (H, W, 3) ρ/π·E_direct,
-    emission: (H, W, 3) of the surface or the sky, in W/(m² sr). albedo: (H, W, 3). The rest are (H, W) bool:
+    emission: (H, W, 3) of the surface, or of the sky where the scene has its own, in W/(m² sr). albedo: (H, W, 3). normal:
+    (H, W, 3) bent by the normal map, turned to the camera; irradiance is about it. tint: (H, W, 3) what filters in front leave
+    of all that. opacity: (H, W) of the nearest surface, filter or not. The rest are (H, W) bool:
     seen: there is a surface. valid: and the surface is smooth in the 3×3 pixels around: irradiance is compared there.
     clear: and no shadow's edge is near: direct light is compared there.
     """
@@ -38,6 +40,9 @@ class Traced:
     direct: np.ndarray
     albedo: np.ndarray
     emission: np.ndarray
+    normal: np.ndarray
+    tint: np.ndarray
+    opacity: np.ndarray
     seen: np.ndarray
     valid: np.ndarray
     clear: np.ndarray
@@ -50,8 +55,8 @@ class Traced:
 
     @property
     def picture(self) -> np.ndarray:
-        """(H, W, 3) radiance: direct, indirect and emitted light together."""
-        radiance: np.ndarray = self.direct + self.albedo / np.float32(np.pi) * self.irradiance + self.emission
+        """(H, W, 3) radiance: direct, indirect and emitted light together, through the filters in front."""
+        radiance: np.ndarray = self.tint * (self.direct + self.albedo / np.float32(np.pi) * self.irradiance + self.emission)
         return radiance
 
     @property
@@ -80,8 +85,11 @@ def errors(E: np.ndarray, E_ref: np.ndarray) -> dict[str, float | None]:
 
 
 def compare(frame: Frame, truth: Traced) -> dict[str, float | None]:
-    """The `errors` of a frame's irradiance in the valid pixels; `net`: the `rmse` without the truth's own noise; and `direct`:
-    the relative RMSE of its direct light in the clear ones. Raises InputError where no pixel is valid, or the sizes differ.
+    """The `errors` of a frame's irradiance in the valid pixels; `net`: the `rmse` without the truth's own noise; `direct`: the
+    relative RMSE of its direct light in the clear ones; `albedo`: the median difference of its channels from the truth's, and
+    `normal`: the median angle between the normals in degrees, both in the valid pixels.
+
+    Raises InputError where no pixel is valid, or the sizes differ.
     """
     if frame.irradiance.shape != truth.direct.shape:
         raise InputError(f"the frame is of shape {frame.irradiance.shape}, but the truth of shape {truth.direct.shape}")
@@ -93,7 +101,20 @@ def compare(frame: Frame, truth: Traced) -> dict[str, float | None]:
     found = errors(frame.irradiance[truth.valid], truth.irradiance[truth.valid])
     rmse, noise = found["rmse"], truth.noise
     net = None if rmse is None or noise is None else math.sqrt(max(rmse**2 - noise**2, 0.0))
-    return found | {"net": net, "direct": direct}
+    albedo = float(np.median(np.abs(frame.albedo[truth.valid] - truth.albedo[truth.valid])))
+    return found | {
+        "net": net,
+        "direct": direct,
+        "albedo": albedo,
+        "normal": median_angle(frame.normal, truth.normal, truth.valid),
+    }
+
+
+def median_angle(normals: np.ndarray, others: np.ndarray, where: np.ndarray) -> float:
+    """The median angle in degrees between unit vectors (H, W, 3) in the pixels `where` (H, W)."""
+    # by half the distance of their ends: the arc cosine knows nothing finer than 0.02° in float32
+    half = np.linalg.norm(normals[where].astype(float) - others[where], axis=1) / 2.0
+    return float(np.degrees(np.median(2.0 * np.arcsin(np.minimum(half, 1.0)))))
 
 
 def side_of(samples: int) -> int:
@@ -176,7 +197,7 @@ def _read(path: Path, size: tuple[int, int]) -> Traced | None:
     for field in fields(Traced):
         array = getattr(truth, field.name)
         flag = field.name in ("seen", "valid", "clear")
-        shape = pixels if flag else (2, *pixels, 3) if field.name == "halves" else (*pixels, 3)
+        shape = pixels if flag or field.name == "opacity" else (2, *pixels, 3) if field.name == "halves" else (*pixels, 3)
         if array.shape != shape or array.dtype != (bool if flag else np.float32) or not np.isfinite(array).all():
             raise ValueError(f"'{field.name}' is not what irrsplat writes")
     return truth

@@ -423,7 +423,8 @@ class Tracer:
         shape = size[1], size[0]
         grey, seen = np.full((*shape, 3), 0.5, "f4"), chance.random(shape) < 0.8
         halves = (chance.uniform(0.0, 2.0, (2, *shape, 3)) * seen[..., None]).astype("f4")
-        return {"halves": halves, "direct": grey, "albedo": grey, "emission": grey, "seen": seen, "valid": seen, "clear": seen}
+        surface = {"albedo": grey, "normal": grey, "tint": grey, "opacity": grey[..., 0]}
+        return {"halves": halves, "direct": grey, "emission": grey, **surface, "seen": seen, "valid": seen, "clear": seen}
 
     def finish(self, driver: Driver) -> None:
         """Let it end, and wait until the viewer has taken the truth."""

@@ -1,0 +1,100 @@
+"""What a camera sees of a scene's surfaces: what is cut out or turned away is left out, and what filters tints what is behind.
+
+NumPy alone. `seen` takes any source of hits; `cast` finds them without OpenGL and without a path tracer, so that a g-buffer has
+something independent to be compared with.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Protocol
+
+import numpy as np
+
+from irrsplat.reference.caster import Hits, camera_rays
+from irrsplat.reference.surfaces import Surfaces
+from irrsplat.scene.model import Camera, Scene
+
+EPSILON = 2e-5  # of the scene's diagonal: how far behind a surface the next one is looked for
+_LAYERS = 1000  # at most, that a ray goes through
+
+
+@dataclass(frozen=True)
+class Visible:
+    """What N rays of a camera see, float64; 0 where there is no surface.
+
+    seen: (N,) bool, there is a surface. position: (N, 3) world space. normal: (N, 3) bent by the normal map; smooth: (N, 3)
+    interpolated; geometric: (N, 3); the last is turned to the eye, and the others to the side of the last. albedo, emission:
+    (N, 3), not tinted. tint: (N, 3) the product of all filters in front. opacity: (N,) of the nearest surface, filter or not.
+    distance: (N,) from the eye; inf where there is no surface.
+    """
+
+    seen: np.ndarray
+    position: np.ndarray
+    normal: np.ndarray
+    smooth: np.ndarray
+    geometric: np.ndarray
+    albedo: np.ndarray
+    emission: np.ndarray
+    tint: np.ndarray
+    opacity: np.ndarray
+    distance: np.ndarray
+
+    def image(self, size: tuple[int, int]) -> Visible:
+        """The same as (H, W, …) arrays, where the rays are those of the pixels of size (W, H)."""
+        width, height = size
+        arrays = {f.name: getattr(self, f.name) for f in fields(self)}
+        return Visible(**{name: a.reshape(height, width, *a.shape[1:]) for name, a in arrays.items()})
+
+
+class HitSource(Protocol):
+    """Finds what rays hit."""
+
+    def nearest(self, pixel: np.ndarray, beyond: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """(found, triangle, u, v, distance) of the nearest hits of rays by number (N,) farther than `beyond` (N,)."""
+
+
+def seen(surfaces: Surfaces, directions: np.ndarray, hits: HitSource, epsilon: float) -> Visible:
+    """What rays (N, 3) of a camera see; epsilon: how far behind a surface the next one is looked for, in metres."""
+    count, table = len(directions), surfaces.materials
+    p, n, smooth, g, albedo, emission = np.zeros((6, count, 3))
+    tint, nearest, far = np.ones((count, 3)), np.zeros(count), np.full(count, np.inf)
+    it = Visible(np.zeros(count, bool), p, n, smooth, g, albedo, emission, tint, nearest, far)
+    active, beyond, touched = np.arange(count), np.zeros(count), np.zeros(count, bool)
+    for _ in range(_LAYERS):
+        if not len(active):
+            break
+        found, triangle, u, v, distance = hits.nearest(active, beyond[active])
+        active, triangle, u, v, distance = (x[found] for x in (active, triangle, u, v, distance))
+        beyond[active] = distance + epsilon
+        points = surfaces.at(triangle, u, v)
+        material, opacity = points.material, points.opacity
+        inward = (points.front * directions[active]).sum(1) > 0.0
+        there = (table.double_sided[material] | ~inward) & (opacity >= table.cut_out[material])
+        opacity = np.where(table.cut_out[material] > 0.0, 1.0, opacity)
+        # `light_cutoff`: more than half of the light is held back
+        filters = there & table.filters[material] & (opacity * (1.0 - table.transmission[material]) < 0.5)
+        first = there & ~touched[active]
+        it.opacity[active[first]], touched[active[first]] = opacity[first], True
+        it.tint[active[filters]] *= 1.0 - opacity[filters, None] * (1.0 - points.albedo[filters])
+        stops = there & ~filters
+        at, geometric = active[stops], np.where(inward[:, None], -points.front, points.front)[stops]
+        side = np.where((points.smooth[stops] * geometric).sum(1, keepdims=True) < 0.0, -1.0, 1.0)
+        it.seen[at], it.distance[at], it.position[at], it.geometric[at] = True, distance[stops], points.position[stops], geometric
+        it.normal[at], it.smooth[at] = side * points.mapped[stops], side * points.smooth[stops]
+        it.albedo[at], it.emission[at] = points.albedo[stops], points.emission[stops]
+        active = active[~stops]
+    return it
+
+
+def cast(
+    scene: Scene, camera: Camera, size: tuple[int, int], dx: float | np.ndarray = 0.5, dy: float | np.ndarray = 0.5
+) -> Visible:
+    """What a camera sees through the point (dx, dy) of every pixel (0.5: its centre), as (H, W, …) arrays, size: (W, H).
+
+    Textures are looked up at full resolution, bilinear: where a pixel covers many texels, the mean over a pixel is that of
+    several such points.
+    """
+    surfaces, directions = Surfaces.of(scene), camera_rays(camera, size, dx, dy)
+    hits = Hits(surfaces.positions, surfaces.faces, camera, size, directions)
+    return seen(surfaces, directions, hits, EPSILON * scene.diagonal).image(size)

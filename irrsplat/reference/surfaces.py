@@ -1,0 +1,221 @@
+"""The surfaces of a scene as tables, and what is at a point of one of its triangles: colours, opacity, normals. NumPy alone.
+
+Written independently of flatten and of the shaders, for truths to compare them with.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from irrsplat.reference.textures import NumpyBackend, TextureTable
+from irrsplat.scene.model import Material, Mesh, Scene, Texture
+
+
+class Points(NamedTuple):
+    """N points on surfaces, float64; normals are unit, world space.
+
+    position: (N, 3). front: (N, 3) the geometric normal on the side from which the triangle is wound counter-clockwise.
+    smooth: (N, 3) the interpolated normal, mapped: (N, 3) the same bent by the normal map; both on the side on which the mesh
+    has its normals. albedo, emission: (N, 3). opacity: (N,), 1 where the material ignores it or cuts out. material: (N,) numbers.
+    """
+
+    position: np.ndarray
+    front: np.ndarray
+    smooth: np.ndarray
+    mapped: np.ndarray
+    albedo: np.ndarray
+    emission: np.ndarray
+    opacity: np.ndarray
+    material: np.ndarray
+
+
+@dataclass(frozen=True)
+class MaterialTable:
+    """Materials by number, arrays of an entry each: their fields as scene.Material has them, and which texture of `textures` a
+    material has for albedo, emission and normal, -1: none."""
+
+    materials: tuple[Material, ...]
+    textures: tuple[Texture, ...]
+    texture: dict[str, np.ndarray]
+    normal_scale: np.ndarray
+    reads_opacity: np.ndarray  # whether it does not ignore it
+    cut_out: np.ndarray  # the opacity from which on it is there; 0: always
+    light_cutoff: np.ndarray
+    filters: np.ndarray
+    transmission: np.ndarray
+    double_sided: np.ndarray
+
+    @staticmethod
+    def of(materials: tuple[Material, ...]) -> MaterialTable:
+        """The table of these."""
+        numbers: dict[Texture, int] = {}
+        texture: dict[str, np.ndarray] = {}
+        for kind in ("albedo", "emission", "normal"):
+            worn = [getattr(m, f"{kind}_texture") for m in materials]
+            texture[kind] = np.array([-1 if t is None else numbers.setdefault(t, len(numbers)) for t in worn], np.int64)
+        masks = [m.alpha_mode == "mask" for m in materials]
+        return MaterialTable(
+            materials,
+            tuple(numbers),
+            texture,
+            np.array([m.normal_scale for m in materials]),
+            np.array([m.alpha_mode != "opaque" for m in materials], bool),
+            np.array([m.alpha_cutoff if mask else 0.0 for m, mask in zip(materials, masks, strict=True)]),
+            np.array([m.light_cutoff for m in materials]),
+            np.array([m.filters for m in materials], bool),
+            np.array([m.transmission for m in materials]),
+            np.array([m.double_sided for m in materials], bool),
+        )
+
+
+@dataclass(frozen=True)
+class Surfaces:
+    """All triangles of a scene, mesh by mesh.
+
+    positions, normals: (V, 3) float32. albedo: (V, 3) float32, the factor or the colours of vertices. opacity: (V,) float32.
+    uvs: (V, 4) float32. faces: (F, 3) int64. material: (F,) numbers in `materials`.
+    """
+
+    positions: np.ndarray
+    normals: np.ndarray
+    albedo: np.ndarray
+    opacity: np.ndarray
+    uvs: np.ndarray
+    faces: np.ndarray
+    material: np.ndarray
+    materials: MaterialTable
+
+    @staticmethod
+    def of(scene: Scene) -> Surfaces:
+        """The scene's."""
+        meshes = [m for m in scene.meshes if len(m.faces)]
+        first = np.cumsum([0] + [len(m.positions) for m in meshes])[:-1]
+        count = [len(m.faces) for m in meshes]
+
+        def joined(width: int, values: list[np.ndarray]) -> np.ndarray:
+            return np.concatenate([np.zeros((0, width)), *values]).astype(np.float32)
+
+        def one_a_vertex(mesh: Mesh, values: object, width: int) -> np.ndarray:
+            return np.broadcast_to(np.asarray(values).reshape(-1, width), (len(mesh.positions), width))
+
+        return Surfaces(
+            joined(3, [m.positions for m in meshes]),
+            joined(3, [m.normals for m in meshes]),
+            joined(3, [one_a_vertex(m, m.material.albedo if m.colors is None else m.colors, 3) for m in meshes]),
+            joined(1, [one_a_vertex(m, m.material.opacity if m.opacities is None else m.opacities, 1) for m in meshes])[:, 0],
+            joined(4, [one_a_vertex(m, np.zeros(4) if m.uvs is None else m.uvs, 4) for m in meshes]),
+            np.concatenate([np.zeros((0, 3), np.int64), *(m.faces + k for m, k in zip(meshes, first, strict=True))]).astype(
+                np.int64
+            ),
+            np.repeat([scene.materials[m.material] for m in meshes], count).astype(np.int64),
+            MaterialTable.of(tuple(scene.materials)),
+        )
+
+    @cached_property
+    def textures(self) -> TextureTable:
+        """The textures of `materials`."""
+        return TextureTable.of(self.materials.textures, NumpyBackend())
+
+    @cached_property
+    def emission(self) -> np.ndarray:
+        """(F, 3) float32: the triangles' emission before any texture."""
+        factors = np.array([m.emission for m in self.materials.materials]).reshape(-1, 3)
+        chosen: np.ndarray = factors[self.material].astype(np.float32)
+        return chosen
+
+    @cached_property
+    def least_and_most_opacity(self) -> tuple[np.ndarray, np.ndarray]:
+        """Two of (F,): bounds of the opacity on each triangle, as light sees it."""
+        table, corners = self.materials, self.opacity[self.faces]
+        low, high = corners.min(axis=1, initial=np.inf), corners.max(axis=1, initial=0.0)
+        alphas = {
+            id(t.image): (t.image.pixels[..., 3].min() / 255.0, t.image.pixels[..., 3].max() / 255.0) for t in table.textures
+        }
+        ends = np.array([*(alphas[id(t.image)] for t in table.textures), (1.0, 1.0)])  # the last one: of no texture
+        least, most = ends[table.texture["albedo"][self.material]].T
+        reads = table.reads_opacity[self.material]
+        return np.where(reads, low * least, 1.0), np.where(reads, high * most, 1.0)
+
+    @cached_property
+    def seen_by_light(self) -> tuple[np.ndarray, np.ndarray]:
+        """Two of (F,) bool: whether light may see a triangle at all, and whether that depends on the point."""
+        least, most = self.least_and_most_opacity
+        cutoff = self.materials.light_cutoff[self.material]
+        return most >= cutoff, (most >= cutoff) & (least < cutoff)
+
+    def at(self, triangle: np.ndarray, u: np.ndarray, v: np.ndarray) -> Points:
+        """What is at the points a + u(b - a) + v(c - a) of triangles (N,) with corners a, b, c; u, v: (N,)."""
+        corners = self.faces[triangle]
+        share = np.stack([1.0 - u - v, u, v], axis=1)
+
+        def blended(values: np.ndarray) -> np.ndarray:
+            found: np.ndarray = np.einsum("nk,nk...->n...", share, values[corners].astype(np.float64))
+            return found
+
+        a, b, c = (self.positions[corners[:, k]].astype(np.float64) for k in range(3))
+        front = unit(np.cross(b - a, c - a))
+        smooth = blended(self.normals)
+        smooth = np.where((smooth**2).sum(1, keepdims=True) > 0.0, unit(smooth), front)
+        material, table = self.material[triangle], self.materials
+        albedo, opacity, emission = blended(self.albedo), blended(self.opacity), self.emission[triangle].astype(np.float64)
+        uvs = blended(self.uvs)
+        mapped = smooth
+        if table.textures:
+            r, g, b_, alpha = self._color("albedo", material, uvs)
+            albedo, opacity = albedo * np.stack([r, g, b_], axis=1), opacity * alpha
+            emission = emission * np.stack(self._color("emission", material, uvs)[:3], axis=1)
+            mapped = self._bent(triangle, material, uvs, smooth)
+        opacity = np.where(table.reads_opacity[material], opacity, 1.0)
+        return Points(blended(self.positions), front, smooth, mapped, albedo, emission, opacity, material)
+
+    def _color(self, kind: str, material: np.ndarray, uvs: np.ndarray, linear: bool = False) -> list[np.ndarray]:
+        """Red, green, blue and alpha, (N,) each, of the material's texture of this kind; 1 where it has none."""
+        number = self.materials.texture[kind][material]
+        at = np.flatnonzero(number >= 0)
+        found = [np.ones(len(number)) for _ in range(4)]
+        if len(at):
+            for channel, values in zip(found, self.textures.color_at(number[at], tuple(uvs[at].T), linear), strict=True):
+                channel[at] = values
+        return found
+
+    def _bent(self, triangle: np.ndarray, material: np.ndarray, uvs: np.ndarray, smooth: np.ndarray) -> np.ndarray:
+        """(N, 3) the normals that the normal maps make of `smooth`.
+
+        The tangent runs along the image to the right, the bitangent upward in it; both are made perpendicular to `smooth`.
+        Where the coordinates are missing or degenerate, nothing is bent.
+        """
+        number = self.materials.texture["normal"][material]
+        at = np.flatnonzero(number >= 0)
+        if not len(at):
+            return smooth
+        corners, n = self.faces[triangle[at]], smooth[at]
+        p = self.positions[corners].astype(np.float64)
+        # the coordinates in the image, so that a transform that turns the map turns what it says as well
+        places = [self.textures.place(number[at], tuple(self.uvs[corners[:, k]].astype(np.float64).T)) for k in range(3)]
+        (du1, dv1), (du2, dv2) = ((places[k][0] - places[0][0], places[k][1] - places[0][1]) for k in (1, 2))
+        area = du1 * dv2 - du2 * dv1
+        rightward = (p[:, 1] - p[:, 0]) * dv2[:, None] - (p[:, 2] - p[:, 0]) * dv1[:, None]
+        downward = (p[:, 2] - p[:, 0]) * du1[:, None] - (p[:, 1] - p[:, 0]) * du2[:, None]
+        tangent = np.sign(area)[:, None] * rightward
+        tangent = unit(tangent - (tangent * n).sum(1, keepdims=True) * n)
+        bitangent = np.cross(n, tangent)
+        bitangent *= np.sign((bitangent * -np.sign(area)[:, None] * downward).sum(1, keepdims=True))
+        r, g, b, _ = self._color("normal", material[at], uvs[at], linear=True)
+        scale = self.materials.normal_scale[material[at]]
+        x, y, z = (2.0 * r - 1.0) * scale, (2.0 * g - 1.0) * scale, 2.0 * b - 1.0
+        bent = unit(x[:, None] * tangent + y[:, None] * bitangent + z[:, None] * n)
+        usable = (np.abs(area) > 1e-20) & np.isfinite(bent).all(axis=1) & ((bent**2).sum(1) > 0.5) & ((tangent**2).sum(1) > 0.5)
+        result = smooth.copy()
+        result[at[usable]] = bent[usable]
+        return result
+
+
+def unit(v: np.ndarray) -> np.ndarray:
+    """(N, 3) vectors of length 1; those of length 0 stay."""
+    length = np.linalg.norm(v, axis=-1, keepdims=True)
+    result: np.ndarray = v / np.where(length > 0.0, length, 1.0)
+    return result

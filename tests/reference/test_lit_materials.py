@@ -1,0 +1,237 @@
+"""The path tracer on textures, masks, glass, normal maps, skies and emitting surfaces, where Mitsuba is: against formulas."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from irrsplat.core.errors import IrrsplatError
+from irrsplat.reference.camera_view import cast
+from irrsplat.reference.truth import MOST_BOUNCES
+from irrsplat.scene.model import Camera, Image, Light, Material, Mesh, Scene, Texture
+from tests.support.worlds import box, floor, lamp, polygon_vector, quad, scene
+
+UP = np.array([[0.0, 1.0, 0.0]], "f4")
+CAMERA = Camera((0.0, 2.0, 0.1), (0.0, 0.0, 0.0))
+
+
+@pytest.fixture(scope="module")
+def mitsuba() -> Any:
+    """The module of the tracer, in a variant that runs here."""
+    pytest.importorskip("mitsuba")
+    from irrsplat.reference import path_tracer
+
+    try:
+        path_tracer.choose_variant()
+    except IrrsplatError as error:
+        pytest.skip(str(error))
+    return path_tracer
+
+
+def worn(mesh: Mesh, repeats: float = 1.0) -> Mesh:
+    """A quad with texture coordinates: the image's right runs along its first side, and up along its second."""
+    uvs = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], "f4") * np.float32(repeats)
+    return replace(mesh, uvs=np.tile(uvs, 2))
+
+
+def image(red: Any, green: Any = 0, blue: Any = 0, alpha: Any = 255) -> Image:
+    """An image of these channels, numbers or (H, W)."""
+    return Image(np.stack(np.broadcast_arrays(np.atleast_2d(red), green, blue, alpha), axis=-1).astype(np.uint8))
+
+
+CHECKER = 255 * (np.indices((2, 2)).sum(0) % 2)
+
+
+def squares(height: float, side: int, half: float) -> np.ndarray:
+    """(side², 4, 3) the corners of the squares of a checkered floor, row by row from -z on."""
+    s = np.linspace(-half, half, side + 1)
+    return np.array(
+        [[[s[i], height, s[j]], [s[i + 1], height, s[j]], [s[i + 1], height, s[j + 1]], [s[i], height, s[j + 1]]]
+         for j in range(side) for i in range(side)]
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ["albedo", "emission", "mask"])
+def test_a_checkered_floor_seen_by_a_point(mitsuba: Any, kind: str) -> None:
+    """From 0.7 above 8×8 squares, looking down, each by Lambert's formula. Under a sky of 1 those that reflect bring π·ρ·F more;
+    those that shine, L·F; those that are not there show a sky of 1."""
+    texture = Texture(image(CHECKER, CHECKER, CHECKER, CHECKER if kind == "mask" else 255), nearest=True)
+    paint = {
+        "albedo": Material((0.8, 0.4, 0.2), albedo_texture=texture),
+        "emission": Material((0.0, 0.0, 0.0), (3.0, 2.0, 1.0), emission_texture=texture),
+        "mask": Material((0.0, 0.0, 0.0), albedo_texture=texture, alpha_mode="mask"),
+    }[kind]
+    world = scene(worn(floor(1.0, 0.0, paint), 4.0), sky=0.0 if kind == "emission" else 1.0)
+    p = np.array([0.13, 0.7, -0.22])
+    share = -polygon_vector(squares(0.0, 8, 1.0), p)[:, 1]
+    lit = (np.indices((8, 8)).sum(0) % 2).ravel() == 1
+    beside = np.pi - share.sum()
+    expected = {
+        "albedo": beside + share[lit].sum() * np.array([0.8, 0.4, 0.2]),
+        "emission": share[lit].sum() * np.array([3.0, 2.0, 1.0]),
+        "mask": beside + share[~lit].sum() * np.ones(3),
+    }[kind]
+    E = mitsuba.Tracer(world).irradiance(p[None].astype("f4"), -UP, -UP, 300, 1, 2)
+    assert 0.1 < share[lit].sum() < np.pi / 2
+    assert np.allclose(E[0], expected, rtol=0.004)
+
+
+@pytest.mark.parametrize("power", [False, True])
+def test_a_panel_over_a_plane(mitsuba: Any, power: bool) -> None:
+    """By Lambert's formula, with the panel sampled as a light and without; half of the panel is dark by its texture."""
+    panel = quad((0.2, 0.5, 0.1), (0.3, 0, 0), (0, 0, 0.2), Material((0, 0, 0), (2.0, 4.0, 6.0)))
+    half = Texture(image([[255, 0]], [[255, 0]], [[255, 0]]), nearest=True)
+    other = worn(quad((-0.9, 0.2, 0.1), (0.4, 0.1, 0), (0, 0, 0.3), Material((0, 0, 0), (1.0, 1.0, 1.0), emission_texture=half)))
+    tracer = mitsuba.Tracer(scene(floor(3.0), panel, other), emitters=power)
+    p = np.stack([np.linspace(-0.5, 0.5, 9), np.zeros(9), np.full(9, 0.2)], axis=1)
+    bright = other.positions.copy()
+    bright[1:3] = (other.positions[[0, 3]] + other.positions[[1, 2]]) / 2
+    expected = polygon_vector(panel.positions, p)[:, 1:2] * [2.0, 4.0, 6.0] + polygon_vector(bright, p)[:, 1:2]
+    E = tracer.irradiance(p.astype("f4"), *[np.tile(UP, (9, 1))] * 2, 128, 3)
+    assert (tracer.emitters is not None) == power
+    assert np.allclose(E, expected, rtol=0.02 if power else 0.1)
+
+
+def test_emitters_far_and_small_converge_at_every_bounce(mitsuba: Any) -> None:
+    """What a small bulb sends out arrives: its power π·L·A on both sides is A_room·mean(E_1), and each bounce sends ρ of it on,
+    hardly any of it to the bulb, which is black. Without sampling it, the noise is many times as large."""
+    albedo, side = 0.6, 0.02
+    bulb = quad((-side / 2, 0.1, -side / 2), (side, 0, 0), (0, 0, side), Material((0.0, 0.0, 0.0), (1e3, 1e3, 1e3)))
+    world = scene(box((-1, -1, -1), (1, 1, 1), Material((albedo,) * 3)), bulb)
+    s = (np.arange(8) + 0.5) / 4.0 - 1.0
+    u, v = (x.ravel() for x in np.meshgrid(s, s))
+    sides = [np.roll(np.stack([np.full_like(u, end), u, v], 1), axis, 1) for axis in range(3) for end in (-1.0, 1.0)]
+    p = np.concatenate(sides).astype("f4")
+    n = np.concatenate([np.tile(-end * np.eye(3)[axis], (64, 1)) for axis in range(3) for end in (-1.0, 1.0)]).astype("f4")
+    noise = []
+    for emitters in (True, False):
+        tracer = mitsuba.Tracer(world, emitters=emitters)
+        halves = np.array([tracer.irradiance(p, n, n, 8, seed, MOST_BOUNCES) for seed in (1, 2)])
+        noise.append(np.sqrt(np.mean((halves[0] - halves[1]) ** 2)))
+    E = np.concatenate([mitsuba.Tracer(world).irradiance(p, n, n, 8, seed, MOST_BOUNCES) for seed in range(3, 7)])
+    direct = 2.0 * np.pi * 1e3 * side**2 / 24.0
+    assert E.mean() == pytest.approx(direct / (1.0 - albedo), rel=0.05)
+    assert noise[0] < 0.2 * noise[1]
+
+
+def test_a_furnace_with_masks_and_glass(mitsuba: Any) -> None:
+    """Whatever a ray passes or meets, it shines as the walls do: E_N = π·L·(1 + ρ + …). A pane that lets light pass may shine or
+    not, and a mask has holes."""
+    glow = Material((0.5, 0.5, 0.5), (1.0, 1.0, 1.0))
+    holes = Texture(image(255, 255, 255, CHECKER))
+    leaf = replace(glow, albedo_texture=holes, alpha_mode="mask")
+    pane = Material((0.1, 0.2, 0.3), (9.0, 9.0, 9.0), transmission=0.9)
+    faint = Material((0.1, 0.2, 0.3), alpha_mode="blend", opacity=0.3)
+    sheets = ((0.2, leaf), (0.0, pane), (-0.3, faint), (0.4, leaf))
+    middle = [worn(quad((-0.8, y, 0.8), (1.6, 0, 0), (0, 0, -1.6), paint), 3.0) for y, paint in sheets]
+    world = scene(box((-1, -1, -1), (1, 1, 1), glow), *middle)
+    p = np.array([[0.3, -1.0, 0.2], [-0.6, -1.0, 0.6]], "f4")
+    up = np.tile(UP, (2, 1))
+    for bounces in (1, 3):
+        E = mitsuba.Tracer(world).irradiance(p, up, up, 32, 1, bounces)
+        assert np.allclose(E, np.pi * sum(0.5**k for k in range(bounces)), rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    "paint", [Material((0.1, 0.9, 0.1), transmission=0.8), Material((0, 0, 0), alpha_mode="blend", opacity=0.4)]
+)
+def test_a_window_pane_does_not_darken(mitsuba: Any, paint: Material) -> None:
+    """Sky, a lamp and a panel outside, a pane in front of the open side: light is the same, and so is what is seen."""
+    room = [
+        quad((-1, -1, -1), (0, 0, 2), (0, 2, 0)),
+        quad((1, -1, 1), (0, 0, -2), (0, 2, 0)),
+        quad((-1, -1, -1), (2, 0, 0), (0, 2, 0)),
+    ]
+    room += [quad((-1, -1, 1), (2, 0, 0), (0, 0, -2)), quad((-1, 1, -1), (2, 0, 0), (0, 0, 2))]
+    glow = quad((-0.3, 0.0, 2.0), (0.6, 0, 0), (0, 0.6, 0), Material(emission=(5, 5, 5)))
+    pane = quad((-1, -1, 1), (2, 0, 0), (0, 2, 0), paint)
+    p, n = np.array([[0.3, -1.0, 0.2], [0.5, 1.0, -0.3]], "f4"), np.array([[0, 1, 0], [0, -1, 0]], "f4")
+    camera = Camera((0.0, 0.2, 3.5), (0.0, 0.0, 0.0), fov=25.0)
+    found = []
+    for meshes in (room, [*room, pane]):
+        world = scene(*meshes, glow, lights=(lamp((0.5, 0.5, 2.0)),), sky=(0.2, 0.3, 0.4), camera=camera)
+        tracer = mitsuba.Tracer(world)
+        hit = mitsuba.look(tracer, camera, (9, 9))
+        found.append([tracer.irradiance(p, n, n, 16, 1, 4), np.array(tracer.lit(world.lights[0], hit)[0]), np.array(hit.p)])
+    assert found[0][0].min() > 0.1
+    for clear, glazed in zip(*found, strict=True):
+        assert np.allclose(clear, glazed, rtol=1e-6, atol=1e-6)
+
+
+def test_shadows_fall_through_the_holes_of_a_mask(mitsuba: Any) -> None:
+    """A lamp and the sun shine through every other stripe of a sheet, and through a second one of which the corners are gone."""
+    stripes = Texture(image(255, 255, 255, [[0, 255]]), wrap=("repeat", "clamp"), nearest=True)
+    paint = Material(albedo_texture=stripes, alpha_mode="mask")
+    sheets = [worn(floor(1.0, height, paint), 2.0) for height in (1.0, 1.001)]
+    sun = Light((0.0, 1.0, 0.0), (1.0, 1.0, 1.0), directional=True)
+    world = scene(floor(3.0), *sheets, lights=(lamp((0.0, 4.0, 0.0)), sun))
+    tracer = mitsuba.Tracer(world)
+    x = np.linspace(-0.99, 0.98, 40)
+    p, up = np.stack([x, 0 * x, 0.1 + 0 * x], axis=1), np.tile(UP, (40, 1))
+    hit = mitsuba.Hit(
+        mitsuba.mi.Bool(np.ones(40, bool)), *(mitsuba.mi.Vector3f(a.T) for a in (p, up, up, up, up)), mitsuba.mi.UInt32(0), False
+    )
+    for light, at in zip(world.lights, (0.75 * x, x), strict=True):
+        E = np.array(tracer.lit(light, hit)[0])[0]
+        open_ = np.floor((at + 1.0) * 2.0) % 2 == 0
+        assert np.array_equal(E > 0.0, open_) and 10 < open_.sum() < 30
+
+
+@pytest.mark.parametrize("gradient", [0.0, 0.8])
+def test_a_tilted_normal_map_under_a_sky_that_is_brighter_above(mitsuba: Any, gradient: float) -> None:
+    """E about the mapped normal, directions below the floor left out, summed over a fine grid; a whole view of it."""
+    from irrsplat.reference import trace_view
+
+    texels = np.array([190, 150, 225])
+    texture = Texture(image(*texels))
+    ground = worn(floor(2.0, paint=Material((0.6, 0.6, 0.6), normal_texture=texture)))
+    n = texels / 255.0 * 2.0 - 1.0
+    n = n[[0, 2, 1]] * [1, 1, -1] / np.linalg.norm(n)
+    cosine, phi = np.meshgrid((np.arange(400) + 0.5) / 400, 2 * np.pi * (np.arange(400) + 0.5) / 400)
+    sine = np.sqrt(1.0 - cosine**2)
+    d = np.stack([sine * np.cos(phi), cosine, sine * np.sin(phi)], -1).reshape(-1, 3)
+    world = Scene((ground,), (), (CAMERA,), sky=(1.0, 1.0, 1.0), sky_gradient=(gradient, 0.0, -gradient))
+    expected = (world.sky_radiance(d) * np.maximum(d @ n, 0.0)[:, None]).mean(0) * 2.0 * np.pi
+    truth = trace_view.trace(world, CAMERA, (8, 6), 32, 1, lambda share: None)
+    assert truth["valid"].any() and np.allclose(truth["normal"][truth["valid"]], n, atol=1e-6)
+    assert np.allclose(truth["halves"].mean(0)[truth["valid"]], expected, rtol=0.01)
+    if not gradient:
+        assert np.allclose(expected, np.pi * (1.0 + n[1]) / 2.0, rtol=1e-3)
+
+
+def test_a_view_of_the_tracer_is_that_of_the_caster(mitsuba: Any) -> None:
+    """Two finders of hits, with a mask, a filter and a map in the view; textures finer than pixels become their mean."""
+    from irrsplat.reference import trace_view
+
+    noise = np.random.default_rng(1).integers(0, 256, (3, 64, 64))
+    maps = Texture(image(noise[0], noise[1], noise[2], noise[0]))
+    meshes = [
+        worn(floor(2.0, 0.0, Material((0.9, 0.7, 0.5), albedo_texture=maps)), 0.2),
+        worn(floor(0.5, 0.6, Material(albedo_texture=maps, alpha_mode="mask")), 0.2),
+        worn(floor(0.8, 1.0, Material((0.2, 0.4, 0.6), alpha_mode="blend", opacity=0.4))),
+    ]
+    world = scene(*meshes, sky=1.0, camera=CAMERA)
+    found = mitsuba.view(mitsuba.Tracer(world), CAMERA, (40, 30)).image((40, 30))
+    expected = cast(world, CAMERA, (40, 30))
+    for name in ("seen", "position", "albedo", "tint", "opacity"):
+        off = np.abs(getattr(found, name).astype(float) - getattr(expected, name))
+        assert np.quantile(off, 0.98) < 1e-4, name
+    assert len(np.unique(expected.tint)) > 2 and np.ptp(expected.position[..., 1]) > 0.5
+    fine = scene(worn(floor(2.0, 0.0, Material(albedo_texture=maps)), 64.0), camera=CAMERA)
+    truth = trace_view.trace(fine, CAMERA, (40, 30), 1, 1, lambda share: None)
+    spread = [np.std(a[truth["valid"]] if a.ndim == 3 else a) for a in (truth["albedo"], cast(fine, CAMERA, (40, 30)).albedo)]
+    assert spread[0] == pytest.approx(spread[1] / 4.0, rel=0.15)  # 16 more texels a pixel
+
+
+def test_a_camera_a_thousand_diagonals_away_is_precise(mitsuba: Any) -> None:
+    """So far away an orthographic view is set up; float32 knows such distances to 1e-4 of the diagonal only."""
+    world = scene(worn(floor(1.0)), quad((-0.2, 0.3, -0.2), (0, 0, 0.4), (0.4, 0, 0)))
+    eye = np.array([0.3, 0.8, 0.5]) * 1000.0 * world.diagonal
+    far = Camera(tuple(eye), (0.0, 0.0, 0.0), fov=float(np.degrees(2.0 * np.arctan(1.0 / np.linalg.norm(eye)))))
+    found, expected = mitsuba.view(mitsuba.Tracer(world), far, (50, 50)).image((50, 50)), cast(world, far, (50, 50))
+    both = found.seen & expected.seen
+    assert (found.seen == expected.seen).mean() > 0.99 and both.mean() > 0.3
+    assert np.abs(found.position - expected.position)[both].max() < 1e-5 * world.diagonal
