@@ -1,4 +1,8 @@
-"""The emitting triangles of a scene as lights to be sampled, by power. NumPy alone."""
+"""The emitting triangles of a scene as lights to be sampled, in groups of near ones. NumPy alone.
+
+A group is chosen by its power over the square of its distance, as far as it may be above the horizon, and a triangle in it by
+power: of a hundred lamps in a house, a point then mostly asks the one beside it.
+"""
 
 from __future__ import annotations
 
@@ -10,20 +14,29 @@ from irrsplat.reference.surfaces import Surfaces
 
 _SIDE = 6  # a textured triangle's power is the mean of side² points
 _SPREAD = 0.25  # of all area: what shines on more of it is met by chance, and sampling it would only add noise
+_GROUPS = 32  # at most
 _PART = 1 << 16  # triangles whose texels are read at once
 
 
 @dataclass(frozen=True)
 class Emitters:
-    """Triangles that shine, by number (N,), each with the probability (N,) that it is chosen and its area (N,) in m²."""
+    """Triangles that shine, group by group.
+
+    face: (N,) numbers of the triangles. share: (N,) of the group's power. area: (N,) in m². group: (N,) its number, ascending.
+    centre: (G, 3), radius: (G,) a sphere around each group. power: (G,), in sum 1.
+    """
 
     face: np.ndarray
-    probability: np.ndarray
+    share: np.ndarray
     area: np.ndarray
+    group: np.ndarray
+    centre: np.ndarray
+    radius: np.ndarray
+    power: np.ndarray
 
     @staticmethod
     def of(surfaces: Surfaces) -> Emitters | None:
-        """Those of a scene, chosen by power; None where it has none, and where it shines nearly everywhere."""
+        """Those of a scene; None where it has none, and where it shines nearly everywhere."""
         seen, _ = surfaces.seen_by_light
         corners = surfaces.positions.astype(np.float64)[surfaces.faces]
         area = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
@@ -33,7 +46,41 @@ class Emitters:
         power = brightness * area[face]
         if not len(face) or power.sum() ** 2 > _SPREAD * area.sum() * (power * brightness).sum():
             return None
-        return Emitters(face, power / power.sum(), area[face])
+        group = _groups(corners[face], power)
+        order = np.argsort(group, kind="stable")
+        face, power, group = face[order], power[order], group[order]
+        total = np.bincount(group, power)
+        boxes = [corners[face[group == g]].reshape(-1, 3) for g in range(len(total))]
+        low, high = (np.array([end(box, axis=0) for box in boxes]) for end in (np.min, np.max))
+        radius = np.linalg.norm(high - low, axis=1) / 2.0
+        return Emitters(face, power / total[group], area[face], group, (low + high) / 2.0, radius, total / total.sum())
+
+    def weights(self, p: np.ndarray, n: np.ndarray) -> np.ndarray:
+        """(N, G) how much the groups count at points (N, 3) with normals (N, 3); chosen by their share of the sum."""
+        toward = self.centre - p[:, None]
+        above = (toward * n[:, None]).sum(-1) > -self.radius
+        weights: np.ndarray = np.where(above, self.power / ((toward**2).sum(-1) + self.radius**2), 0.0)
+        return weights
+
+
+def _groups(corners: np.ndarray, power: np.ndarray) -> np.ndarray:
+    """(N,) the groups of triangles (N, 3, 3): the one with the greatest power · extent² is halved, again and again."""
+    middle, group = corners.mean(axis=1), np.zeros(len(corners), np.int64)
+    worth = [1.0]
+    while len(worth) < _GROUPS and max(worth) > 0.0:
+        widest = int(np.argmax(worth))
+        members = np.flatnonzero(group == widest)
+        axis = int(np.argmax(np.ptp(middle[members], axis=0)))
+        place = middle[members, axis]
+        upper = place > (place.min() + place.max()) / 2.0
+        group[members[upper]] = len(worth)
+        halves = (members[~upper], members[upper])
+        worth[widest], added = (float(power[m].sum() * (np.ptp(middle[m], axis=0) ** 2).sum()) if len(m) else 0.0 for m in halves)
+        if not upper.any():
+            worth[widest] = 0.0
+            continue
+        worth.append(added)
+    return group
 
 
 def _brightness(surfaces: Surfaces, face: np.ndarray) -> np.ndarray:

@@ -9,10 +9,10 @@ surface q that is hit, or the sky's radiance; E_0 = 0; directions below the geom
 normal map, at q it is the interpolated one. Rays pass what light does not see (Material.light_cutoff). A path has N vertices,
 the first at p, each further one where a cosine-distributed ray from the one before it hits. At every vertex, what the ray
 sees is estimated by three kinds of samples: that ray; for each positional light, a ray from the light whose hit is
-connected to the vertex; and a point on an emitting triangle, chosen by power, to which the vertex is connected. The balance
-heuristic (Veach & Guibas 1995, eq. 9) joins the first with each of the others, light by light: without the second kind, a lamp
-close to a wall, which makes a tiny and very bright spot there, would hardly converge, nor would a small bulb without the third.
-Paths end early by Russian roulette (Arvo & Kirk 1990), which does not change the mean.
+connected to the vertex; and a point on an emitting triangle (emitters.py says on which), to which the vertex is connected. The
+balance heuristic (Veach & Guibas 1995, eq. 9) joins the first with each of the others, light by light: without the second kind,
+a lamp close to a wall, which makes a tiny and very bright spot there, would hardly converge, nor would a small bulb without the
+third. Paths end early by Russian roulette (Arvo & Kirk 1990), which does not change the mean.
 """
 
 from __future__ import annotations
@@ -124,15 +124,8 @@ class Tracer:
         numbers = {kind: table.texture[kind][material] for kind in ("albedo", "emission")}  # −1 becomes the greatest number
         self.texture = {k: mi.UInt32(n.astype(np.uint32)) if (n >= 0).any() else None for k, n in numbers.items()}
 
-        # emitting triangles: which one is drawn, and by the number of a triangle the density per area with which it is
         found = Emitters.of(surfaces) if emitters else None
-        self.emitters: Any = None
-        if found is not None:
-            place = np.searchsorted(solid, found.face)
-            density = np.zeros(len(solid))
-            density[place] = found.probability / found.area
-            self.emitters = mi.DiscreteDistribution(mi.Float(found.probability.astype(np.float32)))
-            self.emitter_face, self.emitter_density = mi.UInt32(place.astype(np.uint32)), mi.Float(density.astype(np.float32))
+        self.emitters = None if found is None else _EmitterLanes(found, np.searchsorted(solid, found.face), len(solid))
 
     # --- rays -----------------------------------------------------------------------------------------------------------
 
@@ -334,10 +327,10 @@ class Tracer:
         direction = mi.Frame3f(n).to_world(cosine_hemisphere(uniform()))
         above = dr.dot(direction, g) > 0.0
         q = self.hit(p, direction, above)
-        emission, p_ray = q.emission, None
+        emission = q.emission
+        whole = None if self.emitters is None else self.emitters.total(p, n)
         if self.emitters is not None:
-            p_ray = _density_of_ray(p, n, q.p, q.g)
-            p_emitter = dr.gather(mi.Float, self.emitter_density, q.face, active=q.valid)
+            p_ray, p_emitter = _density_of_ray(p, n, q.p, q.g), self.emitters.density(p, n, whole, q.face, q.valid)
             emission = emission * dr.select(p_emitter > 0.0, p_ray / (p_ray + p_emitter + TINY), 1.0)
         total = mi.Color3f(dr.select(q.valid, emission, dr.select(above, self.sky(direction), 0.0))) * pi
         for light in self.scene.lights:
@@ -351,7 +344,7 @@ class Tracer:
             if not light.directional:
                 total += self._from_light(light, p, n, g, uniform())
         if self.emitters is not None:
-            total += self._from_emitter(p, n, g, uniform(), single())
+            total += self._from_emitter(p, n, g, whole, uniform(), single(), single())
         return total, q
 
     def sky(self, direction: Lanes) -> Lanes:
@@ -361,12 +354,16 @@ class Tracer:
             radiance = radiance + mi.Color3f(*self.scene.sky_gradient) * dr.dot(direction, mi.Vector3f(*self.scene.up))
         return radiance
 
-    def _from_emitter(self, p: Lanes, n: Lanes, g: Lanes, u: Lanes, further: Lanes) -> Lanes:
-        """The share of E_1 that comes from connecting points of emitting triangles to p."""
-        face = dr.gather(mi.UInt32, self.emitter_face, self.emitters.sample(u.x))
+    def _from_emitter(self, p: Lanes, n: Lanes, g: Lanes, whole: Lanes, u: Lanes, choice: Lanes, further: Lanes) -> Lanes:
+        """The share of E_1 that comes from connecting points of emitting triangles to p.
+
+        whole: the sum of the groups' weights at p. u: a point of the unit square, choice and further: numbers, to draw by.
+        """
+        assert self.emitters is not None
+        face = self.emitters.draw(p, n, whole, u.x, choice)
         corners = dr.gather(mi.Vector3u, self.faces, face)
         a, b, c = (dr.gather(mi.Point3f, self.positions, k) for k in (corners.x, corners.y, corners.z))
-        root = dr.sqrt(further)  # not u.x, which has chosen the triangle
+        root = dr.sqrt(further)  # not u.x, which has chosen the group
         s, t = root * (1.0 - u.y), root * u.y
         y = a * (1.0 - s - t) + b * s + c * t
         toward = y - p
@@ -380,7 +377,7 @@ class Tracer:
         _, emission = self._colors(face, corners, s, t, active)
         active &= lights(emission)
         active &= self.visible(p, w, r, active)
-        p_ray, p_emitter = _density_of_ray(p, n, y, m), dr.gather(mi.Float, self.emitter_density, face)
+        p_ray, p_emitter = _density_of_ray(p, n, y, m), self.emitters.density(p, n, whole, face, active)
         geometry = cos_p * cos_y / dr.square(r)
         return dr.select(active & (p_emitter > 0.0), emission * (geometry / (p_ray + p_emitter)), 0.0)
 
@@ -417,6 +414,67 @@ class Tracer:
             inside = dr.dot(mi.Vector3f(axis(light)), -to_light) >= edge * d
         p_light = dr.select(inside & (dr.dot(g, to_light) > 0.0), density * dr.dot(g, to_light) / (d * d * d), 0.0)
         return _density_of_ray(p, n, q, g), dr.select(d > 0.0, p_light, 0.0)
+
+
+class _EmitterLanes:
+    """Emitters to be drawn in lanes. place: (N,) the numbers of their triangles among the `faces` that light may see."""
+
+    def __init__(self, emitters: Emitters, place: np.ndarray, faces: int) -> None:
+        self.count = len(emitters.power)
+        self.centre = mi.Float(emitters.centre.astype(np.float32).ravel())
+        self.radius, self.power = (mi.Float(x.astype(np.float32)) for x in (emitters.radius, emitters.power))
+        ends = np.cumsum(np.bincount(emitters.group, minlength=self.count))
+        self.first, self.end = (mi.UInt32(x.astype(np.uint32)) for x in (np.roll(ends, 1) * (np.arange(self.count) > 0), ends))
+        # of each group the shares up to and with a triangle: rising from 0 to 1 anew
+        rising = np.cumsum(emitters.share)
+        self.up_to = mi.Float((rising - emitters.group).astype(np.float32))
+        self.face = mi.UInt32(place.astype(np.uint32))
+        density, group = np.zeros(faces), np.zeros(faces)
+        density[place], group[place] = emitters.share / emitters.area, emitters.group
+        self.within, self.group = mi.Float(density.astype(np.float32)), mi.UInt32(group.astype(np.uint32))
+
+    def weight(self, group: Lanes, p: Lanes, n: Lanes) -> Lanes:
+        """Emitters.weights of one group at each p."""
+        toward = dr.gather(mi.Vector3f, self.centre, group) - mi.Vector3f(p)
+        radius, power = dr.gather(mi.Float, self.radius, group), dr.gather(mi.Float, self.power, group)
+        return dr.select(dr.dot(toward, n) > -radius, power / (dr.squared_norm(toward) + dr.square(radius) + TINY), 0.0)
+
+    def total(self, p: Lanes, n: Lanes) -> Lanes:
+        """The sum of all groups' weights at each p."""
+        total = dr.zeros(mi.Float, dr.width(p))
+        group = dr.zeros(mi.UInt32, dr.width(p))
+        state = dr.while_loop(
+            (group, total),
+            lambda group, total: group < self.count,
+            lambda group, total: (group + 1, total + self.weight(group, p, n)),
+        )
+        return state[1]
+
+    def draw(self, p: Lanes, n: Lanes, whole: Lanes, u: Lanes, choice: Lanes) -> Lanes:
+        """The number of a triangle for each p, where `whole` is the sum of the weights; u and choice: random numbers."""
+        width = dr.width(p)
+
+        def step(group: Lanes, last: Lanes, left: Lanes) -> tuple[Lanes, Lanes, Lanes]:
+            weight = self.weight(group, p, n)
+            return group + 1, dr.select(weight > 0.0, group, last), left - weight
+
+        state = dr.zeros(mi.UInt32, width), dr.zeros(mi.UInt32, width), mi.Float(u * whole)
+        _, group, _ = dr.while_loop(state, lambda group, last, left: (group < self.count) & (left >= 0.0), step)
+        first, end = dr.gather(mi.UInt32, self.first, group), dr.gather(mi.UInt32, self.end, group)
+
+        def halve(first: Lanes, end: Lanes) -> tuple[Lanes, Lanes]:
+            middle = (first + end) >> 1
+            beyond = dr.gather(mi.Float, self.up_to, middle) <= choice
+            return dr.select(beyond, middle + 1, first), dr.select(beyond, end, middle)
+
+        found, _ = dr.while_loop((first, end - 1), lambda first, end: first < end, halve)
+        return dr.gather(mi.UInt32, self.face, found)
+
+    def density(self, p: Lanes, n: Lanes, whole: Lanes, face: Lanes, active: Lanes) -> Lanes:
+        """The density per area with which `draw` chooses points of these triangles, 0 for one that does not shine."""
+        within = dr.gather(mi.Float, self.within, face, active=active)
+        group = dr.gather(mi.UInt32, self.group, face, active=active)
+        return dr.select(within > 0.0, within * self.weight(group, p, n) / (whole + TINY), 0.0)
 
 
 def _density_of_ray(p: Lanes, n: Lanes, q: Lanes, g: Lanes) -> Lanes:

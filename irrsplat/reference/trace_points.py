@@ -116,10 +116,11 @@ def _joined(scene: Scene, points: tuple[np.ndarray, np.ndarray, np.ndarray], bou
 
 def _world(scene: Scene) -> Any:
     """The scene as Mitsuba has it; raises IrrsplatError for what it lacks."""
-    lit = any(max(mesh.material.emission) > 0.0 for mesh in scene.meshes) or max(scene.sky) > 0.0
-    if lit or any(mesh.colors is not None for mesh in scene.meshes):
+    lit = any(max(mesh.material.emission) > 0.0 for mesh in scene.meshes) or max(scene.sky) > 0.0 or any(scene.sky_gradient)
+    plain = all(not m.material.textures and not m.material.light_cutoff and m.colors is None for m in scene.meshes)
+    if lit or not plain:
         # emitters would light a hit directly as well, a bounce too many
-        raise IrrsplatError("Mitsuba's own integrator is timed on scenes that lamps alone light, without colours of vertices")
+        raise IrrsplatError("Mitsuba's own integrator is timed on scenes of plain colours, opaque, that lamps alone light")
     parts: dict[str, Any] = {f"mesh{i}": _mesh(mesh) for i, mesh in enumerate(scene.meshes) if len(mesh.faces)}
     return mi.load_dict({"type": "scene", **parts, **{f"lamp{i}": _lamp(light) for i, light in enumerate(scene.lights)}})
 

@@ -219,12 +219,26 @@ def test_emitters_are_chosen_by_power() -> None:
     map_ = Texture(image([[0, 255]], 0, 0), nearest=True)
     half = replace(lit, material=Material(emission=(4.0, 4.0, 4.0), emission_texture=map_))
     found = Emitters.of(Surfaces.of(scene(floor(9.0), lit, half)))
-    assert found is not None and np.array_equal(found.face, [2, 3, 4, 5])
-    assert np.allclose(found.area, 0.5) and found.probability.sum() == pytest.approx(1.0)
+    assert found is not None and sorted(found.face) == [2, 3, 4, 5]
+    assert np.allclose(found.area, 0.5) and found.power.sum() == pytest.approx(1.0)
     # each half of the first shines with 6; of the second, a quarter of one triangle with 4, and three quarters of the other
-    assert np.allclose(found.probability, np.array([6.0, 6.0, 3.0, 1.0]) / 16.0, atol=0.03)
+    chosen = (found.share * found.power[found.group])[np.argsort(found.face)]
+    assert np.allclose(chosen, np.array([6.0, 6.0, 3.0, 1.0]) / 16.0, atol=0.03)
     gone = replace(lit, material=replace(lit.material, alpha_mode="blend", opacity=0.2))
     assert Emitters.of(Surfaces.of(scene(floor(9.0), gone))) is None  # light does not see it
+
+
+def test_near_emitters_are_in_a_group_of_their_own() -> None:
+    """Sixty lamps in two rows: groups of neighbours. What is below the horizon is not chosen; what is near, most often."""
+    glow = Material(emission=(1.0, 1.0, 1.0))
+    lamps = [quad((x, 1.0, z), (0.1, 0, 0), (0, 0, 0.1), glow) for x in range(30) for z in (0, 9)]
+    lights = Emitters.of(Surfaces.of(scene(floor(30.0), *lamps)))
+    assert lights is not None and len(lights.power) == 32 and (np.diff(lights.group) >= 0).all() and len(lights.face) == 120
+    assert np.allclose(np.bincount(lights.group, lights.share), 1.0) and lights.radius.max() < 1.2
+    p, up = np.array([[4.0, 0.9, 0.0], [4.0, 1.2, 0.0]]), np.array([[0.0, 1.0, 0.0]] * 2)
+    weights = lights.weights(p, up)
+    assert np.linalg.norm(lights.centre[weights[0].argmax()] - p[0]) < 1.2
+    assert (weights[1][lights.radius < 0.15] == 0.0).all() and (lights.weights(p, -up)[1] > 0.0).all()
 
 
 def test_where_everything_shines_nothing_is_sampled() -> None:
@@ -244,8 +258,9 @@ def test_points_on_emitters_and_rays_that_find_them_join_to_lamberts_formula() -
     p, n = np.zeros(3), np.array([0.0, 1.0, 0.0])
     expected = sum(m.emission[0] * polygon_vector(q.positions.astype(float), p) @ n for m, q in zip(glow, panels, strict=True))
     random, count = np.random.default_rng(5), 100_000
-    density = np.zeros(len(surfaces.faces))
-    density[lights.face] = lights.probability / lights.area
+    density, weights = np.zeros(len(surfaces.faces)), lights.weights(p[None], n[None])[0]
+    probability = (weights / weights.sum())[lights.group] * lights.share
+    density[lights.face] = probability / lights.area
 
     def weighted(face: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
         points = surfaces.at(face, u, v)
@@ -255,7 +270,7 @@ def test_points_on_emitters_and_rays_that_find_them_join_to_lamberts_formula() -
         L, p_light = points.emission[:, 0], density[face]
         return L * np.pi * p_ray / (p_ray + p_light)  # over the density, times the weight: the same for both
 
-    chosen = random.choice(lights.face, count, p=lights.probability)
+    chosen = random.choice(lights.face, count, p=probability)
     root, y = np.sqrt(random.random(count)), random.random(count)
     by_light = weighted(chosen, root * (1.0 - y), root * y).mean()
 

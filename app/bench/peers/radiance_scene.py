@@ -20,9 +20,13 @@ def text(scene: Scene) -> str:
 
     Raises IrrsplatError for a scene that Radiance cannot express.
     """
+    if any(scene.sky_gradient):
+        raise IrrsplatError("a sky that is brighter above has no counterpart here")
     parts = []
     for number, mesh in meshes(scene):
         albedo, emission = mesh.material.albedo, mesh.material.emission
+        if mesh.material.textures or mesh.material.light_cutoff > 0.0:
+            raise IrrsplatError("textures and what light passes are not written for it; give a scene of plain colours")
         if mesh.colors is not None:
             raise IrrsplatError("colours of vertices have no counterpart here")
         if max(emission) > 0.0 and max(albedo) > 0.0:
