@@ -105,7 +105,7 @@ def render(args: argparse.Namespace) -> int:
     with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, **args.values) as renderer:
         if args.cache is not None and os.path.exists(args.cache):
             renderer.load_cache(args.cache)
-        for notice in scene.notices:
+        for notice in (*scene.notices, *renderer.notices):
             say(f"notice: {notice}")
         with _round_progress() as on_round:
             if flight is not None:

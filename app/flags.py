@@ -14,7 +14,7 @@ from irrsplat.core.load_options import CREASE_ANGLE, UP_AXES, LoadOptions
 from irrsplat.settings import PRESETS, SETTINGS, Declaration
 
 DEFAULT_SCENE = "cornell"
-_STAGES = ("shadow", "gather", "splat", "examine", "composite", "view")  # the order of the frame
+_STAGES = ("shadow", "gbuffer", "gather", "splat", "examine", "composite", "view")  # the order of the frame
 
 
 class _Parser(argparse.ArgumentParser):

@@ -31,6 +31,7 @@ from irrsplat.image.figures.paper_figures import PaperFigures
 from irrsplat.image.frame import Frame
 from irrsplat.image.gbuffer import GBufferPass
 from irrsplat.image.statistics import Statistics, describe
+from irrsplat.image.texture_maps import TextureMaps
 from irrsplat.image.view import Progress, View, read, sample_progress
 from irrsplat.indirect.scheduler import NOTHING_ASKED, RecordScheduler, RoundResult
 from irrsplat.indirect.splat_buffer import ViewSplats, first_stride
@@ -185,7 +186,19 @@ class Renderer(Owner):
     @property
     def gbuffer_pass(self) -> GBufferPass:
         """Draws g-buffers of the present size."""
-        return self._passes.get("gbuffer", self.size, lambda: GBufferPass(self.ctx, self.size))
+        maps = self.texture_maps
+        return self._passes.get("gbuffer", (self.size, maps), lambda: GBufferPass(self.ctx, self.size, maps))
+
+    @property
+    def texture_maps(self) -> TextureMaps:
+        """The images that the g-buffer's surfaces wear, within the settings' memory."""
+        memory = self.settings.texture_memory
+        return self._passes.get("textures", memory, lambda: TextureMaps(self.ctx, memory))
+
+    @property
+    def notices(self) -> tuple[str, ...]:
+        """One-line remarks for a user on what cannot be shown of the scene as it is; the scene has notices of its own."""
+        return self.texture_maps.notices(self.world.runs)
 
     @property
     def splats(self) -> ViewSplats:
@@ -303,14 +316,14 @@ class Renderer(Owner):
         return self._memo.get("shadows", self._shadow_inputs, draw)
 
     def draw_gbuffer(self, camera: Camera) -> GBuffer:
-        """What `camera` sees: by the camera, the meshes and the size."""
+        """What `camera` sees: by the camera, the meshes, the size and the textures."""
         scene = self.scene
 
         def draw() -> GBuffer:
             with self.timers("gbuffer"):
                 return self.gbuffer_pass(self.world, camera)
 
-        return self._memo.get("gbuffer", (camera, scene.meshes, self.size), draw)
+        return self._memo.get("gbuffer", (camera, scene.meshes, self.size, *self.settings.of("gbuffer")), draw)
 
     def _view_state(self, camera: Camera) -> ViewState:
         """How far this view has come; a new one begins where anything differs that decides which records it asks for."""
@@ -320,7 +333,9 @@ class Renderer(Owner):
         state = self._state.view
         if state.camera == camera and state.subject == subject:
             return state
-        return ViewState(camera, subject, first_stride(settings, self.size))
+        # coarse splats are interpolated between pixels, which would lose what normal maps add
+        whole = any(run.look.normal is not None for run in self.world.runs)
+        return ViewState(camera, subject, 1 if whole else first_stride(settings, self.size))
 
     def _look_only(self, state: ViewState, gbuffer: GBuffer, splats: SplatBuffer, gather: bool) -> tuple[ViewState, RoundResult]:
         """How much of the view is covered, while nothing may be gathered for it; where `gather` is False for good, every pixel is

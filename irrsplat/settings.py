@@ -124,6 +124,10 @@ class Settings:
     shadow_size: int = _declare(
         1024, "int", "shadow", "side of one shadow map tile; a point light has six", low=16, high=4096, unit="texels"
     )
+    texture_memory: int = _declare(
+        1024, "int", "gbuffer", "memory for the images that surfaces wear; the largest are halved until all fit",
+        low=1, high=65536, unit="MiB",
+    )  # fmt: skip
     seed: int = _declare(0, "int", "gather", "seed of all that is random; equal seeds, equal bits", low=0, high=2**31 - 1)
     bounces: int | All = _declare(
         "all",
@@ -300,6 +304,7 @@ class SettingValues(TypedDict, total=False):
     """Some settings by name: what `render`, `Renderer` and `preset` take as keywords."""
 
     shadow_size: int
+    texture_memory: int
     seed: int
     bounces: int | All
     gather: str

@@ -270,7 +270,7 @@ class Actions:
         self.session.open(scene, keep_camera)
         self.lamps, self.file_watch = Lamps(scene), FileWatch(scene.files)
         self.messages.close_errors()
-        for notice in scene.notices:
+        for notice in (*scene.notices, *self.session.renderers[0].notices):
             self.say(notice)
 
     def reload(self) -> None:

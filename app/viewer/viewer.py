@@ -62,7 +62,7 @@ class Viewer(Owner):
         wnd.render_func = lambda time, frame_time: self.frame(frame_time)
         controls = self.controls
         self.desktop.listen(controls.files_dropped, controls.focus_changed, controls.scale_changed)
-        for notice in scene.notices:
+        for notice in (*scene.notices, *self.session.renderers[0].notices):
             self.actions.say(notice)
 
     def owned(self) -> tuple[Resource, ...]:

@@ -45,8 +45,10 @@ CHANNELS: dict[str, Channel] = {
         Channel("emission", 3, "W/(m² sr)", "radiance", "emitted radiance of the surface, or of a sky that is seen"),
         Channel("weight", 1, "1", "heat", "Σ of raw w over the records that speak for the pixel"),
         Channel("position", 3, "m", "range", "world space, at the pixel's centre"),
-        Channel("normal", 3, "1", "signed", "world space shading normal, turned to the camera"),
+        Channel("normal", 3, "1", "signed", "world space shading normal, bent by the normal map, turned to the camera"),
+        Channel("smooth_normal", 3, "1", "signed", "the same without the normal map"),
         Channel("albedo", 3, "1", "unit", "diffuse reflectance ρ, linear"),
+        Channel("opacity", 1, "1", "unit", "of the nearest surface: 1, or less of a filter, which tints what is behind it"),
         Channel("depth", 1, "m", "heat", "distance along the view axis; +inf where the camera sees nothing"),
         Channel("alpha", 1, "1", "unit", "share of the pixel where the camera sees a surface, 0..1"),
     )
@@ -76,18 +78,38 @@ NOTHING_SEEN = 1e30  # the splat buffer's weight where the camera sees nothing: 
 
 
 @dataclass(frozen=True, eq=False)
+class Filters:
+    """What stands before the surfaces of the g-buffer and lets most light pass, as float textures of its size.
+
+    tint: rgb the share of what is behind that is seen, 1 where there is no filter. opacity: of the nearest one, 0 where none is.
+    """
+
+    tint: moderngl.Texture
+    opacity: moderngl.Texture
+
+
+@dataclass(frozen=True, eq=False)
 class GBuffer:
     """What the eye sees, as RGBA32F textures of one size, bottom row first.
 
     position: xyz world space at the pixel's centre, w depth along the view axis (0 where nothing is seen).
     normal: xyz shading normal turned to the camera, w the geometric normal's octahedral x.
     albedo: rgb reflectance, w the geometric normal's octahedral y. emission: rgb emitted radiance, w the triangle's number.
+    mapped_normal: xyz the shading normal bent by the normal map; None where no surface of the scene has one. filters: None where
+    no surface can be one.
     """
 
     position: moderngl.Texture
     normal: moderngl.Texture
     albedo: moderngl.Texture
     emission: moderngl.Texture
+    mapped_normal: moderngl.Texture | None = None
+    filters: Filters | None = None
+
+    @property
+    def lit_normal(self) -> moderngl.Texture:
+        """The normal that light meets: `mapped_normal`, or `normal` where that is the same. Records know `normal` alone."""
+        return self.mapped_normal or self.normal
 
     @property
     def material_uniforms(self) -> Uniforms:

@@ -23,19 +23,35 @@ CLIP_DISTANCE0 = 0x3000
 class DrawState:
     """All the fixed-function state of one draw; the default is a draw without depth test, blending or culling.
 
-    depth: the test, "<" or "1" (always passes), or None. blend: "add", "over" (by the fragment's alpha), "min" or None.
-    cull: "front", "back" or None. depth_clamp: geometry before the near plane is drawn, not clipped. clip_planes: how many
+    depth: the test, "<" or "1" (always passes), or None. blend: "add", "over" (by the fragment's alpha), "min", "multiply" or
+    None. cull: "front", "back" or None. depth_clamp: geometry before the near plane is drawn, not clipped. clip_planes: how many
     gl_ClipDistance are used. polygon_offset: as glPolygonOffset, (factor, units). wireframe: only the edges of triangles.
     """
 
     depth: Literal["<", "1"] | None = None
     depth_write: bool = True
-    blend: Literal["add", "over", "min"] | None = None
+    blend: Literal["add", "over", "min", "multiply"] | None = None
     cull: Literal["front", "back"] | None = None
     depth_clamp: bool = False
     clip_planes: int = 0
     polygon_offset: tuple[float, float] = (0.0, 0.0)
     wireframe: bool = False
+
+
+_BLENDS = {
+    "add": (moderngl.ONE, moderngl.ONE),
+    "over": (moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA),
+    "min": (moderngl.ONE, moderngl.ONE),
+    "multiply": (moderngl.DST_COLOR, moderngl.ZERO),
+}
+
+
+@dataclass(frozen=True)
+class SampledTexture:
+    """A texture with filters and wrapping that are not its own, for the sampler of a shader."""
+
+    texture: moderngl.Texture
+    sampler: moderngl.Sampler
 
 
 @dataclass(frozen=True)
@@ -126,18 +142,8 @@ class Program:
         if names != self.uniforms.keys():
             missing, unknown = self.uniforms.keys() - names, names - self.uniforms.keys()
             raise TypeError(f"program '{self.name}': missing uniforms {sorted(missing)}, unknown uniforms {sorted(unknown)}")
-        program = self.gl
-        for name in uniforms.keys() & self.active:
-            value = uniforms[name]
-            if name in self.units:
-                value.use(self.units[name])
-            elif isinstance(value, np.ndarray) and value.ndim == 2:
-                uniform = program[name]
-                # OpenGL's matrices are column-major; a compiler may cut an array off behind the last element that is used
-                rows = value.T if self.uniforms[name].startswith("mat") else value[: uniform.array_length]  # type: ignore[union-attr]
-                uniform.write(rows.astype("f4").tobytes())  # type: ignore[union-attr]
-            else:
-                program[name].value = tuple(value) if isinstance(value, np.ndarray) else value  # type: ignore[union-attr]
+        given: dict[str, Any] = {}
+        self._give(uniforms, given)
         target.use(viewport, scissor, depth_write=state.depth_write)
         self._apply(state)
         array = self._array(geometry, numbers)
@@ -145,8 +151,7 @@ class Program:
             array.render(mode, vertices=vertices, instances=instances)
         elif draws is not None:
             for draw in draws:
-                for name in draw.uniforms.keys() & self.active:
-                    self.gl[name].value = draw.uniforms[name]  # type: ignore[union-attr]
+                self._give(draw.uniforms, given)
                 array.render(moderngl.TRIANGLES, vertices=draw.count, first=draw.first, instances=draw.instances)
         else:
             assert isinstance(geometry, Geometry)
@@ -157,6 +162,31 @@ class Program:
             self.ctx.disable_direct(CLIP_DISTANCE0 + i)
         if state.depth_clamp:
             self.ctx.disable_direct(DEPTH_CLAMP)
+        for name in self.units.keys() & given.keys():
+            if isinstance(given[name], SampledTexture):
+                given[name].sampler.clear(self.units[name])
+
+    def _give(self, uniforms: Mapping[str, Any], given: dict[str, Any]) -> None:
+        """Set these uniforms, apart from those that already have the same value, as far as `given` knows."""
+        program = self.gl
+        for name in uniforms.keys() & self.active:
+            value = uniforms[name]
+            if given.get(name) is value:
+                continue
+            given[name] = value
+            if name in self.units:
+                if isinstance(value, SampledTexture):
+                    value.texture.use(self.units[name])
+                    value.sampler.use(self.units[name])
+                else:
+                    value.use(self.units[name])
+            elif isinstance(value, np.ndarray) and value.ndim == 2:
+                uniform = program[name]
+                # OpenGL's matrices are column-major; a compiler may cut an array off behind the last element that is used
+                rows = value.T if self.uniforms[name].startswith("mat") else value[: uniform.array_length]  # type: ignore[union-attr]
+                uniform.write(rows.astype("f4").tobytes())  # type: ignore[union-attr]
+            else:
+                program[name].value = tuple(value) if isinstance(value, np.ndarray) else value  # type: ignore[union-attr]
 
     def _apply(self, state: DrawState) -> None:
         ctx = self.ctx
@@ -166,8 +196,7 @@ class Program:
             ctx.depth_func = state.depth
         if state.blend:
             ctx.blend_equation = moderngl.MIN if state.blend == "min" else moderngl.FUNC_ADD  # type: ignore[assignment]
-            over = state.blend == "over"
-            ctx.blend_func = (moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA) if over else (moderngl.ONE, moderngl.ONE)
+            ctx.blend_func = _BLENDS[state.blend]
         ctx.wireframe = state.wireframe
         ctx.polygon_offset = state.polygon_offset
         ctx.front_face = "ccw"  # decides gl_FrontFacing

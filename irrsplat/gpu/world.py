@@ -10,6 +10,7 @@ from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.material_table import MaterialTable
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.scene.flatten import flatten
+from irrsplat.scene.looks import runs
 from irrsplat.scene.model import Mesh, Scene
 from irrsplat.scene.seen_by_light import face_counts
 
@@ -21,6 +22,7 @@ class World(Owner):
         self.ctx = ctx
         self.geometry = Geometry(ctx, *flatten(scene)[:2], face_counts(scene))
         self.materials = MaterialTable(ctx, scene.materials)
+        self.runs = runs(scene)  # of triangles that a camera draws alike
         self._scene = scene
         self._uploaded: tuple[Mesh, ...] | None = scene.meshes  # None while what is on the GPU is neither before nor after a move
         self._tree: BvhTable | None = None

@@ -11,13 +11,18 @@ from irrsplat.core.buffers import GBuffer, SplatBuffer
 from irrsplat.core.color import MID_GREY
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import Target
+from irrsplat.gpu.target import Target, table_texture
 from irrsplat.image.backdrop import Backdrop
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
 
 _METER = 64  # blocks along each side of the image
 _SMOOTH = 0.01  # radius of the smoothing, of the image height
+
+
+def no_tint(ctx: moderngl.Context) -> moderngl.Texture:
+    """The tint where nothing filters: a single white texel."""
+    return table_texture(ctx, np.ones((1, 1, 4)))
 
 
 class CompositePass(Owner):
@@ -31,6 +36,7 @@ class CompositePass(Owner):
         self.meter = Program(ctx, "image/composite_meter", "lib/fullscreen")
         self.display = Program(ctx, "image/composite_display", "lib/fullscreen")
         self.target = Target(ctx, size, (4, 1))
+        self.clear = no_tint(ctx)
         self.fill_target: Target | None = None
         self.smooth_target: Target | None = None
         self.meter_block = (-(-size[0] // _METER), -(-size[1] // _METER))
@@ -41,7 +47,7 @@ class CompositePass(Owner):
         """What this frees."""
         programs = self.fill, self.smooth, self.blend, self.meter, self.display
         targets = self.target, self.fill_target, self.smooth_target, self.meter_target
-        return (*programs, *targets, self.reading)
+        return (*programs, *targets, self.reading, self.clear)
 
     def __call__(
         self,
@@ -56,7 +62,8 @@ class CompositePass(Owner):
         """The image before exposure, its alpha, and the sums (Σ k·E, Σ k) whose quotient is E, smoothed where the settings ask
         for it; while the view is `filling`, pixels without records take the light of those around.
 
-        Direct and indirect light have the weights Settings.mix; emission and the backdrop's are whole.
+        Direct and indirect light have the weights Settings.mix; emission and the backdrop's are whole. All are tinted by the
+        filters before.
         """
         sums = self._filled(splats.sums, gbuffer) if filling else splats.sums
         if settings.smooth:
@@ -68,6 +75,7 @@ class CompositePass(Owner):
             **gbuffer.material_uniforms,
             direct=direct,
             sums=sums,
+            tint=self.clear if gbuffer.filters is None else gbuffer.filters.tint,
             blend=settings.mix,
             **backdrop.uniforms(camera, self.size),
         )

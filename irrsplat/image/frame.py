@@ -44,7 +44,9 @@ class Frame:
     weight: np.ndarray
     position: np.ndarray
     normal: np.ndarray
+    smooth_normal: np.ndarray
     albedo: np.ndarray
+    opacity: np.ndarray
     depth: np.ndarray
     alpha: np.ndarray
     records_position: np.ndarray

@@ -1,44 +1,111 @@
-"""The g-buffer: position, normals and material at every pixel's centre (Jones 2010, section 3.2)."""
+"""The g-buffer: position, normals and material at every pixel's centre (Jones 2010, section 3.2), and the filters before it."""
 
 from __future__ import annotations
 
-from dataclasses import fields
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Literal
 
 import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import GBuffer
-from irrsplat.gpu.program import DrawState, Program
-from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import Target
+from irrsplat.core.buffers import Filters, GBuffer, Uniforms
+from irrsplat.gpu.program import Draw, DrawState, Program
+from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.gpu.target import Target, float_texture
 from irrsplat.gpu.world import World
+from irrsplat.image.texture_maps import TextureMaps, map_uniforms
+from irrsplat.scene.looks import Look, Run
 from irrsplat.scene.model import Camera
 
 _NEAR = 1e-6  # of the far distance: only the matrix has it, nothing is clipped there
+_SURFACES = DrawState(depth="<", depth_clamp=True)
+_TINTS = DrawState(depth="<", depth_write=False, depth_clamp=True, blend="multiply")
 
 
 class GBufferTarget(Target):
-    """What a g-buffer is drawn into: the textures of buffers.GBuffer, and depth."""
+    """What a g-buffer is drawn into: the textures of buffers.GBuffer, and depth. What only some scenes need is made on demand."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
-        super().__init__(ctx, size, (4,) * len(fields(GBuffer)), depth=True)
+        super().__init__(ctx, size, (4,) * 4, depth=True)
         self.marked = Target(ctx, size, textures=self.textures[:1], depth_attachment=self.depth)
+        self._parts = Workshop()
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.marked, *super().owned())
+        return (self._parts, self.marked, *super().owned())
+
+    def also(self, name: str, components: int, together: bool = False) -> Target:
+        """A further texture, with the same depth; `together`: behind the other textures of this target."""
+        texture = self._parts.get(name, (), lambda: float_texture(self.ctx, self.size, components))
+        textures = [*self.textures, texture] if together else [texture]
+        make = partial(Target, self.ctx, self.size, textures=textures, depth_attachment=self.depth)
+        return self._parts.get(f"{name} target", (), make)
+
+
+@dataclass(frozen=True)
+class _Batch:
+    """Runs whose looks differ in no more than uniforms: draws by the program of these `defines`; a side is culled or not.
+
+    surfaces: those that may be in the g-buffer. filters: those that may tint what is behind them.
+    """
+
+    defines: Mapping[str, int]
+    cull: Literal["back"] | None
+    surfaces: tuple[Draw, ...]
+    filters: tuple[Draw, ...]
 
 
 class GBufferPass(Owner):
-    """Draws the world's scene from the eye into float textures of `size` (width, height)."""
+    """Draws the world's scene from the eye into float textures of `size` (width, height). maps: what surfaces wear."""
 
-    def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
-        self.program = Program(ctx, "image/gbuffer")
+    def __init__(self, ctx: moderngl.Context, size: tuple[int, int], maps: TextureMaps | None = None) -> None:
+        self.ctx = ctx
+        self.maps = maps or TextureMaps(ctx)
+        self._borrowed = maps is not None
         self.target = GBufferTarget(ctx, size)
+        self._programs: dict[tuple[object, ...], Program] = {}
+        self._batched: tuple[Sequence[Run], tuple[_Batch, ...]] = (), ()
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.program, self.target)
+        return (*self._programs.values(), self.target, None if self._borrowed else self.maps)
+
+    def _program(self, fragment: str, defines: Mapping[str, int]) -> Program:
+        defines = {**defines, "MAP_TAPS": self.maps.taps}
+        key = fragment, *defines.items()
+        if key not in self._programs:
+            self._programs[key] = Program(self.ctx, fragment, "image/gbuffer", defines)
+        return self._programs[key]
+
+    def _batches(self, runs: Sequence[Run]) -> tuple[_Batch, ...]:
+        """All runs, made ready for drawing; the same as before for the same runs."""
+        self.maps.follow(runs)
+        if self._batched[0] is not runs:
+            kinds: dict[tuple[object, ...], list[Run]] = {}
+            for run in runs:
+                kinds.setdefault((run.look.single_sided, *_defines(run.look).values()), []).append(run)
+            self._batched = runs, tuple(map(self._batch, kinds.values()))
+        return self._batched[1]
+
+    def _batch(self, runs: Sequence[Run]) -> _Batch:
+        look = runs[0].look
+        surfaces = [_draw(run, self._map_uniforms(run.look) | {"first_triangle": run.first}) for run in runs if run.look.solid]
+        tints = [
+            _draw(run, self._map_uniforms(Look(run.look.albedo)) | {"alpha_cutoff": run.look.alpha_cutoff})
+            for run in runs
+            if run.look.filters
+        ]
+        return _Batch(_defines(look), "back" if look.single_sided else None, tuple(surfaces), tuple(tints))
+
+    def _map_uniforms(self, look: Look) -> Uniforms:
+        """The uniforms of shaders/image/texture_map.glsl."""
+        uniforms: Uniforms = {}
+        for name, texture in (("albedo", look.albedo), ("emission", look.emission), ("normal", look.normal)):
+            if texture is not None:
+                uniforms |= {f"{name}_map": self.maps(texture, name != "normal")} | map_uniforms(name, texture)
+        return uniforms | ({"normal_scale": look.normal_scale} if look.normal is not None else {})
 
     def __call__(self, world: World, camera: Camera, target: GBufferTarget | None = None) -> GBuffer:
         """What `camera` sees; the textures are the target's (default: this pass's own), and hold until it is drawn into again."""
@@ -46,16 +113,64 @@ class GBufferPass(Owner):
         width, height = target.size
         eye = np.asarray(camera.eye, float)
         far = 1.01 * float(np.linalg.norm(scene.corners - eye, axis=1).max()) + 1e-3 * scene.diagonal
+        batches = self._batches(world.runs)
+        mapped = any(batch.defines["NORMAL_MAP"] for batch in batches)
+        surfaces = target.also("mapped normal", 4, together=True) if mapped else target
+        placed: Uniforms = {
+            "clip_from_world": camera.clip_from_view(width / height, _NEAR * far, far) @ camera.view_from_world,
+            "eye": eye,
+            "forward": -camera.axes[2],
+            "far": far,
+        }
         target.marked.clear()  # depth 0 says that a pixel sees nothing: the other textures are not looked at there
-        self.program(
-            target,
-            geometry=geometry,
-            state=DrawState(depth="<", depth_clamp=True),
-            clip_from_world=camera.clip_from_view(width / height, _NEAR * far, far) @ camera.view_from_world,
-            eye=eye,
-            forward=-camera.axes[2],
-            far=far,
-            closed=geometry.parts["closed"][1] // 3,
-            **world.raster_uniforms,
-        )
-        return GBuffer(*target.textures)
+        for batch in batches:
+            if batch.surfaces:
+                self._program("image/gbuffer", {**batch.defines, "MAPPED_NORMALS": int(mapped)})(
+                    surfaces,
+                    geometry=geometry,
+                    draws=batch.surfaces,
+                    state=replace(_SURFACES, cull=batch.cull),
+                    closed=geometry.parts["closed"][1] // 3,
+                    **placed,
+                    **world.raster_uniforms,
+                )
+        filters = self._filters(batches, world, target, placed)
+        position, normal, albedo, emission = target.textures
+        return GBuffer(position, normal, albedo, emission, surfaces.textures[4] if mapped else None, filters)
+
+    def _filters(self, batches: Sequence[_Batch], world: World, target: GBufferTarget, placed: Uniforms) -> Filters | None:
+        """What filters leave of the light, and the opacity of the nearest; the target's depth becomes the nearest filter's."""
+        batches = [batch for batch in batches if batch.filters]
+        if not batches:
+            return None
+        tint, opacity = target.also("tint", 4), target.also("opacity", 1)
+        for one, empty in ((tint, 1.0), (opacity, 0.0)):
+            one.use(depth_write=False)
+            one.gl.clear(empty, empty, empty, empty)
+        for into, state in ((tint, _TINTS), (opacity, _SURFACES)):
+            for batch in batches:
+                defines = {**batch.defines, "EMISSION_MAP": 0, "NORMAL_MAP": 0, "NEAREST": int(into is opacity)}
+                self._program("image/tint", defines)(
+                    into,
+                    geometry=world.geometry,
+                    draws=batch.filters,
+                    state=replace(state, cull=batch.cull),
+                    **placed,
+                    **world.materials.uniforms,
+                )
+        return Filters(tint.textures[0], opacity.textures[0])
+
+
+def _defines(look: Look) -> dict[str, int]:
+    """What the shaders' text depends on."""
+    return {
+        "ALBEDO_MAP": int(look.albedo is not None),
+        "EMISSION_MAP": int(look.emission is not None),
+        "NORMAL_MAP": int(look.normal is not None),
+        "MASK": int(look.alpha == "mask"),
+        "BLEND": int(look.alpha == "blend"),
+    }
+
+
+def _draw(run: Run, uniforms: Uniforms) -> Draw:
+    return Draw(3 * run.first, 3 * run.count, 1, uniforms)

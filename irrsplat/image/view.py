@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import moderngl
 import numpy as np
@@ -86,11 +86,22 @@ def sample_progress(on_round: Callable[[Progress], None] | None, stats: Statisti
 
 def read(view: View, records: dict[str, np.ndarray], stats: Statistics) -> Frame:
     """The view as a Frame: a copy of every buffer, zero where nothing is seen, and of the cache's `records`."""
-    buffers = {f.name: pixels(getattr(view.gbuffer, f.name)) for f in fields(GBuffer)}
+    gbuffer = view.gbuffer
+    buffers = {
+        "position": pixels(gbuffer.position),
+        "normal": pixels(gbuffer.lit_normal),
+        "smooth_normal": pixels(gbuffer.normal),
+        "albedo": pixels(gbuffer.albedo),
+        "emission": pixels(gbuffer.emission),
+    }
     seen = buffers["position"][..., 3:] > 0.0
     values = {name: np.where(seen, b[..., :3], np.float32(0.0)) for name, b in buffers.items()}
     albedo = values["albedo"]
     behind = view.backdrop.radiance(view.camera, view.image.size)
+    opacity = seen[..., 0].astype("f4")
+    if gbuffer.filters is not None:
+        filtered = pixels(gbuffer.filters.opacity)[..., 0]
+        opacity = np.where(filtered > 0.0, filtered, opacity)
     sums = pixels(view.sums)
     irradiance = sums[..., :3] / np.where(sums[..., 3:] > 0.0, sums[..., 3:], np.float32(1.0))
     return Frame(
@@ -102,8 +113,10 @@ def read(view: View, records: dict[str, np.ndarray], stats: Statistics) -> Frame
         weight=np.where(seen[..., 0], pixels(view.splats.weight)[..., 0], np.float32(0.0)),
         position=values["position"],
         normal=values["normal"],
+        smooth_normal=values["smooth_normal"],
         albedo=albedo,
         alpha=pixels(view.alpha)[..., 0].copy(),
+        opacity=opacity,
         depth=np.where(seen, buffers["position"][..., 3:], np.float32(np.inf))[..., 0],
         records_position=records["position"],
         records_normal=records["normal"],

@@ -5,7 +5,7 @@ from __future__ import annotations
 import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import GBuffer, Records, SplatBuffer
+from irrsplat.core.buffers import GBuffer, Records, SplatBuffer, Uniforms
 from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
@@ -24,7 +24,10 @@ class SplatPass(Owner):
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], gradients: bool) -> None:
         self.ctx = ctx
         self.numbers = ctx.buffer(reserve=4)  # of the records that are drawn
-        self.program = Program(ctx, "indirect/splat", defines=record_defines(gradients))
+        defines = record_defines(gradients)
+        self.program = Program(ctx, "indirect/splat", defines={**defines, "NORMAL_MAPS": 0})
+        # without gradients nothing is known of other normals
+        self.bent = Program(ctx, "indirect/splat", defines={**defines, "NORMAL_MAPS": 1}) if gradients else None
         self.empty = Program(ctx, "indirect/splat_clear", "lib/fullscreen")
         self.target = Target(ctx, size, (4, 2))
         self.small: Target | None = None  # made when it is first wanted
@@ -33,7 +36,7 @@ class SplatPass(Owner):
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.numbers, self.program, self.empty, self.target, self.small, self.tiles, self.distances)
+        return (self.numbers, self.program, self.bent, self.empty, self.target, self.small, self.tiles, self.distances)
 
     def _of(self, pixel_stride: int) -> Target:
         if pixel_stride == 1:
@@ -65,10 +68,14 @@ class SplatPass(Owner):
         width, height = self.target.size
         if not len(numbers):
             return
+        program = self.program
+        bent: Uniforms = {}
+        if self.bent is not None and gbuffer.mapped_normal is not None:
+            program, bent = self.bent, {"lit_normal": gbuffer.mapped_normal}
         data = numbers.astype("i4").tobytes()
         self.numbers.orphan(max(len(data), self.numbers.size))  # a draw before this may still read the old ones
         self.numbers.write(data)
-        self.program(
+        program(
             target or self._of(pixel_stride),
             vertices=4,
             mode=moderngl.TRIANGLE_STRIP,
@@ -81,6 +88,7 @@ class SplatPass(Owner):
             pixel=camera.screen / height * pixel_stride,
             position=gbuffer.position,
             normal=gbuffer.normal,
+            **bent,
             pixel_stride=pixel_stride,
             cut=settings.kernel == "cut",
             in_front=settings.in_front,

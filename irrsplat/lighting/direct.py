@@ -33,5 +33,5 @@ class DirectPass(Owner):
         target = target or self.target
         g = gbuffer
         uniforms = {**g.material_uniforms, **shadows.uniforms}
-        self.program(target, position=g.position, normal=g.normal, rotation=rotation, **uniforms)
+        self.program(target, position=g.position, normal=g.normal, lit_normal=g.lit_normal, rotation=rotation, **uniforms)
         return target.textures[0]

@@ -10,9 +10,10 @@ import hashlib
 import io
 import json
 import zipfile
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, replace
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -21,10 +22,10 @@ from irrsplat.core.errors import InputError
 from irrsplat.records import record_cache
 from irrsplat.records.adaptive_radius import AdaptiveRadiusState
 from irrsplat.scene.flatten import flatten
-from irrsplat.scene.model import Scene
+from irrsplat.scene.model import Image, Scene
 from irrsplat.settings import SETTINGS, Settings
 
-FORMAT = 1  # to be raised whenever the content of files changes, or what records are gathered from
+FORMAT = 2  # to be raised whenever the content of files changes, or what records are gathered from
 _NAME = b"irrsplat record cache "
 _DIGEST = hashlib.sha256().digest_size
 _REMEDY = "remove it to have it made anew, or name another file"
@@ -59,7 +60,7 @@ def key(scene: Scene, settings: Settings) -> CacheKey:
     names = ["seed", "bounces", "gather", "gather_size", "shadow_size", "gradients", "placement"]
     names += ["warmup"] if settings.placement == "scan" else []
     return CacheKey(
-        geometry=_hash(vertices.tobytes(), faces.tobytes(), repr((closed, *_sky(scene))).encode()),
+        geometry=_hash(vertices.tobytes(), faces.tobytes(), repr((closed, *_sky(scene))).encode(), *_materials(scene)),
         lights=_hash(json.dumps(lights).encode()),
         settings={name: getattr(settings, name) for name in names},
     )
@@ -68,6 +69,30 @@ def key(scene: Scene, settings: Settings) -> CacheKey:
 def _sky(scene: Scene) -> tuple[object, ...]:
     """What it sends out; its up vector counts only where it is not the same all around."""
     return (tuple(scene.sky), tuple(scene.sky_gradient), tuple(scene.up)) if any(scene.sky_gradient) else (tuple(scene.sky),)
+
+
+def _materials(scene: Scene) -> Iterator[bytes]:
+    """What records depend on of the scene's materials, apart from the vertices: all values, and the images as bytes; nothing of
+    normal maps, which only bend what records say."""
+    for material in scene.materials:
+        values = replace(material, albedo_texture=None, emission_texture=None, normal_texture=None, normal_scale=1.0)
+        yield repr(values).encode()
+        for texture in (material.albedo_texture, material.emission_texture):
+            if texture is not None:
+                yield repr((texture.uv_set, texture.transform, texture.wrap, texture.nearest)).encode()
+                yield repr(texture.image.pixels.shape).encode()
+                yield _image_digest(texture.image)
+            else:
+                yield b""
+
+
+_digests: WeakKeyDictionary[Image, bytes] = WeakKeyDictionary()  # images do not change, and may be large
+
+
+def _image_digest(image: Image) -> bytes:
+    if image not in _digests:
+        _digests[image] = hashlib.sha256(image.pixels.tobytes()).digest()
+    return _digests[image]
 
 
 def write(path: files.Pathlike, key: CacheKey, state: CacheState) -> None:

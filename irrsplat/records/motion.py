@@ -8,7 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from irrsplat.core.vectors import unit
-from irrsplat.scene.flatten import in_order
+from irrsplat.scene.looks import in_order
 from irrsplat.scene.model import Mesh, Scene
 
 COVERED = 0.25  # share of a point's hemisphere, weighted by the cosine: where a moved mesh covers more, new records are wanted

@@ -5,19 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from irrsplat.core.vertex_layout import WIDTH, vertex_column
-from irrsplat.scene.model import Mesh, Scene
-from irrsplat.scene.seen_by_light import face_counts, sort_of
-
-
-def in_order(scene: Scene) -> list[Mesh]:
-    """The scene's meshes as their triangles are numbered: by sort_of."""
-    return sorted(scene.meshes, key=sort_of)
+from irrsplat.scene.looks import in_order
+from irrsplat.scene.model import Scene
+from irrsplat.scene.seen_by_light import face_counts
 
 
 def flatten(scene: Scene) -> tuple[np.ndarray, np.ndarray, int]:
     """Vertices (V, WIDTH) float32, rows as core/vertex_layout.py has them; faces (F, 3) int32; how many faces are closed.
 
-    The faces come in the order that FaceCounts tells.
+    The order of the faces is that of looks.in_order, which FaceCounts tells as well.
     """
     meshes, numbers = in_order(scene), scene.materials
     vertices, faces, start = [np.zeros((0, WIDTH), "f4")], [np.zeros((0, 3), "i4")], 0

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from irrsplat.scene.flatten import in_order
+from irrsplat.scene.looks import in_order
 from irrsplat.scene.model import Scene
 from irrsplat.surface_cache.tessellation import Tessellation
 

@@ -1,6 +1,7 @@
 // Antialiasing: one more sample of every pixel, beside its centre, is blended into the mean of the samples so far.
 #include "generated/gbuffer_material.glsl"
 #include "image/backdrop.glsl"
+#include "image/filtered.glsl"
 #include "lib/material.glsl"
 
 uniform sampler2D position;  // the sample's g-buffer
@@ -42,9 +43,9 @@ void main()
         own = material.emission;
     }
     else own = backdrop_radiance(gl_FragCoord.xy);
-    out_image = vec4(blend.x * direct_light + blend.y * indirect + own, share);
+    out_image = vec4(filtered(pixel, blend.x * direct_light + blend.y * indirect + own), share);
     out_direct = vec4(direct_light, share);
     out_indirect = vec4(indirect, share);
     out_emission = vec4(own, share);
-    out_alpha = vec4(seen ? 1.0 : 0.0, 0.0, 0.0, share);
+    out_alpha = vec4(seen ? 1.0 : held_back(pixel), 0.0, 0.0, share);
 }

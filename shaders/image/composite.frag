@@ -1,6 +1,7 @@
 // The picture: irradiance from the sums, and with it the outgoing radiance of direct light, indirect light, emission and sky.
 #include "generated/gbuffer_material.glsl"
 #include "image/backdrop.glsl"
+#include "image/filtered.glsl"
 #include "lib/material.glsl"
 
 uniform sampler2D position;  // g-buffer
@@ -9,7 +10,7 @@ uniform sampler2D sums;      // Σ k·E, Σ k; after smoothing E and 1
 uniform vec2 blend;          // weights of direct and indirect light
 
 layout(location = 0) out vec4 out_image;
-layout(location = 1) out float out_alpha;  // 1 where a surface is seen
+layout(location = 1) out float out_alpha;  // 1 where a surface is seen, else what filters hold back
 
 void main()
 {
@@ -20,6 +21,6 @@ void main()
     vec3 indirect = reflected_radiance(material, E);
     vec3 light = blend.x * texelFetch(direct, pixel, 0).rgb + blend.y * indirect + material.emission;
     bool seen = texelFetch(position, pixel, 0).w > 0.0;
-    out_image = vec4(seen ? light : backdrop_radiance(gl_FragCoord.xy), 1.0);
-    out_alpha = seen ? 1.0 : 0.0;
+    out_image = vec4(filtered(pixel, seen ? light : backdrop_radiance(gl_FragCoord.xy)), 1.0);
+    out_alpha = seen ? 1.0 : held_back(pixel);
 }

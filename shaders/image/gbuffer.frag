@@ -1,5 +1,6 @@
 // The g-buffer: position, normals and material of what each pixel sees at its centre.
 #include "generated/interpolated.glsl"
+#include "image/texture_map.glsl"
 #include "lib/material_table.glsl"
 #include "lib/octahedral.glsl"
 #include "lib/surface.glsl"
@@ -7,10 +8,13 @@
 in vec3 v_position;
 
 uniform vec3 eye;
-uniform vec3 forward;   // unit, the view axis
-uniform float far;      // metres, beyond the farthest corner of the scene
+uniform vec3 forward;        // unit, the view axis
+uniform float far;           // metres, beyond the farthest corner of the scene
+uniform int closed;          // triangles of lower numbers belong to closed meshes
+uniform int first_triangle;  // number of the first triangle of this draw
 
-uniform int closed;     // triangles of lower numbers belong to closed meshes
+// MASK, BLEND: 1 where the surface is there only where its opacity reaches the cutoff. MAPPED_NORMALS: 1 where any surface of the
+// scene has a normal map.
 
 const float BACK = 1e-3;  // how far inner sides of closed meshes are moved back, as a share of the far distance
 
@@ -18,20 +22,41 @@ layout(location = 0) out vec4 out_position;  // xyz, depth along the view axis (
 layout(location = 1) out vec4 out_normal;    // shading normal turned to the eye, geometric normal octahedral .x
 layout(location = 2) out vec4 out_albedo;    // reflectance, geometric normal octahedral .y
 layout(location = 3) out vec4 out_emission;  // emitted radiance, number of the triangle
+#if MAPPED_NORMALS
+layout(location = 4) out vec4 out_mapped_normal;  // shading normal bent by the normal map
+#endif
 
 void main()
 {
     float depth = dot(v_position - eye, forward);
-    vec3 g = face_plane(gl_PrimitiveID).xyz;
+    int triangle = first_triangle + gl_PrimitiveID;
+    vec3 g = face_plane(triangle).xyz;
     g = gl_FrontFacing ? g : -g;  // turned to the eye by the rasteriser's judgement: at a silhouette a dot product is noise
     vec3 n = shading_normal(v_normal, g);
-    Material material = material_of(interpolated_vertex(v_position));
+    Material material = material_factors(interpolated_vertex(v_position));
+    float alpha = v_opacity;
+#if ALBEDO_MAP
+    vec4 texel = albedo_texel(v_uv);
+    material.albedo *= texel.rgb;
+    alpha *= texel.a;
+#endif
+#if EMISSION_MAP
+    material.emission *= map_texel(emission_map, emission_from_uv * v_uv + emission_place.xy, emission_place.zw).rgb;
+#endif
+#if MAPPED_NORMALS && NORMAL_MAP
+    out_mapped_normal = vec4(mapped_normal(v_position, n, g, v_uv, gl_FrontFacing), 0.0);
+#elif MAPPED_NORMALS
+    out_mapped_normal = vec4(n, 0.0);
+#endif
+#if MASK || BLEND
+    if (cut_alpha(alpha, v_uv) < material_row(int(v_material), MATERIAL_EMISSION).w) discard;
+#endif
     vec2 octahedral = octahedral_encode(g);
     out_position = vec4(v_position, max(depth, 1e-30));
     out_normal = vec4(n, octahedral.x);
     out_albedo = vec4(material.albedo, octahedral.y);
-    out_emission = vec4(material.emission, float(gl_PrimitiveID));
+    out_emission = vec4(material.emission, float(triangle));
     // Linear depth is equally fine near and far, whatever the scene's size. From outside, the inner side of a closed mesh is never
     // visible, but at a silhouette depth is noise: moved back, it loses to the outer side.
-    gl_FragDepth = depth / far + (!gl_FrontFacing && gl_PrimitiveID < closed ? BACK : 0.0);
+    gl_FragDepth = depth / far + (!gl_FrontFacing && triangle < closed ? BACK : 0.0);
 }

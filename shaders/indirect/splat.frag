@@ -3,6 +3,9 @@
 
 uniform sampler2D position;  // g-buffer
 uniform sampler2D normal;
+#if NORMAL_MAPS
+uniform sampler2D lit_normal;  // bent by the normal map
+#endif
 uniform int pixel_stride;    // pixels of the g-buffer per pixel of the sums, in x and y: 1 or 2
 uniform bool cut;            // the paper's kernel: w itself, cut off where it falls to 1/a
 uniform bool in_front;       // reject records in front of the pixel's surface or behind it
@@ -23,6 +26,19 @@ flat in vec3 v_irradiance;
 layout(location = 0) out vec4 out_sums;     // k·E, k
 layout(location = 1) out vec2 out_weight;   // w, and k·Y², where Y is the luminance of E
 
+#if NORMAL_MAPS
+// The irradiance on a normal m bent away from the surface's own n, where it is E. n·M and m·M count light below m's horizon as
+// negative; what the surface lets through of it is a lune of n's hemisphere. Of light that is affine in the direction, and as bright
+// at n as at the horizon on the mean, that is (1 - n·m)·(E/2 - 2/π·M·t), t being the direction in which m is tilted, to second order
+// (docs/METHOD.md, 4.1).
+vec3 bent_irradiance(vec3 E, vec3 n, vec3 m, mat3 M)
+{
+    float c = clamp(dot(n, m), 0.0, 1.0);
+    vec3 turned = m * M, sideways = (turned - c * E) * sqrt((1.0 - c) / (1.0 + c));  // (1 - c)·M·t
+    return turned + max((1.0 - c) * 0.5 * E - 2.0 * INV_PI * sideways, 0.0);
+}
+#endif
+
 void main()
 {
     ivec2 pixel = pixel_stride * ivec2(gl_FragCoord.xy);
@@ -38,7 +54,11 @@ void main()
     float k = cut ? w : w - 1.0 / a;
 #if GRADIENTS
     // E = n·M + (p - p_k)·∇E: the irradiance vector turns with the normal, the gradient moves with the point
-    vec3 E = extrapolated(n * v_m, apart * v_g, apart, v_normal, v_axis, v_curvature);
+    vec3 turned = n * v_m;
+#if NORMAL_MAPS
+    turned = bent_irradiance(turned, n, texelFetch(lit_normal, pixel, 0).xyz, v_m);
+#endif
+    vec3 E = extrapolated(turned, apart * v_g, apart, v_normal, v_axis, v_curvature);
 #else
     vec3 E = v_irradiance;
 #endif

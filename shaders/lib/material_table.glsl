@@ -10,7 +10,13 @@ vec4 material_row(int material, int row)
     return texelFetch(material_table, ivec2(material & (TABLE_COLUMNS - 1), (material >> TABLE_SHIFT) * MATERIAL_ROWS + row), 0);
 }
 
-Material material_of(Vertex point)
+// The material without its textures.
+Material material_factors(Vertex point)
 {
     return Material(point.albedo, material_row(int(point.material), MATERIAL_EMISSION).rgb);
+}
+
+Material material_of(Vertex point)
+{
+    return material_factors(point);
 }

@@ -6,6 +6,7 @@
 
 uniform sampler2D position;  // g-buffer
 uniform sampler2D normal;
+uniform sampler2D lit_normal;  // bent by the normal map
 uniform float rotation;      // of the pattern of the four samples, radians
 
 layout(location = 0) out vec4 out_direct;  // outgoing radiance ρ/π·E
@@ -18,6 +19,6 @@ void main()
     if (p.w == 0.0) return;
     // interleaved gradient noise (Jimenez 2014) rotates the pattern from pixel to pixel
     float angle = 2.0 * PI * fract(52.9829189 * fract(dot(gl_FragCoord.xy, vec2(0.06711056, 0.00583715)))) + rotation;
-    Receiver receiver = Receiver(p.xyz, n.xyz, octahedral_decode(vec2(n.w, texelFetch(albedo, pixel, 0).w)));
+    Receiver receiver = Receiver(p.xyz, texelFetch(lit_normal, pixel, 0).xyz, octahedral_decode(vec2(n.w, texelFetch(albedo, pixel, 0).w)));
     out_direct.rgb = reflected_radiance(material_at(pixel), direct_irradiance(receiver, 4, vec2(cos(angle), sin(angle))));
 }

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import moderngl
+import numpy as np
 import pytest
 
 from irrsplat import Renderer
@@ -17,6 +19,7 @@ from irrsplat.gpu import program, shader_source
 from irrsplat.gpu.program import Program, programs_of
 from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.target import Target
+from irrsplat.gpu.world import World
 from irrsplat.image.antialias import MeanPass
 from irrsplat.image.composite import CompositePass
 from irrsplat.image.gbuffer import GBufferPass
@@ -28,7 +31,7 @@ from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.records.coverage_pass import CoveragePass
 from irrsplat.records.radius_limit_pass import RadiusLimitPass
-from irrsplat.scene.model import Light
+from irrsplat.scene.model import Image, Light, Material, Texture
 from irrsplat.surface_cache.view import SurfaceViewPass
 from irrsplat.surface_cache.visibility import VisibilityPass
 from tests.gather.test_analytic import LIGHTS
@@ -72,8 +75,21 @@ def unlit(ctx: moderngl.Context) -> Iterator[Owner]:
             yield RadiusLimitPass(ctx, gradients, neighbours)
     for simple in (ShadowPass, VisibilityPass, SurfaceViewPass):
         yield simple(ctx)
+    yield textured(ctx)
     for sized in (GBufferPass, ExaminePass, CompositePass, MeanPass, UpsamplePass):
         yield sized(ctx, SIZE)
+
+
+def textured(ctx: moderngl.Context) -> GBufferPass:
+    """A g-buffer that has drawn surfaces with all maps, and with none, of every way in which they may be opaque."""
+    worn = Texture(Image(np.full((1, 1, 4), 255, "u1")))
+    maps = {"albedo_texture": worn, "emission_texture": worn, "normal_texture": worn, "emission": (1.0, 1.0, 1.0)}
+    modes = Material(alpha_mode="mask"), Material(alpha_mode="blend"), Material(transmission=1.0)
+    paints = (replace(mode, **some) for mode in modes for some in (maps, {}))  # type: ignore[arg-type]
+    world, drawn = scene(*(floor(paint=paint) for paint in paints)), GBufferPass(ctx, SIZE)
+    with World(ctx, world) as placed:
+        drawn(placed, world.camera())
+    return drawn
 
 
 def linked(ctx: moderngl.Context, passes: Iterator[Owner]) -> set[str]:

@@ -63,7 +63,8 @@ def test_exr_layers_are_the_buffers(frame: Frame, tmp_path: Path) -> None:
 
     frame.save(tmp_path / "a.exr")
     with OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True) as file:
-        wanted = {f"{n}.{s}" for n, c in CHANNELS.items() if c.components == 3 for s in "RGB"} | {"weight", "depth", "alpha"}
+        wanted = {f"{n}.{s}" for n, c in CHANNELS.items() if c.components == 3 for s in "RGB"}
+        wanted |= {"weight", "depth", "alpha", "opacity"}
         assert set(file.channels()) == wanted
         for name, channel in file.channels().items():
             stem, _, component = name.partition(".")

@@ -139,7 +139,7 @@ def gbuffer_of(ctx: moderngl.Context, position: np.ndarray, normal: np.ndarray, 
     return GBuffer(
         texture(position, depth),
         texture(normal, octahedral[..., 0]),
-        **{c.name: texture(rest.get(c.name, 0.0 * position), last.get(c.name, 0.0 * depth)) for c in PROPERTIES},
+        **{c.name: texture(rest.get(c.name, 0.0 * position), last.get(c.name, 0.0 * depth)) for c in PROPERTIES},  # type: ignore[arg-type]
     )
 
 

@@ -16,19 +16,21 @@ from irrsplat.app.viewer.buffers.texture_buffers import (
     ImageBuffer,
     IndirectBuffer,
     IrradianceBuffer,
+    OpacityBuffer,
     RadianceBuffer,
     ReflectanceBuffer,
     ShareBuffer,
     VectorBuffer,
+    opacity_texture,
 )
 from irrsplat.app.viewer.buffers.truth import ErrorBuffer, ReferenceBuffer
 from irrsplat.app.viewer.buffers.weight import AskingBuffer, WeightBuffer
 from irrsplat.core.buffers import CHANNELS
 
 
-def _channel(name: str) -> tuple[str, str, str, str]:
-    """Name, title, unit and help of an image channel, which files hold too."""
-    return name, name, CHANNELS[name].unit, CHANNELS[name].help
+def _channel(name: str, title: str = "") -> tuple[str, str, str, str]:
+    """Name, title (default: the name), unit and help of an image channel, which files hold too."""
+    return name, title or name, CHANNELS[name].unit, CHANNELS[name].help
 
 
 # In the order of the menu; the first twelve have the keys 1 to 9, 0, - and =.
@@ -46,7 +48,7 @@ BUFFERS: dict[str, ShownBuffer] = {
             ends=lambda scene: scene.bounds,
             note=" within the scene's bounds",
         ),
-        VectorBuffer(*_channel("normal"), texture=lambda view: view.gbuffer.normal),
+        VectorBuffer(*_channel("normal"), texture=lambda view: view.gbuffer.lit_normal),
         ReflectanceBuffer(*_channel("albedo"), texture=lambda view: view.gbuffer.albedo),
         DepthBuffer(*_channel("depth"), texture=lambda view: view.gbuffer.position),
         AskingBuffer(
@@ -62,6 +64,8 @@ BUFFERS: dict[str, ShownBuffer] = {
         ),
         GatherAtlasBuffer("atlas", "gather atlas", "W/(m² sr)", "what the records of the last batch saw, a hemisphere each"),
         EmissionBuffer(*_channel("emission"), texture=lambda view: view.emission or view.gbuffer.emission),
+        VectorBuffer(*_channel("smooth_normal", "smooth normal"), texture=lambda view: view.gbuffer.normal),
+        OpacityBuffer(*_channel("opacity"), texture=opacity_texture, components=1),
         SurfaceCacheBuffer("surface", "surface cache", "W/m²", "irradiance of all bounces but the last, as gathers look it up"),
         ShareBuffer(*_channel("alpha"), texture=lambda view: view.alpha, components=1, everywhere=True),
         ReferenceBuffer("reference", "reference", "W/m²", "the path-traced truth of irradiance"),

@@ -28,8 +28,19 @@ _SPANS: dict[str, tuple[float, float]] = {
     "samples": (1, 256),
     "viewer_samples": (0, 256),
 }
-_LOGARITHMIC = {"a", "tolerance", "radius_min", "radius_max", "budget", "shadow_size", "gather_size", "warmup", "max_records"}
-_STAGES = {"shadow": False, "gather": False, "splat": True, "examine": True, "composite": True, "view": False}  # open at first?
+_LOGARITHMIC = {
+    *("a", "tolerance", "radius_min", "radius_max", "budget", "shadow_size", "gather_size", "warmup", "max_records"),
+    "texture_memory",
+}
+_STAGES = {  # open at first?
+    "shadow": False,
+    "gbuffer": False,
+    "gather": False,
+    "splat": True,
+    "examine": True,
+    "composite": True,
+    "view": False,
+}
 _COSTLY = ("shadow", "gather")  # stages whose settings make every record anew
 
 

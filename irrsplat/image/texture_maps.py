@@ -1,0 +1,172 @@
+"""A scene's images on the GPU at full resolution, for what the camera sees: each once, with mip-maps, in bounded memory."""
+
+from __future__ import annotations
+
+import heapq
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import moderngl
+import numpy as np
+
+from irrsplat.core.color import linear_from_srgb, srgb
+from irrsplat.gpu.context import describe
+from irrsplat.gpu.program import SampledTexture
+from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.scene.looks import Run
+from irrsplat.scene.model import Image, Texture
+
+_SRGB8_ALPHA8 = 0x8C43
+_TEXEL = 4 * 4 / 3  # bytes, with its share of the mip-maps
+_MIB = 2**20
+_ANISOTROPY = 8  # samples along the longer axis of a pixel's footprint, at most
+_TAPS = 4  # the same where shaders take them
+
+
+@dataclass(frozen=True)
+class _Use:
+    """An image as textures hold it: `srgb`, where its colours are to be decoded."""
+
+    image: Image
+    srgb: bool
+
+
+def _uses(runs: Sequence[Run]) -> tuple[_Use, ...]:
+    """The images that these are drawn with, each once in every encoding in which it is wanted."""
+    looks = dict.fromkeys(run.look for run in runs)
+    colours = (_Use(texture.image, True) for look in looks for texture in (look.albedo, look.emission) if texture is not None)
+    normals = (_Use(look.normal.image, False) for look in looks if look.normal is not None)
+    return tuple(dict.fromkeys([*colours, *normals]))
+
+
+def halvings(sizes: Iterable[tuple[int, int]], memory: float, side: int) -> list[int]:
+    """How often images of these sizes (width, height) are halved, so that no side is longer than `side` and all of them with
+    their mip-maps fit into `memory` bytes; the largest come first."""
+    counts, heap, total = [], [], 0.0
+    for i, (width, height) in enumerate(sizes):
+        counts.append(max(0, math.ceil(math.log2(max(width, height) / side))))
+        size = _halved(width, height, counts[i])
+        total += _TEXEL * size[0] * size[1]
+        heap.append((-size[0] * size[1], i, size))
+    heapq.heapify(heap)
+    while total > memory and heap and heap[0][0] < -1:
+        area, i, (width, height) = heap[0]
+        size = _halved(width, height, 1)
+        counts[i] += 1
+        total += _TEXEL * (size[0] * size[1] + area)
+        heapq.heapreplace(heap, (-size[0] * size[1], i, size))
+    return counts
+
+
+def _halved(width: int, height: int, times: int) -> tuple[int, int]:
+    for _ in range(times):
+        width, height = (width + 1) // 2, (height + 1) // 2
+    return width, height
+
+
+def half(pixels: np.ndarray, srgb_encoded: bool) -> np.ndarray:
+    """(⌈H/2⌉, ⌈W/2⌉, 4) uint8: the means of 2×2 pixels (H, W, 4) uint8, of linear colours where they are `srgb_encoded`."""
+    height, width = pixels.shape[:2]
+    pixels = np.pad(pixels, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge")
+    corners = [pixels[y::2, x::2] for y in (0, 1) for x in (0, 1)]
+    out = np.empty_like(corners[0])
+    for channel in range(4):
+        decode, encode = (_DECODE, _ENCODE) if srgb_encoded and channel < 3 else (_SAME, _BYTE)
+        out[..., channel] = encode[sum(decode[corner[..., channel]] for corner in corners) // 4]
+    return out
+
+
+_STEPS = 65535  # of linear values between 0 and 1: as fine as the darkest sRGB colours need
+_BYTES = np.arange(256) / 255.0
+_SAME = (_BYTES * _STEPS).round().astype("u4")
+_BYTE = (np.arange(_STEPS + 1) / _STEPS * 255.0).round().astype("u1")
+_DECODE = (linear_from_srgb(_BYTES) * _STEPS).round().astype("u4")
+_ENCODE = (srgb(np.arange(_STEPS + 1) / _STEPS) * 255.0).round().astype("u1")
+
+
+class TextureMaps(Owner):
+    """The textures that a scene's materials wear, uploaded when they are first asked for. memory: MiB that they may take; images
+    that are larger are halved until all fit, the largest first."""
+
+    def __init__(self, ctx: moderngl.Context, memory: int = 1024) -> None:
+        self.ctx, self.memory = ctx, memory
+        # Mesa's software renderer has an anisotropic filter that blurs what it need not
+        driver = self.ctx.max_anisotropy >= _ANISOTROPY and not describe(ctx)["software"]
+        self.taps = 1 if driver else _TAPS  # samples that shaders take along a footprint
+        self._runs: Sequence[Run] = ()
+        self._counts: Mapping[_Use, int] = {}  # how often each image is halved
+        self._textures: dict[_Use, moderngl.Texture] = {}
+        self._samplers: dict[tuple[object, ...], moderngl.Sampler] = {}
+        self._sampled: dict[tuple[Texture, bool], SampledTexture] = {}
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (*self._textures.values(), *self._samplers.values())
+
+    def follow(self, runs: Sequence[Run]) -> None:
+        """Be ready for the images that these are drawn with; others are freed."""
+        if runs is self._runs:
+            return
+        counts = self._plan(_uses(runs))
+        for use in [use for use in self._textures if counts.get(use) != self._counts[use]]:
+            self._textures.pop(use).release()
+        self._sampled.clear()
+        self._counts, self._runs = counts, runs
+
+    def _plan(self, uses: tuple[_Use, ...]) -> dict[_Use, int]:
+        sizes = [use.image.pixels.shape[1::-1] for use in uses]
+        counts = halvings(sizes, self.memory * _MIB, int(self.ctx.info["GL_MAX_TEXTURE_SIZE"]))
+        return dict(zip(uses, counts, strict=True))
+
+    def notices(self, runs: Sequence[Run]) -> tuple[str, ...]:
+        """A line where images that these are drawn with are shown smaller than they are."""
+        counts = self._plan(_uses(runs))
+        smaller = {use.image: count for use, count in counts.items() if count}
+        if not smaller:
+            return ()
+        image, count = max(smaller.items(), key=lambda item: item[0].pixels.size)
+        width, height = image.pixels.shape[1::-1]
+        now = "x".join(map(str, _halved(width, height, count)))
+        return (
+            f"{len(smaller)} of {len({use.image for use in counts})} images are scaled down to fit into --texture-memory "
+            f"{self.memory} MiB: {image.name or 'the largest'}, {width}x{height}, is shown as {now}",
+        )
+
+    def __call__(self, texture: Texture, srgb_encoded: bool) -> SampledTexture:
+        """The image as this texture uses it; where it is mirrored, the shader mirrors, and the sampler clamps."""
+        key = texture, srgb_encoded
+        if key not in self._sampled:
+            self._sampled[key] = SampledTexture(self._texture(_Use(texture.image, srgb_encoded)), self._sampler(texture))
+        return self._sampled[key]
+
+    def _texture(self, use: _Use) -> moderngl.Texture:
+        if use not in self._textures:
+            pixels = use.image.pixels
+            for _ in range(self._counts[use]):
+                pixels = half(pixels, use.srgb)
+            size, data = pixels.shape[1::-1], np.ascontiguousarray(pixels, "u1")
+            made = self.ctx.texture(size, 4, data, internal_format=_SRGB8_ALPHA8) if use.srgb else self.ctx.texture(size, 4, data)
+            made.build_mipmaps()
+            self._textures[use] = made
+        return self._textures[use]
+
+    def _sampler(self, texture: Texture) -> moderngl.Sampler:
+        key = *texture.wrap, texture.nearest
+        if key not in self._samplers:
+            self._samplers[key] = self.ctx.sampler(
+                repeat_x=texture.wrap[0] == "repeat",
+                repeat_y=texture.wrap[1] == "repeat",
+                filter=(moderngl.LINEAR_MIPMAP_LINEAR, moderngl.NEAREST if texture.nearest else moderngl.LINEAR),
+                anisotropy=1.0 if texture.nearest or self.taps > 1 else float(_ANISOTROPY),
+            )
+        return self._samplers[key]
+
+
+def map_uniforms(name: str, texture: Texture) -> dict[str, np.ndarray | tuple[float, ...]]:
+    """How a texture lies on a surface, as shaders/image/texture_map.glsl takes it for the map of this name."""
+    a, b, c, d, e, f = texture.transform
+    from_uv = np.zeros((2, 4))
+    from_uv[:, 2 * texture.uv_set : 2 * texture.uv_set + 2] = (a, b), (d, e)
+    mirrored = (float(wrap == "mirror") for wrap in texture.wrap)
+    return {f"{name}_from_uv": from_uv, f"{name}_place": (c, f, *mirrored)}

@@ -1,0 +1,77 @@
+"""How a camera draws materials: which of them can be drawn together, and how triangles are numbered so that they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from irrsplat.scene.model import AlphaMode, Material, Mesh, Scene, Texture
+from irrsplat.scene.seen_by_light import sort_of
+
+
+@dataclass(frozen=True)
+class Look:
+    """What the materials of one draw have in common; in all else they differ by vertices and the table of materials.
+
+    alpha_cutoff: Material.alpha_cutoff where `alpha` is "mask", else 0. filters: Material.filters.
+    """
+
+    albedo: Texture | None = None
+    emission: Texture | None = None
+    normal: Texture | None = None
+    normal_scale: float = 1.0
+    alpha: AlphaMode = "opaque"
+    alpha_cutoff: float = 0.0
+    filters: bool = False
+    single_sided: bool = False
+
+    @property
+    def solid(self) -> bool:
+        """Whether any of it may be a surface that hides what is behind it; the rest tints only."""
+        return self.alpha == "blend" or not self.filters
+
+
+PLAIN = Look()  # no texture, opaque, seen from both sides
+
+
+@dataclass(frozen=True)
+class Run:
+    """Successive triangles of one look: `count` of them from the number `first` on."""
+
+    look: Look
+    first: int
+    count: int
+
+
+def look_of(material: Material) -> Look:
+    """How a material is drawn; what cannot show (a map of a black emission, say) is left out."""
+    return Look(
+        albedo=material.albedo_texture,
+        emission=material.emission_texture if any(material.emission) else None,
+        normal=material.normal_texture if material.normal_scale != 0.0 else None,
+        normal_scale=material.normal_scale if material.normal_texture is not None else 1.0,
+        alpha=material.alpha_mode,
+        alpha_cutoff=material.alpha_cutoff if material.alpha_mode == "mask" else 0.0,
+        filters=material.filters,
+        single_sided=not material.double_sided,
+    )
+
+
+def in_order(scene: Scene) -> list[Mesh]:
+    """The scene's meshes as their triangles are numbered: by seen_by_light.sort_of, and of each sort the plain ones first and
+    those of any other look side by side."""
+    looks = {material: look_of(material) for material in scene.materials}
+    numbers = {look: i for i, look in enumerate(dict.fromkeys([PLAIN, *looks.values()]))}
+    return sorted(scene.meshes, key=lambda mesh: (sort_of(mesh), numbers[looks[mesh.material]]))
+
+
+def runs(scene: Scene) -> tuple[Run, ...]:
+    """All triangles as runs of one look, in the order of their numbers."""
+    looks = {material: look_of(material) for material in scene.materials}
+    found: list[Run] = []
+    for mesh in in_order(scene):
+        look, count = looks[mesh.material], len(mesh.faces)
+        if found and found[-1].look == look:
+            found[-1] = replace(found[-1], count=found[-1].count + count)
+        elif count:
+            found.append(Run(look, found[-1].first + found[-1].count if found else 0, count))
+    return tuple(found)

@@ -1,0 +1,87 @@
+// The images that a surface wears, at full resolution. Of ALBEDO_MAP, EMISSION_MAP and NORMAL_MAP those are 1 that it has.
+// …_from_uv: coordinates in the image from both sets of the surface; …_place: xy added to them, zw 1 where the image is mirrored
+// beyond its edges along x or y.
+#if ALBEDO_MAP
+uniform sampler2D albedo_map;  // sRGB, with alpha
+uniform mat4x2 albedo_from_uv;
+uniform vec4 albedo_place;
+#endif
+#if EMISSION_MAP
+uniform sampler2D emission_map;  // sRGB
+uniform mat4x2 emission_from_uv;
+uniform vec4 emission_place;
+#endif
+#if NORMAL_MAP
+uniform sampler2D normal_map;
+uniform mat4x2 normal_from_uv;
+uniform vec4 normal_place;
+uniform float normal_scale;  // factor on the map's x and y
+#endif
+
+// OpenGL mirrors as well, but not as moderngl sets it up: here the coordinates are folded.
+vec2 folded(vec2 place, vec2 mirrored)
+{
+    return mix(place, 1.0 - abs(1.0 - mod(place, 2.0)), mirrored);
+}
+
+// The mean over a pixel's footprint. A footprint that is long and narrow is sampled at up to MAP_TAPS places along its length: 1 where
+// the driver's anisotropic filter does the same.
+vec4 map_texel(sampler2D map, vec2 place, vec2 mirrored)
+{
+    vec2 x = dFdx(place), y = dFdy(place);
+#if MAP_TAPS > 1
+    vec2 size = vec2(textureSize(map, 0));  // texels
+    float across = length(x * size), down = length(y * size);
+    vec2 along = across > down ? x : y;
+    float taps = clamp(ceil(max(across, down) / max(min(across, down), 1.0) - 0.1), 1.0, float(MAP_TAPS));
+    x /= across > down ? taps : 1.0;
+    y /= across > down ? 1.0 : taps;
+    vec4 sum = vec4(0.0);
+    for (float tap = 0.5; tap < taps; ++tap) sum += textureGrad(map, folded(place + (tap / taps - 0.5) * along, mirrored), x, y);
+    return sum / taps;
+#else
+    return textureGrad(map, folded(place, mirrored), x, y);
+#endif
+}
+
+#if ALBEDO_MAP
+vec4 albedo_texel(vec4 uv)
+{
+    return map_texel(albedo_map, albedo_from_uv * uv + albedo_place.xy, albedo_place.zw);
+}
+#endif
+
+// The opacity at a point, of its vertices' and the map's alpha. Mip-maps blur what is cut out, so that less and less of it is above
+// the cutoff: alpha grows with the level to make up for that (Golus 2017, "Anti-aliased Alpha Test").
+float cut_alpha(float alpha, vec4 uv)
+{
+#if ALBEDO_MAP && MASK
+    vec2 place = albedo_from_uv * uv * vec2(textureSize(albedo_map, 0));  // texels
+    float footprint = max(dot(dFdx(place), dFdx(place)), dot(dFdy(place), dFdy(place)));
+    alpha *= 1.0 + 0.25 * max(0.5 * log2(max(footprint, 1e-20)), 0.0);
+#endif
+    return alpha;
+}
+
+#if NORMAL_MAP
+// The unit normal n, of the side that is seen, bent by the map. The tangents are the gradients of the map's coordinates on the
+// surface, by screen-space derivatives (Schuler 2013, "Followup: Normal Mapping Without Precomputed Tangents"), so that mirrored
+// coordinates need no sign. g: the geometric normal of that side, which no bent normal may lie below. front: whether the front is
+// seen; on the back a bump is a dent. Where the coordinates have no gradient, n itself.
+vec3 mapped_normal(vec3 p, vec3 n, vec3 g, vec4 uv, bool front)
+{
+    vec2 place = normal_from_uv * uv + normal_place.xy;
+    vec3 bent = map_texel(normal_map, place, normal_place.zw).xyz * 2.0 - 1.0;
+    bent.xy *= front ? normal_scale : -normal_scale;
+    vec2 place_x = dFdx(place), place_y = dFdy(place);
+    vec3 across_y = cross(dFdy(p), n), across_x = cross(n, dFdx(p));
+    vec3 tangent = across_y * place_x.x + across_x * place_y.x;
+    vec3 bitangent = -(across_y * place_x.y + across_x * place_y.y);  // upward in the image
+    float size = max(dot(tangent, tangent), dot(bitangent, bitangent));
+    if (!(size > 0.0) || isinf(size)) return n;
+    vec3 mapped = (tangent * bent.x + bitangent * bent.y) * inversesqrt(size) + n * max(bent.z, 0.0);
+    mapped -= g * min(dot(mapped, g), 0.0);
+    float length_2 = dot(mapped, mapped);
+    return length_2 > 1e-12 ? mapped * inversesqrt(length_2) : n;
+}
+#endif
