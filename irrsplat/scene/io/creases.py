@@ -61,6 +61,8 @@ def _alike(place: np.ndarray, face: np.ndarray, weighted: np.ndarray, least: flo
     crowded = count > _CROWD
     begin[crowded], count[crowded] = np.flatnonzero(crowded), 1
     sums = np.empty_like(weighted)
+    x, y, z = (np.ascontiguousarray(face[:, i]) for i in range(3))
+    columns = [np.ascontiguousarray(weighted[:, i]) for i in range(3)]
     ends = np.cumsum(count)
     low = 0
     while low < len(place):
@@ -70,8 +72,10 @@ def _alike(place: np.ndarray, face: np.ndarray, weighted: np.ndarray, least: flo
         starts = ends[rows] - count[rows] - done
         one = np.repeat(np.arange(low, high), count[rows])
         other = np.arange(len(one)) + np.repeat(begin[rows] - starts, count[rows])
-        close = ((face[one] * face[other]).sum(1) > least) | (one == other)
-        sums[rows] = np.add.reduceat(weighted[other] * close[:, None], starts)
+        close = (x[one] * x[other] + y[one] * y[other] + z[one] * z[other] > least) | (one == other)
+        one, other = one[close] - low, other[close]
+        for i, column in enumerate(columns):
+            sums[rows, i] = np.bincount(one, column[other], minlength=high - low)
         low = high
     return unit(sums)
 

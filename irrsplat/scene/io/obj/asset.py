@@ -11,7 +11,7 @@ from irrsplat.core.load_options import LoadOptions
 from irrsplat.scene.io.creases import crease_normals
 from irrsplat.scene.io.images import find_file
 from irrsplat.scene.io.lines import quote
-from irrsplat.scene.io.obj.mtl import MaterialFiles, find_libraries
+from irrsplat.scene.io.obj.mtl import MaterialFiles, find_libraries, without_comment
 from irrsplat.scene.io.obj.reader import Shape, load_obj
 from irrsplat.scene.io.part import Part
 from irrsplat.scene.model import Material
@@ -91,7 +91,11 @@ def _materials(path: Path, shape: Shape, notices: list[str]) -> tuple[dict[int, 
         notices.append(f"{path}: there is no material file {quote(name)}; {instead}")
     notices += reader.notices
     folded = {name.casefold(): material for name, material in found.items()}
-    known = {i: found.get(name, folded.get(name.casefold())) for i, name in enumerate(shape.names) if name}
+
+    def look_up(name: str) -> Material | None:
+        return found.get(name) or folded.get(name.casefold()) or folded.get(without_comment(name).casefold())
+
+    known = {i: look_up(name) for i, name in enumerate(shape.names) if name}
     unknown = [shape.names[i] for i, material in known.items() if material is None]
     if unknown and found:
         others = f" and {len(unknown) - 1} more" * (len(unknown) > 1)

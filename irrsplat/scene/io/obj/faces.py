@@ -38,7 +38,7 @@ def read_faces(lines: Lines, strict: bool) -> Faces:
     bad = _odd_lines(text)
     if bad.any():
         text = block(lines, which[~bad])
-    table, form = _table(text)
+    table, form = _tables(lines, text)
     wrong = np.zeros(len(text.lines), bool)
     if len(form):
         owner = np.repeat(np.arange(len(text.lines)), text.count)
@@ -101,6 +101,29 @@ def _odd_lines(text: Block) -> np.ndarray:
     return bad
 
 
+def _tables(lines: Lines, text: Block) -> tuple[np.ndarray, np.ndarray]:
+    """As `_table`, by groups of lines whose corners seem to be of one form each."""
+    slash = np.flatnonzero(text.code == ord("/"))
+    double = slash[:-1][np.diff(slash) == 1]
+    edges = np.append(text.offset, len(text.code))
+    slashes = np.diff(np.searchsorted(slash, edges))
+    doubles = np.diff(np.searchsorted(double, edges))
+    group = np.full(len(text.lines), 4)
+    group[(slashes == 2 * text.count) & (doubles == text.count)] = 3
+    group[(slashes == 2 * text.count) & (doubles == 0)] = 2
+    group[slashes == text.count] = 1
+    group[slashes == 0] = 0
+    groups = np.flatnonzero(np.bincount(group))
+    if len(groups) < 2:
+        return _table(text)
+    table, form = np.zeros((len(text.word), 3), np.int64), np.zeros(len(text.word), np.int8)
+    group_of_word = np.repeat(group, text.count)
+    for one in groups:
+        at = group_of_word == one
+        table[at], form[at] = _table(block(lines, text.lines[group == one]))
+    return table, form
+
+
 def _table(text: Block) -> tuple[np.ndarray, np.ndarray]:
     """(C, 3) the numbers of each corner as they are written, 0 for what is not, and (C,) its form.
 
@@ -118,6 +141,13 @@ def _table(text: Block) -> tuple[np.ndarray, np.ndarray]:
         if values is not None:
             table[:, columns] = values.reshape(count, len(columns))
             return table, np.full(count, form, np.int8)
+    return _mixed_table(text, slash, numbers)
+
+
+def _mixed_table(text: Block, slash: np.ndarray, numbers: bytes) -> tuple[np.ndarray, np.ndarray]:
+    """As `_table`, for corners of several forms. numbers: the text without its slashes."""
+    count = len(text.word)
+    table = np.zeros((count, 3), np.int64)
     gap = (text.code <= 32) | (text.code == ord("/"))
     token = np.flatnonzero(gap[:-1] & ~gap[1:]) + 1
     word = np.searchsorted(text.word, token, "right") - 1

@@ -71,9 +71,9 @@ class MaterialFiles:
     def read(self, path: Path) -> dict[str, Material]:
         """The materials in the file at `path`, by name; surfaces are double-sided.
 
-        Kd (clipped to 0..1) times map_Kd; Ke times map_Ke; `norm`; d or Tr, times map_d or map_Kd's alpha, which is a mask where
-        hardly any of it lies between 0 and 1. Kd or Ke 0 0 0 beside a map counts as 1 1 1, as in most programs. Glass (by its
-        illum, and with Kd 0 0 0) transmits Tf; a mirror or a metal with Kd 0 0 0 reflects Ks.
+        Kd (clipped to 0..1) times map_Kd; Ke times map_Ke; `norm`; d or Tr, times map_d or map_Kd's alpha (unless that hides a
+        picture), which is a mask where hardly any of it lies between 0 and 1. Kd or Ke 0 0 0 beside a map counts as 1 1 1, as in
+        most programs. Glass (by its illum, and with Kd 0 0 0) transmits Tf; a mirror or a metal with Kd 0 0 0 reflects Ks.
         What can't be read costs a notice. Raises InputError where the whole file can't be.
         """
         self.files.append(path)
@@ -85,6 +85,7 @@ class MaterialFiles:
             self.notices.append(f"{path}: every material is transparent altogether; they are drawn opaque")
         missing: list[str] = []
         found = {name: self._material(path.parent, entry, missing) for name, entry in entries.items()}
+        found = {without_comment(name): material for name, material in found.items()} | found
         missing = list(dict.fromkeys(missing))
         if missing:
             more = f" and {len(missing) - 1} more" * (len(missing) > 1)
@@ -175,7 +176,9 @@ class MaterialFiles:
     def _with_alpha(self, color: Texture | None, cut: Texture | None, written: _Map | None) -> tuple[Texture | None, AlphaMode]:
         """The texture with the alpha of `cut`, else of its own, and what that alpha means."""
         if cut is None or written is None or (color is not None and cut.image is color.image):
-            return color, _mode(color.image.pixels[..., 3]) if color else "opaque"
+            if color is None or (cut is None and _hides_a_picture(color.image.pixels)):
+                return color, "opaque"
+            return color, _mode(color.image.pixels[..., 3])
         channel = written.options.get("-imfchan", [""])[-1]
         image = color.image if color else None
         key = image, cut.image, channel
@@ -192,12 +195,18 @@ class MaterialFiles:
 
 def find_libraries(folder: Path, written: str) -> Iterator[tuple[str, Path | None]]:
     """The files that an `mtllib` line means, each name with None where there is none: one name with blanks, or several."""
-    whole = find_file(folder, written)
-    if whole is not None:
-        yield written, whole
-        return
-    for name in re.findall(r"\S.*?\.mtl(?=\s|$)|\S+", written, re.IGNORECASE):
+    for name in dict.fromkeys((written, written.replace("\\ ", " "), without_comment(written))):
+        whole = find_file(folder, name)
+        if whole is not None:
+            yield name, whole
+            return
+    for name in re.findall(r"\S.*?\.mtl(?=\s|$)|\S+", without_comment(written), re.IGNORECASE):
         yield name, find_file(folder, name)
+
+
+def without_comment(name: str) -> str:
+    """A name up to a # behind a blank; names may have one within them, so look for the whole name first."""
+    return re.split(r"\s#", name, maxsplit=1)[0].rstrip()
 
 
 def _numbers(text: str, count: int) -> tuple[float, ...]:
@@ -256,6 +265,18 @@ def _mode(alpha: np.ndarray) -> AlphaMode:
     if present == alpha.size or absent == alpha.size:
         return "opaque"
     return "mask" if between <= min(0.1 * alpha.size, absent) else "blend"
+
+
+def _hides_a_picture(pixels: np.ndarray) -> bool:
+    """Whether colours (H, W, 4) vary where alpha is 0 as they do elsewhere: then it is no opacity, but gloss or the like."""
+    some = pixels[:: max(1, len(pixels) // 512)]
+    change = np.abs(np.diff(some[..., :3].astype(float).sum(2), axis=1))
+    alpha = some[..., 3]
+    absent = (alpha[:, 1:] < 16) & (alpha[:, :-1] < 16)
+    present = (alpha[:, 1:] >= 240) & (alpha[:, :-1] >= 240)
+    if not (absent.any() and present.any()):
+        return False
+    return bool(change[absent].mean() > max(0.5 * change[present].mean(), 1.0))
 
 
 def _scalar(pixels: np.ndarray, channel: str) -> np.ndarray:
