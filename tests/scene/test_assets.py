@@ -174,37 +174,6 @@ def test_a_damaged_ply_is_one_line(write, old, new, says):
 # glTF
 
 
-def test_gltf_colours_are_exact_and_emission_has_its_strength(write):
-    # 0.123456 would be 31/255 = 0.1216 after trimesh's bytes; emission 0.5·8 = 4
-    material = {
-        "pbrMetallicRoughness": {"baseColorFactor": [0.123456, 0.5, 1.0, 1.0]},
-        "emissiveFactor": [0.5, 0.25, 0.0],
-        "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 8}},
-    }
-    for name, data in (("a.gltf", gltf(material)), ("a.glb", glb(gltf(material)))):
-        (mesh,) = write(name, data).meshes
-        assert mesh.material.albedo == (0.123456, 0.5, 1.0) and mesh.material.emission == (4, 2, 0)
-    assert write("a.gltf", gltf({})).meshes[0].material.albedo == (1.0, 1.0, 1.0)  # glTF's default base colour
-
-
-def test_gltf_vertex_colours_are_linear_factors(write):
-    # COLOR_0 is linear and multiplies the base colour: 128/255·0.5
-    colors = np.array([[255, 128, 0, 255]] * 4, np.uint8)
-    mesh = write("a.gltf", gltf({"pbrMetallicRoughness": {"baseColorFactor": [1, 0.5, 1, 1]}}, COLOR_0=colors)).meshes[0]
-    np.testing.assert_allclose(mesh.colors, [[1, 128 / 255 / 2, 0]] * len(mesh.positions), atol=1e-6)
-
-
-def test_gltf_node_transforms_apply_to_points_and_normals(write):
-    # scale (2 1 1), a quarter turn about z, a move by (0 0 3): (1 0 0) -> (2 0 0) -> (0 2 0) -> (0 2 3), normals x -> y
-    half = math.sqrt(0.5)
-    node = {"scale": [2, 1, 1], "rotation": [0, 0, half, half], "translation": [0, 0, 3]}
-    mesh = write("a.glb", glb(gltf({}, node, NORMAL=NORMALS))).meshes[0]
-    assert len(mesh.positions) == 4
-    at = int(np.argmax(mesh.positions[:, 1]))
-    np.testing.assert_allclose(mesh.positions[at], [0, 2, 3], atol=1e-6)
-    np.testing.assert_allclose(mesh.normals[at], [0, 1, 0], atol=1e-6)
-
-
 def test_gltf_instances_and_primitives_keep_their_own_materials(write):
     tree = gltf({"pbrMetallicRoughness": {"baseColorFactor": [1, 0, 0, 1]}})
     tree["materials"].append({"pbrMetallicRoughness": {"baseColorFactor": [0, 1, 0, 1]}})

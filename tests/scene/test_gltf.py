@@ -14,7 +14,7 @@ import pytest
 from irrsplat.core.errors import InputError
 from irrsplat.scene import Scene, load
 from irrsplat.scene.io.gltf.nodes import transforms
-from tests.support.gltf_files import FACES, POINTS, TRIANGLE, GltfFile, glb_bytes
+from tests.support.gltf_files import FACES, POINTS, TRIANGLE, GltfFile, f32, glb_bytes, typed
 
 HALF = math.sqrt(0.5)
 TURN_X = [HALF, 0, 0, HALF]  # a quarter turn about x: y becomes z
@@ -96,9 +96,9 @@ def test_quantized_interleaved_positions_and_normals_are_read(file, show):
 
 @pytest.mark.parametrize("base", [True, False])
 def test_sparse_values_replace_those_of_the_view_or_zeros(file, show, base):
-    position = file.accessor(np.float32([[9, 9, 9], [1, 0, 0], [0, 1, 0]]) if base else POINTS[:3])
+    position = file.accessor(f32([[9, 9, 9], [1, 0, 0], [0, 1, 0]]) if base else POINTS[:3])
     accessor = file.tree["accessors"][position]
-    new = np.float32([[0, 0, 5]] if base else [[0, 0, 5], [1, 0, 0], [0, 1, 0]])
+    new = f32([[0, 0, 5]] if base else [[0, 0, 5], [1, 0, 0], [0, 1, 0]])
     accessor["sparse"] = {
         "count": len(new),
         "indices": {"bufferView": file.view(np.arange(len(new), dtype=np.uint8).tobytes()), "componentType": 5121},
@@ -143,7 +143,7 @@ def test_points_and_lines_are_told_and_the_triangles_beside_them_shown(file, sho
 
 def test_nodes_stand_where_their_parents_matrices_put_them(file, show):
     # parent: translate (0 0 3), quarter turn about z; child: scale (2 1 1); (1 0 0) -> (2 0 0) -> (0 2 0) -> (0 2 3)
-    normals = np.float32([[-1, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    normals = f32([[-1, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     child = file.node(mesh=file.mesh(NORMAL=normals), matrix=np.diag([2.0, 1, 1, 1]).reshape(-1).tolist(), name="child")
     file.node(children=[child], rotation=TURN_Z, translation=[0, 0, 3])
     (mesh,) = show().meshes
@@ -172,9 +172,11 @@ def test_instances_stand_at_each_of_their_places(file, show):
     file.used("EXT_mesh_gpu_instancing")
     quarter = round(HALF * 32767)
     attributes = {
-        "TRANSLATION": file.accessor(np.float32([[0, 0, 0], [10, 0, 0], [20, 0, 0]])),
-        "ROTATION": file.accessor(np.int16([[0, 0, 0, 32767], [0, 0, quarter, quarter], [0, 0, 0, 32767]]), normalized=True),
-        "SCALE": file.accessor(np.float32([[1, 1, 1], [2, 2, 2], [-1, 1, 1]])),
+        "TRANSLATION": file.accessor(f32([[0, 0, 0], [10, 0, 0], [20, 0, 0]])),
+        "ROTATION": file.accessor(
+            typed(np.int16, [[0, 0, 0, 32767], [0, 0, quarter, quarter], [0, 0, 0, 32767]]), normalized=True
+        ),
+        "SCALE": file.accessor(f32([[1, 1, 1], [2, 2, 2], [-1, 1, 1]])),
     }
     file.node(mesh=file.mesh(), extensions={"EXT_mesh_gpu_instancing": {"attributes": attributes}}, translation=[0, 5, 0])
     scene = show()
@@ -205,16 +207,16 @@ def bent(file: GltfFile, places: int = 1) -> list[int]:
     """Two joints, the second 1 above the first and turned a quarter about x; a triangle that hangs on both."""
     second = file.node(translation=[0, 1, 0], rotation=TURN_X, name="second")
     first = file.node(children=[second], name="first")
-    binds = np.float32([np.eye(4), transforms(np.array([[0, -1, 0]]), np.array([[0, 0, 0, 1]]), np.ones((1, 3)))[0]])
+    binds = f32([np.eye(4), transforms(np.array([[0, -1, 0]]), np.array([[0, 0, 0, 1]]), np.ones((1, 3)))[0]])
     skin = file.add(
         "skins", {"joints": [first, second], "inverseBindMatrices": file.accessor(binds.transpose(0, 2, 1).reshape(2, 16))}
     )
-    joints = {"JOINTS_0": np.uint8([[1, 0, 0, 0]] * 3), "WEIGHTS_0": np.float32([[1, 0, 0, 0], [0, 1, 0, 0], [0.5, 0.5, 0, 0]])}
+    joints = {"JOINTS_0": typed(np.uint8, [[1, 0, 0, 0]] * 3), "WEIGHTS_0": f32([[1, 0, 0, 0], [0, 1, 0, 0], [0.5, 0.5, 0, 0]])}
     if places == 2:  # the same weights, in the second set
-        joints = {"JOINTS_1": joints["JOINTS_0"], "WEIGHTS_1": joints["WEIGHTS_0"], "JOINTS_0": np.uint16([[0] * 4] * 3)}
-        joints["WEIGHTS_0"] = np.uint8([[0] * 4] * 3)
-    points = np.float32([[0, 2, 0], [1, 0, 0], [0, 2, 2]])
-    mesh = file.mesh(None, None, POSITION=points, NORMAL=np.float32([[0, 1, 0]] * 3), **joints)
+        joints = {"JOINTS_1": joints["JOINTS_0"], "WEIGHTS_1": joints["WEIGHTS_0"], "JOINTS_0": typed(np.uint16, [[0] * 4] * 3)}
+        joints["WEIGHTS_0"] = typed(np.uint8, [[0] * 4] * 3)
+    points = f32([[0, 2, 0], [1, 0, 0], [0, 2, 2]])
+    mesh = file.mesh(None, None, POSITION=points, NORMAL=f32([[0, 1, 0]] * 3), **joints)
     return [file.node(mesh=mesh, skin=skin, translation=[100, 0, 0])]
 
 
@@ -223,9 +225,9 @@ def test_a_skin_moves_vertices_with_their_joints_and_not_with_their_node(file, s
     # (0 2 0) is 1 above the second joint: turned it is (0 1 1), its normal z; (1 0 0) stays; (0 2 2) goes half way to (0 -1 1)
     bent(file, places)
     scene = show()
-    np.testing.assert_allclose(corners(scene)[0], [[0, 1, 1], [1, 0, 0], [0, 0.5, 1.5]], atol=1e-6)
+    np.testing.assert_allclose(corners(scene)[0], np.array([[0, 1, 1], [1, 0, 0], [0, 0.5, 1.5]]), atol=1e-6)
     normals = scene.meshes[0].normals[scene.meshes[0].faces[0]]
-    np.testing.assert_allclose(normals, [[0, 0, 1], [0, 1, 0], [0, HALF, HALF]], atol=1e-6)
+    np.testing.assert_allclose(normals, np.array([[0, 0, 1], [0, 1, 0], [0, HALF, HALF]]), atol=1e-6)
 
 
 def test_a_damaged_skin_leaves_the_mesh_as_it_is(file, show):
@@ -238,7 +240,7 @@ def test_a_damaged_skin_leaves_the_mesh_as_it_is(file, show):
 
 def test_morph_targets_add_up_by_the_weights_of_node_then_mesh(file, show):
     mesh = file.mesh(None, None, POSITION=TRIANGLE)
-    moves = [np.float32([[0, 0, 2]] * 3), np.float32([[4, 0, 0]] * 3)]
+    moves = [f32([[0, 0, 2]] * 3), f32([[4, 0, 0]] * 3)]
     file.tree["meshes"][mesh]["primitives"][0]["targets"] = [{"POSITION": file.accessor(m)} for m in moves]
     file.tree["meshes"][mesh]["weights"] = [0.5, 0]
     file.node(mesh=mesh)
@@ -250,8 +252,8 @@ def test_morph_targets_add_up_by_the_weights_of_node_then_mesh(file, show):
 
 def animate(file: GltfFile, node: int, path: str, keys: list[float], values: np.ndarray, interpolation: str = "LINEAR") -> None:
     sampler = {
-        "input": file.accessor(np.float32(keys)),
-        "output": file.accessor(np.float32(values)),
+        "input": file.accessor(f32(keys)),
+        "output": file.accessor(f32(values)),
         "interpolation": interpolation,
     }
     file.add("animations", {"channels": [{"sampler": 0, "target": {"node": node, "path": path}}], "samplers": [sampler]})
@@ -288,7 +290,7 @@ def test_animations_interpolate_between_keys_and_hold_at_their_ends(file, show, 
 def test_rotations_take_the_short_arc_at_constant_speed_and_weights_are_animated(file, show):
     # a third of the way from none to a quarter turn, whose quaternion is given with the wrong sign: 30 degrees
     mesh = file.mesh()
-    file.tree["meshes"][mesh]["primitives"][0]["targets"] = [{"POSITION": file.accessor(np.float32([[0, 0, 6]] * 4))}]
+    file.tree["meshes"][mesh]["primitives"][0]["targets"] = [{"POSITION": file.accessor(f32([[0, 0, 6]] * 4))}]
     node = file.node(mesh=mesh)
     animate(file, node, "rotation", [0, 3], np.array([[0, 0, 0, 1], [0, 0, -HALF, -HALF]]))
     animate(file, node, "weights", [0, 3], np.array([0, 1]))
@@ -438,7 +440,7 @@ def mutated(tree: object, generator: random.Random) -> None:
 
     walk(tree)
     holder, key = generator.choice(places)
-    new = [None, -1, 0, 10**6, 10**12, 1e308, -0.5, math.nan, "x", "", [], {}, [1], [[]], {"a": 1}, True, 3, 5126]
+    new: list[object] = [None, -1, 0, 10**6, 10**12, 1e308, -0.5, math.nan, "x", "", [], {}, [1], [[]], {"a": 1}, True, 3, 5126]
     if generator.random() < 0.2 and isinstance(holder, dict):
         del holder[key]
     else:

@@ -89,10 +89,20 @@ class GltfFile:
         return path
 
 
+def f32(values: Any) -> np.ndarray:
+    """`values` as an array of 32-bit floats."""
+    return np.asarray(values, np.float32)
+
+
+def typed(kind: type, values: Any) -> np.ndarray:
+    """`values` as an array of numbers of this kind."""
+    return np.asarray(values, kind)
+
+
 def encoded(pixels: np.ndarray, kind: str = "PNG") -> bytes:
     """The bytes of an image file with these pixels."""
     stream = io.BytesIO()
-    PIL.Image.fromarray(pixels).save(stream, kind, **({"lossless": True} if kind == "WebP" else {}))
+    PIL.Image.fromarray(pixels).save(stream, kind, **({"lossless": True, "exact": True} if kind == "WebP" else {}))
     return stream.getvalue()
 
 

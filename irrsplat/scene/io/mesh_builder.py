@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from irrsplat.core.errors import InputError
+from irrsplat.core.vectors import cross as cross_product
 from irrsplat.core.vectors import times, unit
 from irrsplat.scene.model import Material, Mesh
 
@@ -44,7 +45,7 @@ def build_mesh(
     normals = unit(times(normals, normal_from_object))
 
     a, b, c = (world[corners[:, i]] for i in range(3))
-    cross = np.cross(b - a, c - a)
+    cross = cross_product(b - a, c - a)
     double_area = np.linalg.norm(cross, axis=1)
     longest = np.max([((b - a) ** 2).sum(1), ((c - b) ** 2).sum(1), ((a - c) ** 2).sum(1)], axis=0)
     good = double_area > _FLAT * longest
@@ -113,7 +114,7 @@ def is_closed(positions: np.ndarray, faces: np.ndarray) -> bool:
     points = positions.astype(float)
     points -= points.mean(0)
     a, b, c = (points[faces[:, i]] for i in range(3))
-    total = np.abs(np.cross(b - a, c - a).sum(0)).max()  # a closed surface's normals cancel out: most open ones end here
+    total = np.abs(cross_product(b - a, c - a).sum(0)).max()  # a closed surface's normals cancel out: most open ones end here
     if total > 1e-12 * len(faces) * np.abs(points).max() ** 2:
         return False
     first, weld = welded(positions)
@@ -127,7 +128,7 @@ def is_closed(positions: np.ndarray, faces: np.ndarray) -> bool:
     if not np.array_equal(forward, backward):
         return False
     part = _parts(edges[edges[:, 0] < edges[:, 1]], count)[joined[:, 0]]
-    volume = np.bincount(part, (a * np.cross(b, c)).sum(1), minlength=count)
+    volume = np.bincount(part, (a * cross_product(b, c)).sum(1), minlength=count)
     return bool((volume[np.unique(part)] > 0.0).all())
 
 

@@ -28,6 +28,14 @@ class Damaged(ValueError):
     """A part of the file can't be read; the message says why, in words that follow a colon."""
 
 
+class Missing(Damaged):
+    """A file is not there; `name` is what it is called."""
+
+    def __init__(self, name: str) -> None:
+        super().__init__(f"{name} is missing")
+        self.name = name
+
+
 WRONG = (InputError, ValueError, KeyError, TypeError, AttributeError, IndexError, ArithmeticError, MemoryError, struct.error)
 
 
@@ -36,7 +44,8 @@ class Document:
     """A glTF file, its buffers read when they are first asked for.
 
     tree: the JSON. chunk: the binary chunk of a GLB. files: what was read apart from `path`.
-    lost: names of the parts that are left out, by reason. unshown: what the file asks for and is not read.
+    lost: names of the parts that are left out, by reason. absent: names of missing images. unshown: what the file asks for and is
+    not read.
     unpacked: the bytes of compressed buffer views, by index.
     """
 
@@ -45,6 +54,7 @@ class Document:
     chunk: bytes | None = None
     files: list[Path] = field(default_factory=list)
     lost: dict[str, list[str]] = field(default_factory=dict)
+    absent: dict[str, None] = field(default_factory=dict)
     unshown: dict[str, None] = field(default_factory=dict)
     unpacked: dict[object, np.ndarray] = field(default_factory=dict)
     _buffers: dict[int, memoryview | Damaged] = field(default_factory=dict)
@@ -65,14 +75,21 @@ class Document:
             parts.append(name)
 
     def notices(self) -> list[str]:
-        """One line for each reason why parts are left out, and one for all that is not shown."""
-        lines = []
-        for reason, parts in self.lost.items():
-            more = f" and {len(parts) - 1} more parts are" if len(parts) > 1 else " is"
-            lines.append(f"{self.path}: {parts[0]}{more} left out: {reason}")
+        """One line for each reason why parts are left out, one for all missing images, and one for all that is not shown."""
+        lines = [self.loss(reason) for reason in self.lost]
+        if self.absent:
+            first, *others = self.absent
+            more = f" and {len(others)} more images are missing; surfaces are shown without them" if others else " is missing"
+            lines.append(f"{self.path}: {first}{more}")
         if self.unshown:
             lines.append(f"{self.path}: not shown: {', '.join(self.unshown)}")
         return lines
+
+    def loss(self, reason: str) -> str:
+        """One line about the parts that are left out for this reason."""
+        first, *others = self.lost[reason]
+        more = f" and {len(others)} more part{'s' * (len(others) > 1)} are" if others else " is"
+        return f"{self.path}: {first}{more} left out: {reason}"
 
     def entries(self, kind: str, inside: object = None) -> list[Any]:
         """The list called `kind` of the file (or of one of its objects); empty where there is none."""
@@ -123,7 +140,7 @@ class Document:
         name = shown(unquote(uri))
         file = find_file(self.path.parent, uri)
         if file is None:
-            raise Damaged(f"{name} is missing")
+            raise Missing(name)
         self.files.append(file)
         try:
             return file.read_bytes(), name
@@ -227,5 +244,5 @@ def _chunks(path: Path, data: bytes) -> tuple[bytes, bytes | None]:
     while at + 8 <= length:
         size, kind = struct.unpack_from("<II", data, at)
         chunks.setdefault(kind, data[at + 8 : at + 8 + size])
-        at += 8 + size + -size % 4
+        at += 8 + size
     return chunks[_JSON], chunks.get(_BIN)

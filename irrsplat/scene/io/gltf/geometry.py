@@ -31,7 +31,11 @@ class Geometry:
 
 
 class Attributes:
-    """The vertex attributes of one primitive, of those vertices that its triangles use."""
+    """The vertex attributes of one primitive, of those vertices that its triangles use.
+
+    rows: (V,) their numbers. corners: (F, 3) into them. beyond: how many triangles refer to vertices that are not there, and are
+    left out. shapes: what was made of it, by morph weights.
+    """
 
     def __init__(self, document: Document, primitive: Mapping[str, Any]) -> None:
         self._document = document
@@ -40,8 +44,13 @@ class Attributes:
         self._unpacked: dict[str, np.ndarray] = {}
         corners = self._corners()
         number = len(self._unpacked["POSITION"]) if self._unpacked else accessors.count(document, self._given["POSITION"])
-        if corners.size and corners.max() >= number:
+        there = np.asarray((corners < number).all(1))
+        self.beyond = int(np.count_nonzero(~there))
+        if self.beyond == len(corners) > 0:
             raise Damaged(f"a face refers to vertex {corners.max()} (from 0), but there are {number} vertices")
+        if self.beyond:
+            corners = corners[there]
+        self.shapes: dict[bytes, Geometry] = {}
         used = np.zeros(number if corners.size else 0, bool)
         used[corners] = True
         self.rows = np.flatnonzero(used)

@@ -11,7 +11,7 @@ import numpy as np
 
 from irrsplat.core.color import clip_color
 from irrsplat.core.errors import InputError
-from irrsplat.scene.io.gltf.document import Damaged, Document, extension, number, numbers, shown
+from irrsplat.scene.io.gltf.document import Damaged, Document, Missing, extension, number, numbers, shown
 from irrsplat.scene.io.gltf.packed import plain_view
 from irrsplat.scene.io.images import read_image
 from irrsplat.scene.model import AlphaMode, Image, Material, Texture, Wrap
@@ -159,20 +159,23 @@ class Materials:
         """The image of a texture: the first of its formats that can be read; None where none can, which is told."""
         sources = [found["source"] for name in _IMAGE_FORMATS if (found := extension(texture, name)) and "source" in found]
         sources += [texture["source"]] if "source" in texture else []
-        failures: dict[object, str] = {}
+        failures: dict[object, Exception] = {}
         for index in sources:
             if index not in self._images:
                 try:
                     self._images[index] = self._decoded(index)
                 except (Damaged, InputError, MemoryError) as error:
-                    failures[index] = str(error) or "memory does not suffice"
+                    failures[index] = error
                     continue
             image = self._images[index]
             if image is not None:
                 return image
-        for index, reason in failures.items():
+        for index, failure in failures.items():
             self._images[index] = None
-            self.document.lose(f"image {index}", reason)
+            if isinstance(failure, Missing):
+                self.document.absent[failure.name] = None
+            else:
+                self.document.lose(f"image {index}", str(failure) or "memory does not suffice")
         if not sources:
             raise Damaged("it has no image")
         return None

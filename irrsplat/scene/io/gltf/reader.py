@@ -29,6 +29,11 @@ _READ = {  # extensions that are heeded, or that change nothing that could be se
     "EXT_meshopt_compression",
     "EXT_texture_avif",
     "EXT_texture_webp",
+    "EXT_feature_metadata",
+    "EXT_instance_features",
+    "EXT_mesh_features",
+    "EXT_structural_metadata",
+    "FB_ngon_encoding",
     "KHR_draco_mesh_compression",
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
@@ -37,6 +42,8 @@ _READ = {  # extensions that are heeded, or that change nothing that could be se
     "KHR_materials_unlit",
     "KHR_mesh_quantization",
     "KHR_meshopt_compression",
+    "KHR_node_hoverability",
+    "KHR_node_selectability",
     "KHR_node_visibility",
     "KHR_texture_basisu",
     "KHR_texture_transform",
@@ -59,8 +66,9 @@ def load_gltf(path: Path, time: float | None = None) -> Scene:
         reader = _Reader(document, pose(document, 0.0 if time is None else time))
         meshes = reader.meshes()
         if not meshes and (document.lost or document.unshown):
-            why = [line.removeprefix(f"{path}: ") for line in document.notices()]
-            raise InputError(f"{why[0]}; nothing is left to show", path)
+            most = max(document.lost, key=lambda reason: len(document.lost[reason]), default=None)
+            why = document.notices()[-1] if most is None else document.loss(most)
+            raise InputError(why.removeprefix(f"{path}: ") + "; nothing is left to show", path)
         bounds = Scene(tuple(meshes), (), ()).bounds
         found_cameras = cameras(document, reader.nodes, bounds)
         found_lights = lights(document, reader.nodes)
@@ -85,7 +93,7 @@ class _Reader:
     _world: list[np.ndarray | None] = field(init=False)
     _materials: Materials = field(init=False)
     _shared: Counter[object] = field(init=False)  # how many nodes show a mesh
-    _kept: dict[object, tuple[Geometry, Attributes]] = field(default_factory=dict)  # of meshes that several nodes show
+    _kept: dict[object, Attributes] = field(default_factory=dict)  # of meshes that several nodes show
 
     def __post_init__(self) -> None:
         self._world = worlds(self.document, self.pose)
@@ -120,8 +128,9 @@ class _Reader:
     def _mesh(self, node: Node, entry: Mapping[str, Any], i: int, places: np.ndarray, called: str, label: str) -> Mesh:
         """The mesh that the i-th primitive of a node's mesh becomes; raises Damaged."""
         primitive = entry["primitives"][i]
+        attributes = self._attributes(node, i, primitive, called)  # before any image, which would be for nothing without
         surface = self._materials.surface(primitive.get("material"))
-        shape, attributes = self._geometry(node, entry, i, surface)
+        shape = self._geometry(node, entry, i, attributes, surface)
         if "skin" in node.entry:
             with self.document.part(f"the skin of {called}"):
                 shape = geometry.skinned(shape, attributes, self._joints(node.entry["skin"]))
@@ -150,21 +159,29 @@ class _Reader:
         self.degenerate += dropped
         return mesh
 
-    def _geometry(self, node: Node, entry: Mapping[str, Any], i: int, surface: Surface) -> tuple[Geometry, Attributes]:
-        """The triangles of a primitive with its morph targets at the node's weights, and its attributes."""
+    def _attributes(self, node: Node, i: int, primitive: Mapping[str, Any], called: str) -> Attributes:
+        """The vertices and triangles of the i-th primitive of a node's mesh; raises Damaged."""
+        key = node.entry["mesh"], i
+        found = self._kept.get(key)
+        if found is None:
+            found = Attributes(self.document, primitive)
+            if found.beyond:
+                self.document.lose(f"{found.beyond} triangles of {called}", "they refer to vertices that are not there")
+            if self._shared[node.entry["mesh"]] > 1:
+                self._kept[key] = found
+        return found
+
+    def _geometry(self, node: Node, entry: Mapping[str, Any], i: int, attributes: Attributes, surface: Surface) -> Geometry:
+        """The triangles of the i-th primitive of a node's mesh, with its morph targets at the node's weights; raises Damaged."""
         targets = self.document.entries("targets", entry["primitives"][i])
         given = self.pose.get((node.index, "weights"))
         if given is None:
             given = np.asarray(node.entry.get("weights", entry.get("weights", [])), float).reshape(-1)
         weights = np.nan_to_num(given)[: len(targets)]
-        key = node.entry["mesh"], i, weights.tobytes()
-        if key in self._kept:
-            return self._kept[key]
-        attributes = Attributes(self.document, entry["primitives"][i])
-        found = geometry.read(attributes, surface.uv_sets, weights), attributes
-        if self._shared[node.entry["mesh"]] > 1:
-            self._kept[key] = found
-        return found
+        key = weights.tobytes()
+        if key not in attributes.shapes:
+            attributes.shapes[key] = geometry.read(attributes, surface.uv_sets, weights)
+        return attributes.shapes[key]
 
     def _joints(self, index: object) -> np.ndarray:
         """(J, 4, 4) world_from_vertex of a skin's joints; raises Damaged."""

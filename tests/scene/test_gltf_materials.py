@@ -1,0 +1,283 @@
+"""glTF's materials, textures, cameras and lights: as the file says them, in this project's units."""
+
+from __future__ import annotations
+
+import base64
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from irrsplat.scene import Camera, Light, Material, Mesh, Scene, load
+from tests.support.gltf_files import POINTS, GltfFile, encoded, f32, typed
+
+HALF = math.sqrt(0.5)
+PIXELS = typed(np.uint8, [[[255, 0, 0, 255], [0, 255, 0, 255]], [[0, 0, 255, 255], [9, 9, 9, 0]]])  # red green / blue clear
+
+
+@pytest.fixture
+def file() -> GltfFile:
+    return GltfFile()
+
+
+@pytest.fixture
+def show(file: GltfFile, tmp_path: Path):
+    def show() -> Scene:
+        return load(file.gltf(tmp_path / "a.gltf"))
+
+    return show
+
+
+@pytest.fixture
+def wear(file: GltfFile, show):
+    """The mesh that wears a material, with these attributes."""
+
+    def wear(material: dict[str, Any], **attributes: Any) -> Mesh:
+        file.tree.pop("nodes", None)
+        file.node(mesh=file.mesh(material, **attributes))
+        (mesh,) = show().meshes
+        return mesh
+
+    return wear
+
+
+def base(**metallic_roughness: Any) -> dict[str, Any]:
+    return {"pbrMetallicRoughness": metallic_roughness}
+
+
+# colours
+
+
+@pytest.mark.parametrize(
+    ("entry", "expected"),
+    [
+        ({}, Material((1, 1, 1), double_sided=False)),
+        (base(baseColorFactor=[0.123456, 0.5, 2, 1], metallicFactor=1), Material((0.123456, 0.5, 1), double_sided=False)),
+        ({"doubleSided": True}, Material((1, 1, 1))),
+        (
+            {"emissiveFactor": [0.5, 0.25, 0], "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 8}}},
+            Material((1, 1, 1), (4, 2, 0), double_sided=False),
+        ),
+        (
+            {"extensions": {"KHR_materials_pbrSpecularGlossiness": {"diffuseFactor": [0.1, 0.2, 0.3, 1]}}},
+            Material((0.1, 0.2, 0.3), double_sided=False),
+        ),
+        (
+            {**base(baseColorFactor=[0.1, 0.2, 0.3, 1]), "emissiveFactor": [9, 9, 9], "extensions": {"KHR_materials_unlit": {}}},
+            Material((0, 0, 0), (0.1, 0.2, 0.3), double_sided=False),
+        ),
+        (
+            {**base(metallicFactor=0.25), "extensions": {"KHR_materials_transmission": {"transmissionFactor": 0.8}}},
+            Material((1, 1, 1), transmission=0.8 * 0.75, double_sided=False),
+        ),
+        (
+            {**base(baseColorFactor=[1, 1, 1, 0.25]), "alphaMode": "MASK", "alphaCutoff": 0.1},
+            Material((1, 1, 1), opacity=0.25, alpha_mode="mask", alpha_cutoff=0.1, double_sided=False),
+        ),
+        (
+            {**base(baseColorFactor=[1, 1, 1, 0.25]), "alphaMode": "BLEND"},
+            Material((1, 1, 1), opacity=0.25, alpha_mode="blend", double_sided=False),
+        ),
+        ({"alphaMode": "BLEND"}, Material((1, 1, 1), double_sided=False)),  # opaque everywhere
+    ],
+)
+def test_a_material_is_what_its_entry_says(wear, entry, expected):
+    assert wear(entry).material == expected
+
+
+def test_a_damaged_material_is_grey_and_told(file, show):
+    file.node(mesh=file.mesh(base(baseColorFactor=[1, "x", 0, 1])))
+    scene = show()
+    assert scene.meshes[0].material.albedo == (0.5, 0.5, 0.5)
+    assert f"{scene.path}: material 0 is left out: its baseColorFactor is damaged" in scene.notices
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.float32])
+def test_vertex_colours_are_linear_factors_of_colour_and_opacity(wear, kind):
+    # (1, 1/2, 0) and an alpha of 1/4 times a base colour of (1, 1/2, 1) and an alpha of 1/2
+    most = 1.0 if kind is np.float32 else float(np.iinfo(kind).max)
+    colors = np.tile(np.array([1, 0.5, 0, 0.25]) * most, (4, 1)).astype(kind)
+    mesh = wear({**base(baseColorFactor=[1, 0.5, 1, 0.5]), "alphaMode": "BLEND"}, COLOR_0=colors)
+    np.testing.assert_allclose(mesh.colors, [[1, 0.25, 0]] * len(mesh.positions), atol=0.002)
+    assert mesh.opacities is not None
+    np.testing.assert_allclose(mesh.opacities, 0.125, atol=0.002)
+    opaque = wear(base(), COLOR_0=np.ascontiguousarray(colors[:, :3]))
+    assert opaque.opacities is None
+    np.testing.assert_allclose(opaque.colors, [[1, 0.5, 0]] * len(mesh.positions), atol=0.002)
+
+
+def test_an_unlit_surface_shows_its_texture_and_the_mean_of_its_vertex_colours(file, wear):
+    colors = f32([[1, 0, 0], [0, 0, 0], [0, 1, 0], [0, 1, 0]])
+    entry = {**base(baseColorTexture={"index": file.texture(PIXELS)}), "extensions": {"KHR_materials_unlit": {}}}
+    mesh = wear(entry, COLOR_0=colors)
+    assert mesh.material.emission == pytest.approx((0.25, 0.5, 0)) and mesh.colors is None
+    assert mesh.material.albedo == (0, 0, 0) and mesh.material.albedo_texture is None
+    np.testing.assert_array_equal(mesh.material.emission_texture.image.pixels, PIXELS)
+
+
+# textures
+
+
+def test_textures_are_shared_images_with_their_own_ways_of_lying(file, wear):
+    index = file.texture(PIXELS, wrapS=33071, wrapT=33648, magFilter=9728)
+    plain = file.add("textures", {"source": file.tree["textures"][index]["source"]})
+    entry = {
+        **base(baseColorTexture={"index": index}),
+        "emissiveTexture": {"index": plain, "texCoord": 1},
+        "emissiveFactor": [1, 1, 1],
+        "normalTexture": {"index": plain, "scale": 0.5},
+    }
+    material = wear(entry, TEXCOORD_0=np.zeros((4, 2), np.float32)).material
+    assert (material.albedo_texture.wrap, material.albedo_texture.nearest) == (("clamp", "mirror"), True)
+    assert (material.emission_texture.wrap, material.emission_texture.nearest) == (("repeat", "repeat"), False)
+    assert (material.albedo_texture.uv_set, material.emission_texture.uv_set, material.normal_scale) == (0, 1, 0.5)
+    assert material.albedo_texture.image is material.emission_texture.image is material.normal_texture.image
+    np.testing.assert_array_equal(material.albedo_texture.image.pixels, PIXELS)
+
+
+def test_a_texture_transform_scales_turns_and_moves(file, wear):
+    # the example of KHR_texture_transform: the lower left quadrant, turned clockwise; and its texCoord overrides
+    moved = {"offset": [0, 1], "rotation": math.pi / 2, "scale": [0.5, 0.5], "texCoord": 1}
+    info = {"index": file.texture(PIXELS), "texCoord": 0, "extensions": {"KHR_texture_transform": moved}}
+    texture = wear(base(baseColorTexture=info), TEXCOORD_1=np.ones((4, 2), np.float32)).material.albedo_texture
+    assert texture.uv_set == 1
+    a, b, c, d, e, f = texture.transform
+    corners = [(a * u + b * v + c, d * u + e * v + f) for u, v in ((0, 0), (1, 0), (0, 1), (1, 1))]
+    np.testing.assert_allclose(corners, np.array([[0, 1], [0, 0.5], [0.5, 1], [0.5, 0.5]]), atol=1e-12)
+
+
+def test_sets_of_coordinates_beyond_the_second_take_a_free_place(file, wear):
+    info = {"index": file.texture(PIXELS), "texCoord": 3}
+    mesh = wear(base(baseColorTexture=info), TEXCOORD_3=np.full((4, 2), 7, np.float32))
+    at = 2 * mesh.material.albedo_texture.uv_set
+    np.testing.assert_array_equal(mesh.uvs[:, at : at + 2], 7)
+
+
+def test_a_blending_texture_without_alpha_is_opaque_and_one_with_it_blends(file, wear):
+    assert (
+        wear({**base(baseColorTexture={"index": file.texture(PIXELS[:1])}), "alphaMode": "BLEND"}).material.alpha_mode == "opaque"
+    )
+    assert wear({**base(baseColorTexture={"index": file.texture(PIXELS)}), "alphaMode": "BLEND"}).material.alpha_mode == "blend"
+
+
+@pytest.mark.parametrize("way", ["view", "data", "percent", "file", "webp", "ktx2"])
+def test_images_are_found_wherever_a_file_may_keep_them(file, wear, tmp_path, way):
+    data = encoded(PIXELS)
+    index = file.texture(PIXELS)
+    if way == "data":
+        file.tree["images"] = [{"uri": "data:image/png;base64," + base64.b64encode(data).decode()}]
+    elif way in ("percent", "file"):
+        (tmp_path / "my maps").mkdir()
+        (tmp_path / "my maps" / "wood.png").write_bytes(data)
+        file.tree["images"] = [{"uri": "my%20maps/wood.png" if way == "percent" else "my maps\\Wood.png"}]
+    elif way == "webp":
+        file.tree["textures"][index] = {"extensions": {"EXT_texture_webp": {"source": 1}}}
+        file.texture(PIXELS, "WebP")
+    elif way == "ktx2":
+        alktx2 = pytest.importorskip("alktx2")
+        packed = alktx2.encode_bytes_to_ktx2(encoded(np.repeat(np.repeat(PIXELS, 8, 0), 8, 1)), mime="image/png", codec="uastc")
+        image = file.add("images", {"bufferView": file.view(packed)})
+        file.tree["textures"][index] = {"source": 99, "extensions": {"KHR_texture_basisu": {"source": image}}}
+    pixels = wear(base(baseColorTexture={"index": index})).material.albedo_texture.image.pixels
+    if way == "ktx2":
+        np.testing.assert_allclose(pixels[4::8, 4::8, :3], PIXELS[..., :3], atol=12)
+    else:
+        np.testing.assert_array_equal(pixels, PIXELS)
+
+
+def test_missing_and_broken_images_are_left_out_and_named(file, show):
+    file.texture(PIXELS)
+    file.tree["images"] = [{"uri": "gone.png"}, {"uri": "lost.png"}, {"uri": "data:image/png;base64,AAAA"}]
+    file.tree["textures"] = [{"source": i} for i in range(3)]
+    for i in range(3):
+        file.node(mesh=file.mesh(base(baseColorTexture={"index": i}, baseColorFactor=[0.5, 1, 1, 1])))
+    scene = show()
+    assert all(mesh.material == Material((0.5, 1, 1), double_sided=False) for mesh in scene.meshes)
+    assert len(scene.materials) == 1
+    assert f"{scene.path}: gone.png and 1 more images are missing; surfaces are shown without them" in scene.notices
+    assert any("image 2 is left out: cannot read the image" in notice for notice in scene.notices)
+
+
+# cameras and lights
+
+
+def projected(camera: Camera, point: tuple[float, float, float]) -> np.ndarray:
+    """(2,) where the camera sees a point: -1 to 1 from left to right and from bottom to top of a square picture."""
+    clip = camera.clip_from_view(1.0, 1.0, 1e7) @ camera.view_from_world @ [*point, 1.0]
+    return clip[:2] / clip[3]
+
+
+def test_every_camera_is_there_by_its_name_and_looks_along_its_node(file, show):
+    # the node is turned a quarter about z and scaled; its camera looks along -z, and up is -x
+    file.node(mesh=file.mesh())
+    lens = {"type": "perspective", "perspective": {"yfov": math.pi / 2, "aspectRatio": 2, "znear": 0.1}}
+    first, second = file.add("cameras", {**lens, "name": "own"}), file.add("cameras", lens)
+    place: dict[str, Any] = {"rotation": [0, 0, HALF, HALF], "translation": [0, 0, 5], "scale": [3, 3, 3]}
+    file.node(camera=first, name="node", **place)
+    file.node(camera=first)
+    file.node(camera=second)
+    file.node(camera=second, name="node")
+    scene = show()
+    assert [camera.name for camera in scene.cameras] == ["node", "own", "camera 3", "node 2"]
+    camera = scene.camera("node")
+    assert camera is scene.cameras[0] and camera.fov == pytest.approx(90)
+    np.testing.assert_allclose(camera.axes, [[0, 1, 0], [-1, 0, 0], [0, 0, 1]], atol=1e-12)
+    np.testing.assert_allclose(projected(camera, (-1, 0, 3)), [0, 0.5], atol=1e-12)
+
+
+def test_an_orthographic_camera_draws_parallels(file, show):
+    # ymag 2: y = 1 stands half way up at any depth
+    file.node(mesh=file.mesh())
+    orthographic = {"xmag": 2, "ymag": 2, "znear": 0.1, "zfar": 10}
+    file.node(camera=file.add("cameras", {"type": "orthographic", "orthographic": orthographic}), translation=[0, 0, 3])
+    camera = show().cameras[0]
+    for depth in (-1, 0, 1):
+        np.testing.assert_allclose(projected(camera, (-1, 1, depth)), [-0.5, 0.5], atol=1e-3)
+
+
+def test_lights_keep_their_units_directions_and_cones(file, show):
+    # lux: a surface that faces the light has E = π·diffuse; the node turns -z to -x about y, so light comes from +x
+    lights = [
+        {"type": "directional", "intensity": math.pi, "color": [1, 0.5, 0]},
+        {"type": "point", "intensity": 40, "color": [1, 0.5, 0], "range": 3, "name": "bulb"},
+        {"type": "spot", "intensity": 8, "spot": {"innerConeAngle": 0.1, "outerConeAngle": 0.2}},
+        {"type": "spot"},
+    ]
+    file.tree["extensions"] = {"KHR_lights_punctual": {"lights": lights}}
+    file.node(mesh=file.mesh())
+    for i in range(len(lights)):
+        place = {"rotation": [0, HALF, 0, HALF], "translation": [1, 2, 3]}
+        file.node(extensions={"KHR_lights_punctual": {"light": i}}, **place)
+    sun, bulb, spot, default = show().lights
+    np.testing.assert_allclose(sun.position, [1, 0, 0], atol=1e-12)
+    assert sun.directional and sun.color == pytest.approx((1, 0.5, 0))
+    assert bulb == Light((1, 2, 3), (40, 20, 0), physical=True, name="bulb")
+    np.testing.assert_allclose(spot.spot_target, [0, 2, 3], atol=1e-12)
+    assert spot.physical and spot.color == (8, 8, 8)
+    assert (spot.spot_inner, spot.spot_cutoff) == pytest.approx((math.degrees(0.1), math.degrees(0.2)))
+    assert (default.spot_inner, default.spot_cutoff, default.color) == (0, pytest.approx(45), (1, 1, 1))
+
+
+def test_a_damaged_camera_or_light_costs_only_itself(file, show):
+    file.node(mesh=file.mesh(), camera=file.add("cameras", {"type": "perspective"}))
+    file.node(camera=file.add("cameras", {"type": "perspective", "perspective": {"yfov": 1}}), scale=[0, 0, 0], name="flat")
+    file.node(extensions={"KHR_lights_punctual": {"light": 5}})
+    scene = show()
+    assert scene.triangles == 4 and scene.lights == ()
+    for line in (
+        "the camera of node 0 is left out: its perspective is damaged",
+        "the camera of node 'flat' is left out: its node is scaled to nothing",
+        "the light of node 2 is left out: there is no light 5",
+    ):
+        assert f"{scene.path}: {line}" in scene.notices
+
+
+def test_a_file_without_packed_parts_needs_no_extra(file, tmp_path, monkeypatch):
+    for module in ("DracoPy", "meshopt", "alktx2"):
+        monkeypatch.setitem(sys.modules, module, None)
+    file.node(mesh=file.mesh(base(baseColorTexture={"index": file.texture(PIXELS)}), POSITION=POINTS))
+    scene = load(file.glb(tmp_path / "a.glb"))
+    assert scene.meshes[0].material.albedo_texture is not None
