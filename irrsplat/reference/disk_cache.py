@@ -7,6 +7,7 @@ import os
 import secrets
 import zipfile
 import zlib
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -50,16 +51,18 @@ def key_of(scene: Scene, camera: Camera, *values: ArrayLike) -> str:
             add(texture.uv_set, texture.transform, texture.nearest)
 
     def add_material(material: Material) -> None:
-        digest.update(material.alpha_mode.encode())
-        add(material.emission, material.normal_scale, material.opacity, material.alpha_cutoff, material.transmission)
-        add(material.double_sided)
-        for texture in (material.albedo_texture, material.emission_texture, material.normal_texture):
-            add_texture(texture)
+        for value in (getattr(material, field.name) for field in fields(material)):
+            if value is None or isinstance(value, Texture):
+                add_texture(value)
+            elif isinstance(value, str):
+                digest.update(value.encode())
+            else:
+                add(value)
 
     add(*values, scene.sky, scene.sky_gradient, scene.up, scene.own_sky, camera.eye, camera.target, camera.up, camera.fov)
     for mesh in scene.meshes:
-        add(mesh.positions, mesh.normals, mesh.faces, mesh.material.albedo if mesh.colors is None else mesh.colors)
-        add(*(() if value is None else value for value in (mesh.uvs, mesh.opacities)))
+        add(mesh.positions, mesh.normals, mesh.faces)
+        add(*(() if value is None else value for value in (mesh.colors, mesh.uvs, mesh.opacities)))
         add_material(mesh.material)
     for light in scene.lights:
         add(*(() if value is None else value for name, value in vars(light).items() if name != "name"))
