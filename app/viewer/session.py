@@ -48,7 +48,7 @@ class Session(Owner):
         self.ctx, self.size, self.scene = ctx, size, scene
         self.options = ViewOptions()
         self.renderers = [Renderer(scene, size, preset, ctx=ctx, **(values or {}))]  # of the left side; of the right one too
-        self.free_camera = FreeCamera(scene.camera(), scene.diagonal)
+        self.free_camera = FreeCamera(scene.camera(), scene.diagonal, scene.up)
         if camera is not None:
             self.free_camera.go(camera)
         self.views: list[View] = []
@@ -220,7 +220,7 @@ class Session(Owner):
         for renderer in self.renderers:
             renderer.release()
         self.renderers, self.scene = made, scene
-        before, self.free_camera = self.free_camera, FreeCamera(scene.camera(), scene.diagonal)
+        before, self.free_camera = self.free_camera, FreeCamera(scene.camera(), scene.diagonal, scene.up)
         if keep_camera:
             self.free_camera.go(before.camera)
             self.free_camera.speed = before.speed

@@ -58,7 +58,7 @@ def load(
     if ending in (".glb", ".gltf"):
         from irrsplat.scene.io.gltf.reader import load_gltf
 
-        return load_gltf(path, options.time)
+        return load_gltf(path, options)
     from irrsplat.scene.io.assets import load_asset
 
     return load_asset(path, options)

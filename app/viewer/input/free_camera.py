@@ -8,6 +8,7 @@ import numpy as np
 
 from irrsplat.core.errors import InputError
 from irrsplat.scene.model import Camera
+from irrsplat.scene.stand_ins.up_axis import nearest_axis
 
 PITCH = math.radians(89.0)  # the steepest that `look` and `orbit` go, up and down
 STALL = 0.25  # seconds: the longest time step that counts, so that after a stall the camera does not leap through a wall
@@ -33,7 +34,7 @@ class FreeCamera:
         self.speed = diagonal / 6.0  # metres per second
         self._diagonal = diagonal
         self._first = camera
-        self._world = _basis(_upward(camera) if up is None else np.asarray(up, float))
+        self._world = _basis(np.asarray(nearest_axis(camera) if up is None else up, float))
         self.go(camera)
 
     @property
@@ -137,17 +138,6 @@ class FreeCamera:
 
 def _point(values: np.ndarray) -> tuple[float, float, float]:
     return float(values[0]), float(values[1]), float(values[2])
-
-
-def _upward(camera: Camera) -> np.ndarray:
-    """(3,) the axis nearest to the camera's up, those preferred about which it has no roll: right ⟂ the world's up.
-
-    A steep view whose up was made perpendicular to it leans nearer to a horizontal axis; its right tells them apart.
-    """
-    up = np.asarray(camera.up, float) / np.linalg.norm(camera.up)
-    axes = np.concatenate([np.eye(3), -np.eye(3)])
-    nearest: np.ndarray = axes[int(np.argmax(axes @ up - np.abs(axes @ camera.axes[0])))]
-    return nearest
 
 
 def _basis(up: np.ndarray) -> np.ndarray:

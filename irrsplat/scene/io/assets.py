@@ -25,6 +25,7 @@ from irrsplat.scene.io.lines import read_bytes
 from irrsplat.scene.io.obj.asset import read_obj
 from irrsplat.scene.io.part import Part
 from irrsplat.scene.model import Scene
+from irrsplat.scene.stand_ins.up_axis import up_vector
 
 
 def load_asset(path: Path, options: LoadOptions) -> Scene:
@@ -53,7 +54,7 @@ def load_asset(path: Path, options: LoadOptions) -> Scene:
         meshes.append(mesh)
         dropped += lost
     files = [file for part in parts for file in part.files]
-    return finish(path, meshes, (), (), None, Counter({str(path): dropped}), notices, files)
+    return finish(path, meshes, (), (), None, Counter({str(path): dropped}), notices, files, up_vector(path, options.up_axis))
 
 
 def _trimesh(path: Path, data: bytes, ending: str) -> Any:

@@ -1,4 +1,4 @@
-"""Completes what a loader has read: a sky where nothing shines, a camera where there is none, and notices that say so."""
+"""Completes what a loader has read: light where nothing shines, a camera where there is none, and notices that say so."""
 
 from __future__ import annotations
 
@@ -9,6 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from irrsplat.scene.model import Camera, Light, Mesh, Scene
+from irrsplat.scene.stand_ins import camera, light
+from irrsplat.scene.stand_ins.surroundings import surface_points
+from irrsplat.scene.stand_ins.up_axis import Vector, axes, nearest_axis
 
 
 def finish(
@@ -20,29 +23,46 @@ def finish(
     dropped: Mapping[str, int],
     remarks: Sequence[str] = (),
     files: Sequence[Path] = (),
+    up: Vector | None = None,
 ) -> Scene:
     """The Scene of these parts. `sky` None: none was asked for.
 
     dropped: degenerate triangles left out, by file. remarks: notices so far. files: what was read apart
-    from `path`.
+    from `path`. up: what points up; None: as the first camera has it, and where there is no light at all a plain sky stands in,
+    as `.scene` promises. Otherwise a sky that is brighter above and a key light do, also where what the file has is too weak.
     """
     notices = [*remarks]
     notices += [f"{file}: {count} degenerate triangle{'s' * (count > 1)} dropped" for file, count in dropped.items() if count]
     meshes = tuple(mesh for mesh in meshes if len(mesh.faces))
-    if sky is None and not lights and not any(any(mesh.material.emission) for mesh in meshes):
-        sky = (1.0, 1.0, 1.0)
-        notices.append(f"{path}: no light, no emission and no sky; a sky of radiance 1 1 1 stands in")
-    scene = Scene(meshes, tuple(lights), tuple(cameras), sky or (0.0, 0.0, 0.0), path.stem, str(path), tuple(notices))
+    scene = Scene(meshes, tuple(lights), tuple(cameras), sky or (0.0, 0.0, 0.0), path.stem, str(path))
     scene = replace(scene, files=tuple(dict.fromkeys(str(file) for file in (path, *files))))
+    world = axes(up or (nearest_axis(cameras[0]) if cameras else scene.up))
+    scene = replace(scene, up=_vector(world[1]), own_sky=sky is not None or up is None)
+    points = surface_points(scene)
+    hollow = camera.hollow(scene, points, world) if up is not None or not cameras else camera.Hollow(())
+    inside = False
     if not cameras:
-        notices.append(f"{path}: no camera; one that sees the whole scene stands in")
-        scene = replace(scene, cameras=(overview(scene),), notices=tuple(notices))
-    return scene
+        stand = camera.default_camera(scene, points, world, hollow)
+        inside = stand.inside
+        where = "one in the room" if inside else "one that sees the whole scene"
+        notices.append(f"{path}: no camera; {where} stands in")
+        scene = replace(scene, cameras=(stand.camera,))
+    if up is None:
+        if sky is None and not lights and not any(any(mesh.material.emission) for mesh in meshes):
+            scene = replace(scene, sky=(1.0, 1.0, 1.0), own_sky=False)
+            notices.append(f"{path}: no light, no emission and no sky; a sky of radiance 1 1 1 stands in")
+    elif sky is None:
+        around = camera.closed_in(points, np.asarray(scene.cameras[0].eye), world)
+        inside = inside or around is not None
+        if not light.shines(scene, "closed" if inside else "half" if hollow.places else "none"):
+            few = "too little light" if lights or any(any(mesh.material.emission) for mesh in meshes) else "no light"
+            key = light.stand_in(scene.cameras[0], world[1], around if inside else None)
+            what = "a sky and a lamp" if inside else "a sky that is brighter above and a key light"
+            notices.append(f"{path}: {few}; {what} stand in")
+            scene = replace(scene, sky=light.SKY, sky_gradient=light.GRADIENT, lights=(*scene.lights, key))
+    return replace(scene, notices=tuple(notices))
 
 
-def overview(scene: Scene, fov: float = 45.0) -> Camera:
-    """A camera with a vertical field of view of `fov` degrees that sees the whole scene, from the front, right and above."""
-    centre = scene.bounds.mean(0)
-    distance = 0.5 * scene.diagonal / np.sin(np.radians(fov) / 2.0)  # the bounding sphere touches the view's edges
-    eye = centre + 1.05 * distance * np.array([0.48, 0.36, 0.8])
-    return Camera((eye[0], eye[1], eye[2]), (centre[0], centre[1], centre[2]), fov=fov)
+def _vector(values: np.ndarray) -> Vector:
+    x, y, z = (values + 0.0).tolist()  # + 0: no -0
+    return x, y, z

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from irrsplat.core.errors import InputError
+from irrsplat.core.load_options import LoadOptions
 from irrsplat.core.vectors import times
 from irrsplat.scene.io.defaults import finish
 from irrsplat.scene.io.gltf import geometry
@@ -23,6 +24,7 @@ from irrsplat.scene.io.gltf.materials import Materials, Surface
 from irrsplat.scene.io.gltf.nodes import Node, instances, name, visible, worlds
 from irrsplat.scene.io.mesh_builder import build_mesh
 from irrsplat.scene.model import Mesh, Scene
+from irrsplat.scene.stand_ins.up_axis import up_vector
 
 _READ = {  # extensions that are heeded, or that change nothing that could be seen
     "EXT_mesh_gpu_instancing",
@@ -54,14 +56,14 @@ _READ = {  # extensions that are heeded, or that change nothing that could be se
 _MOST_VERTICES = 1 << 26  # that the instances of one mesh may have together
 
 
-def load_gltf(path: Path, time: float | None = None) -> Scene:
-    """The default scene of a `.gltf` or `.glb` file, in metres, y up.
+def load_gltf(path: Path, options: LoadOptions) -> Scene:
+    """The default scene of a `.gltf` or `.glb` file, in metres, y up unless the options have it otherwise.
 
-    time: seconds into the animations at which it is posed; None: their first frame. A part that is damaged, or of a kind that is
+    Animations pose it at the options' time; None: their first frame. A part that is damaged, or of a kind that is
     not shown, is left out, and Scene.notices tell of it. Raises InputError, one line with the file's path, where the file is no
     glTF 2.0, is truncated, or has triangles of which none can be read.
     """
-    document = read(path)
+    document, time = read(path), options.time
     with np.errstate(all="ignore"):
         reader = _Reader(document, pose(document, 0.0 if time is None else time))
         meshes = reader.meshes()
@@ -78,7 +80,15 @@ def load_gltf(path: Path, time: float | None = None) -> Scene:
     if document.entries("animations") and time is None:
         document.unshown["animations beyond their first frame (--time poses them)"] = None
     return finish(
-        path, meshes, found_lights, found_cameras, None, {str(path): reader.degenerate}, document.notices(), document.files
+        path,
+        meshes,
+        found_lights,
+        found_cameras,
+        None,
+        {str(path): reader.degenerate},
+        document.notices(),
+        document.files,
+        up_vector(path, options.up_axis),
     )
 
 

@@ -1,0 +1,168 @@
+"""Where to stand in a scene whose file has no camera: before a thing, or in a room."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from irrsplat.scene.model import Camera, Scene
+from irrsplat.scene.stand_ins.surroundings import SurfacePoints, Surroundings, directions, surroundings
+
+_OUTSIDE, _INSIDE = 45.0, 65.0  # degrees: vertical fields of view
+_THREE_QUARTERS = np.array([0.48, 0.36, 0.8])  # right, up and front, unit: where a thing is looked at from
+_ROOM = 0.85  # the share of directions in which a room is closed
+_STAGE = 0.7  # the same at the open side of a room that lacks a wall
+_HALF = 0.5  # the same anywhere in a room
+_FRONTS = 0.6  # the share of what is seen that turns its front: from within a solid thing only backs are seen
+_VOLUME = 0.2  # of the bounding box that is seen from within: less is a cavity of a thing
+_EYE, _STOREY = 1.6, (1.9, 60.0)  # metres: how high eyes are where a ceiling is as high as that, in files that are in metres
+_EYE_SHARE = 0.45  # of a room of another height
+_CLEAR = 0.05  # of the floor's diagonal: the least distance between the eye and what stands beside it
+_GRID = 5  # points along each side of the floor that are tried
+_HEIGHTS = 0.35, 0.65  # of the bounding box at which a room is looked for
+
+
+@dataclass(frozen=True)
+class Hollow:
+    """Points of a scene from which much of it is seen, and from the front: of a room, if there are any. places: (3,) each, and
+    what is seen there."""
+
+    places: tuple[tuple[np.ndarray, Surroundings], ...]
+
+    @property
+    def most_open(self) -> Surroundings:
+        """What is seen where most directions are free."""
+        return min((around for _, around in self.places), key=lambda around: around.closed)
+
+    @property
+    def rooms(self) -> list[tuple[np.ndarray, Surroundings]]:
+        """The places that are closed all around."""
+        return [(at, around) for at, around in self.places if around.closed >= _ROOM]
+
+
+@dataclass(frozen=True)
+class Standpoint:
+    """A camera, and whether it stands in a closed room."""
+
+    camera: Camera
+    inside: bool
+
+
+def hollow(scene: Scene, points: SurfacePoints, axes: np.ndarray) -> Hollow:
+    """The places in the bounding box that may be in a room. points: spread over the surfaces; axes: as for default_camera."""
+    low, high = _extent(scene, axes)
+    box = float(np.prod(high - low))
+    if not len(points.position) or box == 0.0:
+        return Hollow(())
+    seen = [(at, surroundings(points, at, axes)) for at in _grid(low, high, axes, _HEIGHTS)]
+    return Hollow(tuple((at, it) for at, it in seen if _roomy(it, box)))
+
+
+def _roomy(around: Surroundings, box: float) -> bool:
+    """Whether a point with these surroundings, in a bounding box of so many m³, may be in a room."""
+    return around.closed >= _HALF and around.fronts >= _FRONTS and around.volume >= _VOLUME * box
+
+
+def default_camera(scene: Scene, points: SurfacePoints, axes: np.ndarray, hollow: Hollow) -> Standpoint:
+    """In a closed room at eye height, along the longest view; before the open side of a room that lacks a wall; and before
+    anything else at three quarters from the front.
+
+    points: spread over the surfaces; axes: (3, 3) rows right, up and front of the world.
+    """
+    if hollow.places and hollow.most_open.closed < _STAGE:
+        way = _opening(hollow.most_open, axes)
+        if way is not None:
+            return Standpoint(_before(scene, axes, way), False)
+    if hollow.rooms:
+        middle = max(hollow.rooms, key=lambda room: room[1].volume)[0]
+        camera = _within(scene, points, axes, middle)
+        if camera is not None:
+            return Standpoint(camera, True)
+    return Standpoint(_before(scene, axes, _THREE_QUARTERS), False)
+
+
+def closed_in(points: SurfacePoints, at: np.ndarray, axes: np.ndarray) -> Surroundings | None:
+    """What is seen from `at`, where that is closed all around; else None."""
+    if not len(points.position):
+        return None
+    around = surroundings(points, at, axes)
+    return around if around.closed >= _ROOM else None
+
+
+def _extent(scene: Scene, axes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(3,) the least and the greatest of the bounding box along right, up and front."""
+    corners = scene.corners @ axes.T
+    return corners.min(0), corners.max(0)
+
+
+def _grid(low: np.ndarray, high: np.ndarray, axes: np.ndarray, heights: tuple[float, ...]) -> np.ndarray:
+    """(N, 3) points in world space, evenly over the floor, at these shares of the height."""
+    share = (np.arange(_GRID) + 0.5) / _GRID
+    x, y, z = np.meshgrid(share, heights, share, indexing="ij")
+    shares = np.stack([x.ravel(), y.ravel(), z.ravel()], 1)
+    points: np.ndarray = (low + shares * (high - low)) @ axes
+    return points
+
+
+def _before(scene: Scene, axes: np.ndarray, way: np.ndarray) -> Camera:
+    """A camera that sees the whole bounding box from the side of `way`, by right, up and front."""
+    out = way @ axes
+    centre = scene.bounds.mean(0)
+    towards = Camera(_point(centre + out), _point(centre), _point(axes[1]), _OUTSIDE)
+    x, y, z = towards.axes @ (scene.corners - centre).T
+    reach = (z + np.maximum(np.abs(x), np.abs(y)) / np.tan(np.radians(_OUTSIDE) / 2.0)).max()
+    distance = 1.05 * max(float(reach), 0.05 * scene.diagonal)
+    return Camera(_point(centre + distance * out), _point(centre), _point(axes[1]), _OUTSIDE)
+
+
+def _opening(around: Surroundings, axes: np.ndarray) -> np.ndarray | None:
+    """Right, up and front of a way out through the open side, a little from above; None where it is not to one side."""
+    ways = directions(axes)[~np.isfinite(around.distance)] @ axes.T
+    mean = ways.mean(0)
+    level = np.array([mean[0], 0.0, mean[2]])
+    length = float(np.linalg.norm(level))
+    if length < 0.45 or abs(mean[1]) > length:
+        return None
+    way = level / length + np.array([0.0, 0.06, 0.0])
+    unit: np.ndarray = way / np.linalg.norm(way)
+    return unit
+
+
+def _within(scene: Scene, points: SurfacePoints, axes: np.ndarray, room: np.ndarray) -> Camera | None:
+    """A camera at eye height in the room around `room`, where it sees farthest; None where nothing is as clear."""
+    low, high = _extent(scene, axes)
+    around = surroundings(points, room, axes)
+    height = float(room @ axes[1])
+    rise = directions(axes) @ axes[1]
+    below, above = rise < -0.7, rise > 0.7
+    floor = height - float(np.median(np.where(np.isfinite(around.distance), around.distance * -rise, np.inf)[below]))
+    ceiling = height + float(np.median(np.where(np.isfinite(around.distance), around.distance * rise, np.inf)[above]))
+    floor, ceiling = max(floor, float(low[1])), min(ceiling, float(high[1]))
+    tall = ceiling - floor
+    eye = floor + (_EYE if _STOREY[0] <= tall <= _STOREY[1] else _EYE_SHARE * tall)
+    share = (eye - low[1]) / max(high[1] - low[1], 1e-30)
+    level = np.abs(rise) < 0.25
+    clear = _CLEAR * float(np.hypot(*(high - low)[[0, 2]]))
+    best, camera = 0.0, None
+    for at in [*_grid(low, high, axes, (float(share),)), room + (eye - height) * axes[1]]:
+        around = surroundings(points, at, axes)
+        if around.closed < _ROOM - 0.1 or around.fronts < _FRONTS:
+            continue
+        distance = np.where(np.isfinite(around.distance), around.distance, 0.0)
+        if distance[level & np.isfinite(around.distance)].min(initial=np.inf) < clear:
+            continue
+        ahead = distance[level].reshape(-1, distance.shape[1]).mean(0)
+        view = sum(np.roll(ahead, step) * weight for step, weight in ((-2, 0.5), (-1, 1.0), (0, 1.0), (1, 1.0), (2, 0.5))) / 4.0
+        sector = int(np.argmax(view))
+        if view[sector] > best:
+            way = directions(axes)[:, sector].mean(0)
+            way = way - (way @ axes[1]) * axes[1]
+            way = way / np.linalg.norm(way)
+            best = float(view[sector])
+            camera = Camera(_point(at), _point(at + best * way), _point(axes[1]), _INSIDE)
+    return camera
+
+
+def _point(values: np.ndarray) -> tuple[float, float, float]:
+    return float(values[0]), float(values[1]), float(values[2])

@@ -1,0 +1,106 @@
+"""What surrounds a point: a coarse picture of the sphere around it, made of points that are spread over the surfaces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from irrsplat.scene.model import Scene
+
+_POINTS = 20_000  # on all surfaces: a few dozen for each direction
+_RINGS, _SECTORS = 16, 32  # of the sphere, all of one solid angle
+
+
+@dataclass(frozen=True)
+class SurfacePoints:
+    """N points spread evenly over all surfaces that light sees. position: (N, 3); normal: (N, 3) unit, the triangles' own."""
+
+    position: np.ndarray
+    normal: np.ndarray
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """The sphere around a point, cut into rings by height and sectors by azimuth, directions of equal solid angle.
+
+    distance: (RINGS, SECTORS) metres to the nearest surface, infinite where there is none; the first ring looks down. facing:
+    whether that surface turns its front to the point.
+    """
+
+    distance: np.ndarray
+    facing: np.ndarray
+
+    @property
+    def closed(self) -> float:
+        """The share of directions in which there is something."""
+        return float(np.isfinite(self.distance).mean())
+
+    @property
+    def fronts(self) -> float:
+        """The share of what there is that turns its front."""
+        hit = np.isfinite(self.distance)
+        return float(self.facing[hit].mean()) if hit.any() else 0.0
+
+    @property
+    def volume(self) -> float:
+        """What is seen from the point, m³, a little too small; directions without anything count nothing."""
+        hit = np.isfinite(self.distance)
+        return float(4.0 / 3.0 * np.pi * (np.where(hit, self.distance, 0.0) ** 3).mean())
+
+
+def directions(axes: np.ndarray) -> np.ndarray:
+    """(RINGS, SECTORS, 3) the unit directions in the middle of each; axes: (3, 3) rows right, up and front of the world."""
+    rise = (np.arange(_RINGS) + 0.5) / _RINGS * 2.0 - 1.0
+    azimuth = (np.arange(_SECTORS) + 0.5) / _SECTORS * 2.0 * np.pi - np.pi
+    level = np.sqrt(1.0 - rise**2)[:, None]
+    x, z = level * np.cos(azimuth), level * np.sin(azimuth)
+    found: np.ndarray = np.stack([x, np.broadcast_to(rise[:, None], x.shape), z], -1) @ axes
+    return found
+
+
+def surface_points(scene: Scene) -> SurfacePoints:
+    """Points on the scene's surfaces, the same each time; none on what lets light pass."""
+    meshes = [m for m in scene.meshes if len(m.faces) and m.material.light_cutoff <= m.material.opacity]
+    if not meshes:
+        return SurfacePoints(np.zeros((0, 3)), np.zeros((0, 3)))
+    areas = []
+    for mesh in meshes:
+        a, b, c = (mesh.positions[mesh.faces[:, i]] for i in range(3))
+        areas.append(np.linalg.norm(np.cross(b - a, c - a), axis=1))
+    total = np.cumsum(np.concatenate(areas), dtype=float)
+    chance = np.random.default_rng(0)
+    chosen = np.searchsorted(total, (np.arange(_POINTS) + chance.random(_POINTS)) / _POINTS * total[-1], "right")
+    chosen = np.minimum(chosen, len(total) - 1)
+    first = np.cumsum([0, *(len(m.faces) for m in meshes)])
+    corners = np.concatenate(
+        [
+            mesh.positions[mesh.faces[chosen[np.searchsorted(chosen, low) : np.searchsorted(chosen, high)] - low]]
+            for mesh, low, high in zip(meshes, first[:-1], first[1:], strict=True)
+        ]
+    ).astype(float)  # chosen is sorted
+    u, v = chance.random((2, _POINTS, 1))
+    u, v = np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
+    a, along, across = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    normal = np.cross(along, across)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    return SurfacePoints(a + u * along + v * across, normal)
+
+
+def surroundings(points: SurfacePoints, at: np.ndarray, axes: np.ndarray) -> Surroundings:
+    """What is seen from the point `at` (3,); axes: (3, 3) rows right, up and front of the world."""
+    way = points.position - at
+    distance = np.linalg.norm(way, axis=1)
+    x, rise, z = (way @ axes.T).T
+    ring = np.clip(((rise / np.maximum(distance, 1e-300) + 1.0) * (0.5 * _RINGS)).astype(int), 0, _RINGS - 1)
+    sector = np.clip(((np.arctan2(z, x) + np.pi) * (_SECTORS / (2.0 * np.pi))).astype(int), 0, _SECTORS - 1)
+    cell = ring * _SECTORS + sector
+    order = np.argsort(-distance)  # the nearest comes last, and stays
+    nearest = np.full(_RINGS * _SECTORS, -1)
+    nearest[cell[order]] = order
+    found = np.full(len(nearest), np.inf)
+    facing = np.zeros(len(nearest), bool)
+    hit = nearest >= 0
+    found[hit] = distance[nearest[hit]]
+    facing[hit] = (points.normal[nearest[hit]] * way[nearest[hit]]).sum(1) < 0.0
+    return Surroundings(found.reshape(_RINGS, _SECTORS), facing.reshape(_RINGS, _SECTORS))

@@ -1,0 +1,63 @@
+"""Which axis of a file points up: as told, as its format has it, or by the name of the program that wrote it."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from irrsplat.core.load_options import UpAxis
+from irrsplat.scene.model import Camera
+
+Vector = tuple[float, float, float]
+_AXES: dict[str, Vector] = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+# Programs whose world has z up, and whose OBJ export does not turn it, unlike that of Blender, 3ds Max, Maya or Rhino.
+_Z_UP = re.compile(
+    rb"autocad|freecad|open ?cascade|openscad|solvespace|cloudcompare|revit|archicad|microstation|\bz[- ]?up\b|z axis up", re.I
+)
+_HEADER = 4096  # bytes at the start of a file that may name its exporter
+
+
+def up_vector(path: Path, wanted: UpAxis = "auto") -> Vector:
+    """(3,) the unit vector that points up in the file at `path`.
+
+    wanted "auto": y in glTF and PLY; z in STL, which printers and CAD write; in OBJ y, but z where the comments at its start name
+    a program that leaves z up.
+    """
+    if wanted != "auto":
+        return _AXES[wanted]
+    ending = path.suffix.lower()
+    return _AXES["z" if ending == ".stl" or (ending == ".obj" and _z_up_by_name(path)) else "y"]
+
+
+def _z_up_by_name(path: Path) -> bool:
+    try:
+        with open(path, "rb") as file:
+            head = file.read(_HEADER)
+    except OSError:
+        return False
+    return any(_Z_UP.search(line) for line in head.splitlines() if line.lstrip().startswith(b"#"))
+
+
+def nearest_axis(camera: Camera) -> Vector:
+    """The axis nearest to the camera's up, those preferred about which it has no roll: right ⟂ the world's up.
+
+    A steep view whose up was made perpendicular to it leans nearer to a horizontal axis; its right tells them apart.
+    """
+    up = np.asarray(camera.up, float) / np.linalg.norm(camera.up)
+    both = np.concatenate([np.eye(3), -np.eye(3)])
+    x, y, z = both[int(np.argmax(both @ up - np.abs(both @ camera.axes[0])))].tolist()
+    return x, y, z
+
+
+def axes(up: Vector) -> np.ndarray:
+    """(3, 3) rows: right, up and front of a thing that stands upright; unit and right-handed, front is towards who looks at it.
+
+    y up: x, y and z, as glTF has it; z up: x, z and -y, as CAD programs have it.
+    """
+    front = (0.0, -1.0, 0.0) if int(np.argmax(np.abs(up))) == 2 else (0.0, 0.0, 1.0)
+    u = np.asarray(up, float) / np.linalg.norm(up)
+    right = np.cross(u, front)
+    right /= np.linalg.norm(right)
+    return np.stack([right, u, np.cross(right, u)])
