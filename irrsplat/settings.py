@@ -152,6 +152,10 @@ class Settings:
         high=256,
         unit="pixels",
     )
+    light_samples: int = _declare(
+        256, "int", "gather", "shadow rays of a record to emissive surfaces, beside the rays that find some by chance; 0: off",
+        low=0, high=4096,
+    )  # fmt: skip
     gradients: bool = _declare(True, "bool", "splat", "records say how irradiance changes with place and normal around them")
     second_order: bool = _declare(True, "bool", "splat", "records say how their gradients change around them as well")
     radius: str = _declare(
@@ -309,6 +313,7 @@ class SettingValues(TypedDict, total=False):
     bounces: int | All
     gather: str
     gather_size: int
+    light_samples: int
     gradients: bool
     second_order: bool
     radius: str

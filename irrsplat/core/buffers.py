@@ -213,6 +213,18 @@ class Sites:
 
 
 @dataclass(frozen=True)
+class LightSamples:
+    """How emitters are looked for beside what a gather's rays find of them by chance.
+
+    uniforms: those of shaders/gather/light_samples.frag that do not depend on the batch. strata: whether the gather's rays are
+    cosine-stratified; else it is a hemicube.
+    """
+
+    uniforms: Uniforms
+    strata: bool
+
+
+@dataclass(frozen=True)
 class Atlas:
     """What a batch of records sees, a cell each: row-major cells of `cell` (width, height) texels, `columns` per row.
 
@@ -223,6 +235,7 @@ class Atlas:
     frames: RGBA32F texture; texels (i, 0..2) are record i's tangent, bitangent and normal, (i, 3) its geometric normal in
     that frame and, w, its number in the cache.
     count: the number of records. block: the texels that the first reduction step sums at once, as (width, height).
+    light_samples: the light samples that are to be taken as well; (i, 4) of frames is then where record i looks from.
     """
 
     radiance: moderngl.Texture
@@ -234,6 +247,7 @@ class Atlas:
     columns: int
     cell: tuple[int, int]
     block: tuple[int, int]
+    light_samples: LightSamples | None = None
 
 
 @dataclass(frozen=True, eq=False)

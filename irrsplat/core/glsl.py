@@ -12,6 +12,7 @@ from irrsplat.core.material_layout import MATERIAL_ROWS, MaterialRow
 TABLE_COLUMNS = 1024  # items in a row of every table that shaders look things up in by number; a power of two
 NEIGHBOUR_STRIDE = 4096  # a texel's neighbour is packed into one float as row·NEIGHBOUR_STRIDE + column (gather/hemicube.py)
 VIEW_ROWS = 8  # rows of numbers that describe a face through which a record looks, see shaders/gather/raster_views.glsl
+MAX_EMITTER_CLUSTERS = 32  # of emissive triangles, among which light samples are shared out
 HIDDEN_OTHERWISE = 3  # of a cell of the surface cache: which corners are hidden from each other is more than 0..2 can tell
 
 CONSTANTS: dict[str, int | float | tuple[float, ...]] = {
@@ -23,6 +24,7 @@ CONSTANTS: dict[str, int | float | tuple[float, ...]] = {
     "NEIGHBOUR_STRIDE": NEIGHBOUR_STRIDE,
     "VIEW_ROWS": VIEW_ROWS,
     "HIDDEN_OTHERWISE": HIDDEN_OTHERWISE,
+    "MAX_EMITTER_CLUSTERS": MAX_EMITTER_CLUSTERS,
     "NOTHING_SEEN": NOTHING_SEEN,
     "LIGHT_ROWS": LIGHT_ROWS,
     **{f"LIGHT_{row.name}": row.value for row in LightRow},

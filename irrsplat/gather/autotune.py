@@ -79,8 +79,8 @@ def gather_pass(world: World, settings: Settings, capacity: int | None = None) -
     """
     how, surface = kind(world.ctx, world.scene, settings), settings.most_bounces > 1
     if how == "trace":
-        return TraceGather(world, settings.gather_size, capacity, surface=surface)
-    return RasterGather(world, how, settings.gather_size, capacity, surface=surface)
+        return TraceGather(world, settings.gather_size, capacity, surface=surface, light_samples=settings.light_samples)
+    return RasterGather(world, how, settings.gather_size, capacity, surface=surface, light_samples=settings.light_samples)
 
 
 def machine(about: Mapping[str, object]) -> str:

@@ -7,7 +7,7 @@ notes which triangle each texel sees; then every texel is shaded once, however m
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import moderngl
 import numpy as np
@@ -15,8 +15,9 @@ import numpy as np
 from irrsplat.core.buffers import Atlas, HitLight, Sites, Uniforms
 from irrsplat.core.glsl import TABLE_COLUMNS, VIEW_ROWS
 from irrsplat.gather.hemicube import edge_table, faces, hemisphere_table
+from irrsplat.gather.light_samples import EmitterSearch
 from irrsplat.gather.look import Gather
-from irrsplat.gather.record_frame import atlas_grid, eye_positions, frame_rows, tangent_frames
+from irrsplat.gather.record_frame import atlas_grid, eye_positions, frame_rows, sample_offsets, tangent_frames
 from irrsplat.gpu.program import Draw, DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target, float_texture, table_texture
@@ -32,7 +33,8 @@ class RasterGather(Gather):
     """Draws what records see of the world's geometry: hemicubes ("raster") or planes ("plane") of `side` texels.
 
     capacity: how many records one call takes at most (default: what a 96 MiB atlas holds). surface: the light that it is called
-    with has a surface cache, too.
+    with has a surface cache, too. light_samples: shadow rays of a record to emitters; the paper's
+    planes take none.
     """
 
     triangle_order = "scene"
@@ -45,6 +47,7 @@ class RasterGather(Gather):
         capacity: int | None = None,
         *,
         surface: bool = False,
+        light_samples: int = 0,
     ) -> None:
         super().__init__(world)
         self.ctx = ctx = world.ctx
@@ -59,11 +62,13 @@ class RasterGather(Gather):
         self.edges = table_texture(ctx, edge_table(kind, self.side))
         self.columns, self.capacity = atlas_grid(self.cell, capacity, int(ctx.info["GL_MAX_TEXTURE_SIZE"]))
         self.size = self.columns * self.cell[0], self.capacity // self.columns * self.cell[1]
-        self.defines = {**light_defines(world.scene), "SURFACE": int(surface)}
+        samples = 0 if kind == "plane" else light_samples
+        self.emitters = EmitterSearch(world, samples, (self.side / 2.0) ** 2, strata=False)
+        self.defines = {**light_defines(world.scene), **self.emitters.defines, "SURFACE": int(surface)}
         self.single_draw: SingleDraw | None = None  # either is made when it is first wanted
         self.meshlet_draw: MeshletDraw | None = None
         self.target: Target | None = None  # of the last call
-        self.frames = float_texture(ctx, (self.capacity, 4))
+        self.frames = float_texture(ctx, (self.capacity, 5))
         self.views = float_texture(ctx, (self.capacity, VIEW_ROWS * len(self.faces)))
 
     def owned(self) -> tuple[Resource | None, ...]:
@@ -73,9 +78,14 @@ class RasterGather(Gather):
     def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
         """What records at `sites` (at most `capacity`) see; `numbers` (N,) are theirs in the cache."""
         geometry, count = self.world.geometry, len(sites)
-        frame = tangent_frames(sites.normal, sites.frame_rotations(numbers), seed)
-        self.frames.write(frame_rows(frame, sites, numbers).tobytes(), viewport=(0, 0, count, 4))
-        rows = self._views(frame, eye_positions(sites, geometry.corners, self.offset))
+        rotations = sites.frame_rotations(numbers)
+        frame, eye = tangent_frames(sites.normal, rotations, seed), eye_positions(sites, geometry.corners, self.offset)
+        described = np.zeros((5, count, 4), "f4")
+        described[:4] = frame_rows(frame, sites, numbers)
+        described[:2, :, 3] = sample_offsets(rotations, seed).T
+        described[4, :, :3] = eye
+        self.frames.write(described.tobytes(), viewport=(0, 0, count, 5))
+        rows = self._views(frame, eye)
         self.views.write(rows.reshape(-1, count, 4).astype("f4").tobytes(), viewport=(0, 0, count, VIEW_ROWS * len(self.faces)))
         draw: SingleDraw | MeshletDraw
         if geometry.triangles <= SINGLE_DRAW_TRIANGLES:
@@ -83,10 +93,12 @@ class RasterGather(Gather):
         else:
             draw = self.meshlet_draw = self.meshlet_draw or MeshletDraw(self.ctx, self.size, self.defines)
         used = (0, 0, self.size[0], -(-count // self.columns) * self.cell[1])
-        target = self.target = draw(self.world, light, Views(rows, self.views, used, self.offset))
+        searched = self.emitters.ray_uniforms(self.triangle_order)
+        target = self.target = draw(self.world, light, Views(rows, self.views, used, self.offset, searched))
         block = (self.side // 4, self.side // 4)
         radiance, planes = target.textures
-        return Atlas(radiance, planes, self.table, self.edges, self.frames, count, self.columns, self.cell, block)
+        samples = self.emitters.light_samples
+        return Atlas(radiance, planes, self.table, self.edges, self.frames, count, self.columns, self.cell, block, samples)
 
     def _views(self, frame: np.ndarray, eye: np.ndarray) -> np.ndarray:
         """(F, 8, N, 4) float64: the rows of shaders/gather/raster_views.glsl for records with these frames (N, 3, 3) and eyes
@@ -111,13 +123,15 @@ class Views:
     """The views of one call: F faces of N records.
 
     rows: (F, 8, N, 4), as shaders/gather/raster_views.glsl reads them from `texture`. used: the rectangle of the atlas that they
-    fill, (x, y, width, height) texels. near: the records' offset above their surfaces, metres.
+    fill, (x, y, width, height) texels. near: the records' offset above their surfaces, metres. emitters: the uniforms by
+    which what they see counts beside light samples.
     """
 
     rows: np.ndarray
     texture: moderngl.Texture
     used: tuple[int, int, int, int]
     near: float
+    emitters: Uniforms = field(default_factory=dict)
 
     @property
     def uniforms(self) -> Uniforms:
@@ -134,7 +148,7 @@ class SingleDraw(Owner):
     """One draw of all triangles in all views, into an atlas of `size` texels."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], defines: Mapping[str, int]) -> None:
-        self.program = Program(ctx, "gather/raster", defines={**defines, "MESHLETS": 0})
+        self.program = Program(ctx, "gather/raster", defines={"EMITTERS": 0, **defines, "MESHLETS": 0})
         self.target = Target(ctx, size, (4, 4), depth=True)
 
     def owned(self) -> tuple[Resource | None, ...]:
@@ -154,6 +168,7 @@ class SingleDraw(Owner):
             **views.uniforms,
             **world.raster_uniforms,
             **light.uniforms("scene"),
+            **views.emitters,
         )
         return self.target
 
@@ -164,7 +179,7 @@ class MeshletDraw(Owner):
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], defines: Mapping[str, int]) -> None:
         self.ctx = ctx
         self.find_triangles = Program(ctx, "gather/raster_triangle", "gather/raster", {"MESHLETS": 1})
-        self.shade = Program(ctx, "gather/raster_shade", defines={**defines, "MESHLETS": 0})
+        self.shade = Program(ctx, "gather/raster_shade", defines={"EMITTERS": 0, **defines, "MESHLETS": 0})
         self.triangle = Target(ctx, size, (1,), depth=True)
         self.target = Target(ctx, size, (4, 4))
         self.pairs: moderngl.Texture | None = None
@@ -202,6 +217,7 @@ class MeshletDraw(Owner):
             **in_meshlets.uniforms,
             **world.raster_uniforms,
             **light.uniforms("scene"),
+            **views.emitters,
         )
         return self.target
 

@@ -57,6 +57,17 @@ def tangent_frames(normal: np.ndarray, number: np.ndarray, seed: int) -> np.ndar
     )
 
 
+def sample_offsets(number: np.ndarray, seed: int) -> np.ndarray:
+    """(N, 2) in 0..1: by how much the pattern of light samples is shifted, which `number` (N,) and seed decide.
+
+    Numbers that follow each other share the unit square evenly (Roberts 2018, "The Unreasonable Effectiveness of Quasirandom
+    Sequences").
+    """
+    steps = np.array([0.7548776662466927, 0.5698402909980532])
+    offsets: np.ndarray = np.modf((number[:, None] + 1.0) * steps + seed * np.sqrt([2.0, 3.0]))[0]
+    return offsets
+
+
 def frame_rows(frame: np.ndarray, sites: Sites, numbers: np.ndarray) -> np.ndarray:
     """(4, N, 4) float32, the rows of Atlas.frames: tangent, bitangent and normal of `frame` (N, 3, 3), then the geometric normal
     in that frame, with the records' numbers (N,) in the cache as its w."""

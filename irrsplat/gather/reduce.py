@@ -11,6 +11,7 @@ import moderngl
 
 from irrsplat.core.buffers import Atlas, Records, Uniforms
 from irrsplat.core.record_layout import GATHERED
+from irrsplat.gather.light_samples import LightSamplePass
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
@@ -37,12 +38,13 @@ class ReducePass(Owner):
         self.components = (4, 2, 4, 4, 4, 4, 4, 4) if gradients else (4, 2)
         self.blocks = Program(ctx, "gather/reduce_blocks", "lib/fullscreen", defines)
         self.total = Program(ctx, "gather/reduce_total", defines=defines | {"WIDE": WIDE})
+        self.light_samples = LightSamplePass(ctx, gradients)
         self.target: Target | None = None
         self.out: Target | None = None  # the cache's own textures
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.blocks, self.total, self.target, self.out)
+        return (self.blocks, self.total, self.light_samples, self.target, self.out)
 
     def __call__(self, atlas: Atlas, records: Records, sky: Uniforms, radii: tuple[float, float]) -> None:
         """Write E, R, M and ∇E of the atlas's records into `records`, each at its number; R is kept within `radii`.
@@ -70,6 +72,7 @@ class ReducePass(Owner):
             columns=atlas.columns,
             **sky,
         )
+        self.light_samples(self.target, atlas, per_cell, used)
         sums: dict[str, Any] = dict(zip(_SUMS, self.target.textures, strict=False))
         if self.out is None or self.out.textures[0] is not records.textures[GATHERED[0]]:
             if self.out is not None:

@@ -8,8 +8,9 @@ from __future__ import annotations
 import numpy as np
 
 from irrsplat.core.buffers import Atlas, HitLight, Sites
+from irrsplat.gather.light_samples import EmitterSearch
 from irrsplat.gather.look import Gather
-from irrsplat.gather.record_frame import atlas_grid, eye_positions, frame_rows, tangent_frames
+from irrsplat.gather.record_frame import atlas_grid, eye_positions, frame_rows, sample_offsets, tangent_frames
 from irrsplat.gather.stratified import stratum_edges, stratum_table
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Resource
@@ -23,7 +24,8 @@ class TraceGather(Gather):
 
     capacity: how many records one call takes at most (default: what a 96 MiB atlas holds). surface: the light that it is called
     with has a surface cache, too. hits: of that cache it is only noted which of its values speak for what the rays hit, for the
-    method `hits`. Raises InputError for more triangles than the GPU's textures hold.
+    method `hits`. light_samples: a record's shadow rays to emitters, beside the rays that may find some. Raises InputError for
+    more triangles than the GPU's textures hold.
     """
 
     triangle_order = "tree"
@@ -36,6 +38,7 @@ class TraceGather(Gather):
         *,
         surface: bool = False,
         hits: bool = False,
+        light_samples: int = 0,
     ) -> None:
         super().__init__(world)
         self.ctx = ctx = world.ctx
@@ -48,11 +51,12 @@ class TraceGather(Gather):
         self.directions = table[..., :3].reshape(-1, 3)  # their directions in a record's frame
         self.table = table_texture(ctx, table)
         self.edges = table_texture(ctx, stratum_edges(self.side))
+        self.emitters = EmitterSearch(world, light_samples, self.share.size / np.pi, strata=True)
         self.program = Program(
             ctx,
             "gather/trace",
             "lib/fullscreen",
-            defines={**light_defines(world.scene), "SURFACE": int(surface), "HITS": int(hits)},
+            defines={**light_defines(world.scene), **self.emitters.defines, "SURFACE": int(surface), "HITS": int(hits)},
         )
         self.outputs = (4, 4, 4, 4) if hits else (4, 4)
         self.columns, self.capacity = atlas_grid(self.cell, capacity, int(ctx.info["GL_MAX_TEXTURE_SIZE"]))
@@ -70,7 +74,9 @@ class TraceGather(Gather):
             self.target = Target(self.ctx, (self.columns * self.cell[0], down * self.cell[1]), self.outputs)
         count = len(sites)
         rows = np.zeros((5, count, 4), "f4")
-        rows[:4] = frame_rows(tangent_frames(sites.normal, sites.frame_rotations(numbers), seed), sites, numbers)
+        rotations = sites.frame_rotations(numbers)
+        rows[:4] = frame_rows(tangent_frames(sites.normal, rotations, seed), sites, numbers)
+        rows[:2, :, 3] = sample_offsets(rotations, seed).T
         rows[4, :, :3] = eye_positions(sites, self.tree.corners, self.offset)
         self.frames.write(rows.tobytes(), viewport=(0, 0, count, 5))
         lines, rest = divmod(count, self.columns)
@@ -85,10 +91,12 @@ class TraceGather(Gather):
                     columns=self.columns,
                     near=self.offset,
                     **(self.world.trace_uniforms | light.uniforms(self.triangle_order)),
+                    **self.emitters.ray_uniforms(self.triangle_order),
                 )
         block = (self.side // 4, self.side // 4)
         radiance, planes = self.target.textures[:2]
-        return Atlas(radiance, planes, self.table, self.edges, self.frames, count, self.columns, self.cell, block)
+        samples = self.emitters.light_samples
+        return Atlas(radiance, planes, self.table, self.edges, self.frames, count, self.columns, self.cell, block, samples)
 
     def hits(self, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """What the rays of the last call's first `count` records hit, R rays each in the order of the cell's texels.

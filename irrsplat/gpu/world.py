@@ -8,7 +8,7 @@ from irrsplat.core.buffers import Uniforms
 from irrsplat.gpu.bvh_table import BvhTable
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.material_table import MaterialTable
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.scene.flatten import flatten
 from irrsplat.scene.looks import runs
 from irrsplat.scene.model import Mesh, Scene
@@ -23,13 +23,14 @@ class World(Owner):
         self.geometry = Geometry(ctx, *flatten(scene)[:2], face_counts(scene))
         self.materials = MaterialTable(ctx, scene.materials)
         self.runs = runs(scene)  # of triangles that a camera draws alike
+        self.derived = Workshop()  # what others make of the scene as it is; it is freed with this
         self._scene = scene
         self._uploaded: tuple[Mesh, ...] | None = scene.meshes  # None while what is on the GPU is neither before nor after a move
         self._tree: BvhTable | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.geometry, self.materials, self._tree)
+        return (self.geometry, self.materials, self._tree, self.derived)
 
     @property
     def raster_uniforms(self) -> Uniforms:

@@ -11,6 +11,7 @@ from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.records.record_cache import RecordCache
 
 SIDE = 8  # side² directions, a small part of a gather's
+LIGHT_SAMPLES = 16  # to emitters at most, beside these
 MAX_RECORDS = 4096  # probed at once
 _MAX_DRIFT = 0.02  # change of E or R, summed over the moves since a record was gathered, beyond which it is gathered again
 

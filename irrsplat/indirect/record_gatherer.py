@@ -18,7 +18,7 @@ from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.time_budget import Budget, Pace
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
-from irrsplat.indirect.change_probe import MAX_RECORDS, SIDE, ChangeProbe, changed_records
+from irrsplat.indirect.change_probe import LIGHT_SAMPLES, MAX_RECORDS, SIDE, ChangeProbe, changed_records
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.change import SceneChange
@@ -60,7 +60,7 @@ class Basis:
     @property
     def way(self) -> tuple[object, ...]:
         """What a record at its place says, and how well, depends on these."""
-        return self.kind, self.settings.gather_size, self.wants_surface
+        return self.kind, self.settings.gather_size, self.settings.light_samples, self.wants_surface
 
     @property
     def wants_surface(self) -> bool:
@@ -109,8 +109,10 @@ class RecordGatherer(Owner):
     def probes(self) -> ChangeProbe:
         """A rough look from records, to find out which of them a change concerns."""
         basis = self._basis
-        settings = replace(basis.settings, gather=basis.kind, gather_size=SIDE)  # as records are gathered
-        inputs = basis.wants_surface, basis.lights, basis.kind
+        samples = min(basis.settings.light_samples, LIGHT_SAMPLES)
+        # as records are gathered
+        settings = replace(basis.settings, gather=basis.kind, gather_size=SIDE, light_samples=samples)
+        inputs = basis.wants_surface, basis.lights, basis.kind, samples
         return self._made.get("probes", inputs, lambda: ChangeProbe(autotune.gather_pass(self.world, settings, MAX_RECORDS)))
 
     @property

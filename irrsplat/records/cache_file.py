@@ -57,7 +57,7 @@ def key(scene: Scene, settings: Settings) -> CacheKey:
     """What the records of this scene and these settings depend on."""
     vertices, faces, closed = flatten(scene)
     lights = [[value for name, value in vars(light).items() if name != "name"] for light in scene.lights]
-    names = ["seed", "bounces", "gather", "gather_size", "shadow_size", "gradients", "placement"]
+    names = ["seed", "bounces", "gather", "gather_size", "light_samples", "shadow_size", "gradients", "placement"]
     names += ["warmup"] if settings.placement == "scan" else []
     return CacheKey(
         geometry=_hash(vertices.tobytes(), faces.tobytes(), repr((closed, *_sky(scene))).encode(), *_materials(scene)),

@@ -33,6 +33,7 @@ from irrsplat.surface_cache.view import SurfaceViewPass
 from irrsplat.surface_cache.visibility import VisibilityPass
 
 SIDE = 16  # side² rays a site
+LIGHT_SAMPLES = 64  # a site, at most: shadow rays to emitters
 _BATCH = 128  # sites gathered at once, at most
 
 
@@ -100,8 +101,12 @@ class SurfaceCache(Owner):
     @property
     def _gather(self) -> TraceGather:
         """Rays from sites, compiled for the kinds of lights that there are."""
-        lights = light_defines(self.world.scene)
-        return self._made.get("gather", lights, lambda: TraceGather(self.world, SIDE, _BATCH, surface=True, hits=True))
+        lights, samples = light_defines(self.world.scene), min(self._basis.settings.light_samples, LIGHT_SAMPLES)
+        return self._made.get(
+            "gather",
+            (lights, samples),
+            lambda: TraceGather(self.world, SIDE, _BATCH, surface=True, hits=True, light_samples=samples),
+        )
 
     # ---- what it holds ---------------------------------------------------------------------------------------------
 
@@ -180,7 +185,8 @@ class SurfaceCache(Owner):
             self._drop_sites()
         if other_rays:
             self.transport = None
-        if other_rays or old.settings.shadow_size != settings.shadow_size or relit or moved:
+        other_samples = old.settings.light_samples != settings.light_samples
+        if other_rays or other_samples or old.settings.shadow_size != settings.shadow_size or relit or moved:
             self.expire()
         if old.settings.bounces != settings.bounces:
             self._bounce_again()

@@ -4,6 +4,9 @@
 #include "lib/material.glsl"
 #include "lib/material_table.glsl"
 #include "lib/surface.glsl"
+#if EMITTERS
+#include "lighting/emitters_hit.glsl"
+#endif
 #if SURFACE
 #include "surface_cache/lookup.glsl"
 #endif
@@ -55,6 +58,12 @@ void see(int triangle, vec3 q, Vertex point)
 #if SURFACE
     E += surface_irradiance(triangle, receiver.p, g);
 #endif
-    out_radiance = vec4(outgoing_radiance(material_of(point), E), max(length(away), 0.05 * near));
+    Material material = material_of(point);
+#if EMITTERS
+    float far = length(away), length_q = length(q);  // a texel takes up |(right × up)·q|/|q|³ steradians
+    float texels = length_q * length_q * length_q / abs(dot(cross(v_right, v_up), q));
+    material.emission *= ray_share(triangle, v_eye, away / far, far, g, texels);
+#endif
+    out_radiance = vec4(outgoing_radiance(material, E), max(length(away), 0.05 * near));
     out_plane = vec4(g / min(k, -0.05 * near), 0.0);
 }

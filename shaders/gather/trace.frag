@@ -6,6 +6,10 @@
 #include "lib/material_table.glsl"
 #include "lib/normals.glsl"
 #include "lib/bvh.glsl"
+#if EMITTERS
+#include "lighting/emitters_hit.glsl"
+#include "gather/ray_density.glsl"
+#endif
 #if SURFACE
 #include "surface_cache/lookup.glsl"
 #endif
@@ -60,6 +64,9 @@ void main()
     Vertex seen = interpolate(hit.share, vertex_at(at.x), vertex_at(at.y), vertex_at(at.z));
     Receiver receiver = Receiver(eye + away, shading_normal(seen.normal, g), g);
     Material material = material_of(seen);
+#if EMITTERS
+    material.emission *= ray_share(hit.triangle, eye, d, hit.t, g, ray_density(vec3(0.0, 0.0, sqrt(1.0 - square.x))));
+#endif
     vec3 E = vec3(0.0);
     for (int light = 0; light < LIGHTS; ++light)
     {

@@ -1,0 +1,75 @@
+"""Light samples: shadow rays from records to points of emitters, whose light is added to what the reduction sums."""
+
+from __future__ import annotations
+
+import moderngl
+
+from irrsplat.core.buffers import Atlas, LightSamples, TriangleOrder, Uniforms
+from irrsplat.gpu.program import DrawState, Program
+from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.gpu.target import Target
+from irrsplat.gpu.world import World
+from irrsplat.lighting.emitter_table import emitter_table
+
+
+class EmitterSearch:
+    """How a gather of `world` looks for emitters: by `samples` light samples a record, 0 where there is nothing to look for.
+
+    rays: the density of its rays as shaders/gather/ray_density.glsl has it. strata: whether they are cosine-stratified; else they
+    are a hemicube's texels.
+    """
+
+    def __init__(self, world: World, samples: int, rays: float, strata: bool) -> None:
+        self.world, self.rays, self.strata = world, rays, strata
+        table = emitter_table(world) if samples else None
+        self.samples = samples if table is not None and table.count else 0
+
+    @property
+    def defines(self) -> dict[str, int]:
+        """What the gather's shaders are compiled for; nothing is compiled where there are no emitters."""
+        return {"EMITTERS": int(self.samples > 0), "STRATA": int(self.strata)}
+
+    def ray_uniforms(self, order: TriangleOrder) -> Uniforms:
+        """The uniforms of shaders/lighting/emitters_hit.glsl for a gather that numbers triangles in this order, and of
+        ray_density.glsl where its rays are strata."""
+        table = emitter_table(self.world) if self.samples else None
+        if table is None:
+            return {}
+        return {**table.ray_uniforms(order, self.samples), **({"rays": self.rays} if self.strata else {})}
+
+    @property
+    def light_samples(self) -> LightSamples | None:
+        """What an Atlas says of them."""
+        table = emitter_table(self.world) if self.samples else None
+        if table is None or not table.count:
+            return None
+        uniforms = {**table.sample_uniforms(self.samples), **self.world.trace_uniforms, "rays": self.rays}
+        return LightSamples(uniforms, self.strata)
+
+
+class LightSamplePass(Owner):
+    """Adds the light samples of an atlas to the sums of its blocks; `gradients`: to those of M, ∇E and the Hessian, too."""
+
+    def __init__(self, ctx: moderngl.Context, gradients: bool) -> None:
+        self.ctx, self.gradients = ctx, gradients
+        self._made = Workshop()
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self._made,)
+
+    def __call__(self, target: Target, atlas: Atlas, blocks: tuple[int, int], used: tuple[int, int, int, int]) -> None:
+        """Add to the sums in `target`, `blocks` of them a cell, in the rectangle `used`."""
+        if atlas.light_samples is None:
+            return
+        defines = {"GRADIENTS": int(self.gradients), "STRATA": int(atlas.light_samples.strata)}
+        program = self._made.get("program", defines, lambda: Program(self.ctx, "gather/light_samples", "lib/fullscreen", defines))
+        program(
+            target,
+            state=DrawState(blend="add"),
+            scissor=used,
+            frames=atlas.frames,
+            blocks=blocks,
+            columns=atlas.columns,
+            **atlas.light_samples.uniforms,
+        )

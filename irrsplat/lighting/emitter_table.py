@@ -1,0 +1,86 @@
+"""The area lights of a scene as shaders sample them: tables of its emissive triangles and of their clusters."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+
+from irrsplat.core.buffers import TriangleOrder, Uniforms
+from irrsplat.core.errors import InputError
+from irrsplat.core.glsl import MAX_EMITTER_CLUSTERS, TABLE_COLUMNS
+from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.target import table_texture
+from irrsplat.gpu.texel_table import table_rows
+from irrsplat.gpu.world import World
+from irrsplat.scene.emitters import emitters
+
+
+class EmitterTable(Owner):
+    """The tables that shaders/lighting/emitters.glsl reads, of the world's scene as it is now. count: its area lights, triangles.
+
+    Raises InputError for more triangles than rays can go through on this GPU.
+    """
+
+    def __init__(self, world: World) -> None:
+        found, tree = emitters(world.scene), world.tree
+        in_tree = np.full(len(tree.corners), -1)
+        in_tree[tree.order] = np.arange(len(tree.order))
+        # cluster by cluster, and in each as the tree has them: neighbours in the list are neighbours in space
+        order = np.lexsort((in_tree[found.triangle], found.cluster))
+        triangle, cluster, power = (x[order] for x in (found.triangle, found.cluster, found.luminance * found.area))
+        self.count, clusters = len(found), len(found.radius)
+        total = np.bincount(cluster, weights=power, minlength=clusters)
+        first = np.searchsorted(cluster, np.arange(clusters))
+        density = found.luminance[order] / total[cluster]
+        before = np.cumsum(power) - power
+        share = (before + power - before[first][cluster]) / total[cluster] if self.count else np.zeros(0)
+        rows = np.stack([in_tree[triangle], share, density, found.one_sided[order]], axis=-1)
+        self.triangles = table_texture(world.ctx, table_rows(rows[:, None].astype("f4")))
+        known = np.zeros((MAX_EMITTER_CLUSTERS, 2, 4), "f4")
+        known[:clusters, 0] = np.column_stack([found.centre, found.radius**2])
+        known[:clusters, 1, :3] = np.stack([total, first, np.bincount(cluster, minlength=clusters)], axis=-1)
+        self._common: Uniforms = {
+            "emitter_clusters": known.reshape(-1, 4),
+            "emitter_cluster_count": clusters,
+        }
+        numbers = np.zeros((len(tree.corners), 2), "f4")
+        numbers[triangle] = np.stack([density, cluster], axis=-1)
+        self.numbers: dict[TriangleOrder, moderngl.Texture] = {
+            "scene": _pairs(world.ctx, numbers),
+            "tree": _pairs(world.ctx, numbers[tree.order]),
+        }
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.triangles, *self.numbers.values())
+
+    def ray_uniforms(self, order: TriangleOrder, samples: int) -> Uniforms:
+        """The uniforms of shaders/lighting/emitters.glsl for what rays hit, triangles numbered in this order, where so many
+        `samples` look for emitters beside them."""
+        return {**self._common, "emitter_numbers": self.numbers[order], "emitter_samples": float(samples)}
+
+    def sample_uniforms(self, samples: int) -> Uniforms:
+        """The uniforms of shaders/lighting/emitters.glsl where so many `samples` are taken."""
+        return {**self._common, "emitter_triangles": self.triangles, "emitter_samples": float(samples)}
+
+
+def emitter_table(world: World) -> EmitterTable | None:
+    """The table of the world's area lights, which the world owns; None where there are none, or more triangles than rays can go
+    through. It holds until something moves."""
+    if not any(any(mesh.material.emission) for mesh in world.scene.meshes):
+        return None
+    try:
+        table = world.derived.get("emitters", world.scene.meshes, lambda: EmitterTable(world))
+    except InputError:
+        return None
+    return table if table.count else None
+
+
+def _pairs(ctx: moderngl.Context, values: np.ndarray) -> moderngl.Texture:
+    """A table of texels with two numbers each, by number; values: (N, 2)."""
+    rows = -(-max(len(values), 1) // TABLE_COLUMNS)
+    texels = np.zeros((rows * TABLE_COLUMNS, 2), "f4")
+    texels[: len(values)] = values
+    texture = ctx.texture((TABLE_COLUMNS, rows), 2, texels.tobytes(), dtype="f4")
+    texture.filter = moderngl.NEAREST, moderngl.NEAREST
+    return texture

@@ -1,0 +1,175 @@
+"""Which triangles of a scene are its area lights: how bright each one is in the mean, and in which clusters they lie."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from irrsplat.core.color import LUMINANCE, linear_from_srgb
+from irrsplat.core.glsl import MAX_EMITTER_CLUSTERS
+from irrsplat.scene.flatten import in_order
+from irrsplat.scene.model import Mesh, Scene, Texture, Wrap
+
+_ENVIRONMENT = 0.125  # of all surfaces: a mesh that shines over more than that is what rays find anyway, no lamp
+_SMALL = 0.01  # of the scene's diagonal: what is no larger is one cluster
+_FAINT = 1e-3  # of a mesh's brightest triangle: what is fainter counts as dark where the mesh's shining part is measured
+_POINTS = 4  # a textured triangle's mean emission is that of _POINTS² points
+
+
+@dataclass(frozen=True)
+class Emitters:
+    """N triangles that are area lights.
+
+    triangle: (N,) their numbers in the order of scene.flatten. luminance: (N,) of the emission's mean over each, W/(m² sr).
+    area: (N,) m². one_sided: (N,) bool, whether only the side that its winding makes the front one can be seen, since the mesh is
+    closed. cluster: (N,) which of the C clusters each belongs to. centre, radius: (C, 3) and (C,) metres, balls that hold them.
+    """
+
+    triangle: np.ndarray
+    luminance: np.ndarray
+    area: np.ndarray
+    one_sided: np.ndarray
+    cluster: np.ndarray
+    centre: np.ndarray
+    radius: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.triangle)
+
+
+def emitters(scene: Scene) -> Emitters:
+    """The scene's area lights.
+
+    Left out are meshes that shine over more than an eighth of all surfaces, as domes and furnaces do: every gather's rays find
+    them by the hundred, and a room in which all shines needs no second way to see that. Filters that light passes are, too.
+    """
+    triangles, means, corners, one_sided, first = [np.zeros(0, int)], [np.zeros(0)], [np.zeros((0, 3, 3))], [np.zeros(0, bool)], 0
+    all_of_it = sum(float(_areas(_corners(mesh)).sum()) for mesh in scene.meshes) or 1.0
+    for mesh in in_order(scene):
+        if any(mesh.material.emission) and mesh.material.light_cutoff <= 1.0:
+            mean, at = _emission(mesh) @ LUMINANCE, _corners(mesh)
+            area = _areas(at)
+            power = mean * area
+            shining = float(area[mean > _FAINT * mean.max(initial=0.0)].sum())
+            kept = np.flatnonzero(power > 0.0) if shining <= _ENVIRONMENT * all_of_it else np.zeros(0, int)
+            triangles.append(first + kept)
+            means.append(mean[kept])
+            corners.append(at[kept])
+            one_sided.append(np.full(len(kept), mesh.closed))
+        first += len(mesh.faces)
+    triangle, luminance, at = np.concatenate(triangles), np.concatenate(means), np.concatenate(corners)
+    area = _areas(at)
+    cluster = _clusters(at, luminance * area, _SMALL * scene.diagonal)
+    centre, radius = _balls(at, cluster)
+    return Emitters(triangle, luminance, area, np.concatenate(one_sided), cluster, centre, radius)
+
+
+def _corners(mesh: Mesh) -> np.ndarray:
+    """(F, 3, 3) float64, metres."""
+    corners: np.ndarray = mesh.positions[mesh.faces].astype(float)
+    return corners
+
+
+def _areas(corners: np.ndarray) -> np.ndarray:
+    areas: np.ndarray = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    return areas
+
+
+# ---- clusters ------------------------------------------------------------------------------------------------------------
+
+
+def _clusters(corners: np.ndarray, power: np.ndarray, small: float) -> np.ndarray:
+    """(N,) the clusters of triangles (N, 3, 3): the one of most power times extent is halved across its longest side, until all
+    are as small as `small` metres or there are MAX_EMITTER_CLUSTERS."""
+    middle = corners.mean(axis=1)
+    parts = [np.arange(len(corners))] if len(corners) else []
+    whole: list[np.ndarray] = []
+    while parts and len(parts) + len(whole) < MAX_EMITTER_CLUSTERS:
+        low = [corners[part].min((0, 1)) for part in parts]
+        extent = [float(np.linalg.norm(corners[part].max((0, 1)) - a)) for part, a in zip(parts, low, strict=True)]
+        worst = int(np.argmax([float(power[part].sum()) * size for part, size in zip(parts, extent, strict=True)]))
+        part = parts.pop(worst)
+        at = middle[part]
+        axis = int(np.argmax(np.ptp(at, axis=0)))
+        upper = at[:, axis] > 0.5 * (at[:, axis].min() + at[:, axis].max())
+        if extent[worst] <= small or not upper.any() or upper.all():
+            whole.append(part)
+        else:
+            parts += [part[upper], part[~upper]]
+    cluster = np.zeros(len(corners), int)
+    for number, part in enumerate(parts + whole):
+        cluster[part] = number
+    return cluster
+
+
+def _balls(corners: np.ndarray, cluster: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The centres (C, 3) and radii (C,) of balls about the boxes of the clusters' triangles (N, 3, 3)."""
+    count = int(cluster.max(initial=-1)) + 1
+    low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+    np.minimum.at(low, cluster, corners.min(axis=1))
+    np.maximum.at(high, cluster, corners.max(axis=1))
+    return 0.5 * (low + high), 0.5 * np.linalg.norm(high - low, axis=1)
+
+
+# ---- textures ------------------------------------------------------------------------------------------------------------
+
+
+def _emission(mesh: Mesh) -> np.ndarray:
+    """(F, 3) the mean over each triangle of what it emits."""
+    plain, texture = np.asarray(mesh.material.emission, float), mesh.material.emission_texture
+    if texture is None:
+        return np.broadcast_to(plain, (len(mesh.faces), 3))
+    uvs = np.zeros((len(mesh.positions), 4)) if mesh.uvs is None else mesh.uvs.astype(float)
+    mean: np.ndarray = plain * _mean_color(texture, uvs[:, 2 * texture.uv_set :][:, :2][mesh.faces])
+    return mean
+
+
+def _mean_color(texture: Texture, uvs: np.ndarray) -> np.ndarray:
+    """(F, 3) the texture's mean linear colour over triangles of these coordinates (F, 3, 2).
+
+    By _POINTS² points of the level of an image pyramid whose texels are about as large as what a point stands for.
+    """
+    a, b, c, d, e, f = texture.transform
+    height, width = texture.image.pixels.shape[:2]
+    at = np.stack([a * uvs[..., 0] + b * uvs[..., 1] + c, d * uvs[..., 0] + e * uvs[..., 1] + f], axis=-1)
+    one, two = ((at[:, k] - at[:, 0]) * (width, height) for k in (1, 2))
+    texels = 0.5 * np.abs(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0]) / _POINTS**2
+    level = np.maximum(np.log2(np.maximum(texels, 1.0)) / 2.0, 0.0).astype(int)
+    shares = _points()
+    mean = np.zeros((len(uvs), 3))
+    image = linear_from_srgb(texture.image.pixels[..., :3].astype(np.float32) / np.float32(255.0))
+    for number in range(int(level.max(initial=0)) + 1):
+        rows = np.flatnonzero(level == number)
+        if len(rows):
+            place = np.einsum("sk,fkj->fsj", shares, at[rows])
+            x, y = (_texel(place[..., j], image.shape[1 - j], texture.wrap[j]) for j in (0, 1))
+            mean[rows] = image[y, x].mean(axis=1)
+        image = _halved(image)
+    return mean
+
+
+def _points() -> np.ndarray:
+    """(_POINTS², 3) barycentric coordinates of points that share a triangle evenly."""
+    u, v = ((x.ravel() + 0.5) / _POINTS for x in np.indices((_POINTS, _POINTS)))
+    root = np.sqrt(u)
+    return np.stack([1.0 - root, root * (1.0 - v), root * v], axis=-1)
+
+
+def _texel(at: np.ndarray, size: int, wrap: Wrap) -> np.ndarray:
+    """The texels, of `size` along this axis, in which coordinates lie."""
+    if wrap == "repeat":
+        at = at - np.floor(at)
+    elif wrap == "mirror":
+        at = 1.0 - np.abs(at - 2.0 * np.floor(0.5 * at) - 1.0)
+    texel: np.ndarray = np.clip((at * size).astype(int), 0, size - 1)
+    return texel
+
+
+def _halved(image: np.ndarray) -> np.ndarray:
+    """The image (H, W, 3) at half its size, rounded up."""
+    height, width = image.shape[:2]
+    image = np.pad(image, ((0, height % 2 if height > 1 else 0), (0, width % 2 if width > 1 else 0), (0, 0)), mode="edge")
+    image = image.reshape(-1, 2, *image.shape[1:]).mean(1) if height > 1 else image
+    halved: np.ndarray = image.reshape(len(image), -1, 2, 3).mean(2) if width > 1 else image
+    return halved

@@ -1,0 +1,21 @@
+// Emissive triangles as area lights: how densely light samples are spread over them, as seen from a place, and where they lie.
+// The tables come from irrsplat/lighting/emitter_table.py. A sample goes to a cluster of triangles by the cluster's power over the
+// square of its distance, and in it by power: luminance times area.
+#include "generated/constants.glsl"
+#include "lib/table.glsl"
+
+uniform vec4 emitter_clusters[2 * MAX_EMITTER_CLUSTERS];  // centre, radius²; power, its first triangle in the list, their number
+uniform int emitter_cluster_count;
+uniform float emitter_samples;  // of each record
+
+// How many rays a light sample is worth in the balance heuristic: where a ray near an emitter's rim hits it or misses it, a light
+// sample sees it for certain.
+const float WORTH = 4.0;
+
+// The power of cluster i over the square of its distance from p; in the cluster's ball, of the ball's radius.
+float cluster_importance(int i, vec3 p)
+{
+    vec4 ball = emitter_clusters[2 * i];
+    vec3 away = ball.xyz - p;
+    return emitter_clusters[2 * i + 1].x / max(dot(away, away), ball.w);
+}
