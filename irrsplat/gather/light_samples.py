@@ -6,7 +6,7 @@ import moderngl
 
 from irrsplat.core.buffers import Atlas, LightSamples, TriangleOrder, Uniforms
 from irrsplat.gpu.program import DrawState, Program
-from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.gpu.world import World
 from irrsplat.lighting.emitter_table import emitter_table
@@ -51,20 +51,20 @@ class LightSamplePass(Owner):
     """Adds the light samples of an atlas to the sums of its blocks; `gradients`: to those of M, ∇E and the Hessian, too."""
 
     def __init__(self, ctx: moderngl.Context, gradients: bool) -> None:
-        self.ctx, self.gradients = ctx, gradients
-        self._made = Workshop()
+        self.programs = tuple(
+            Program(ctx, "gather/light_samples", "lib/fullscreen", {"GRADIENTS": int(gradients), "STRATA": strata})
+            for strata in (0, 1)
+        )
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self._made,)
+        return self.programs
 
     def __call__(self, target: Target, atlas: Atlas, blocks: tuple[int, int], used: tuple[int, int, int, int]) -> None:
         """Add to the sums in `target`, `blocks` of them a cell, in the rectangle `used`."""
         if atlas.light_samples is None:
             return
-        defines = {"GRADIENTS": int(self.gradients), "STRATA": int(atlas.light_samples.strata)}
-        program = self._made.get("program", defines, lambda: Program(self.ctx, "gather/light_samples", "lib/fullscreen", defines))
-        program(
+        self.programs[atlas.light_samples.strata](
             target,
             state=DrawState(blend="add"),
             scissor=used,

@@ -10,6 +10,7 @@ from irrsplat.core.color import LUMINANCE, linear_from_srgb
 from irrsplat.core.glsl import MAX_EMITTER_CLUSTERS
 from irrsplat.scene.flatten import in_order
 from irrsplat.scene.model import Mesh, Scene, Texture, Wrap
+from irrsplat.scene.seen_by_light import UNSEEN, sort_of
 
 _ENVIRONMENT = 0.125  # of all surfaces: a mesh that shines over more than that is what rays find anyway, no lamp
 _SMALL = 0.01  # of the scene's diagonal: what is no larger is one cluster
@@ -42,12 +43,12 @@ def emitters(scene: Scene) -> Emitters:
     """The scene's area lights.
 
     Left out are meshes that shine over more than an eighth of all surfaces, as domes and furnaces do: every gather's rays find
-    them by the hundred, and a room in which all shines needs no second way to see that. Filters that light passes are, too.
+    them by the hundred, and a room in which all shines needs no second way to see that. What light passes is left out, too.
     """
     triangles, means, corners, one_sided, first = [np.zeros(0, int)], [np.zeros(0)], [np.zeros((0, 3, 3))], [np.zeros(0, bool)], 0
     all_of_it = sum(float(_areas(_corners(mesh)).sum()) for mesh in scene.meshes) or 1.0
     for mesh in in_order(scene):
-        if any(mesh.material.emission) and mesh.material.light_cutoff <= 1.0:
+        if any(mesh.material.emission) and sort_of(mesh) != UNSEEN:
             mean, at = _emission(mesh) @ LUMINANCE, _corners(mesh)
             area = _areas(at)
             power = mean * area

@@ -300,8 +300,8 @@ def test_a_foreign_file_is_refused(saved: Path, path: Path, renderer: Renderer) 
 
 def test_another_format_is_refused(saved: Path, path: Path, renderer: Renderer) -> None:
     whole = saved.read_bytes()
-    path.write_bytes(whole.replace(b"cache 2\n", b"cache 3\n", 1))
-    assert "format 3" in refused(renderer, path) and whole != path.read_bytes()
+    path.write_bytes(whole.replace(b"cache %d\n" % cache_file.FORMAT, b"cache 99\n", 1))
+    assert "format 99" in refused(renderer, path) and whole != path.read_bytes()
 
 
 @pytest.mark.parametrize("missing", ["content", "limit", "position", "about", None])
