@@ -37,7 +37,7 @@ from irrsplat.indirect.scheduler import NOTHING_ASKED, RecordScheduler, RoundRes
 from irrsplat.indirect.splat_buffer import ViewSplats, first_stride
 from irrsplat.indirect.view_state import ViewState
 from irrsplat.lighting import gl_limits
-from irrsplat.lighting.direct import DirectPass
+from irrsplat.lighting.direct import DirectPass, Headlamp
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.records import cache_file
@@ -73,7 +73,7 @@ class Shown:
 class State:
     """What a renderer shows, and how far it has come: the one value that changes from frame to frame.
 
-    view: the progress of the present view. shown: None before the first picture.
+    view: the progress of the present view. shown: None before the first picture. headlamp: W/sr of the lamp at the eye.
     """
 
     scene: Scene
@@ -83,6 +83,7 @@ class State:
     view: ViewState = ViewState()
     costs: Costs = Costs()
     shown: Shown | None = None
+    headlamp: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -179,6 +180,14 @@ class Renderer(Owner):
         return self._memo.current("gbuffer", GBuffer)
 
     @property
+    def headlamp(self) -> float:
+        """The radiant intensity of the lamp at the eye, W/sr; 0: there is none."""
+        return self._state.headlamp
+
+    def _headlamp_of(self, camera: Camera) -> Headlamp | None:
+        return Headlamp(camera.eye, self.headlamp) if self.headlamp else None
+
+    @property
     def shadow_pass(self) -> ShadowPass:
         """Draws the shadow maps."""
         return self._passes.get("shadows", (), lambda: ShadowPass(self.ctx))
@@ -255,7 +264,7 @@ class Renderer(Owner):
 
     def _subject(self, camera: Camera) -> tuple[object, ...]:
         """All that a picture is made of but the records."""
-        return camera, self.size, self.scene.lights, self.scene.meshes, self.settings
+        return camera, self.size, self.scene.lights, self.scene.meshes, self.settings, self.headlamp
 
     def _picture_may_wait(self, camera: Camera) -> bool:
         """Whether the last picture stays for another tick, so that pictures take but a share of the time while they change by
@@ -352,19 +361,19 @@ class Renderer(Owner):
         settings, gbuffer, shadows = self.settings, done.gbuffer, done.shadows
         filling = settings.fill_holes and done.progress.coverage < 1.0 and settings.most_bounces > 0
         splats = self.splats.at_every_pixel(done.splats, gbuffer, done.camera)
-        backdrop = backdrop_of(self.scene, settings)
+        backdrop, headlamp = backdrop_of(self.scene, settings), self._headlamp_of(done.camera)
 
         def light() -> moderngl.Texture:
             with self.timers("direct"):
-                return self.direct_pass(gbuffer, shadows)
+                return self.direct_pass(gbuffer, shadows, headlamp=headlamp)
 
         def compose() -> View:
-            direct = self._memo.get("direct", (gbuffer, shadows), light)
+            direct = self._memo.get("direct", (gbuffer, shadows, headlamp), light)
             with self.timers("composite"):
                 image, alpha, sums = self.composite_pass(splats, direct, gbuffer, backdrop, done.camera, settings, filling)
             return View(done.camera, gbuffer, direct, splats, sums, image, alpha, backdrop=backdrop)
 
-        made_of = gbuffer, shadows, splats, settings.blend, settings.smooth, filling, backdrop
+        made_of = gbuffer, shadows, splats, settings.blend, settings.smooth, filling, backdrop, headlamp
         return self._memo.get("picture", made_of, compose)
 
     def accumulate(self, view: View, samples: int, seconds: float | None = None, on_progress: OnProgress | None = None) -> View:
@@ -372,7 +381,7 @@ class Renderer(Owner):
         least; the cache is left as it is. on_progress: called with the share done, 0..1, after each."""
         self._use()
         passes = FramePasses(self.gbuffer_pass, self.splats.splat_pass, self.direct_pass, self.composite_pass)
-        inputs = FrameInputs(self.world, self.draw_shadows(), self.cache, self.settings)
+        inputs = FrameInputs(self.world, self.draw_shadows(), self.cache, self.settings, self._headlamp_of(view.camera))
         return self.antialiaser(view, samples, Budget(seconds), passes, inputs, on_progress)
 
     # ---- what changes ----------------------------------------------------------------------------------------------
@@ -381,6 +390,12 @@ class Renderer(Owner):
         """Go on with other settings (called `preset` in the stats): what depends on those that differ is made again, records in
         place; they are forgotten only where their places depend on one. Raises InputError for what OpenGL does not take here."""
         self._go_on(replace(self._state, settings=settings, preset=preset or self.preset))
+
+    def carry_headlamp(self, intensity: float) -> None:
+        """Go on with a lamp of so many W/sr at the eye, which goes where that goes; 0: without.
+
+        It adds direct light to the picture and nothing else: no record depends on it, so that the camera may move."""
+        self._state = replace(self._state, headlamp=intensity)
 
     def relight(self, lights: Sequence[Light]) -> None:
         """Go on with other lights; records are gathered again in place. Raises InputError for too many of them."""

@@ -87,6 +87,11 @@ class Actions:
         self.stop()
         self.session.free_camera.home()
 
+    def headlamp(self) -> None:
+        """Switch a lamp at the eye on, or off."""
+        self.session.carry_headlamp(not self.session.headlamp)
+        self.say("headlamp on: direct light alone, no shadows" if self.session.headlamp else "headlamp off", topic="headlamp")
+
     def go(self, camera: Camera) -> None:
         """Jump to a camera."""
         self.stop()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -189,11 +190,24 @@ class Session(Owner):
             other = "default" if left.preset == "paper" else "paper"
             shared = _values(left.settings, _SHARED)
             self.renderers.append(Renderer(self.scene, self.size, other, ctx=self.ctx, **shared))
+            self.renderers[1].carry_headlamp(left.headlamp)
         if way == "presets":
             options.buffers[1] = options.buffers[0]
         elif way == "buffers" and options.buffers[0] == options.buffers[1]:
             options.buffers[1] = "irradiance" if options.buffers[0] != "irradiance" else "image"
         options.split, self.held = way, None
+
+    @property
+    def headlamp(self) -> bool:
+        """Whether there is a lamp at the eye."""
+        return self.renderers[0].headlamp > 0.0
+
+    def carry_headlamp(self, on: bool) -> None:
+        """Carry a lamp at the eye, or none: as bright that what the camera looks at is lit as well as the exposure is now for."""
+        stops = self.exposure if math.isfinite(self.exposure) else 0.0
+        distance = math.dist(self.camera.eye, self.camera.target)
+        for renderer in self.renderers:
+            renderer.carry_headlamp(math.pi * distance**2 * 2.0**-stops if on else 0.0)
 
     def relight(self, lights: Sequence[Light]) -> None:
         """Use other lights: records are gathered again in place, tick by tick."""

@@ -21,7 +21,7 @@ from irrsplat.image.gbuffer import GBufferPass, GBufferTarget
 from irrsplat.image.jitter import jittered, sample_offset
 from irrsplat.image.view import View
 from irrsplat.indirect.splat import SplatPass
-from irrsplat.lighting.direct import DirectPass
+from irrsplat.lighting.direct import DirectPass, Headlamp
 from irrsplat.records.culling import reaching
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.settings import Settings
@@ -47,6 +47,7 @@ class FrameInputs:
     shadows: ShadowMaps
     cache: RecordCache
     settings: Settings
+    headlamp: Headlamp | None = None
 
 
 class Antialiaser(Owner):
@@ -144,7 +145,7 @@ def _add_sample(number: int, view: View, passes: FramePasses, inputs: FrameInput
     if settings.smooth:
         buffers.smooth = buffers.smooth or Target(buffers.gbuffer.ctx, buffers.size, (4,))
         sums = passes.composite.smoothed(sums, gbuffer, camera, buffers.smooth)
-    direct = passes.direct(gbuffer, inputs.shadows, rotation, buffers.direct)
+    direct = passes.direct(gbuffer, inputs.shadows, rotation, buffers.direct, inputs.headlamp)
     buffers.mean(number + 1, gbuffer, direct, sums, view.sums, view.backdrop.uniforms(camera, buffers.size), settings.mix)
 
 

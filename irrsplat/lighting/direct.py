@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import moderngl
 
@@ -10,6 +11,15 @@ from irrsplat.core.buffers import GBuffer, ShadowMaps
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
+
+
+@dataclass(frozen=True)
+class Headlamp:
+    """A point light at the eye: direct light alone, without shadows, which nobody there would see. position: (3,) world space;
+    intensity: W/sr."""
+
+    position: tuple[float, float, float]
+    intensity: float
 
 
 class DirectPass(Owner):
@@ -24,14 +34,20 @@ class DirectPass(Owner):
         return (self.program, self.target)
 
     def __call__(
-        self, gbuffer: GBuffer, shadows: ShadowMaps, rotation: float = 0.0, target: Target | None = None
+        self,
+        gbuffer: GBuffer,
+        shadows: ShadowMaps,
+        rotation: float = 0.0,
+        target: Target | None = None,
+        headlamp: Headlamp | None = None,
     ) -> moderngl.Texture:
         """ρ/π·E_direct as an RGBA32F texture, the target's (default: this pass's own).
 
         rotation: of the pattern of shadow samples, radians.
         """
         target = target or self.target
+        lamp = (0.0, 0.0, 0.0, 0.0) if headlamp is None else (*headlamp.position, headlamp.intensity)
         g = gbuffer
-        uniforms = {**g.material_uniforms, **shadows.uniforms}
+        uniforms = {**g.material_uniforms, **shadows.uniforms, "headlamp": lamp}
         self.program(target, position=g.position, normal=g.normal, lit_normal=g.lit_normal, rotation=rotation, **uniforms)
         return target.textures[0]

@@ -8,6 +8,7 @@ uniform sampler2D position;  // g-buffer
 uniform sampler2D normal;
 uniform sampler2D lit_normal;  // bent by the normal map
 uniform float rotation;      // of the pattern of the four samples, radians
+uniform vec4 headlamp;       // where it is, and its W/sr
 
 layout(location = 0) out vec4 out_direct;  // outgoing radiance ρ/π·E
 
@@ -20,5 +21,11 @@ void main()
     // interleaved gradient noise (Jimenez 2014) rotates the pattern from pixel to pixel
     float angle = 2.0 * PI * fract(52.9829189 * fract(dot(gl_FragCoord.xy, vec2(0.06711056, 0.00583715)))) + rotation;
     Receiver receiver = Receiver(p.xyz, texelFetch(lit_normal, pixel, 0).xyz, octahedral_decode(vec2(n.w, texelFetch(albedo, pixel, 0).w)));
-    out_direct.rgb = reflected_radiance(material_at(pixel), direct_irradiance(receiver, 4, vec2(cos(angle), sin(angle))));
+    vec3 E = direct_irradiance(receiver, 4, vec2(cos(angle), sin(angle)));
+    if (headlamp.w > 0.0)  // it is where the eye is, and casts no shadow that could be seen
+    {
+        vec3 l = headlamp.xyz - p.xyz;
+        E += headlamp.w * max(dot(receiver.n, normalize(l)), 0.0) / max(dot(l, l), 1e-20);
+    }
+    out_direct.rgb = reflected_radiance(material_at(pixel), E);
 }

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import irrsplat
+from irrsplat import Renderer
 from irrsplat.gpu.world import World
 from irrsplat.image.gbuffer import GBufferPass
 from irrsplat.lighting.direct import DirectPass
@@ -88,6 +89,26 @@ def test_point_light_over_a_plane(ctx: moderngl.Context) -> None:
     assert E[r.argmin() // SIZE[0], r.argmin() % SIZE[0]] == pytest.approx(1.75, rel=2e-3)
     ring = np.abs(r - 2.0) < 0.03
     assert E[ring].mean() == pytest.approx(7.0 / (8.0 * np.sqrt(2.0)), rel=5e-3)
+
+
+def test_a_headlamp_lights_what_the_eye_sees_and_no_record() -> None:
+    """ρ/π·I·cosθ/d² from the eye, also after it has moved; irradiance, and so the records, are the same with it and without."""
+    world = scene(floor(2.0, 0.0, WHITE), sky=0.5)
+    with Renderer(world, (24, 24), bounces=1, gather_size=8, samples=4) as renderer:
+        plain = renderer.render()
+        renderer.carry_headlamp(5.0)
+        lit = renderer.render()
+        assert np.array_equal(lit.irradiance, plain.irradiance) and lit.direct.any() and not plain.direct.any()
+        for camera in (ABOVE, Camera((1.0, 1.0, 1.5), (0.2, 0.0, 0.0))):
+            frame, (p, depth) = renderer.render(camera), on_plane(camera, (24, 24), (0, 0, 0), UP)
+            way = np.asarray(camera.eye) - p
+            d = np.linalg.norm(way, axis=-1)
+            whole = (np.abs(p[..., [0, 2]]) < 1.8).all(-1) & (depth > 0.0)
+            expected = 5.0 * way[..., 1] / d**3 / np.pi
+            assert np.allclose(frame.direct[whole], expected[whole, None], rtol=0.02)
+            assert np.allclose(frame.image, frame.direct + frame.indirect + frame.emission, atol=1e-5)
+        renderer.carry_headlamp(0.0)
+        assert not renderer.render(ABOVE).direct.any()
 
 
 # ---- open sheets ------------------------------------------------------------------------------------------------------

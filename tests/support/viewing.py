@@ -321,6 +321,7 @@ class Driver:
         self.viewer.interface.dialog.typed = ""
         session.options, session.held, session.path_recorder = ViewOptions(), None, PathRecorder()
         session.truths.release()
+        session.carry_headlamp(False)
         actions.bookmarks, actions.fullscreen_wanted, actions.quitting = [], False, False
         speed = session.scene.diagonal / 6.0
         session.free_camera.speed = speed

@@ -73,7 +73,7 @@ class Menus:
                     actions.forget(bookmark)
                 imgui.end_menu()
         imgui.separator()
-        for action in ("home", "bookmark", "copy_line", "copy_flags", "record", "play"):
+        for action in ("home", "headlamp", "bookmark", "copy_line", "copy_flags", "record", "play"):
             self._key(action)
 
     def _show(self) -> None:

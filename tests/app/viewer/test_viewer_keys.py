@@ -81,6 +81,24 @@ def home(driver: Driver, shown: str) -> None:
     assert driver.session.camera == first
 
 
+@case("H")
+def headlamp(driver: Driver, shown: str) -> None:
+    """It adds direct light, goes along, and leaves the records as they are."""
+    source = driver.session.source(0)
+    before, records, revision = driver.canvas(), source.renderer.cache.count, source.renderer.cache.revision
+    push(driver, shown)
+    driver.settle()
+    assert driver.session.headlamp and "headlamp on" in driver.said
+    assert not np.array_equal(driver.canvas(), before)
+    assert (source.renderer.cache.count, source.renderer.cache.revision) == (records, revision)
+    driver.session.split("presets")
+    assert driver.session.renderers[1].headlamp == source.renderer.headlamp > 0.0
+    driver.session.split("off")
+    push(driver, shown)
+    driver.settle()
+    assert not driver.session.headlamp and np.array_equal(driver.canvas(), before)
+
+
 @case("C")
 def copy_line(driver: Driver, shown: str) -> None:
     """The line stands in a .scene instead of the first camera, and that camera sees the same."""
