@@ -716,6 +716,27 @@ APP = (
         ("tests/app/verify/test_verify.py::test_the_table",),
     ),
     Mutant(
+        "a mirrored texture without its last texel's twin",
+        "irrsplat/reference/textures.py",
+        "2.0 * size - 1.0 - inside",
+        "2.0 * size - 2.0 - inside",
+        ("tests/reference/test_surfaces.py::test_a_texture_goes_on_as_it_wraps[False-mirror-order1]",),
+    ),
+    Mutant(
+        "green downward in the truth's normal maps",
+        "irrsplat/reference/surfaces.py",
+        "-np.sign(area)[:, None] * downward",
+        "np.sign(area)[:, None] * downward",
+        ("tests/reference/test_surfaces.py::test_a_normal_map_bends_along_the_image[1.0-1.0-coordinates-turn0-right0-up0]",),
+    ),
+    Mutant(
+        "a filter tints by its colour alone in the truth",
+        "irrsplat/reference/camera_view.py",
+        "1.0 - opacity[filters, None] * (1.0 - points.albedo[filters])",
+        "points.albedo[filters]",
+        ("tests/reference/test_surfaces.py::test_filters_tint_what_is_behind_them",),
+    ),
+    Mutant(
         "pick reads a row from the bottom",
         "app/viewer/show/screen.py",
         "place=(x, texture.height - 1 - y)",
