@@ -344,7 +344,7 @@ class Tracer:
             if not light.directional:
                 total += self._from_light(light, p, n, g, uniform())
         if self.emitters is not None:
-            total += self._from_emitter(p, n, g, whole, uniform(), single(), single())
+            total += self._from_emitter(p, n, g, whole, uniform(), single())
         return total, q
 
     def sky(self, direction: Lanes) -> Lanes:
@@ -354,16 +354,16 @@ class Tracer:
             radiance = radiance + mi.Color3f(*self.scene.sky_gradient) * dr.dot(direction, mi.Vector3f(*self.scene.up))
         return radiance
 
-    def _from_emitter(self, p: Lanes, n: Lanes, g: Lanes, whole: Lanes, u: Lanes, choice: Lanes, further: Lanes) -> Lanes:
+    def _from_emitter(self, p: Lanes, n: Lanes, g: Lanes, whole: Lanes, u: Lanes, jitter: Lanes) -> Lanes:
         """The share of E_1 that comes from connecting points of emitting triangles to p.
 
-        whole: the sum of the groups' weights at p. u: a point of the unit square, choice and further: numbers, to draw by.
+        whole: the sum of the groups' weights at p. u: a point of the unit square, jitter: a number, to draw by.
         """
         assert self.emitters is not None
-        face = self.emitters.draw(p, n, whole, u.x, choice)
+        face, rest = self.emitters.draw(p, n, whole, u.x, jitter)
         corners = dr.gather(mi.Vector3u, self.faces, face)
         a, b, c = (dr.gather(mi.Point3f, self.positions, k) for k in (corners.x, corners.y, corners.z))
-        root = dr.sqrt(further)  # not u.x, which has chosen the group
+        root = dr.sqrt(rest)
         s, t = root * (1.0 - u.y), root * u.y
         y = a * (1.0 - s - t) + b * s + c * t
         toward = y - p
@@ -450,8 +450,9 @@ class _EmitterLanes:
         )
         return state[1]
 
-    def draw(self, p: Lanes, n: Lanes, whole: Lanes, u: Lanes, choice: Lanes) -> Lanes:
-        """The number of a triangle for each p, where `whole` is the sum of the weights; u and choice: random numbers."""
+    def draw(self, p: Lanes, n: Lanes, whole: Lanes, u: Lanes, jitter: Lanes) -> tuple[Lanes, Lanes]:
+        """The number of a triangle for each p, where `whole` is the sum of the weights, and what is left of the random number u,
+        uniform again: so strata of u are strata of what is drawn by the rest. jitter: another, for the bits that u lacks then."""
         width = dr.width(p)
 
         def step(group: Lanes, last: Lanes, left: Lanes) -> tuple[Lanes, Lanes, Lanes]:
@@ -459,16 +460,22 @@ class _EmitterLanes:
             return group + 1, dr.select(weight > 0.0, group, last), left - weight
 
         state = dr.zeros(mi.UInt32, width), dr.zeros(mi.UInt32, width), mi.Float(u * whole)
-        _, group, _ = dr.while_loop(state, lambda group, last, left: (group < self.count) & (left >= 0.0), step)
+        _, group, left = dr.while_loop(state, lambda group, last, left: (group < self.count) & (left >= 0.0), step)
         first, end = dr.gather(mi.UInt32, self.first, group), dr.gather(mi.UInt32, self.end, group)
+        of_group = self.weight(group, p, n) / (whole + TINY)
+        rest = positive(1.0 + left / (of_group * whole + TINY))
+        rest = dr.select(rest < 1.0, rest, 1.0)
 
         def halve(first: Lanes, end: Lanes) -> tuple[Lanes, Lanes]:
             middle = (first + end) >> 1
-            beyond = dr.gather(mi.Float, self.up_to, middle) <= choice
+            beyond = dr.gather(mi.Float, self.up_to, middle) <= rest
             return dr.select(beyond, middle + 1, first), dr.select(beyond, end, middle)
 
         found, _ = dr.while_loop((first, end - 1), lambda first, end: first < end, halve)
-        return dr.gather(mi.UInt32, self.face, found)
+        below = dr.select(found > first, dr.gather(mi.Float, self.up_to, found - 1, active=found > first), 0.0)
+        share = dr.gather(mi.Float, self.up_to, found) - below
+        rest = (rest - below) / (share + TINY) + (jitter - 0.5) * (2.0**-24 / (of_group * share + TINY))
+        return dr.gather(mi.UInt32, self.face, found), rest - dr.floor(rest)
 
     def density(self, p: Lanes, n: Lanes, whole: Lanes, face: Lanes, active: Lanes) -> Lanes:
         """The density per area with which `draw` chooses points of these triangles, 0 for one that does not shine."""
