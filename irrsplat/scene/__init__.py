@@ -31,7 +31,7 @@ def load(
 ) -> Scene:
     """The scene at a path, or the bundled scene of that name, such as ``"cornell"``; a file that exists wins.
 
-    Reads `.scene` text and, as geometry with diffuse colours, `.obj`, `.ply`, `.stl`, `.glb` and `.gltf`. World space is
+    Reads `.scene` text, `.glb` and `.gltf` and, as geometry with diffuse colours, `.obj`, `.ply` and `.stl`. World space is
     right-handed, in metres. `LoadOptions` says what the keywords mean; a `.scene` needs none of them. Raises InputError, one
     line, for whatever is wrong with the file, the name or a keyword.
     """
