@@ -48,7 +48,7 @@ def face_normals(scene: Scene) -> np.ndarray:
 
 
 def remarks(scene: Scene) -> list[str]:
-    return [notice for notice in scene.notices if "stands in" not in notice]
+    return [notice for notice in scene.notices if not notice.endswith(("stands in", "stand in"))]
 
 
 # accessors
