@@ -217,11 +217,12 @@ class LightSamples:
     """How emitters are looked for beside what a gather's rays find of them by chance.
 
     uniforms: those of shaders/gather/light_samples.frag that do not depend on the batch. strata: whether the gather's rays are
-    cosine-stratified; else it is a hemicube.
+    cosine-stratified; else it is a hemicube. materials: World.material_defines.
     """
 
     uniforms: Uniforms
     strata: bool
+    materials: Mapping[str, int]
 
 
 @dataclass(frozen=True)

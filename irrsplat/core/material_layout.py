@@ -39,7 +39,8 @@ class MaterialRow(IntEnum):
     EMISSION = 0  # rgb emitted radiance before its texture; w: the opacity from which on light sees the surface (light_cutoff)
     # Of a texture three rows. The first two: xyz dotted with (u, v, 1) are the image's coordinates; w: its layer among those that
     # light looks at (-1: none), and WRAPS.index along u, + 3 times that along v, + 9 for the second set of u and v. The third:
-    # what stands for the texture where it has no layer, its mean (1 without a texture), colours times alpha and alpha.
+    # without a layer what stands for the texture, its mean (1 without a texture), colours times alpha and alpha; with a layer of
+    # cut-outs the alpha from which on light sees the material by its own opacity, and 1 if the layer is dithered.
     ALBEDO_TEXTURE = 1
     EMISSION_TEXTURE = 4
 

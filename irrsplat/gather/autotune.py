@@ -31,6 +31,7 @@ from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.model import Scene
+from irrsplat.scene.seen_by_light import face_counts
 from irrsplat.settings import Settings
 
 # Triangles up to which rays are not certain to be faster. On llvmpipe a hemicube of 64 costs 1.1 times what 64² rays cost at
@@ -66,6 +67,10 @@ def kind(ctx: moderngl.Context, scene: Scene, settings: Settings) -> str:
     side = max((s for s in _SIDES if s <= settings.gather_size), default=_SIDES[0])
     lights = " ".join(map(str, light_defines(scene).values()))
     name = f"{machine(about)}; {triangles} triangles; lights {lights}; {side} texels"
+    if any(material.albedo_texture or material.emission_texture for material in scene.materials):
+        name += "; textures"
+    if face_counts(scene).cut_out:
+        name += "; cut-outs"
     if name not in _known:
         times = _times(name, lambda: race(ctx, scene, side))
         _known[name] = guess if times is None else "raster" if rasters(times) else "trace"

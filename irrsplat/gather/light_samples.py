@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import moderngl
 
 from irrsplat.core.buffers import Atlas, LightSamples, TriangleOrder, Uniforms
@@ -44,27 +46,35 @@ class EmitterSearch:
         if table is None or not table.count:
             return None
         uniforms = {**table.sample_uniforms(self.samples), **self.world.trace_uniforms, "rays": self.rays}
-        return LightSamples(uniforms, self.strata)
+        return LightSamples(uniforms, self.strata, self.world.material_defines)
 
 
 class LightSamplePass(Owner):
     """Adds the light samples of an atlas to the sums of its blocks; `gradients`: to those of M, ∇E and the Hessian, too."""
 
     def __init__(self, ctx: moderngl.Context, gradients: bool) -> None:
-        self.programs = tuple(
-            Program(ctx, "gather/light_samples", "lib/fullscreen", {"GRADIENTS": int(gradients), "STRATA": strata})
-            for strata in (0, 1)
-        )
+        self.ctx, self.gradients = ctx, gradients
+        self._programs: dict[tuple[object, ...], Program] = {}
+        for strata in (False, True):
+            self._program(strata, {})
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return self.programs
+        return tuple(self._programs.values())
+
+    def _program(self, strata: bool, materials: Mapping[str, int]) -> Program:
+        """The program for rays of this kind and these materials."""
+        defines = {"GRADIENTS": int(self.gradients), "STRATA": int(strata), **{name: on for name, on in materials.items() if on}}
+        key = (*defines.items(),)
+        if key not in self._programs:
+            self._programs[key] = Program(self.ctx, "gather/light_samples", "lib/fullscreen", defines)
+        return self._programs[key]
 
     def __call__(self, target: Target, atlas: Atlas, blocks: tuple[int, int], used: tuple[int, int, int, int]) -> None:
         """Add to the sums in `target`, `blocks` of them a cell, in the rectangle `used`."""
         if atlas.light_samples is None:
             return
-        self.programs[atlas.light_samples.strata](
+        self._program(atlas.light_samples.strata, atlas.light_samples.materials)(
             target,
             state=DrawState(blend="add"),
             scissor=used,

@@ -18,12 +18,12 @@ from irrsplat.gather.hemicube import edge_table, faces, hemisphere_table
 from irrsplat.gather.light_samples import EmitterSearch
 from irrsplat.gather.look import Gather
 from irrsplat.gather.record_frame import atlas_grid, eye_positions, frame_rows, sample_offsets, tangent_frames
+from irrsplat.gpu.geometry import MeshletGeometry
 from irrsplat.gpu.program import Draw, DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target, float_texture, table_texture
 from irrsplat.gpu.world import World
 from irrsplat.lighting.light_table import light_defines
-from irrsplat.scene.meshlets import Meshlets
 
 SINGLE_DRAW_TRIANGLES = 128  # at most, that one draw takes: there both ways cost about the same on llvmpipe
 _PAIRS = 1 << 21  # of faces and meshlets that are tested at once, at most; a texture of those that are drawn takes 16 MiB
@@ -64,7 +64,8 @@ class RasterGather(Gather):
         self.size = self.columns * self.cell[0], self.capacity // self.columns * self.cell[1]
         samples = 0 if kind == "plane" else light_samples
         self.emitters = EmitterSearch(world, samples, (self.side / 2.0) ** 2, strata=False)
-        self.defines = {**light_defines(world.scene), **self.emitters.defines, "SURFACE": int(surface)}
+        kinds = {**light_defines(world.scene), **world.material_defines, **self.emitters.defines}
+        self.defines = {**kinds, "SURFACE": int(surface)}
         self.single_draw: SingleDraw | None = None  # either is made when it is first wanted
         self.meshlet_draw: MeshletDraw | None = None
         self.target: Target | None = None  # of the last call
@@ -162,13 +163,12 @@ class SingleDraw(Owner):
         self.program(
             self.target,
             geometry=world.geometry,
+            part="lit",
             instances=views.count,
             state=DrawState(depth="<", depth_clamp=True, clip_planes=5),
             atlas=self.target.size,
             **views.uniforms,
-            **world.raster_uniforms,
-            **light.uniforms("scene"),
-            **views.emitters,
+            **(world.gather_uniforms | light.uniforms("scene") | views.emitters),
         )
         return self.target
 
@@ -178,7 +178,9 @@ class MeshletDraw(Owner):
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], defines: Mapping[str, int]) -> None:
         self.ctx = ctx
+        cut_outs = {name: defines.get(name, 0) for name in ("TEXTURES", "CUT_OUTS")}
         self.find_triangles = Program(ctx, "gather/raster_triangle", "gather/raster", {"MESHLETS": 1})
+        self.find_cut_outs = Program(ctx, "gather/raster_triangle", "gather/raster", {"MESHLETS": 1, **cut_outs})
         self.shade = Program(ctx, "gather/raster_shade", defines={"EMITTERS": 0, **defines, "MESHLETS": 0})
         self.triangle = Target(ctx, size, (1,), depth=True)
         self.target = Target(ctx, size, (4, 4))
@@ -186,7 +188,7 @@ class MeshletDraw(Owner):
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.find_triangles, self.shade, self.triangle, self.target, self.pairs)
+        return (self.find_triangles, self.find_cut_outs, self.shade, self.triangle, self.target, self.pairs)
 
     def __call__(self, world: World, light: HitLight, views: Views) -> Target:
         """As SingleDraw does."""
@@ -195,8 +197,9 @@ class MeshletDraw(Owner):
         self.triangle.gl.clear(viewport=views.used)
         step = max(_PAIRS // max(len(rows) * len(in_meshlets.meshlets), 1), 1)
         for start in range(0, rows.shape[2], step):
-            for clips, draws in self._draws(in_meshlets.meshlets, rows[:, :3, start : start + step], start, views.near):
-                self.find_triangles(
+            for cut_out, clips, draws in self._draws(in_meshlets, rows[:, :3, start : start + step], start, views.near):
+                find = self.find_cut_outs if cut_out else self.find_triangles
+                find(
                     self.triangle,
                     geometry=in_meshlets,
                     draws=draws,
@@ -205,6 +208,7 @@ class MeshletDraw(Owner):
                     atlas=self.triangle.size,
                     views=views.texture,
                     pairs=self.pairs,
+                    **(world.materials.light_uniforms if cut_out else {}),
                 )
         self.shade(
             self.target,
@@ -214,20 +218,20 @@ class MeshletDraw(Owner):
             seen=self.triangle.textures[0],
             atlas=self.target.size,
             **views.uniforms,
-            **in_meshlets.uniforms,
-            **world.raster_uniforms,
-            **light.uniforms("scene"),
-            **views.emitters,
+            **(light.uniforms("scene") | in_meshlets.uniforms | world.gather_uniforms | views.emitters),
         )
         return self.target
 
-    def _draws(self, meshlets: Meshlets, rows: np.ndarray, start: int, near: float) -> Iterator[tuple[int, list[Draw]]]:
-        """The draws of meshlets in the views that may see them, with the clip planes that these draws need: 5 where a meshlet may
-        reach beyond a view's border, else 0.
+    def _draws(
+        self, geometry: MeshletGeometry, rows: np.ndarray, start: int, near: float
+    ) -> Iterator[tuple[bool, int, list[Draw]]]:
+        """The draws of meshlets in the views that may see them: whether these are cut out, and the clip planes that these draws
+        need: 5 where a meshlet may reach beyond a view's border, else 0.
 
         rows: (F, 3, N, 4), x, y and w of the views. start: the number of their first record. An instance is a view, which the
         shader finds by the pairs (record, face) that this writes.
         """
+        meshlets = geometry.meshlets
         some, within = meshlets.seen(rows.swapaxes(1, 2), near)
         parts = [np.stack(np.nonzero(part)) for part in (some & ~within, within)]
         meshlet, face, record = np.concatenate(parts, axis=1)
@@ -244,6 +248,8 @@ class MeshletDraw(Owner):
             instances = np.bincount(part[0], minlength=len(meshlets))
             first = before + np.cumsum(instances) - instances
             before += len(part[0])
-            numbers = np.stack([meshlets.first, meshlets.count, instances, first], axis=1)[instances > 0]
-            if len(numbers):
-                yield clips, [Draw(3 * t, 3 * n, i, {"piece": (p, t)}) for t, n, i, p in numbers.tolist()]
+            numbers = np.stack([meshlets.first, meshlets.count, instances, first], axis=1)
+            for cut_out, of_them in enumerate((numbers[: geometry.solid], numbers[geometry.solid :])):
+                draws = [Draw(3 * t, 3 * n, i, {"piece": (p, t)}) for t, n, i, p in of_them[of_them[:, 2] > 0].tolist()]
+                if draws:
+                    yield bool(cut_out), clips, draws

@@ -56,7 +56,13 @@ class TraceGather(Gather):
             ctx,
             "gather/trace",
             "lib/fullscreen",
-            defines={**light_defines(world.scene), **self.emitters.defines, "SURFACE": int(surface), "HITS": int(hits)},
+            defines={
+                **light_defines(world.scene),
+                **world.material_defines,
+                **self.emitters.defines,
+                "SURFACE": int(surface),
+                "HITS": int(hits),
+            },
         )
         self.outputs = (4, 4, 4, 4) if hits else (4, 4)
         self.columns, self.capacity = atlas_grid(self.cell, capacity, int(ctx.info["GL_MAX_TEXTURE_SIZE"]))

@@ -95,5 +95,8 @@ def _tables(ctx: moderngl.Context, vertices: np.ndarray, faces: np.ndarray, coun
     nodes = ctx.texture((rows.shape[1], rows.shape[0]), 4, np.ascontiguousarray(rows).tobytes(), dtype="u4")
     nodes.filter = moderngl.NEAREST, moderngl.NEAREST
     leaves = np.concatenate([corners[bvh.order], faces[bvh.order, :, None]], axis=-1, dtype="f4")
+    if counts.cut_out:
+        cut_out = bvh.order >= counts.solid
+        leaves[cut_out, 0, 3] = -1.0 - leaves[cut_out, 0, 3]  # marks them
     triangles, table = table_texture(ctx, table_rows(leaves)), table_texture(ctx, table_rows(vertex_texels(vertices)))
     return _Tables(corners, bvh.order, bvh.nodes.shape[1], bvh.grid, nodes, triangles, table)

@@ -2,35 +2,84 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from functools import cached_property
 
 import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import Uniforms
 from irrsplat.core.glsl import TABLE_COLUMNS
-from irrsplat.core.material_layout import MATERIAL_ROWS, MaterialRow
+from irrsplat.core.material_layout import MATERIAL_ROWS, WRAPS, MaterialRow
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import table_texture
-from irrsplat.scene.model import Material
+from irrsplat.gpu.texture_layers import LayerKey, LayerPlan, TextureLayers, dithered, layer_keys, plan
+from irrsplat.scene.model import Scene, Texture
+from irrsplat.scene.seen_by_light import face_counts
+
+_LAYER_BYTES = 64 << 20  # of all layers, about
 
 
 class MaterialTable(Owner):
-    """The table that shaders/lib/material_table.glsl reads: a column for each of the `materials`, by their numbers."""
+    """The table that shaders/lib/material_table.glsl reads: a column for each of the scene's materials, by their numbers.
 
-    def __init__(self, ctx: moderngl.Context, materials: Mapping[Material, int]) -> None:
-        lines = -(-max(len(materials), 1) // TABLE_COLUMNS)
+    It owns the layers of their textures, too, which are made when they are first wanted.
+    """
+
+    def __init__(self, ctx: moderngl.Context, scene: Scene) -> None:
+        self.ctx, self._cut_out = ctx, face_counts(scene).cut_out > 0
+        self.plan = plan(_by_area(scene), _LAYER_BYTES, int(ctx.info["GL_MAX_ARRAY_TEXTURE_LAYERS"]))
+        lines = -(-max(len(scene.materials), 1) // TABLE_COLUMNS)
         rows = np.zeros((lines, TABLE_COLUMNS, MATERIAL_ROWS, 4), "f4")
-        for material, i in materials.items():
+        for material, i in scene.materials.items():
             row = rows[i // TABLE_COLUMNS, i % TABLE_COLUMNS]
             row[MaterialRow.EMISSION] = (*material.emission, material.light_cutoff)
+            albedo, emission = layer_keys(material)
+            row[MaterialRow.ALBEDO_TEXTURE :][:3] = _texture_rows(material.albedo_texture, albedo, self.plan)
+            row[MaterialRow.EMISSION_TEXTURE :][:3] = _texture_rows(material.emission_texture, emission, self.plan)
         self.texture = table_texture(ctx, rows.swapaxes(1, 2).reshape(-1, TABLE_COLUMNS, 4))
 
     @property
+    def defines(self) -> dict[str, int]:
+        """What shaders/lib/material_table.glsl is compiled for, where light meets the surfaces: whether there are textures, and
+        whether some are cut out. What a scene does not have costs nothing."""
+        return {"TEXTURES": int(bool(self.plan.layers)), "CUT_OUTS": int(self._cut_out)}
+
+    @property
     def uniforms(self) -> Uniforms:
-        """The uniforms of shaders/lib/material_table.glsl."""
+        """The uniforms of shaders/lib/material_table.glsl without textures."""
         return {"material_table": self.texture}
+
+    @property
+    def light_uniforms(self) -> Uniforms:
+        """Its uniforms as it is compiled with `defines`."""
+        return self.uniforms | ({"texture_layers": self._layers.texture} if self.plan.layers else {})
+
+    @cached_property
+    def _layers(self) -> TextureLayers:
+        return TextureLayers(self.ctx, self.plan)
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.texture,)
+        return (self.texture, self.__dict__.get("_layers"))
+
+
+def _by_area(scene: Scene) -> list[LayerKey]:
+    """The layers of all materials, those first that cover most of the scene."""
+    covered: dict[LayerKey, float] = {}
+    for mesh in scene.meshes:
+        keys = [key for key in layer_keys(mesh.material) if key is not None]
+        a, b, c = mesh.positions[mesh.faces].swapaxes(0, 1) if keys else np.zeros((3, 0, 3))
+        area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+        for key in keys:
+            covered[key] = covered.get(key, 0.0) + area
+    return sorted(covered, key=lambda key: -covered[key])
+
+
+def _texture_rows(texture: Texture | None, key: LayerKey | None, plan: LayerPlan) -> np.ndarray:
+    """(3, 4) the rows of a texture, see MaterialRow.ALBEDO_TEXTURE."""
+    if texture is None or key is None:
+        return np.array([[0.0, 0.0, 0.0, -1.0], [0.0, 0.0, 0.0, 0.0], [1.0, 1.0, 1.0, 1.0]])
+    u, v = (WRAPS.index(wrap) for wrap in texture.wrap)
+    across, down = texture.transform[:3], texture.transform[3:]
+    about = plan.means.get(key, (key.cutoff, float(dithered(key, plan.side)), 0.0, 0.0))
+    return np.array([[*across, plan.layers.get(key, -1)], [*down, u + 3 * v + 9 * texture.uv_set], about])

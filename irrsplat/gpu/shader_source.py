@@ -34,13 +34,14 @@ def load(name: str, defines: Mapping[str, object] | None = None, root: Path | No
     """The shader file `name` (relative to `root`, default the bundled shaders) with includes and `defines` in place.
 
     `#include "lib/x.glsl"` is replaced by that file's text the first time and by nothing afterwards; what "generated/x.glsl" is
-    replaced by is made from Python (core/glsl.py). Where each line came from is kept here, not in #line directives: Mesa forgets
-    their file numbers. Raises ShaderError for a missing file.
+    replaced by is made from Python (core/glsl.py). An include in a block that the compiler skips is left out. Where each line
+    came from is kept here, not in #line directives: Mesa forgets their file numbers. Raises ShaderError for a missing file.
     """
     root = root or folder("shaders")
     seen: set[str] = set()
     text = ["#version 330 core", *(f"#define {key} {value}" for key, value in (defines or {}).items())]
     places = [(name, 0)] * len(text)
+    conditions = _Conditions(defines or {})
 
     def expand(name: str, included: str) -> None:
         if name in seen:
@@ -52,9 +53,10 @@ def load(name: str, defines: Mapping[str, object] | None = None, root: Path | No
             raise ShaderError(f"{included}cannot read '{name}': {error.strerror}") from error
         for number, line in enumerate(content.splitlines(), start=1):
             include = _INCLUDE.match(line)
-            if include:
+            looked_at = conditions.follow(line)
+            if include and looked_at:
                 expand(include[1], f"{name}:{number}: ")
-            else:
+            elif not include:
                 text.append(line)
                 places.append((name, number))
 
@@ -63,20 +65,39 @@ def load(name: str, defines: Mapping[str, object] | None = None, root: Path | No
     return Source(name, whole, tuple(places), _uniforms(whole, defines or {}))
 
 
-def _uniforms(text: str, defines: Mapping[str, object]) -> dict[str, str]:
-    """The uniforms that `text` declares, name → type; a block `#if NAME` whose define is 0 declares none."""
-    bare = re.sub(r"//[^\n]*|/\*.*?\*/", "", text, flags=re.DOTALL)
-    kept, live = [], [True]
-    for line in bare.splitlines():
-        word, _, condition = line.strip().partition(" ")
+class _Conditions:
+    """Which lines of a shader a compiler with these `defines` looks at: all those of whose conditions that is not certain."""
+
+    def __init__(self, defines: Mapping[str, object]) -> None:
+        self._defines = defines
+        self._blocks: list[bool | None] = []  # whether each block that is open is looked at; None: not known
+
+    def follow(self, line: str) -> bool:
+        """Take the next line; whether it is looked at."""
+        word, _, condition = line.partition("//")[0].strip().partition(" ")
         if word.startswith("#if"):
-            live.append(live[-1] and (word != "#if" or bool(defines.get(condition.strip(), True))))
-        elif word == "#else":
-            live[-1] = live[-2] and not live[-1]
+            self._blocks.append(self._holds(condition) if word == "#if" else None)
+        elif word == "#elif":
+            self._blocks[-1] = None if self._blocks[-1] is None or not self._blocks[-1] else False
+        elif word == "#else" and self._blocks[-1] is not None:
+            self._blocks[-1] = not self._blocks[-1]
         elif word == "#endif":
-            live.pop()
-        elif live[-1]:
-            kept.append(line)
+            self._blocks.pop()
+        return False not in self._blocks
+
+    def _holds(self, condition: str) -> bool | None:
+        """Whether names, each with ! or not, joined by && and ||, are defined as other than 0; None for other conditions."""
+        terms = [[name.strip() for name in both.split("&&")] for both in condition.split("||")]
+        if not all(name.removeprefix("!").isidentifier() for both in terms for name in both):
+            return None
+        return any(all(bool(self._defines.get(n.removeprefix("!"), 0)) != n.startswith("!") for n in both) for both in terms)
+
+
+def _uniforms(text: str, defines: Mapping[str, object]) -> dict[str, str]:
+    """The uniforms that `text` declares, name → type, in what a compiler looks at."""
+    bare = re.sub(r"//[^\n]*|/\*.*?\*/", "", text, flags=re.DOTALL)
+    conditions = _Conditions(defines)
+    kept = [line for line in bare.splitlines() if conditions.follow(line)]
     return {name: kind for kind, name, _ in _UNIFORM.findall("\n".join(kept))}
 
 

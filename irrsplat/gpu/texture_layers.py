@@ -13,7 +13,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.scene.image_means import area_means, with_coverage
+from irrsplat.scene.image_means import area_means, coverage
 from irrsplat.scene.model import Image, Material, Texture
 
 MOST_TEXELS = 1024  # along a side of a layer
@@ -70,15 +70,22 @@ def plan(keys: Iterable[LayerKey], most_bytes: float, most_layers: int) -> Layer
 
 def layer_texels(key: LayerKey, side: int) -> np.ndarray:
     """(side, side, 4) float32: the image's mean colours, linear and times alpha, and alpha; that is 1 where it is not looked at,
-    and else covers as much of the image, from the cutoff on, as the image's own."""
+    and of a dithered layer the share of the texel where light sees the image's."""
     if key.cutoff == 0.0:
         opaque = area_means(key.image.pixels, side, weighted=False)
         opaque[..., 3] = 1.0
         return opaque
     texels = area_means(key.image.pixels, side, weighted=True)
-    texels[..., 3] = with_coverage(key.image.pixels[..., 3], texels[..., 3], key.cutoff)
+    if dithered(key, side):
+        texels[..., 3] = coverage(key.image.pixels[..., 3], side, key.cutoff)
     texels[..., :3] *= texels[..., 3:]
     return texels
+
+
+def dithered(key: LayerKey, side: int) -> bool:
+    """Whether the holes of an image may be finer than the texels of a layer: then its alpha is the share that is there, and which
+    part of a texel that is, is decided by noise (after Wyman and McGuire 2017, "Hashed Alpha Testing")."""
+    return key.cutoff > 0.0 and max(key.image.pixels.shape[:2]) > side
 
 
 class TextureLayers(Owner):

@@ -21,7 +21,7 @@ class World(Owner):
     def __init__(self, ctx: moderngl.Context, scene: Scene) -> None:
         self.ctx = ctx
         self.geometry = Geometry(ctx, *flatten(scene)[:2], face_counts(scene))
-        self.materials = MaterialTable(ctx, scene.materials)
+        self.materials = MaterialTable(ctx, scene)
         self.runs = runs(scene)  # of triangles that a camera draws alike
         self.derived = Workshop()  # what others make of the scene as it is; it is freed with this
         self._scene = scene
@@ -38,9 +38,24 @@ class World(Owner):
         return self.geometry.uniforms | self.materials.uniforms
 
     @property
+    def gather_uniforms(self) -> Uniforms:
+        """What shaders need that draw the triangles as light meets them: their planes, materials and textures."""
+        return self.geometry.uniforms | self.materials.light_uniforms
+
+    @property
     def trace_uniforms(self) -> Uniforms:
         """What shaders need that send rays through the tree and look at what these hit."""
-        return self.tree.uniforms | self.materials.uniforms
+        return self.tree.uniforms | self.materials.light_uniforms
+
+    @property
+    def ray_uniforms(self) -> Uniforms:
+        """What shaders need that send rays through the tree, to find out whether they hit anything."""
+        return self.trace_uniforms if self.materials.defines["CUT_OUTS"] else self.tree.ray_uniforms
+
+    @property
+    def material_defines(self) -> dict[str, int]:
+        """What shaders are compiled for that use these three."""
+        return self.materials.defines
 
     @property
     def scene(self) -> Scene:

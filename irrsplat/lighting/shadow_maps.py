@@ -6,7 +6,7 @@ import moderngl
 
 from irrsplat.core.buffers import ShadowMaps
 from irrsplat.gpu.program import DrawState, Program
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import Target
 from irrsplat.gpu.world import World
 from irrsplat.lighting.light_table import light_table, sheet
@@ -15,22 +15,29 @@ from irrsplat.lighting.light_table import light_table, sheet
 # it shades, as a box on the floor: so the front faces are drawn as well, pushed back a little.
 _DRAWS = (
     ("open", DrawState(depth="<", depth_clamp=True)),
+    ("cut_out", DrawState(depth="<", depth_clamp=True)),
     ("closed", DrawState(depth="<", depth_clamp=True, cull="front")),
     ("closed", DrawState(depth="<", depth_clamp=True, cull="back", polygon_offset=(2.0, 16.0))),
 )
 
 
 class ShadowPass(Owner):
-    """Draws the shadow maps of a scene's lights."""
+    """Draws the shadow maps of a scene's lights. What light passes casts no shadow; what is cut out has holes in it."""
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
         self.program = Program(ctx, "lighting/shadow")
+        self._cut_outs = Workshop()
         self.target: Target | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.program, self.target)
+        return (self.program, self._cut_outs, self.target)
+
+    def _cutting(self, world: World) -> Program:
+        """The program that leaves out what is cut out."""
+        defines = world.material_defines
+        return self._cut_outs.get("program", defines, lambda: Program(self.ctx, "lighting/shadow", defines=defines))
 
     def __call__(self, world: World, side: int) -> ShadowMaps:
         """The shadow maps of all lights in tiles of `side` texels square, and the light table; InputError for too many lights."""
@@ -43,7 +50,11 @@ class ShadowPass(Owner):
         for i, (matrix, near) in enumerate(zip(lights.tiles, lights.near, strict=True)):
             cell = (side * (i % columns), side * (i // columns), side, side)
             for part, state in _DRAWS:
-                self.program(
+                if not world.geometry.parts[part][1]:
+                    continue
+                cut_out = part == "cut_out"
+                program = self._cutting(world) if cut_out else self.program
+                program(
                     self.target,
                     geometry=world.geometry,
                     part=part,
@@ -54,6 +65,7 @@ class ShadowPass(Owner):
                     tile_up=matrix[1],
                     tile_forward=matrix[2],
                     tile_near=float(near),
+                    **(world.materials.light_uniforms if cut_out else {}),
                 )
         assert self.target.depth is not None
         near = float(lights.near.max(initial=0.0)) or 1.0  # all perspective tiles share one

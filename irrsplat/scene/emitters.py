@@ -8,9 +8,9 @@ import numpy as np
 
 from irrsplat.core.color import LUMINANCE, linear_from_srgb
 from irrsplat.core.glsl import MAX_EMITTER_CLUSTERS
-from irrsplat.scene.flatten import in_order
+from irrsplat.scene.looks import in_order
 from irrsplat.scene.model import Mesh, Scene, Texture, Wrap
-from irrsplat.scene.seen_by_light import UNSEEN, sort_of
+from irrsplat.scene.seen_by_light import CLOSED, UNSEEN, sort_of
 
 _ENVIRONMENT = 0.125  # of all surfaces: a mesh that shines over more than that is what rays find anyway, no lamp
 _SMALL = 0.01  # of the scene's diagonal: what is no larger is one cluster
@@ -57,7 +57,7 @@ def emitters(scene: Scene) -> Emitters:
             triangles.append(first + kept)
             means.append(mean[kept])
             corners.append(at[kept])
-            one_sided.append(np.full(len(kept), mesh.closed))
+            one_sided.append(np.full(len(kept), sort_of(mesh) == CLOSED))
         first += len(mesh.faces)
     triangle, luminance, at = np.concatenate(triangles), np.concatenate(means), np.concatenate(corners)
     area = _areas(at)

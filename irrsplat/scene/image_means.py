@@ -23,7 +23,7 @@ _RED_GREEN, _BLUE_ALPHA = _decoded()
 def area_means(pixels: np.ndarray, side: int, weighted: bool) -> np.ndarray:
     """(side, side, 4) float32, linear: the means over equal rectangles of an image of sRGB pixels (H, W, 4) uint8, with alpha.
 
-    weighted: colours count by their alpha; where all of that is 0 they count alike.
+    weighted: colours count by their alpha; where all of that is 0 they are black.
     """
     height, width = pixels.shape[:2]
     down = _weights(height, side)
@@ -43,8 +43,15 @@ def area_means(pixels: np.ndarray, side: int, weighted: bool) -> np.ndarray:
     if not weighted:
         return out
     alpha = out[..., 3:4]
-    colour = np.divide(out[..., 4:7], alpha, out=out[..., :3].copy(), where=alpha > 1e-6)
+    colour = np.divide(out[..., 4:7], alpha, out=np.zeros_like(out[..., :3]), where=alpha > 1e-6)
     return np.concatenate([colour, alpha], axis=-1)
+
+
+def coverage(alpha: np.ndarray, side: int, cutoff: float) -> np.ndarray:
+    """(side, side) float32: of equal rectangles of an image with this `alpha` (H, W) uint8, the share where that is at least
+    `cutoff`, 0..1."""
+    seen = (alpha >= cutoff * 255.0).astype(np.float32)
+    return _means_across((_weights(len(alpha), side) @ seen)[..., None], side)[..., 0]
 
 
 def _weights(count: int, side: int) -> np.ndarray:
@@ -70,16 +77,3 @@ def _means_across(values: np.ndarray, side: int) -> np.ndarray:
     before = sums[:, whole] + (place - whole)[:, None] * (sums[:, whole + 1] - sums[:, whole])
     means: np.ndarray = np.diff(before, axis=1) * (side / width)
     return means
-
-
-def with_coverage(alpha: np.ndarray, means: np.ndarray, cutoff: float) -> np.ndarray:
-    """(S, S) float32: alphas that pass the cutoff over the same share of the image as those of its pixels `alpha` (H, W) uint8
-    do, where their means (S, S) would make thin things vanish (after Castano 2010, "Computing Alpha Mipmaps")."""
-    share = float((alpha >= cutoff * 255.0).mean())
-    if share in (0.0, 1.0) or min(alpha.shape) <= len(means):
-        return means
-    levels, counts = np.unique(means, return_counts=True)
-    passing = np.cumsum(counts[::-1])[::-1] / means.size  # the share of texels that are at least as high as each level
-    level = float(levels[np.argmin(np.abs(passing - share))])
-    scaled: np.ndarray = np.minimum(means * np.float32(1.0001 * cutoff / max(level, 1e-6)), 1.0).astype(np.float32)
-    return scaled

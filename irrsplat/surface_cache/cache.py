@@ -81,8 +81,9 @@ class SurfaceCache(Owner):
     def __init__(self, world: World, settings: Settings, timers: Timers) -> None:
         self.ctx, self.world, self.tree, self.timers = world.ctx, world, world.tree, timers
         self._basis = _Basis(world.scene, settings, unlit_interiors(world.scene))
-        self._visibility, self._reduce = VisibilityPass(self.ctx), ReducePass(self.ctx, gradients=False)
-        self._view_pass = SurfaceViewPass(self.ctx)
+        self._visibility = VisibilityPass(self.ctx, world.material_defines)
+        self._reduce = ReducePass(self.ctx, gradients=False)
+        self._view_pass = SurfaceViewPass(self.ctx, world.material_defines)
         self._made = Workshop()
         self._pace = Pace(self.ctx)
         self._choosing: Generator[float, None, SiteLayout] | None = None
@@ -158,7 +159,7 @@ class SurfaceCache(Owner):
         """The uniforms of shaders/surface_cache/lookup.glsl and lib/bvh.glsl for triangles numbered either way, with this table
         or else with that in use."""
         table = table or self.lookup
-        common = {**self.tree.ray_uniforms, "surface_offset": OFFSET * self.world.scene.diagonal}
+        common = {**self.world.ray_uniforms, "surface_offset": OFFSET * self.world.scene.diagonal}
         return {"scene": {**common, **table.uniforms("scene")}, "tree": {**common, **table.uniforms("tree")}}
 
     def view(self, gbuffer: GBuffer) -> moderngl.Texture:
@@ -239,7 +240,7 @@ class SurfaceCache(Owner):
             if self._choosing is None:
                 scene, unlit = self._basis.scene, self._basis.unlit
                 offset = OFFSET * scene.diagonal
-                self._choosing = SiteChooser(scene, unlit, offset, self.tree, self._visibility).layout()
+                self._choosing = SiteChooser(scene, unlit, offset, self.world.ray_uniforms, self._visibility).layout()
             try:
                 self._chosen = next(self._choosing)
             except StopIteration as end:

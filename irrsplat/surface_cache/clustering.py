@@ -11,6 +11,7 @@ import numpy as np
 
 from irrsplat.scene.looks import in_order
 from irrsplat.scene.model import Scene
+from irrsplat.scene.seen_by_light import CLOSED, UNSEEN, sort_of
 from irrsplat.surface_cache.tessellation import Tessellation
 
 _ROTATION = np.linalg.qr(np.array([[1.0, 0.37, -0.21], [-0.29, 1.0, 0.43], [0.31, -0.47, 1.0]]))[
@@ -53,11 +54,12 @@ def sees_nothing(members: Members, bounds: np.ndarray) -> np.ndarray:
 
 def unlit_interiors(scene: Scene) -> np.ndarray:
     """(F,) True for triangles, in the order of flatten, whose inner side no light reaches: those of closed meshes that do not
-    shine, and have no lamp and nothing that shines inside, as far as bounding boxes tell."""
+    shine, and have no lamp and nothing that shines inside, as far as bounding boxes tell; light passes none of them."""
     found = [np.zeros(0, bool)]
-    shining = [mesh for mesh in scene.meshes if any(mesh.material.emission) and len(mesh.positions)]
+    sorts = {id(mesh): sort_of(mesh) for mesh in scene.meshes}
+    shining = [mesh for mesh in scene.meshes if any(mesh.material.emission) and len(mesh.positions) and sorts[id(mesh)] != UNSEEN]
     for mesh in in_order(scene):
-        if mesh.closed and len(mesh.positions):
+        if sorts[id(mesh)] == CLOSED and len(mesh.positions):
             low, high = mesh.positions.min(0), mesh.positions.max(0)
             lit = any((low <= one.positions.max(0)).all() and (one.positions.min(0) <= high).all() for one in shining)
             lit |= any((low <= p).all() and (p <= high).all() for p in (np.asarray(lamp.position) for lamp in scene.lights))

@@ -15,8 +15,9 @@ from irrsplat.gpu.texel_table import table_rows
 class LookupTable(Owner):
     """The textures of shaders/surface_cache/lookup.glsl.
 
-    rows: (F, 3, 4) of the triangles, as Tessellation.table has them. cells: (C, 2, 4), as SiteLayout.cells has them. most: how
-    many values there may be. order: (F,) the scene's numbers of the triangles, as the tree of rays counts them.
+    rows: (T, 3, 4) of the triangles that light sees, as Tessellation.table has them. cells: (C, 2, 4), as SiteLayout.cells has
+    them. most: how
+    many values there may be. order: (T,) the scene's numbers of the triangles, as the tree of rays counts them.
     """
 
     def __init__(self, ctx: moderngl.Context, rows: np.ndarray, cells: np.ndarray, most: int, order: np.ndarray) -> None:
@@ -45,10 +46,10 @@ class LookupTable(Owner):
         self.values.write(rows.tobytes())
 
     def follow(self, corners: np.ndarray, order: np.ndarray) -> None:
-        """Set the triangles' corners (F, 3, 3) and their order (F,) in the tree; each keeps its cells and their values."""
-        if len(self._rows) != len(corners):  # nothing was made yet
+        """Set the triangles' corners (F, 3, 3) and their order (T,) in the tree; each keeps its cells and their values."""
+        if len(self._rows) != len(order):  # nothing was made yet
             return
-        rows = self._rows.copy()
+        rows, corners = self._rows.copy(), corners[: len(order)]
         rows[:, 0, :3] = corners[:, 0]
         rows[:, 1:, :3] = corners[:, 1:] - corners[:, :1]
         self._rows = rows

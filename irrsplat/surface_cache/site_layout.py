@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from irrsplat.core.buffers import Sites
+from irrsplat.core.buffers import Sites, Uniforms
 from irrsplat.core.glsl import HIDDEN_OTHERWISE
-from irrsplat.gpu.bvh_table import BvhTable
 from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Scene
+from irrsplat.scene.seen_by_light import face_counts
 from irrsplat.surface_cache import clustering
 from irrsplat.surface_cache.clustering import Members
 from irrsplat.surface_cache.tessellation import Tessellation, tessellate
@@ -78,13 +78,13 @@ class SiteChooser:
     """Chooses the sites of a scene. Its steps are generators, which yield the share of all work that is done and return a result.
 
     unlit: (F,) the triangles whose inner side no light reaches, see clustering.unlit_interiors. offset: metres above its surface
-    that a site looks from.
+    that a site looks from. rays: the uniforms of shaders/lib/bvh.glsl.
     """
 
     scene: Scene
     unlit: np.ndarray
     offset: float
-    tree: BvhTable
+    rays: Uniforms
     visibility: VisibilityPass
 
     def layout(self) -> Generator[float, None, SiteLayout]:
@@ -103,6 +103,7 @@ class SiteChooser:
         """The surfaces cut and their corners in clusters: at a spacing that goes by the surfaces' area, or wider where too many
         sites would come of it."""
         vertices, faces, _ = flatten(self.scene)
+        faces = faces[: face_counts(self.scene).lit]
         a, b, c = vertices[faces, :3].astype(float).swapaxes(0, 1)
         area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
         spacing = float(np.sqrt(2.0 * area / POINTS)) or 1.0  # a grid of right-angled triangles has two points per spacing²
@@ -179,6 +180,6 @@ class SiteChooser:
         for start in range(0, len(a), self.visibility.capacity):
             part = slice(start, start + self.visibility.capacity)
             lines = clustering.sight_lines(members, a[part], b[part])
-            seen[part] = self.visibility(self.tree.ray_uniforms, lines) | (a[part] == b[part])
+            seen[part] = self.visibility(self.rays, lines) | (a[part] == b[part])
             yield done
         return seen

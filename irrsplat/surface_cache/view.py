@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import moderngl
 
 from irrsplat.core.buffers import GBuffer, Uniforms
@@ -11,11 +13,11 @@ from irrsplat.gpu.target import Target
 
 
 class SurfaceViewPass(Owner):
-    """Looks the surface cache up at pixels."""
+    """Looks the surface cache up at pixels. materials: World.material_defines (default: nothing is cut out)."""
 
-    def __init__(self, ctx: moderngl.Context) -> None:
+    def __init__(self, ctx: moderngl.Context, materials: Mapping[str, int] | None = None) -> None:
         self.ctx = ctx
-        self.program = Program(ctx, "surface_cache/view", "lib/fullscreen")
+        self.program = Program(ctx, "surface_cache/view", "lib/fullscreen", materials)
         self.target: Target | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import moderngl
 import numpy as np
 
@@ -16,12 +18,12 @@ _ROWS = 16  # of pairs in a batch
 
 
 class VisibilityPass(Owner):
-    """Tests up to `capacity` sight lines at once."""
+    """Tests up to `capacity` sight lines at once. materials: World.material_defines (default: nothing is cut out)."""
 
     capacity = TABLE_COLUMNS * _ROWS
 
-    def __init__(self, ctx: moderngl.Context) -> None:
-        self.program = Program(ctx, "surface_cache/visibility", "lib/fullscreen")
+    def __init__(self, ctx: moderngl.Context, materials: Mapping[str, int] | None = None) -> None:
+        self.program = Program(ctx, "surface_cache/visibility", "lib/fullscreen", materials)
         self.lines = float_texture(ctx, (3 * TABLE_COLUMNS, _ROWS))
         self.target = Target(ctx, (TABLE_COLUMNS, _ROWS), (1,))
 
@@ -32,7 +34,7 @@ class VisibilityPass(Owner):
     def __call__(self, rays: Uniforms, lines: np.ndarray) -> np.ndarray:
         """(N,) True where nothing is in the way from lines[:, 0] by lines[:, 1] to lines[:, 2], (N, 3, 3) in metres.
 
-        rays: the uniforms of shaders/lib/bvh.glsl, as BvhTable.ray_uniforms has them.
+        rays: the uniforms of shaders/lib/bvh.glsl, as World.ray_uniforms has them.
         """
         rows = table_rows(np.concatenate([lines, np.zeros((*lines.shape[:2], 1))], axis=-1, dtype="f4"))
         self.lines.write(rows.tobytes(), viewport=(0, 0, 3 * TABLE_COLUMNS, len(rows)))

@@ -67,8 +67,9 @@ void main()
         vec3 share = vec3(1.0 - u, u * (1.0 - v), u * v);
 
         int triangle = int(chosen.x);
-        vec4 a = bvh_corner(triangle, 0), b = bvh_corner(triangle, 1), c = bvh_corner(triangle, 2);
-        vec3 away = share.x * a.xyz + share.y * b.xyz + share.z * c.xyz - eye, normal = normalize(cross(b.xyz - a.xyz, c.xyz - a.xyz));
+        vec3 a = bvh_corner(triangle, 0).xyz, b = bvh_corner(triangle, 1).xyz, c = bvh_corner(triangle, 2).xyz;
+        ivec3 number = bvh_vertices(triangle);
+        vec3 away = share.x * a + share.y * b + share.z * c - eye, normal = normalize(cross(b - a, c - a));
         vec3 x = away * frame, m = normal * frame;  // in the record's frame
         bool behind = dot(m, x) > 0.0;
         m = behind ? m : -m;
@@ -76,11 +77,19 @@ void main()
         bool possible = x.z > 0.0 && dot(x, g) > 0.0 && cosine > 0.0 && !(behind && chosen.w > 0.5);
         float far = possible ? r * (1.0 - SHORT) : 0.0;
         if (!(bvh_between(eye, away / r, 0.0, far).t >= far) || !possible) continue;
-        Vertex point = interpolate(share, vertex_at(int(a.w)), vertex_at(int(b.w)), vertex_at(int(c.w)));
+        Vertex A = vertex_at(number.x), B = vertex_at(number.y), C = vertex_at(number.z), point = interpolate(share, A, B, C);
+#if CUT_OUTS
+        if (bvh_corner(triangle, 0).w < 0.0 && light_passes(point)) continue;
+#endif
 
         // density of samples, and of rays, on the emitter: m⁻²
         float samples = emitter_samples * chosen.z * importance / all_of_them, found = ray_density(x / r) * cosine / r2;
-        vec3 L = material_of(point).emission / (samples + found / WORTH);
+#if TEXTURES
+        Material material = material_mean(point, texture_area(1.0 / samples, A, B, C));
+#else
+        Material material = material_of(point);
+#endif
+        vec3 L = material.emission / (samples + found / WORTH);
         float height = x.z, facing = cosine * r, r4 = r2 * r2;
         E += L * (height * facing / r4);
 #if GRADIENTS

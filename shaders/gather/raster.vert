@@ -9,6 +9,8 @@ uniform sampler2D pairs;  // in rows of TABLE_COLUMNS: which record, and which f
 uniform ivec2 piece;      // the meshlet's first pair, and its first triangle
 #else
 uniform int faces;        // of a record
+#endif
+#if CUT_OUTS || !MESHLETS
 #include "generated/attributes.glsl"
 #endif
 
@@ -24,8 +26,10 @@ void main()
     ivec2 at = ivec2(texelFetch(pairs, table_texel(pair), 0).xy);
 #else
     ivec2 at = ivec2(gl_InstanceID / faces, gl_InstanceID % faces);
-    pass_attributes();
     view_of_texels(at);
+#endif
+#if CUT_OUTS || !MESHLETS
+    pass_attributes();
 #endif
     vec4 p = vec4(in_position, 1.0);
     float x = dot(view_row(at, VIEW_X), p), y = dot(view_row(at, VIEW_Y), p), w = dot(view_row(at, VIEW_W), p);

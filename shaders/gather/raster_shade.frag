@@ -18,6 +18,13 @@ void main()
     vec3 share = vec3(dot(q, cross(c - b, c + b)), dot(q, cross(a - c, a + c)), dot(q, cross(b - a, b + a)));
     share = max(share.x + share.y + share.z < 0.0 ? -share : share, 1e-30);
     share /= share.x + share.y + share.z;
-    see(int(triangle.w), q, interpolate(share, A, B, C));
+    Met met = meet(int(triangle.w), q);
+    Vertex point = interpolate(share, A, B, C);
+#if TEXTURES
+    Material material = material_mean(point, texture_area(footprint_area, A, B, C));
+#else
+    Material material = material_of(point);
+#endif
+    see(int(triangle.w), met, point, material);
     if (number < 0) out_radiance = out_plane = vec4(0.0);
 }

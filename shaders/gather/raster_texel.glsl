@@ -31,8 +31,18 @@ vec3 texel_ray()
     return v_ahead + from_centre.x * v_right + from_centre.y * v_up;
 }
 
-// The outputs, for the triangle of this number, seen at this point of it (whose position is not looked at).
-void see(int triangle, vec3 q, Vertex point)
+// Where the texel's ray q meets the triangle's plane: relative to the eye, the plane's normal turned to the record, and its distance
+// times -1.
+struct Met
+{
+    vec3 q;
+    vec3 away;
+    vec3 g;
+    float k;
+};
+
+// What a texel with this ray sees of the triangle of this number; it sets `footprint` and `footprint_area`, too.
+Met meet(int triangle, vec3 q)
 {
     // The surface's place by intersection of the texel's ray with the triangle's plane: an interpolated one is too coarse for
     // the shadow test where a large triangle passes close to the record.
@@ -52,18 +62,23 @@ void see(int triangle, vec3 q, Vertex point)
         footprint[i] = corners[i] * min(t, FARTHEST * depth) - away;
     }
     footprint_area = 0.5 * length(cross(footprint[2] - footprint[0], footprint[3] - footprint[1])) + 1e-30;
+    return Met(q, away, g, k);
+}
 
-    Receiver receiver = Receiver(v_eye + away, shading_normal(point.normal, g), g);
+// The outputs, for the triangle of this number, seen at this point of it (whose position is not looked at).
+void see(int triangle, Met met, Vertex point, Material material)
+{
+    vec3 g = met.g;
+    Receiver receiver = Receiver(v_eye + met.away, shading_normal(point.normal, g), g);
     vec3 E = direct_irradiance(receiver, 1, vec2(1.0, 0.0));
 #if SURFACE
     E += surface_irradiance(triangle, receiver.p, g);
 #endif
-    Material material = material_of(point);
 #if EMITTERS
-    float far = length(away), length_q = length(q);  // a texel takes up |(right × up)·q|/|q|³ steradians
-    float texels = length_q * length_q * length_q / abs(dot(cross(v_right, v_up), q));
-    material.emission *= ray_share(triangle, v_eye, away / far, far, g, texels);
+    float far = length(met.away), length_q = length(met.q);  // a texel takes up |(right × up)·q|/|q|³ steradians
+    float texels = length_q * length_q * length_q / abs(dot(cross(v_right, v_up), met.q));
+    material.emission *= ray_share(triangle, v_eye, met.away / far, far, g, texels);
 #endif
-    out_radiance = vec4(outgoing_radiance(material, E), max(length(away), 0.05 * near));
-    out_plane = vec4(g / min(k, -0.05 * near), 0.0);
+    out_radiance = vec4(outgoing_radiance(material, E), max(length(met.away), 0.05 * near));
+    out_plane = vec4(g / min(met.k, -0.05 * near), 0.0);
 }

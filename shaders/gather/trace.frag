@@ -45,7 +45,7 @@ void main()
 
     Hit hit = bvh_closest(eye, d, 0.0);
     vec3 corner[3] = vec3[](bvh_corner(hit.triangle, 0).xyz, bvh_corner(hit.triangle, 1).xyz, bvh_corner(hit.triangle, 2).xyz);
-    ivec3 at = ivec3(bvh_corner(hit.triangle, 0).w, bvh_corner(hit.triangle, 1).w, bvh_corner(hit.triangle, 2).w);
+    ivec3 at = bvh_vertices(hit.triangle);
     vec3 g = normalize(cross(corner[1] - corner[0], corner[2] - corner[0]));
     g = dot(g, d) > 0.0 ? -g : g;  // turned to the record
     vec3 away = d * hit.t;
@@ -61,9 +61,15 @@ void main()
         left[i] = l * min(k / min(dot(g, l), -1e-20), FARTHEST * hit.t) - away;
         right[i] = r * min(k / min(dot(g, r), -1e-20), FARTHEST * hit.t) - away;
     }
-    Vertex seen = interpolate(hit.share, vertex_at(at.x), vertex_at(at.y), vertex_at(at.z));
+    Vertex A = vertex_at(at.x), B = vertex_at(at.y), C = vertex_at(at.z), seen = interpolate(hit.share, A, B, C);
     Receiver receiver = Receiver(eye + away, shading_normal(seen.normal, g), g);
+#if TEXTURES
+    // the stratum is π/(cell.x·cell.y) of cosθ·dω, and sees that many steradians' t²/cosθ' of the surface
+    float solid = PI / (float(cell.x) * float(cell.y) * sqrt(1.0 - square.x));
+    Material material = material_mean(seen, texture_area(solid * hit.t * hit.t / max(-dot(g, d), 0.05), A, B, C));
+#else
     Material material = material_of(seen);
+#endif
 #if EMITTERS
     material.emission *= ray_share(hit.triangle, eye, d, hit.t, g, ray_density(vec3(0.0, 0.0, sqrt(1.0 - square.x))));
 #endif

@@ -1,8 +1,14 @@
-// The nearest triangle along a ray: a walk through scene/bvh.py's tree without a stack.
+// The nearest triangle along a ray: a walk through scene/bvh.py's tree without a stack. With CUT_OUTS, some triangles are not there
+// everywhere.
 #include "lib/table.glsl"
+#if CUT_OUTS
+#include "generated/vertex_table.glsl"
+#include "lib/cut_outs.glsl"
+#endif
 
 uniform usampler2D bvh_nodes;    // a texel a node, in rows of TABLE_COLUMNS: box and link, as Bvh.nodes has them
-uniform sampler2D bvh_triangles; // three texels a triangle, leaf by leaf, in rows of TABLE_COLUMNS of them: a corner, its vertex's number
+uniform sampler2D bvh_triangles; // three texels a triangle, leaf by leaf, in rows of TABLE_COLUMNS of them: a corner, its vertex's
+                                 // number; the first one is -1 - that where the triangle is cut out
 uniform int bvh_count;           // nodes of one octant
 uniform vec3 bvh_start;          // metres: grid coordinate 0 of the boxes
 uniform vec3 bvh_step;           // metres a step
@@ -19,6 +25,16 @@ const float FARTHEST_HIT = 1e30;
 vec4 bvh_corner(int triangle, int corner)
 {
     return texelFetch(bvh_triangles, table_texel(triangle, 3, corner), 0);
+}
+
+// The numbers of its vertices.
+ivec3 bvh_vertices(int triangle)
+{
+    ivec3 numbers = ivec3(bvh_corner(triangle, 0).w, bvh_corner(triangle, 1).w, bvh_corner(triangle, 2).w);
+#if CUT_OUTS
+    if (numbers.x < 0) numbers.x = -1 - numbers.x;
+#endif
+    return numbers;
 }
 
 // The nearest hit of the ray from o in the unit direction d that is farther than `nearest` metres and less far than `farthest`;
@@ -55,6 +71,17 @@ Hit bvh_between(vec3 o, vec3 d, float nearest, float farthest)
             vec3 n = cross(b - a, c - a);
             float t = dot(n, a) / dot(n, d);
             bool through = min(share.x, min(share.y, share.z)) >= 0.0 || max(share.x, max(share.y, share.z)) <= 0.0;
+#if CUT_OUTS
+            through = through && t > nearest && t < hit.t;
+            bool undecided = through && bvh_corner(triangle, 0).w < 0.0;
+            while (undecided)  // a loop, as above
+            {
+                ivec3 i = bvh_vertices(triangle);
+                vec3 weights = share / (share.x + share.y + share.z);
+                through = !light_passes(interpolate(weights, vertex_at(i.x), vertex_at(i.y), vertex_at(i.z)));
+                undecided = false;
+            }
+#endif
             if (through && t > nearest && t < hit.t) hit = Hit(t, share, triangle);
             ++triangle;
         }

@@ -1,4 +1,5 @@
-// The material at a point of a surface: by the table of materials, and what the point's vertices have of it.
+// The material at a point of a surface: by the table of materials, and what the point's vertices have of it. Where light meets
+// surfaces, this is compiled with TEXTURES 1 if the scene has textures.
 #include "generated/constants.glsl"
 #include "generated/material.glsl"
 #include "generated/vertex.glsl"
@@ -20,3 +21,55 @@ Material material_of(Vertex point)
 {
     return material_factors(point);
 }
+
+#if TEXTURES
+uniform sampler2DArray texture_layers;  // colours times alpha, and alpha
+
+// A coordinate of a layer by its number among WRAPS (0: it repeats); margin: half a texel of the coarser
+// level that is looked at.
+float wrapped(float x, int wrap, float margin)
+{
+    if (wrap == 1) x = 1.0 - abs(mod(x, 2.0) - 1.0);
+    return wrap == 0 ? x : clamp(x, margin, 1.0 - margin);
+}
+
+// Where a point is in a texture, 0..1 in either direction, or beyond where that repeats. across, down: the texture's rows.
+vec2 texture_place(Vertex point, vec4 across, vec4 down, float margin)
+{
+    int code = int(down.w), wrap = code % 9;
+    vec3 uv = vec3(code >= 9 ? point.uv.zw : point.uv.xy, 1.0);
+    return vec2(wrapped(dot(across.xyz, uv), wrap % 3, margin), wrapped(dot(down.xyz, uv), wrap / 3, margin));
+}
+
+// What a footprint sees of a texture whose rows in the table begin with `row`: colour times alpha, and alpha.
+// uv_area: of the footprint, in both sets of texture coordinates; the level is that whose texels are as large (Williams 1983).
+vec4 texture_mean(Vertex point, int row, vec2 uv_area)
+{
+    int material = int(point.material);
+    vec4 across = material_row(material, row), down = material_row(material, row + 1);
+    float side = float(textureSize(texture_layers, 0).x);
+    float texels = (down.w > 8.5 ? uv_area.y : uv_area.x) * abs(across.x * down.y - across.y * down.x) * side * side;
+    float level = 0.5 * log2(clamp(texels, 1.0, side * side)), margin = 0.5 * exp2(ceil(level)) / side;
+    vec4 found = textureLod(texture_layers, vec3(texture_place(point, across, down, margin), max(across.w, 0.0)), level);
+    return across.w < 0.0 ? material_row(material, row + 2) : found;
+}
+
+// The area in both sets of texture coordinates of `area` m² of the triangle with these corners, or of all of it if that is less:
+// what is beside it in the image may be of another surface.
+vec2 texture_area(float area, Vertex a, Vertex b, Vertex c)
+{
+    vec4 u = b.uv - a.uv, v = c.uv - a.uv;
+    float whole = length(cross(b.position - a.position, c.position - a.position));
+    return abs(vec2(u.x * v.y - u.y * v.x, u.z * v.w - u.w * v.z)) * min(area / max(whole, 1e-30), 0.5);
+}
+
+// The mean of the material over a footprint of that area.
+Material material_mean(Vertex point, vec2 uv_area)
+{
+    Material material = material_factors(point);
+    vec4 albedo = texture_mean(point, MATERIAL_ALBEDO_TEXTURE, uv_area);
+    material.albedo *= albedo.rgb / max(albedo.a, 1e-3);
+    material.emission *= texture_mean(point, MATERIAL_EMISSION_TEXTURE, uv_area).rgb;
+    return material;
+}
+#endif

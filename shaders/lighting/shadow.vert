@@ -1,4 +1,8 @@
 // The scene as one tile of a light's shadow map sees it; only depth is drawn.
+#if CUT_OUTS
+#include "generated/attributes.glsl"
+#endif
+
 in vec3 in_position;
 
 uniform vec4 tile_right;    // rows of tile from world, dotted with (p, 1)
@@ -8,6 +12,9 @@ uniform float tile_near;    // distance of the near plane, metres; 0 for a paral
 
 void main()
 {
+#if CUT_OUTS
+    pass_attributes();
+#endif
     vec4 p = vec4(in_position, 1.0);
     vec3 q = vec3(dot(tile_right, p), dot(tile_up, p), dot(tile_forward, p));
     // perspective: depth = 1 - near/z, no far plane

@@ -1,0 +1,248 @@
+"""What gathers see of textures and of what is cut out, by rays and by rasters, against means and form factors."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import moderngl
+import numpy as np
+import pytest
+
+from irrsplat.core.color import linear_from_srgb
+from irrsplat.scene.model import Image, Material, Mesh, Scene, Texture
+from tests.support.worlds import Lit, box, floor, gather, lamp, material, polygon_vector, quad, scene, sites
+
+UP = (0.0, 1.0, 0.0)
+WAYS = ("trace", "raster")
+
+
+def image(values: Any, alpha: Any = 255) -> Image:
+    """An Image of grey or coloured values 0..255, (H, W) or (H, W, 3), and alpha."""
+    values = np.asarray(values)
+    rgb = np.repeat(values[..., None], 3, -1) if values.ndim == 2 else values
+    pixels = np.concatenate([rgb, np.broadcast_to(alpha, rgb.shape[:2])[..., None]], -1)
+    return Image(pixels.astype(np.uint8))
+
+
+def checker(count: int, texels: int = 1) -> np.ndarray:
+    """(S, S) 0 and 1 in squares of so many texels, `count` along a side, the first of them 0."""
+    i, j = np.indices((count, count))
+    return np.kron((i + j) % 2, np.ones((texels, texels), int))
+
+
+def ceiling(paint: Material, half: float = 1.0, height: float = 1.0, grid: int = 1, uv: float = 1.0) -> Mesh:
+    """A horizontal square that faces down, of 2·grid² triangles, with u along x and v along z from 0 to `uv`."""
+    step = np.linspace(-half, half, grid + 1)
+    z, x = (a.ravel() for a in np.meshgrid(step, step, indexing="ij"))
+    positions = np.stack([x, np.full_like(x, height), z], -1).astype("f4")
+    coordinates = uv * np.stack([x + half, z + half], -1) / (2 * half)
+    i, j = (a.ravel() for a in np.meshgrid(np.arange(grid), np.arange(grid), indexing="ij"))
+    a, b, c, d = (p * (grid + 1) + q for p, q in ((i, j), (i, j + 1), (i + 1, j + 1), (i + 1, j)))
+    faces = np.concatenate([np.stack([a, b, c], -1), np.stack([a, c, d], -1)]).astype("i4")
+    uvs = np.concatenate([coordinates, np.zeros_like(coordinates)], -1).astype("f4")
+    return Mesh(positions, np.tile(np.array([0.0, -1.0, 0.0], "f4"), (len(positions), 1)), faces, paint, uvs=uvs)
+
+
+def glowing(texture: Texture, power: float = 1.0) -> Material:
+    """Black, with an emission that the texture is a factor of."""
+    return Material((0.0, 0.0, 0.0), (power,) * 3, emission_texture=texture)
+
+
+def form(corners: Any, p: Any = (0.0, 0.0, 0.0)) -> float:
+    """π times the form factor from a point that faces up to a polygon (C, 3)."""
+    return float(polygon_vector(np.asarray(corners, float), np.asarray(p, float))[1])
+
+
+def rectangle(x0: float, x1: float, z0: float, z1: float, y: float = 1.0) -> np.ndarray:
+    """(4, 3) the corners of a horizontal rectangle."""
+    return np.array([[x0, y, z0], [x1, y, z0], [x1, y, z1], [x0, y, z1]])
+
+
+# ---- emission and reflectance -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("grid", [1, 9])
+@pytest.mark.parametrize("kind", WAYS)
+def test_E_below_a_quartered_emitter_is_the_sum_of_its_quarters(ctx: moderngl.Context, kind: str, grid: int) -> None:
+    """Four squares of radiance 1, 0.5 (sRGB 188), 0 and coloured: π·F of each, below another quarter's middle too."""
+    colours = np.array([[[255, 255, 255], [188, 188, 188]], [[0, 0, 0], [255, 0, 188]]])
+    texture = Texture(image(np.kron(colours, np.ones((32, 32, 1), int))))
+    world = scene(ceiling(glowing(texture), grid=grid))
+    places = np.array([[0.0, 0.0, 0.0], [0.4, 0.0, -0.5], [-0.6, 0.0, 0.5]])
+    found = gather(ctx, world, sites(places, UP), 64, kind).E
+    half = linear_from_srgb(np.array(188 / 255.0))
+    truth = []
+    for p in places:
+        a, b, c, d = (form(rectangle(*r), p) for r in ((-1, 0, -1, 0), (0, 1, -1, 0), (-1, 0, 0, 1), (0, 1, 0, 1)))
+        truth.append([a + half * b + d, a + half * b, a + half * b + half * d])
+    assert np.allclose(found, truth, rtol=0.02, atol=0.02)
+
+
+@pytest.mark.parametrize("kind", WAYS)
+@pytest.mark.parametrize("wrap, seen", [("repeat", (0, 1, 0)), ("mirror", (0, 1, 1)), ("clamp", (0, 1, 1))])
+def test_an_image_goes_on_beyond_its_borders_as_its_wrap_says(
+    ctx: moderngl.Context, kind: str, wrap: Any, seen: tuple[int, ...]
+) -> None:
+    """A strip 1.5 images long that is lit where its image is white: of u in 0..0.5, 0.5..1 and 1..1.5."""
+    texture = Texture(image(np.kron([[0, 255]], np.ones((4, 64), int))), transform=(1.5, 0, 0, 0, 1, 0), wrap=(wrap, wrap))
+    found = gather(ctx, scene(ceiling(glowing(texture))), sites((0, 0, 0), UP), 64, kind).E[0, 0]
+    edges = np.linspace(-1, 1, 4)
+    truth = sum(on * form(rectangle(a, b, -1, 1)) for on, a, b in zip(seen, edges, edges[1:], strict=False))
+    assert found == pytest.approx(truth, rel=0.02)
+
+
+@pytest.mark.parametrize("kind", WAYS)
+def test_the_second_set_of_coordinates_turned_by_a_transform(ctx: moderngl.Context, kind: str) -> None:
+    """Only the half with z > 0 shines: u of the image is v of the second set, which here is that of the first, mirrored in x."""
+    texture = Texture(image([[0] * 64 + [255] * 64] * 128), uv_set=1, transform=(0, 1, 0, 1, 0, 0))
+    mesh = ceiling(glowing(texture))
+    assert mesh.uvs is not None
+    mesh = replace(mesh, uvs=np.column_stack([np.zeros((4, 2)), 1 - mesh.uvs[:, 0], mesh.uvs[:, 1]]).astype("f4"))
+    found = gather(ctx, scene(mesh), sites((0, 0, -0.5), UP), 64, kind).E[0, 0]
+    assert found == pytest.approx(form(rectangle(-1, 1, 0, 1), (0, 0, -0.5)), rel=0.02)
+
+
+@pytest.mark.parametrize("kind", WAYS)
+@pytest.mark.parametrize("count", [64, 512])
+def test_what_is_finer_than_a_ray_sees_is_seen_as_its_mean(ctx: moderngl.Context, kind: str, count: int) -> None:
+    """A checker of 0 and 1 much finer than what 16² rays can tell: E within 1 % of half of what a plain one brings, everywhere."""
+    texture = Texture(image(255 * checker(count)))
+    places = np.random.default_rng(1).uniform(-0.5, 0.5, (16, 3)) * (1, 0, 1)
+    fine = gather(ctx, scene(ceiling(glowing(texture), uv=4.0)), sites(places, UP), 16, kind).E
+    plain = gather(ctx, scene(ceiling(material(0.0, 0.5))), sites(places, UP), 16, kind).E
+    assert np.allclose(fine, plain, rtol=0.01)
+
+
+@pytest.mark.parametrize("kind", WAYS)
+def test_reflectance_is_that_of_the_vertices_times_the_texture_s(ctx: moderngl.Context, kind: str) -> None:
+    """A large lit plane of albedo (0.8, 0.4, 0.8) times (1, 1, 0.5) reflects ρ/π·E_lamp from each of its points."""
+    texture = Texture(image(np.tile([255, 255, 188], (4, 4, 1))))
+    lights = (lamp((0, 0.5, 0), 3.0),)
+    paint = Material((0.5, 0.5, 0.5), albedo_texture=texture)
+    mesh = ceiling(paint, 3.0)
+    mesh = replace(mesh, colors=np.tile(np.array([0.8, 0.4, 0.8], "f4"), (4, 1)))
+    found = gather(ctx, scene(mesh, lights=lights), sites((0, 0, 0), UP), 32, kind).E[0]
+    plain = gather(ctx, scene(ceiling(material(1.0), 3.0), lights=lights), sites((0, 0, 0), UP), 32, kind).E[0]
+    half = linear_from_srgb(np.array(188 / 255.0))
+    assert np.allclose(found, plain * (0.8, 0.4, 0.8 * half), rtol=2e-3)
+
+
+# ---- what is cut out --------------------------------------------------------------------------------------------------
+
+
+def fence(bars: int, alpha_mode: Any = "mask", opacity: float = 1.0) -> Material:
+    """Black bars, as wide as the gaps between them."""
+    columns = np.repeat(np.arange(2 * bars) % 2, 4)
+    return Material(
+        (0.0, 0.0, 0.0),
+        albedo_texture=Texture(image(np.full((8, 8 * bars), 128), 255 * columns)),
+        alpha_mode=alpha_mode,
+        opacity=opacity,
+    )
+
+
+@pytest.mark.parametrize("grid", [1, 9])
+@pytest.mark.parametrize("kind", WAYS)
+@pytest.mark.parametrize("bars, tolerance", [(1, 0.01), (16, 0.01)])
+def test_a_fence_below_the_sky_holds_back_its_share(
+    ctx: moderngl.Context, kind: str, bars: int, tolerance: float, grid: int
+) -> None:
+    """E of a sky of radiance 1 is π less the form factors of the bars."""
+    world = scene(ceiling(fence(bars), grid=grid), sky=1.0)
+    edges = np.linspace(-1, 1, 2 * bars + 1)
+    truth = np.pi - sum(form(rectangle(a, b, -1, 1)) for a, b in zip(edges[1::2], edges[2::2], strict=True))
+    assert gather(ctx, world, sites((0, 0, 0), UP), 96, kind).E[0, 0] == pytest.approx(truth, rel=tolerance)
+
+
+@pytest.mark.parametrize("kind", WAYS)
+def test_a_fine_fence_in_a_large_image_does_not_vanish(ctx: moderngl.Context, kind: str) -> None:
+    """Wires of one texel in eight of an image of 4096 texels, finer than any layer: they hold back an eighth."""
+    alpha = np.zeros((8, 4096))
+    alpha[:, ::8] = 255
+    paint = Material((0.0,) * 3, albedo_texture=Texture(image(alpha * 0, alpha)), alpha_mode="mask")
+    found = gather(ctx, scene(ceiling(paint), sky=1.0), sites((0, 0, 0), UP), 96, kind).E[0, 0]
+    assert found == pytest.approx(np.pi - form(rectangle(-1, 1, -1, 1)) / 8, rel=0.03)
+
+
+PASSED = {
+    "thin glass": Material((1.0, 1.0, 1.0), alpha_mode="blend", opacity=0.3),
+    "what transmits": Material((1.0, 1.0, 1.0), transmission=0.9),
+    "what is masked all over": Material(opacity=0.2, alpha_mode="mask"),
+    "a shining filter": Material(emission=(9.0, 9.0, 9.0), alpha_mode="blend", opacity=0.1),
+}
+
+
+@pytest.mark.parametrize("grid", [1, 9])
+@pytest.mark.parametrize("kind", WAYS)
+@pytest.mark.parametrize("pane", PASSED.values(), ids=PASSED)
+def test_a_pane_changes_no_light(ctx: moderngl.Context, kind: str, grid: int, pane: Material) -> None:
+    """To the last bit: records below it have what they have without it, and so has what is behind it."""
+    room = quad((-2, -0.5, -2), (4, 0, 0), (0, 0, 4)), box((0.3, -0.5, 0.3), (0.6, 0.6, 0.6), material(0.7))
+    lit: dict[str, Any] = {"lights": (lamp((-0.4, 3.0, 0.2), 5.0),), "sky": 0.3}
+    where = sites([(0, 0, 0), (0.5, 0.2, 0.0)], [UP, (0, 0, 1)])
+    far = ceiling(material(), 3.0, 4.0)  # so that the scene's size is the same
+    without = gather(ctx, scene(*room, far, **lit), where, 16, kind)
+    assert np.array_equal(gather(ctx, scene(*room, ceiling(pane, grid=grid), far, **lit), where, 16, kind).E, without.E)
+
+
+@pytest.mark.parametrize("kind", WAYS)
+def test_opacities_of_vertices_decide_too(ctx: moderngl.Context, kind: str) -> None:
+    """An opacity that falls off from 1 to 0 along x, of what blends: light sees the half where it is more than one half."""
+    mesh = ceiling(Material((0.0, 0.0, 0.0), alpha_mode="blend"))
+    mesh = replace(mesh, opacities=(0.5 - 0.5 * mesh.positions[:, 0]).astype("f4"))
+    found = gather(ctx, scene(mesh, sky=1.0), sites((0.2, 0, 0), UP), 64, kind).E[0, 0]
+    assert found == pytest.approx(np.pi - form(rectangle(-1, 0, -1, 1), (0.2, 0, 0)), rel=0.01)
+
+
+# ---- both gathers -----------------------------------------------------------------------------------------------------
+
+
+def textured_room() -> Scene:
+    """A room with a patterned floor, a leafy card, a pane and a lamp, of more triangles than one draw takes."""
+    rng = np.random.default_rng(3)
+    pattern = Texture(image(rng.integers(0, 256, (16, 16, 3))))
+    leaves = Texture(image(rng.integers(50, 200, (16, 16, 3)), 255 * (rng.random((16, 16)) < 0.5)))
+    return scene(
+        ceiling(Material((0.9, 0.9, 0.9), albedo_texture=pattern), 2.0, -1.0, grid=9),
+        ceiling(Material((0.9, 0.9, 0.9), albedo_texture=leaves, alpha_mode="mask"), 1.0, 0.3),
+        ceiling(PASSED["thin glass"], 2.0, 0.5),
+        ceiling(glowing(pattern), 2.0, 1.0),
+        lights=(lamp((0.2, 0.8, 0.1), 2.0),),
+        sky=0.2,
+    )
+
+
+def test_rays_and_rasters_see_the_same_textures(ctx: moderngl.Context) -> None:
+    rng = np.random.default_rng(5)
+    where = sites(rng.uniform(-0.8, 0.8, (24, 3)) * (1, 0.2, 1), rng.normal(size=(24, 3)))
+    with Lit(ctx, textured_room()) as lit:
+        rays, rasters = (lit.gather(where, 64, kind).E for kind in WAYS)
+    assert np.sqrt(np.mean((rays - rasters) ** 2)) / rasters.mean() < 0.02
+    assert abs(rays.mean() / rasters.mean() - 1.0) < 0.01
+
+
+# ---- shadows ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("place", [(0.0, 2.0, 0.0), (0.3, 1.6, 0.1)])
+def test_the_shadow_of_a_cut_out_square_has_the_hole_where_it_should_be(ctx: moderngl.Context, place: Any) -> None:
+    """A hole of a quarter of a square's side, seen from a lamp above: below it, points of the floor are lit where the line to the
+    lamp passes the hole or the square's outside. By what single rays from a grid of points just above them see of the floor."""
+    alpha = np.full((64, 64), 255)
+    alpha[16:32, 24:48] = 0
+    paint = Material((0.0,) * 3, albedo_texture=Texture(image(alpha * 0, alpha)), alpha_mode="mask")
+    card = ceiling(paint, 0.5, 1.0)
+    x, z = (0.035 * (a.ravel() - 24.3) for a in np.meshgrid(np.arange(49), np.arange(49)))
+    eye = np.stack([x, np.full_like(x, 0.05), z], -1)
+    with Lit(ctx, scene(floor(2.0, paint=material(1.0)), card, lights=(lamp(place),)), 512) as lit:
+        E = lit.gather(sites(eye, (0, -1, 0)), 4, capacity=len(eye)).E[:, 0]  # of a disc of 5 cm below
+    t = (1.0 - 0.0) / (place[1] - 0.0)
+    u, v = (0.5 + p + (q - p) * t for p, q in ((x, place[0]), (z, place[2])))
+    inside = (np.abs(u - 0.5) <= 0.5) & (np.abs(v - 0.5) <= 0.5)
+    hole = (u > 24 / 64) & (u < 48 / 64) & (v > 16 / 64) & (v < 32 / 64)
+    edge = np.minimum.reduce([abs(u - e) for e in (0, 24 / 64, 48 / 64, 1)] + [abs(v - e) for e in (0, 16 / 64, 32 / 64, 1)])
+    clear = edge > 0.08
+    assert (hole & clear).sum() > 20 and (inside & ~hole & clear).sum() > 100
+    assert (E[(hole | ~inside) & clear] > 1e-2).all()
+    assert (E[inside & ~hole & clear] == 0.0).all()
