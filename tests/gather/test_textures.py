@@ -74,7 +74,7 @@ def test_E_below_a_quartered_emitter_is_the_sum_of_its_quarters(ctx: moderngl.Co
     half = linear_from_srgb(np.array(188 / 255.0))
     truth = []
     for p in places:
-        a, b, c, d = (form(rectangle(*r), p) for r in ((-1, 0, -1, 0), (0, 1, -1, 0), (-1, 0, 0, 1), (0, 1, 0, 1)))
+        a, b, _, d = (form(rectangle(*r), p) for r in ((-1, 0, -1, 0), (0, 1, -1, 0), (-1, 0, 0, 1), (0, 1, 0, 1)))
         truth.append([a + half * b + d, a + half * b, a + half * b + half * d])
     assert np.allclose(found, truth, rtol=0.02, atol=0.02)
 
@@ -106,7 +106,7 @@ def test_the_second_set_of_coordinates_turned_by_a_transform(ctx: moderngl.Conte
 @pytest.mark.parametrize("kind", WAYS)
 @pytest.mark.parametrize("count", [64, 512])
 def test_what_is_finer_than_a_ray_sees_is_seen_as_its_mean(ctx: moderngl.Context, kind: str, count: int) -> None:
-    """A checker of 0 and 1 much finer than what 16² rays can tell: E within 1 % of half of what a plain one brings, everywhere."""
+    """A checker of 0 and 1 much finer than what 16² rays can tell: E within 1 % of what a plain half brings, everywhere."""
     texture = Texture(image(255 * checker(count)))
     places = np.random.default_rng(1).uniform(-0.5, 0.5, (16, 3)) * (1, 0, 1)
     fine = gather(ctx, scene(ceiling(glowing(texture), uv=4.0)), sites(places, UP), 16, kind).E

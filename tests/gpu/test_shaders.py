@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -182,10 +183,26 @@ def test_one_draw_s_state_is_not_the_next_one_s(ctx: moderngl.Context, tint: Pro
     assert (target.read()[..., :3] == 1.0).all()
 
 
+@pytest.mark.parametrize(
+    "condition, on",
+    [("X", True), ("!X", False), ("Y", False), ("X && Y", False), ("X && !Y", True), ("Y || X", True), ("defined(Y)", True)],
+)
+def test_what_a_compiler_skips_is_neither_included_nor_asked_for(tmp_path: Path, condition: str, on: bool) -> None:
+    """And may be included further on; where a condition is not simple, both sides are read."""
+    (tmp_path / "a.glsl").write_text("uniform float a;\n")
+    (tmp_path / "b.frag").write_text(f'#if {condition}\n#include "a.glsl"\nuniform float b;\n#else\nuniform float c;\n#endif\n')
+    read = shader_source.load("b.frag", {"X": 1, "Y": 0}, tmp_path)
+    both = "defined" in condition
+    assert read.uniforms.keys() == ({"a", "b"} if on else set()) | ({"c"} if both or not on else set())
+    assert ("uniform float a;" in read.text) == on
+
+
 def test_the_whole_bundle_is_read() -> None:
     """Every file of the bundled shaders is a stage's own, or included by one: none lies there unused."""
     folder = paths.folder("shaders")
     stages = [str(path.relative_to(folder)) for path in folder.rglob("*") if path.suffix in (".vert", ".frag")]
-    used = {file for stage in stages for file, _ in shader_source.load(stage).places}
+    texts = (path.read_text() for path in folder.rglob("*") if path.suffix in (".glsl", ".vert", ".frag"))
+    switches = {name: 1 for text in texts for line in re.findall("#if (.*)", text) for name in re.findall("[A-Z_]+", line)}
+    used = {file for stage in stages for on in ({}, switches) for file, _ in shader_source.load(stage, on).places}
     present = {str(path.relative_to(folder)) for path in folder.rglob("*") if path.suffix in (".glsl", ".vert", ".frag")}
     assert present - used <= {"lib/fullscreen.vert"}
