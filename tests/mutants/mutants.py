@@ -26,8 +26,38 @@ class Mutant:
 _REDUCE = ("tests/gather/test_reduce.py::test_reduction_equals_numpy[raster-8-0]",)
 _SPLAT = ("tests/indirect/test_splat.py::test_splatting_equals_numpy[view-smooth]",)
 
+_LIGHT_SAMPLES = ("tests/gather/test_light_samples.py",)
+
 SHADERS = (
     # ---- gather
+    Mutant(
+        "what rays find of emitters counted whole",
+        "shaders/lighting/emitters_hit.glsl",
+        "return rays * cosine / max(rays * cosine + samples * t * t, 1e-30);",
+        "return 1.0;",
+        _LIGHT_SAMPLES,
+    ),
+    Mutant(
+        "light samples' gradient without the emitter's turning",
+        "shaders/gather/light_samples.frag",
+        "(height * m + vec3(0.0, 0.0, facing)) / r4, L);",
+        "vec3(0.0, 0.0, facing) / r4, L);",
+        _LIGHT_SAMPLES,
+    ),
+    Mutant(
+        "light samples' Hessian by 20/r⁴ instead of 24/r⁴",
+        "shaders/gather/light_samples.frag",
+        "(24.0 * f / r4 * xx",
+        "(20.0 * f / r4 * xx",
+        _LIGHT_SAMPLES,
+    ),
+    Mutant(
+        "lamps chosen by power alone, however far",
+        "shaders/lighting/emitters.glsl",
+        "/ max(dot(away, away), ball.w);",
+        "/ max(1.0, ball.w);",
+        _LIGHT_SAMPLES,
+    ),
     Mutant(
         "gradient's sign",
         "shaders/gather/reduce_blocks.frag",
