@@ -93,7 +93,8 @@ def _against_trace(renderer: Renderer, scene: Scene, camera: Camera, args: Names
         truth, origin = trace(scene, camera, args, tell)
         frame = renderer.render(camera, progress=lambda now: tell(now.coverage, f"rendering: {now.records} records"))
     found = compare(frame, truth)
-    radiance = frame.direct + frame.indirect + frame.emission
+    mixed = args.values.get("blend", 0.5) != 0.5  # direct against indirect light: the truth has both in full
+    radiance = frame.direct + frame.indirect + frame.emission if mixed else frame.image
     # where there is no surface, both show what the renderer puts behind things
     expected = np.where(truth.seen[..., None], truth.picture, radiance)
     shown = tonemap(expected, frame.exposure), tonemap(radiance, frame.exposure)

@@ -27,13 +27,15 @@ from irrsplat.settings import Settings
 @dataclass(frozen=True)
 class Seen:
     """The g-buffer on the CPU, top row first: position, normal, geometric (H, W, 3), mask (H, W), True where a surface is,
-    and the number of the triangle (H, W) there, where known."""
+    and the number of the triangle (H, W) there, where known. lit_normal: (H, W, 3) the normal bent by the normal map, None where
+    that is the same."""
 
     position: np.ndarray
     normal: np.ndarray
     geometric: np.ndarray
     mask: np.ndarray
     triangle: np.ndarray | None = None
+    lit_normal: np.ndarray | None = None
 
     def site(self, row: int, column: int) -> Sites:
         """The pixel as a place for one record."""
@@ -62,7 +64,8 @@ def read_back(gbuffer: GBuffer) -> Seen:
     position, normal, albedo, emission = (pixels(t) for t in (gbuffer.position, gbuffer.normal, gbuffer.albedo, gbuffer.emission))
     mask = position[..., 3] > 0.0
     triangle = np.where(mask, emission[..., 3], 0.0).astype(np.intp)
-    return Seen(position[..., :3], normal[..., :3], octahedral_decode(normal[..., 3], albedo[..., 3]), mask, triangle)
+    bent = None if gbuffer.mapped_normal is None else pixels(gbuffer.mapped_normal)[..., :3]
+    return Seen(position[..., :3], normal[..., :3], octahedral_decode(normal[..., 3], albedo[..., 3]), mask, triangle, bent)
 
 
 class Recorder:

@@ -25,7 +25,7 @@ class Visible:
 
     seen: (N,) bool, there is a surface. position: (N, 3) world space. normal: (N, 3) bent by the normal map; smooth: (N, 3)
     interpolated; geometric: (N, 3); the last is turned to the eye, and the others to the side of the last. albedo, emission:
-    (N, 3), not tinted. tint: (N, 3) the product of all filters in front. opacity: (N,) of the nearest surface, filter or not.
+    (N, 3), not tinted. tint: (N, 3) the product of all filters in front. opacity: (N,) of the nearest filter, or 1 of a surface.
     distance: (N,) from the eye; inf where there is no surface.
     """
 
@@ -70,16 +70,16 @@ def seen(surfaces: Surfaces, directions: np.ndarray, hits: HitSource, epsilon: f
         points = surfaces.at(triangle, u, v)
         material, opacity = points.material, points.opacity
         inward = (points.front * directions[active]).sum(1) > 0.0
-        there = (table.double_sided[material] | ~inward) & (opacity >= table.cut_out[material])
+        there = (table.double_sided[material] | ~inward) & (opacity >= table.cut_out[material]) & (opacity > 0.0)
         opacity = np.where(table.cut_out[material] > 0.0, 1.0, opacity)
         # `light_cutoff`: more than half of the light is held back
         filters = there & table.filters[material] & (opacity * (1.0 - table.transmission[material]) < 0.5)
         first = there & ~touched[active]
-        it.opacity[active[first]], touched[active[first]] = opacity[first], True
-        it.tint[active[filters]] *= 1.0 - opacity[filters, None] * (1.0 - points.albedo[filters])
+        it.opacity[active[first]], touched[active[first]] = np.where(filters, opacity, 1.0)[first], True
+        it.tint[active[filters]] *= 1.0 - opacity[filters, None] * (1.0 - np.clip(points.albedo[filters], 0.0, 1.0))
         stops = there & ~filters
         at, geometric = active[stops], np.where(inward[:, None], -points.front, points.front)[stops]
-        side = np.where((points.smooth[stops] * geometric).sum(1, keepdims=True) < 0.0, -1.0, 1.0)
+        side = np.where(inward[stops, None], -1.0, 1.0)
         it.seen[at], it.distance[at], it.position[at], it.geometric[at] = True, distance[stops], points.position[stops], geometric
         it.normal[at], it.smooth[at] = side * points.mapped[stops], side * points.smooth[stops]
         it.albedo[at], it.emission[at] = points.albedo[stops], points.emission[stops]

@@ -27,7 +27,7 @@ _OFF = 0.01  # of the scene's diagonal: how far neighbours of a smooth pixel may
 
 @dataclass(frozen=True)
 class Truth:
-    """Indirect irradiance E (N, 3) in W/m², one bounce, at N pixels given by row and column (N, 2), top row first."""
+    """Indirect irradiance E (N, 3) in W/m², one bounce, about mapped normals, at N pixels (N, 2): row from the top, column."""
 
     pixels: np.ndarray
     irradiance: np.ndarray
@@ -47,7 +47,8 @@ def gather(world: World, seen: Seen, shadow_size: int, count: int = 500, seconds
     pixels = np.random.default_rng(0).permutation(candidates)[:count]
     at = tuple(pixels.T)
     triangle = None if seen.triangle is None else seen.triangle[at]
-    sites = Sites(seen.position[at], seen.normal[at], seen.geometric[at], triangle)
+    normal = seen.normal if seen.lit_normal is None else seen.lit_normal
+    sites = Sites(seen.position[at], normal[at], seen.geometric[at], triangle)
     with (
         ShadowPass(ctx) as shadow,
         _fine(world) as gather,

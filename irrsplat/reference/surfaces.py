@@ -19,8 +19,8 @@ class Points(NamedTuple):
     """N points on surfaces, float64; normals are unit, world space.
 
     position: (N, 3). front: (N, 3) the geometric normal on the side from which the triangle is wound counter-clockwise.
-    smooth: (N, 3) the interpolated normal, mapped: (N, 3) the same bent by the normal map; both on the side on which the mesh
-    has its normals. albedo, emission: (N, 3). opacity: (N,), 1 where the material ignores it or cuts out. material: (N,) numbers.
+    smooth: (N, 3) the interpolated normal, mapped: (N, 3) the same bent by the normal map; both on the side of `front`.
+    albedo, emission: (N, 3). opacity: (N,), 1 where the material ignores it. material: (N,) numbers.
     """
 
     position: np.ndarray
@@ -160,6 +160,7 @@ class Surfaces:
         front = unit(np.cross(b - a, c - a))
         smooth = blended(self.normals)
         smooth = np.where((smooth**2).sum(1, keepdims=True) > 0.0, unit(smooth), front)
+        smooth = np.where((smooth * front).sum(1, keepdims=True) < 0.0, -smooth, smooth)
         material, table = self.material[triangle], self.materials
         albedo, opacity, emission = blended(self.albedo), blended(self.opacity), self.emission[triangle].astype(np.float64)
         uvs = blended(self.uvs)
@@ -168,7 +169,7 @@ class Surfaces:
             r, g, b_, alpha = self._color("albedo", material, uvs)
             albedo, opacity = albedo * np.stack([r, g, b_], axis=1), opacity * alpha
             emission = emission * np.stack(self._color("emission", material, uvs)[:3], axis=1)
-            mapped = self._bent(triangle, material, uvs, smooth)
+            mapped = self._bent(triangle, material, uvs, smooth, front)
         opacity = np.where(table.reads_opacity[material], opacity, 1.0)
         return Points(blended(self.positions), front, smooth, mapped, albedo, emission, opacity, material)
 
@@ -182,8 +183,10 @@ class Surfaces:
                 channel[at] = values
         return found
 
-    def _bent(self, triangle: np.ndarray, material: np.ndarray, uvs: np.ndarray, smooth: np.ndarray) -> np.ndarray:
-        """(N, 3) the normals that the normal maps make of `smooth`.
+    def _bent(
+        self, triangle: np.ndarray, material: np.ndarray, uvs: np.ndarray, smooth: np.ndarray, front: np.ndarray
+    ) -> np.ndarray:
+        """(N, 3) the normals that the normal maps make of `smooth`, none below the surface whose normal is `front`.
 
         The tangent runs along the image to the right, the bitangent upward in it; both are made perpendicular to `smooth`.
         Where the coordinates are missing or degenerate, nothing is bent.
@@ -206,8 +209,9 @@ class Surfaces:
         bitangent *= np.sign((bitangent * -np.sign(area)[:, None] * downward).sum(1, keepdims=True))
         r, g, b, _ = self._color("normal", material[at], uvs[at], linear=True)
         scale = self.materials.normal_scale[material[at]]
-        x, y, z = (2.0 * r - 1.0) * scale, (2.0 * g - 1.0) * scale, 2.0 * b - 1.0
-        bent = unit(x[:, None] * tangent + y[:, None] * bitangent + z[:, None] * n)
+        x, y, z = (2.0 * r - 1.0) * scale, (2.0 * g - 1.0) * scale, np.maximum(2.0 * b - 1.0, 0.0)
+        bent = x[:, None] * tangent + y[:, None] * bitangent + z[:, None] * n
+        bent = unit(bent - np.minimum((bent * front[at]).sum(1, keepdims=True), 0.0) * front[at])
         usable = (np.abs(area) > 1e-20) & np.isfinite(bent).all(axis=1) & ((bent**2).sum(1) > 0.5) & ((tangent**2).sum(1) > 0.5)
         result = smooth.copy()
         result[at[usable]] = bent[usable]

@@ -31,7 +31,7 @@ class Traced:
     halves: (2, H, W, 3) indirect irradiance in W/m², by two independent halves of the samples. direct: (H, W, 3) ρ/π·E_direct,
     emission: (H, W, 3) of the surface, or of the sky where the scene has its own, in W/(m² sr). albedo: (H, W, 3). normal:
     (H, W, 3) bent by the normal map, turned to the camera; irradiance is about it. tint: (H, W, 3) what filters in front leave
-    of all that. opacity: (H, W) of the nearest surface, filter or not. The rest are (H, W) bool:
+    of all that. opacity: (H, W) of the nearest filter, or 1 of a surface. The rest are (H, W) bool:
     seen: there is a surface. valid: and the surface is smooth in the 3×3 pixels around: irradiance is compared there.
     clear: and no shadow's edge is near: direct light is compared there.
     """

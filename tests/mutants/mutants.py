@@ -762,7 +762,7 @@ APP = (
     Mutant(
         "a filter tints by its colour alone in the truth",
         "irrsplat/reference/camera_view.py",
-        "1.0 - opacity[filters, None] * (1.0 - points.albedo[filters])",
+        "1.0 - opacity[filters, None] * (1.0 - np.clip(points.albedo[filters], 0.0, 1.0))",
         "points.albedo[filters]",
         ("tests/reference/test_surfaces.py::test_filters_tint_what_is_behind_them",),
     ),

@@ -136,6 +136,16 @@ def test_a_normal_map_bends_along_the_image(turn: Any, right: Any, up: Any, by: 
     assert np.allclose(found.smooth[1, 1], (0, eye, 0)) and np.allclose(found.geometric[1, 1], (0, eye, 0))
 
 
+def test_no_normal_is_bent_below_its_surface() -> None:
+    """A map of 80° on a normal that leans 40° ends in the surface; the side on which normals are stored does not count."""
+    steep = Texture(image(round(127.5 + 127.5 * np.sin(np.radians(80.0))), 128, round(127.5 + 127.5 * np.cos(np.radians(80.0)))))
+    ground = worn(floor(1.0, paint=Material(normal_texture=steep)))
+    lean = np.tile([np.sin(np.radians(40.0)), np.cos(np.radians(40.0)), 0.0], (4, 1)).astype("f4")
+    for normals in (lean, -lean):
+        found = cast(scene(replace(ground, normals=normals)), ABOVE, (3, 3))
+        assert np.allclose(found.normal[1, 1], (1.0, 0.0, 0.0), atol=0.01) and np.allclose(found.smooth[1, 1], lean[0], atol=1e-6)
+
+
 def test_without_coordinates_a_normal_map_bends_nothing() -> None:
     found = cast(scene(floor(1.0, paint=Material(normal_texture=Texture(image(200, 160, 220))))), ABOVE, (3, 3))
     assert np.array_equal(found.normal[1, 1], (0.0, 1.0, 0.0))
@@ -171,7 +181,7 @@ def test_filters_tint_what_is_behind_them(paint: Material, tint: Any) -> None:
     back is a surface, and lets nothing through."""
     found = cast(scene(floor(1.0, 1.0, paint), floor(1.0, 1.5, paint), floor(1.0)), ABOVE, (5, 5))
     opacity = paint.opacity if paint.alpha_mode == "blend" else 1.0
-    assert np.allclose(found.opacity, opacity)
+    assert np.allclose(found.opacity, 1.0 if tint is None else opacity)
     assert np.allclose(found.tint, 1.0 if tint is None else tint**2)
     assert np.allclose(found.position[..., 1], 1.5 if tint is None else 0.0)
 
