@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import platform
 from collections.abc import Iterable
 from importlib import metadata
@@ -12,9 +13,11 @@ from irrsplat.core.errors import IrrsplatError
 
 if TYPE_CHECKING:
     from irrsplat.core.load_options import LoadOptions
-    from irrsplat.scene.model import Light
+    from irrsplat.scene.model import Camera, Light, Material, Scene, Texture
 
 LIBRARIES = ("moderngl", "glcontext", "numpy", "trimesh", "Pillow", "OpenEXR", "rich")
+_MOST_MATERIALS = 12  # that are listed
+_ORTHOGRAPHIC = 500.0  # scene diagonals: a camera that is farther away from its target stands for an orthographic one
 
 
 def scene(source: str, options: LoadOptions) -> None:
@@ -27,21 +30,72 @@ def scene(source: str, options: LoadOptions) -> None:
     closed = sum(mesh.closed for mesh in it.meshes)
     meshes = _count(len(it.meshes), "mesh", "meshes")
     print(f"  triangles  {it.triangles:,} in {meshes}: {closed} closed, {len(it.meshes) - closed} open")
-    print(f"  bounds     {_point(low)} to {_point(high)}, diagonal {it.diagonal:g} m")
+    print(f"  bounds     {_point(low)} to {_point(high)}, diagonal {it.diagonal:g} m, up {_point(it.up)}")
+    _materials(it)
+    stand_in = not it.own_sky and any(it.sky)
     emissive = [mesh for mesh in it.meshes if any(mesh.material.emission)]
     print(
         f"  lights     {len(it.lights)}"
         + (f", and {_count(len(emissive), 'emissive mesh', 'emissive meshes')}" if emissive else "")
     )
     for light in it.lights:
-        print(f"    {_light(light)}")
-    print(f"  sky        {_point(it.sky) if any(it.sky) else 'black'}")
+        print(f"    {_light(light)}" + (", stands in" if stand_in and light.name == "key" else ""))
+    above = f", brighter above by {_point(it.sky_gradient)}" if any(it.sky_gradient) else ""
+    print(f"  sky        {_point(it.sky) + above if any(it.sky) else 'black'}" + (", stands in" if stand_in else ""))
     print(f"  cameras    {len(it.cameras)}")
     for i, camera in enumerate(it.cameras):
         name = (f"'{camera.name}'" if camera.name else "(no name)") + (" default" if i == 0 else "")
-        print(f"    {name}: eye {_point(camera.eye)}, target {_point(camera.target)}, fov {camera.fov:g}°")
+        print(f"    {name}: eye {_point(camera.eye)}, target {_point(camera.target)}, {_lens(camera, it.diagonal)}")
     for notice in it.notices:
         print(f"  notice     {notice}")
+
+
+def _materials(scene: Scene) -> None:
+    """Print how many materials there are and what is special about them, the first of them, and the textures."""
+    materials = list(scene.materials)
+    kinds = (
+        ("emits", sum(any(m.emission) for m in materials)),
+        ("cut out", sum(m.alpha_mode == "mask" for m in materials)),
+        ("lets light pass", sum(m.filters for m in materials)),
+        ("seen from its front alone", sum(not m.double_sided for m in materials)),
+    )
+    special = ", ".join(f"{count} {kind}" for kind, count in kinds if count)
+    print(f"  materials  {len(materials)}" + (f": {special}" if special else ""))
+    for material in materials[:_MOST_MATERIALS]:
+        print(f"    {_material(material)}")
+    if len(materials) > _MOST_MATERIALS:
+        print(f"    and {len(materials) - _MOST_MATERIALS} more")
+    images = {id(texture.image): texture.image.pixels for m in materials for texture in m.textures}
+    texels = sum(pixels.shape[0] * pixels.shape[1] for pixels in images.values())
+    print(f"  textures   {len(images)}" + (f", {texels / 1e6:.3g} megapixels" if images else ""))
+
+
+def _material(material: Material) -> str:
+    parts = [f"albedo {_point(material.albedo)}" + (_texture(material.albedo_texture))]
+    if any(material.emission):
+        parts.append(f"emission {_point(material.emission)} W/(m² sr){_texture(material.emission_texture)}")
+    if material.normal_texture is not None:
+        parts.append(f"normals{_texture(material.normal_texture)}")
+    if material.alpha_mode != "opaque":
+        parts.append(f"{material.alpha_mode}, opacity {material.opacity:g}")
+    if material.transmission:
+        parts.append(f"transmission {material.transmission:g}")
+    return ", ".join(parts)
+
+
+def _texture(texture: Texture | None) -> str:
+    if texture is None:
+        return ""
+    height, width = texture.image.pixels.shape[:2]
+    return f" × {texture.image.name or 'a texture'} {width}x{height}"
+
+
+def _lens(camera: Camera, diagonal: float) -> str:
+    """Its field of view, or that it stands for an orthographic one, which is told by how far away it is."""
+    distance = math.dist(camera.eye, camera.target)
+    if distance > _ORTHOGRAPHIC * diagonal:
+        return f"orthographic, {distance * camera.screen:.4g} m high (a pinhole far away)"
+    return f"fov {camera.fov:g}°"
 
 
 def bundled() -> None:
@@ -95,7 +149,12 @@ def doctor() -> int:
 
 def _light(light: Light) -> str:
     where = ("from " if light.directional else "at ") + _point(light.position)
-    power = f"intensity {_point(light.color)} W/sr" if light.physical else f"diffuse {_point(light.color)} (OpenGL)"
+    if light.directional:
+        power = f"irradiance {_point(c * (1.0 if light.physical else math.pi) for c in light.color)} W/m² (lux)"
+    elif light.physical:
+        power = f"intensity {_point(light.color)} W/sr (candela)"
+    else:
+        power = f"diffuse {_point(light.color)} (OpenGL)"
     cone = f", towards {_point(light.spot_target)}, {light.spot_cutoff:g}° half angle" if light.spot_target is not None else ""
     return f"{light.kind} {where}{cone}, {power}" + (f" '{light.name}'" if light.name else "")
 

@@ -29,6 +29,7 @@ class FakeRenderer:
 
     asked: SimpleNamespace
     stats: dict[str, Any]
+    notices: tuple[str, ...] = ()
 
     def __init__(self, scene: Any, size: tuple[int, int], preset: str, **settings: Any) -> None:
         type(self).asked = SimpleNamespace(scene=scene, size=size, preset=preset, settings=settings)

@@ -13,13 +13,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
+import irrsplat.scene
 from irrsplat.app import cli
 from irrsplat.app import flags as parser
 from irrsplat.core.errors import GLError
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.gpu import context
+from irrsplat.scene.model import Camera, Light, Scene
 from irrsplat.settings import SETTINGS
+from tests.support.worlds import material, quad
 
 RENDER = ["render", "plain.scene", "-o", "a.png"]
 
@@ -152,6 +156,29 @@ def test_info(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "eye (0 0 5)" in text and "fov 40°" in text
     assert cli.main(["info"]) == 0
     assert {"cornell", "cornell-paper", "furnace"} <= {line.split()[0] for line in capsys.readouterr().out.splitlines()}
+
+
+def test_info_says_what_a_file_holds_and_what_stands_in(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "m.mtl").write_text("newmtl red\nKd 0.5 0.1 0.1\nmap_Kd red.png\n")
+    Image.new("RGB", (300, 200), (255, 0, 0)).save(tmp_path / "red.png")
+    (tmp_path / "a.obj").write_text("mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl red\nf 1/1 2/1 3/1\n")
+    assert cli.main(["info", str(tmp_path / "a.obj"), "--up-axis", "z"]) == 0
+    text = capsys.readouterr().out
+    assert "up (0 0 1)" in text and "materials  1\n" in text and "textures   1, 0.06 megapixels" in text
+    assert "red.png 300x200" in text and "'key', stands in" in text and "W/m² (lux)" in text
+    assert "brighter above by" in text and text.count("stands in") == 3, "sky, key and, in a notice, the camera"
+
+
+def test_info_tells_lenses_and_units(place: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    lights = (Light((0, 1, 0), (2, 2, 2), physical=True), Light((0, 1, 0), (1, 1, 1), directional=True))
+    cameras = (Camera((0, 0, 5), (0, 0, 0), fov=40.0), Camera((0, 0, 2000.0), (0, 0, 0), fov=0.1, name="flat"))
+    mesh = quad((0, 0, 0), (1, 0, 0), (0, 1, 0), material(0.5, 3.0))
+    monkeypatch.setattr(irrsplat.scene, "load", lambda *_, **__: Scene((mesh,), lights, cameras))
+    assert cli.main(["info", "plain.scene"]) == 0
+    text = capsys.readouterr().out
+    assert "intensity (2 2 2) W/sr (candela)" in text and "irradiance (3.142 3.142 3.142) W/m² (lux)" in text
+    assert "fov 40°" in text and "'flat': eye (0 0 2000), target (0 0 0), orthographic, 3.491 m high" in text
+    assert "materials  1: 1 emits" in text and "emission (3 3 3) W/(m² sr)" in text
 
 
 def test_doctor(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:

@@ -52,7 +52,7 @@ def finish(
             scene = replace(scene, sky=(1.0, 1.0, 1.0), own_sky=False)
             notices.append(f"{path}: no light, no emission and no sky; a sky of radiance 1 1 1 stands in")
     elif sky is None:
-        around = camera.closed_in(points, np.asarray(scene.cameras[0].eye), world)
+        around = camera.closed_in(scene, points, world, hollow)
         inside = inside or around is not None
         if not light.shines(scene, "closed" if inside else "half" if hollow.places else "none"):
             few = "too little light" if lights or any(any(mesh.material.emission) for mesh in meshes) else "no light"

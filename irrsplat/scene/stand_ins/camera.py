@@ -19,6 +19,7 @@ _VOLUME = 0.2  # of the bounding box that is seen from within: less is a cavity 
 _EYE, _STOREY = 1.6, (1.9, 60.0)  # metres: how high eyes are where a ceiling is as high as that, in files that are in metres
 _EYE_SHARE = 0.45  # of a room of another height
 _CLEAR = 0.05  # of the floor's diagonal: the least distance between the eye and what stands beside it
+_PLACES, _STAGE_PLACES = 0.1, 0.6  # of the points that are tried: so many are in a closed room, or in one that may lack a wall
 _GRID = 5  # points along each side of the floor that are tried
 _HEIGHTS = 0.35, 0.65  # of the bounding box at which a room is looked for
 
@@ -34,6 +35,11 @@ class Hollow:
     def most_open(self) -> Surroundings:
         """What is seen where most directions are free."""
         return min((around for _, around in self.places), key=lambda around: around.closed)
+
+    @property
+    def stage(self) -> bool:
+        """Whether most of the bounding box is a room, closed or not; in a thing there may be a cavity or two."""
+        return len(self.places) >= _STAGE_PLACES * _GRID**2 * len(_HEIGHTS)
 
     @property
     def rooms(self) -> list[tuple[np.ndarray, Surroundings]]:
@@ -56,7 +62,8 @@ def hollow(scene: Scene, points: SurfacePoints, axes: np.ndarray) -> Hollow:
     if not len(points.position) or box == 0.0:
         return Hollow(())
     seen = [(at, surroundings(points, at, axes)) for at in _grid(low, high, axes, _HEIGHTS)]
-    return Hollow(tuple((at, it) for at, it in seen if _roomy(it, box)))
+    found = Hollow(tuple((at, it) for at, it in seen if _roomy(it, box)))
+    return found if found.stage or len(found.rooms) >= _PLACES * len(seen) else Hollow(())
 
 
 def _roomy(around: Surroundings, box: float) -> bool:
@@ -70,7 +77,7 @@ def default_camera(scene: Scene, points: SurfacePoints, axes: np.ndarray, hollow
 
     points: spread over the surfaces; axes: (3, 3) rows right, up and front of the world.
     """
-    if hollow.places and hollow.most_open.closed < _STAGE:
+    if hollow.stage and hollow.most_open.closed < _STAGE:
         way = _opening(hollow.most_open, axes)
         if way is not None:
             return Standpoint(_before(scene, axes, way), False)
@@ -82,12 +89,14 @@ def default_camera(scene: Scene, points: SurfacePoints, axes: np.ndarray, hollow
     return Standpoint(_before(scene, axes, _THREE_QUARTERS), False)
 
 
-def closed_in(points: SurfacePoints, at: np.ndarray, axes: np.ndarray) -> Surroundings | None:
-    """What is seen from `at`, where that is closed all around; else None."""
+def closed_in(scene: Scene, points: SurfacePoints, axes: np.ndarray, hollow: Hollow) -> Surroundings | None:
+    """What the first camera sees around it where that is closed, or where it stands in a scene that is a room; else None."""
     if not len(points.position):
         return None
-    around = surroundings(points, at, axes)
-    return around if around.closed >= _ROOM else None
+    eye = np.asarray(scene.cameras[0].eye)
+    around = surroundings(points, eye, axes)
+    within = bool(((scene.bounds[0] <= eye) & (eye <= scene.bounds[1])).all())
+    return around if around.closed >= _ROOM or (within and hollow.rooms and hollow.most_open.closed >= _STAGE) else None
 
 
 def _extent(scene: Scene, axes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
