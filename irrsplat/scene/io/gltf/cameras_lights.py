@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from irrsplat.scene.io.gltf.document import Damaged, Document, extension, number, numbers, shown
+from irrsplat.scene.io.gltf.document import GREATEST, Damaged, Document, extension, number, numbers, shown
 from irrsplat.scene.io.gltf.nodes import Node
 from irrsplat.scene.io.gltf.nodes import name as node_name
 from irrsplat.scene.model import Camera, Light
@@ -108,4 +108,6 @@ def _direction(axis: np.ndarray) -> np.ndarray:
 
 def _vector(values: np.ndarray | Sequence[float]) -> _Vector:
     x, y, z = np.asarray(values, float).tolist()
+    if not max(abs(x), abs(y), abs(z)) <= GREATEST:
+        raise Damaged("it lies farther away, or is brighter, than 32-bit floats can reckon with")
     return x, y, z

@@ -11,7 +11,7 @@ import numpy as np
 
 from irrsplat.core.color import clip_color
 from irrsplat.core.errors import InputError
-from irrsplat.scene.io.gltf.document import Damaged, Document, Missing, extension, number, numbers, shown
+from irrsplat.scene.io.gltf.document import GREATEST, Damaged, Document, Missing, extension, number, numbers, shown
 from irrsplat.scene.io.gltf.packed import plain_view
 from irrsplat.scene.io.images import read_image
 from irrsplat.scene.model import AlphaMode, Image, Material, Texture, Wrap
@@ -93,7 +93,7 @@ class Materials:
         color, emission, normal = (self._texture(info, uv_sets) for info in infos)
 
         strength = number(extension(entry, "KHR_materials_emissive_strength") or {}, "emissiveStrength", 1.0)
-        glow = [max(0.0, strength * value) for value in numbers(entry, "emissiveFactor", (0.0, 0.0, 0.0))]
+        glow = [min(max(0.0, strength * value), GREATEST) for value in numbers(entry, "emissiveFactor", (0.0, 0.0, 0.0))]
         mode = str(entry.get("alphaMode", "OPAQUE")).lower()
         alpha_mode: AlphaMode = mode if mode in get_args(AlphaMode) else "opaque"  # type: ignore[assignment]  # mypy can't narrow
         material = Material(

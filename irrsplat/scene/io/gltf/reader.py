@@ -166,6 +166,8 @@ class _Reader:
             uvs=uvs,
             opacities=opacities if material.alpha_mode != "opaque" else None,
         )
+        if np.abs(mesh.positions).max(initial=0.0) > GREATEST:
+            raise Damaged("it lies farther away than 32-bit floats can reckon with")
         self.degenerate += dropped
         return mesh
 
