@@ -102,7 +102,7 @@ def _vectors(lines: Lines, kind: int, counts: tuple[int, ...], strict: bool, rem
     The first three are NaN in lines that can't be read, which raise InputError if `strict`; otherwise a remark counts them.
     """
     text = block(lines, np.flatnonzero(lines.kind == kind))
-    values, least = floats(text), counts[0]
+    values, least = floats(text.code.tobytes(), len(text.word)), counts[0]
     width = min(7, max(3, int(text.count.max(initial=0))))
     if (text.count == width).all():
         table = values.reshape(-1, width)

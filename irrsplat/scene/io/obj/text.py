@@ -112,12 +112,15 @@ def block(lines: Lines, which: np.ndarray) -> Block:
     return Block(which, code, offset, word, first, np.diff(first, append=len(word)))
 
 
-def floats(text: Block) -> np.ndarray:
-    """(W,) float64: what each word spells, as Python's `float` reads it; NaN for what is no number."""
-    values = _read(text.code.tobytes(), np.float64, len(text.word))
+def floats(text: bytes, count: int) -> np.ndarray:
+    """(count,) float64: what each word of `text` spells, as Python's `float` reads it; NaN for what is no number.
+
+    Words are what control characters and blanks part.
+    """
+    values = _read(text, np.float64, count)
     if values is not None:
         return values
-    words = text.code.tobytes().translate(_BLANKS).split()
+    words = text.translate(_BLANKS).split()
     return np.fromiter(map(_float, words), float, len(words))
 
 

@@ -1,0 +1,367 @@
+"""Reads `.ply` files, text or binary: polygons and triangle strips with colours, normals and texture coordinates."""
+
+from __future__ import annotations
+
+import re
+import struct
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from irrsplat.core.color import linear_from_srgb
+from irrsplat.core.errors import InputError
+from irrsplat.core.load_options import LoadOptions
+from irrsplat.scene.io.creases import crease_normals
+from irrsplat.scene.io.images import find_file, read_image
+from irrsplat.scene.io.lines import quote, read_bytes
+from irrsplat.scene.io.obj.polygons import triangulate
+from irrsplat.scene.io.obj.text import decoded, floats
+from irrsplat.scene.io.part import Part
+from irrsplat.scene.model import Material, Texture
+
+_TYPES = {
+    **dict.fromkeys(("char", "int8"), "i1"),
+    **dict.fromkeys(("uchar", "uint8"), "u1"),
+    **dict.fromkeys(("short", "int16"), "i2"),
+    **dict.fromkeys(("ushort", "uint16"), "u2"),
+    **dict.fromkeys(("int", "int32"), "i4"),
+    **dict.fromkeys(("uint", "uint32"), "u4"),
+    **dict.fromkeys(("float", "float32"), "f4"),
+    **dict.fromkeys(("double", "float64"), "f8"),
+}
+_COLORS = (("red", "green", "blue"), ("diffuse_red", "diffuse_green", "diffuse_blue"), ("r", "g", "b"))
+_COORDINATES = (("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t"))
+_INDICES = ("vertex_indices", "vertex_index")
+
+
+@dataclass(frozen=True)
+class _Property:
+    """One column of an element: its name and type, and the type of the count in front of it where it is a list."""
+
+    name: str
+    type: str
+    count: str = ""
+
+
+@dataclass(frozen=True)
+class _Element:
+    name: str
+    length: int
+    properties: tuple[_Property, ...]
+
+
+@dataclass(frozen=True)
+class _List:
+    """Rows of different lengths: their values one after another, and how many each has."""
+
+    values: np.ndarray
+    sizes: np.ndarray
+
+
+Columns = dict[str, "np.ndarray | _List"]
+
+
+def read_ply(path: Path, notices: list[str], options: LoadOptions) -> list[Part]:
+    """The faces of the file, as one part; vertex or face colours are sRGB, and count where there is no texture.
+
+    Reads x y z, nx ny nz, red green blue, s t (or u v, texture_u texture_v; a list `texcoord` of the faces) with the image in
+    ``comment TextureFile``, `vertex_indices` and `tristrips`. Without normals, they are made by the crease angle. Faces that
+    can't be drawn cost a notice. Raises InputError for a file that is truncated, that is no PLY, or that has no faces.
+    """
+    data = read_bytes(path)
+    end = re.search(rb"end_header[ \t]*(\r\n|\n|\r)", data[:100_000])
+    if not re.match(rb"ply\s", data) or end is None:
+        raise InputError("this is no PLY file (it has no PLY header); export it again", path)
+    order, elements, images = _header(path, decoded(data[: end.start()]))
+    body = data[end.end() :]
+    tables: dict[str, Columns] = {}
+    reader = _Text(body) if order == "ascii" else _Binary(body, order)
+    for element in elements:
+        columns = reader.element(element)
+        if columns is None:
+            if tables.keys() >= {"vertex"} and {"face", "tristrips"} & tables.keys() and element.name not in ("vertex", "face"):
+                break  # all that is drawn has been read
+            raise InputError(f"the file is truncated: its header announces {element.length} of '{element.name}'", path)
+        tables[element.name] = columns
+    vertex = tables.get("vertex", {})
+    if not {"x", "y", "z"} <= vertex.keys():
+        raise InputError("there are no vertices in this file; expected an element 'vertex' with x, y and z", path)
+    positions = _stacked(vertex, ("x", "y", "z"))
+    corners, face, where, lost = _triangles(positions, tables)
+    if not len(corners):
+        raise InputError("there are no faces in this file; a cloud of points can't be lit", path)
+    if lost:
+        notices.append(f"{path}: {lost} face{'s' * (lost > 1)} left out; {_REASON}")
+    return [_part(path, notices, options, vertex, tables.get("face", {}), positions, corners, face, where, images)]
+
+
+_REASON = "they have fewer than three corners, or a vertex that is not there or not finite"
+
+
+def _header(path: Path, text: str) -> tuple[str, list[_Element], list[str]]:
+    """A header's format ("ascii", "<" or ">"), elements, and names of images; raises InputError where it is wrong."""
+    order, elements, images = "", [], []
+    for i, line in enumerate(text.splitlines(), 1):
+        words = line.split()
+        try:
+            if not words:
+                continue
+            if words[0] == "comment":
+                if words[1:2] == ["TextureFile"]:
+                    images.append(line.split(None, 2)[2].strip())
+            elif words[0] == "format":
+                order = {"ascii": "ascii", "binary_little_endian": "<", "binary_big_endian": ">"}[words[1]]
+            elif words[0] == "element":
+                elements.append(_Element(words[1], max(int(words[2]), 0), ()))
+            elif words[0] == "property":
+                column = _Property(words[4], _TYPES[words[3]], _TYPES[words[2]]) if words[1] == "list" else None
+                column = column or _Property(words[2], _TYPES[words[1]])
+                last = elements.pop()
+                elements.append(_Element(last.name, last.length, (*last.properties, column)))
+        except (KeyError, IndexError, ValueError):
+            raise InputError(f"this is no line of a PLY header: {quote(line.strip())}; export it again", path, i) from None
+    if not order:
+        raise InputError("this PLY file has no 'format' line; export it again", path)
+    return order, elements, images
+
+
+class _Text:
+    """Takes elements from the lines of a text file, one after another; a row is a line, and what that has too much is ignored."""
+
+    def __init__(self, body: bytes) -> None:
+        text = b"\n" + re.sub(rb"(?m)^[ \t]*(comment|obj_info)[^\n]*", b"", body) + b"\n"
+        code = np.frombuffer(text, np.uint8)
+        gap = code <= 32
+        word = np.flatnonzero(gap[:-1] & ~gap[1:]) + 1
+        line = np.searchsorted(np.flatnonzero((code == 10) | (code == 13)), word)
+        self.first = np.flatnonzero(np.diff(line, prepend=-1))
+        self.end = np.append(self.first[1:], len(word))
+        self.values = floats(code.tobytes(), len(word))
+        self.at = 0
+
+    def element(self, element: _Element) -> Columns | None:
+        """The columns of the next element; None where there are too few lines, or words in one."""
+        rows = slice(self.at, self.at + element.length)
+        at, end = self.first[rows], self.end[rows]
+        if len(at) < element.length:
+            return None
+        columns: Columns = {}
+        for one in element.properties:
+            size = np.ones(len(at), np.int64)
+            if (at >= end).any():
+                return None
+            if one.count:
+                size = np.nan_to_num(self.values[at], nan=-1.0).astype(np.int64)
+                at = at + 1
+            if ((size < 0) | (at + size > end)).any():
+                return None
+            found = self.values[at if not one.count else _spread(at, size)]
+            columns[one.name] = _List(found, size) if one.count else found.astype(one.type)
+            at = at + size
+        self.at += element.length
+        return columns
+
+
+class _Binary:
+    """Takes elements from the bytes of a binary file, one after another."""
+
+    def __init__(self, data: bytes, order: str) -> None:
+        self.data, self.order, self.at = data, order, 0
+
+    def element(self, element: _Element) -> Columns | None:
+        """The columns of the next element; None where there are too few bytes."""
+        fields, at = [], self.at
+        for one in element.properties:  # as if all rows were as long as the first
+            if one.count:
+                size = self._count(one, at) if element.length else 0
+                if size is None:
+                    return None
+                fields += [(f"{one.name} count", self.order + one.count), (one.name, self.order + one.type, (size,))]
+            else:
+                fields += [(one.name, self.order + one.type)]
+            at = self.at + np.dtype(fields).itemsize
+        row = np.dtype(fields)
+        if self.at + row.itemsize * element.length <= len(self.data):
+            table = np.frombuffer(self.data, row, element.length, self.at)
+            lists = [one for one in element.properties if one.count]
+            if all((table[f"{one.name} count"] == row[one.name].shape[0]).all() for one in lists):
+                self.at += table.nbytes
+                columns: Columns = {one.name: table[one.name] for one in element.properties if not one.count}
+                for one in lists:
+                    columns[one.name] = _List(table[one.name].reshape(-1), np.full(element.length, row[one.name].shape[0]))
+                return columns
+        return self._ragged(element) if any(one.count for one in element.properties) else None
+
+    def _count(self, one: _Property, at: int) -> int | None:
+        if at + np.dtype(one.count).itemsize > len(self.data):
+            return None
+        size = int(np.frombuffer(self.data, self.order + one.count, 1, at)[0])
+        return size if 0 <= size <= len(self.data) else None
+
+    def _ragged(self, element: _Element) -> Columns | None:
+        starts: list[list[int]] = [[] for _ in element.properties]
+        sizes: list[list[int]] = [[] for _ in element.properties]
+        codes = [struct.Struct(self.order + np.dtype(one.count or "u1").char) for one in element.properties]
+        widths = [np.dtype(one.type).itemsize for one in element.properties]
+        data, at, end = self.data, self.at, len(self.data)
+        for _ in range(element.length):  # each row tells where the next one begins
+            for column, one in enumerate(element.properties):
+                size = 1
+                if one.count:
+                    if at + codes[column].size > end:
+                        return None
+                    size = int(codes[column].unpack_from(data, at)[0])
+                    at += codes[column].size
+                if size < 0 or at + size * widths[column] > end:
+                    return None
+                starts[column].append(at)
+                sizes[column].append(size)
+                at += size * widths[column]
+        code = np.frombuffer(data, np.uint8)
+        columns: Columns = {}
+        for one, places, counts, width in zip(element.properties, starts, sizes, widths, strict=True):
+            place, count = np.array(places, np.int64), np.array(counts, np.int64)
+            first = _spread(place, count, width)
+            values = code[first[:, None] + np.arange(width)].reshape(-1).view(self.order + one.type)
+            columns[one.name] = _List(values, count) if one.count else values
+        self.at = at
+        return columns
+
+
+def _spread(start: np.ndarray, size: np.ndarray, step: int = 1) -> np.ndarray:
+    """start, start + step, … for each of the lists, one after another."""
+    inside = np.arange(int(size.sum())) - np.repeat(np.cumsum(size) - size, size)
+    return np.asarray(np.repeat(start, size) + step * inside)
+
+
+def _stacked(columns: Columns, names: tuple[str, ...]) -> np.ndarray:
+    """(N, len(names)) float64."""
+    return np.stack([np.asarray(columns[name], float) for name in names], 1)
+
+
+def _triangles(positions: np.ndarray, tables: dict[str, Columns]) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+    """(F, 3) into positions, (F,) their faces (-1: of a strip), (F, 3) into the faces' lists, and how many faces were lost."""
+    none = np.zeros((0, 3), np.int64)
+    corners, face, where, lost = none, np.zeros(0, np.int64), none, 0
+    usable = np.isfinite(positions).all(1) & (np.abs(positions) < 1e15).all(1)
+    columns = tables.get("face", {})
+    lists = next((columns[name] for name in _INDICES if name in columns), None)
+    if isinstance(lists, _List) and len(lists.values):
+        owner = np.repeat(np.arange(len(lists.sizes)), lists.sizes)
+        index = np.nan_to_num(lists.values.astype(float), nan=-1.0).astype(np.int64)
+        there = (index >= 0) & (index < len(positions))
+        bad = lists.sizes < 3
+        bad[owner[~there | ~usable[np.where(there, index, 0)]]] = True
+        lost = int(bad.sum())
+        entries, kept = np.flatnonzero(~bad[owner]), np.flatnonzero(~bad)
+        local, polygon = triangulate(positions, index[entries], lists.sizes[kept])
+        corners, face, where = index[entries][local], kept[polygon], entries[local]
+    strips = tables.get("tristrips", {})
+    lists = next((strips[name] for name in _INDICES if name in strips), None)
+    if isinstance(lists, _List) and len(lists.values):
+        index = np.insert(lists.values.astype(np.int64), np.cumsum(lists.sizes)[:-1], -1)
+        ends = index < 0
+        place = np.arange(len(index))
+        odd = (place - np.maximum.accumulate(np.where(ends, place, -1)) - 1) % 2 == 1
+        three = np.stack([index[:-2], index[1:-1], index[2:]], 1)
+        three[odd[:-2]] = three[odd[:-2]][:, [1, 0, 2]]
+        three = three[(three >= 0).all(1)]
+        good: np.ndarray = np.max(three, axis=1, initial=-1) < len(positions)
+        good[good] = usable[three[good]].all(1)
+        lost += int((~good).sum())
+        corners = np.concatenate([corners, three[good]])
+        face = np.append(face, np.full(int(good.sum()), -1))
+        where = np.concatenate([where, np.full((int(good.sum()), 3), -1)])
+    return corners, face, where, lost
+
+
+def _part(
+    path: Path,
+    notices: list[str],
+    options: LoadOptions,
+    vertex: Columns,
+    faces: Columns,
+    positions: np.ndarray,
+    corners: np.ndarray,
+    face: np.ndarray,
+    where: np.ndarray,
+    images: list[str],
+) -> Part:
+    """The part with these triangles, in what the file says about their looks."""
+    positions = np.where(np.isfinite(positions), positions, 0.0)
+    texture, files = _texture(path, notices, images)
+    uvs, corner_uvs = _coordinates(vertex, faces, corners, where) if texture else (None, None)
+    if uvs is None:
+        texture = None
+    colors = None
+    if texture is None:
+        own = next((names for names in _COLORS if vertex.keys() >= set(names)), None)
+        of_face = next((names for names in _COLORS if faces.keys() >= set(names)), None)
+        if own:
+            colors = _unit_colors(np.stack([np.asarray(vertex[name]) for name in own], 1), vertex, own)
+        elif of_face and (face >= 0).all():
+            rgb = _unit_colors(np.stack([np.asarray(faces[name]) for name in of_face], 1), faces, of_face)
+            colors = np.repeat(rgb[face], 3, axis=0)
+    normals, corner_normals = None, None
+    if vertex.keys() >= {"nx", "ny", "nz"}:
+        normals = _stacked(vertex, ("nx", "ny", "nz"))
+        corner_normals = corners
+    elif options.crease_angle > 0.0:
+        normals, corner_normals = crease_normals(positions, corners, options.crease_angle)
+    if colors is not None and len(colors) != len(positions):  # a face's colour belongs to its corners alone
+        positions, corners = positions[corners].reshape(-1, 3), np.arange(3 * len(corners)).reshape(-1, 3)
+    return Part(
+        positions,
+        corners,
+        normals,
+        corner_normals,
+        material=Material((1.0, 1.0, 1.0), albedo_texture=texture) if texture else Material(),
+        colors=colors,
+        name=path.stem,
+        files=files,
+        uvs=uvs,
+        corner_uvs=corner_uvs,
+    )
+
+
+def _texture(path: Path, notices: list[str], images: list[str]) -> tuple[Texture | None, tuple[Path, ...]]:
+    if not images:
+        return None, ()
+    if len(images) > 1:
+        notices.append(f"{path}: only the first of its {len(images)} textures is shown; save it with one, or as OBJ")
+    file = find_file(path.parent, images[0])
+    if file is None:
+        notices.append(f"{path}: there is no image {quote(images[0])}; grey 0.5 stands in")
+        return None, ()
+    try:
+        return Texture(read_image(read_bytes(file), file.name)), (file,)
+    except InputError as error:
+        notices.append(f"{path}: {error}; grey 0.5 stands in")
+        return None, (file,)
+
+
+def _coordinates(
+    vertex: Columns, faces: Columns, corners: np.ndarray, where: np.ndarray
+) -> tuple[np.ndarray | None, np.ndarray | None]:
+    """(T, 4) texture coordinates, v downward, and (F, 3) which of them each corner has; None and None where there are none."""
+    wedge = faces.get("texcoord")
+    indices = next((faces[name] for name in _INDICES if name in faces), None)
+    if isinstance(wedge, _List) and isinstance(indices, _List) and (wedge.sizes == 2 * indices.sizes).all():
+        uv, corner_uvs = wedge.values.reshape(-1, 2).astype(float), where
+    else:
+        names = next((names for names in _COORDINATES if vertex.keys() >= set(names)), None)
+        if names is None:
+            return None, None
+        uv, corner_uvs = _stacked(vertex, names), corners
+    uv = np.nan_to_num(uv, posinf=0.0, neginf=0.0)
+    return np.column_stack([uv[:, 0], 1.0 - uv[:, 1], np.zeros((len(uv), 2))]), corner_uvs
+
+
+def _unit_colors(values: np.ndarray, columns: Columns, names: tuple[str, ...]) -> np.ndarray:
+    """(N, 3) linear reflectance for sRGB colours, either integers of some width or floats in 0..1."""
+    kind = np.asarray(columns[names[0]]).dtype
+    scale = (
+        float(np.iinfo(kind).max) if kind.kind in "ui" else 255.0 if float(np.nan_to_num(values).max(initial=0.0)) > 2.0 else 1.0
+    )
+    return linear_from_srgb(np.clip(np.nan_to_num(values.astype(float) / scale), 0.0, 1.0))

@@ -1,0 +1,66 @@
+"""Reads `.stl` files; trimesh parses, this file checks what it returns and makes normals."""
+
+from __future__ import annotations
+
+import io
+import logging
+import re
+from pathlib import Path
+
+import numpy as np
+
+from irrsplat.core.errors import InputError
+from irrsplat.core.load_options import LoadOptions
+from irrsplat.scene.io.creases import crease_normals
+from irrsplat.scene.io.lines import read_bytes
+from irrsplat.scene.io.mesh_builder import welded
+from irrsplat.scene.io.part import Part
+
+
+def read_stl(path: Path, notices: list[str], options: LoadOptions) -> list[Part]:
+    """The triangles of the file, a part for each solid, with normals by the crease angle; vertices at one place count as one.
+
+    Triangles that aren't finite cost a notice, and so do colours, which are not read. Raises InputError for a truncated file and
+    for one without triangles, and whatever trimesh raises.
+    """
+    import trimesh  # takes 0.4 s: imported only for such files
+
+    logging.getLogger("trimesh").addHandler(logging.NullHandler())  # otherwise its warnings are printed to stderr
+    data = read_bytes(path)
+    binary = len(data) >= 84 and 84 + 50 * int.from_bytes(data[80:84], "little") == len(data)
+    if not binary and data.lstrip()[:5].lower() == b"solid":
+        data = re.sub(rb"#[^\r\n]*", b"", data)
+    scene = trimesh.load_scene(io.BytesIO(data), file_type="stl", process=False)
+    solids = [(np.asarray(mesh.vertices, float), np.asarray(mesh.faces)) for mesh in scene.geometry.values()]
+    count = sum(len(corners) for _, corners in solids)
+    if not binary and count != data.lower().count(b"endfacet"):
+        raise InputError("this is no STL file, or a truncated one; export it again", path)
+    if not count:
+        raise InputError("there are no triangles in this file", path)
+    if binary and _colored(data):
+        notices.append(f"{path}: the colours of this STL file are not shown; save it as PLY or OBJ to keep them")
+    parts, lost = [], 0
+    for positions, corners in solids:
+        with np.errstate(invalid="ignore"):
+            usable: np.ndarray = np.max(np.abs(positions), axis=1, initial=0.0) < 1e15
+        good = usable[corners].all(axis=1)
+        lost += int((~good).sum())
+        corners, positions = corners[good], np.where(usable[:, None], positions, 0.0)
+        first, weld = welded(positions.astype(np.float32))
+        positions, corners = positions[first], weld[corners]
+        if options.crease_angle > 0.0:
+            normals, corner_normals = crease_normals(positions, corners, options.crease_angle)
+            parts.append(Part(positions, corners, normals, corner_normals, name=path.stem))
+        else:
+            parts.append(Part(positions, corners, name=path.stem))
+    if lost == count:
+        raise InputError("no vertex is finite (NaN or infinity); expected finite coordinates", path)
+    if lost:
+        notices.append(f"{path}: {lost} triangle{'s' * (lost > 1)} with coordinates that are not finite left out")
+    return parts
+
+
+def _colored(data: bytes) -> bool:
+    """Whether a binary file has colours, as Magics (in its header) or VisCAM (a bit of each triangle) write them."""
+    attributes = np.frombuffer(data, "u1", offset=84).reshape(-1, 50)[:, 48:].copy().view("<u2")
+    return b"COLOR=" in data[:80] or bool((attributes >> 15).mean() > 0.5)
