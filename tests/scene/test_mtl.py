@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -32,6 +33,12 @@ def mtl(tmp_path: Path) -> Callable[..., Scene]:
 
 def material(scene: Scene) -> Material:
     return scene.meshes[0].material
+
+
+def known(value: Any) -> Any:
+    """`value`, of which the test knows that it isn't None."""
+    assert value is not None
+    return value
 
 
 def alpha(values: np.ndarray | list[list[int]], rgb: int = 200) -> np.ndarray:
@@ -88,7 +95,7 @@ def test_every_texture_has_its_place(mtl):
     ]
     assert colors == [[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255]] and len(scene.files) == 5
     mesh = scene.meshes[0]  # v upward becomes v downward; a missing v is 0
-    uvs = {tuple(p[:2]): uv for p, uv in zip(mesh.positions.tolist(), mesh.uvs.tolist(), strict=True)}
+    uvs = {tuple(p[:2]): uv for p, uv in zip(mesh.positions.tolist(), known(mesh.uvs).tolist(), strict=True)}
     assert uvs == {(0, 0): [0, 1, 0, 0], (1, 0): [1, 1, 0, 0], (1, 1): [1, 0, 0, 0], (0, 1): [0, 1, 0, 0]}
 
 
@@ -105,7 +112,7 @@ def test_every_texture_has_its_place(mtl):
 def test_options_stand_before_the_file(mtl, tmp_path, options, s, o, wrap, name):
     # a point (u, v), v upward, shows the image's (s u + o, …): so the model's, downward, shows 1 - (s (1 - v) + o)
     Image.fromarray(RED).save(tmp_path / name)
-    texture = material(mtl(f"newmtl a\nmap_Kd {options} {name}\n")).albedo_texture
+    texture = known(material(mtl(f"newmtl a\nmap_Kd {options} {name}\n")).albedo_texture)
     a, b, c, d, e, f = texture.transform
     for u, v in ((0, 0), (1, 0), (0.3, 0.8)):
         assert (a * u + b * v + c, d * u + e * v + f) == pytest.approx((s[0] * u + o[0], 1 - (s[1] * (1 - v) + o[1])))
@@ -119,7 +126,8 @@ def test_images_are_found_under_other_names(mtl, tmp_path, written):
     (tmp_path / "tex").mkdir()
     for place in (tmp_path / "tex", tmp_path):
         Image.fromarray(RED).save(place / "Red One.png")
-    assert material(mtl(f"newmtl a\r\nmap_Kd {written}\r\n")).albedo_texture.image.pixels[0, 0].tolist() == [255, 0, 0, 255]
+    texture = material(mtl(f"newmtl a\r\nmap_Kd {written}\r\n")).albedo_texture
+    assert known(texture).image.pixels[0, 0].tolist() == [255, 0, 0, 255]
 
 
 @pytest.mark.parametrize(
@@ -149,7 +157,7 @@ def test_an_alpha_says_itself_what_it_means(mtl, lines, mode, means):
     found = material(mtl(f"newmtl a\n{lines}\n", shape=shape, **images))
     assert found.alpha_mode == mode
     if means:
-        pixels = found.albedo_texture.image.pixels
+        pixels = known(found.albedo_texture).image.pixels
         assert (pixels[0, 0, 3], pixels[0, -1, 3]) == means and len(pixels) == (20 if "shape" in lines else 10)
         assert found.albedo == (0.5, 0.5, 0.5) if "map_Kd" not in lines else found.albedo == (1, 1, 1)
         assert pixels[0, 0, 0] == (200 if "map_Kd" in lines else 255)
@@ -160,7 +168,7 @@ def test_materials_share_an_image(mtl, tmp_path):
     (tmp_path / "a.obj").write_text(OBJ + "usemtl b\nf 1/1 2/2 3/3\nusemtl a\nf 1/1 2/2 3/3\n")
     scene = load(tmp_path / "a.obj")
     one, other = scene.meshes
-    assert one.material.albedo_texture.image is other.material.albedo_texture.image and len(scene.materials) == 2
+    assert known(one.material.albedo_texture).image is known(other.material.albedo_texture).image and len(scene.materials) == 2
 
 
 @pytest.mark.parametrize(
@@ -199,6 +207,6 @@ def test_vertex_colours_are_multiplied_by_the_material(mtl, tmp_path):
     mtl("newmtl a\nKd 0.5 0.5 0.5\n")
     colored = OBJ.replace("0 0\nv", "0 0 1 1 0\nv").replace("1 0\nv", "1 0 1 1 0\nv").replace("1 0\nvt", "1 0 1 1 0\nvt")
     (tmp_path / "a.obj").write_text(colored)
-    np.testing.assert_allclose(load(tmp_path / "a.obj").meshes[0].colors, [[0.5, 0.5, 0]] * 4)
+    np.testing.assert_allclose(known(load(tmp_path / "a.obj").meshes[0].colors), [[0.5, 0.5, 0]] * 4)
     (tmp_path / "a.obj").write_text(colored.replace("mtllib", "#"))
-    np.testing.assert_allclose(load(tmp_path / "a.obj").meshes[0].colors, [[1, 1, 0]] * 4)
+    np.testing.assert_allclose(known(load(tmp_path / "a.obj").meshes[0].colors), [[1, 1, 0]] * 4)
