@@ -122,12 +122,12 @@ def test_where_nothing_shines_a_sky_stands_in(write):
 
 @pytest.mark.parametrize("text", ["scale 30 2 2\ntrans 4 4 4\nobj t.obj\n", "sky 1 1 1\n"])
 def test_without_a_camera_one_sees_the_whole_scene(write, text):
-    # every corner of the bounding box lies inside the view of a square picture: |x|, |y| <= tan(fov/2)·depth
+    # every vertex lies inside the view of a square picture: |x|, |y| <= tan(fov/2)·depth
     scene = write(text)
     camera = scene.camera()
-    corners = np.array([[scene.bounds[i, 0], scene.bounds[j, 1], scene.bounds[k, 2]] for i, j, k in np.ndindex(2, 2, 2)])
-    x, y, z = camera.view_from_world[:3, :3] @ corners.T + camera.view_from_world[:3, 3:]
-    assert (np.maximum(np.abs(x), np.abs(y)) <= math.tan(math.radians(camera.fov / 2)) * -z + 1e-9).all()
+    points = np.concatenate([np.zeros((0, 3)), *(mesh.positions for mesh in scene.meshes)])
+    x, y, z = camera.view_from_world[:3, :3] @ points.T + camera.view_from_world[:3, 3:]
+    assert (np.maximum(np.abs(x), np.abs(y)) <= math.tan(math.radians(camera.fov / 2)) * -z + 1e-6).all()
     assert any("camera" in notice for notice in scene.notices)
 
 

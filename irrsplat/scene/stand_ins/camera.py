@@ -115,13 +115,15 @@ def _grid(low: np.ndarray, high: np.ndarray, axes: np.ndarray, heights: tuple[fl
 
 
 def _before(scene: Scene, axes: np.ndarray, way: np.ndarray) -> Camera:
-    """A camera that sees the whole bounding box from the side of `way`, by right, up and front."""
+    """A camera that sees every vertex from the side of `way`, by right, up and front, as near as that allows."""
     out = way @ axes
     centre = scene.bounds.mean(0)
     towards = Camera(_point(centre + out), _point(centre), _point(axes[1]), _OUTSIDE)
-    x, y, z = towards.axes @ (scene.corners - centre).T
-    reach = (z + np.maximum(np.abs(x), np.abs(y)) / np.tan(np.radians(_OUTSIDE) / 2.0)).max()
-    distance = 1.05 * max(float(reach), 0.05 * scene.diagonal)
+    slope, reach = np.tan(np.radians(_OUTSIDE) / 2.0), 0.05 * scene.diagonal
+    for points in (mesh.positions for mesh in scene.meshes if len(mesh.positions)):
+        x, y, z = towards.axes.astype("f4") @ (points - centre.astype("f4")).T
+        reach = max(reach, float((z + np.maximum(np.abs(x), np.abs(y)) / slope).max()))
+    distance = 1.08 * reach
     return Camera(_point(centre + distance * out), _point(centre), _point(axes[1]), _OUTSIDE)
 
 
