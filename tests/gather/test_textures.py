@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import moderngl
@@ -10,11 +11,12 @@ import numpy as np
 import pytest
 
 from irrsplat.core.color import linear_from_srgb
-from irrsplat.scene.model import Image, Material, Mesh, Scene, Texture
+from irrsplat.scene.model import Image, Material, Mesh, Scene, Texture, Wrap
 from tests.support.worlds import Lit, box, floor, gather, lamp, material, polygon_vector, quad, scene, sites
 
 UP = (0.0, 1.0, 0.0)
 WAYS = ("trace", "raster")
+DRAWS = (("trace", 1), ("raster", 1), ("raster", 9))  # and into how many strips what is seen is cut: meshlets are drawn otherwise
 
 
 def image(values: Any, alpha: Any = 255) -> Image:
@@ -62,8 +64,7 @@ def rectangle(x0: float, x1: float, z0: float, z1: float, y: float = 1.0) -> np.
 # ---- emission and reflectance -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("grid", [1, 9])
-@pytest.mark.parametrize("kind", WAYS)
+@pytest.mark.parametrize("kind, grid", DRAWS)
 def test_E_below_a_quartered_emitter_is_the_sum_of_its_quarters(ctx: moderngl.Context, kind: str, grid: int) -> None:
     """Four squares of radiance 1, 0.5 (sRGB 188), 0 and coloured: π·F of each, below another quarter's middle too."""
     colours = np.array([[[255, 255, 255], [188, 188, 188]], [[0, 0, 0], [255, 0, 188]]])
@@ -80,19 +81,21 @@ def test_E_below_a_quartered_emitter_is_the_sum_of_its_quarters(ctx: moderngl.Co
 
 
 @pytest.mark.parametrize("kind", WAYS)
-@pytest.mark.parametrize("wrap, seen", [("repeat", (0, 1, 0)), ("mirror", (0, 1, 1)), ("clamp", (0, 1, 1))])
-def test_an_image_goes_on_beyond_its_borders_as_its_wrap_says(
-    ctx: moderngl.Context, kind: str, wrap: Any, seen: tuple[int, ...]
-) -> None:
-    """A strip 1.5 images long that is lit where its image is white: of u in 0..0.5, 0.5..1 and 1..1.5."""
-    texture = Texture(image(np.kron([[0, 255]], np.ones((4, 64), int))), transform=(1.5, 0, 0, 0, 1, 0), wrap=(wrap, wrap))
-    found = gather(ctx, scene(ceiling(glowing(texture))), sites((0, 0, 0), UP), 64, kind).E[0, 0]
+def test_an_image_goes_on_beyond_its_borders_as_its_wrap_says(ctx: moderngl.Context, kind: str) -> None:
+    """Strips 1.5 images long that shine where their image is white: of u in 0..0.5, 0.5..1 and 1..1.5."""
+    seen: dict[Wrap, tuple[int, ...]] = {"repeat": (0, 1, 0), "mirror": (0, 1, 1), "clamp": (0, 1, 1)}
+    black_and_white = image(np.kron([[0, 255]], np.ones((4, 64), int)))
+    meshes, places = [], 10.0 * np.arange(3)[:, None] * (1, 0, 0)
+    for wrap, place in zip(seen, places, strict=True):
+        mesh = ceiling(glowing(Texture(black_and_white, transform=(1.5, 0, 0, 0, 1, 0), wrap=(wrap, wrap))))
+        meshes.append(replace(mesh, positions=(mesh.positions + place).astype("f4")))
+    found = gather(ctx, scene(*meshes), sites(places, UP), 64, kind).E[:, 0]
     edges = np.linspace(-1, 1, 4)
-    truth = sum(on * form(rectangle(a, b, -1, 1)) for on, a, b in zip(seen, edges, edges[1:], strict=False))
-    assert found == pytest.approx(truth, rel=0.02)
+    thirds = [form(rectangle(a, b, -1, 1)) for a, b in pairwise(edges)]
+    assert np.allclose(found, [np.dot(on, thirds) for on in seen.values()], rtol=0.02)
 
 
-@pytest.mark.parametrize("kind", WAYS)
+@pytest.mark.parametrize("kind", WAYS[:1])
 def test_the_second_set_of_coordinates_turned_by_a_transform(ctx: moderngl.Context, kind: str) -> None:
     """Only the half with z > 0 shines: u of the image is v of the second set, which here is that of the first, mirrored in x."""
     texture = Texture(image([[0] * 64 + [255] * 64] * 128), uv_set=1, transform=(0, 1, 0, 1, 0, 0))
@@ -103,8 +106,7 @@ def test_the_second_set_of_coordinates_turned_by_a_transform(ctx: moderngl.Conte
     assert found == pytest.approx(form(rectangle(-1, 1, 0, 1), (0, 0, -0.5)), rel=0.02)
 
 
-@pytest.mark.parametrize("kind", WAYS)
-@pytest.mark.parametrize("count", [64, 512])
+@pytest.mark.parametrize("kind, count", [("trace", 64), ("raster", 512)])
 def test_what_is_finer_than_a_ray_sees_is_seen_as_its_mean(ctx: moderngl.Context, kind: str, count: int) -> None:
     """A checker of 0 and 1 much finer than what 16² rays can tell: E within 1 % of what a plain half brings, everywhere."""
     texture = Texture(image(255 * checker(count)))
@@ -114,7 +116,7 @@ def test_what_is_finer_than_a_ray_sees_is_seen_as_its_mean(ctx: moderngl.Context
     assert np.allclose(fine, plain, rtol=0.01)
 
 
-@pytest.mark.parametrize("kind", WAYS)
+@pytest.mark.parametrize("kind", WAYS[:1])
 def test_reflectance_is_that_of_the_vertices_times_the_texture_s(ctx: moderngl.Context, kind: str) -> None:
     """A large lit plane of albedo (0.8, 0.4, 0.8) times (1, 1, 0.5) reflects ρ/π·E_lamp from each of its points."""
     texture = Texture(image(np.tile([255, 255, 188], (4, 4, 1))))
@@ -142,20 +144,19 @@ def fence(bars: int, alpha_mode: Any = "mask", opacity: float = 1.0) -> Material
     )
 
 
-@pytest.mark.parametrize("grid", [1, 9])
-@pytest.mark.parametrize("kind", WAYS)
-@pytest.mark.parametrize("bars, tolerance", [(1, 0.01), (16, 0.01)])
-def test_a_fence_below_the_sky_holds_back_its_share(
-    ctx: moderngl.Context, kind: str, bars: int, tolerance: float, grid: int
-) -> None:
-    """E of a sky of radiance 1 is π less the form factors of the bars."""
-    world = scene(ceiling(fence(bars), grid=grid), sky=1.0)
-    edges = np.linspace(-1, 1, 2 * bars + 1)
-    truth = np.pi - sum(form(rectangle(a, b, -1, 1)) for a, b in zip(edges[1::2], edges[2::2], strict=True))
-    assert gather(ctx, world, sites((0, 0, 0), UP), 96, kind).E[0, 0] == pytest.approx(truth, rel=tolerance)
+@pytest.mark.parametrize("kind, grid", DRAWS)
+def test_a_fence_below_the_sky_holds_back_its_share(ctx: moderngl.Context, kind: str, grid: int) -> None:
+    """E of a sky of radiance 1 is π less the form factors of the bars: of a single one, and of 16."""
+    one, many = ceiling(fence(1), grid=grid), ceiling(fence(16), grid=grid)
+    aside = replace(many, positions=many.positions + np.array([10, 0, 0], "f4"))
+    found = gather(ctx, scene(one, aside, sky=1.0), sites([(0, 0, 0), (10, 0, 0)], UP), 96, kind).E[:, 0]
+    for bars, seen in zip((1, 16), found, strict=True):
+        edges = np.linspace(-1, 1, 2 * bars + 1)
+        truth = np.pi - sum(form(rectangle(a, b, -1, 1)) for a, b in zip(edges[1::2], edges[2::2], strict=True))
+        assert seen == pytest.approx(truth, rel=0.01)
 
 
-@pytest.mark.parametrize("kind", WAYS)
+@pytest.mark.parametrize("kind", WAYS[:1])
 def test_a_fine_fence_in_a_large_image_does_not_vanish(ctx: moderngl.Context, kind: str) -> None:
     """Wires of one texel in eight of an image of 4096 texels, finer than any layer: they hold back an eighth."""
     alpha = np.zeros((8, 4096))
@@ -173,20 +174,19 @@ PASSED = {
 }
 
 
-@pytest.mark.parametrize("grid", [1, 9])
-@pytest.mark.parametrize("kind", WAYS)
-@pytest.mark.parametrize("pane", PASSED.values(), ids=PASSED)
-def test_a_pane_changes_no_light(ctx: moderngl.Context, kind: str, grid: int, pane: Material) -> None:
-    """To the last bit: records below it have what they have without it, and so has what is behind it."""
+@pytest.mark.parametrize("kind, grid", DRAWS)
+def test_panes_change_no_light(ctx: moderngl.Context, kind: str, grid: int) -> None:
+    """Of all kinds, to the last bit: records below them have what they have without them, and so has what is behind."""
     room = quad((-2, -0.5, -2), (4, 0, 0), (0, 0, 4)), box((0.3, -0.5, 0.3), (0.6, 0.6, 0.6), material(0.7))
     lit: dict[str, Any] = {"lights": (lamp((-0.4, 3.0, 0.2), 5.0),), "sky": 0.3}
     where = sites([(0, 0, 0), (0.5, 0.2, 0.0)], [UP, (0, 0, 1)])
     far = ceiling(material(), 3.0, 4.0)  # so that the scene's size is the same
+    panes = [ceiling(pane, 1.0 + i / 8, 0.9 + i / 8, grid=grid) for i, pane in enumerate(PASSED.values())]
     without = gather(ctx, scene(*room, far, **lit), where, 16, kind)
-    assert np.array_equal(gather(ctx, scene(*room, ceiling(pane, grid=grid), far, **lit), where, 16, kind).E, without.E)
+    assert np.array_equal(gather(ctx, scene(*room, *panes, far, **lit), where, 16, kind).E, without.E)
 
 
-@pytest.mark.parametrize("kind", WAYS)
+@pytest.mark.parametrize("kind", WAYS[:1])
 def test_opacities_of_vertices_decide_too(ctx: moderngl.Context, kind: str) -> None:
     """An opacity that falls off from 1 to 0 along x, of what blends: light sees the half where it is more than one half."""
     mesh = ceiling(Material((0.0, 0.0, 0.0), alpha_mode="blend"))
@@ -225,15 +225,15 @@ def test_rays_and_rasters_see_the_same_textures(ctx: moderngl.Context) -> None:
 # ---- shadows ----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("place", [(0.0, 2.0, 0.0), (0.3, 1.6, 0.1)])
+@pytest.mark.parametrize("place", [(0.3, 1.6, 0.1)])
 def test_the_shadow_of_a_cut_out_square_has_the_hole_where_it_should_be(ctx: moderngl.Context, place: Any) -> None:
-    """A hole of a quarter of a square's side, seen from a lamp above: below it, points of the floor are lit where the line to the
-    lamp passes the hole or the square's outside. By what single rays from a grid of points just above them see of the floor."""
+    """Points of a floor below it are lit where their line to the lamp passes the hole or the square's outside: by what records just
+    above these points see of the floor."""
     alpha = np.full((64, 64), 255)
     alpha[16:32, 24:48] = 0
     paint = Material((0.0,) * 3, albedo_texture=Texture(image(alpha * 0, alpha)), alpha_mode="mask")
     card = ceiling(paint, 0.5, 1.0)
-    x, z = (0.035 * (a.ravel() - 24.3) for a in np.meshgrid(np.arange(49), np.arange(49)))
+    x, z = (0.05 * (a.ravel() - 16.3) for a in np.meshgrid(np.arange(33), np.arange(33)))
     eye = np.stack([x, np.full_like(x, 0.05), z], -1)
     with Lit(ctx, scene(floor(2.0, paint=material(1.0)), card, lights=(lamp(place),)), 512) as lit:
         E = lit.gather(sites(eye, (0, -1, 0)), 4, capacity=len(eye)).E[:, 0]  # of a disc of 5 cm below
