@@ -227,8 +227,8 @@ def test_rays_and_rasters_see_the_same_textures(ctx: moderngl.Context) -> None:
 
 @pytest.mark.parametrize("place", [(0.3, 1.6, 0.1)])
 def test_the_shadow_of_a_cut_out_square_has_the_hole_where_it_should_be(ctx: moderngl.Context, place: Any) -> None:
-    """Points of a floor below it are lit where their line to the lamp passes the hole or the square's outside: by what records just
-    above these points see of the floor."""
+    """Points of a floor below it are lit where their line to the lamp passes the hole or the square's outside: by what records
+    just above these points see of the floor."""
     alpha = np.full((64, 64), 255)
     alpha[16:32, 24:48] = 0
     paint = Material((0.0,) * 3, albedo_texture=Texture(image(alpha * 0, alpha)), alpha_mode="mask")
