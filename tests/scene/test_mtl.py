@@ -90,9 +90,8 @@ def test_every_texture_has_its_place(mtl):
         blue=RED[..., [1, 2, 0]],
     )
     found = material(scene)
-    colors = [
-        texture.image.pixels[0, 0].tolist() for texture in (found.albedo_texture, found.emission_texture, found.normal_texture)
-    ]
+    textures = found.albedo_texture, found.emission_texture, found.normal_texture
+    colors = [known(texture).image.pixels[0, 0].tolist() for texture in textures]
     assert colors == [[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255]] and len(scene.files) == 5
     mesh = scene.meshes[0]  # v upward becomes v downward; a missing v is 0
     uvs = {tuple(p[:2]): uv for p, uv in zip(mesh.positions.tolist(), known(mesh.uvs).tolist(), strict=True)}
