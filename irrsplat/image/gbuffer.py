@@ -93,7 +93,9 @@ class GBufferPass(Owner):
         look = runs[0].look
         surfaces = [_draw(run, self._map_uniforms(run.look) | {"first_triangle": run.first}) for run in runs if run.look.solid]
         tints = [
-            _draw(run, self._map_uniforms(Look(run.look.albedo)) | {"alpha_cutoff": run.look.alpha_cutoff})
+            _draw(
+                run, self._map_uniforms(replace(run.look, emission=None, normal=None)) | {"alpha_cutoff": run.look.alpha_cutoff}
+            )
             for run in runs
             if run.look.filters
         ]
@@ -104,7 +106,9 @@ class GBufferPass(Owner):
         uniforms: Uniforms = {}
         for name, texture in (("albedo", look.albedo), ("emission", look.emission), ("normal", look.normal)):
             if texture is not None:
-                uniforms |= {f"{name}_map": self.maps(texture, name != "normal")} | map_uniforms(name, texture)
+                uniforms |= {
+                    f"{name}_map": self.maps(texture, name != "normal", look.alpha_cutoff if name == "albedo" else 0.0)
+                } | map_uniforms(name, texture)
         return uniforms | ({"normal_scale": look.normal_scale} if look.normal is not None else {})
 
     def __call__(self, world: World, camera: Camera, target: GBufferTarget | None = None) -> GBuffer:

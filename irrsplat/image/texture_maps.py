@@ -14,6 +14,7 @@ from irrsplat.core.color import linear_from_srgb, srgb
 from irrsplat.gpu.context import describe
 from irrsplat.gpu.program import SampledTexture
 from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.scene.image_means import with_coverage
 from irrsplat.scene.looks import Run
 from irrsplat.scene.model import Image, Texture
 
@@ -26,18 +27,20 @@ _TAPS = 4  # the same where shaders take them
 
 @dataclass(frozen=True)
 class _Use:
-    """An image as textures hold it: `srgb`, where its colours are to be decoded."""
+    """An image as textures hold it. srgb: its colours are to be decoded. cutoff: the least alpha at which a surface is there."""
 
     image: Image
     srgb: bool
+    cutoff: float = 0.0
 
 
 def _uses(runs: Sequence[Run]) -> tuple[_Use, ...]:
     """The images that these are drawn with, each once in every encoding in which it is wanted."""
     looks = dict.fromkeys(run.look for run in runs)
-    colours = (_Use(texture.image, True) for look in looks for texture in (look.albedo, look.emission) if texture is not None)
+    colours = (_Use(look.albedo.image, True, look.alpha_cutoff) for look in looks if look.albedo is not None)
+    shining = (_Use(look.emission.image, True) for look in looks if look.emission is not None)
     normals = (_Use(look.normal.image, False) for look in looks if look.normal is not None)
-    return tuple(dict.fromkeys([*colours, *normals]))
+    return tuple(dict.fromkeys([*colours, *shining, *normals]))
 
 
 def halvings(sizes: Iterable[tuple[int, int]], memory: float, side: int) -> list[int]:
@@ -98,7 +101,7 @@ class TextureMaps(Owner):
         self._counts: Mapping[_Use, int] = {}  # how often each image is halved
         self._textures: dict[_Use, moderngl.Texture] = {}
         self._samplers: dict[tuple[object, ...], moderngl.Sampler] = {}
-        self._sampled: dict[tuple[Texture, bool], SampledTexture] = {}
+        self._sampled: dict[tuple[object, ...], SampledTexture] = {}
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
@@ -133,11 +136,12 @@ class TextureMaps(Owner):
             f"{self.memory} MiB: {image.name or 'the largest'}, {width}x{height}, is shown as {now}",
         )
 
-    def __call__(self, texture: Texture, srgb_encoded: bool) -> SampledTexture:
-        """The image as this texture uses it; where it is mirrored, the shader mirrors, and the sampler clamps."""
-        key = texture, srgb_encoded
+    def __call__(self, texture: Texture, srgb_encoded: bool, cutoff: float = 0.0) -> SampledTexture:
+        """The image as this texture uses it; where it is mirrored, the shader mirrors, and the sampler clamps. cutoff: the least
+        alpha at which a surface is there, if there is one."""
+        key = texture, srgb_encoded, cutoff
         if key not in self._sampled:
-            self._sampled[key] = SampledTexture(self._texture(_Use(texture.image, srgb_encoded)), self._sampler(texture))
+            self._sampled[key] = SampledTexture(self._texture(_Use(texture.image, srgb_encoded, cutoff)), self._sampler(texture))
         return self._sampled[key]
 
     def _texture(self, use: _Use) -> moderngl.Texture:
@@ -148,6 +152,8 @@ class TextureMaps(Owner):
             size, data = pixels.shape[1::-1], np.ascontiguousarray(pixels, "u1")
             made = self.ctx.texture(size, 4, data, internal_format=_SRGB8_ALPHA8) if use.srgb else self.ctx.texture(size, 4, data)
             made.build_mipmaps()
+            if use.cutoff > 0.0:
+                _keep_coverage(made, pixels[..., 3], use.cutoff)
             self._textures[use] = made
         return self._textures[use]
 
@@ -161,6 +167,15 @@ class TextureMaps(Owner):
                 anisotropy=1.0 if texture.nearest or self.taps > 1 else float(_ANISOTROPY),
             )
         return self._samplers[key]
+
+
+def _keep_coverage(texture: moderngl.Texture, alpha: np.ndarray, cutoff: float) -> None:
+    """Scale the alphas of every mip-map, so that as much of it is above the cutoff as of the image's `alpha` (H, W) uint8."""
+    for level in range(1, max(texture.size).bit_length()):
+        width, height = (max(side >> level, 1) for side in texture.size)
+        texels = np.frombuffer(texture.read(level=level), "u1").reshape(height, width, 4).copy()
+        texels[..., 3] = np.ceil(255.0 * with_coverage(alpha, texels[..., 3] / np.float32(255.0), cutoff))
+        texture.write(texels, level=level)
 
 
 def map_uniforms(name: str, texture: Texture) -> dict[str, np.ndarray | tuple[float, ...]]:

@@ -49,7 +49,7 @@ void main()
     out_mapped_normal = vec4(n, 0.0);
 #endif
 #if MASK || BLEND
-    if (cut_alpha(alpha, v_uv) < material_row(int(v_material), MATERIAL_EMISSION).w) discard;
+    if (alpha < material_row(int(v_material), MATERIAL_EMISSION).w) discard;
 #endif
     vec2 octahedral = octahedral_encode(g);
     out_position = vec4(v_position, max(depth, 1e-30));

@@ -51,18 +51,6 @@ vec4 albedo_texel(vec4 uv)
 }
 #endif
 
-// The opacity at a point, of its vertices' and the map's alpha. Mip-maps blur what is cut out, so that less and less of it is above
-// the cutoff: alpha grows with the level to make up for that (Golus 2017, "Anti-aliased Alpha Test").
-float cut_alpha(float alpha, vec4 uv)
-{
-#if ALBEDO_MAP && MASK
-    vec2 place = albedo_from_uv * uv * vec2(textureSize(albedo_map, 0));  // texels
-    float footprint = max(dot(dFdx(place), dFdx(place)), dot(dFdy(place), dFdy(place)));
-    alpha *= 1.0 + 0.25 * max(0.5 * log2(max(footprint, 1e-20)), 0.0);
-#endif
-    return alpha;
-}
-
 #if NORMAL_MAP
 // The unit normal n, of the side that is seen, bent by the map. The tangents are the gradients of the map's coordinates on the
 // surface, by screen-space derivatives (Schuler 2013, "Followup: Normal Mapping Without Precomputed Tangents"), so that mirrored

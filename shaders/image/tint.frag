@@ -27,7 +27,7 @@ void main()
     alpha *= texel.a;
 #endif
 #if MASK
-    if (cut_alpha(alpha, v_uv) < alpha_cutoff) discard;
+    if (alpha < alpha_cutoff) discard;
 #endif
 #if !BLEND
     alpha = 1.0;

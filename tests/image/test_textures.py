@@ -13,9 +13,10 @@ from irrsplat.core.color import linear_from_srgb
 from irrsplat.gpu.target import pixels
 from irrsplat.gpu.world import World
 from irrsplat.image.gbuffer import GBufferPass
-from irrsplat.image.texture_maps import TextureMaps
+from irrsplat.image.texture_maps import TextureMaps, half, halvings
+from irrsplat.scene.looks import PLAIN, in_order, runs
 from irrsplat.scene.model import Camera, Image, Material, Mesh, Scene, Texture
-from tests.support.worlds import quad, scene
+from tests.support.worlds import box, material, quad, scene
 
 SIZE = (64, 64)
 HEAD_ON = Camera((0.0, 0.0, 2.0), (0.0, 0.0, 0.0), fov=2.0 * np.degrees(np.arctan(0.5)))  # sees exactly the square
@@ -24,9 +25,9 @@ COLOURS = RNG.integers(0, 256, (4, 4, 4), dtype="u1")
 COLOURS[..., 3] = 255
 
 
-def square(paint: Material, uvs: np.ndarray | None = None, z: float = 0.0) -> Mesh:
-    """The square from (-1, -1) to (1, 1), facing +z, whose image is upright: (0, 0) is up left."""
-    mesh = quad((-1, -1, z), (2, 0, 0), (0, 2, 0), paint)
+def square(paint: Material, uvs: np.ndarray | None = None, z: float = 0.0, half: float = 1.0) -> Mesh:
+    """A square about the z axis (default: from (-1, -1) to (1, 1)), facing +z, whose image is upright: (0, 0) is up left."""
+    mesh = quad((-half, -half, z), (2 * half, 0, 0), (0, 2 * half, 0), paint)
     one = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], "f4") if uvs is None else uvs
     return replace(mesh, uvs=np.tile(one, 2) if one.shape[1] == 2 else one)
 
@@ -127,3 +128,137 @@ def test_coordinates_are_transformed_and_taken_from_the_set_that_is_named(ctx: m
     moved = Texture(image(COLOURS), 0, (2.0, 0.0, 0.0, 0.0, 1.0, 0.25), nearest=True)
     found = albedo(ctx, square(worn(moved), uvs))
     assert np.abs(found - linear(COLOURS)[_place(at + 0.25, "repeat")][:, _place(2.0 * at, "repeat")]).max() < 0.005
+
+
+@pytest.mark.parametrize("name", ["albedo", "normal"])
+def test_far_away_a_fine_pattern_has_its_mean(ctx: moderngl.Context, name: str) -> None:
+    """Of a checker of black and white texels, 64 of them to a pixel: half the light of white, which as a byte is 188, not 128; of
+    bytes that are no colours, their own mean."""
+    checker = image(255 * (np.indices((64, 64)).sum(0) % 2))
+    if name == "albedo":
+        found = seen(ctx, scene(square(worn(Texture(checker))), camera=HEAD_ON), (8, 8))["albedo"][..., :3]
+        assert np.abs(found - 0.5).max() < 0.01
+    else:
+        paint = Material(normal_texture=Texture(Image(checker.pixels | np.array([0, 0, 255, 0], "u1"))))
+        found = seen(ctx, scene(square(paint), camera=HEAD_ON), (8, 8))["mapped"][..., :3]
+        assert np.abs(found - (0, 0, 1)).max() < 0.01
+
+
+def test_a_floor_seen_at_a_low_angle_keeps_its_lines(ctx: moderngl.Context) -> None:
+    """Stripes along the view, seen at 7°: a pixel is eight times as long as wide on the floor, and stays within its stripe."""
+    stripes = image(np.tile(np.repeat([0, 255], 32), (64, 1)))
+    floor = replace(quad((-1, 0, 1), (2, 0, 0), (0, 0, -2), worn(Texture(stripes))), uvs=square(Material()).uvs)
+    camera = Camera((0.0, 0.25, 2.0), (0.0, 0.0, 0.0), fov=20.0)
+    found = seen(ctx, scene(floor, camera=camera), SIZE)
+    there = (
+        (found["position"][..., 3] > 0.0) & (np.abs(found["position"][..., 0]) > 0.1) & (np.abs(found["position"][..., 0]) < 0.9)
+    )
+    wanted = (found["position"][..., 0] > 0.0)[there]
+    assert there.sum() > 200 and np.abs(found["albedo"][..., 0][there] - wanted).max() < 0.02
+
+
+# ---- cut-outs and sides -----------------------------------------------------------------------------------------------
+
+
+def _alpha(values: np.ndarray) -> Image:
+    """A white image of these opacities."""
+    return Image(np.dstack([np.full((*values.shape, 3), 255), values]).astype("u1"))
+
+
+def test_what_is_masked_shows_what_is_behind(ctx: moderngl.Context) -> None:
+    """There where factor × alpha reaches the cutoff, not there elsewhere; opaque materials do not ask."""
+    alphas = np.array([[255, 160], [120, 0]])
+    leaf = worn(Texture(_alpha(alphas), nearest=True), opacity=0.8, alpha_mode="mask", alpha_cutoff=0.45)
+    wall = square(material(0.25), z=-0.5, half=2.0)
+    found = albedo(ctx, square(leaf), wall, size=(16, 16))[..., 0]
+    wanted = np.where(0.8 * alphas / 255.0 >= 0.45, 1.0, 0.25)
+    assert np.allclose(found, enlarged(wanted, 16), atol=0.01)
+    assert (albedo(ctx, square(replace(leaf, alpha_mode="opaque")), wall, size=(16, 16)) > 0.99).all()
+    thin = replace(square(replace(leaf, opacity=1.0)), opacities=np.full(4, 0.1, "f4"))
+    assert np.allclose(albedo(ctx, thin, wall, size=(16, 16)), 0.25, atol=0.01)
+
+
+@pytest.mark.parametrize("side", [16, 32])
+def test_foliage_far_away_keeps_its_cover(ctx: moderngl.Context, side: int) -> None:
+    """200 leaves of 6 to 10 texels, of which a pixel sees 8 by 8 or 16 by 16, cover what they cover in the image, 14 %; by the means
+    of the alphas it would be 10 % and 2 %."""
+    down, right = np.indices((256, 256))
+    leaves = np.random.default_rng(1).uniform((0, 0, 3), (256, 256, 5), (200, 3))
+    alphas = np.any([(right - x) ** 2 + (down - y) ** 2 < r * r for x, y, r in leaves], axis=0)
+    leaf = worn(Texture(_alpha(255 * alphas)), alpha_mode="mask")
+    covered = seen(ctx, scene(square(leaf), camera=HEAD_ON), (side, side))["position"][..., 3] > 0.0
+    assert abs(covered.mean() - alphas.mean()) < 0.01
+
+
+def test_a_single_side_is_seen_from_the_front_alone(ctx: moderngl.Context) -> None:
+    """The front is where triangles run counter-clockwise; behind it stands a wall."""
+    paint = Material(albedo=(1.0, 1.0, 1.0), double_sided=False)
+    wall = square(material(0.25), z=-0.5, half=2.0)
+    back = replace(square(paint), faces=square(paint).faces[:, ::-1].copy())
+    assert (albedo(ctx, square(paint), wall) == 1.0).all() and (albedo(ctx, back, wall) == 0.25).all()
+    assert (albedo(ctx, replace(back, material=replace(paint, double_sided=True)), wall) == 1.0).all()
+
+
+# ---- the order of triangles, and memory -------------------------------------------------------------------------------
+
+
+def test_triangles_keep_the_numbers_that_planes_are_looked_up_by(ctx: moderngl.Context) -> None:
+    """Meshes of several looks, mixed: the triangle that a pixel names has the pixel's plane, and the runs cover all of them."""
+    textured, sided = worn(Texture(image(COLOURS))), Material(double_sided=False)
+    paints = [textured, Material(), sided, textured, Material(albedo=(0.1, 0.2, 0.3)), sided]
+    meshes = [box((x, 0, 0), (x + 0.8, 1, 1), paint) for x, paint in enumerate(paints)]
+    world = scene(*meshes, camera=Camera((3.0, 3.0, 6.0), (3.0, 0.5, 0.5), fov=60.0))
+    found = seen(ctx, world, (96, 48))
+    there = found["position"][..., 3] > 0.0
+    corners = np.concatenate([mesh.positions[mesh.faces] for mesh in in_order(world)])[found["emission"][there][:, 3].astype(int)]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    assert there.sum() > 300 and np.abs(((found["position"][there][:, :3] - corners[:, 0]) * normal).sum(1)).max() < 1e-4
+    parts = runs(world)
+    assert [part.first for part in parts] == np.cumsum([0, *(part.count for part in parts)])[:-1].tolist()
+    assert sum(part.count for part in parts) == world.triangles and len({part.look for part in parts}) == len(parts) == 3
+    assert parts[0].look == PLAIN
+
+
+def test_plain_materials_keep_their_order(ctx: moderngl.Context) -> None:
+    """However many there are: one draw, the closed meshes before the open ones."""
+    meshes = [box((x, 0, 0), (x + 0.5, 1, 1), material(0.1 * x), outward=x % 2 == 0) for x in range(6)]
+    world = scene(*meshes)
+    assert in_order(world) == meshes[::2] + meshes[1::2] and len(runs(world)) == 1
+
+
+def test_halving_takes_the_largest_until_all_fit() -> None:
+    """In bytes of 4·4/3 a texel: 64² and 16² take 21845 + 1365; nothing, or the large one alone, or both are halved."""
+    sizes = [(64, 64), (16, 16)]
+    assert halvings(sizes, 24000, 4096) == [0, 0]
+    assert halvings(sizes, 20000, 4096) == [1, 0]
+    assert halvings(sizes, 1400, 4096) == [3, 1]
+    assert halvings(sizes, 0, 4096) == [6, 4]  # no texel is halved
+    assert halvings([(8192, 100), (100, 100)], 1e9, 2048) == [2, 0]
+
+
+@pytest.mark.parametrize("shape", [(6, 4), (5, 3), (1, 7), (1, 1)])
+@pytest.mark.parametrize("encoded", [True, False])
+def test_half_an_image_has_the_means_of_its_pixels(shape: tuple[int, int], encoded: bool) -> None:
+    """Linear means of 2×2 pixels; an odd last row or column counts twice. Alpha is linear in any case."""
+    pixels = RNG.integers(0, 256, (*shape, 4), dtype="u1")
+    padded = np.pad(pixels, ((0, shape[0] % 2), (0, shape[1] % 2), (0, 0)), mode="edge") / 255.0
+    values = np.dstack([linear_from_srgb(padded[..., :3]), padded[..., 3]]) if encoded else padded
+    means = np.mean([values[y::2, x::2] for y in (0, 1) for x in (0, 1)], axis=0)
+    found = half(pixels, encoded) / 255.0
+    found = np.dstack([linear_from_srgb(found[..., :3]), found[..., 3]]) if encoded else found
+    assert found.shape == means.shape and np.abs(found - means).max() < 0.006
+
+
+def test_images_beyond_the_memory_are_scaled_down_with_a_notice(ctx: moderngl.Context) -> None:
+    """1024² takes 5.3 MiB; of 2 MiB, 512² is left. It is uploaded once, however often it is worn."""
+    colours = Image(enlarged(COLOURS, 1024), "wall.png")
+    world = scene(square(worn(Texture(colours))), square(worn(Texture(colours, wrap=("clamp", "clamp"))), z=-1.0), camera=HEAD_ON)
+    with TextureMaps(ctx, 2) as maps:
+        found = seen(ctx, world, SIZE, maps)["albedo"][..., :3]
+        textures = [one for one in maps.owned() if isinstance(one, moderngl.Texture)]
+        assert [one.size for one in textures] == [(512, 512)]
+        assert np.abs(found[7:57:16, 7:57:16] - linear(COLOURS)).max() < 0.01
+        (notice,) = maps.notices(runs(world))
+        assert "wall.png" in notice and "1024x1024" in notice and "512x512" in notice
+    with TextureMaps(ctx, 8) as maps:
+        assert maps.notices(runs(world)) == ()
