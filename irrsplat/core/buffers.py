@@ -82,10 +82,12 @@ class Filters:
     """What stands before the surfaces of the g-buffer and lets most light pass, as float textures of its size.
 
     tint: rgb the share of what is behind that is seen, 1 where there is no filter. opacity: of the nearest one, 0 where none is.
+    glow: rgb the radiance that they emit themselves; None where none of the scene does.
     """
 
     tint: moderngl.Texture
     opacity: moderngl.Texture
+    glow: moderngl.Texture | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,7 +16,7 @@ from irrsplat.gpu.target import Target
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
-from irrsplat.image.composite import CompositePass, no_tint
+from irrsplat.image.composite import CompositePass, NoFilters
 from irrsplat.image.gbuffer import GBufferPass, GBufferTarget
 from irrsplat.image.jitter import jittered, sample_offset
 from irrsplat.image.view import View
@@ -154,12 +154,12 @@ class MeanPass(Owner):
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.program = Program(ctx, "image/accumulate", "lib/fullscreen")
-        self.clear = no_tint(ctx)
+        self.no_filters = NoFilters(ctx)
         self.target = Target(ctx, size, (4, 4, 4, 4, 1))
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.program, self.target, self.clear)
+        return (self.program, self.target, self.no_filters)
 
     def __call__(
         self,
@@ -185,7 +185,7 @@ class MeanPass(Owner):
             direct=direct,
             sums=sums,
             centre=centre,
-            tint=self.clear if gbuffer.filters is None else gbuffer.filters.tint,
+            **self.no_filters.uniforms(gbuffer),
             blend=mix,
             **behind,
             share=1.0 / number,

@@ -7,7 +7,7 @@ import math
 import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import GBuffer, SplatBuffer
+from irrsplat.core.buffers import GBuffer, SplatBuffer, Uniforms
 from irrsplat.core.color import MID_GREY
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
@@ -20,9 +20,20 @@ _METER = 64  # blocks along each side of the image
 _SMOOTH = 0.01  # radius of the smoothing, of the image height
 
 
-def no_tint(ctx: moderngl.Context) -> moderngl.Texture:
-    """The tint where nothing filters: a single white texel."""
-    return table_texture(ctx, np.ones((1, 1, 4)))
+class NoFilters(Owner):
+    """Stands in for Filters where there are none: a texel that leaves all light, and one that adds none."""
+
+    def __init__(self, ctx: moderngl.Context) -> None:
+        self.tint, self.glow = (table_texture(ctx, np.full((1, 1, 4), value)) for value in (1.0, 0.0))
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.tint, self.glow)
+
+    def uniforms(self, gbuffer: GBuffer) -> Uniforms:
+        """The uniforms of shaders/image/filtered.glsl, for what stands before this g-buffer's surfaces."""
+        filters = gbuffer.filters
+        return {"tint": filters.tint if filters else self.tint, "glow": (filters and filters.glow) or self.glow}
 
 
 class CompositePass(Owner):
@@ -36,7 +47,7 @@ class CompositePass(Owner):
         self.meter = Program(ctx, "image/composite_meter", "lib/fullscreen")
         self.display = Program(ctx, "image/composite_display", "lib/fullscreen")
         self.target = Target(ctx, size, (4, 1))
-        self.clear = no_tint(ctx)
+        self.no_filters = NoFilters(ctx)
         self.fill_target: Target | None = None
         self.smooth_target: Target | None = None
         self.meter_block = (-(-size[0] // _METER), -(-size[1] // _METER))
@@ -47,7 +58,7 @@ class CompositePass(Owner):
         """What this frees."""
         programs = self.fill, self.smooth, self.blend, self.meter, self.display
         targets = self.target, self.fill_target, self.smooth_target, self.meter_target
-        return (*programs, *targets, self.reading, self.clear)
+        return (*programs, *targets, self.reading, self.no_filters)
 
     def __call__(
         self,
@@ -75,7 +86,7 @@ class CompositePass(Owner):
             **gbuffer.material_uniforms,
             direct=direct,
             sums=sums,
-            tint=self.clear if gbuffer.filters is None else gbuffer.filters.tint,
+            **self.no_filters.uniforms(gbuffer),
             blend=settings.mix,
             **backdrop.uniforms(camera, self.size),
         )

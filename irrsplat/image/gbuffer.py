@@ -22,6 +22,7 @@ from irrsplat.scene.model import Camera
 _NEAR = 1e-6  # of the far distance: only the matrix has it, nothing is clipped there
 _SURFACES = DrawState(depth="<", depth_clamp=True)
 _TINTS = DrawState(depth="<", depth_write=False, depth_clamp=True, blend="multiply")
+_GLOWS = replace(_TINTS, blend="add")
 
 
 class GBufferTarget(Target):
@@ -48,13 +49,14 @@ class GBufferTarget(Target):
 class _Batch:
     """Runs whose looks differ in no more than uniforms: draws by the program of these `defines`; a side is culled or not.
 
-    surfaces: those that may be in the g-buffer. filters: those that may tint what is behind them.
+    surfaces: those that may be in the g-buffer. filters: those that may tint what is behind them. glows: those of them that emit.
     """
 
     defines: Mapping[str, int]
     cull: Literal["back"] | None
     surfaces: tuple[Draw, ...]
     filters: tuple[Draw, ...]
+    glows: tuple[Draw, ...]
 
 
 class GBufferPass(Owner):
@@ -90,16 +92,17 @@ class GBufferPass(Owner):
         return self._batched[1]
 
     def _batch(self, runs: Sequence[Run]) -> _Batch:
-        look = runs[0].look
-        surfaces = [_draw(run, self._map_uniforms(run.look) | {"first_triangle": run.first}) for run in runs if run.look.solid]
-        tints = [
-            _draw(
-                run, self._map_uniforms(replace(run.look, emission=None, normal=None)) | {"alpha_cutoff": run.look.alpha_cutoff}
-            )
-            for run in runs
-            if run.look.filters
-        ]
-        return _Batch(_defines(look), "back" if look.single_sided else None, tuple(surfaces), tuple(tints))
+        look, surfaces, filters, glows = runs[0].look, [], [], []
+        for run in runs:
+            look = run.look
+            if look.solid:
+                surfaces.append(_draw(run, self._map_uniforms(look) | {"first_triangle": run.first}))
+            if look.filters:
+                tint = {"alpha_cutoff": look.alpha_cutoff}
+                filters.append(_draw(run, self._map_uniforms(replace(look, emission=None, normal=None)) | tint))
+                if look.glows:
+                    glows.append(_draw(run, self._map_uniforms(replace(look, normal=None)) | tint))
+        return _Batch(_defines(look), "back" if look.single_sided else None, tuple(surfaces), tuple(filters), tuple(glows))
 
     def _map_uniforms(self, look: Look) -> Uniforms:
         """The uniforms of shaders/image/texture_map.glsl."""
@@ -143,26 +146,32 @@ class GBufferPass(Owner):
         return GBuffer(position, normal, albedo, emission, surfaces.textures[4] if mapped else None, filters)
 
     def _filters(self, batches: Sequence[_Batch], world: World, target: GBufferTarget, placed: Uniforms) -> Filters | None:
-        """What filters leave of the light, and the opacity of the nearest; the target's depth becomes the nearest filter's."""
-        batches = [batch for batch in batches if batch.filters]
-        if not batches:
+        """What filters leave of the light, what they add, and the opacity of the nearest; the target's depth becomes its own."""
+        if not any(batch.filters for batch in batches):
             return None
-        tint, opacity = target.also("tint", 4), target.also("opacity", 1)
-        for one, empty in ((tint, 1.0), (opacity, 0.0)):
-            one.use(depth_write=False)
-            one.gl.clear(empty, empty, empty, empty)
-        for into, state in ((tint, _TINTS), (opacity, _SURFACES)):
+
+        def draw(what: str, into: Target, state: DrawState, empty: float) -> moderngl.Texture:
+            into.use(depth_write=False)
+            into.gl.clear(empty, empty, empty, empty)
             for batch in batches:
-                defines = {**batch.defines, "EMISSION_MAP": 0, "NORMAL_MAP": 0, "NEAREST": int(into is opacity)}
-                self._program("image/tint", defines)(
-                    into,
-                    geometry=world.geometry,
-                    draws=batch.filters,
-                    state=replace(state, cull=batch.cull),
-                    **placed,
-                    **world.materials.uniforms,
-                )
-        return Filters(tint.textures[0], opacity.textures[0])
+                draws = batch.glows if what == "GLOW" else batch.filters
+                kept = {"NORMAL_MAP": 0} if what == "GLOW" else {"NORMAL_MAP": 0, "EMISSION_MAP": 0}
+                if draws:
+                    self._program(
+                        "image/tint", {**batch.defines, **kept, "GLOW": 0, "NEAREST": 0, **({what: 1} if what else {})}
+                    )(
+                        into,
+                        geometry=world.geometry,
+                        draws=draws,
+                        state=replace(state, cull=batch.cull),
+                        **placed,
+                        **world.materials.uniforms,
+                    )
+            return into.textures[0]
+
+        tint = draw("", target.also("tint", 4), _TINTS, 1.0)
+        glow = draw("GLOW", target.also("glow", 4), _GLOWS, 0.0) if any(batch.glows for batch in batches) else None
+        return Filters(tint, draw("NEAREST", target.also("opacity", 1), _SURFACES, 0.0), glow)
 
 
 def _defines(look: Look) -> dict[str, int]:

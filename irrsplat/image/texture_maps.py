@@ -14,7 +14,6 @@ from irrsplat.core.color import linear_from_srgb, srgb
 from irrsplat.gpu.context import describe
 from irrsplat.gpu.program import SampledTexture
 from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.scene.image_means import with_coverage
 from irrsplat.scene.looks import Run
 from irrsplat.scene.model import Image, Texture
 
@@ -174,8 +173,22 @@ def _keep_coverage(texture: moderngl.Texture, alpha: np.ndarray, cutoff: float) 
     for level in range(1, max(texture.size).bit_length()):
         width, height = (max(side >> level, 1) for side in texture.size)
         texels = np.frombuffer(texture.read(level=level), "u1").reshape(height, width, 4).copy()
-        texels[..., 3] = np.ceil(255.0 * with_coverage(alpha, texels[..., 3] / np.float32(255.0), cutoff))
+        texels[..., 3] = scaled_alpha(alpha, texels[..., 3], cutoff)
         texture.write(texels, level=level)
+
+
+def scaled_alpha(alpha: np.ndarray, means: np.ndarray, cutoff: float) -> np.ndarray:
+    """(h, w) uint8: `means` (h, w) of opacities `alpha` (H, W), all uint8, times what makes as large a share reach the
+    cutoff (Castano 2010, "Computing Alpha Mipmaps")."""
+    least = np.ceil(255.0 * cutoff)
+    share = float((alpha >= least).mean())
+    if share in (0.0, 1.0):
+        return means
+    levels, counts = np.unique(means, return_counts=True)
+    passing = np.cumsum(counts[::-1])[::-1] / means.size  # the share of texels that are at least as high as each level
+    level = max(float(levels[np.argmin(np.abs(passing - share))]), 1.0)
+    scaled: np.ndarray = np.minimum(np.ceil(means * (least / level)), 255.0).astype("u1")
+    return scaled
 
 
 def map_uniforms(name: str, texture: Texture) -> dict[str, np.ndarray | tuple[float, ...]]:

@@ -13,6 +13,7 @@ class Look:
     """What the materials of one draw have in common; in all else they differ by vertices and the table of materials.
 
     alpha_cutoff: Material.alpha_cutoff where `alpha` is "mask", else 0. filters: Material.filters.
+    glows: whether they are filters that emit.
     """
 
     albedo: Texture | None = None
@@ -22,6 +23,7 @@ class Look:
     alpha: AlphaMode = "opaque"
     alpha_cutoff: float = 0.0
     filters: bool = False
+    glows: bool = False
     single_sided: bool = False
 
     @property
@@ -52,6 +54,7 @@ def look_of(material: Material) -> Look:
         alpha=material.alpha_mode,
         alpha_cutoff=material.alpha_cutoff if material.alpha_mode == "mask" else 0.0,
         filters=material.filters,
+        glows=material.filters and any(material.emission),
         single_sided=not material.double_sided,
     )
 

@@ -1,5 +1,5 @@
 // Filters before what the g-buffer holds: surfaces that let most of the light pass. Of all of them the product of what they leave of
-// it, which needs no order; or, with NEAREST, the opacity of the nearest one.
+// it, which needs no order; with GLOW the sum of what they emit, untinted by each other; with NEAREST the opacity of the nearest one.
 #include "generated/interpolated.glsl"
 #include "image/texture_map.glsl"
 #include "lib/material_table.glsl"
@@ -14,7 +14,7 @@ uniform float alpha_cutoff;  // with MASK: the least alpha at which there is any
 #if NEAREST
 layout(location = 0) out float out_opacity;
 #else
-layout(location = 0) out vec4 out_tint;  // the share of what is behind that is seen
+layout(location = 0) out vec4 out_tint;  // the share of what is behind that is seen, or the radiance that is added
 #endif
 
 void main()
@@ -26,6 +26,9 @@ void main()
     material.albedo *= texel.rgb;
     alpha *= texel.a;
 #endif
+#if EMISSION_MAP
+    material.emission *= map_texel(emission_map, emission_from_uv * v_uv + emission_place.xy, emission_place.zw).rgb;
+#endif
 #if MASK
     if (alpha < alpha_cutoff) discard;
 #endif
@@ -36,6 +39,8 @@ void main()
     if (alpha >= material_row(int(v_material), MATERIAL_EMISSION).w || alpha <= 0.0) discard;
 #if NEAREST
     out_opacity = alpha;
+#elif GLOW
+    out_tint = vec4(alpha * material.emission, 1.0);
 #else
     out_tint = vec4(1.0 - alpha * (1.0 - clamp(material.albedo, 0.0, 1.0)), 1.0);
 #endif

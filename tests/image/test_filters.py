@@ -56,7 +56,7 @@ def test_filters_behind_a_surface_are_hidden() -> None:
     (0.2, 0.6, "opaque", False), (0.2, 0.4, "opaque", True),
 ])  # fmt: skip
 def test_what_holds_back_half_of_the_light_is_a_surface(opacity: float, transmission: float, mode: str, solid: bool) -> None:
-    """Where opacity·(1 - transmission) reaches 1/2; of an opaque material opacity counts as 1, and transmission beyond 1/2 alone."""
+    """Where opacity·(1 - transmission) reaches 1/2; opaque materials are filters by transmission alone."""
     paint = Material(albedo=RED, opacity=opacity, transmission=transmission, alpha_mode=mode)  # type: ignore[arg-type]
     frame = shown(WALL, square(paint))
     if solid:
@@ -99,6 +99,13 @@ def test_both_sides_of_a_block_tint_unless_it_has_one_side() -> None:
         block = box((-1, -1, 0), (1, 1, 0.3), replace(paint, double_sided=sides))
         frame = shown(WALL, block, camera=camera)
         assert np.allclose(frame.image, SHINES * left(RED) ** power, rtol=1e-5)
+
+
+def test_what_a_pane_emits_is_added() -> None:
+    """opacity·emission, on top of what it leaves of the wall; through a nearer pane it is not tinted."""
+    frame = shown(WALL, glass(RED, 0.4, 0.1, emission=(1.0, 0.5, 0.25)), glass(BLUE, 0.3, 0.2))
+    wanted = SHINES * left(RED, 0.4) * left(BLUE) + 0.4 * np.array((1.0, 0.5, 0.25))
+    assert np.allclose(frame.image, wanted, rtol=1e-5) and np.allclose(frame.emission, SHINES)
 
 
 def test_samples_are_tinted_one_by_one() -> None:

@@ -180,7 +180,7 @@ def test_what_is_masked_shows_what_is_behind(ctx: moderngl.Context) -> None:
 
 @pytest.mark.parametrize("side", [16, 32])
 def test_foliage_far_away_keeps_its_cover(ctx: moderngl.Context, side: int) -> None:
-    """200 leaves of 6 to 10 texels, of which a pixel sees 8 by 8 or 16 by 16, cover what they cover in the image, 14 %; by the means
+    """200 leaves of 6 to 10 texels, of which a pixel sees 8² or 16², cover what they cover in the image, 14 %; by the means
     of the alphas it would be 10 % and 2 %."""
     down, right = np.indices((256, 256))
     leaves = np.random.default_rng(1).uniform((0, 0, 3), (256, 256, 5), (200, 3))
