@@ -207,7 +207,7 @@ class Renderer(Owner):
     @property
     def notices(self) -> tuple[str, ...]:
         """One-line remarks for a user on what cannot be shown of the scene as it is; the scene has notices of its own."""
-        return self.texture_maps.notices(self.world.runs)
+        return *self.texture_maps.notices(self.world.runs), *self.world.materials.notices
 
     @property
     def splats(self) -> ViewSplats:

@@ -45,6 +45,16 @@ class MaterialTable(Owner):
         return {"TEXTURES": int(bool(self.plan.layers)), "CUT_OUTS": int(self._cut_out)}
 
     @property
+    def notices(self) -> tuple[str, ...]:
+        """One-line remarks for a user."""
+        lost, kept = len(self.plan.means), len(self.plan.layers)
+        return (
+            (f"images that are a mere mean colour to light: {lost}; beside {kept} others this OpenGL takes no more",)
+            if lost
+            else ()
+        )
+
+    @property
     def uniforms(self) -> Uniforms:
         """The uniforms of shaders/lib/material_table.glsl without textures."""
         return {"material_table": self.texture}

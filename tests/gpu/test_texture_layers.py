@@ -112,6 +112,7 @@ def test_the_images_of_least_area_go_without_layers(ctx: moderngl.Context, monke
     with MaterialTable(ctx, scene(*quads)) as table:
         assert [key.image for key in table.plan.layers] == [images[1], images[2]]
         assert [key.image for key in table.plan.means] == [images[0]]
+        assert table.notices == ("images that are a mere mean colour to light: 1; beside 2 others this OpenGL takes no more",)
 
 
 HALF = Texture(Image(np.array([[[9, 9, 9, 255], [9, 9, 9, 0]]], np.uint8)))

@@ -29,6 +29,49 @@ _SPLAT = ("tests/indirect/test_splat.py::test_splatting_equals_numpy[view-smooth
 _LIGHT_SAMPLES = ("tests/gather/test_light_samples.py",)
 
 SHADERS = (
+    # ---- textures and holes
+    Mutant(
+        "light passes where it is held back",
+        "shaders/lib/cut_outs.glsl",
+        "return opacity < cutoff;",
+        "return opacity > cutoff;",
+        ("tests/gather/test_textures.py::test_a_fence_below_the_sky_holds_back_its_share[trace-1]",),
+    ),
+    Mutant(
+        "a dithered layer inverted",
+        "shaders/lib/cut_outs.glsl",
+        "<= dither(place);",
+        ">= dither(place);",
+        ("tests/gather/test_textures.py::test_a_fine_fence_in_a_large_image_does_not_vanish[trace]",),
+    ),
+    Mutant(
+        "mirrored images repeated",
+        "shaders/lib/material_table.glsl",
+        "x = 1.0 - abs(mod(x, 2.0) - 1.0);",
+        "x = fract(x);",
+        ("tests/gather/test_textures.py::test_an_image_goes_on_beyond_its_borders_as_its_wrap_says[trace]",),
+    ),
+    Mutant(
+        "margin of a clamped image by the finer level",
+        "shaders/lib/material_table.glsl",
+        "exp2(ceil(level))",
+        "exp2(floor(level))",
+        ("tests/gather/test_textures.py::test_an_image_goes_on_beyond_its_borders_as_its_wrap_says[trace]",),
+    ),
+    Mutant(
+        "emission's texture left out",
+        "shaders/lib/material_table.glsl",
+        "material.emission *= texture_mean(",
+        "material.emission *= 1.0 + 0.0 * texture_mean(",
+        ("tests/gather/test_textures.py::test_E_below_a_quartered_emitter_is_the_sum_of_its_quarters[raster-9]",),
+    ),
+    Mutant(
+        "level 0 however large the footprint",
+        "shaders/lib/material_table.glsl",
+        "clamp(texels, 1.0, side * side)",
+        "clamp(texels, 1.0, 1.0)",
+        ("tests/gather/test_textures.py::test_what_is_finer_than_a_ray_sees_is_seen_as_its_mean[trace-64]",),
+    ),
     # ---- gather
     Mutant(
         "what rays find of emitters counted whole",
