@@ -201,6 +201,24 @@ def test_missing_and_broken_images_are_left_out_and_named(file, show):
     assert any("image 2 is left out: cannot read the image" in notice for notice in scene.notices)
 
 
+def test_metals_of_specular_and_glossiness_reflect_their_specular_colour(file, wear):
+    # a texel of wood (specular 0.04) and one of gold, on a diffuse image of brown and black; specular halved in red
+    name = "KHR_materials_pbrSpecularGlossiness"
+    brown, gold, dark = [99, 66, 33], [255, 200, 100], [56, 56, 56]
+    diffuse = np.repeat(np.repeat(typed(np.uint8, [[brown, [0, 0, 0]]]), 2, 0), 2, 1)
+    infos = {
+        "diffuseTexture": {"index": file.texture(diffuse)},
+        "specularGlossinessTexture": {"index": file.texture(np.repeat(np.repeat(typed(np.uint8, [[dark, gold]]), 2, 0), 2, 1))},
+    }
+    material = wear({"extensions": {name: {**infos, "specularFactor": [0.5, 1, 1]}}}).material
+    pixels = material.albedo_texture.image.pixels
+    np.testing.assert_array_equal(pixels[:, :2, :3], np.tile(brown, (2, 2, 1)))
+    np.testing.assert_array_equal(pixels[:, 2:, :3], np.tile([188, 200, 100], (2, 2, 1)))  # sRGB 188 is linear 1/2
+    assert material.albedo == (1, 1, 1)
+    plain = wear({"extensions": {name: {"diffuseFactor": [0, 0, 0, 1], "specularFactor": [0.9, 0.6, 0.3]}}}).material
+    assert plain.albedo == (0.9, 0.6, 0.3)
+
+
 # cameras and lights
 
 

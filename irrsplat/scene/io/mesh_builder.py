@@ -149,7 +149,7 @@ def _parts(edges: np.ndarray, count: int) -> np.ndarray:
     while len(edges):
         a, b = label[edges[:, 0]], label[edges[:, 1]]
         edges = np.stack([a, b], 1)[a != b]  # what is joined already needs no more looks
-        least = edges.min(1)
+        least = np.minimum(edges[:, 0], edges[:, 1])
         np.minimum.at(label, edges[:, 0], least)
         np.minimum.at(label, edges[:, 1], least)
         while True:

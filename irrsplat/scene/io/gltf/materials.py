@@ -9,7 +9,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from irrsplat.core.color import clip_color
+from irrsplat.core.color import clip_color, linear_from_srgb, srgb
 from irrsplat.core.errors import InputError
 from irrsplat.scene.io.gltf.document import GREATEST, Damaged, Document, Missing, extension, number, numbers, shown
 from irrsplat.scene.io.gltf.packed import plain_view
@@ -18,6 +18,8 @@ from irrsplat.scene.model import AlphaMode, Image, Material, Texture, Wrap
 
 _WRAPS: dict[object, Wrap] = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
 _NEAREST = 9728
+_METAL = 0.18  # a specular reflectance that no dielectric reaches (diamond: 0.17)
+_Color = tuple[float, float, float]
 _IMAGE_FORMATS = ("EXT_texture_webp", "EXT_texture_avif", "KHR_texture_basisu", "MSFT_texture_dds")  # the first that can be read
 
 
@@ -42,6 +44,7 @@ class Materials:
     document: Document
     _surfaces: dict[object, Surface] = field(default_factory=dict)
     _images: dict[object, Image | None] = field(default_factory=dict)
+    _metals: dict[object, Image] = field(default_factory=dict)  # by the two images and factors that they are made of
     _clear: dict[int, bool] = field(default_factory=dict)  # whether an image's alpha is 1 everywhere, by its id
 
     def surface(self, index: object) -> Surface:
@@ -91,6 +94,8 @@ class Materials:
         if any(used not in uv_sets for used in sets):
             self.document.unshown["more than two sets of texture coordinates in a material"] = None
         color, emission, normal = (self._texture(info, uv_sets) for info in infos)
+        if gloss is not None:
+            (r, g, b), color = self._with_metals(gloss, (r, g, b), color, uv_sets)
 
         strength = number(extension(entry, "KHR_materials_emissive_strength") or {}, "emissiveStrength", 1.0)
         glow = [min(max(0.0, strength * value), GREATEST) for value in numbers(entry, "emissiveFactor", (0.0, 0.0, 0.0))]
@@ -115,6 +120,22 @@ class Materials:
             if material.alpha_mode == "opaque":
                 material = replace(material, albedo_texture=None)  # otherwise its alpha counts
         return Surface(material, (r, g, b, alpha), uv_sets, unlit)
+
+    def _with_metals(
+        self, gloss: Mapping[str, Any], diffuse: _Color, texture: Texture | None, uv_sets: tuple[int, int]
+    ) -> tuple[_Color, Texture | None]:
+        """The factor and the texture of what a material of specular and glossiness reflects: of metals their specular colour."""
+        factor = _color(numbers(gloss, "specularFactor", (1.0, 1.0, 1.0)))
+        specular = self._texture(gloss.get("specularGlossinessTexture"), uv_sets)
+        if specular is None:
+            metal = "specularFactor" in gloss and texture is None and max(factor) > _METAL
+            return (_color(np.maximum(diffuse, factor)) if metal else diffuse), texture
+        if texture is not None and replace(texture, image=specular.image) != specular:
+            return diffuse, texture  # they lie differently: no one image is both
+        key = texture and id(texture.image), id(specular.image), diffuse, factor
+        if key not in self._metals:
+            self._metals[key] = _metal_image(texture.image if texture else None, specular.image, diffuse, factor)
+        return (1.0, 1.0, 1.0), replace(specular, image=self._metals[key])
 
     def _transmission(self, entry: Mapping[str, Any], base: Mapping[str, Any]) -> float:
         """The share of light that passes: what is no metal of the factor, times the mean of its texture's red."""
@@ -188,6 +209,34 @@ class Materials:
             data, name = self.document.resource(entry.get("uri"))
             name = entry.get("name") or f"image {index}" if name == "data" else name
         return read_image(data, shown(name))
+
+
+def _metal_image(diffuse: Image | None, specular: Image, diffuse_factor: _Color, specular_factor: _Color) -> Image:
+    """The diffuse image (None: white), and in its place the specular one where that is a metal's; the factors are in it."""
+    shine = _times(specular.pixels, specular_factor)
+    color = _times(np.full_like(shine, 255) if diffuse is None else diffuse.pixels, diffuse_factor)
+    if shine.shape != color.shape:
+        import PIL.Image
+
+        shine = np.asarray(PIL.Image.fromarray(shine).resize((color.shape[1], color.shape[0])))
+    metal = shine[..., :3].max(-1, keepdims=True) > round(255.0 * float(srgb(np.array(_METAL))))
+    color[..., :3] = np.where(metal, np.maximum(color[..., :3], shine[..., :3]), color[..., :3])
+    return Image(color, (diffuse or specular).name)
+
+
+def _times(pixels: np.ndarray, factor: _Color) -> np.ndarray:
+    """A copy of sRGB pixels (H, W, 4) with their linear colours multiplied by a factor."""
+    linear = linear_from_srgb(np.arange(256) / 255.0)
+    scaled = pixels.copy()
+    for i, value in enumerate(factor):
+        if value != 1.0:
+            scaled[..., i] = np.rint(255.0 * srgb(linear * value)).astype(np.uint8)[pixels[..., i]]
+    return scaled
+
+
+def _color(values: np.ndarray | tuple[float, ...]) -> _Color:
+    r, g, b = np.asarray(values, float).tolist()
+    return r, g, b
 
 
 def _uv_set(info: Mapping[str, Any]) -> int:
