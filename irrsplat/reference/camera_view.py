@@ -25,7 +25,8 @@ class Visible:
 
     seen: (N,) bool, there is a surface. position: (N, 3) world space. normal: (N, 3) bent by the normal map; smooth: (N, 3)
     interpolated; geometric: (N, 3); the last is turned to the eye, and the others to the side of the last. albedo, emission:
-    (N, 3), not tinted. tint: (N, 3) the product of all filters in front. opacity: (N,) of the nearest filter, or 1 of a surface.
+    (N, 3), not tinted. tint: (N, 3) the product of all filters in front; glow: (N, 3) the radiance that they add.
+    opacity: (N,) of the nearest filter, or 1 of a surface.
     distance: (N,) from the eye; inf where there is no surface.
     """
 
@@ -37,6 +38,7 @@ class Visible:
     albedo: np.ndarray
     emission: np.ndarray
     tint: np.ndarray
+    glow: np.ndarray
     opacity: np.ndarray
     distance: np.ndarray
 
@@ -57,9 +59,9 @@ class HitSource(Protocol):
 def seen(surfaces: Surfaces, directions: np.ndarray, hits: HitSource, epsilon: float) -> Visible:
     """What rays (N, 3) of a camera see; epsilon: how far behind a surface the next one is looked for, in metres."""
     count, table = len(directions), surfaces.materials
-    p, n, smooth, g, albedo, emission = np.zeros((6, count, 3))
+    p, n, smooth, g, albedo, emission, glow = np.zeros((7, count, 3))
     tint, nearest, far = np.ones((count, 3)), np.zeros(count), np.full(count, np.inf)
-    it = Visible(np.zeros(count, bool), p, n, smooth, g, albedo, emission, tint, nearest, far)
+    it = Visible(np.zeros(count, bool), p, n, smooth, g, albedo, emission, tint, glow, nearest, far)
     active, beyond, touched = np.arange(count), np.zeros(count), np.zeros(count, bool)
     for _ in range(_LAYERS):
         if not len(active):
@@ -76,6 +78,7 @@ def seen(surfaces: Surfaces, directions: np.ndarray, hits: HitSource, epsilon: f
         filters = there & table.filters[material] & (opacity * (1.0 - table.transmission[material]) < 0.5)
         first = there & ~touched[active]
         it.opacity[active[first]], touched[active[first]] = np.where(filters, opacity, 1.0)[first], True
+        it.glow[active[filters]] += opacity[filters, None] * points.emission[filters]
         it.tint[active[filters]] *= 1.0 - opacity[filters, None] * (1.0 - np.clip(points.albedo[filters], 0.0, 1.0))
         stops = there & ~filters
         at, geometric = active[stops], np.where(inward[:, None], -points.front, points.front)[stops]

@@ -62,6 +62,7 @@ def trace(
         "emission": np.where(seen[..., None], centre.emission, sky).astype(np.float32),
         "normal": normal.astype(np.float32),
         "tint": centre.tint.astype(np.float32),
+        "glow": centre.glow.astype(np.float32),
         "opacity": centre.opacity.astype(np.float32),
         "seen": seen,
         "valid": valid,

@@ -16,7 +16,7 @@ from irrsplat.reference.disk_cache import folder
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import preset
 
-VERSION = 3  # of what is traced and how; older files in the cache are not read
+VERSION = 4  # of what is traced and how; older files in the cache are not read
 MOST_BOUNCES = preset(bounces="all").most_bounces  # what a surface of reflectance ρ adds after N is ρ^N of the first one's
 MOST_SAMPLES = 131_072  # what is in flight at once fits into memory
 NOTHING = "the camera sees no smooth surface, so there is nothing to compare; give another camera or a larger size"
@@ -31,7 +31,8 @@ class Traced:
     halves: (2, H, W, 3) indirect irradiance in W/m², by two independent halves of the samples. direct: (H, W, 3) ρ/π·E_direct,
     emission: (H, W, 3) of the surface, or of the sky where the scene has its own, in W/(m² sr). albedo: (H, W, 3). normal:
     (H, W, 3) bent by the normal map, turned to the camera; irradiance is about it. tint: (H, W, 3) what filters in front leave
-    of all that. opacity: (H, W) of the nearest filter, or 1 of a surface. The rest are (H, W) bool:
+    of all that; glow: (H, W, 3) the radiance that they add.
+    opacity: (H, W) of the nearest filter, or 1 of a surface. The rest are (H, W) bool:
     seen: there is a surface. valid: and the surface is smooth in the 3×3 pixels around: irradiance is compared there.
     clear: and no shadow's edge is near: direct light is compared there.
     """
@@ -42,6 +43,7 @@ class Traced:
     emission: np.ndarray
     normal: np.ndarray
     tint: np.ndarray
+    glow: np.ndarray
     opacity: np.ndarray
     seen: np.ndarray
     valid: np.ndarray
@@ -56,8 +58,8 @@ class Traced:
     @property
     def picture(self) -> np.ndarray:
         """(H, W, 3) radiance: direct, indirect and emitted light together, through the filters in front."""
-        radiance: np.ndarray = self.tint * (self.direct + self.albedo / np.float32(np.pi) * self.irradiance + self.emission)
-        return radiance
+        radiance: np.ndarray = self.direct + self.albedo / np.float32(np.pi) * self.irradiance + self.emission
+        return self.tint * radiance + self.glow
 
     @property
     def noise(self) -> float | None:

@@ -179,8 +179,10 @@ def test_what_is_cut_out_shows_what_is_behind() -> None:
 def test_filters_tint_what_is_behind_them(paint: Material, tint: Any) -> None:
     """Two of them twice, wherever a pixel's ray meets them, an edge between triangles too; what holds more than half of the light
     back is a surface, and lets nothing through."""
+    paint = replace(paint, emission=(0.0, 0.5, 0.0))
     found = cast(scene(floor(1.0, 1.0, paint), floor(1.0, 1.5, paint), floor(1.0)), ABOVE, (5, 5))
     opacity = paint.opacity if paint.alpha_mode == "blend" else 1.0
+    assert np.allclose(found.glow, 0.0 if tint is None else 2.0 * opacity * np.array([0.0, 0.5, 0.0]))
     assert np.allclose(found.opacity, 1.0 if tint is None else opacity)
     assert np.allclose(found.tint, 1.0 if tint is None else tint**2)
     assert np.allclose(found.position[..., 1], 1.5 if tint is None else 0.0)

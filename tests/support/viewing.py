@@ -424,7 +424,7 @@ class Tracer:
         shape = size[1], size[0]
         grey, seen = np.full((*shape, 3), 0.5, "f4"), chance.random(shape) < 0.8
         halves = (chance.uniform(0.0, 2.0, (2, *shape, 3)) * seen[..., None]).astype("f4")
-        surface = {"albedo": grey, "normal": grey, "tint": grey, "opacity": grey[..., 0]}
+        surface = {"albedo": grey, "normal": grey, "tint": grey, "glow": grey, "opacity": grey[..., 0]}
         return {"halves": halves, "direct": grey, "emission": grey, **surface, "seen": seen, "valid": seen, "clear": seen}
 
     def finish(self, driver: Driver) -> None:

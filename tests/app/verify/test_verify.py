@@ -43,7 +43,13 @@ def plain(width: int, height: int, E: float = 0.8, spread: float = 0.02) -> dict
     inner[:, 0] = False
     halves = np.stack([np.full_like(grey, E * (1 + spread)), np.full_like(grey, E * (1 - spread))])
     normal, flags = np.zeros_like(grey) + np.float32([0, 0, 1]), {"seen": yes, "valid": inner, "clear": inner}
-    surface = {"albedo": grey, "normal": normal, "tint": np.ones_like(grey), "opacity": np.ones_like(grey[..., 0])}
+    surface = {
+        "albedo": grey,
+        "normal": normal,
+        "tint": np.ones_like(grey),
+        "glow": 0 * grey,
+        "opacity": np.ones_like(grey[..., 0]),
+    }
     return {"halves": halves, "direct": grey, "emission": 0 * grey, **surface, **flags}
 
 
@@ -115,10 +121,11 @@ def test_albedo_and_normal_are_compared_by_medians() -> None:
 
 
 def test_filters_tint_the_picture_of_the_truth() -> None:
-    """0.25 + 0.5·0.8/π + 2 behind a filter that lets a half, nothing and all of red, green and blue through."""
+    """0.25 + 0.5·0.8/π + 2 behind a filter that lets a half, nothing and all of red, green and blue through, and adds 1/8."""
     arrays = plain(2, 2, spread=0.0) | {"direct": np.full((2, 2, 3), 0.25, "f4"), "emission": np.full((2, 2, 3), 2.0, "f4")}
-    picture = Traced(**arrays | {"tint": np.zeros((2, 2, 3), "f4") + np.float32([0.5, 0.0, 1.0])}).picture
-    assert np.allclose(picture, (2.25 + 0.4 / np.pi) * np.array([0.5, 0.0, 1.0]), rtol=1e-6)
+    tint, glow = np.zeros((2, 2, 3), "f4") + np.float32([0.5, 0.0, 1.0]), np.full((2, 2, 3), 0.125, "f4")
+    picture = Traced(**arrays | {"tint": tint, "glow": glow}).picture
+    assert np.allclose(picture, (2.25 + 0.4 / np.pi) * np.array([0.5, 0.0, 1.0]) + 0.125, rtol=1e-6)
 
 
 def test_every_sample_asked_for_is_taken() -> None:
