@@ -59,7 +59,8 @@ class Traced:
     def picture(self) -> np.ndarray:
         """(H, W, 3) radiance: direct, indirect and emitted light together, through the filters in front."""
         radiance: np.ndarray = self.direct + self.albedo / np.float32(np.pi) * self.irradiance + self.emission
-        return self.tint * radiance + self.glow
+        radiance = self.tint * radiance + self.glow
+        return radiance
 
     @property
     def noise(self) -> float | None:
