@@ -149,10 +149,11 @@ def test_a_fence_below_the_sky_holds_back_its_share(ctx: moderngl.Context, kind:
     """E of a sky of radiance 1 is π less the form factors of the bars: of a single one, and of 16."""
     one, many = ceiling(fence(1), grid=grid), ceiling(fence(16), grid=grid)
     aside = replace(many, positions=many.positions + np.array([10, 0, 0], "f4"))
-    found = gather(ctx, scene(one, aside, sky=1.0), sites([(0, 0, 0), (10, 0, 0)], UP), 96, kind).E[:, 0]
+    found = gather(ctx, scene(one, aside, sky=1.0), sites([(0.4, 0, 0), (10.4, 0, 0)], UP), 96, kind).E[:, 0]
     for bars, seen in zip((1, 16), found, strict=True):
         edges = np.linspace(-1, 1, 2 * bars + 1)
-        truth = np.pi - sum(form(rectangle(a, b, -1, 1)) for a, b in zip(edges[1::2], edges[2::2], strict=True))
+        each = (form(rectangle(a, b, -1, 1), (0.4, 0, 0)) for a, b in zip(edges[1::2], edges[2::2], strict=True))
+        truth = np.pi - sum(each)
         assert seen == pytest.approx(truth, rel=0.01)
 
 
