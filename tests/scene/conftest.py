@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from irrsplat.scene import Scene, load
+from irrsplat.scene import Camera, Mesh, Scene, load
+from irrsplat.scene.io import assets
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 
@@ -28,3 +30,20 @@ def write(tmp_path: Path) -> Callable[..., Scene]:
         return load(path)
 
     return write
+
+
+@pytest.fixture
+def without_stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
+    """OBJ, PLY and STL files are loaded without a light and a camera that suit them, whose search takes most of the time."""
+
+    def plain(path: Path, meshes: Sequence[Mesh], *more: Any) -> Scene:
+        notices, files = more[4], [path, *more[5]]
+        return Scene(
+            tuple(mesh for mesh in meshes if len(mesh.faces)),
+            (),
+            (Camera((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)),),
+            notices=tuple(notices),
+            files=tuple(dict.fromkeys(map(str, files))),
+        )
+
+    monkeypatch.setattr(assets, "finish", plain)

@@ -248,7 +248,7 @@ def test_half_a_file_is_an_error_and_never_half_a_scene(write, name):
 
 
 @pytest.mark.parametrize("name", EVERY)
-def test_garbage_is_an_error_of_one_line(write, name, capfd):
+def test_garbage_is_an_error_of_one_line(write, name, capfd, without_stand_ins):
     # random bytes, and true files with a few random bytes in them: loaded or refused, but never a traceback or a warning
     generator = random.Random(7)
     true = EVERY[name].encode() if isinstance(EVERY[name], str) else EVERY[name]

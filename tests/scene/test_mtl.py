@@ -13,6 +13,8 @@ from PIL import Image
 from irrsplat.scene import load
 from irrsplat.scene.model import Material, Scene
 
+pytestmark = pytest.mark.usefixtures("without_stand_ins")
+
 OBJ = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0 0\nvt 1 1\nvt 0\nusemtl a\nf 1/1 2/2 3/3 4/4\n"
 RED = np.full((2, 2, 3), (255, 0, 0), np.uint8)
 
