@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import moderngl
 import numpy as np
 import pytest
 
+from irrsplat.core.color import linear_from_srgb
 from irrsplat.gather.autotune import gather_pass
 from irrsplat.gather.look import gather_records
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.records.record_cache import RecordCache
-from irrsplat.scene.model import Mesh, Scene
+from irrsplat.scene.emitters import emitters
+from irrsplat.scene.model import Image, Material, Mesh, Scene, Texture
 from irrsplat.settings import Settings
 from tests.support.worlds import Gathered, Lit, box, floor, gathered, material, polygon_vector, quad, scene, sites, sphere
 
@@ -129,3 +132,39 @@ def test_near_lamps_get_most_of_the_samples(ctx: moderngl.Context) -> None:
     with Lit(ctx, lamps(-9.0)) as one, Lit(ctx, lamps(-9.0, 9.0)) as two:
         truth = look(one, where, UP, 4096).E[:, 0]
         assert relative(look(two, where, UP, 128).E[:, 0], truth) < 0.06
+
+
+def test_a_panel_whose_image_shines_in_one_half_lights_as_that_half(ctx: moderngl.Context) -> None:
+    """Light samples go by each triangle's mean emission, and look the image up where they land: Lambert's formula of the half."""
+    pixels = np.zeros((64, 64, 4), np.uint8)
+    pixels[..., 3], pixels[:, 32:, :3] = 255, 255
+    plain = quad((-0.4, 2.5, -0.3), (0.8, 0, 0), (0, 0, 0.6))
+    paint = Material(albedo=(0.0, 0.0, 0.0), emission=EMITTER, emission_texture=Texture(Image(pixels), wrap=("clamp", "clamp")))
+    uvs = np.array([(0, 0, 0, 0), (1, 0, 0, 0), (1, 1, 0, 0), (0, 1, 0, 0)], "f4")
+    lamp = replace(plain, material=paint, uvs=uvs)
+    half = plain.positions.astype(float) * (0.5, 1, 1) + (0.2, 0, 0)
+    where = np.random.default_rng(4).uniform((-1.5, 0, -1.5), (1.5, 0, 1.5), (32, 3))
+    with Lit(ctx, scene(ROOM, lamp)) as lit:
+        found = look(lit, where, UP, 256)
+    for channel, radiance in enumerate(EMITTER):
+        assert relative(found.E[:, channel], radiance * polygon_vector(half, where)[:, 1]) < 0.03
+
+
+def test_the_mean_of_an_image_over_triangles_is_found_at_every_size() -> None:
+    """Of one texel, of some, and of all of an image that is brighter from left to right, whose repeats count as well."""
+    ramp = np.zeros((128, 256, 4), np.uint8)
+    ramp[..., :3] = np.arange(256)[None, :, None]
+    small, uv = 1 / 256, np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
+    uvs = np.zeros((9, 4), "f4")
+    uvs[:, :2] = np.concatenate([0.5 + small * uv, 0.25 + 0.25 * uv, 4.0 * uv])
+    corners = np.random.default_rng(5).random((9, 3)).astype("f4")
+    paint = Material(emission=(1.0, 1.0, 1.0), emission_texture=Texture(Image(ramp)))
+    lamp = Mesh(corners, corners, np.arange(9, dtype="i4").reshape(3, 3), paint, uvs=uvs)
+    found = emitters(scene(floor(50.0), lamp)).luminance
+    linear = linear_from_srgb(np.arange(256) / 255.0)
+    x = (np.arange(4000) + 0.5) / 4000  # along a right-angled triangle, whose height falls from one to zero
+    middle = (linear[((0.25 + 0.25 * x) * 256).astype(int)] * 2.0 * (1.0 - x)).mean()
+    assert np.allclose(found[:2], [linear[128], middle], rtol=0.02)
+    assert found[2] == pytest.approx(linear.mean(), rel=0.25), (
+        "16 points of an image of two texels; samples are spread by this, no more"
+    )
