@@ -369,7 +369,7 @@ property list int int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n1 1 0\n0.
 
 def test_colours_and_comments_of_an_stl_are_told_or_ignored(write):
     assert any("colours" in notice for notice in write("a.stl", b"COLOR=\xff\0\0\xff".ljust(80) + stl()[80:]).notices)
-    assert write("a.stl", ascii_stl().replace("\n", " # note\n")).triangles == 4
+    assert write("a.stl", "# note\n" + ascii_stl().replace("\n", " # note\n")).triangles == 4
 
 
 def test_an_stl_is_smooth_where_it_bends_a_little(write, tmp_path):

@@ -28,8 +28,8 @@ def read_stl(path: Path, notices: list[str], options: LoadOptions) -> list[Part]
     logging.getLogger("trimesh").addHandler(logging.NullHandler())  # otherwise its warnings are printed to stderr
     data = read_bytes(path)
     binary = len(data) >= 84 and 84 + 50 * int.from_bytes(data[80:84], "little") == len(data)
-    if not binary and data.lstrip()[:5].lower() == b"solid":
-        data = re.sub(rb"#[^\r\n]*", b"", data)
+    if not binary and data.lstrip()[:5].lower().startswith((b"solid", b"#")):
+        data = re.sub(rb"#[^\r\n]*", b"", data).lstrip()
     scene = trimesh.load_scene(io.BytesIO(data), file_type="stl", process=False)
     solids = [(np.asarray(mesh.vertices, float), np.asarray(mesh.faces)) for mesh in scene.geometry.values()]
     count = sum(len(corners) for _, corners in solids)
