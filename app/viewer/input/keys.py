@@ -56,8 +56,8 @@ BUFFER_KEYS = tuple(
     for key, name in zip(_NUMBERS, BUFFERS, strict=False)
 )
 CAMERA = (
-    Key("HOME", "home", "back to the scene's first camera, or the one that stands in for it"),
-    Key("H", "headlamp", "a lamp at the eye, of direct light alone; again: off"),
+    Key("HOME", "home", "back to the first camera; of the scene, or what stands in for it"),
+    Key("H", "headlamp", "a lamp at the eye; direct light alone"),
     Key("C", "copy_line", "copy the camera as a line of a .scene"),
     Key("C", "copy_flags", "copy it as flags of irrsplat render", ctrl=True),
     Key("B", "bookmark", "keep the camera as a bookmark of this scene"),

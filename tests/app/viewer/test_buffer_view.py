@@ -133,14 +133,14 @@ def test_asking_marks_exactly_the_pixels_that_ask(cornell: ShownView, target: Ta
 
 @pytest.mark.parametrize("name", [*CHANNELS, "asking"])
 def test_values_are_those_of_the_pixel_under_the_cursor(cornell: ShownView, ctx: moderngl.Context, name: str) -> None:
-    """(0, 0) is the upper left pixel; nothing is a number where nothing is seen, but depth, image and alpha, and outside."""
+    """(0, 0) is the upper left pixel; nothing is a number where nothing is seen, but depth, image, alpha and opacity."""
     frame = cornell.frame
     array = frame.weight if name == "asking" else getattr(frame, name)
     seen = cornell.seen
     rng = np.random.default_rng(3)
     for y, x in [*rng.permutation(np.argwhere(seen))[:12], *rng.permutation(np.argwhere(~seen))[:3]]:
         value = cornell.value(name, int(x), int(y))
-        if not seen[y, x] and name not in ("image", "depth", "alpha"):
+        if not seen[y, x] and name not in ("image", "depth", "alpha", "opacity"):
             assert value is None
         else:
             assert value is not None and value.shape == np.atleast_1d(array[y, x]).shape

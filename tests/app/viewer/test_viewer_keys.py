@@ -60,8 +60,11 @@ def test_the_buffers_are_all_different_pictures(driver: Driver, monkeypatch: pyt
         driver.actions.show(name)
         driver.frame()
         pictures[name] = driver.canvas()
+    # without normal maps the two normals are the same, and where nothing is clear or cut in part opacity is alpha
+    same = {"smooth_normal", "normal"}, {"opacity", "alpha"}
     for name, picture in pictures.items():
-        assert not [other for other in pictures if other != name and np.array_equal(pictures[other], picture)], name
+        alike = {other for other in pictures if other != name and np.array_equal(pictures[other], picture)}
+        assert not alike or any({*alike, name} <= pair for pair in same), name
 
 
 # ---- camera --------------------------------------------------------------------------------------------------------------

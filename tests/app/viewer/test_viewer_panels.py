@@ -15,7 +15,7 @@ from irrsplat.app.viewer.session import overrides
 from irrsplat.settings import PRESETS, SETTINGS, preset
 from tests.support.viewing import FAST, Driver, fresh, push, viewing, write_room
 
-TALL = (460, 1160)  # so that the whole panel fits
+TALL = (460, 1400)  # so that the whole panel fits
 
 # a setting, what is typed into its slider or chosen, and what it is then; None: a click on the box
 CHANGES: dict[str, tuple[str | None, Any]] = {
@@ -24,6 +24,8 @@ CHANGES: dict[str, tuple[str | None, Any]] = {
     "bounces": ("1", 1),
     "gather": ("plane", "plane"),
     "gather_size": ("12", 12),
+    "light_samples": ("32", 32),
+    "texture_memory": ("64", 64),
     "gradients": (None, False),
     "second_order": (None, False),
     "radius": ("harmonic", "harmonic"),
@@ -46,6 +48,7 @@ CHANGES: dict[str, tuple[str | None, Any]] = {
     "smooth": (None, True),
     "fill_holes": (None, False),
     "exposure": ("-2", -2.0),
+    "backdrop": ("black", "black"),
     "samples": ("4", 4),
     "budget": ("25", 25.0),
     "viewer_samples": ("2", 2),
@@ -70,7 +73,7 @@ def panel(driver: Driver) -> Driver:
     """All stages of the settings' panel unfolded, the cache frozen."""
     driver.actions.panels.settings = driver.session.options.frozen = True
     driver.frame(3)
-    for stage in ("view", "composite", "examine", "splat", "gather", "shadow"):
+    for stage in ("view", "composite", "examine", "splat", "gather", "gbuffer", "shadow"):
         if all(d.stage != stage or label(d.name) not in shown(driver) for d in SETTINGS.values()):
             driver.click(*driver.find(stage, header=True).at())
             driver.frame(2)
