@@ -165,6 +165,4 @@ def test_the_mean_of_an_image_over_triangles_is_found_at_every_size() -> None:
     x = (np.arange(4000) + 0.5) / 4000  # along a right-angled triangle, whose height falls from one to zero
     middle = (linear[((0.25 + 0.25 * x) * 256).astype(int)] * 2.0 * (1.0 - x)).mean()
     assert np.allclose(found[:2], [linear[128], middle], rtol=0.02)
-    assert found[2] == pytest.approx(linear.mean(), rel=0.25), (
-        "16 points of an image of two texels; samples are spread by this, no more"
-    )
+    assert found[2] == pytest.approx(linear.mean(), rel=0.25), "16 points of two texels: it only spreads samples"

@@ -217,8 +217,9 @@ class Lit(Owner):
         return (self.world, self.shadow)
 
     def look(self, side: int, kind: str, capacity: int | None = None) -> Gather:
-        """A gather by `kind`, which becomes the caller's."""
-        return gather_pass(self.world, Settings(bounces=1, gather=kind, gather_size=side), capacity)
+        """A gather by `kind`, which becomes the caller's: what its directions find, without light samples."""
+        settings = Settings(bounces=1, gather=kind, gather_size=side, light_samples=0)
+        return gather_pass(self.world, settings, capacity)
 
     def gather(self, where: Sites, side: int, kind: str = "trace", capacity: int = 64, seed: int = 0) -> Gathered:
         """What records at `where` are, `capacity` of them a call."""
