@@ -619,10 +619,10 @@ CORE = (
 SCENES = (
     Mutant(
         "transform of a glTF node transposed",
-        "irrsplat/scene/io/assets.py",
-        "matrix=np.asarray(matrix, float),",
-        "matrix=np.asarray(matrix, float).T,",
-        ("tests/scene/test_assets.py::test_gltf_node_transforms_apply_to_points_and_normals",),
+        "irrsplat/scene/io/gltf/nodes.py",
+        "tuple(np.eye(4).reshape(-1))), (4, 4)).T",
+        "tuple(np.eye(4).reshape(-1))), (4, 4))",
+        ("tests/scene/test_gltf.py::test_nodes_stand_where_their_parents_matrices_put_them",),
     ),
     Mutant(
         "camera path's spline misses its keys",
@@ -696,16 +696,16 @@ SCENES = (
     ),
     Mutant(
         "texture's index taken for the normal's",
-        "irrsplat/scene/io/obj.py",
-        "table[:, :, -1], normals",
-        "table[:, :, 1], normals",
+        "irrsplat/scene/io/obj/faces.py",
+        "enumerate((VERTEX, COORDINATE, NORMAL))",
+        "enumerate((VERTEX, NORMAL, COORDINATE))",
         ("tests/scene/test_text.py::test_face_forms_polygons_and_negative_indices",),
     ),
     Mutant(
         "negative indices off by one",
-        "irrsplat/scene/io/obj.py",
-        "np.where(index < 0, above[at][:, None] + index, index - 1)",
-        "np.where(index < 0, above[at][:, None] + index - 1, index - 1)",
+        "irrsplat/scene/io/obj/faces.py",
+        "np.maximum(above[owner] + index, -1) + 1",
+        "np.maximum(above[owner] + index, -1)",
         ("tests/scene/test_text.py::test_face_forms_polygons_and_negative_indices",),
     ),
     Mutant(
@@ -717,10 +717,10 @@ SCENES = (
     ),
     Mutant(
         "emission taken for the reflectance",
-        "irrsplat/scene/io/mtl.py",
-        'values.get("Kd", np.full(3',
-        'values.get("Ke", np.full(3',
-        ("tests/scene/test_assets.py::test_mtl_colours_group_the_faces",),
+        "irrsplat/scene/io/obj/mtl.py",
+        'entry.values.get("kd", (1.0,)',
+        'entry.values.get("ke", (1.0,)',
+        ("tests/scene/test_mtl.py::test_values",),
     ),
 )
 
