@@ -13,6 +13,7 @@ from irrsplat.scene.model import Mesh, Scene, Texture, Wrap
 from irrsplat.scene.seen_by_light import CLOSED, UNSEEN, sort_of
 
 _ENVIRONMENT = 0.125  # of all surfaces: a mesh that shines over more than that is what rays find anyway, no lamp
+_BRIGHTER = 4.0  # times the luminance of such a mesh: what shines less in front of it is no lamp either
 _SMALL = 0.01  # of the scene's diagonal: what is no larger is one cluster
 _FAINT = 1e-3  # of a mesh's brightest triangle: what is fainter counts as dark where the mesh's shining part is measured
 _POINTS = 4  # a textured triangle's mean emission is that of _POINTS² points
@@ -43,9 +44,13 @@ def emitters(scene: Scene) -> Emitters:
     """The scene's area lights.
 
     Left out are meshes that shine over more than an eighth of all surfaces, as domes and furnaces do: every gather's rays find
-    them by the hundred, and a room in which all shines needs no second way to see that. What light passes is left out, too.
+    them by the hundred, and a room in which all shines needs no second way to see that; nor does what is hardly brighter than
+    such a mesh. What light passes is left out, too.
     """
-    triangles, means, corners, one_sided, first = [np.zeros(0, int)], [np.zeros(0)], [np.zeros((0, 3, 3))], [np.zeros(0, bool)], 0
+    triangles: list[np.ndarray] = [np.zeros(0, int)]
+    means: list[np.ndarray] = [np.zeros(0)]
+    corners, one_sided, first = [np.zeros((0, 3, 3))], [np.zeros(0, bool)], 0
+    surroundings = 0.0  # the luminance of the brightest mesh that is left out
     all_of_it = sum(float(_areas(_corners(mesh)).sum()) for mesh in scene.meshes) or 1.0
     for mesh in in_order(scene):
         if any(mesh.material.emission) and sort_of(mesh) != UNSEEN:
@@ -53,17 +58,21 @@ def emitters(scene: Scene) -> Emitters:
             area = _areas(at)
             power = mean * area
             shining = float(area[mean > _FAINT * mean.max(initial=0.0)].sum())
-            kept = np.flatnonzero(power > 0.0) if shining <= _ENVIRONMENT * all_of_it else np.zeros(0, int)
+            kept = np.flatnonzero(power > 0.0)
+            if shining > _ENVIRONMENT * all_of_it:
+                surroundings, kept = max(surroundings, float(power.sum()) / shining), kept[:0]
             triangles.append(first + kept)
             means.append(mean[kept])
             corners.append(at[kept])
             one_sided.append(np.full(len(kept), sort_of(mesh) == CLOSED))
         first += len(mesh.faces)
     triangle, luminance, at = np.concatenate(triangles), np.concatenate(means), np.concatenate(corners)
+    lamps = luminance > _BRIGHTER * surroundings
+    triangle, luminance, at = triangle[lamps], luminance[lamps], at[lamps]
     area = _areas(at)
     cluster = _clusters(at, luminance * area, _SMALL * scene.diagonal)
     centre, radius = _balls(at, cluster)
-    return Emitters(triangle, luminance, area, np.concatenate(one_sided), cluster, centre, radius)
+    return Emitters(triangle, luminance, area, np.concatenate(one_sided)[lamps], cluster, centre, radius)
 
 
 def _corners(mesh: Mesh) -> np.ndarray:

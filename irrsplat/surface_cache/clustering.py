@@ -116,12 +116,7 @@ def alternative_sites(
     left: those members. left and sites: as numbers of members. Returns pairs of indices (N,) into left and into sites, the best
     first, at most `most` for each of left.
     """
-    voxels = keys[sites] >> 5
-    order = np.argsort(voxels, kind="stable")
-    first, last = (np.searchsorted(voxels[order], keys[left] >> 5, side) for side in ("left", "right"))
-    count = np.minimum(last - first, _NEAR)
-    member = np.repeat(np.arange(len(left)), count)
-    site = order[first[member] + np.arange(len(member)) - np.repeat(np.cumsum(count) - count, count)]
+    member, site = _pairs_in_voxels(keys, left, sites)
     alike = (members.normal[left[member]] * members.normal[sites[site]]).sum(1)
     best = np.lexsort((-alike, member))
     best = best[alike[best] > _MIN_COSINE]
@@ -129,6 +124,37 @@ def alternative_sites(
     begin = np.flatnonzero(np.diff(member, prepend=-1))
     rank = np.arange(len(member)) - np.repeat(begin, np.diff(begin, append=len(member)))
     return member[rank < most], site[rank < most]
+
+
+def nearest_sites(members: Members, keys: np.ndarray, left: np.ndarray, sites: np.ndarray, size: float) -> np.ndarray:
+    """(N,) for each of the members `left` (N,) the best of the `sites` in its own voxel of `size` metres, as its index there; -1
+    where there is none that faces alike. keys: those of such voxels, of all members; sites: as numbers of members.
+
+    The best is near, and faces as the member does. Whether it is seen is not asked.
+    """
+    pairs = _pairs_in_voxels(keys, left, sites)
+    best = np.full(len(left), -1)
+    for part in np.array_split(np.arange(len(pairs[0])), max(1, len(pairs[0]) >> 22)):
+        member, site = (one[part] for one in pairs)
+        a, b = left[member], sites[site]
+        alike = (members.normal[a] * members.normal[b]).sum(1)
+        apart = np.linalg.norm(members.position[a] - members.position[b], axis=1)
+        score = alike - apart / size
+        order = np.lexsort((score, member))
+        order = order[alike[order] > _MIN_COSINE]
+        best[member[order]] = site[order]  # of several the last, which is the best
+    return best
+
+
+def _pairs_in_voxels(keys: np.ndarray, left: np.ndarray, sites: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Pairs of indices (N,) into left and into sites of those in one voxel, whichever way they face; at most _NEAR for each."""
+    voxels = keys[sites] >> 5
+    order = np.argsort(voxels, kind="stable")
+    first, last = (np.searchsorted(voxels[order], keys[left] >> 5, side) for side in ("left", "right"))
+    count = np.minimum(last - first, _NEAR)
+    member = np.repeat(np.arange(len(left)), count)
+    site = order[first[member] + np.arange(len(member)) - np.repeat(np.cumsum(count) - count, count)]
+    return member, site
 
 
 def sight_lines(members: Members, a: np.ndarray, b: np.ndarray) -> np.ndarray:

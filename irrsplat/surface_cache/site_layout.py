@@ -27,6 +27,7 @@ SKY_VALUE, DARK_VALUE = 0, 1  # the numbers of the values of members that see no
 FIRST_SITE = 2  # the number of the first value that is gathered
 _ROUNDS = 4  # in which members that do not see their cluster's site form clusters with a site among themselves
 _ALTERNATIVES = 4  # sites of other clusters that a member is held against in the end
+_BORROWED_FROM = (1, 2, 4, 4)  # voxels: how far away a site may be of which a member borrows; in the last round even unseen
 _FIRST_SHARE = 0.6  # of MAX_SITES: most sites of the first round; the rest is for members that do not see theirs
 _VOXEL = 0.7  # of the spacing: how near members of one cluster lie
 _MIN_AREA = 0.02  # of the spacing squared: smaller clusters get a site only in the last round
@@ -157,7 +158,26 @@ class SiteChooser:
         member, site = clustering.alternative_sites(members, clusters.keys, left, gathered, _ALTERNATIVES)
         seen = yield from self._see(members, left[member], gathered[site], _SHARED_OUT)
         value[left[member[seen][::-1]]] = FIRST_SITE + site[seen][::-1]  # of several the first is written last
+        if len(sites) == MAX_SITES:
+            yield from self._borrow(clusters, value, gathered)
         return _Assignment(value, sites)
+
+    def _borrow(self, clusters: _Clusters, value: np.ndarray, gathered: np.ndarray) -> Generator[float, None, None]:
+        """Give the members without a value in `value` (M,) that of a site near by: of one that they see, in voxels that grow.
+
+        Where there are more clusters than sites, most small things would have no value, and what is not known is black: a room
+        full of them lost a third of its second bounce.
+        """
+        members = clusters.members
+        for number, growth in enumerate(_BORROWED_FROM):
+            size = growth * _VOXEL * clusters.spacing
+            keys, left = clustering.voxel_keys(members, size), np.flatnonzero(value < 0)
+            site = clustering.nearest_sites(members, keys, left, gathered, size)
+            left, site = left[site >= 0], site[site >= 0]
+            seen = yield from self._see(members, left, gathered[site], _SHARED_OUT)
+            if number == len(_BORROWED_FROM) - 1:
+                seen[:] = True
+            value[left[seen]] = FIRST_SITE + site[seen]
 
     def _cells(self, clusters: _Clusters, value: np.ndarray) -> Generator[float, None, np.ndarray]:
         """SiteLayout.cells for members with these values (M,)."""
