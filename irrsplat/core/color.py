@@ -1,14 +1,11 @@
-"""Colour: sRGB encoding and decoding, luminance, and mean colours of pictures as linear reflectance."""
+"""Colour: sRGB encoding and decoding, luminance, and clipping."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from PIL.Image import Image
 
 MID_GREY = 0.18  # reflectance that looks halfway between black and white
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # Rec. 709
@@ -48,11 +45,3 @@ def clip_color(values: Sequence[float] | np.ndarray) -> tuple[float, float, floa
     """Three values, each clipped to 0..1; NaN becomes 0."""
     r, g, b = np.clip(np.nan_to_num(np.asarray(values, float)), 0.0, 1.0).tolist()
     return r, g, b
-
-
-def mean_color(image: Image) -> np.ndarray:
-    """(3,) the mean of a Pillow image in linear light, from at most about 256 × 256 of its pixels; transparency is ignored."""
-    rgb = image.convert("RGB")
-    step = max(1, max(rgb.size) // 256)
-    mean: np.ndarray = linear_from_srgb(np.asarray(rgb)[::step, ::step] / 255.0).mean(axis=(0, 1))
-    return mean

@@ -1,4 +1,4 @@
-"""Rows of vectors: a product with a matrix that is reproducible to the bit, and unit length without overflow, cross products."""
+"""Rows of vectors: reproducible products with a matrix, unit length without overflow, cross products; areas of triangles."""
 
 from __future__ import annotations
 
@@ -28,3 +28,10 @@ def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     for i, (j, k) in enumerate(((1, 2), (2, 0), (0, 1))):
         product[:, i] = a[:, j] * b[:, k] - a[:, k] * b[:, j]
     return product
+
+
+def triangle_areas(corners: np.ndarray) -> np.ndarray:
+    """(F,) the areas of triangles with these corners (F, 3, 3)."""
+    a, b, c = corners.swapaxes(0, 1)
+    areas: np.ndarray = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    return areas

@@ -11,7 +11,7 @@ from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.gpu.world import World
-from irrsplat.lighting.emitter_table import emitter_table
+from irrsplat.lighting.emitter_table import EmitterTable, emitter_table
 
 
 class EmitterSearch:
@@ -23,8 +23,12 @@ class EmitterSearch:
 
     def __init__(self, world: World, samples: int, rays: float, strata: bool) -> None:
         self.world, self.rays, self.strata = world, rays, strata
-        table = emitter_table(world) if samples else None
-        self.samples = samples if table is not None and table.count else 0
+        self.samples = samples if samples and emitter_table(world) is not None else 0
+
+    @property
+    def _table(self) -> EmitterTable | None:
+        """The table of the world as it is now; None where nothing is looked for."""
+        return emitter_table(self.world) if self.samples else None
 
     @property
     def defines(self) -> dict[str, int]:
@@ -34,7 +38,7 @@ class EmitterSearch:
     def ray_uniforms(self, order: TriangleOrder) -> Uniforms:
         """The uniforms of shaders/lighting/emitters_hit.glsl for a gather that numbers triangles in this order, and of
         ray_density.glsl where its rays are strata."""
-        table = emitter_table(self.world) if self.samples else None
+        table = self._table
         if table is None:
             return {}
         return {**table.ray_uniforms(order, self.samples), **({"rays": self.rays} if self.strata else {})}
@@ -42,8 +46,8 @@ class EmitterSearch:
     @property
     def light_samples(self) -> LightSamples | None:
         """What an Atlas says of them."""
-        table = emitter_table(self.world) if self.samples else None
-        if table is None or not table.count:
+        table = self._table
+        if table is None:
             return None
         uniforms = {**table.sample_uniforms(self.samples), **self.world.trace_uniforms, "rays": self.rays}
         return LightSamples(uniforms, self.strata, self.world.material_defines)

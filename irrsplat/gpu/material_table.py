@@ -10,6 +10,7 @@ import numpy as np
 from irrsplat.core.buffers import Uniforms
 from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.core.material_layout import MATERIAL_ROWS, WRAPS, MaterialRow
+from irrsplat.core.vectors import triangle_areas
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import table_texture
 from irrsplat.gpu.texture_layers import LayerKey, LayerPlan, TextureLayers, dithered, layer_keys, plan
@@ -78,8 +79,7 @@ def _by_area(scene: Scene) -> list[LayerKey]:
     covered: dict[LayerKey, float] = {}
     for mesh in scene.meshes:
         keys = [key for key in layer_keys(mesh.material) if key is not None]
-        a, b, c = mesh.positions[mesh.faces].swapaxes(0, 1) if keys else np.zeros((3, 0, 3))
-        area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+        area = float(triangle_areas(mesh.positions[mesh.faces]).sum()) if keys else 0.0
         for key in keys:
             covered[key] = covered.get(key, 0.0) + area
     return sorted(covered, key=lambda key: -covered[key])

@@ -8,6 +8,7 @@ import numpy as np
 
 from irrsplat.core.color import LUMINANCE, linear_from_srgb
 from irrsplat.core.glsl import MAX_EMITTER_CLUSTERS
+from irrsplat.core.vectors import triangle_areas
 from irrsplat.scene.looks import in_order
 from irrsplat.scene.model import Mesh, Scene, Texture, Wrap
 from irrsplat.scene.seen_by_light import CLOSED, UNSEEN, sort_of
@@ -51,11 +52,11 @@ def emitters(scene: Scene) -> Emitters:
     means: list[np.ndarray] = [np.zeros(0)]
     corners, one_sided, first = [np.zeros((0, 3, 3))], [np.zeros(0, bool)], 0
     surroundings = 0.0  # the luminance of the brightest mesh that is left out
-    all_of_it = sum(float(_areas(_corners(mesh)).sum()) for mesh in scene.meshes) or 1.0
+    all_of_it = sum(float(triangle_areas(_corners(mesh)).sum()) for mesh in scene.meshes) or 1.0
     for mesh in in_order(scene):
         if any(mesh.material.emission) and sort_of(mesh) != UNSEEN:
             mean, at = _emission(mesh) @ LUMINANCE, _corners(mesh)
-            area = _areas(at)
+            area = triangle_areas(at)
             power = mean * area
             shining = float(area[mean > _FAINT * mean.max(initial=0.0)].sum())
             kept = np.flatnonzero(power > 0.0)
@@ -69,7 +70,7 @@ def emitters(scene: Scene) -> Emitters:
     triangle, luminance, at = np.concatenate(triangles), np.concatenate(means), np.concatenate(corners)
     lamps = luminance > _BRIGHTER * surroundings
     triangle, luminance, at = triangle[lamps], luminance[lamps], at[lamps]
-    area = _areas(at)
+    area = triangle_areas(at)
     cluster = _clusters(at, luminance * area, _SMALL * scene.diagonal)
     centre, radius = _balls(at, cluster)
     return Emitters(triangle, luminance, area, np.concatenate(one_sided)[lamps], cluster, centre, radius)
@@ -79,11 +80,6 @@ def _corners(mesh: Mesh) -> np.ndarray:
     """(F, 3, 3) float64, metres."""
     corners: np.ndarray = mesh.positions[mesh.faces].astype(float)
     return corners
-
-
-def _areas(corners: np.ndarray) -> np.ndarray:
-    areas: np.ndarray = 0.5 * np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    return areas
 
 
 # ---- clusters ------------------------------------------------------------------------------------------------------------

@@ -13,6 +13,8 @@ import numpy as np
 
 from irrsplat.core.buffers import Sites, Uniforms
 from irrsplat.core.glsl import HIDDEN_OTHERWISE
+from irrsplat.core.vectors import triangle_areas
+from irrsplat.core.vertex_layout import vertex_column
 from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Scene
 from irrsplat.scene.seen_by_light import face_counts
@@ -105,8 +107,7 @@ class SiteChooser:
         sites would come of it."""
         vertices, faces, _ = flatten(self.scene)
         faces = faces[: face_counts(self.scene).lit]
-        a, b, c = vertices[faces, :3].astype(float).swapaxes(0, 1)
-        area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
+        area = triangle_areas(vertex_column(vertices, "position")[faces].astype(float)).sum()
         spacing = float(np.sqrt(2.0 * area / POINTS)) or 1.0  # a grid of right-angled triangles has two points per spacing²
         while True:
             tessellation = tessellate(vertices, faces, spacing, self.offset)

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from irrsplat.core.errors import IrrsplatError
 from irrsplat.reference.camera_view import cast
 from irrsplat.reference.truth import MOST_BOUNCES
 from irrsplat.scene.model import Camera, Image, Light, Material, Mesh, Scene, Texture
@@ -16,19 +15,6 @@ from tests.support.worlds import box, floor, lamp, polygon_vector, quad, scene
 
 UP = np.array([[0.0, 1.0, 0.0]], "f4")
 CAMERA = Camera((0.0, 2.0, 0.1), (0.0, 0.0, 0.0))
-
-
-@pytest.fixture(scope="module")
-def mitsuba() -> Any:
-    """The module of the tracer, in a variant that runs here."""
-    pytest.importorskip("mitsuba")
-    from irrsplat.reference import path_tracer
-
-    try:
-        path_tracer.choose_variant()
-    except IrrsplatError as error:
-        pytest.skip(str(error))
-    return path_tracer
 
 
 def worn(mesh: Mesh, repeats: float = 1.0) -> Mesh:

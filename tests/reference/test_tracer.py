@@ -10,7 +10,6 @@ import pytest
 
 import irrsplat
 from irrsplat.app import cli
-from irrsplat.core.errors import IrrsplatError
 from irrsplat.reference.truth import MOST_BOUNCES, traced, vertices
 from irrsplat.scene.model import Camera, Light, Scene
 from tests.app.verify.test_verify import rows
@@ -24,19 +23,6 @@ CAMERA = Camera((0.0, 0.0, 0.9), (0.0, 0.0, 0.0))
 def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """An empty cache folder."""
     monkeypatch.setenv("IRRSPLAT_CACHE", str(tmp_path / "cache"))
-
-
-@pytest.fixture(scope="module")
-def mitsuba() -> Any:
-    """The module of the tracer, in a variant that runs here."""
-    pytest.importorskip("mitsuba")
-    from irrsplat.reference import path_tracer
-
-    try:
-        path_tracer.choose_variant()
-    except IrrsplatError as error:
-        pytest.skip(str(error))
-    return path_tracer
 
 
 # ---- formulas ------------------------------------------------------------------------------------------------------------

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from irrsplat.core.color import LUMINANCE, linear_from_srgb
+from irrsplat.core.vectors import triangle_areas
 from irrsplat.scene.model import Camera, Image, Light, Mesh, Scene
 from irrsplat.scene.stand_ins.surroundings import Surroundings
 
@@ -64,8 +65,7 @@ def _emitted_power(mesh: Mesh) -> float:
         return 0.0
     texture = material.emission_texture
     colour = np.asarray(material.emission) * (1.0 if texture is None else mean_of(texture.image))
-    a, b, c = (mesh.positions[mesh.faces[:, i]].astype(float) for i in range(3))
-    area = 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+    area = float(triangle_areas(mesh.positions[mesh.faces].astype(float)).sum())
     return 2.0 * math.pi * area * _luminance(colour)
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from irrsplat.core.vectors import triangle_areas
 from irrsplat.scene.model import Scene
 
 _POINTS = 20_000  # on all surfaces: a few dozen for each direction
@@ -64,11 +65,7 @@ def surface_points(scene: Scene) -> SurfacePoints:
     meshes = [m for m in scene.meshes if len(m.faces) and m.material.light_cutoff <= m.material.opacity]
     if not meshes:
         return SurfacePoints(np.zeros((0, 3)), np.zeros((0, 3)))
-    areas = []
-    for mesh in meshes:
-        a, b, c = (mesh.positions[mesh.faces[:, i]] for i in range(3))
-        areas.append(np.linalg.norm(np.cross(b - a, c - a), axis=1))
-    total = np.cumsum(np.concatenate(areas), dtype=float)
+    total = np.cumsum(np.concatenate([triangle_areas(mesh.positions[mesh.faces]) for mesh in meshes]), dtype=float)
     chance = np.random.default_rng(0)
     chosen = np.searchsorted(total, (np.arange(_POINTS) + chance.random(_POINTS)) / _POINTS * total[-1], "right")
     chosen = np.minimum(chosen, len(total) - 1)
