@@ -23,6 +23,7 @@ _ORTHOGRAPHIC = 500.0  # scene diagonals: a camera that is farther away from its
 def scene(source: str, options: LoadOptions) -> None:
     """Print what the scene at a path, or the bundled one of that name, consists of; raises InputError as `irrsplat.load`."""
     from irrsplat.scene import load
+    from irrsplat.scene.stand_ins.light import SKY
 
     it = load(source, **vars(options))
     low, high = it.bounds
@@ -33,13 +34,14 @@ def scene(source: str, options: LoadOptions) -> None:
     print(f"  bounds     {_point(low)} to {_point(high)}, diagonal {it.diagonal:g} m, up {_point(it.up)}")
     _materials(it)
     stand_in = not it.own_sky and any(it.sky)
+    key = stand_in and it.sky == SKY  # beside a lone sun there is none
     emissive = [mesh for mesh in it.meshes if any(mesh.material.emission)]
     print(
         f"  lights     {len(it.lights)}"
         + (f", and {_count(len(emissive), 'emissive mesh', 'emissive meshes')}" if emissive else "")
     )
     for light in it.lights:
-        print(f"    {_light(light)}" + (", stands in" if stand_in and light.name == "key" else ""))
+        print(f"    {_light(light)}" + (", stands in" if key and light is it.lights[-1] else ""))
     above = f", brighter above by {_point(it.sky_gradient)}" if any(it.sky_gradient) else ""
     print(f"  sky        {_point(it.sky) + above if any(it.sky) else 'black'}" + (", stands in" if stand_in else ""))
     print(f"  cameras    {len(it.cameras)}")

@@ -185,9 +185,19 @@ def test_gltf_instances_and_primitives_keep_their_own_materials(write):
     assert found == [((0, 1, 0), 0.0), ((0, 1, 0), 5.0), ((1, 0, 0), 0.0), ((1, 0, 0), 5.0)]
 
 
-def test_an_empty_gltf_is_a_scene_without_geometry(write):
-    scene = write("a.gltf", {"asset": {"version": "2.0"}})
-    assert scene.meshes == () and scene.sky == (1.0, 1.0, 1.0)
+def test_a_file_without_anything_to_show_says_so(write):
+    tree = gltf({}, {"scale": [1, 1, 1]})
+    hidden = {**tree, "nodes": [{"mesh": 0}, {"translation": [0, 0, 0]}], "scenes": [{"nodes": [1]}], "scene": 0}
+    flat = {**tree, "nodes": [{"mesh": 0, "scale": [1, 0, 0]}], "scenes": [{"nodes": [0]}]}
+    for name, data, says in (
+        ("a.gltf", {"asset": {"version": "2.0"}}, "there are no meshes in this file; nothing"),
+        ("a.gltf", hidden, "none of the 1 meshes in this file is in its scene; nothing"),
+        ("a.gltf", flat, "scaled to nothing"),
+        ("a.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "no triangle in this file has an area; nothing"),
+    ):
+        with pytest.raises(InputError, match=says) as caught:
+            write(name, data)
+        assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(

@@ -135,7 +135,7 @@ def test_points_and_lines_are_told_and_the_triangles_beside_them_shown(file, sho
     scene = show()
     assert scene.triangles == 4 and remarks(scene) == [f"{scene.path}: not shown: points, lines"]
     file.tree["meshes"][0]["primitives"] = [{**first, "mode": 0}]
-    with pytest.raises(InputError, match="not shown: points; nothing is left to show"):
+    with pytest.raises(InputError, match="there are no triangles in this file, only points; nothing is left to show"):
         show()
 
 

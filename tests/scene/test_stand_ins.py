@@ -198,10 +198,21 @@ def test_emission_counts_by_the_mean_of_its_texture() -> None:
 
 
 @pytest.mark.parametrize("power", [0.0, 1e-9, 1.0, 1e5])
-@pytest.mark.parametrize("directional", [False, True])
-def test_lamps_that_are_off_light_nothing(power: float, directional: bool) -> None:
-    light = Light((0.0, 2.0, 0.0), (power,) * 3, directional=directional, physical=True)
+def test_lamps_that_are_off_light_nothing(power: float) -> None:
+    light = Light((0.0, 2.0, 0.0), (power,) * 3, physical=True)
     assert lit_by_itself(finished(sphere((0, 0, 0), 1.0), lights=(light,))) == (power >= 1.0)
+    assert not lit_by_itself(finished(sphere((0, 0, 0), 1.0), lights=(replace(light, color=(1e-9,) * 3, directional=True),)))
+
+
+def test_a_lone_sun_has_a_sky_of_its_strength_and_no_key() -> None:
+    """What falls on the side away is 0.3 of what falls on the other, however strong it is; with a lamp none stands in."""
+    suns = Light((0.0, 2.0, 1.0), (1e5,) * 3, directional=True, name="key"), Light((1.0, 2.0, 0.0), (2e5,) * 3, directional=True)
+    for lights, strength in (suns, 3e5), (suns[:1], 1e5):
+        scene = finished(sphere((0, 0, 0), 1.0), lights=lights)
+        assert scene.lights == lights and not scene.own_sky
+        assert any("directional light alone" in notice for notice in scene.notices)
+        assert scene.sky == pytest.approx((0.3 * strength,) * 3) and 0.0 < scene.sky_gradient[0] < scene.sky[0]
+    assert lit_by_itself(finished(sphere((0, 0, 0), 1.0), lights=(suns[1], lamp((0, 3, 0), 1.0))))
 
 
 def test_the_key_comes_from_the_upper_left_behind_the_camera() -> None:

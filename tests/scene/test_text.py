@@ -134,6 +134,7 @@ def test_without_a_camera_one_sees_the_whole_scene(write, text):
 def test_no_geometry_is_legal(write):
     scene = write("# nothing but a comment\n")
     assert scene.triangles == 0 and scene.sky == (1.0, 1.0, 1.0)
+    assert any("there are no triangles in this file; its sky alone is shown" in notice for notice in scene.notices)
     assert write("obj e.obj\n", e_obj="# no faces\n").meshes == ()
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from irrsplat.core.errors import InputError
 from irrsplat.scene.model import Camera, Light, Mesh, Scene
 from irrsplat.scene.stand_ins import camera, light
 from irrsplat.scene.stand_ins.surroundings import surface_points
@@ -29,11 +30,17 @@ def finish(
 
     dropped: degenerate triangles left out, by file. remarks: notices so far. files: what was read apart
     from `path`. up: what points up; None: as the first camera has it, and where there is no light at all a plain sky stands in,
-    as `.scene` promises. Otherwise a sky that is brighter above and a key light do, also where what the file has is too weak.
+    as `.scene` promises. Otherwise a sky that is brighter above and a key light do, also where what the file has is too weak;
+    beside directional light alone the sky does. Raises InputError for a file with an `up` that has no triangle with an area.
     """
     notices = [*remarks]
     notices += [f"{file}: {count} degenerate triangle{'s' * (count > 1)} dropped" for file, count in dropped.items() if count]
     meshes = tuple(mesh for mesh in meshes if len(mesh.faces))
+    if not meshes:
+        why = "no triangle in this file has an area" if any(dropped.values()) else "there are no triangles in this file"
+        if up is not None:
+            raise InputError(f"{why}; nothing is left to show", path)
+        notices.append(f"{path}: {why}; its sky alone is shown")
     scene = Scene(meshes, tuple(lights), tuple(cameras), sky or (0.0, 0.0, 0.0), path.stem, str(path))
     scene = replace(scene, files=tuple(dict.fromkeys(str(file) for file in (path, *files))))
     world = axes(up or (nearest_axis(cameras[0]) if cameras else scene.up))
@@ -54,12 +61,17 @@ def finish(
     elif sky is None:
         around = camera.closed_in(scene, points, world, hollow)
         inside = inside or around is not None
-        if not light.shines(scene, "closed" if inside else "half" if hollow.places else "none"):
+        own = light.lit_by(scene, "closed" if inside else "half" if hollow.places else "none")
+        if own == "nothing":
             few = "too little light" if lights or any(any(mesh.material.emission) for mesh in meshes) else "no light"
             key = light.stand_in(scene.cameras[0], world[1], around if inside else None)
             what = "a sky and a lamp" if inside else "a sky that is brighter above and a key light"
             notices.append(f"{path}: {few}; {what} stand in")
             scene = replace(scene, sky=light.SKY, sky_gradient=light.GRADIENT, lights=(*scene.lights, key))
+        elif own == "sun":
+            notices.append(f"{path}: directional light alone; a sky that is brighter above stands in beside it")
+            sky, gradient = light.fill(scene)
+            scene = replace(scene, sky=sky, sky_gradient=gradient)
     return replace(scene, notices=tuple(notices))
 
 

@@ -17,6 +17,7 @@ Enclosure = Literal["none", "half", "closed"]
 SKY: Vector = (1.0, 1.0, 1.0)  # mean radiance, W/(m² sr)
 GRADIENT: Vector = (0.6, 0.6, 0.6)  # straight up it is four times as bright as straight down
 KEY: Vector = (1.5, 1.5, 1.5)  # of the key; it lights what faces it with π times as much
+FILL = 0.3  # of what falls on a surface that faces a lone sun: what the sky beside it brings, about as much as on a clear day
 _KEY = np.array([-0.55, 0.75, 0.5])  # where from: the camera's right, up and back
 # Shares of the power that the sky would bring to the whole: emission of less does not light a scene. Before a thing that glows a
 # little the sky still stands; into a room that lacks a wall, or has windows, little of it comes, into a closed one nothing.
@@ -39,17 +40,28 @@ def stand_in(camera: Camera, up: np.ndarray, around: Surroundings | None) -> Lig
     return Light((x, y, z), (power * SKY[0], power * SKY[1], power * SKY[2]), physical=True, name="key")
 
 
-def shines(scene: Scene, enclosure: Enclosure) -> bool:
-    """Whether the scene has light of its own that counts.
+def lit_by(scene: Scene, enclosure: Enclosure) -> Literal["nothing", "sun", "own"]:
+    """What light that counts the scene has: "nothing", a "sun" (directional light alone), or its "own" in any other way.
 
-    Lamps do unless they are all but off, and emission does where its power is more than a small share of what the stand-in sky
+    Lamps count unless they are all but off, and emission does where its power is more than a small share of what the stand-in sky
     would bring to the bounding sphere: 4π²·L·R² W. enclosure: whether it is a room.
     """
     radius = 0.5 * scene.diagonal
     sky = 4.0 * math.pi**2 * radius**2 * _luminance(SKY)
-    if sum(_lamp_power(light, radius) for light in scene.lights) > _BLANK * sky:
-        return True
-    return sum(map(_emitted_power, scene.meshes)) > _MINOR[enclosure] * sky
+    suns, lamps = (
+        sum(_lamp_power(light, radius) for light in scene.lights if light.directional == directional)
+        for directional in (True, False)
+    )
+    if sum(map(_emitted_power, scene.meshes)) > _MINOR[enclosure] * sky or lamps > _BLANK * sky:
+        return "own"
+    return "sun" if suns + lamps > _BLANK * sky else "nothing"
+
+
+def fill(scene: Scene) -> tuple[Vector, Vector]:
+    """The sky beside a lone sun, (sky, sky_gradient): grey, and as bright to the sun as FILL says."""
+    share = FILL * sum(_luminance(light.color) for light in scene.lights if light.directional)
+    (r, g, b), (x, y, z) = SKY, GRADIENT
+    return (share * r, share * g, share * b), (share * x, share * y, share * z)
 
 
 def _lamp_power(light: Light, radius: float) -> float:

@@ -61,16 +61,14 @@ def load_gltf(path: Path, options: LoadOptions) -> Scene:
 
     Animations pose it at the options' time; None: their first frame. A part that is damaged, or of a kind that is
     not shown, is left out, and Scene.notices tell of it. Raises InputError, one line with the file's path, where the file is no
-    glTF 2.0, is truncated, or has triangles of which none can be read.
+    glTF 2.0, is truncated, or has no triangles that can be shown.
     """
     document, time = read(path), options.time
     with np.errstate(all="ignore"):
         reader = _Reader(document, pose(document, 0.0 if time is None else time))
         meshes = reader.meshes()
-        if not meshes and (document.lost or document.unshown):
-            most = max(document.lost, key=lambda reason: len(document.lost[reason]), default=None)
-            why = document.notices()[-1] if most is None else document.loss(most)
-            raise InputError(why.removeprefix(f"{path}: ") + "; nothing is left to show", path)
+        if not meshes:
+            raise InputError(f"{reader.instead()}; nothing is left to show", path)
         bounds = Scene(tuple(meshes), (), ()).bounds
         found_cameras = cameras(document, reader.nodes, bounds)
         found_lights = lights(document, reader.nodes)
@@ -134,6 +132,19 @@ class _Reader:
                         if len(mesh.faces):
                             found.append(mesh)
         return found
+
+    def instead(self) -> str:
+        """What there is where `meshes` finds none, in words for an error."""
+        lost = self.document.lost
+        if lost:
+            return self.document.loss(max(lost, key=lambda reason: len(lost[reason]))).removeprefix(f"{self.document.path}: ")
+        others = [kind for kind in self.document.unshown if kind in ("points", "lines")]
+        if others:
+            return f"there are no triangles in this file, only {' and '.join(others)}"
+        if any("mesh" in node.entry for node in self.nodes):
+            return "no triangle in this file has an area"
+        meshes = len(self.document.entries("meshes"))
+        return f"none of the {meshes} meshes in this file is in its scene" if meshes else "there are no meshes in this file"
 
     def _mesh(self, node: Node, entry: Mapping[str, Any], i: int, places: np.ndarray, called: str, label: str) -> Mesh:
         """The mesh that the i-th primitive of a node's mesh becomes; raises Damaged."""
