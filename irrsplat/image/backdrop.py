@@ -10,6 +10,7 @@ import numpy as np
 from irrsplat.core.buffers import Uniforms
 from irrsplat.image.jitter import JitteredCamera
 from irrsplat.image.tonemap import tonemap
+from irrsplat.lighting.sky import sky_uniforms
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import Settings
 
@@ -22,27 +23,25 @@ _ENDS = {"grey": GREY, "black": (_BLACK, _BLACK), "white": (_WHITE, _WHITE), "cl
 
 @dataclass(frozen=True)
 class Backdrop:
-    """What a camera sees where there is no surface. kind: what it is; sky, gradient, up: as a Scene has them.
+    """What a camera sees where there is no surface. kind: what it is; scene: whose sky there is, seen or not.
 
     Only a sky is light: of all others the buffers hold nothing, and the display puts them behind the picture by its coverage.
     """
 
     kind: BackdropKind = "sky"
-    sky: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    gradient: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    up: tuple[float, float, float] = (0.0, 1.0, 0.0)
+    scene: Scene = Scene((), (), ())
 
     def uniforms(self, camera: Camera, size: tuple[int, int]) -> Uniforms:
         """The uniforms of shaders/image/backdrop.glsl for a view of `size` (width, height)."""
-        return {"sky": self.sky, "sky_gradient": self.gradient, "sky_up": self.up, "pixel_rays": pixel_rays(camera, size)}
+        return {**sky_uniforms(self.scene), "sky_is_seen": int(self.kind == "sky"), "pixel_rays": pixel_rays(camera, size)}
 
     def radiance(self, camera: Camera, size: tuple[int, int]) -> np.ndarray:
         """(H, W, 3) float32: the radiance that comes from behind every pixel's centre, top row first; 0 where it is no sky."""
+        if self.kind != "sky":
+            return np.zeros((size[1], size[0], 3), np.float32)
         x, y = np.meshgrid(np.arange(size[0]) + 0.5, np.arange(size[1])[::-1] + 0.5)
         ways = np.stack([x, y, np.ones_like(x)], -1) @ pixel_rays(camera, size).T
-        rise = (ways @ np.asarray(self.up)) / np.linalg.norm(ways, axis=-1)
-        radiance: np.ndarray = np.asarray(self.sky) + rise[..., None] * np.asarray(self.gradient)
-        return radiance.astype(np.float32)
+        return self.scene.sky_radiance(ways / np.linalg.norm(ways, axis=-1, keepdims=True)).astype(np.float32)
 
     @property
     def ends(self) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
@@ -55,9 +54,7 @@ def backdrop_of(scene: Scene, settings: Settings) -> Backdrop:
     kind = settings.backdrop
     if kind == "auto":
         kind = "sky" if scene.own_sky else "grey"
-    if kind == "sky":
-        return Backdrop("sky", scene.sky, scene.sky_gradient, scene.up)
-    return Backdrop(kind)  # type: ignore[arg-type]  # the setting's choices
+    return Backdrop(kind, scene)  # type: ignore[arg-type]  # the setting's choices
 
 
 def pixel_rays(camera: Camera, size: tuple[int, int]) -> np.ndarray:

@@ -43,7 +43,8 @@ void main()
         own = material.emission;
     }
     else own = backdrop_radiance(gl_FragCoord.xy);
-    out_image = vec4(filtered(pixel, blend.x * direct_light + blend.y * indirect + own), share);
+    vec3 light = blend.x * direct_light + blend.y * indirect + own;
+    out_image = vec4(seen ? filtered(pixel, light) : filtered_backdrop(pixel, gl_FragCoord.xy), share);
     out_direct = vec4(direct_light, share);
     out_indirect = vec4(indirect, share);
     out_emission = vec4(own, share);

@@ -1,6 +1,5 @@
 // The picture: irradiance from the sums, and with it the outgoing radiance of direct light, indirect light, emission and sky.
 #include "generated/gbuffer_material.glsl"
-#include "image/backdrop.glsl"
 #include "image/filtered.glsl"
 #include "lib/material.glsl"
 
@@ -21,6 +20,6 @@ void main()
     vec3 indirect = reflected_radiance(material, E);
     vec3 light = blend.x * texelFetch(direct, pixel, 0).rgb + blend.y * indirect + material.emission;
     bool seen = texelFetch(position, pixel, 0).w > 0.0;
-    out_image = vec4(filtered(pixel, seen ? light : backdrop_radiance(gl_FragCoord.xy)), 1.0);
+    out_image = vec4(seen ? filtered(pixel, light) : filtered_backdrop(pixel, gl_FragCoord.xy), 1.0);
     out_alpha = seen ? 1.0 : held_back(pixel);
 }

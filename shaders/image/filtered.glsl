@@ -1,4 +1,6 @@
 // What the filters before a pixel's surface make of its light. Both textures have a texel for each pixel, or one for all of them.
+#include "image/backdrop.glsl"
+
 uniform sampler2D tint;  // the share of light that comes through
 uniform sampler2D glow;  // the radiance that they add
 
@@ -12,9 +14,22 @@ vec3 filtered(ivec2 pixel, vec3 radiance)
     return radiance * filter_texel(tint, pixel) + filter_texel(glow, pixel);
 }
 
-// How far they cover what is behind them, on the mean of the channels, 0..1.
+float least(vec3 share)
+{
+    return min(min(share.r, share.g), share.b);
+}
+
+// How far they cover what is behind them, 0..1: of the channel of which they hold back most.
 float held_back(ivec2 pixel)
 {
+    return 1.0 - least(filter_texel(tint, pixel));
+}
+
+// The same of a pixel that sees no surface, at `at` in pixels. Of a backdrop that is no light, what all channels let through is put
+// behind the picture by its alpha; what some let through beyond that is taken from the sky, and is the filters' own colour.
+vec3 filtered_backdrop(ivec2 pixel, vec2 at)
+{
     vec3 share = filter_texel(tint, pixel);
-    return 1.0 - (share.r + share.g + share.b) / 3.0;
+    if (sky_is_seen == 0) share -= least(share);
+    return share * sky_behind(at) + filter_texel(glow, pixel);
 }

@@ -83,7 +83,7 @@ def test_the_means_are_those_of_the_samples(ctx: moderngl.Context) -> None:
             direct[1],
             table_texture(ctx, values),
             centre_texture,
-            Backdrop("sky", sky).uniforms(ABOVE, (width, height)),
+            Backdrop("sky", Scene((), (), (), sky)).uniforms(ABOVE, (width, height)),
             mix,
         )
         padded = np.pad(values, ((1, 1), (1, 1), (0, 0)), mode="edge")

@@ -14,7 +14,7 @@ import irrsplat
 from irrsplat.image.backdrop import display_picture, pixel_rays
 from irrsplat.image.jitter import jittered
 from irrsplat.image.tonemap import tonemap
-from irrsplat.scene.model import Camera, Scene
+from irrsplat.scene.model import Camera, Material, Scene
 from tests.support.worlds import ABOVE, floor, lamp, material, rays, scene
 
 SIZE = (24, 20)
@@ -76,6 +76,21 @@ def test_a_backdrop_is_no_light(kind: str) -> None:
         assert np.array_equal(picture[unseen], brighter[unseen])
     else:
         assert (picture[unseen] == float(kind == "white")).all()
+
+
+def test_a_filter_before_nothing_shows_its_colour() -> None:
+    """Of a clear backdrop it covers what all channels hold back; what the others let through beyond that is light of the sky."""
+    paint = Material(albedo=(0.9, 0.5, 0.1), opacity=0.4, alpha_mode="blend")
+    it = replace(scene(floor(1.0, paint=paint), sky=(0.2, 0.5, 0.8), camera=ABOVE), own_sky=False)
+    tint = 1.0 - 0.4 * (1.0 - np.array(paint.albedo))
+    for samples in (1, 2):
+        frame = rendered(it, backdrop="clear", samples=samples)
+        middle = frame.alpha.shape[0] // 2, frame.alpha.shape[1] // 2
+        assert frame.alpha[middle] == pytest.approx(1.0 - tint.min()) and frame.alpha[0, 0] == 0.0
+        assert np.allclose(frame.image[middle], (tint - tint.min()) * it.sky, atol=1e-6)
+    assert np.allclose(rendered(it, backdrop="sky").image[middle], tint * it.sky, atol=1e-6)
+    picture = rendered(it, backdrop="grey").picture
+    assert np.ptp(picture[middle]) > 0.1 > np.ptp(picture[0, 0])
 
 
 def test_a_pixel_that_is_covered_in_part_is_a_mixture() -> None:

@@ -11,7 +11,7 @@ from irrsplat.gpu.target import Target, table_texture
 from irrsplat.image import tonemap
 from irrsplat.image.backdrop import Backdrop
 from irrsplat.image.composite import CompositePass
-from irrsplat.scene.model import Camera
+from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import Settings
 from tests.support.worlds import assert_pictures, gbuffer_of, on_plane
 
@@ -47,7 +47,8 @@ def composed(
     ctx: moderngl.Context, gbuffer: GBuffer, sums: moderngl.Texture, direct: moderngl.Texture, settings: Settings
 ) -> tuple[np.ndarray, np.ndarray]:
     """The image, and E as the quotient of the sums that come with it."""
-    image, _, sums = CompositePass(ctx, SIZE)(SplatBuffer(sums, None), direct, gbuffer, Backdrop("sky", SKY), CAMERA, settings)
+    behind = Backdrop("sky", Scene((), (), (), SKY))
+    image, _, sums = CompositePass(ctx, SIZE)(SplatBuffer(sums, None), direct, gbuffer, behind, CAMERA, settings)
     total = pixels(sums)
     return pixels(image)[..., :3], total[..., :3] / np.where(total[..., 3:] > 0.0, total[..., 3:], 1.0)
 

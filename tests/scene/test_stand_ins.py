@@ -234,6 +234,12 @@ def test_in_a_closed_room_the_key_is_a_lamp_in_it() -> None:
         assert key.position[1] > scene.camera().eye[1]
 
 
+def test_a_file_of_filters_alone_says_so() -> None:
+    glass = Material(transmission=1.0)
+    for meshes, told in (([sphere((0, 0, 0), 1.0, glass)], True), ([sphere((0, 0, 0), 1.0, glass), floor(1.0)], False)):
+        assert any("only their tints are shown" in notice for notice in finished(*meshes).notices) == told
+
+
 def test_a_text_scene_keeps_its_promise() -> None:
     """A plain sky of 1 1 1, and that only where there is no light at all, however weak."""
     plain = finish(Path("a.scene"), [ROOM], (), (), None, {})

@@ -10,6 +10,7 @@ import numpy as np
 
 from irrsplat.core.errors import InputError
 from irrsplat.scene.model import Camera, Light, Mesh, Scene
+from irrsplat.scene.seen_by_light import face_counts
 from irrsplat.scene.stand_ins import camera, light
 from irrsplat.scene.stand_ins.surroundings import surface_points
 from irrsplat.scene.stand_ins.up_axis import Vector, axes, nearest_axis
@@ -72,6 +73,8 @@ def finish(
             notices.append(f"{path}: directional light alone; a sky that is brighter above stands in beside it")
             sky, gradient = light.fill(scene)
             scene = replace(scene, sky=sky, sky_gradient=gradient)
+    if meshes and not face_counts(scene).lit:
+        notices.append(f"{path}: all materials let most of the light pass; only their tints are shown")
     return replace(scene, notices=tuple(notices))
 
 
