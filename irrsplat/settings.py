@@ -11,6 +11,7 @@ import math
 import numbers
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
+from functools import cache
 from typing import Any, Literal, TypedDict, Unpack, cast
 
 from irrsplat.core.errors import InputError
@@ -372,4 +373,11 @@ def preset(name: str = "default", **overrides: Unpack[SettingValues]) -> Setting
     """The settings of the preset `name` with `overrides` on top; raises InputError for what does not exist."""
     if name not in PRESETS:
         raise InputError(f"unknown preset '{name}'; the presets are {', '.join(PRESETS)}")
-    return Settings().with_values({**PRESETS[name], **overrides})
+    plain = _plain_preset(name)
+    return plain.with_values(overrides) if overrides else plain
+
+
+@cache
+def _plain_preset(name: str) -> Settings:
+    """Without overrides: the viewer's panel asks for it some thirty times a frame."""
+    return Settings(**PRESETS[name])

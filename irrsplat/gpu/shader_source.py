@@ -52,7 +52,7 @@ def load(name: str, defines: Mapping[str, object] | None = None, root: Path | No
         except OSError as error:
             raise ShaderError(f"{included}cannot read '{name}': {error.strerror}") from error
         for number, line in enumerate(content.splitlines(), start=1):
-            include = _INCLUDE.match(line)
+            include = _INCLUDE.match(line) if "#" in line else None
             looked_at = conditions.follow(line)
             if include and looked_at:
                 expand(include[1], f"{name}:{number}: ")
@@ -71,9 +71,15 @@ class _Conditions:
     def __init__(self, defines: Mapping[str, object]) -> None:
         self._defines = defines
         self._blocks: list[bool | None] = []  # whether each block that is open is looked at; None: not known
+        self._looked_at = True
 
     def follow(self, line: str) -> bool:
         """Take the next line; whether it is looked at."""
+        if "#" in line:  # few have one, and every Renderer reads thousands of lines
+            self._take(line)
+        return self._looked_at
+
+    def _take(self, line: str) -> None:
         word, _, condition = line.partition("//")[0].strip().partition(" ")
         if word.startswith("#if"):
             self._blocks.append(self._holds(condition) if word == "#if" else None)
@@ -83,7 +89,7 @@ class _Conditions:
             self._blocks[-1] = not self._blocks[-1]
         elif word == "#endif":
             self._blocks.pop()
-        return False not in self._blocks
+        self._looked_at = False not in self._blocks
 
     def _holds(self, condition: str) -> bool | None:
         """Whether names, each with ! or not, joined by && and ||, are defined as other than 0; None for other conditions."""

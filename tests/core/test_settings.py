@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+from dataclasses import asdict
 from pathlib import Path
 from types import ModuleType
 from typing import get_type_hints
@@ -68,7 +69,7 @@ def test_words_that_are_values() -> None:
 
 @pytest.mark.parametrize("name", PRESETS)
 def test_presets_are_legal_and_overrides_win(name: str) -> None:
-    assert preset(name) == Settings(**PRESETS[name])
+    assert asdict(preset(name)) == asdict(Settings()) | PRESETS[name]
     assert preset(name, a=0.7).a == 0.7
 
 
@@ -93,6 +94,7 @@ def test_the_keywords_for_type_checkers_are_the_settings() -> None:
 def test_former_names_of_settings_still_work(former: str, present: str, value: object) -> None:
     default = Settings()
     assert default.with_values({former: value}) == default.with_values({present: value})
+    assert getattr(preset("paper", **{former: value}), present) == value  # type: ignore[arg-type]
     assert SETTINGS[present].flags == (f"--{present.replace('_', '-')}", f"--{former}")
     with pytest.raises(InputError, match=f"'{former}' is the former name of '{present}'"):
         default.with_values({former: value, present: value})
