@@ -188,6 +188,15 @@ def test_images_are_found_wherever_a_file_may_keep_them(file, wear, tmp_path, wa
         np.testing.assert_array_equal(pixels, PIXELS)
 
 
+def test_images_that_cannot_be_seen_are_not_read(file, wear, show):
+    file.texture(PIXELS)
+    file.tree["images"] = [{"uri": "gone.png"}]
+    wear({"emissiveTexture": {"index": 0}})
+    assert "gone.png" not in " ".join(show().notices)
+    wear({"emissiveTexture": {"index": 0}, "emissiveFactor": [1, 1, 1]})
+    assert "gone.png" in " ".join(show().notices)
+
+
 def test_missing_and_broken_images_are_left_out_and_named(file, show):
     file.texture(PIXELS)
     file.tree["images"] = [{"uri": "gone.png"}, {"uri": "lost.png"}, {"uri": "data:image/png;base64,AAAA"}]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import warnings
 
 import numpy as np
 import PIL.Image
@@ -11,6 +12,7 @@ import pytest
 from irrsplat.core.errors import InputError
 from irrsplat.scene.io import images
 from irrsplat.scene.io.images import find_file, read_image
+from irrsplat.scene.model import Image
 
 RGBA = np.array(
     [[[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255]], [[10, 20, 30, 255], [9, 9, 9, 255], [0, 0, 0, 255]]], np.uint8
@@ -61,6 +63,17 @@ def test_a_broken_image_is_one_line_that_names_it(data):
     with pytest.raises(InputError, match=r"wood\.png") as caught:
         read_image(data, "wood.png")
     assert "\n" not in str(caught.value)
+
+
+def test_several_images_come_back_in_their_order_and_a_broken_one_spoils_no_other():
+    size, filters = PIL.Image.MAX_IMAGE_PIXELS, list(warnings.filters)
+    files = [(encoded(PIL.Image.new("RGB", (8, 8), (i, 0, 0)), "PNG"), f"{i}.png") for i in range(9)]
+    files[4] = b"no image", "4.png"
+    found = images.read_images(files)
+    assert [image.pixels[0, 0, 0] for image in found if isinstance(image, Image)] == [0, 1, 2, 3, 5, 6, 7, 8]
+    assert isinstance(found[4], InputError) and "4.png" in str(found[4])
+    assert size == PIL.Image.MAX_IMAGE_PIXELS and filters == warnings.filters
+    assert images.read_images([]) == []
 
 
 def test_a_picture_beyond_pillows_bound_is_read_and_one_beyond_ours_is_refused(monkeypatch):

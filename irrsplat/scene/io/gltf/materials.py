@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from typing import Any, get_args
 
@@ -11,9 +12,9 @@ import numpy as np
 
 from irrsplat.core.color import clip_color, linear_from_srgb, srgb
 from irrsplat.core.errors import InputError
-from irrsplat.scene.io.gltf.document import GREATEST, Damaged, Document, Missing, extension, number, numbers, shown
+from irrsplat.scene.io.gltf.document import GREATEST, WRONG, Damaged, Document, Missing, extension, number, numbers, shown
 from irrsplat.scene.io.gltf.packed import plain_view
-from irrsplat.scene.io.images import read_image
+from irrsplat.scene.io.images import read_image, read_images
 from irrsplat.scene.model import AlphaMode, Image, Material, Texture, Wrap
 
 _WRAPS: dict[object, Wrap] = {33071: "clamp", 33648: "mirror", 10497: "repeat"}
@@ -56,6 +57,21 @@ class Materials:
                     self._surfaces[index] = self._read(self.document.entry("materials", index))
         return self._surfaces[index]
 
+    def read_images(self, indices: Iterable[object]) -> None:
+        """Read the images of the materials at these indices, all at once; what is wrong with one is told when it is asked for."""
+        sources: dict[object, None] = {}
+        for index in dict.fromkeys(indices):
+            with suppress(*WRONG):
+                for info in _Pictures.of(self.document.entry("materials", index)).all:
+                    sources |= dict.fromkeys(_sources(self.document.entry("textures", info.get("index")))[:1])
+        found: dict[object, tuple[bytes, str]] = {}
+        for source in sources:
+            with suppress(*WRONG):
+                found[source] = self._encoded(source)
+        for source, image in zip(found, read_images(list(found.values())), strict=True):
+            if isinstance(image, Image):
+                self._images[source] = image
+
     def worn(self, surface: Surface, colors: np.ndarray | None) -> Material:
         """The material of a mesh with vertex colours (V, 3 or 4), linear, or None.
 
@@ -79,16 +95,10 @@ class Materials:
         return self._clear[id(image)]
 
     def _read(self, entry: Mapping[str, Any]) -> Surface:
-        metal = entry.get("pbrMetallicRoughness")
-        base: Mapping[str, Any] = metal if isinstance(metal, dict) else {}
-        gloss = extension(entry, "KHR_materials_pbrSpecularGlossiness")
-        keys = ("baseColorFactor", "baseColorTexture")
-        if gloss is not None:
-            base, keys = gloss, ("diffuseFactor", "diffuseTexture")
-        r, g, b, alpha = numbers(base, keys[0], (1.0, 1.0, 1.0, 1.0))
-        unlit = extension(entry, "KHR_materials_unlit") is not None
-
-        infos = [base.get(keys[1]), *((None, None) if unlit else (entry.get("emissiveTexture"), entry.get("normalTexture")))]
+        pictures = _Pictures.of(entry)
+        base, gloss, unlit = pictures.base, pictures.gloss, pictures.unlit
+        r, g, b, alpha = numbers(base, "baseColorFactor" if gloss is None else "diffuseFactor", (1.0, 1.0, 1.0, 1.0))
+        infos = pictures.color, pictures.emission, pictures.normal
         sets = [_uv_set(info) for info in infos if isinstance(info, dict)]
         uv_sets = _two_sets(sets)
         if any(used not in uv_sets for used in sets):
@@ -97,15 +107,14 @@ class Materials:
         if gloss is not None:
             (r, g, b), color = self._with_metals(gloss, (r, g, b), color, uv_sets)
 
-        strength = number(extension(entry, "KHR_materials_emissive_strength") or {}, "emissiveStrength", 1.0)
-        glow = [min(max(0.0, strength * value), GREATEST) for value in numbers(entry, "emissiveFactor", (0.0, 0.0, 0.0))]
+        glow = _glow(entry)
         mode = str(entry.get("alphaMode", "OPAQUE")).lower()
         alpha_mode: AlphaMode = mode if mode in get_args(AlphaMode) else "opaque"  # type: ignore[assignment]  # mypy can't narrow
         material = Material(
             albedo=clip_color((r, g, b)),
-            emission=(glow[0], glow[1], glow[2]),
+            emission=glow,
             albedo_texture=color,
-            emission_texture=emission if any(glow) else None,
+            emission_texture=emission,
             normal_texture=normal,
             normal_scale=number(infos[2], "scale", 1.0) if normal is not None and infos[2] is not None else 1.0,
             opacity=min(max(alpha, 0.0), 1.0),
@@ -178,13 +187,12 @@ class Materials:
 
     def _image(self, texture: Mapping[str, Any]) -> Image | None:
         """The image of a texture: the first of its formats that can be read; None where none can, which is told."""
-        sources = [found["source"] for name in _IMAGE_FORMATS if (found := extension(texture, name)) and "source" in found]
-        sources += [texture["source"]] if "source" in texture else []
+        sources = _sources(texture)
         failures: dict[object, Exception] = {}
         for index in sources:
             if index not in self._images:
                 try:
-                    self._images[index] = self._decoded(index)
+                    self._images[index] = read_image(*self._encoded(index))
                 except (Damaged, InputError, MemoryError) as error:
                     failures[index] = error
                     continue
@@ -201,14 +209,65 @@ class Materials:
             raise Damaged("it has no image")
         return None
 
-    def _decoded(self, index: object) -> Image:
+    def _encoded(self, index: object) -> tuple[bytes, str]:
+        """The bytes of an image's file, and its name for messages; raises Damaged."""
         entry = self.document.entry("images", index)
         if "bufferView" in entry:
             data, name = plain_view(self.document, entry["bufferView"])[0].tobytes(), entry.get("name") or f"image {index}"
         else:
             data, name = self.document.resource(entry.get("uri"))
             name = entry.get("name") or f"image {index}" if name == "data" else name
-        return read_image(data, shown(name))
+        return data, shown(name)
+
+
+@dataclass(frozen=True)
+class _Pictures:
+    """The textureInfos of a material that count; None, or garbage, where there is none.
+
+    base: its object with the factor and the texture of its colour; gloss: the same where that is specular and glossiness.
+    """
+
+    base: Mapping[str, Any]
+    gloss: Mapping[str, Any] | None
+    unlit: bool
+    color: Any
+    emission: Any
+    normal: Any
+
+    @classmethod
+    def of(cls, entry: Mapping[str, Any]) -> _Pictures:
+        """Those of the material `entry`."""
+        metal = entry.get("pbrMetallicRoughness")
+        base: Mapping[str, Any] = metal if isinstance(metal, dict) else {}
+        gloss = extension(entry, "KHR_materials_pbrSpecularGlossiness")
+        unlit = extension(entry, "KHR_materials_unlit") is not None
+        return cls(
+            base if gloss is None else gloss,
+            gloss,
+            unlit,
+            base.get("baseColorTexture") if gloss is None else gloss.get("diffuseTexture"),
+            entry.get("emissiveTexture") if not unlit and any(_glow(entry)) else None,
+            None if unlit else entry.get("normalTexture"),
+        )
+
+    @property
+    def all(self) -> list[dict[str, Any]]:
+        """Those that there are, with what tells a metal's colour."""
+        shine = None if self.gloss is None else self.gloss.get("specularGlossinessTexture")
+        return [info for info in (self.color, self.emission, self.normal, shine) if isinstance(info, dict)]
+
+
+def _glow(entry: Mapping[str, Any]) -> _Color:
+    """What a material emits, without its texture."""
+    strength = number(extension(entry, "KHR_materials_emissive_strength") or {}, "emissiveStrength", 1.0)
+    r, g, b = (min(max(0.0, strength * value), GREATEST) for value in numbers(entry, "emissiveFactor", (0.0, 0.0, 0.0)))
+    return r, g, b
+
+
+def _sources(texture: Mapping[str, Any]) -> list[object]:
+    """The images of a texture, in different formats, best first."""
+    sources = [found["source"] for name in _IMAGE_FORMATS if (found := extension(texture, name)) and "source" in found]
+    return sources + ([texture["source"]] if "source" in texture else [])
 
 
 def _metal_image(diffuse: Image | None, specular: Image, diffuse_factor: _Color, specular_factor: _Color) -> Image:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from irrsplat.scene.io.gltf import geometry
 from irrsplat.scene.io.gltf.accessors import values
 from irrsplat.scene.io.gltf.animation import Pose, pose
 from irrsplat.scene.io.gltf.cameras_lights import cameras, lights
-from irrsplat.scene.io.gltf.document import GREATEST, Damaged, Document, read, shown
+from irrsplat.scene.io.gltf.document import GREATEST, WRONG, Damaged, Document, read, shown
 from irrsplat.scene.io.gltf.geometry import Attributes, Geometry, cofactors
 from irrsplat.scene.io.gltf.materials import Materials, Surface
 from irrsplat.scene.io.gltf.nodes import Node, instances, name, visible, worlds
@@ -114,6 +115,7 @@ class _Reader:
     def meshes(self) -> list[Mesh]:
         """The meshes of the nodes that are shown, one for each primitive with triangles."""
         found = []
+        self._materials.read_images(self._worn())
         for node in self.nodes:
             if "mesh" not in node.entry:
                 continue
@@ -132,6 +134,15 @@ class _Reader:
                         if len(mesh.faces):
                             found.append(mesh)
         return found
+
+    def _worn(self) -> Iterator[object]:
+        """The indices of the materials that triangles of the nodes wear."""
+        for node in self.nodes:
+            with suppress(*WRONG):
+                mesh = self.document.entry("meshes", node.entry["mesh"])
+                for primitive in self.document.entries("primitives", mesh):
+                    if geometry.undrawn(primitive) is None:
+                        yield primitive.get("material")
 
     def instead(self) -> str:
         """What there is where `meshes` finds none, in words for an error."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import numpy as np
 
 from irrsplat.core.color import LUMINANCE, clip_color
 from irrsplat.core.errors import InputError
-from irrsplat.scene.io.images import find_file, read_image
+from irrsplat.scene.io.images import find_file, read_image, read_images
 from irrsplat.scene.io.lines import number, quote, read_bytes, text_bytes
 from irrsplat.scene.io.obj.text import decoded
 from irrsplat.scene.model import AlphaMode, Image, Material, Texture, Wrap
@@ -84,6 +85,7 @@ class MaterialFiles:
                 entry.values["d"] = (1.0,)
             self.notices.append(f"{path}: every material is transparent altogether; they are drawn opaque")
         missing: list[str] = []
+        self._read_images(path.parent, entries.values())
         found = {name: self._material(path.parent, entry, missing) for name, entry in entries.items()}
         found = {without_comment(name): material for name, material in found.items()} | found
         missing = list(dict.fromkeys(missing))
@@ -157,6 +159,19 @@ class MaterialFiles:
             mode,
             transmission=transmission,
         )
+
+    def _read_images(self, folder: Path, entries: Iterable[_Entry]) -> None:
+        """Read the images of these materials, all at once; what is wrong with one is told by `_image`."""
+        names = dict.fromkeys(one.file for entry in entries for one in entry.maps.values())
+        encoded: dict[Path, tuple[bytes, str]] = {}
+        for file in (find_file(folder, name) for name in names):
+            if file is not None and file not in self._images:
+                with suppress(InputError):
+                    encoded[file] = read_bytes(file), file.name
+        for file, image in zip(encoded, read_images(list(encoded.values())), strict=True):
+            if isinstance(image, Image):
+                self.files.append(file)
+                self._images[file] = image
 
     def _image(self, folder: Path, written: str, missing: list[str]) -> Image | None:
         """The image that is written so; None, and a reason in `missing`, where there is none."""
