@@ -225,7 +225,7 @@ class Settings:
         "auto",
         "float",
         "composite",
-        "brightness of the picture; auto brings its mean to mid grey",
+        "brightness of the picture; auto brings its mean to mid grey, or above where all is alike",
         low=-64,
         high=64,
         unit="stops",

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import math
-
 import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import GBuffer, SplatBuffer, Uniforms
-from irrsplat.core.color import MID_GREY
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target, table_texture
 from irrsplat.image.backdrop import Backdrop
+from irrsplat.image.tonemap import automatic_exposure
+from irrsplat.lighting.sky import sky_uniforms
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
 
@@ -51,8 +50,8 @@ class CompositePass(Owner):
         self.fill_target: Target | None = None
         self.smooth_target: Target | None = None
         self.meter_block = (-(-size[0] // _METER), -(-size[1] // _METER))
-        self.meter_target = Target(ctx, (-(-size[0] // self.meter_block[0]), -(-size[1] // self.meter_block[1])), (2,))
-        self.reading = ctx.buffer(reserve=8 * self.meter_target.size[0] * self.meter_target.size[1], dynamic=True)
+        self.meter_target = Target(ctx, (-(-size[0] // self.meter_block[0]), -(-size[1] // self.meter_block[1])), (4,))
+        self.reading = ctx.buffer(reserve=16 * self.meter_target.size[0] * self.meter_target.size[1], dynamic=True)
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
@@ -71,12 +70,12 @@ class CompositePass(Owner):
         filling: bool = False,
     ) -> tuple[moderngl.Texture, moderngl.Texture, moderngl.Texture]:
         """The image before exposure, its alpha, and the sums (Σ k·E, Σ k) whose quotient is E, smoothed where the settings ask
-        for it; while the view is `filling`, pixels without records take the light of those around.
+        for it; while the view is `filling`, pixels without records take the light of those around, at first a guess.
 
         Direct and indirect light have the weights Settings.mix; emission and the backdrop's are whole. All are tinted by the
         filters before.
         """
-        sums = self._filled(splats.sums, gbuffer) if filling else splats.sums
+        sums = self._filled(splats.sums, direct, gbuffer, backdrop) if filling else splats.sums
         if settings.smooth:
             self.smooth_target = self.smooth_target or Target(self.target.ctx, self.size, (4,))
             sums = self.smoothed(sums, gbuffer, camera, self.smooth_target)
@@ -93,12 +92,14 @@ class CompositePass(Owner):
         image, alpha = self.target.textures
         return image, alpha, sums
 
-    def _filled(self, sums: moderngl.Texture, gbuffer: GBuffer) -> moderngl.Texture:
+    def _filled(self, sums: moderngl.Texture, direct: moderngl.Texture, gbuffer: GBuffer, backdrop: Backdrop) -> moderngl.Texture:
         self.fill_target = self.fill_target or Target(self.target.ctx, self.size, (4,))
-        sums.build_mipmaps()
-        sums.filter = moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR
+        for texture in (sums, direct):
+            texture.build_mipmaps()
+            texture.filter = moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR
         levels = max(self.size).bit_length()
-        self.fill(self.fill_target, position=gbuffer.position, sums=sums, levels=levels)
+        seen = {"position": gbuffer.position, "normal": gbuffer.normal, "direct": direct}
+        self.fill(self.fill_target, sums=sums, levels=levels, **seen, **sky_uniforms(backdrop.scene))
         return self.fill_target.textures[0]
 
     def smoothed(self, sums: moderngl.Texture, gbuffer: GBuffer, camera: Camera, target: Target) -> moderngl.Texture:
@@ -114,7 +115,7 @@ class CompositePass(Owner):
         return target.textures[0]
 
     def exposure(self, image: moderngl.Texture) -> float:
-        """The stops that bring the image's geometric mean luminance (of its lit pixels) to mid grey; 0 for a black image."""
+        """The stops of image.tonemap.automatic_exposure for the image."""
         self.measure(image)
         return self.metered()
 
@@ -125,8 +126,8 @@ class CompositePass(Owner):
 
     def metered(self) -> float:
         """The exposure of the image that was measured last."""
-        total, lit = np.frombuffer(self.reading.read(), "f4").reshape(-1, 2).sum(0, dtype=float)
-        return math.log2(MID_GREY) - float(total / lit) if lit else 0.0
+        total, squares, lit, _ = np.frombuffer(self.reading.read(), "f4").reshape(-1, 4).sum(0, dtype=float).tolist()
+        return automatic_exposure(total, squares, lit)
 
     def show(self, image: moderngl.Texture, exposure: float, target: Target) -> None:
         """Draw the image into `target` (of the same size) as a screen takes it: exposed by `exposure` stops, filmic, sRGB."""

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from irrsplat.core.buffers import CHANNELS, FILMIC
 from irrsplat.core.color import LUMINANCE, MID_GREY, srgb
+
+_USUAL_CONTRAST = 0.9  # stops, the standard deviation in a picture
+_LIFT = 3.0  # stops brighter for each stop of contrast that is missing
 
 # Viridis (van der Walt & Smith 2015) as the polynomial of degree six fitted by Matt Zucker ("matplotlib colormaps", CC0, 2019).
 _VIRIDIS = np.array(
@@ -40,10 +45,23 @@ def tonemap(radiance: np.ndarray, exposure: float) -> np.ndarray:
 
 
 def exposure_of(radiance: np.ndarray) -> float:
-    """The stops that bring the lit pixels of (H, W, 3) `radiance`, their geometric mean luminance, to mid grey; 0: all dark."""
+    """The exposure in stops of the setting's auto for (H, W, 3) `radiance`; 0: all dark."""
     luminance = radiance @ LUMINANCE
-    lit = luminance[luminance > 0.0]
-    return float(np.log2(MID_GREY) - np.log2(lit).mean()) if lit.size else 0.0
+    logs = np.log2(luminance[luminance > 0.0].astype(float))
+    return automatic_exposure(float(logs.sum()), float((logs**2).sum()), logs.size)
+
+
+def automatic_exposure(total: float, squares: float, lit: float) -> float:
+    """The stops that bring the geometric mean luminance of the `lit` pixels to mid grey; up to a stop more where they differ by
+    less than pictures usually do, since what is all alike is mostly one bright thing. 0 without a lit pixel.
+
+    total, squares: the sums of their log₂ luminances, and of the squares of these.
+    """
+    if not lit:
+        return 0.0
+    mean = total / lit
+    contrast = math.sqrt(max(squares / lit - mean * mean, 0.0))
+    return math.log2(MID_GREY) - mean + min(max(_LIFT * (_USUAL_CONTRAST - contrast), 0.0), 1.0)
 
 
 def viridis(t: np.ndarray) -> np.ndarray:

@@ -1,5 +1,10 @@
 // Holes, while a view fills: pixels that no record reaches yet take the light of those around, so that nothing starts out black.
+#include "generated/constants.glsl"
+#include "lighting/sky.glsl"
+
 uniform sampler2D position;  // g-buffer
+uniform sampler2D normal;
+uniform sampler2D direct;    // with mipmaps
 uniform sampler2D sums;      // Σ k·E, Σ k, with mipmaps
 uniform int levels;          // of the mipmap
 
@@ -15,4 +20,9 @@ void main()
     // level's sums fade out where it has nothing
     int last = out_sums.a > 0.0 ? 0 : levels;
     for (int level = 1; level < last; level += 2) out_sums += textureLod(sums, uv, float(level)) * exp2(-4.0 * float(level));
+    if (last == 0) return;
+    // before the first record: as if one saw half of the sky, and all around what the view shows by direct light
+    float rise = dot(texelFetch(normal, pixel, 0).xyz, sky_up);
+    vec3 guess = PI * (0.5 * (sky + sky_gradient * (2.0 / 3.0) * rise) + textureLod(direct, uv, float(levels)).rgb);
+    out_sums += vec4(guess, 1.0) * exp2(-4.0 * float(levels + 2));
 }

@@ -218,11 +218,12 @@ def test_every_channel_has_a_way_to_be_shown(frame: Frame) -> None:
 
 
 def test_exposure_of_sums() -> None:
-    """A grey of 0.09 in a black frame needs one stop to reach 0.18."""
+    """Luminances of 0.09·2^±s need one stop to bring their mean to 0.18, and up to one more the less s is than 0.9 stops."""
     sums = np.zeros((4, 4, 3), np.float32)
     assert exposure_of(sums) == 0.0
-    sums[1, 1] = 0.09
-    assert exposure_of(sums) == pytest.approx(1.0, abs=1e-5)
+    for s, stops in ((2.0, 1.0), (0.9, 1.0), (0.8, 1.3), (0.0, 2.0)):
+        sums[1, 1], sums[2, 2] = 0.09 * 2.0**s, 0.09 * 2.0**-s
+        assert exposure_of(sums) == pytest.approx(stops, abs=1e-5)
     assert srgb(np.array(0.5)) == pytest.approx(0.7354, abs=1e-4)  # IEC 61966-2-1
 
 
