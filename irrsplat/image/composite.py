@@ -98,7 +98,7 @@ class CompositePass(Owner):
             texture.build_mipmaps()
             texture.filter = moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR
         levels = max(self.size).bit_length()
-        seen = {"position": gbuffer.position, "normal": gbuffer.normal, "direct": direct}
+        seen: Uniforms = {"position": gbuffer.position, "normal": gbuffer.normal, "direct": direct}
         self.fill(self.fill_target, sums=sums, levels=levels, **seen, **sky_uniforms(backdrop.scene))
         return self.fill_target.textures[0]
 
