@@ -124,7 +124,7 @@ class Renderer(Owner):
         self.about = context.describe(self.ctx)
         gl_limits.check(self.ctx, self.size, scene, self.settings.shadow_size)
         self.timers = Timers(self.ctx, bool(self.about["software"]), enabled=True)
-        self.world = World(self.ctx, scene)
+        self.world = World(self.ctx, scene, self.settings.texture_memory)
         self.cache = RecordCache(self.ctx)
         self.scheduler = RecordScheduler(self.world, self.settings, self.cache, self.timers)
         self.antialiaser = Antialiaser(self.ctx, self.timers)

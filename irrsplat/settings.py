@@ -126,7 +126,8 @@ class Settings:
         1024, "int", "shadow", "side of one shadow map tile; a point light has six", low=16, high=4096, unit="texels"
     )
     texture_memory: int = _declare(
-        1024, "int", "gbuffer", "memory for the images that surfaces wear; the largest are halved until all fit",
+        1024, "int", "gbuffer", "memory for the images that surfaces wear; the largest are halved until all fit; what light sees "
+        "of them takes 1/16 of what it is when a scene is opened, and at most 64 MiB, beside it",
         low=1, high=65536, unit="MiB",
     )  # fmt: skip
     seed: int = _declare(0, "int", "gather", "seed of all that is random; equal seeds, equal bits", low=0, high=2**31 - 1)

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from irrsplat.renderer import Renderer
     from irrsplat.scene.model import Camera
 
-VERSION = 1  # of what is gathered and how
+VERSION = 2  # of what is gathered and how
 COUNT = 2000  # pixels
 SECONDS = 240.0  # after which fewer must do
 SHADOW_SIZE = 2048  # texels

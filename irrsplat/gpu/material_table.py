@@ -17,18 +17,21 @@ from irrsplat.gpu.texture_layers import LayerKey, LayerPlan, TextureLayers, dith
 from irrsplat.scene.model import Scene, Texture
 from irrsplat.scene.seen_by_light import face_counts
 
-_LAYER_BYTES = 64 << 20  # of all layers, about
+_MOST_LAYER_BYTES = 64 << 20  # of all layers, about
+_LAYER_SHARE = 1 / 16  # of the memory for images, at most
 
 
 class MaterialTable(Owner):
     """The table that shaders/lib/material_table.glsl reads: a column for each of the scene's materials, by their numbers.
 
-    It owns the layers of their textures, too, which are made when they are first wanted.
+    It owns the layers of their textures, too, which are made when they are first wanted. texture_memory: MiB for images, of which
+    the layers take a share.
     """
 
-    def __init__(self, ctx: moderngl.Context, scene: Scene) -> None:
+    def __init__(self, ctx: moderngl.Context, scene: Scene, texture_memory: int = 1024) -> None:
         self.ctx, self._cut_out = ctx, face_counts(scene).cut_out > 0
-        self.plan = plan(_by_area(scene), _LAYER_BYTES, int(ctx.info["GL_MAX_ARRAY_TEXTURE_LAYERS"]))
+        memory = min(_LAYER_SHARE * (texture_memory << 20), _MOST_LAYER_BYTES)
+        self.plan = plan(_by_area(scene), memory, int(ctx.info["GL_MAX_ARRAY_TEXTURE_LAYERS"]))
         lines = -(-max(len(scene.materials), 1) // TABLE_COLUMNS)
         rows = np.zeros((lines, TABLE_COLUMNS, MATERIAL_ROWS, 4), "f4")
         for material, i in scene.materials.items():

@@ -16,12 +16,15 @@ from irrsplat.scene.seen_by_light import face_counts
 
 
 class World(Owner):
-    """A scene on the GPU, for all who draw it and all gathers that look at it; they follow it when it changes."""
+    """A scene on the GPU, for all who draw it and all gathers that look at it; they follow it when it changes.
 
-    def __init__(self, ctx: moderngl.Context, scene: Scene) -> None:
+    texture_memory: MiB for its images, of which what light sees of them takes a share.
+    """
+
+    def __init__(self, ctx: moderngl.Context, scene: Scene, texture_memory: int = 1024) -> None:
         self.ctx = ctx
         self.geometry = Geometry(ctx, *flatten(scene)[:2], face_counts(scene))
-        self.materials = MaterialTable(ctx, scene)
+        self.materials = MaterialTable(ctx, scene, texture_memory)
         self.runs = runs(scene)  # of triangles that a camera draws alike
         self.derived = Workshop()  # what others make of the scene as it is; it is freed with this
         self._scene = scene

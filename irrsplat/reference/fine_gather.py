@@ -19,6 +19,7 @@ from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.model import Scene
 
 SIDE = 128  # of a hemicube's front face in texels, 49 thousand directions; or of a square of rays, 16 thousand
+_LIGHT_SAMPLES = 1024  # a pixel's shadow rays to emissive surfaces, which few directions find where they are small
 _RASTER_TRIANGLES = 1000  # up to which rasters are used, else rays
 _BATCH = 32  # pixels gathered at once
 _ANGLE = 18.0  # degrees at most between the normals of a smooth pixel and its neighbours
@@ -65,8 +66,8 @@ def gather(world: World, seen: Seen, shadow_size: int, count: int = 500, seconds
 
 def _fine(world: World) -> Gather:
     if rasters(world.scene):
-        return RasterGather(world, "raster", SIDE, capacity=_BATCH)
-    return TraceGather(world, SIDE, capacity=_BATCH)
+        return RasterGather(world, "raster", SIDE, capacity=_BATCH, light_samples=_LIGHT_SAMPLES)
+    return TraceGather(world, SIDE, capacity=_BATCH, light_samples=_LIGHT_SAMPLES)
 
 
 def rasters(scene: Scene) -> bool:

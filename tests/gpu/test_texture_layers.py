@@ -115,6 +115,14 @@ def test_the_images_of_least_area_go_without_layers(ctx: moderngl.Context, monke
         assert table.notices == ("images that are a mere mean colour to light: 1; beside 2 others this OpenGL takes no more",)
 
 
+def test_layers_take_a_sixteenth_of_the_memory_for_images_and_no_more_than_64_mib(ctx: moderngl.Context) -> None:
+    papers = [Material(albedo_texture=Texture(noise(512, 512, i))) for i in range(3)]
+    world = scene(*(quad((0, 0, 0), (1, 0, 0), (0, 1, 0), paper) for paper in papers))
+    for memory, side in ((65536, 512), (64, 256), (16, 128), (1, 32)):
+        with MaterialTable(ctx, world, memory) as table:
+            assert table.plan.side == side and table.plan.size <= min(memory / 16, 64) * 2**20
+
+
 HALF = Texture(Image(np.array([[[9, 9, 9, 255], [9, 9, 9, 0]]], np.uint8)))
 FULL = Texture(Image(np.array([[[9, 9, 9, 255], [9, 9, 9, 200]]], np.uint8)))
 

@@ -19,6 +19,8 @@ from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.indirect import paper_scan
 from irrsplat.reference import fine_gather
 from irrsplat.scene.model import Camera
+from tests.support.worlds import floor, material, sphere
+from tests.support.worlds import scene as scene_of
 
 FLIGHTS = ("filling", "filling worst", "warm", "warm worst")
 CASES = ("empty", "warm", "moved", "light")
@@ -153,6 +155,23 @@ def test_truth_by_rays_is_that_by_rasters(monkeypatch: pytest.MonkeyPatch) -> No
     mean = found[0].irradiance.mean()
     assert np.sqrt(np.mean((found[0].irradiance - found[1].irradiance) ** 2)) < 0.03 * mean
     assert abs(found[0].irradiance.mean() - found[1].irradiance.mean()) < 0.01 * mean
+
+
+@pytest.mark.parametrize("rasters", [False, True])
+def test_the_truth_of_a_small_bulb_is_free_of_noise(monkeypatch: pytest.MonkeyPatch, rasters: bool) -> None:
+    """A bulb of 6 cm two metres above the floor: E = I·cosθ/d², I = π·r²·L; few of the directions hit it."""
+    monkeypatch.setattr(fine_gather, "rasters", lambda _: rasters)
+    radius, centre = 0.03, np.array((0.3, 2.0, 0.1))
+    bulb = sphere(centre, radius, material(0.0, 1e3), 12, 24)
+    world = scene_of(floor(3.0, paint=material(0.0)), bulb, camera=Camera((0, 1.5, 0), (0, 0, 0), (0, 0, -1)))
+    with irrsplat.Renderer(world, size=(16, 16), bounces=1) as renderer:
+        view, _ = renderer.frame(gather=False)
+        with renderer.ctx:
+            seen = paper_scan.read_back(view.gbuffer)
+            found = fine_gather.gather(renderer.world, seen, 64, 100, 1e6)
+    away = centre - seen.position[tuple(found.pixels.T)]
+    truth = np.pi * radius**2 * 1e3 * away[:, 1] / np.linalg.norm(away, axis=1) ** 3
+    assert len(truth) == 100 and np.abs(found.irradiance[:, 0] / truth - 1.0).max() < 0.05
 
 
 def test_a_lamp_moves_towards_the_middle() -> None:
