@@ -21,11 +21,13 @@ from irrsplat.app.viewer.show.screen import Screen
 from irrsplat.app.viewer.ui.frame_times import FrameTimes
 from irrsplat.app.viewer.ui.imgui_backend import ImguiBackend
 from irrsplat.app.viewer.ui.interface import Interface
+from irrsplat.app.viewer.ui.messages_view import draw_waiting
 from irrsplat.app.viewer.window import TITLE, Desktop, open_window
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.gpu.program import Program, programs_of
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
+from irrsplat.image.backdrop import GREY
 from irrsplat.scene.model import Camera, Scene
 
 SIZE = (1280, 720)
@@ -180,6 +182,19 @@ def _free(canvas: Target) -> None:
     canvas.release()
 
 
+def announce(wnd: BaseWindow, scene: Scene) -> None:
+    """Show what the window waits for until its first frame, which of a large scene takes a while, on a grey."""
+    backend = ImguiBackend(wnd.ctx, Desktop(wnd).scale / wnd.pixel_ratio)
+    wnd.title = f"{scene.name} – {TITLE}"
+    for _ in range(2):  # imgui knows the size of what it shows from the frame before
+        wnd.fbo.clear(*GREY[0])
+        backend.begin(wnd.size, wnd.buffer_size, _SLEEP)
+        draw_waiting(f"preparing {scene.name}")
+        backend.draw(wnd.fbo)
+    wnd.swap_buffers()
+    backend.release()
+
+
 def run(
     scene: Scene,
     source: str,
@@ -197,6 +212,7 @@ def run(
     """
     wnd = open_window(size or preferences.size or SIZE)
     try:
+        announce(wnd, scene)
         viewer = Viewer(wnd, scene, source, preferences, camera, loading)
         for notice in notices:
             viewer.actions.say(notice)

@@ -8,6 +8,15 @@ from irrsplat.app.viewer.messages import Messages
 from irrsplat.app.viewer.ui.layout import MENU_BAR, PLAIN, RED
 
 
+def draw_waiting(text: str) -> None:
+    """Draw a line in the middle of the window: what it waits for."""
+    view = imgui.get_main_viewport()
+    imgui.set_next_window_pos((0.5 * view.size.x, 0.5 * view.size.y), imgui.Cond_.always, (0.5, 0.5))
+    imgui.begin("waiting", None, PLAIN | imgui.WindowFlags_.no_inputs)
+    imgui.text_unformatted(text)
+    imgui.end()
+
+
 def draw_messages(messages: Messages, scale: float) -> None:
     """Draw the lines on show."""
     if not messages.lines:

@@ -14,8 +14,10 @@ import pytest
 from PIL import Image
 
 from irrsplat.app.viewer import preferences
-from irrsplat.app.viewer.viewer import Viewer
+from irrsplat.app.viewer.viewer import Viewer, announce
+from irrsplat.app.viewer.window import open_window
 from irrsplat.core.buffers import CHANNELS
+from irrsplat.scene.model import Scene
 from tests.support.viewing import FAST, SIZE, Cases, Driver, push, viewing, write_room
 
 CASES = Cases("window")
@@ -299,3 +301,17 @@ def test_on_a_finer_monitor_text_is_larger(driver: Driver) -> None:
     assert bar() == pytest.approx(2 * plain, abs=2) and plain > 10
     driver.viewer.controls.scale_changed(1.0)
     assert bar() == plain
+
+
+def test_what_the_window_waits_for_is_shown_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A line of text in the middle, on a grey."""
+    wnd = open_window((320, 200), headless=True)
+    shown: list[np.ndarray] = []
+    monkeypatch.setattr(wnd, "swap_buffers", lambda: shown.append(np.frombuffer(wnd.fbo.read(), "u1").reshape(200, 320, 3)))
+    announce(wnd, Scene((), (), (), name="hall"))
+    assert wnd.title.startswith("hall") and wnd.ctx.error == "GL_NO_ERROR"
+    wnd.ctx.release()
+    [picture] = shown
+    bright = picture.min(-1) > 150
+    assert bright[90:110, 120:200].sum() > 30 and not bright[:80].any()
+    assert (picture[:80] == 56).all()
