@@ -37,7 +37,7 @@ COLUMNS = (
     VertexColumn("material", 1, "1", "number of the material in the table of materials", flat=True),
     VertexColumn("normal", 3, "1", "shading normal, world space, of any length and on either side"),
     VertexColumn("opacity", 1, "1", "factor on the alpha of the albedo's texture"),
-    VertexColumn("albedo", 3, "1", "diffuse reflectance, linear, before its texture"),
+    VertexColumn("albedo", 3, "1", "diffuse reflectance, linear, before its texture; -1 - f: none, and a factor f on emission"),
     VertexColumn("uv", 4, "1", "two sets of texture coordinates"),
 )
 WIDTH = sum(column.components for column in COLUMNS)  # numbers in a vertex's row

@@ -88,6 +88,7 @@ def _brightness(surfaces: Surfaces, face: np.ndarray) -> np.ndarray:
     table = surfaces.materials
     mean: np.ndarray = surfaces.emission[face].astype(np.float64).sum(axis=1)
     varies = (table.texture["emission"][surfaces.material[face]] >= 0) | surfaces.seen_by_light[1][face]
+    varies |= surfaces.shines_unevenly[face]
     at = np.flatnonzero(varies)
     x, y = (np.indices((_SIDE, _SIDE)).reshape(2, -1) + 0.5) / _SIDE
     u, v = np.sqrt(x) * (1.0 - y), np.sqrt(x) * y

@@ -114,6 +114,7 @@ class Tracer:
         )
         self.faces = mi.UInt32(faces.astype(np.uint32).ravel())
         self.emission = mi.Float(surfaces.emission[solid].ravel())
+        self.shine = mi.Float(surfaces.shine.ravel()) if surfaces.shines_unevenly.any() else None
 
         # where light passes depends on the point of these triangles: below the cutoff; elsewhere that is 0
         self.cutoff = None
@@ -227,6 +228,8 @@ class Tracer:
         """The albedo and the emission at points of triangles."""
         albedo = mi.Color3f(self._blended(self.albedo, corners, u, v, active))
         emission = dr.gather(mi.Color3f, self.emission, face, active=active)
+        if self.shine is not None:
+            emission *= mi.Color3f(self._blended(self.shine, corners, u, v, active))
         if self.textures is None:
             return albedo, emission
         uvs = self._places(corners, u, v, active)

@@ -77,13 +77,14 @@ class Surfaces:
     """All triangles of a scene, mesh by mesh.
 
     positions, normals: (V, 3) float32. albedo: (V, 3) float32, the factor or the colours of vertices. opacity: (V,) float32.
-    uvs: (V, 4) float32. faces: (F, 3) int64. material: (F,) numbers in `materials`.
+    shine: (V, 3) float32, a factor on emission. uvs: (V, 4) float32. faces: (F, 3) int64. material: (F,) numbers in `materials`.
     """
 
     positions: np.ndarray
     normals: np.ndarray
     albedo: np.ndarray
     opacity: np.ndarray
+    shine: np.ndarray
     uvs: np.ndarray
     faces: np.ndarray
     material: np.ndarray
@@ -102,11 +103,15 @@ class Surfaces:
         def one_a_vertex(mesh: Mesh, values: object, width: int) -> np.ndarray:
             return np.broadcast_to(np.asarray(values).reshape(-1, width), (len(mesh.positions), width))
 
+        def own(mesh: Mesh, unlit: bool, instead: object) -> np.ndarray:
+            return one_a_vertex(mesh, instead if mesh.colors is None or mesh.material.unlit != unlit else mesh.colors, 3)
+
         return Surfaces(
             joined(3, [m.positions for m in meshes]),
             joined(3, [m.normals for m in meshes]),
-            joined(3, [one_a_vertex(m, m.material.albedo if m.colors is None else m.colors, 3) for m in meshes]),
+            joined(3, [own(m, False, m.material.albedo) for m in meshes]),
             joined(1, [one_a_vertex(m, m.material.opacity if m.opacities is None else m.opacities, 1) for m in meshes])[:, 0],
+            joined(3, [own(m, True, (1.0, 1.0, 1.0)) for m in meshes]),
             joined(4, [one_a_vertex(m, np.zeros(4) if m.uvs is None else m.uvs, 4) for m in meshes]),
             np.concatenate([np.zeros((0, 3), np.int64), *(m.faces + k for m, k in zip(meshes, first, strict=True))]).astype(
                 np.int64
@@ -121,8 +126,14 @@ class Surfaces:
         return TextureTable.of(self.materials.textures, NumpyBackend())
 
     @cached_property
+    def shines_unevenly(self) -> np.ndarray:
+        """(F,) bool: whether a triangle's vertices differ from 1 in the factor on its emission."""
+        uneven: np.ndarray = (self.shine != 1.0).any(axis=1)[self.faces].any(axis=1)
+        return uneven
+
+    @cached_property
     def emission(self) -> np.ndarray:
-        """(F, 3) float32: the triangles' emission before any texture."""
+        """(F, 3) float32: the triangles' emission before any texture, and any factor of vertices."""
         factors = np.array([m.emission for m in self.materials.materials]).reshape(-1, 3)
         chosen: np.ndarray = factors[self.material].astype(np.float32)
         return chosen
@@ -162,7 +173,8 @@ class Surfaces:
         smooth = np.where((smooth**2).sum(1, keepdims=True) > 0.0, unit(smooth), front)
         smooth = np.where((smooth * front).sum(1, keepdims=True) < 0.0, -smooth, smooth)
         material, table = self.material[triangle], self.materials
-        albedo, opacity, emission = blended(self.albedo), blended(self.opacity), self.emission[triangle].astype(np.float64)
+        albedo, opacity = blended(self.albedo), blended(self.opacity)
+        emission = self.emission[triangle].astype(np.float64) * blended(self.shine)
         uvs = blended(self.uvs)
         mapped = smooth
         if table.textures:

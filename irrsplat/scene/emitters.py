@@ -122,8 +122,10 @@ def _balls(corners: np.ndarray, cluster: np.ndarray) -> tuple[np.ndarray, np.nda
 
 
 def _emission(mesh: Mesh) -> np.ndarray:
-    """(F, 3) the mean over each triangle of what it emits."""
+    """(F, 3) the mean over each triangle of what it emits; colours and texture vary independently."""
     plain, texture = np.asarray(mesh.material.emission, float), mesh.material.emission_texture
+    if mesh.material.unlit and mesh.colors is not None:
+        plain = plain * mesh.colors[mesh.faces].astype(float).mean(1)
     if texture is None:
         return np.broadcast_to(plain, (len(mesh.faces), 3))
     uvs = np.zeros((len(mesh.positions), 4)) if mesh.uvs is None else mesh.uvs.astype(float)

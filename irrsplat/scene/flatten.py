@@ -22,7 +22,8 @@ def flatten(scene: Scene) -> tuple[np.ndarray, np.ndarray, int]:
         vertex_column(rows, "position")[:] = mesh.positions
         vertex_column(rows, "normal")[:] = mesh.normals
         vertex_column(rows, "material")[:] = numbers[mesh.material]
-        vertex_column(rows, "albedo")[:] = mesh.material.albedo if mesh.colors is None else mesh.colors
+        colors = mesh.material.albedo if mesh.colors is None else -1.0 - mesh.colors if mesh.material.unlit else mesh.colors
+        vertex_column(rows, "albedo")[:] = colors
         vertex_column(rows, "opacity")[:, 0] = mesh.material.opacity if mesh.opacities is None else mesh.opacities
         vertex_column(rows, "uv")[:] = 0.0 if mesh.uvs is None else mesh.uvs
         vertices.append(rows)

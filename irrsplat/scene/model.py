@@ -59,6 +59,7 @@ class Material:
     normal_texture: a tangent-space normal map (green up, as glTF has it); normal_scale: factor on its x and y.
     opacity: 0..1, times the alpha of albedo_texture. alpha_mode: "opaque" ignores opacity; "mask" is not there where it is below
     alpha_cutoff; "blend" lets what is behind show through. transmission: 0..1, the share of light that passes what is there.
+    unlit: it reflects nothing (albedo 0), and what it emits is times the colours of vertices, if there are any.
     double_sided: False, and a camera does not see it from behind; to light it is there from both sides.
     """
 
@@ -73,6 +74,7 @@ class Material:
     alpha_cutoff: float = 0.5
     transmission: float = 0.0
     double_sided: bool = True
+    unlit: bool = False
 
     @property
     def light_cutoff(self) -> float:
@@ -104,8 +106,9 @@ class Mesh:
     """Triangles in world space; each mesh is equal only to itself.
 
     positions: (V, 3) float32, metres. normals: (V, 3) float32, unit shading normals. faces: (F, 3) int32.
-    colors: (V, 3) float32 linear reflectance that replaces material.albedo, or None. opacities: (V,) float32 that replaces
-    material.opacity, or None. uvs: (V, 4) float32, two sets of texture coordinates, u v u v, or None (all 0).
+    colors: (V, 3) float32 linear reflectance that replaces material.albedo, or the factor on the emission of an unlit one, or
+    None. opacities: (V,) float32 that replaces material.opacity, or None. uvs: (V, 4) float32, two sets of texture coordinates,
+    u v u v, or None (all 0).
     closed: True only where the surface is watertight and wound outward (in world space).
     """
 

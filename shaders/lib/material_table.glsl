@@ -14,7 +14,9 @@ vec4 material_row(int material, int row)
 // The material without its textures.
 Material material_factors(Vertex point)
 {
-    return Material(point.albedo, material_row(int(point.material), MATERIAL_EMISSION).rgb);
+    vec3 emission = material_row(int(point.material), MATERIAL_EMISSION).rgb;
+    if (point.albedo.r < -0.5) return Material(vec3(0.0), emission * max(-1.0 - point.albedo, 0.0));  // unlit, of colours of its own
+    return Material(point.albedo, emission);
 }
 
 Material material_of(Vertex point)

@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat.core.color import linear_from_srgb
+from irrsplat.core.color import LUMINANCE, linear_from_srgb
 from irrsplat.reference.camera_view import cast
 from irrsplat.reference.emitters import Emitters
 from irrsplat.reference.surfaces import Surfaces
 from irrsplat.reference.textures import NumpyBackend, TextureTable
+from irrsplat.scene.emitters import emitters
 from irrsplat.scene.model import Camera, Image, Material, Mesh, Texture
-from tests.support.worlds import floor, polygon_vector, quad, scene
+from tests.support.worlds import floor, material, polygon_vector, quad, scene
 
 RAMP = np.arange(1, 7).reshape(2, 3) * 40  # the red of an image of two rows and three columns
 ABOVE = Camera((0.0, 4.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, -1.0), 20.0)
@@ -213,6 +214,23 @@ def test_the_caster_sees_what_the_g_buffer_sees(name: str) -> None:
     assert (both == found.seen).mean() > 0.99 and both.mean() > 0.5
     for mine, theirs in ((found.albedo, frame.albedo), (found.normal, frame.normal), (found.position, frame.position)):
         assert np.quantile(np.abs(mine - theirs)[both], 0.98) < 1e-3
+
+
+def test_an_unlit_surface_shines_in_the_colours_of_its_vertices() -> None:
+    """Dark on the left, red on the right: in the picture, to the caster, and in what emitters and rays bring to a floor."""
+    paint = Material((0.0, 0.0, 0.0), (8.0, 2.0, 2.0), unlit=True)
+    panel = quad((-1, 1, -1), (2, 0, 0), (0, 0, 2), paint)
+    red = np.where(panel.positions[:, :1] > 0.0, np.array([[1.0, 0.5, 0.0]]), 0.0).astype("f4")
+    world = scene(replace(panel, colors=red), floor(5.0, 0.0, material(0.0)), camera=ABOVE)
+    frame, seen = irrsplat.render(world, (24, 24), bounces=0), cast(world, ABOVE, (24, 24))
+    at = frame.position[..., :1]
+    assert np.allclose(frame.emission, (at + 1.0) / 2.0 * (8.0, 1.0, 0.0), atol=1e-4) and not frame.albedo.any()
+    assert np.allclose(seen.emission.reshape(24, 24, 3), frame.emission, atol=1e-4)
+    assert sum(emitters(world).luminance) == pytest.approx(float(LUMINANCE @ (8.0, 1.0, 0.0)))
+    under = Camera((0.0, 0.5, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, -1.0), 5.0)
+    E = irrsplat.render(world, (5, 5), under, bounces=1).irradiance[2, 2]
+    whole = abs(float(polygon_vector(panel.positions.astype(float), np.zeros(3))[1]))
+    assert np.allclose(E, whole * np.array([4.0, 0.5, 0.0]), rtol=0.03)
 
 
 def test_triangles_that_reach_behind_the_eye_are_seen() -> None:

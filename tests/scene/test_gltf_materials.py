@@ -67,7 +67,7 @@ def base(**metallic_roughness: Any) -> dict[str, Any]:
         ),
         (
             {**base(baseColorFactor=[0.1, 0.2, 0.3, 1]), "emissiveFactor": [9, 9, 9], "extensions": {"KHR_materials_unlit": {}}},
-            Material((0, 0, 0), (0.1, 0.2, 0.3), double_sided=False),
+            Material((0, 0, 0), (0.1, 0.2, 0.3), double_sided=False, unlit=True),
         ),
         (
             {**base(metallicFactor=0.25), "extensions": {"KHR_materials_transmission": {"transmissionFactor": 0.8}}},
@@ -109,11 +109,12 @@ def test_vertex_colours_are_linear_factors_of_colour_and_opacity(wear, kind):
     np.testing.assert_allclose(opaque.colors, [[1, 0.5, 0]] * len(mesh.positions), atol=0.002)
 
 
-def test_an_unlit_surface_shows_its_texture_and_the_mean_of_its_vertex_colours(file, wear):
+def test_an_unlit_surface_shows_its_texture_times_its_vertex_colours(file, wear):
     colors = f32([[1, 0, 0], [0, 0, 0], [0, 1, 0], [0, 1, 0]])
     entry = {**base(baseColorTexture={"index": file.texture(PIXELS)}), "extensions": {"KHR_materials_unlit": {}}}
     mesh = wear(entry, COLOR_0=colors)
-    assert mesh.material.emission == pytest.approx((0.25, 0.5, 0)) and mesh.colors is None
+    assert mesh.material.emission == (1, 1, 1) and mesh.material.unlit
+    assert sorted(map(tuple, np.unique(mesh.colors, axis=0).tolist())) == [(0, 0, 0), (0, 1, 0), (1, 0, 0)]
     assert mesh.material.albedo == (0, 0, 0) and mesh.material.albedo_texture is None
     np.testing.assert_array_equal(mesh.material.emission_texture.image.pixels, PIXELS)
 

@@ -71,12 +71,14 @@ def _lamp_power(light: Light, radius: float) -> float:
 
 
 def _emitted_power(mesh: Mesh) -> float:
-    """W by both sides of a mesh, a texture by its mean."""
+    """W by both sides of a mesh, a texture and the colours of vertices by their means."""
     material = mesh.material
     if not any(material.emission):
         return 0.0
     texture = material.emission_texture
     colour = np.asarray(material.emission) * (1.0 if texture is None else mean_of(texture.image))
+    if material.unlit and mesh.colors is not None and len(mesh.colors):
+        colour = colour * mesh.colors.mean(axis=0)
     area = float(triangle_areas(mesh.positions[mesh.faces].astype(float)).sum())
     return 2.0 * math.pi * area * _luminance(colour)
 

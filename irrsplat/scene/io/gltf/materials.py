@@ -29,13 +29,12 @@ class Surface:
     """A material as a primitive wears it.
 
     factor: base colour and alpha, (4,) linear, that vertex colours multiply. uv_sets: which TEXCOORD_n the two sets of the mesh's
-    coordinates are. unlit: it shows its base colour whatever light falls on it.
+    coordinates are.
     """
 
     material: Material
     factor: tuple[float, float, float, float] = (1.0, 1.0, 1.0, 1.0)
     uv_sets: tuple[int, int] = (0, 1)
-    unlit: bool = False
 
 
 @dataclass
@@ -75,12 +74,9 @@ class Materials:
     def worn(self, surface: Surface, colors: np.ndarray | None) -> Material:
         """The material of a mesh with vertex colours (V, 3 or 4), linear, or None.
 
-        Where alpha is nowhere below 1, there is neither filter nor cut-out. What an unlit surface emits is its mean colour's.
+        Where alpha is nowhere below 1, there is neither filter nor cut-out.
         """
         material = surface.material
-        if colors is not None and surface.unlit and len(colors):
-            r, g, b = (np.asarray(material.emission) * np.clip(colors[:, :3], 0.0, 1.0).mean(0)).tolist()
-            material = replace(material, emission=(r, g, b))
         seen_through = colors is not None and colors.shape[1] == 4 and not (colors[:, 3] >= 1.0).all()
         if material.alpha_mode == "opaque" or material.opacity < 1.0 or seen_through or not self._is_clear(material):
             return material
@@ -125,10 +121,10 @@ class Materials:
         )
         if unlit:
             lit = clip_color((r, g, b))
-            material = replace(material, albedo=(0.0, 0.0, 0.0), emission=lit, emission_texture=color)
+            material = replace(material, albedo=(0.0, 0.0, 0.0), emission=lit, emission_texture=color, unlit=True)
             if material.alpha_mode == "opaque":
                 material = replace(material, albedo_texture=None)  # otherwise its alpha counts
-        return Surface(material, (r, g, b, alpha), uv_sets, unlit)
+        return Surface(material, (r, g, b, alpha), uv_sets)
 
     def _with_metals(
         self, gloss: Mapping[str, Any], diffuse: _Color, texture: Texture | None, uv_sets: tuple[int, int]

@@ -249,8 +249,9 @@ def _vertex_colors(colors: np.ndarray | None, surface: Surface) -> tuple[np.ndar
     if colors is None or not len(colors):
         return None, None
     albedo = None
-    if not surface.unlit and not (colors[:, :3] == 1.0).all():
-        albedo = np.clip(colors[:, :3] * np.asarray(surface.factor[:3]), 0.0, 1.0)
+    if not (colors[:, :3] == 1.0).all():
+        factor = (1.0, 1.0, 1.0) if surface.material.unlit else surface.factor[:3]  # an unlit one's is in its emission
+        albedo = np.clip(colors[:, :3] * np.asarray(factor), 0.0, 1.0)
     return albedo, np.clip(colors[:, 3] * surface.factor[3], 0.0, 1.0) if colors.shape[1] == 4 else None
 
 
