@@ -71,7 +71,9 @@ def test_a_wall_keeps_light_out(ctx: moderngl.Context, how: str, wall: float, vi
     """
     world = rooms(wall, views if views in ("ceiling", "end") else "")
     size = SMALL if views == "random" else SIZE
-    seen = look(ctx, world, (*(LIT if views in ("inside", "random") else ()), *DARK[views]), how, size, shadow_size=4096)
+    seen = look(
+        ctx, world, (*(LIT if views in ("inside", "random") else ()), *DARK[views]), how, size, shadow_size=2048 if wall else 4096
+    )
     dark = [in_the_dark(v.seen.position, v.seen.normal, wall) & v.seen.mask for v in seen]
     lit = np.concatenate([v.irradiance[v.seen.mask & ~d] for v, d in zip(seen, dark, strict=True)] or [np.zeros((0, 3))])
     E = np.concatenate([v.irradiance[d] for v, d in zip(seen, dark, strict=True)]).max(1) / (lit @ LUMINANCE).mean()
@@ -201,7 +203,7 @@ def test_a_drape_keeps_light_out(ctx: moderngl.Context, views: str) -> None:
     if views == "random":
         dark = tuple(random_cameras((-1.8, 0.2, -1.8), (1.8, 2.3, -0.2), 6))
     size = SMALL if views == "random" else SIZE
-    seen = look(ctx, world, (*lit, *dark), "trace", size, shadow_size=4096)
+    seen = look(ctx, world, (*lit, *dark), "trace", size, shadow_size=2048)
     bright = np.concatenate([v.irradiance[v.seen.mask] for v in seen[:2]]) @ LUMINANCE
     unlit = []
     for view in seen:

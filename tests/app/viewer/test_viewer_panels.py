@@ -12,6 +12,7 @@ import pytest
 
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.session import overrides
+from irrsplat.renderer import Renderer
 from irrsplat.settings import PRESETS, SETTINGS, preset
 from tests.support.viewing import FAST, Driver, fresh, push, viewing, write_room
 
@@ -60,6 +61,12 @@ def one(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Driver]:
     """A tall window; without bounces, since what is gathered is not of interest to most of these tests."""
     with viewing(write_room(tmp_path_factory.mktemp("room")), TALL, bounces=0) as driver:
         yield driver
+
+
+@pytest.fixture(autouse=True)
+def unsampled(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One sample a pixel, also under presets that add up more of them while nothing moves: no test here looks at them."""
+    monkeypatch.setattr(Renderer, "accumulate", lambda self, view, *_: view)
 
 
 @pytest.fixture
@@ -200,6 +207,7 @@ def test_presets_are_in_the_list_and_in_the_menu(panel: Driver, name: str) -> No
 
 def test_a_setting_is_changed_on_the_selected_side(panel: Driver) -> None:
     panel.session.split("presets")
+    panel.quicken()
     panel.frame(3)
     panel.choose("right")
     panel.enter(panel.find("blend"), "0.25")
