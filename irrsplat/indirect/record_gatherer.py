@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypedDict
@@ -26,6 +27,8 @@ from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.cache import SurfaceCache
 
+_PATIENCE = 1.0  # seconds that ticks work at a first surface cache before records are gathered without, holding one bounce
+
 
 class BounceStatistics(TypedDict):
     """How records are gathered, and with how many bounces.
@@ -44,6 +47,7 @@ class Basis:
 
     kind: how a record sees the world, "trace", "raster" or "plane". moved: whether something has moved, and which records that
     concerns is still to be found out. resumed: the statistics of records from a file, as long as their surface cache is not made.
+    waited: seconds that the first surface cache has taken so far.
     """
 
     scene: Scene
@@ -51,6 +55,7 @@ class Basis:
     kind: str
     moved: bool = False
     resumed: BounceStatistics | None = None
+    waited: float = 0.0
 
     @cached_property
     def lights(self) -> dict[str, int]:
@@ -218,22 +223,30 @@ class RecordGatherer(Owner):
             self._advance(shadows, budget)
 
     def _advance(self, shadows: ShadowMaps, budget: Budget) -> bool:
-        """Go on with the surface cache where one is wanted; whether records may be gathered by it meanwhile.
+        """Go on with the surface cache where one is wanted; whether records may be gathered meanwhile.
 
         Once its values are others, all records are stale. Those that it had before lights changed are better than none, and then
-        it takes half of the time.
+        it takes half of the time; so it does where ticks have waited long for the first ones, and records hold one bounce until
+        these are there.
         """
         self._settle(shadows)
         surface = self.surface
         if surface is None or not self._basis.wants_surface:
             return True
-        ready = surface.result is not None
-        if surface.advance(shadows, budget.part(0.5, 0.0) if ready else budget):
-            if self._basis.resumed is None:
+        first, basis = surface.result is None, self._basis
+        early = budget.limited and basis.resumed is None and basis.waited > _PATIENCE
+        start = time.perf_counter()
+        made = surface.advance(shadows, budget if first and not early else budget.part(0.5, 0.0))
+        if first:
+            self._basis = replace(basis, waited=basis.waited + time.perf_counter() - start)
+        if made:
+            if first and basis.resumed is None:
+                self.cache.invalidate()
+            elif basis.resumed is None:
                 self._basis = replace(self._basis, moved=True)
                 self._settle(shadows)
             self._basis = replace(self._basis, resumed=None)  # they were gathered by such values, too
-        return surface.result is not None
+        return early or surface.result is not None
 
     def _settle(self, shadows: ShadowMaps) -> None:
         """Make the records stale that the last move concerns, or other light of the further bounces after it: all of them where

@@ -26,7 +26,7 @@ from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.clustering import unlit_interiors
-from irrsplat.surface_cache.lookup_table import LookupTable
+from irrsplat.surface_cache.lookup_table import LookupTable, unknown
 from irrsplat.surface_cache.site_layout import DARK_VALUE, FIRST_SITE, MAX_SITES, SKY_VALUE, SiteChooser, SiteLayout
 from irrsplat.surface_cache.transport import BouncedLight, Transport, sum_bounces
 from irrsplat.surface_cache.view import SurfaceViewPass
@@ -91,7 +91,7 @@ class SurfaceCache(Owner):
         self._laid_out: _LaidOut | None = None  # the sites of the scene as it is; None while they are still to be chosen
         self.transport: Transport | None = None  # between these
         self._bouncing: Iterator[BouncedLight] | None = None
-        self._held = _Held(LookupTable(self.ctx, np.zeros((0, 3, 4)), np.zeros((0, 2, 4)), 1, np.zeros(0, np.intp)))
+        self._held = _Held(unknown(self.ctx))
         self._viewed: tuple[GBuffer, BouncedLight | None, moderngl.Texture] | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:

@@ -18,6 +18,7 @@ _ROTATION = np.linalg.qr(np.array([[1.0, 0.37, -0.21], [-0.29, 1.0, 0.43], [0.31
     0
 ]  # any one that takes walls away from the axes
 _NEAR = 32  # sites of a voxel that are looked at
+_AT_ONCE = 1 << 15  # members whose sites are put in order at once
 _MIN_COSINE = 0.3  # between normals: what faces more differently is lit by something else
 _CLEARANCE = 1.2  # times as high as tangents meet: how far a line between two members keeps from what bulges between them
 
@@ -116,14 +117,18 @@ def alternative_sites(
     left: those members. left and sites: as numbers of members. Returns pairs of indices (N,) into left and into sites, the best
     first, at most `most` for each of left.
     """
-    member, site = _pairs_in_voxels(keys, left, sites)
-    alike = (members.normal[left[member]] * members.normal[sites[site]]).sum(1)
-    best = np.lexsort((-alike, member))
-    best = best[alike[best] > _MIN_COSINE]
-    member, site = member[best], site[best]
-    begin = np.flatnonzero(np.diff(member, prepend=-1))
-    rank = np.arange(len(member)) - np.repeat(begin, np.diff(begin, append=len(member)))
-    return member[rank < most], site[rank < most]
+    first, count, order = _in_voxels(keys, left, sites)
+    found = []
+    for start in range(0, len(left), _AT_ONCE):
+        part = slice(start, start + _AT_ONCE)
+        rank = np.arange(count[part].max(initial=0))
+        site = order[np.minimum(first[part, None] + rank, len(order) - 1)]
+        alike = np.where(rank < count[part, None], _cosines(members, left[part, None], sites[site]), -1.0)
+        best = np.argsort(-alike, axis=1, kind="stable")[:, :most]
+        member, place = np.nonzero(np.take_along_axis(alike, best, axis=1) > _MIN_COSINE)
+        found.append(np.stack([start + member, np.take_along_axis(site, best, axis=1)[member, place]]))
+    member, site = np.concatenate([np.zeros((2, 0), np.intp), *found], axis=1)
+    return member, site
 
 
 def nearest_sites(members: Members, keys: np.ndarray, left: np.ndarray, sites: np.ndarray, size: float) -> np.ndarray:
@@ -132,29 +137,33 @@ def nearest_sites(members: Members, keys: np.ndarray, left: np.ndarray, sites: n
 
     The best is near, and faces as the member does. Whether it is seen is not asked.
     """
-    pairs = _pairs_in_voxels(keys, left, sites)
-    best = np.full(len(left), -1)
-    for part in np.array_split(np.arange(len(pairs[0])), max(1, len(pairs[0]) >> 22)):
-        member, site = (one[part] for one in pairs)
-        a, b = left[member], sites[site]
-        alike = (members.normal[a] * members.normal[b]).sum(1)
-        apart = np.linalg.norm(members.position[a] - members.position[b], axis=1)
+    first, count, order = _in_voxels(keys, left, sites)
+    best, best_score = np.full(len(left), -1), np.full(len(left), -np.inf, np.float32)
+    for rank in range(count.max(initial=0)):
+        asking = np.flatnonzero(count > rank)
+        site = order[first[asking] + rank]
+        a, b = left[asking], sites[site]
+        alike = _cosines(members, a, b)
+        apart = np.sqrt(sum((x[a] - x[b]) ** 2 for x in members.position.T))
         score = alike - apart / size
-        order = np.lexsort((score, member))
-        order = order[alike[order] > _MIN_COSINE]
-        best[member[order]] = site[order]  # of several the last, which is the best
+        better = (alike > _MIN_COSINE) & (score >= best_score[asking])
+        best[asking[better]], best_score[asking[better]] = site[better], score[better]
     return best
 
 
-def _pairs_in_voxels(keys: np.ndarray, left: np.ndarray, sites: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Pairs of indices (N,) into left and into sites of those in one voxel, whichever way they face; at most _NEAR for each."""
+def _in_voxels(keys: np.ndarray, left: np.ndarray, sites: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The sites in the voxel of each of the members `left` (N,), whichever way they face: where they begin (N,) and how many
+    there are (N,), at most _NEAR, in an order (S,) of the sites."""
     voxels = keys[sites] >> 5
     order = np.argsort(voxels, kind="stable")
     first, last = (np.searchsorted(voxels[order], keys[left] >> 5, side) for side in ("left", "right"))
-    count = np.minimum(last - first, _NEAR)
-    member = np.repeat(np.arange(len(left)), count)
-    site = order[first[member] + np.arange(len(member)) - np.repeat(np.cumsum(count) - count, count)]
-    return member, site
+    return first, np.minimum(last - first, _NEAR), order
+
+
+def _cosines(members: Members, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Of the angles between the normals of members a and b, numbers that broadcast."""
+    cosines: np.ndarray = sum(x[a] * x[b] for x in members.normal.T)
+    return cosines
 
 
 def sight_lines(members: Members, a: np.ndarray, b: np.ndarray) -> np.ndarray:

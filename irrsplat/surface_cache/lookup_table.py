@@ -16,12 +16,14 @@ class LookupTable(Owner):
     """The textures of shaders/surface_cache/lookup.glsl.
 
     rows: (T, 3, 4) of the triangles that light sees, as Tessellation.table has them. cells: (C, 2, 4), as SiteLayout.cells has
-    them. most: how
-    many values there may be. order: (T,) the scene's numbers of the triangles, as the tree of rays counts them.
+    them. most: how many values there may be. order: (T,) the scene's numbers of the triangles, as the tree of rays counts them.
+    known: False where the first row stands for all triangles.
     """
 
-    def __init__(self, ctx: moderngl.Context, rows: np.ndarray, cells: np.ndarray, most: int, order: np.ndarray) -> None:
-        self._rows = rows
+    def __init__(
+        self, ctx: moderngl.Context, rows: np.ndarray, cells: np.ndarray, most: int, order: np.ndarray, known: bool = True
+    ) -> None:
+        self._rows, self._known = rows, known
         self.cells = table_texture(ctx, table_rows(cells))
         self.values = table_texture(ctx, np.zeros((-(-most // TABLE_COLUMNS), TABLE_COLUMNS, 4)))
         self.triangles = table_texture(ctx, table_rows(rows))
@@ -37,6 +39,7 @@ class LookupTable(Owner):
             "surface_triangles": self.leaves if order == "tree" else self.triangles,
             "surface_cells": self.cells,
             "surface_values": self.values,
+            "surface_known": int(self._known),
         }
 
     def write(self, values: np.ndarray) -> None:
@@ -47,7 +50,7 @@ class LookupTable(Owner):
 
     def follow(self, corners: np.ndarray, order: np.ndarray) -> None:
         """Set the triangles' corners (F, 3, 3) and their order (T,) in the tree; each keeps its cells and their values."""
-        if len(self._rows) != len(order):  # nothing was made yet
+        if not self._known:
             return
         rows, corners = self._rows.copy(), corners[: len(order)]
         rows[:, 0, :3] = corners[:, 0]
@@ -55,3 +58,9 @@ class LookupTable(Owner):
         self._rows = rows
         self.triangles.write(np.ascontiguousarray(table_rows(rows), "f4").tobytes())
         self.leaves.write(np.ascontiguousarray(table_rows(rows[order]), "f4").tobytes())
+
+
+def unknown(ctx: moderngl.Context) -> LookupTable:
+    """The table of no scene in particular, by which every look-up finds no value, so that no light is added."""
+    row = np.array([[[0.0, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]]])
+    return LookupTable(ctx, row, np.array([[[-1.0, -1.0, -1.0, 0.0]] * 2]), 1, np.zeros(1, np.intp), known=False)

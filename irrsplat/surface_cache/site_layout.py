@@ -8,9 +8,11 @@ from __future__ import annotations
 
 from collections.abc import Generator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
+from irrsplat.core.beside import beside
 from irrsplat.core.buffers import Sites, Uniforms
 from irrsplat.core.glsl import HIDDEN_OTHERWISE
 from irrsplat.core.vectors import triangle_areas
@@ -105,21 +107,29 @@ class SiteChooser:
     def _cluster(self) -> Generator[float, None, _Clusters]:
         """The surfaces cut and their corners in clusters: at a spacing that goes by the surfaces' area, or wider where too many
         sites would come of it."""
-        vertices, faces, _ = flatten(self.scene)
-        faces = faces[: face_counts(self.scene).lit]
-        area = triangle_areas(vertex_column(vertices, "position")[faces].astype(float)).sum()
+        vertices, faces, area = yield from beside(self._surfaces, 0.0)
         spacing = float(np.sqrt(2.0 * area / POINTS)) or 1.0  # a grid of right-angled triangles has two points per spacing²
         while True:
-            tessellation = tessellate(vertices, faces, spacing, self.offset)
+            clusters, sites = yield from beside(partial(self._cut, vertices, faces, spacing), _CUT)
             yield _CUT
-            members = clustering.both_sides(tessellation, self.offset)
-            clusters = _Clusters(tessellation, members, clustering.voxel_keys(members, _VOXEL * spacing), spacing)
-            left = np.flatnonzero(self._known_values(clusters) < 0)
-            sites, _ = self._choose(clusters, left, len(left), self._min_area(clusters))
-            yield _CUT
-            if len(sites) <= _FIRST_SHARE * MAX_SITES:
+            if sites <= _FIRST_SHARE * MAX_SITES:
                 return clusters
-            spacing *= 1.05 * float(np.sqrt(len(sites) / (_FIRST_SHARE * MAX_SITES)))
+            spacing *= 1.05 * float(np.sqrt(sites / (_FIRST_SHARE * MAX_SITES)))
+
+    def _surfaces(self) -> tuple[np.ndarray, np.ndarray, float]:
+        """The vertices, the faces that light sees, as flatten has them, and their area in m²."""
+        vertices, faces, _ = flatten(self.scene)
+        faces = faces[: face_counts(self.scene).lit]
+        return vertices, faces, float(triangle_areas(vertex_column(vertices, "position")[faces].astype(float)).sum())
+
+    def _cut(self, vertices: np.ndarray, faces: np.ndarray, spacing: float) -> tuple[_Clusters, int]:
+        """The clusters of a tessellation of steps of `spacing` metres, and how many of them would have a site."""
+        tessellation = tessellate(vertices, faces, spacing, self.offset)
+        members = clustering.both_sides(tessellation, self.offset)
+        clusters = _Clusters(tessellation, members, clustering.voxel_keys(members, _VOXEL * spacing), spacing)
+        left = np.flatnonzero(self._known_values(clusters) < 0)
+        sites, _ = self._choose(clusters, left, len(left), self._min_area(clusters))
+        return clusters, len(sites)
 
     def _known_values(self, clusters: _Clusters) -> np.ndarray:
         """(M,) the numbers of the members' values where no gather is needed to know them, else -1."""
@@ -142,11 +152,13 @@ class SiteChooser:
 
     def _assign(self, clusters: _Clusters) -> Generator[float, None, _Assignment]:
         """Sites, and members assigned to those that they see: of their own cluster, or else of one beside it."""
-        value, members = self._known_values(clusters), clusters.members
+        members = clusters.members
+        value = yield from beside(partial(self._known_values, clusters), _CUT)
         left, sites = np.flatnonzero(value < 0), np.zeros(FIRST_SITE if len(members) else 0, np.intp)
         for number in range(_ROUNDS):
             min_area = self._min_area(clusters) if number < _ROUNDS - 1 else 0.0
-            chosen, site_of = self._choose(clusters, left, MAX_SITES - len(sites), min_area)
+            choosing = partial(self._choose, clusters, left, MAX_SITES - len(sites), min_area)
+            chosen, site_of = yield from beside(choosing, _SHARED_OUT)
             if not len(chosen):
                 continue
             chosen = left[chosen]
@@ -156,7 +168,8 @@ class SiteChooser:
             value[left[seen]] = len(sites) + site_of[seen]
             left, sites = left[~seen], np.concatenate([sites, chosen])
         gathered = sites[FIRST_SITE:]
-        member, site = clustering.alternative_sites(members, clusters.keys, left, gathered, _ALTERNATIVES)
+        others = partial(clustering.alternative_sites, members, clusters.keys, left, gathered, _ALTERNATIVES)
+        member, site = yield from beside(others, _SHARED_OUT)
         seen = yield from self._see(members, left[member], gathered[site], _SHARED_OUT)
         value[left[member[seen][::-1]]] = FIRST_SITE + site[seen][::-1]  # of several the first is written last
         if len(sites) == MAX_SITES:
@@ -172,8 +185,11 @@ class SiteChooser:
         members = clusters.members
         for number, growth in enumerate(_BORROWED_FROM):
             size = growth * _VOXEL * clusters.spacing
-            keys, left = clustering.voxel_keys(members, size), np.flatnonzero(value < 0)
-            site = clustering.nearest_sites(members, keys, left, gathered, size)
+            keys, left = (
+                (yield from beside(partial(clustering.voxel_keys, members, size), _SHARED_OUT)),
+                np.flatnonzero(value < 0),
+            )
+            site = yield from beside(partial(clustering.nearest_sites, members, keys, left, gathered, size), _SHARED_OUT)
             left, site = left[site >= 0], site[site >= 0]
             seen = yield from self._see(members, left, gathered[site], _SHARED_OUT)
             if number == len(_BORROWED_FROM) - 1:

@@ -6,6 +6,7 @@ uniform sampler2D surface_cells;      // two texels a cell, one for each side: x
                                       // w 0 where the corners see each other; else something stands on the cell, and w is 1 +
                                       // the one corner (0..2) that both others do not see, or 1 + HIDDEN_OTHERWISE
 uniform sampler2D surface_values;     // rgb E in W/m²
+uniform int surface_known;            // 0: no value is known yet, and the first triangle stands for all
 uniform float surface_offset;         // metres: how far the corners' points lie above the surface, and within the cell
 
 // Three values and their weights at a place, which sum to 1, or are all 0 where no value is known.
@@ -18,7 +19,7 @@ struct Look
 // The values at the corners of the cell in which p lies, a point of the triangle, on the side to which the unit vector g points.
 Look surface_look(int triangle, vec3 p, vec3 g)
 {
-    ivec2 at = table_texel(triangle, 3, 0);
+    ivec2 at = table_texel(triangle * surface_known, 3, 0);
     vec4 corner = texelFetch(surface_triangles, at, 0), right = texelFetch(surface_triangles, at + ivec2(1, 0), 0);
     vec3 up = texelFetch(surface_triangles, at + ivec2(2, 0), 0).xyz, away = p - corner.xyz;
     vec3 normal = cross(right.xyz, up);

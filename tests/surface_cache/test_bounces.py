@@ -15,6 +15,7 @@ import irrsplat
 from irrsplat import Renderer
 from irrsplat.core.buffers import Sites
 from irrsplat.gpu.time_budget import Budget
+from irrsplat.indirect import record_gatherer
 from irrsplat.scene.model import Mesh, Scene
 from irrsplat.surface_cache import cache as surface
 from irrsplat.surface_cache import site_layout
@@ -284,7 +285,8 @@ def test_a_lamp_goes_into_a_box_and_comes_out_again(ctx: moderngl.Context) -> No
 
 
 @pytest.mark.usefixtures("few")
-def test_ticks_of_little_time_come_to_the_same(ctx: moderngl.Context) -> None:
+def test_ticks_of_little_time_come_to_the_same(ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(record_gatherer, "_PATIENCE", np.inf)
     with Renderer(room(), SIZE, ctx=ctx, **ALL) as small, made(ctx, room(), gather_size=8) as whole:
         shares = []
         while small.scheduler.gatherer.surface_share < 1.0 and len(shares) < 3000:
