@@ -12,6 +12,7 @@ from irrsplat.core.errors import InputError
 from irrsplat.scene.model import Camera, Light, Mesh, Scene
 from irrsplat.scene.seen_by_light import face_counts
 from irrsplat.scene.stand_ins import camera, light
+from irrsplat.scene.stand_ins.subject import subject
 from irrsplat.scene.stand_ins.surroundings import surface_points
 from irrsplat.scene.stand_ins.up_axis import Vector, axes, nearest_axis
 
@@ -46,21 +47,22 @@ def finish(
     scene = replace(scene, files=tuple(dict.fromkeys(str(file) for file in (path, *files))))
     world = axes(up or (nearest_axis(cameras[0]) if cameras else scene.up))
     scene = replace(scene, up=_vector(world[1]), own_sky=sky is not None or up is None)
-    points = surface_points(scene)
-    hollow = camera.hollow(scene, points, world) if up is not None or not cameras else camera.Hollow(())
+    part = scene if cameras else subject(scene)
+    points = surface_points(part)
+    hollow = camera.hollow(part, points, world) if up is not None or not cameras else camera.Hollow(())
     inside = False
     if not cameras:
-        stand = camera.default_camera(scene, points, world, hollow)
+        stand = camera.default_camera(part, points, world, hollow)
         inside = stand.inside
-        where = "one in the room" if inside else "one that sees the whole scene"
+        where = "one in the room" if inside else "one that sees the whole scene" if part is scene else "one that sees most of it"
         notices.append(f"{path}: no camera; {where} stands in")
-        scene = replace(scene, cameras=(stand.camera,))
+        scene, part = replace(scene, cameras=(stand.camera,)), replace(part, cameras=(stand.camera,))
     if up is None:
         if sky is None and not lights and not any(any(mesh.material.emission) for mesh in meshes):
             scene = replace(scene, sky=(1.0, 1.0, 1.0), own_sky=False)
             notices.append(f"{path}: no light, no emission and no sky; a sky of radiance 1 1 1 stands in")
     elif sky is None:
-        around = camera.closed_in(scene, points, world, hollow)
+        around = camera.closed_in(part, points, world, hollow)
         inside = inside or around is not None
         own = light.lit_by(scene, "closed" if inside else "half" if hollow.places else "none")
         if own == "nothing":

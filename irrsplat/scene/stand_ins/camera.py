@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from irrsplat.scene.model import Camera, Scene
-from irrsplat.scene.stand_ins.surroundings import SurfacePoints, Surroundings, directions, surroundings
+from irrsplat.scene.stand_ins.surroundings import SurfacePoints, Surroundings, cells, directions, surroundings
 
 _OUTSIDE, _INSIDE = 45.0, 65.0  # degrees: vertical fields of view
 _THREE_QUARTERS = np.array([0.48, 0.36, 0.8])  # right, up and front, unit: where a thing is looked at from
@@ -20,6 +20,10 @@ _EYE, _STOREY = 1.6, (1.9, 60.0)  # metres: how high eyes are where a ceiling is
 _EYE_SHARE = 0.45  # of a room of another height
 _CLEAR = 0.05  # of the floor's diagonal: the least distance between the eye and what stands beside it
 _PLACES, _STAGE_PLACES = 0.1, 0.6  # of the points that are tried: so many are in a closed room, or in one that may lack a wall
+_EDGE = 5.0  # spacings of the points: what is as near to two sides of the bounding box is an edge of it
+_NEAR = 0.15  # of the bounding box's diagonal: what is nearer hides more than it shows
+_HIDDEN = 1.25  # times the nearest distance in a direction: what is farther is hidden
+_PICTURE_RISE, _PICTURE_SECTORS = 0.5, 4  # what a level picture shows: the sine of what is above and below, sectors to each side
 _GRID = 5  # points along each side of the floor that are tried
 _HEIGHTS = 0.35, 0.65  # of the bounding box at which a room is looked for
 
@@ -72,8 +76,8 @@ def _roomy(around: Surroundings, box: float) -> bool:
 
 
 def default_camera(scene: Scene, points: SurfacePoints, axes: np.ndarray, hollow: Hollow) -> Standpoint:
-    """In a closed room at eye height, along the longest view; before the open side of a room that lacks a wall; and before
-    anything else at three quarters from the front.
+    """In a closed room at eye height, where one sees far and much of what is in it; before the open side of a room that lacks a
+    wall; and before anything else at three quarters from the front.
 
     points: spread over the surfaces; axes: (3, 3) rows right, up and front of the world.
     """
@@ -141,7 +145,7 @@ def _opening(around: Surroundings, axes: np.ndarray) -> np.ndarray | None:
 
 
 def _within(scene: Scene, points: SurfacePoints, axes: np.ndarray, room: np.ndarray) -> Camera | None:
-    """A camera at eye height in the room around `room`, where it sees farthest; None where nothing is as clear."""
+    """A camera at eye height in the room around `room`, where it sees far, and many things; None where nothing is as clear."""
     low, high = _extent(scene, axes)
     around = surroundings(points, room, axes)
     height = float(room @ axes[1])
@@ -155,6 +159,11 @@ def _within(scene: Scene, points: SurfacePoints, axes: np.ndarray, room: np.ndar
     share = (eye - low[1]) / max(high[1] - low[1], 1e-30)
     level = np.abs(rise) < 0.25
     clear = _CLEAR * float(np.hypot(*(high - low)[[0, 2]]))
+    detail = points.detail()
+    margin = _EDGE * points.spacing
+    beside = ((detail @ axes.T < low + margin) | (detail @ axes.T > high - margin)).sum(1)
+    detail = detail[beside < 2]  # all that the edges between walls, floor and ceiling have is that they meet
+    near = _NEAR * float(np.linalg.norm(high - low))
     best, camera = 0.0, None
     for at in [*_grid(low, high, axes, (float(share),)), room + (eye - height) * axes[1]]:
         around = surroundings(points, at, axes)
@@ -165,14 +174,30 @@ def _within(scene: Scene, points: SurfacePoints, axes: np.ndarray, room: np.ndar
             continue
         ahead = distance[level].reshape(-1, distance.shape[1]).mean(0)
         view = sum(np.roll(ahead, step) * weight for step, weight in ((-2, 0.5), (-1, 1.0), (0, 1.0), (1, 1.0), (2, 0.5))) / 4.0
-        sector = int(np.argmax(view))
-        if view[sector] > best:
+        worth = np.sqrt(view) * (1.0 + _seen_detail(detail, around, at, axes, near))
+        sector = int(np.argmax(worth))
+        if worth[sector] > best:
             way = directions(axes)[:, sector].mean(0)
             way = way - (way @ axes[1]) * axes[1]
             way = way / np.linalg.norm(way)
-            best = float(view[sector])
-            camera = Camera(_point(at), _point(at + best * way), _point(axes[1]), _INSIDE)
+            best = float(worth[sector])
+            camera = Camera(_point(at), _point(at + float(view[sector]) * way), _point(axes[1]), _INSIDE)
     return camera
+
+
+def _seen_detail(detail: np.ndarray, around: Surroundings, at: np.ndarray, axes: np.ndarray, near: float) -> np.ndarray:
+    """(SECTORS,) how many of the points `detail` (M, 3) a level picture shows that looks from `at` into each sector, most in its
+    middle; of those nearer than `near` metres, which hide others, only a part."""
+    distance, ring, sector = cells(detail - at, axes)
+    level = np.abs(ring + 0.5 - 0.5 * around.distance.shape[0]) < _PICTURE_RISE * 0.5 * around.distance.shape[0]
+    seen = level & (distance < _HIDDEN * around.distance[ring, sector])
+    sectors = around.distance.shape[1]
+    weight = np.minimum(distance[seen] / near, 1.0) ** 2
+    counts = np.bincount(sector[seen], weight, minlength=sectors)
+    steps = np.arange(-_PICTURE_SECTORS, _PICTURE_SECTORS + 1)
+    share = np.cos(0.5 * np.pi * steps / (_PICTURE_SECTORS + 1))  # what is in the middle counts most
+    found: np.ndarray = sum((w * np.roll(counts, int(step)) for step, w in zip(steps, share, strict=True)), np.zeros(sectors))
+    return found
 
 
 def _point(values: np.ndarray) -> tuple[float, float, float]:

@@ -11,14 +11,32 @@ from irrsplat.scene.model import Scene
 
 _POINTS = 20_000  # on all surfaces: a few dozen for each direction
 _RINGS, _SECTORS = 16, 32  # of the sphere, all of one solid angle
+_SPARSE = 6.4  # spacings of the points: of surfaces nearer than that, not every direction has one
+_VOXEL = 5.0  # spacings: the side of what counts as a place
+_PLANE = 0.93  # of squared normals along one line, in a place that has no detail
 
 
 @dataclass(frozen=True)
 class SurfacePoints:
-    """N points spread evenly over all surfaces that light sees. position: (N, 3); normal: (N, 3) unit, the triangles' own."""
+    """N points spread evenly over all surfaces that light sees. position: (N, 3); normal: (N, 3) unit, the triangles' own.
+
+    spacing: metres, about, from one to the next.
+    """
 
     position: np.ndarray
     normal: np.ndarray
+    spacing: float = 0.0
+
+    def detail(self) -> np.ndarray:
+        """(M, 3) where there is more than a plane: one point in each cube of some spacings that has normals of several lines."""
+        cube = np.floor(self.position / max(_VOXEL * self.spacing, 1e-30)).astype(np.int64)
+        _, which, count = np.unique(cube, axis=0, return_inverse=True, return_counts=True)
+        sums = np.stack([np.bincount(which.ravel(), column) for column in self.position.T], 1)
+        squares = self.normal[:, :, None] * self.normal[:, None, :]
+        moments = np.stack([np.bincount(which.ravel(), column) for column in squares.reshape(-1, 9).T], 1)
+        along = np.linalg.eigvalsh((moments / count[:, None]).reshape(-1, 3, 3))[:, 2]
+        found: np.ndarray = (sums / count[:, None])[along < _PLANE]
+        return found
 
 
 @dataclass(frozen=True)
@@ -81,16 +99,13 @@ def surface_points(scene: Scene) -> SurfacePoints:
     a, along, across = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     normal = np.cross(along, across)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
-    return SurfacePoints(a + u * along + v * across, normal)
+    return SurfacePoints(a + u * along + v * across, normal, float(np.sqrt(total[-1] / _POINTS)))
 
 
 def surroundings(points: SurfacePoints, at: np.ndarray, axes: np.ndarray) -> Surroundings:
     """What is seen from the point `at` (3,); axes: (3, 3) rows right, up and front of the world."""
     way = points.position - at
-    distance = np.linalg.norm(way, axis=1)
-    x, rise, z = (way @ axes.T).T
-    ring = np.clip(((rise / np.maximum(distance, 1e-300) + 1.0) * (0.5 * _RINGS)).astype(int), 0, _RINGS - 1)
-    sector = np.clip(((np.arctan2(z, x) + np.pi) * (_SECTORS / (2.0 * np.pi))).astype(int), 0, _SECTORS - 1)
+    distance, ring, sector = cells(way, axes)
     cell = ring * _SECTORS + sector
     order = np.argsort(-distance)  # the nearest comes last, and stays
     nearest = np.full(_RINGS * _SECTORS, -1)
@@ -100,4 +115,19 @@ def surroundings(points: SurfacePoints, at: np.ndarray, axes: np.ndarray) -> Sur
     hit = nearest >= 0
     found[hit] = distance[nearest[hit]]
     facing[hit] = (points.normal[nearest[hit]] * way[nearest[hit]]).sum(1) < 0.0
-    return Surroundings(found.reshape(_RINGS, _SECTORS), facing.reshape(_RINGS, _SECTORS))
+    found, facing = found.reshape(_RINGS, _SECTORS), facing.reshape(_RINGS, _SECTORS)
+    for _ in range(2):  # between points of one near surface
+        beside = np.pad(np.pad(found, ((1, 1), (0, 0)), constant_values=np.inf), ((0, 0), (1, 1)), mode="wrap")
+        around = np.lib.stride_tricks.sliding_window_view(beside, (3, 3)).min((2, 3))
+        between = ~np.isfinite(found) & (around < _SPARSE * points.spacing)
+        found, facing = np.where(between, around, found), facing | between
+    return Surroundings(found, facing)
+
+
+def cells(way: np.ndarray, axes: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Of the ways (N, 3) from a point: (N,) how long they are, and the ring and the sector that they go through."""
+    distance = np.linalg.norm(way, axis=1)
+    x, rise, z = (way @ axes.T).T
+    ring = np.clip(((rise / np.maximum(distance, 1e-300) + 1.0) * (0.5 * _RINGS)).astype(int), 0, _RINGS - 1)
+    sector = np.clip(((np.arctan2(z, x) + np.pi) * (_SECTORS / (2.0 * np.pi))).astype(int), 0, _SECTORS - 1)
+    return distance, ring, sector
