@@ -115,11 +115,15 @@ def surroundings(points: SurfacePoints, at: np.ndarray, axes: np.ndarray) -> Sur
     hit = nearest >= 0
     found[hit] = distance[nearest[hit]]
     facing[hit] = (points.normal[nearest[hit]] * way[nearest[hit]]).sum(1) < 0.0
-    found, facing = found.reshape(_RINGS, _SECTORS), facing.reshape(_RINGS, _SECTORS)
-    for _ in range(2):  # between points of one near surface
+    return _filled(found.reshape(_RINGS, _SECTORS), facing.reshape(_RINGS, _SECTORS), _SPARSE * points.spacing)
+
+
+def _filled(found: np.ndarray, facing: np.ndarray, sparse: float) -> Surroundings:
+    """The surroundings by distance and front, without the gaps between the points of one surface nearer than `sparse` metres."""
+    for _ in range(2):
         beside = np.pad(np.pad(found, ((1, 1), (0, 0)), constant_values=np.inf), ((0, 0), (1, 1)), mode="wrap")
         around = np.lib.stride_tricks.sliding_window_view(beside, (3, 3)).min((2, 3))
-        between = ~np.isfinite(found) & (around < _SPARSE * points.spacing)
+        between = ~np.isfinite(found) & (around < sparse)
         found, facing = np.where(between, around, found), facing | between
     return Surroundings(found, facing)
 
