@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import moderngl
 import numpy as np
 
-from irrsplat.core.color import linear_from_srgb, srgb
 from irrsplat.gpu.context import describe
 from irrsplat.gpu.program import SampledTexture
 from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.scene.image_means import half
 from irrsplat.scene.looks import Run
 from irrsplat.scene.model import Image, Texture
 
@@ -65,32 +65,6 @@ def _halved(width: int, height: int, times: int) -> tuple[int, int]:
     for _ in range(times):
         width, height = (width + 1) // 2, (height + 1) // 2
     return width, height
-
-
-def half(pixels: np.ndarray, srgb_encoded: bool) -> np.ndarray:
-    """(⌈H/2⌉, ⌈W/2⌉, 4) uint8: the means of 2×2 pixels (H, W, 4) uint8, of linear colours where they are `srgb_encoded`."""
-    height, width = pixels.shape[:2]
-    pixels = np.pad(pixels, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge")
-    out = np.empty((len(pixels) // 2, pixels.shape[1] // 2, 4), "u1")
-    for row in range(0, len(pixels), _ROWS):
-        band = pixels[row : row + _ROWS]
-        values = np.take(_DECODE if srgb_encoded else _SAME, band, mode="clip")
-        values[..., 3] = np.take(_SAME, band[..., 3], mode="clip")
-        rows = values[::2] + values[1::2]
-        means = (rows[:, ::2] + rows[:, 1::2]) // 4
-        half_band = out[row // 2 : (row + _ROWS) // 2]
-        half_band[:] = np.take(_ENCODE if srgb_encoded else _BYTE, means, mode="clip")
-        half_band[..., 3] = _BYTE[means[..., 3]]
-    return out
-
-
-_ROWS = 32  # at once: they stay in a processor's cache
-_STEPS = 65535  # of linear values between 0 and 1: as fine as the darkest sRGB colours need
-_BYTES = np.arange(256) / 255.0
-_SAME = (_BYTES * _STEPS).round().astype("u4")
-_BYTE = (np.arange(_STEPS + 1) / _STEPS * 255.0).round().astype("u1")
-_DECODE = (linear_from_srgb(_BYTES) * _STEPS).round().astype("u4")
-_ENCODE = (srgb(np.arange(_STEPS + 1) / _STEPS) * 255.0).round().astype("u1")
 
 
 class TextureMaps(Owner):

@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import cos, pi, radians
-from typing import Any, TypeAlias
+from typing import Any
 
 import drjit as dr
 import mitsuba as mi
@@ -29,13 +29,21 @@ from irrsplat.core.errors import IrrsplatError
 from irrsplat.reference.camera_view import EPSILON, Visible, seen
 from irrsplat.reference.caster import camera_rays
 from irrsplat.reference.emitters import Emitters
+from irrsplat.reference.lanes import (
+    TINY,
+    EmitterLanes,
+    LaneBackend,
+    Lanes,
+    cosine_hemisphere,
+    density_of_ray,
+    lights,
+    positive,
+    uniform_cap,
+)
 from irrsplat.reference.surfaces import Surfaces
 from irrsplat.reference.textures import TextureTable
 from irrsplat.scene.model import Camera, Light, Scene
 
-Lanes: TypeAlias = Any  # a Dr.Jit array with an entry a lane; its class depends on the variant that is chosen at run time
-
-TINY = 1e-30  # keeps divisors from 0
 LANES = 1 << 20  # samples in flight at once; bounds the memory
 LEAST_WEIGHT = 0.25  # of paths: Russian roulette keeps it; measured, 1 has up to 1.8 times the noise in little less time
 
@@ -67,30 +75,6 @@ class Hit:
     emission: Lanes
     face: Lanes
     ambiguous: Lanes  # the geometric normal is turned to the ray's origin, but the shading normal is not
-
-
-class LaneBackend:
-    """Lanes for textures.TextureTable."""
-
-    def array(self, values: np.ndarray) -> Lanes:
-        """A table of floats, or of unsigned integers."""
-        return mi.UInt32(values) if values.dtype.kind == "u" else mi.Float(values.astype(np.float32))
-
-    def gather(self, table: Lanes, index: Lanes) -> Lanes:
-        """The table's entries."""
-        return dr.gather(type(table), table, index)
-
-    def select(self, condition: Lanes, yes: Lanes, no: Lanes) -> Lanes:
-        """`yes` where the condition holds, else `no`."""
-        return dr.select(condition, yes, no)
-
-    def floor(self, x: Lanes) -> Lanes:
-        """The greatest whole numbers up to x."""
-        return dr.floor(x)
-
-    def whole(self, x: Lanes) -> Lanes:
-        """Whole floats as unsigned integers."""
-        return mi.UInt32(x)
 
 
 class Tracer:
@@ -126,7 +110,7 @@ class Tracer:
         self.texture = {k: mi.UInt32(n.astype(np.uint32)) if (n >= 0).any() else None for k, n in numbers.items()}
 
         found = Emitters.of(surfaces) if emitters else None
-        self.emitters = None if found is None else _EmitterLanes(found, np.searchsorted(solid, found.face), len(solid))
+        self.emitters = None if found is None else EmitterLanes(found, np.searchsorted(solid, found.face), len(solid))
 
     # --- rays -----------------------------------------------------------------------------------------------------------
 
@@ -333,7 +317,7 @@ class Tracer:
         emission = q.emission
         whole = None if self.emitters is None else self.emitters.total(p, n)
         if self.emitters is not None:
-            p_ray, p_emitter = _density_of_ray(p, n, q.p, q.g), self.emitters.density(p, n, whole, q.face, q.valid)
+            p_ray, p_emitter = density_of_ray(p, n, q.p, q.g), self.emitters.density(p, n, whole, q.face, q.valid)
             emission = emission * dr.select(p_emitter > 0.0, p_ray / (p_ray + p_emitter + TINY), 1.0)
         total = mi.Color3f(dr.select(q.valid, emission, dr.select(above, self.sky(direction), 0.0))) * pi
         for light in self.scene.lights:
@@ -380,7 +364,7 @@ class Tracer:
         _, emission = self._colors(face, corners, s, t, active)
         active &= lights(emission)
         active &= self.visible(p, w, r, active)
-        p_ray, p_emitter = _density_of_ray(p, n, y, m), self.emitters.density(p, n, whole, face, active)
+        p_ray, p_emitter = density_of_ray(p, n, y, m), self.emitters.density(p, n, whole, face, active)
         geometry = cos_p * cos_y / dr.square(r)
         return dr.select(active & (p_emitter > 0.0), emission * (geometry / (p_ray + p_emitter)), 0.0)
 
@@ -416,82 +400,7 @@ class Tracer:
             density = 1.0 / (2.0 * pi * (1.0 - edge))
             inside = dr.dot(mi.Vector3f(axis(light)), -to_light) >= edge * d
         p_light = dr.select(inside & (dr.dot(g, to_light) > 0.0), density * dr.dot(g, to_light) / (d * d * d), 0.0)
-        return _density_of_ray(p, n, q, g), dr.select(d > 0.0, p_light, 0.0)
-
-
-class _EmitterLanes:
-    """Emitters to be drawn in lanes. place: (N,) the numbers of their triangles among the `faces` that light may see."""
-
-    def __init__(self, emitters: Emitters, place: np.ndarray, faces: int) -> None:
-        self.count = len(emitters.power)
-        self.centre = mi.Float(emitters.centre.astype(np.float32).ravel())
-        self.radius, self.power = (mi.Float(x.astype(np.float32)) for x in (emitters.radius, emitters.power))
-        ends = np.cumsum(np.bincount(emitters.group, minlength=self.count))
-        self.first, self.end = (mi.UInt32(x.astype(np.uint32)) for x in (np.roll(ends, 1) * (np.arange(self.count) > 0), ends))
-        # of each group the shares up to and with a triangle: rising from 0 to 1 anew
-        rising = np.cumsum(emitters.share)
-        self.up_to = mi.Float((rising - emitters.group).astype(np.float32))
-        self.face = mi.UInt32(place.astype(np.uint32))
-        density, group = np.zeros(faces), np.zeros(faces)
-        density[place], group[place] = emitters.share / emitters.area, emitters.group
-        self.within, self.group = mi.Float(density.astype(np.float32)), mi.UInt32(group.astype(np.uint32))
-
-    def weight(self, group: Lanes, p: Lanes, n: Lanes) -> Lanes:
-        """Emitters.weights of one group at each p."""
-        toward = dr.gather(mi.Vector3f, self.centre, group) - mi.Vector3f(p)
-        radius, power = dr.gather(mi.Float, self.radius, group), dr.gather(mi.Float, self.power, group)
-        return dr.select(dr.dot(toward, n) > -radius, power / (dr.squared_norm(toward) + dr.square(radius) + TINY), 0.0)
-
-    def total(self, p: Lanes, n: Lanes) -> Lanes:
-        """The sum of all groups' weights at each p."""
-        total = dr.zeros(mi.Float, dr.width(p))
-        group = dr.zeros(mi.UInt32, dr.width(p))
-        state = dr.while_loop(
-            (group, total),
-            lambda group, total: group < self.count,
-            lambda group, total: (group + 1, total + self.weight(group, p, n)),
-        )
-        return state[1]
-
-    def draw(self, p: Lanes, n: Lanes, whole: Lanes, u: Lanes, jitter: Lanes) -> tuple[Lanes, Lanes]:
-        """The number of a triangle for each p, where `whole` is the sum of the weights, and what is left of the random number u,
-        uniform again: so strata of u are strata of what is drawn by the rest. jitter: another, for the bits that u lacks then."""
-        width = dr.width(p)
-
-        def step(group: Lanes, last: Lanes, left: Lanes) -> tuple[Lanes, Lanes, Lanes]:
-            weight = self.weight(group, p, n)
-            return group + 1, dr.select(weight > 0.0, group, last), left - weight
-
-        state = dr.zeros(mi.UInt32, width), dr.zeros(mi.UInt32, width), mi.Float(u * whole)
-        _, group, left = dr.while_loop(state, lambda group, last, left: (group < self.count) & (left >= 0.0), step)
-        first, end = dr.gather(mi.UInt32, self.first, group), dr.gather(mi.UInt32, self.end, group)
-        of_group = self.weight(group, p, n) / (whole + TINY)
-        rest = positive(1.0 + left / (of_group * whole + TINY))
-        rest = dr.select(rest < 1.0, rest, 1.0)
-
-        def halve(first: Lanes, end: Lanes) -> tuple[Lanes, Lanes]:
-            middle = (first + end) >> 1
-            beyond = dr.gather(mi.Float, self.up_to, middle) <= rest
-            return dr.select(beyond, middle + 1, first), dr.select(beyond, end, middle)
-
-        found, _ = dr.while_loop((first, end - 1), lambda first, end: first < end, halve)
-        below = dr.select(found > first, dr.gather(mi.Float, self.up_to, found - 1, active=found > first), 0.0)
-        share = dr.gather(mi.Float, self.up_to, found) - below
-        rest = (rest - below) / (share + TINY) + (jitter - 0.5) * (2.0**-24 / (of_group * share + TINY))
-        return dr.gather(mi.UInt32, self.face, found), rest - dr.floor(rest)
-
-    def density(self, p: Lanes, n: Lanes, whole: Lanes, face: Lanes, active: Lanes) -> Lanes:
-        """The density per area with which `draw` chooses points of these triangles, 0 for one that does not shine."""
-        within = dr.gather(mi.Float, self.within, face, active=active)
-        group = dr.gather(mi.UInt32, self.group, face, active=active)
-        return dr.select(within > 0.0, within * self.weight(group, p, n) / (whole + TINY), 0.0)
-
-
-def _density_of_ray(p: Lanes, n: Lanes, q: Lanes, g: Lanes) -> Lanes:
-    """The density per area at q, where the surface's normal is g, of a cosine-distributed ray from p."""
-    to_p = p - q
-    r = dr.norm(to_p)
-    return dr.select(r > 0.0, positive(dr.dot(n, -to_p)) * dr.abs(dr.dot(g, to_p)) / (pi * r * r * r * r), 0.0)
+        return density_of_ray(p, n, q, g), dr.select(d > 0.0, p_light, 0.0)
 
 
 def _world(positions: np.ndarray, faces: np.ndarray) -> Any:
@@ -563,34 +472,11 @@ def image(values: Lanes, size: tuple[int, int]) -> np.ndarray:
     return array.T.reshape(height, width, -1) if array.ndim == 2 else array.reshape(height, width)
 
 
-def cosine_hemisphere(u: Lanes) -> Lanes:
-    """Cosine-distributed unit directions about z."""
-    sine, phi = dr.sqrt(u.x), 2.0 * pi * u.y
-    return mi.Vector3f(sine * dr.cos(phi), sine * dr.sin(phi), dr.sqrt(positive(1.0 - u.x)))
-
-
-def uniform_cap(u: Lanes, edge: float) -> Lanes:
-    """Uniform unit directions whose z is at least `edge`; the whole sphere where that is −1."""
-    z, phi = 1.0 - u.x * (1.0 - edge), 2.0 * pi * u.y
-    sine = dr.sqrt(positive(1.0 - z * z))
-    return mi.Vector3f(sine * dr.cos(phi), sine * dr.sin(phi), z)
-
-
 def survival(weight: Lanes) -> Lanes:
     """The probability that a path of this weight goes on: 1 while its brightest channel is above LEAST_WEIGHT."""
     most = dr.select(weight.x > weight.y, weight.x, weight.y)
     most = dr.select(most > weight.z, most, weight.z) / LEAST_WEIGHT
     return dr.select(most < 1.0, most, 1.0)
-
-
-def positive(x: Lanes) -> Lanes:
-    """max(x, 0), without the `fmaximum` of dr.maximum: LLVM sometimes fails to compile it (AVX-512, "Cannot select")."""
-    return dr.select(x > 0.0, x, 0.0)
-
-
-def lights(E: Lanes) -> Lanes:
-    """Whether any channel is positive."""
-    return (E.x > 0.0) | (E.y > 0.0) | (E.z > 0.0)
 
 
 def has_cone(light: Light) -> bool:

@@ -14,7 +14,8 @@ import mitsuba as mi
 import numpy as np
 
 from irrsplat.core.errors import IrrsplatError
-from irrsplat.reference.path_tracer import Tracer, cosine_hemisphere, has_cone
+from irrsplat.reference.lanes import cosine_hemisphere
+from irrsplat.reference.path_tracer import Tracer, has_cone
 from irrsplat.reference.worker import serve
 from irrsplat.scene.model import Light, Mesh, Scene
 

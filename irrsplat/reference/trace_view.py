@@ -13,7 +13,8 @@ import numpy as np
 
 from irrsplat.reference.camera_view import Visible
 from irrsplat.reference.caster import camera_rays
-from irrsplat.reference.path_tracer import Hit, Tracer, image, lights, look, surface, view
+from irrsplat.reference.lanes import lights
+from irrsplat.reference.path_tracer import Hit, Tracer, image, look, surface, view
 from irrsplat.reference.worker import serve
 from irrsplat.scene.model import Camera, Scene
 

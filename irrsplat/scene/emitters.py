@@ -9,6 +9,7 @@ import numpy as np
 from irrsplat.core.color import LUMINANCE, linear_from_srgb
 from irrsplat.core.glsl import MAX_EMITTER_CLUSTERS
 from irrsplat.core.vectors import triangle_areas
+from irrsplat.scene.image_means import sums_of_four
 from irrsplat.scene.looks import in_order
 from irrsplat.scene.model import Mesh, Scene, Texture, Wrap
 from irrsplat.scene.seen_by_light import CLOSED, UNSEEN, sort_of
@@ -153,7 +154,7 @@ def _mean_color(texture: Texture, uvs: np.ndarray) -> np.ndarray:
             place = np.einsum("sk,fkj->fsj", shares, at[rows])
             x, y = (_texel(place[..., j], image.shape[1 - j], texture.wrap[j]) for j in (0, 1))
             mean[rows] = image[y, x].mean(axis=1)
-        image = _halved(image)
+        image = sums_of_four(image) * np.float32(0.25)
     return mean
 
 
@@ -172,12 +173,3 @@ def _texel(at: np.ndarray, size: int, wrap: Wrap) -> np.ndarray:
         at = 1.0 - np.abs(at - 2.0 * np.floor(0.5 * at) - 1.0)
     texel: np.ndarray = np.clip((at * size).astype(int), 0, size - 1)
     return texel
-
-
-def _halved(image: np.ndarray) -> np.ndarray:
-    """The image (H, W, 3) at half its size, rounded up."""
-    height, width = image.shape[:2]
-    image = np.pad(image, ((0, height % 2 if height > 1 else 0), (0, width % 2 if width > 1 else 0), (0, 0)), mode="edge")
-    image = image.reshape(-1, 2, *image.shape[1:]).mean(1) if height > 1 else image
-    halved: np.ndarray = image.reshape(len(image), -1, 2, 3).mean(2) if width > 1 else image
-    return halved

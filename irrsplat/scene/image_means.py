@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from irrsplat.core.color import linear_from_srgb
+from irrsplat.core.color import linear_from_srgb, srgb
 
 _AT_ONCE = 1 << 16  # pixels that are decoded at once: so many stay in a processor's cache
 
@@ -45,6 +45,40 @@ def area_means(pixels: np.ndarray, side: int, weighted: bool) -> np.ndarray:
     alpha = out[..., 3:4]
     colour = np.divide(out[..., 4:7], alpha, out=np.zeros_like(out[..., :3]), where=alpha > 1e-6)
     return np.concatenate([colour, alpha], axis=-1)
+
+
+def sums_of_four(values: np.ndarray) -> np.ndarray:
+    """(⌈H/2⌉, ⌈W/2⌉, C) the sums over 2×2 pixels of an image (H, W, C), whose last row or column stands twice where it is odd."""
+    height, width = values.shape[:2]
+    if height % 2 or width % 2:
+        values = np.pad(values, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge")
+    rows = values[::2] + values[1::2]
+    sums: np.ndarray = rows[:, ::2] + rows[:, 1::2]
+    return sums
+
+
+def half(pixels: np.ndarray, srgb_encoded: bool) -> np.ndarray:
+    """(⌈H/2⌉, ⌈W/2⌉, 4) uint8: the means of 2×2 pixels (H, W, 4) uint8, of linear colours where they are `srgb_encoded`."""
+    height, width = pixels.shape[:2]
+    out = np.empty(((height + 1) // 2, (width + 1) // 2, 4), "u1")
+    for row in range(0, height, _ROWS):
+        band = pixels[row : row + _ROWS]
+        values = np.take(_DECODE if srgb_encoded else _SAME, band, mode="clip")
+        values[..., 3] = np.take(_SAME, band[..., 3], mode="clip")
+        means = sums_of_four(values) // 4
+        half_band = out[row // 2 : (row + _ROWS) // 2]
+        half_band[:] = np.take(_ENCODE if srgb_encoded else _BYTE, means, mode="clip")
+        half_band[..., 3] = _BYTE[means[..., 3]]
+    return out
+
+
+_ROWS = 32  # at once: they stay in a processor's cache
+_STEPS = 65535  # of linear values between 0 and 1: as fine as the darkest sRGB colours need
+_BYTES = np.arange(256) / 255.0
+_SAME = (_BYTES * _STEPS).round().astype("u4")
+_BYTE = (np.arange(_STEPS + 1) / _STEPS * 255.0).round().astype("u1")
+_DECODE = (linear_from_srgb(_BYTES) * _STEPS).round().astype("u4")
+_ENCODE = (srgb(np.arange(_STEPS + 1) / _STEPS) * 255.0).round().astype("u1")
 
 
 def coverage(alpha: np.ndarray, side: int, cutoff: float) -> np.ndarray:

@@ -13,7 +13,8 @@ from irrsplat.core.color import linear_from_srgb
 from irrsplat.gpu.target import pixels
 from irrsplat.gpu.world import World
 from irrsplat.image.gbuffer import GBufferPass
-from irrsplat.image.texture_maps import TextureMaps, half, halvings
+from irrsplat.image.texture_maps import TextureMaps, halvings
+from irrsplat.scene.image_means import half
 from irrsplat.scene.looks import PLAIN, in_order, runs
 from irrsplat.scene.model import Camera, Image, Material, Mesh, Scene, Texture
 from tests.support.worlds import box, material, quad, scene

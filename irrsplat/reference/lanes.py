@@ -1,0 +1,141 @@
+"""Arithmetic on lanes, the Dr.Jit arrays that the path tracer works on: textures, emitters to be drawn, directions, densities.
+
+Importing this needs the extra `reference`.
+"""
+
+from __future__ import annotations
+
+from math import pi
+from typing import Any, TypeAlias
+
+import drjit as dr
+import mitsuba as mi
+import numpy as np
+
+from irrsplat.reference.emitters import Emitters
+
+Lanes: TypeAlias = Any  # a Dr.Jit array with an entry a lane; its class depends on the variant that is chosen at run time
+
+TINY = 1e-30  # keeps divisors from 0
+
+
+class LaneBackend:
+    """Lanes for textures.TextureTable."""
+
+    def array(self, values: np.ndarray) -> Lanes:
+        """A table of floats, or of unsigned integers."""
+        return mi.UInt32(values) if values.dtype.kind == "u" else mi.Float(values.astype(np.float32))
+
+    def gather(self, table: Lanes, index: Lanes) -> Lanes:
+        """The table's entries."""
+        return dr.gather(type(table), table, index)
+
+    def select(self, condition: Lanes, yes: Lanes, no: Lanes) -> Lanes:
+        """`yes` where the condition holds, else `no`."""
+        return dr.select(condition, yes, no)
+
+    def floor(self, x: Lanes) -> Lanes:
+        """The greatest whole numbers up to x."""
+        return dr.floor(x)
+
+    def whole(self, x: Lanes) -> Lanes:
+        """Whole floats as unsigned integers."""
+        return mi.UInt32(x)
+
+
+class EmitterLanes:
+    """Emitters to be drawn in lanes. place: (N,) the numbers of their triangles among the `faces` that light may see."""
+
+    def __init__(self, emitters: Emitters, place: np.ndarray, faces: int) -> None:
+        self.count = len(emitters.power)
+        self.centre = mi.Float(emitters.centre.astype(np.float32).ravel())
+        self.radius, self.power = (mi.Float(x.astype(np.float32)) for x in (emitters.radius, emitters.power))
+        ends = np.cumsum(np.bincount(emitters.group, minlength=self.count))
+        self.first, self.end = (mi.UInt32(x.astype(np.uint32)) for x in (np.roll(ends, 1) * (np.arange(self.count) > 0), ends))
+        # of each group the shares up to and with a triangle: rising from 0 to 1 anew
+        rising = np.cumsum(emitters.share)
+        self.up_to = mi.Float((rising - emitters.group).astype(np.float32))
+        self.face = mi.UInt32(place.astype(np.uint32))
+        density, group = np.zeros(faces), np.zeros(faces)
+        density[place], group[place] = emitters.share / emitters.area, emitters.group
+        self.within, self.group = mi.Float(density.astype(np.float32)), mi.UInt32(group.astype(np.uint32))
+
+    def weight(self, group: Lanes, p: Lanes, n: Lanes) -> Lanes:
+        """Emitters.weights of one group at each p."""
+        toward = dr.gather(mi.Vector3f, self.centre, group) - mi.Vector3f(p)
+        radius, power = dr.gather(mi.Float, self.radius, group), dr.gather(mi.Float, self.power, group)
+        return dr.select(dr.dot(toward, n) > -radius, power / (dr.squared_norm(toward) + dr.square(radius) + TINY), 0.0)
+
+    def total(self, p: Lanes, n: Lanes) -> Lanes:
+        """The sum of all groups' weights at each p."""
+        total = dr.zeros(mi.Float, dr.width(p))
+        group = dr.zeros(mi.UInt32, dr.width(p))
+        state = dr.while_loop(
+            (group, total),
+            lambda group, total: group < self.count,
+            lambda group, total: (group + 1, total + self.weight(group, p, n)),
+        )
+        return state[1]
+
+    def draw(self, p: Lanes, n: Lanes, whole: Lanes, u: Lanes, jitter: Lanes) -> tuple[Lanes, Lanes]:
+        """The number of a triangle for each p, where `whole` is the sum of the weights, and what is left of the random number u,
+        uniform again: so strata of u are strata of what is drawn by the rest. jitter: another, for the bits that u lacks then."""
+        width = dr.width(p)
+
+        def step(group: Lanes, last: Lanes, left: Lanes) -> tuple[Lanes, Lanes, Lanes]:
+            weight = self.weight(group, p, n)
+            return group + 1, dr.select(weight > 0.0, group, last), left - weight
+
+        state = dr.zeros(mi.UInt32, width), dr.zeros(mi.UInt32, width), mi.Float(u * whole)
+        _, group, left = dr.while_loop(state, lambda group, last, left: (group < self.count) & (left >= 0.0), step)
+        first, end = dr.gather(mi.UInt32, self.first, group), dr.gather(mi.UInt32, self.end, group)
+        of_group = self.weight(group, p, n) / (whole + TINY)
+        rest = positive(1.0 + left / (of_group * whole + TINY))
+        rest = dr.select(rest < 1.0, rest, 1.0)
+
+        def halve(first: Lanes, end: Lanes) -> tuple[Lanes, Lanes]:
+            middle = (first + end) >> 1
+            beyond = dr.gather(mi.Float, self.up_to, middle) <= rest
+            return dr.select(beyond, middle + 1, first), dr.select(beyond, end, middle)
+
+        found, _ = dr.while_loop((first, end - 1), lambda first, end: first < end, halve)
+        below = dr.select(found > first, dr.gather(mi.Float, self.up_to, found - 1, active=found > first), 0.0)
+        share = dr.gather(mi.Float, self.up_to, found) - below
+        rest = (rest - below) / (share + TINY) + (jitter - 0.5) * (2.0**-24 / (of_group * share + TINY))
+        return dr.gather(mi.UInt32, self.face, found), rest - dr.floor(rest)
+
+    def density(self, p: Lanes, n: Lanes, whole: Lanes, face: Lanes, active: Lanes) -> Lanes:
+        """The density per area with which `draw` chooses points of these triangles, 0 for one that does not shine."""
+        within = dr.gather(mi.Float, self.within, face, active=active)
+        group = dr.gather(mi.UInt32, self.group, face, active=active)
+        return dr.select(within > 0.0, within * self.weight(group, p, n) / (whole + TINY), 0.0)
+
+
+def density_of_ray(p: Lanes, n: Lanes, q: Lanes, g: Lanes) -> Lanes:
+    """The density per area at q, where the surface's normal is g, of a cosine-distributed ray from p."""
+    to_p = p - q
+    r = dr.norm(to_p)
+    return dr.select(r > 0.0, positive(dr.dot(n, -to_p)) * dr.abs(dr.dot(g, to_p)) / (pi * r * r * r * r), 0.0)
+
+
+def cosine_hemisphere(u: Lanes) -> Lanes:
+    """Cosine-distributed unit directions about z."""
+    sine, phi = dr.sqrt(u.x), 2.0 * pi * u.y
+    return mi.Vector3f(sine * dr.cos(phi), sine * dr.sin(phi), dr.sqrt(positive(1.0 - u.x)))
+
+
+def uniform_cap(u: Lanes, edge: float) -> Lanes:
+    """Uniform unit directions whose z is at least `edge`; the whole sphere where that is −1."""
+    z, phi = 1.0 - u.x * (1.0 - edge), 2.0 * pi * u.y
+    sine = dr.sqrt(positive(1.0 - z * z))
+    return mi.Vector3f(sine * dr.cos(phi), sine * dr.sin(phi), z)
+
+
+def positive(x: Lanes) -> Lanes:
+    """max(x, 0), without the `fmaximum` of dr.maximum: LLVM sometimes fails to compile it (AVX-512, "Cannot select")."""
+    return dr.select(x > 0.0, x, 0.0)
+
+
+def lights(E: Lanes) -> Lanes:
+    """Whether any channel is positive."""
+    return (E.x > 0.0) | (E.y > 0.0) | (E.z > 0.0)
