@@ -27,6 +27,7 @@ from irrsplat.gpu.world import World
 from irrsplat.image.antialias import Antialiaser, FrameInputs, FramePasses, OnProgress
 from irrsplat.image.backdrop import backdrop_of
 from irrsplat.image.composite import CompositePass
+from irrsplat.image.emitter_light import EmitterLightPass
 from irrsplat.image.figures.paper_figures import PaperFigures
 from irrsplat.image.frame import Frame
 from irrsplat.image.gbuffer import GBufferPass
@@ -38,6 +39,7 @@ from irrsplat.indirect.splat_buffer import ViewSplats, first_stride
 from irrsplat.indirect.view_state import ViewState
 from irrsplat.lighting import gl_limits
 from irrsplat.lighting.direct import DirectPass, Headlamp
+from irrsplat.lighting.emitter_table import emitter_table
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.records import cache_file
@@ -222,6 +224,14 @@ class Renderer(Owner):
         return self._passes.get("direct", (self.size, defines), lambda: DirectPass(self.ctx, self.size, defines))
 
     @property
+    def emitter_pass(self) -> EmitterLightPass | None:
+        """Samples the light of emitters at pixels of the present size; None where the records hold it, or there are none."""
+        if not self.settings.emitters_apart or not self.settings.most_bounces or emitter_table(self.world) is None:
+            return None
+        defines = self.world.material_defines
+        return self._passes.get("emitters", self.size, lambda: EmitterLightPass(self.ctx, self.size, defines))
+
+    @property
     def composite_pass(self) -> CompositePass:
         """Makes pictures of the present size."""
         return self._passes.get("composite", self.size, lambda: CompositePass(self.ctx, self.size))
@@ -337,7 +347,13 @@ class Renderer(Owner):
     def _view_state(self, camera: Camera) -> ViewState:
         """How far this view has come; a new one begins where anything differs that decides which records it asks for."""
         scene, settings = self.scene, self.settings
-        criteria = *settings.of("shadow", "gather", "splat"), settings.asking, settings.placement, settings.warmup
+        criteria = (
+            *settings.of("shadow", "gather", "splat"),
+            settings.asking,
+            settings.placement,
+            settings.warmup,
+            settings.emitters_apart,
+        )
         subject = self.size, scene.meshes, scene.lights, criteria
         state = self._state.view
         if state.camera == camera and state.subject == subject:
@@ -362,25 +378,34 @@ class Renderer(Owner):
         filling = settings.fill_holes and done.progress.coverage < 1.0 and settings.most_bounces > 0
         splats = self.splats.at_every_pixel(done.splats, gbuffer, done.camera)
         backdrop, headlamp = backdrop_of(self.scene, settings), self._headlamp_of(done.camera)
+        emitter_pass, sampled_by = self.emitter_pass, (settings.pixel_light_samples, settings.seed)
 
         def light() -> moderngl.Texture:
             with self.timers("direct"):
                 return self.direct_pass(gbuffer, shadows, headlamp=headlamp)
 
+        def sample_emitters() -> moderngl.Texture:
+            assert emitter_pass is not None
+            with self.timers("emitters"):
+                return emitter_pass(gbuffer, self.world, settings)
+
         def compose() -> View:
             direct = self._memo.get("direct", (gbuffer, shadows, headlamp), light)
+            emitters = None if emitter_pass is None else self._memo.get("emitters", (gbuffer, *sampled_by), sample_emitters)
             with self.timers("composite"):
-                image, alpha, sums = self.composite_pass(splats, direct, gbuffer, backdrop, done.camera, settings, filling)
+                image, alpha, sums = self.composite_pass(
+                    splats, direct, gbuffer, backdrop, done.camera, settings, filling, emitters
+                )
             return View(done.camera, gbuffer, direct, splats, sums, image, alpha, backdrop=backdrop)
 
-        made_of = gbuffer, shadows, splats, settings.blend, settings.smooth, filling, backdrop, headlamp
+        made_of = gbuffer, shadows, splats, settings.blend, settings.smooth, filling, backdrop, headlamp, sampled_by
         return self._memo.get("picture", made_of, compose)
 
     def accumulate(self, view: View, samples: int, seconds: float | None = None, on_progress: OnProgress | None = None) -> View:
         """The `view` that `frame` gave last, with `samples` a pixel, or as many more than last time as `seconds` allow, one at
         least; the cache is left as it is. on_progress: called with the share done, 0..1, after each."""
         self._use()
-        passes = FramePasses(self.gbuffer_pass, self.splats.splat_pass, self.direct_pass, self.composite_pass)
+        passes = FramePasses(self.gbuffer_pass, self.splats.splat_pass, self.direct_pass, self.composite_pass, self.emitter_pass)
         inputs = FrameInputs(self.world, self.draw_shadows(), self.cache, self.settings, self._headlamp_of(view.camera))
         return self.antialiaser(view, samples, Budget(seconds), passes, inputs, on_progress)
 

@@ -213,6 +213,10 @@ class Settings:
     blend: float = _declare(
         0.5, "float", "composite", "0 is direct light only, ½ the physical sum, 1 indirect only", low=0, high=1
     )
+    pixel_light_samples: int = _declare(
+        0, "int", "composite", "shadow rays of a pixel to emissive surfaces, whose light the records then leave to the pixels: sharper "
+        "penumbrae, some noise; every sample of a pixel sends as many; 0: off", low=0, high=1024,
+    )  # fmt: skip
     fill_holes: bool = _declare(
         True, "bool", "composite", "while a view fills, pixels that no record speaks for yet borrow the light of those around",
         former="overture",
@@ -265,6 +269,11 @@ class Settings:
     def mix(self) -> tuple[float, float]:
         """The weights of direct and of indirect light in the picture, by `blend`."""
         return min(1.0, 2.0 * (1.0 - self.blend)), min(1.0, 2.0 * self.blend)
+
+    @property
+    def emitters_apart(self) -> bool:
+        """Whether the light of emissive surfaces is sampled at the pixels (`pixel_light_samples`); records hold all but that."""
+        return self.pixel_light_samples > 0
 
     @property
     def most_bounces(self) -> int:
@@ -335,6 +344,7 @@ class SettingValues(TypedDict, total=False):
     max_rounds: int
     max_records: int
     blend: float
+    pixel_light_samples: int
     fill_holes: bool
     smooth: bool
     samples: int

@@ -41,7 +41,7 @@ CHANNELS: dict[str, Channel] = {
         Channel("image", 3, "W/(m² sr)", "radiance", "direct and indirect light, emission and the sky behind, not exposed"),
         Channel("direct", 3, "W/(m² sr)", "radiance", "direct outgoing radiance from the scene's lights, ρ/π·E_direct"),
         Channel("indirect", 3, "W/(m² sr)", "radiance", "indirect outgoing radiance, ρ/π·E"),
-        Channel("irradiance", 3, "W/m²", "radiance", "interpolated indirect irradiance E at the pixel"),
+        Channel("irradiance", 3, "W/m²", "radiance", "indirect irradiance E at the pixel, that of emissive surfaces included"),
         Channel("emission", 3, "W/(m² sr)", "radiance", "emitted radiance of the surface, or of a sky that is seen"),
         Channel("weight", 1, "1", "heat", "Σ of raw w over the records that speak for the pixel"),
         Channel("position", 3, "m", "range", "world space, at the pixel's centre"),

@@ -83,9 +83,10 @@ def gather_pass(world: World, settings: Settings, capacity: int | None = None) -
     Raises InputError where rays are to go through more triangles than the GPU can hold.
     """
     how, surface = kind(world.ctx, world.scene, settings), settings.most_bounces > 1
+    samples, apart = settings.light_samples, settings.emitters_apart
     if how == "trace":
-        return TraceGather(world, settings.gather_size, capacity, surface=surface, light_samples=settings.light_samples)
-    return RasterGather(world, how, settings.gather_size, capacity, surface=surface, light_samples=settings.light_samples)
+        return TraceGather(world, settings.gather_size, capacity, surface=surface, light_samples=samples, emitters_apart=apart)
+    return RasterGather(world, how, settings.gather_size, capacity, surface=surface, light_samples=samples, emitters_apart=apart)
 
 
 def machine(about: Mapping[str, object]) -> str:

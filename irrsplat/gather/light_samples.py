@@ -17,23 +17,27 @@ from irrsplat.lighting.emitter_table import EmitterTable, emitter_table
 class EmitterSearch:
     """How a gather of `world` looks for emitters: by `samples` light samples a record, 0 where there is nothing to look for.
 
-    rays: the density of its rays as shaders/gather/ray_density.glsl has it. strata: whether they are cosine-stratified; else they
-    are a hemicube's texels.
+    apart: not at all, since what they send out is sampled at the pixels; rays that hit them bring what they reflect. rays: the
+    density of its rays as shaders/gather/ray_density.glsl has it. strata: whether they are cosine-stratified; else they are a
+    hemicube's texels.
     """
 
-    def __init__(self, world: World, samples: int, rays: float, strata: bool) -> None:
+    def __init__(self, world: World, samples: int, rays: float, strata: bool, apart: bool = False) -> None:
         self.world, self.rays, self.strata = world, rays, strata
-        self.samples = samples if samples and emitter_table(world) is not None else 0
+        known = (samples > 0 or apart) and emitter_table(world) is not None
+        self.apart = apart and known
+        self.samples = samples if known and not apart else 0
 
     @property
     def _table(self) -> EmitterTable | None:
-        """The table of the world as it is now; None where nothing is looked for."""
-        return emitter_table(self.world) if self.samples else None
+        """The table of the world as it is now; None where no ray has to know of it."""
+        return emitter_table(self.world) if self.samples or self.apart else None
 
     @property
     def defines(self) -> dict[str, int]:
         """What the gather's shaders are compiled for; nothing is compiled where there are no emitters."""
-        return {"EMITTERS": int(self.samples > 0), "STRATA": int(self.strata)}
+        known = self.samples > 0 or self.apart
+        return {"EMITTERS": int(known), "STRATA": int(self.strata), **({"EMITTERS_APART": 1} if self.apart else {})}
 
     def ray_uniforms(self, order: TriangleOrder) -> Uniforms:
         """The uniforms of shaders/lighting/emitters_hit.glsl for a gather that numbers triangles in this order, and of
@@ -46,7 +50,7 @@ class EmitterSearch:
     @property
     def light_samples(self) -> LightSamples | None:
         """What an Atlas says of them."""
-        table = self._table
+        table = self._table if self.samples else None
         if table is None:
             return None
         uniforms = {**table.sample_uniforms(self.samples), **self.world.trace_uniforms, "rays": self.rays}

@@ -24,8 +24,8 @@ class TraceGather(Gather):
 
     capacity: how many records one call takes at most (default: what a 96 MiB atlas holds). surface: the light that it is called
     with has a surface cache, too. hits: of that cache it is only noted which of its values speak for what the rays hit, for the
-    method `hits`. light_samples: a record's shadow rays to emitters, beside the rays that may find some. Raises InputError for
-    more triangles than the GPU's textures hold.
+    method `hits`. light_samples: a record's shadow rays to emitters, beside the rays that may find some; with emitters_apart
+    neither counts. Raises InputError for more triangles than the GPU's textures hold.
     """
 
     triangle_order = "tree"
@@ -39,6 +39,7 @@ class TraceGather(Gather):
         surface: bool = False,
         hits: bool = False,
         light_samples: int = 0,
+        emitters_apart: bool = False,
     ) -> None:
         super().__init__(world)
         self.ctx = ctx = world.ctx
@@ -51,7 +52,7 @@ class TraceGather(Gather):
         self.directions = table[..., :3].reshape(-1, 3)  # their directions in a record's frame
         self.table = table_texture(ctx, table)
         self.edges = table_texture(ctx, stratum_edges(self.side))
-        self.emitters = EmitterSearch(world, light_samples, self.share.size / np.pi, strata=True)
+        self.emitters = EmitterSearch(world, light_samples, self.share.size / np.pi, strata=True, apart=emitters_apart)
         self.program = Program(
             ctx,
             "gather/trace",

@@ -17,6 +17,7 @@ from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.image.composite import CompositePass, NoFilters
+from irrsplat.image.emitter_light import EmitterLightPass
 from irrsplat.image.gbuffer import GBufferPass, GBufferTarget
 from irrsplat.image.jitter import jittered, sample_offset
 from irrsplat.image.view import View
@@ -37,6 +38,7 @@ class FramePasses:
     splat: SplatPass
     direct: DirectPass
     composite: CompositePass
+    emitters: EmitterLightPass | None = None  # None: the records hold their light
 
 
 @dataclass(frozen=True)
@@ -125,11 +127,13 @@ class SampleBuffers(Owner):
         self.gbuffer = GBufferTarget(ctx, size)
         self.splat = Target(ctx, size, (4, 2))
         self.direct = Target(ctx, size, (4,))
-        self.smooth: Target | None = None  # made when first needed
+        self.smooth: Target | None = None  # these are made when first needed
+        self.emitters: Target | None = None
+        self.added: Target | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.mean, self.gbuffer, self.splat, self.direct, self.smooth)
+        return (self.mean, self.gbuffer, self.splat, self.direct, self.smooth, self.emitters, self.added)
 
 
 def _add_sample(number: int, view: View, passes: FramePasses, inputs: FrameInputs, buffers: SampleBuffers) -> None:
@@ -145,6 +149,11 @@ def _add_sample(number: int, view: View, passes: FramePasses, inputs: FrameInput
     if settings.smooth:
         buffers.smooth = buffers.smooth or Target(buffers.gbuffer.ctx, buffers.size, (4,))
         sums = passes.composite.smoothed(sums, gbuffer, camera, buffers.smooth)
+    if passes.emitters is not None:
+        buffers.emitters = buffers.emitters or Target(buffers.gbuffer.ctx, buffers.size, (4,))
+        buffers.added = buffers.added or Target(buffers.gbuffer.ctx, buffers.size, (4,))
+        light = passes.emitters(gbuffer, inputs.world, settings, number, buffers.emitters)
+        sums = passes.composite.with_emitters(sums, light, gbuffer, view.splats.sums, buffers.added)
     direct = passes.direct(gbuffer, inputs.shadows, rotation, buffers.direct, inputs.headlamp)
     buffers.mean(number + 1, gbuffer, direct, sums, view.sums, view.backdrop.uniforms(camera, buffers.size), settings.mix)
 

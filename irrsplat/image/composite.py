@@ -42,6 +42,7 @@ class CompositePass(Owner):
         self.size = size
         self.fill = Program(ctx, "image/composite_fill", "lib/fullscreen")
         self.smooth = Program(ctx, "image/composite_smooth", "lib/fullscreen")
+        self.add = Program(ctx, "image/add_emitters", "lib/fullscreen")
         self.blend = Program(ctx, "image/composite", "lib/fullscreen")
         self.meter = Program(ctx, "image/composite_meter", "lib/fullscreen")
         self.display = Program(ctx, "image/composite_display", "lib/fullscreen")
@@ -49,14 +50,15 @@ class CompositePass(Owner):
         self.no_filters = NoFilters(ctx)
         self.fill_target: Target | None = None
         self.smooth_target: Target | None = None
+        self.added_target: Target | None = None
         self.meter_block = (-(-size[0] // _METER), -(-size[1] // _METER))
         self.meter_target = Target(ctx, (-(-size[0] // self.meter_block[0]), -(-size[1] // self.meter_block[1])), (4,))
         self.reading = ctx.buffer(reserve=16 * self.meter_target.size[0] * self.meter_target.size[1], dynamic=True)
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        programs = self.fill, self.smooth, self.blend, self.meter, self.display
-        targets = self.target, self.fill_target, self.smooth_target, self.meter_target
+        programs = self.fill, self.smooth, self.add, self.blend, self.meter, self.display
+        targets = self.target, self.fill_target, self.smooth_target, self.added_target, self.meter_target
         return (*programs, *targets, self.reading, self.no_filters)
 
     def __call__(
@@ -68,9 +70,12 @@ class CompositePass(Owner):
         camera: Camera,
         settings: Settings,
         filling: bool = False,
+        emitters: moderngl.Texture | None = None,
     ) -> tuple[moderngl.Texture, moderngl.Texture, moderngl.Texture]:
         """The image before exposure, its alpha, and the sums (Σ k·E, Σ k) whose quotient is E, smoothed where the settings ask
         for it; while the view is `filling`, pixels without records take the light of those around, at first a guess.
+
+        emitters: their irradiance where it was sampled at the pixels, W/m²; it is never smoothed.
 
         Direct and indirect light have the weights Settings.mix; emission and the backdrop's are whole. All are tinted by the
         filters before.
@@ -79,6 +84,9 @@ class CompositePass(Owner):
         if settings.smooth:
             self.smooth_target = self.smooth_target or Target(self.target.ctx, self.size, (4,))
             sums = self.smoothed(sums, gbuffer, camera, self.smooth_target)
+        if emitters is not None:
+            self.added_target = self.added_target or Target(self.target.ctx, self.size, (4,))
+            sums = self.with_emitters(sums, emitters, gbuffer, sums, self.added_target)
         self.blend(
             self.target,
             position=gbuffer.position,
@@ -112,6 +120,21 @@ class CompositePass(Owner):
             smooth_radius=max(1, round(_SMOOTH * self.size[1])),
             pixel_size=camera.screen / self.size[1],
         )
+        return target.textures[0]
+
+    def with_emitters(
+        self,
+        sums: moderngl.Texture,
+        emitters: moderngl.Texture,
+        gbuffer: GBuffer,
+        centre: moderngl.Texture,
+        target: Target,
+    ) -> moderngl.Texture:
+        """(E, 1), in the target's texture: what the records' sums (Σ k·E, Σ k) say, and the irradiance of emitters.
+
+        Where no record reaches, those beside it count, or else `centre`, the sums at the pixels' centres.
+        """
+        self.add(target, position=gbuffer.position, sums=sums, centre=centre, emitters=emitters)
         return target.textures[0]
 
     def exposure(self, image: moderngl.Texture) -> float:

@@ -65,7 +65,8 @@ class Basis:
     @property
     def way(self) -> tuple[object, ...]:
         """What a record at its place says, and how well, depends on these."""
-        return self.kind, self.settings.gather_size, self.settings.light_samples, self.wants_surface
+        settings = self.settings
+        return self.kind, settings.gather_size, settings.light_samples, settings.emitters_apart, self.wants_surface
 
     @property
     def wants_surface(self) -> bool:
@@ -117,7 +118,7 @@ class RecordGatherer(Owner):
         samples = min(basis.settings.light_samples, LIGHT_SAMPLES)
         # as records are gathered
         settings = replace(basis.settings, gather=basis.kind, gather_size=SIDE, light_samples=samples)
-        inputs = basis.wants_surface, basis.lights, basis.kind, samples
+        inputs = basis.wants_surface, basis.lights, basis.kind, samples, settings.emitters_apart
         return self._made.get("probes", inputs, lambda: ChangeProbe(autotune.gather_pass(self.world, settings, MAX_RECORDS)))
 
     @property

@@ -25,7 +25,7 @@ from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Image, Scene
 from irrsplat.settings import SETTINGS, Settings
 
-FORMAT = 2  # to be raised whenever the content of files changes, or what records are gathered from
+FORMAT = 3  # to be raised whenever the content of files changes, or what records are gathered from
 _NAME = b"irrsplat record cache "
 _DIGEST = hashlib.sha256().digest_size
 _REMEDY = "remove it to have it made anew, or name another file"
@@ -62,7 +62,7 @@ def key(scene: Scene, settings: Settings) -> CacheKey:
     return CacheKey(
         geometry=_hash(vertices.tobytes(), faces.tobytes(), repr((closed, *_sky(scene))).encode(), *_materials(scene)),
         lights=_hash(json.dumps(lights).encode()),
-        settings={name: getattr(settings, name) for name in names},
+        settings={name: getattr(settings, name) for name in names} | {"pixel_light_samples": int(settings.emitters_apart)},
     )
 
 

@@ -149,6 +149,7 @@ CHANGES: list[tuple[str, Any, set[str]]] = [
     ("max_rounds", 5, set()),
     ("max_records", 5000, {"examine"}),  # a view that needed more may ask again
     ("blend", 0.9, {"composite"}),
+    ("pixel_light_samples", 4, RENEW),
     ("smooth", True, {"composite"}),
     ("fill_holes", False, set()),  # the view is whole
     ("backdrop", "white", {"composite"}),

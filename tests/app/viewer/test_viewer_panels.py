@@ -46,6 +46,7 @@ CHANGES: dict[str, tuple[str | None, Any]] = {
     "max_rounds": ("5", 5),
     "max_records": ("9000", 9000),
     "blend": ("0.9", 0.9),
+    "pixel_light_samples": ("4", 4),
     "smooth": (None, True),
     "fill_holes": (None, False),
     "exposure": ("-2", -2.0),

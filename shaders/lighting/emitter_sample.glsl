@@ -1,0 +1,85 @@
+// Points of emitters as samples find them: which triangle a random number stands for, what comes from a point of it, and whether
+// anything stands before it.
+#include "lighting/emitters.glsl"
+#include "generated/vertex_table.glsl"
+#include "lib/material_table.glsl"
+#include "lib/bvh.glsl"
+
+uniform sampler2D emitter_triangles;  // a texel each: its number in the tree, the share of its cluster's power up to it, the density
+                                      // of samples in the cluster, m⁻², and 1 if only its front can be seen
+
+const float SHORT = 1e-4;  // of the way, by which a shadow ray ends before the emitter
+
+struct Emitter
+{
+    int triangle;      // its place in the tree's order
+    int cluster;
+    float density;     // of the samples that its cluster gets, m⁻²
+    float importance;  // of its cluster
+    bool one_sided;
+    float rest;        // what is left of the random number, 0..1
+};
+
+// The sum of all clusters' importances.
+float all_importance(vec3 eye)
+{
+    float sum = 0.0;
+    for (int i = 0; i < emitter_cluster_count; ++i) sum += cluster_importance(i, eye);
+    return sum;
+}
+
+// The emitter that a random number stands for: u of 0..1, times the sum of all importances.
+Emitter choose_emitter(float u, vec3 eye)
+{
+    int cluster = 0;
+    float importance = cluster_importance(0, eye);
+    while (u > importance && cluster < emitter_cluster_count - 1)
+    {
+        u -= importance;
+        importance = cluster_importance(++cluster, eye);
+    }
+    u = clamp(u / importance, 0.0, 1.0);
+    vec4 about = emitter_clusters[2 * cluster + 1];
+    int low = int(about.y), first = low, high = low + int(about.z) - 1;  // the first whose share is no less than u
+    while (low < high)
+    {
+        int middle = (low + high) >> 1;
+        bool less = texelFetch(emitter_triangles, table_texel(middle), 0).y < u;
+        low = less ? middle + 1 : low;
+        high = less ? high : middle;
+    }
+    vec4 chosen = texelFetch(emitter_triangles, table_texel(low), 0);
+    float before = low > first ? texelFetch(emitter_triangles, table_texel(low - 1), 0).y : 0.0;
+    float rest = clamp((u - before) / max(chosen.y - before, 1e-20), 0.0, 1.0);
+    return Emitter(int(chosen.x), cluster, chosen.z, importance, chosen.w > 0.5, rest);
+}
+
+// A point that is spread evenly over a triangle where u and v are evenly spread over the unit square: its shares of the corners.
+vec3 even_point(float u, float v)
+{
+    u = sqrt(u);
+    return vec3(1.0 - u, u * (1.0 - v), u * v);
+}
+
+// Whether nothing stands between the eye and what lies r metres `away` from it. Where it is not `possible` that light comes from there,
+// no ray is sent.
+bool emitter_free(vec3 eye, vec3 away, float r, bool possible)
+{
+    float far = possible ? r * (1.0 - SHORT) : 0.0;
+    return bvh_between(eye, away / r, 0.0, far).t >= far && possible;
+}
+
+// The radiance of the triangle at that point, a mean over so many m² about it; none where it is cut out.
+vec3 emitter_radiance(int triangle, vec3 share, float area)
+{
+    ivec3 number = bvh_vertices(triangle);
+    Vertex A = vertex_at(number.x), B = vertex_at(number.y), C = vertex_at(number.z), point = interpolate(share, A, B, C);
+#if CUT_OUTS
+    if (bvh_corner(triangle, 0).w < 0.0 && light_passes(point)) return vec3(0.0);
+#endif
+#if TEXTURES
+    return material_mean(point, texture_area(area, A, B, C)).emission;
+#else
+    return material_of(point).emission;
+#endif
+}
