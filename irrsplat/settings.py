@@ -214,8 +214,8 @@ class Settings:
         0.5, "float", "composite", "0 is direct light only, ½ the physical sum, 1 indirect only", low=0, high=1
     )
     pixel_light_samples: int = _declare(
-        0, "int", "composite", "shadow rays of a pixel to emissive surfaces, whose light the records then leave to the pixels: sharper "
-        "penumbrae, some noise; every sample of a pixel sends as many; 0: off", low=0, high=1024,
+        0, "int", "composite", "shadow rays of a pixel to emissive surfaces, whose light the records then leave to the pixels: "
+        "sharper penumbrae, some noise; every sample of a pixel sends as many; 0: off", low=0, high=1024,
     )  # fmt: skip
     fill_holes: bool = _declare(
         True, "bool", "composite", "while a view fills, pixels that no record speaks for yet borrow the light of those around",

@@ -188,7 +188,10 @@ def test_records_of_a_dark_room_know_nothing_of_its_panel(gather: str) -> None:
 def test_a_change_renews_the_records_and_files_do_not_mix(tmp_path: Path) -> None:
     """From records that hold all light to pixels and back, with as much light; of files it only matters whether the pixels are
     sampled."""
-    file, settings = tmp_path / "cache", {"bounces": 2, "gather": "trace", "gather_size": 8, "a": 0.9, "radius_max": 20.0, "shadow_size": 64}
+    file, settings = (
+        tmp_path / "cache",
+        {"bounces": 2, "gather": "trace", "gather_size": 8, "a": 0.9, "radius_max": 20.0, "shadow_size": 64},
+    )
     with irrsplat.Renderer(room(), (32, 32), **settings) as renderer:  # type: ignore[arg-type]
 
         def render(samples: int) -> Frame:

@@ -27,6 +27,7 @@ _REDUCE = ("tests/gather/test_reduce.py::test_reduction_equals_numpy[raster-8-0]
 _SPLAT = ("tests/indirect/test_splat.py::test_splatting_equals_numpy[view-smooth]",)
 
 _LIGHT_SAMPLES = ("tests/gather/test_light_samples.py",)
+_AT_PIXELS = "tests/image/test_emitter_light.py::test_"
 
 SHADERS = (
     # ---- textures and holes
@@ -100,6 +101,27 @@ SHADERS = (
         "/ max(dot(away, away), ball.w);",
         "/ max(1.0, ball.w);",
         _LIGHT_SAMPLES,
+    ),
+    Mutant(
+        "emitters that are sampled at the pixels found by records, too",
+        "shaders/lighting/emitters_hit.glsl",
+        "return found.x > 0.0 ? 0.0 : 1.0;",
+        "return 1.0;",
+        (_AT_PIXELS + "records_of_a_dark_room_know_nothing_of_its_panel[trace]",),
+    ),
+    Mutant(
+        "the cosine by which an emitter is chosen not divided by",
+        "shaders/lighting/emitter_light.frag",
+        "luminance * omega * height));",
+        "luminance * omega));",
+        (_AT_PIXELS + "E_is_that_of_lamberts_formula",),
+    ),
+    Mutant(
+        "points of emitters even by area however near they are",
+        "shaders/lighting/emitter_light.frag",
+        "const float SMALL = 2e-3;",
+        "const float SMALL = 2e3;",
+        (_AT_PIXELS + "close_to_an_emitter_there_is_no_more_noise",),
     ),
     Mutant(
         "gradient's sign",
@@ -592,6 +614,20 @@ CORE = (
         "np.float32(2.0**exposure)",
         "np.float32(2.0**-exposure)",
         ("tests/image/test_composite.py::test_the_screen_shows_what_the_file_holds[-3.0]",),
+    ),
+    Mutant(
+        "every sample of a pixel sends the same shadow rays to emitters",
+        "irrsplat/image/emitter_light.py",
+        "first=number * samples + before,",
+        "first=before,",
+        (_AT_PIXELS + "further_samples_have_points_of_their_own",),
+    ),
+    Mutant(
+        "emitters light the surface as if it had no normal map",
+        "irrsplat/image/emitter_light.py",
+        "lit_normal=gbuffer.lit_normal,",
+        "lit_normal=gbuffer.normal,",
+        (_AT_PIXELS + "light_comes_by_the_normal_map_from_above_the_surface",),
     ),
     Mutant(
         "samples from the pixel's corner on",
