@@ -24,8 +24,9 @@ vec2 folded(vec2 place, vec2 mirrored)
     return mix(place, 1.0 - abs(1.0 - mod(place, 2.0)), mirrored);
 }
 
-// The mean over a pixel's footprint. A footprint that is long and narrow is sampled at up to MAP_TAPS places along its length: 1 where
-// the driver's anisotropic filter does the same.
+// The mean over a pixel's footprint. One that is long and narrow is sampled at up to MAP_TAPS places along its length (1 where the
+// driver's anisotropic filter does the same), and, where it is wider than a texel, in two rows half a level finer: one trilinear
+// sample blurs beyond the footprint's sides.
 vec4 map_texel(sampler2D map, vec2 place, vec2 mirrored)
 {
     vec2 x = dFdx(place), y = dFdy(place);
@@ -34,11 +35,19 @@ vec4 map_texel(sampler2D map, vec2 place, vec2 mirrored)
     float across = length(x * size), down = length(y * size);
     vec2 along = across > down ? x : y;
     float taps = clamp(ceil(max(across, down) / max(min(across, down), 1.0) - 0.1), 1.0, float(MAP_TAPS));
-    x /= across > down ? taps : 1.0;
-    y /= across > down ? 1.0 : taps;
+    bool wide = taps > 1.0 && min(across, down) > 1.0;
+    vec2 row = wide ? 0.25 * (across > down ? y : x) : vec2(0.0);
+    float finer = wide ? 0.70710678 : 1.0;
+    x *= finer / (across > down ? taps : 1.0);
+    y *= finer / (across > down ? 1.0 : taps);
     vec4 sum = vec4(0.0);
-    for (float tap = 0.5; tap < taps; ++tap) sum += textureGrad(map, folded(place + (tap / taps - 0.5) * along, mirrored), x, y);
-    return sum / taps;
+    for (float tap = 0.5; tap < taps; ++tap)
+    {
+        vec2 at = place + (tap / taps - 0.5) * along;
+        sum += textureGrad(map, folded(at - row, mirrored), x, y);
+        if (wide) sum += textureGrad(map, folded(at + row, mirrored), x, y);
+    }
+    return sum / (wide ? 2.0 * taps : taps);
 #else
     return textureGrad(map, folded(place, mirrored), x, y);
 #endif
