@@ -32,8 +32,9 @@ from irrsplat.surface_cache.transport import BouncedLight, Transport, sum_bounce
 from irrsplat.surface_cache.view import SurfaceViewPass
 from irrsplat.surface_cache.visibility import VisibilityPass
 
-SIDE = 16  # side² rays a site
-LIGHT_SAMPLES = 64  # a site, at most: shadow rays to emitters
+RAYS = 1 << 20  # of all sites together, about: where these are many, what lights a record is the mean of more of them
+_SIDES = (8, 16)  # the least and the greatest: side² rays a site
+_LIGHT_SAMPLES = 0.25  # of its rays: a site's shadow rays to emitters, at most
 _BATCH = 128  # sites gathered at once, at most
 
 
@@ -99,14 +100,14 @@ class SurfaceCache(Owner):
         passes = self._visibility, self._reduce, self._view_pass
         return (*passes, self._made, self._held.table, self._held.laid_out, self._laid_out)
 
-    @property
-    def _gather(self) -> TraceGather:
-        """Rays from sites, compiled for the kinds of lights that there are."""
-        lights, samples = light_defines(self.world.scene), min(self._basis.settings.light_samples, LIGHT_SAMPLES)
+    def _gather_for(self, sites: int) -> TraceGather:
+        """Rays from so many sites, compiled for the kinds of lights that there are."""
+        side = int(np.clip(np.sqrt(RAYS / max(sites, 1)), *_SIDES))
+        lights, samples = light_defines(self.world.scene), min(self._basis.settings.light_samples, int(_LIGHT_SAMPLES * side**2))
         return self._made.get(
             "gather",
-            (lights, samples),
-            lambda: TraceGather(self.world, SIDE, _BATCH, surface=True, hits=True, light_samples=samples),
+            (side, lights, samples),
+            lambda: TraceGather(self.world, side, _BATCH, surface=True, hits=True, light_samples=samples),
         )
 
     # ---- what it holds ---------------------------------------------------------------------------------------------
@@ -252,10 +253,11 @@ class SurfaceCache(Owner):
 
     def _gather_sites(self, laid_out: _LaidOut, shadows: ShadowMaps, budget: Budget) -> None:
         """Gather E_1 at the sites that lack it, and which sites their rays meet where these are not known yet."""
-        records, gather, settings = laid_out.records, self._gather, self._basis.settings
+        records, settings = laid_out.records, self._basis.settings
+        gather = self._gather_for(records.count)
         if settings.most_bounces > 2 and self.transport is None:
             records.invalidate()
-            self.transport = Transport(records.count)
+            self.transport = Transport(records.count, gather.share.size)
         stale = records.stale
         records.mark_refreshed(stale[stale < FIRST_SITE])
         stale, done = stale[stale >= FIRST_SITE], 0

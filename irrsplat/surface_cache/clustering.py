@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial import KDTree
 
 from irrsplat.scene.looks import in_order
 from irrsplat.scene.model import Scene
@@ -17,8 +18,7 @@ from irrsplat.surface_cache.tessellation import Tessellation
 _ROTATION = np.linalg.qr(np.array([[1.0, 0.37, -0.21], [-0.29, 1.0, 0.43], [0.31, -0.47, 1.0]]))[
     0
 ]  # any one that takes walls away from the axes
-_NEAR = 32  # sites of a voxel that are looked at
-_AT_ONCE = 1 << 15  # members whose sites are put in order at once
+_FARTHEST = 4.0  # steps of near_sites, beyond which a site says nothing of a member
 _MIN_COSINE = 0.3  # between normals: what faces more differently is lit by something else
 _CLEARANCE = 1.2  # times as high as tangents meet: how far a line between two members keeps from what bulges between them
 
@@ -109,61 +109,24 @@ def choose_sites(
     return chosen[kept], number[cluster]
 
 
-def alternative_sites(
-    members: Members, keys: np.ndarray, left: np.ndarray, sites: np.ndarray, most: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """The sites that may serve members which do not see their own: those in the same voxel whose normals are most alike.
+def near_sites(members: Members, asking: np.ndarray, sites: np.ndarray, size: float, most: int) -> np.ndarray:
+    """(N, most) for each of the members `asking` (N,) the sites nearest to it, the nearest first, as indices into `sites`; -1
+    where there are no more that face alike within _FARTHEST. asking and sites: as numbers of members.
 
-    left: those members. left and sites: as numbers of members. Returns pairs of indices (N,) into left and into sites, the best
-    first, at most `most` for each of left.
+    What is near is so in place, of which `size` metres count as much as 60° between normals, and in the way it faces.
     """
-    first, count, order = _in_voxels(keys, left, sites)
-    found = []
-    for start in range(0, len(left), _AT_ONCE):
-        part = slice(start, start + _AT_ONCE)
-        rank = np.arange(count[part].max(initial=0))
-        site = order[np.minimum(first[part, None] + rank, len(order) - 1)]
-        alike = np.where(rank < count[part, None], _cosines(members, left[part, None], sites[site]), -1.0)
-        best = np.argsort(-alike, axis=1, kind="stable")[:, :most]
-        member, place = np.nonzero(np.take_along_axis(alike, best, axis=1) > _MIN_COSINE)
-        found.append(np.stack([start + member, np.take_along_axis(site, best, axis=1)[member, place]]))
-    member, site = np.concatenate([np.zeros((2, 0), np.intp), *found], axis=1)
-    return member, site
 
+    def place(numbers: np.ndarray) -> np.ndarray:
+        position: np.ndarray = members.position[numbers] / np.float32(size)
+        return np.concatenate([position, members.normal[numbers]], axis=1)
 
-def nearest_sites(members: Members, keys: np.ndarray, left: np.ndarray, sites: np.ndarray, size: float) -> np.ndarray:
-    """(N,) for each of the members `left` (N,) the best of the `sites` in its own voxel of `size` metres, as its index there; -1
-    where there is none that faces alike. keys: those of such voxels, of all members; sites: as numbers of members.
-
-    The best is near, and faces as the member does. Whether it is seen is not asked.
-    """
-    first, count, order = _in_voxels(keys, left, sites)
-    best, best_score = np.full(len(left), -1), np.full(len(left), -np.inf, np.float32)
-    for rank in range(count.max(initial=0)):
-        asking = np.flatnonzero(count > rank)
-        site = order[first[asking] + rank]
-        a, b = left[asking], sites[site]
-        alike = _cosines(members, a, b)
-        apart = np.sqrt(sum((x[a] - x[b]) ** 2 for x in members.position.T))
-        score = alike - apart / size
-        better = (alike > _MIN_COSINE) & (score >= best_score[asking])
-        best[asking[better]], best_score[asking[better]] = site[better], score[better]
-    return best
-
-
-def _in_voxels(keys: np.ndarray, left: np.ndarray, sites: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The sites in the voxel of each of the members `left` (N,), whichever way they face: where they begin (N,) and how many
-    there are (N,), at most _NEAR, in an order (S,) of the sites."""
-    voxels = keys[sites] >> 5
-    order = np.argsort(voxels, kind="stable")
-    first, last = (np.searchsorted(voxels[order], keys[left] >> 5, side) for side in ("left", "right"))
-    return first, np.minimum(last - first, _NEAR), order
-
-
-def _cosines(members: Members, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Of the angles between the normals of members a and b, numbers that broadcast."""
-    cosines: np.ndarray = sum(x[a] * x[b] for x in members.normal.T)
-    return cosines
+    if not len(sites) or not len(asking):
+        return np.full((len(asking), most), -1)
+    _, found = KDTree(place(sites)).query(place(asking), k=np.arange(1, most + 1), distance_upper_bound=_FARTHEST, workers=-1)
+    known = found < len(sites)
+    other = sites[np.where(known, found, 0)]
+    alike = np.einsum("nx,nkx->nk", members.normal[asking], members.normal[other]) > _MIN_COSINE
+    return np.where(known & alike, found, -1)
 
 
 def sight_lines(members: Members, a: np.ndarray, b: np.ndarray) -> np.ndarray:

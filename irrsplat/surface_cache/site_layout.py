@@ -26,12 +26,11 @@ from irrsplat.surface_cache.tessellation import Tessellation, tessellate
 from irrsplat.surface_cache.visibility import VisibilityPass
 
 POINTS = 2000  # corners of cells on all surfaces, about, where these are large
-MAX_SITES = 4096
+MAX_SITES = 1 << 14
 SKY_VALUE, DARK_VALUE = 0, 1  # the numbers of the values of members that see nothing but the sky, and that no light reaches
 FIRST_SITE = 2  # the number of the first value that is gathered
 _ROUNDS = 4  # in which members that do not see their cluster's site form clusters with a site among themselves
-_ALTERNATIVES = 4  # sites of other clusters that a member is held against in the end
-_BORROWED_FROM = (1, 2, 4, 4)  # voxels: how far away a site may be of which a member borrows; in the last round even unseen
+_ALTERNATIVES = 10  # sites near by that a member without one of its own is held against in the end
 _FIRST_SHARE = 0.6  # of MAX_SITES: most sites of the first round; the rest is for members that do not see theirs
 _VOXEL = 0.7  # of the spacing: how near members of one cluster lie
 _MIN_AREA = 0.02  # of the spacing squared: smaller clusters get a site only in the last round
@@ -168,33 +167,24 @@ class SiteChooser:
             value[left[seen]] = len(sites) + site_of[seen]
             left, sites = left[~seen], np.concatenate([sites, chosen])
         gathered = sites[FIRST_SITE:]
-        others = partial(clustering.alternative_sites, members, clusters.keys, left, gathered, _ALTERNATIVES)
-        member, site = yield from beside(others, _SHARED_OUT)
-        seen = yield from self._see(members, left[member], gathered[site], _SHARED_OUT)
-        value[left[member[seen][::-1]]] = FIRST_SITE + site[seen][::-1]  # of several the first is written last
-        if len(sites) == MAX_SITES:
-            yield from self._borrow(clusters, value, gathered)
+        yield from self._borrow(clusters, value, sites[FIRST_SITE:])
         return _Assignment(value, sites)
 
     def _borrow(self, clusters: _Clusters, value: np.ndarray, gathered: np.ndarray) -> Generator[float, None, None]:
-        """Give the members without a value in `value` (M,) that of a site near by: of one that they see, in voxels that grow.
+        """Give the members without a value in `value` (M,) that of a site near by: the nearest that they see, or else the nearest.
 
         Where there are more clusters than sites, most small things would have no value, and what is not known is black: a room
         full of them lost a third of its second bounce.
         """
-        members = clusters.members
-        for number, growth in enumerate(_BORROWED_FROM):
-            size = growth * _VOXEL * clusters.spacing
-            keys, left = (
-                (yield from beside(partial(clustering.voxel_keys, members, size), _SHARED_OUT)),
-                np.flatnonzero(value < 0),
-            )
-            site = yield from beside(partial(clustering.nearest_sites, members, keys, left, gathered, size), _SHARED_OUT)
-            left, site = left[site >= 0], site[site >= 0]
-            seen = yield from self._see(members, left, gathered[site], _SHARED_OUT)
-            if number == len(_BORROWED_FROM) - 1:
-                seen[:] = True
-            value[left[seen]] = FIRST_SITE + site[seen]
+        members, left = clusters.members, np.flatnonzero(value < 0)
+        size = _VOXEL * clusters.spacing
+        near = yield from beside(partial(clustering.near_sites, members, left, gathered, size, _ALTERNATIVES), _SHARED_OUT)
+        for site in near.T:
+            asking = np.flatnonzero((value[left] < 0) & (site >= 0))
+            seen = yield from self._see(members, left[asking], gathered[site[asking]], _SHARED_OUT)
+            value[left[asking[seen]]] = FIRST_SITE + site[asking[seen]]
+        unseen = (value[left] < 0) & (near[:, 0] >= 0)
+        value[left[unseen]] = FIRST_SITE + near[unseen, 0]
 
     def _cells(self, clusters: _Clusters, value: np.ndarray) -> Generator[float, None, np.ndarray]:
         """SiteLayout.cells for members with these values (M,)."""

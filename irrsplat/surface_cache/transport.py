@@ -6,20 +6,29 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.sparse import csr_array
 
 CONVERGED = 0.01  # of E: with all bounces wanted, no more are summed where less than this share is still to come
+POCKETS = 0.05  # of the area: what lacks most does not decide whether that is so
 
 
 class Transport:
-    """The operator F of S sites: E_(k+1) = E_1 + F·E_k, a matrix (3, S, S) for red, green and blue.
+    """The operator F of S sites: E_(k+1) = E_1 + F·E_k, a sparse matrix (S, S) for each of red, green and blue.
 
-    F has a row for each site that gathers: which sites light what its rays hit, times the reflectance there. So it depends on
-    geometry and materials alone. known: (S,) the rows that are filled.
+    F has a row for each site that gathers, with an entry for each corner of the cell that each of its `rays` hits: which sites
+    light what is there, times the reflectance. So it depends on geometry and materials alone. known: (S,) the rows that are filled.
     """
 
-    def __init__(self, sites: int) -> None:
-        self.matrix = np.zeros((3, sites, sites), np.float32)
+    def __init__(self, sites: int, rays: int) -> None:
+        entries = 3 * rays
         self.known = np.zeros(sites, bool)
+        self._columns = np.zeros((sites, entries), np.int32)
+        self._values = [np.zeros((sites, entries), np.float32) for _ in range(3)]
+        starts = np.arange(sites + 1, dtype=np.int32) * entries
+        # they share these arrays, so that rows filled later are in them, too; columns that stand twice in a row are summed
+        self.matrices = [
+            csr_array((values.ravel(), self._columns.ravel(), starts), (sites, sites), copy=False) for values in self._values
+        ]
 
     def fill(self, rows: np.ndarray, share: np.ndarray, hits: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
         """Fill `rows` (N,) by what their rays hit, as TraceGather.hits has it: (N, R, 3) each of sites, weights and reflectance.
@@ -27,24 +36,23 @@ class Transport:
         share: (N, R) cosθ·dω of each ray; a hit that receives E sends out ρ/π·E.
         """
         sites, weights, albedo = hits
-        count, size = len(rows), self.matrix.shape[1]
-        place = (np.arange(count)[:, None, None] * size + sites).ravel()
+        self._columns[rows] = sites.reshape(len(rows), -1)
         weights = weights * (share / np.pi)[..., None]
-        for channel, matrix in enumerate(self.matrix):
-            sums = np.bincount(place, weights=(weights * albedo[..., channel, None]).ravel(), minlength=count * size)
-            matrix[rows] = sums.reshape(count, size)
+        for channel, values in enumerate(self._values):
+            values[rows] = (weights * albedo[..., channel, None]).reshape(len(rows), -1)
         self.known[rows] = True
 
     def __call__(self, E: np.ndarray) -> np.ndarray:
         """F·E of (S, 3): one more bounce."""
-        return np.stack([matrix @ E[:, channel] for channel, matrix in enumerate(self.matrix)], axis=1)
+        return np.stack([matrix @ E[:, channel] for channel, matrix in enumerate(self.matrices)], axis=1)
 
 
 @dataclass(frozen=True)
 class BouncedLight:
     """The irradiance E (S, 3) at sites, W/m², after all of `bounces` but the last, which a gather from the sites adds.
 
-    remaining: about the share of E that further bounces would add, in the channel that lacks most; None where that is not known.
+    remaining: about the share of E that further bounces would add, in the channel that lacks most, on all surfaces but the POCKETS
+    that lack most; None where that is not known.
     Where all bounces are wanted and less than CONVERGED remains, E includes it, as if bounces went on fading as they did.
     complete: no more bounces follow.
     """
@@ -73,26 +81,39 @@ def sum_bounces(
         return
     for made in range(2, most + 1):
         after = transport(term)  # the bounce that a gather from `total` adds
-        fade, remaining = _fading(total + after, term, after, area)
+        rest = _rest(term, after, area)
+        remaining = _share(rest, total + after, area)
         if everything and remaining < CONVERGED:
-            yield BouncedLight(total + after * np.float32(1.0 / (1.0 - fade)), made, remaining, True)
+            yield BouncedLight(total + after + rest, made, remaining, True)
             return
         yield BouncedLight(total, made, remaining, made == most)
         total, term = total + after, after
 
 
-def _fading(total: np.ndarray, before: np.ndarray, last: np.ndarray, area: np.ndarray) -> tuple[np.ndarray, float]:
-    """The factor r (3,) by which bounces fade, and the share of the mean of E, `total` (S, 3), that follows its `last` term.
+def _rest(before: np.ndarray, last: np.ndarray, area: np.ndarray) -> np.ndarray:
+    """(S, 3) about what follows the `last` bounce, where the one before it was `before`: each site's light goes on fading as it
+    does, by r from bounce to bounce, which is r/(1 − r) of the last one (Aitken's extrapolation).
 
-    r tends to the greatest eigenvalue of F, and what follows the last term is r/(1 − r) of it. While light has yet to reach the
-    brighter corners, the ratio of the terms' means underestimates r, that of their root mean squares less so: the greater of the
-    two counts.
+    Where light has yet to come, a site's own r is above that of all of them, whose limit is the greatest eigenvalue of F: it counts
+    as much as the ratio of the terms' root mean squares.
     """
-    weight, fade = area[:, None], np.zeros(3)
-    for power in (1, 2):
-        one, two = ((weight * x.astype(float) ** power).sum(0) ** (1.0 / power) for x in (before, last))
-        fade = np.maximum(fade, two / np.maximum(one, 1e-300))
-    mean, all_of_it = (weight * last.astype(float)).sum(0), (weight * total.astype(float)).sum(0)
-    follows = np.divide(fade, 1.0 - fade, out=np.full(3, np.inf), where=fade < 1.0)
-    share = np.divide(mean, all_of_it, out=np.zeros(3), where=all_of_it > 0.0)
-    return fade, float((share * np.where(share > 0.0, follows, 0.0)).max())
+    fade = np.sqrt((area @ last.astype(float) ** 2) / np.maximum(area @ before.astype(float) ** 2, 1e-300))
+    r = np.minimum(np.divide(last, before, out=np.zeros(last.shape), where=before > 0.0), fade)
+    r = np.where((before <= 0.0) & (last > 0.0), fade, r)
+    rest: np.ndarray = np.where(last > 0.0, last * np.divide(r, 1.0 - r, out=np.full(r.shape, np.inf), where=r < 1.0), 0.0)
+    return rest.astype(np.float32)
+
+
+def _share(rest: np.ndarray, total: np.ndarray, area: np.ndarray) -> float:
+    """The share of `total` (S, 3) that `rest` (S, 3) is, in the channel where it is greatest.
+
+    The POCKETS of the area where it is greatest are left out: in a closed white frame light goes on for hundreds of bounces, and
+    nobody sees it.
+    """
+    found = []
+    for one, all_of_it in zip(rest.T, total.T, strict=True):
+        order = np.argsort(np.divide(one, all_of_it, out=np.zeros(len(one)), where=all_of_it > 0.0), kind="stable")
+        kept = order[np.cumsum(area[order]) <= (1.0 - POCKETS) * area.sum()]
+        whole = float(area[kept] @ all_of_it[kept])
+        found.append(float(area[kept] @ one[kept]) / whole if whole > 0.0 else 0.0)
+    return max(found)
