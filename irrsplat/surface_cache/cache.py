@@ -33,7 +33,7 @@ from irrsplat.surface_cache.view import SurfaceViewPass
 from irrsplat.surface_cache.visibility import VisibilityPass
 
 RAYS = 1 << 20  # of all sites together, about: where these are many, what lights a record is the mean of more of them
-_SIDES = (8, 16)  # the least and the greatest: side² rays a site
+SIDES = (8, 16)  # the least and the greatest: side² rays a site
 _LIGHT_SAMPLES = 0.25  # of its rays: a site's shadow rays to emitters, at most
 _BATCH = 128  # sites gathered at once, at most
 
@@ -102,7 +102,7 @@ class SurfaceCache(Owner):
 
     def _gather_for(self, sites: int) -> TraceGather:
         """Rays from so many sites, compiled for the kinds of lights that there are."""
-        side = int(np.clip(np.sqrt(RAYS / max(sites, 1)), *_SIDES))
+        side = int(np.clip(np.sqrt(RAYS / max(sites, 1)), *SIDES))
         lights, samples = light_defines(self.world.scene), min(self._basis.settings.light_samples, int(_LIGHT_SAMPLES * side**2))
         return self._made.get(
             "gather",

@@ -166,12 +166,11 @@ class SiteChooser:
             seen[asking] = yield from self._see(members, left[asking], chosen[site_of[asking]], _SHARED_OUT)
             value[left[seen]] = len(sites) + site_of[seen]
             left, sites = left[~seen], np.concatenate([sites, chosen])
-        gathered = sites[FIRST_SITE:]
         yield from self._borrow(clusters, value, sites[FIRST_SITE:])
         return _Assignment(value, sites)
 
     def _borrow(self, clusters: _Clusters, value: np.ndarray, gathered: np.ndarray) -> Generator[float, None, None]:
-        """Give the members without a value in `value` (M,) that of a site near by: the nearest that they see, or else the nearest.
+        """Give the members without a value in `value` (M,) that of a site near by: the nearest that they see, else the nearest.
 
         Where there are more clusters than sites, most small things would have no value, and what is not known is black: a room
         full of them lost a third of its second bounce.

@@ -16,7 +16,8 @@ class Transport:
     """The operator F of S sites: E_(k+1) = E_1 + F·E_k, a sparse matrix (S, S) for each of red, green and blue.
 
     F has a row for each site that gathers, with an entry for each corner of the cell that each of its `rays` hits: which sites
-    light what is there, times the reflectance. So it depends on geometry and materials alone. known: (S,) the rows that are filled.
+    light what is there, times the reflectance. So it depends on geometry and materials alone. known: (S,) the rows that are
+    filled.
     """
 
     def __init__(self, sites: int, rays: int) -> None:
@@ -51,8 +52,8 @@ class Transport:
 class BouncedLight:
     """The irradiance E (S, 3) at sites, W/m², after all of `bounces` but the last, which a gather from the sites adds.
 
-    remaining: about the share of E that further bounces would add, in the channel that lacks most, on all surfaces but the POCKETS
-    that lack most; None where that is not known.
+    remaining: about the share of E that further bounces would add, in the channel that lacks most, on all surfaces but those
+    POCKETS that lack most; None where that is not known.
     Where all bounces are wanted and less than CONVERGED remains, E includes it, as if bounces went on fading as they did.
     complete: no more bounces follow.
     """
@@ -94,14 +95,20 @@ def _rest(before: np.ndarray, last: np.ndarray, area: np.ndarray) -> np.ndarray:
     """(S, 3) about what follows the `last` bounce, where the one before it was `before`: each site's light goes on fading as it
     does, by r from bounce to bounce, which is r/(1 − r) of the last one (Aitken's extrapolation).
 
-    Where light has yet to come, a site's own r is above that of all of them, whose limit is the greatest eigenvalue of F: it counts
-    as much as the ratio of the terms' root mean squares.
+    While light spreads, a site's own r may be too small or too great. So it is at least their median, and at most the ratio of
+    the terms' means or that of their root mean squares, which tend to the greatest eigenvalue of F: the first sees light that has
+    yet to reach the brighter corners, the second those corners.
     """
-    fade = np.sqrt((area @ last.astype(float) ** 2) / np.maximum(area @ before.astype(float) ** 2, 1e-300))
-    r = np.minimum(np.divide(last, before, out=np.zeros(last.shape), where=before > 0.0), fade)
-    r = np.where((before <= 0.0) & (last > 0.0), fade, r)
-    rest: np.ndarray = np.where(last > 0.0, last * np.divide(r, 1.0 - r, out=np.full(r.shape, np.inf), where=r < 1.0), 0.0)
-    return rest.astype(np.float32)
+    own = np.divide(last, before, out=np.where(last > 0.0, np.float32(np.inf), np.float32(0.0)), where=before > 0.0)
+    rest = np.zeros_like(last)
+    for channel, r in enumerate(own.T):
+        one, two = before[:, channel].astype(float), last[:, channel].astype(float)
+        most = max(area @ two / max(area @ one, 1e-300), np.sqrt(area @ two**2 / max(area @ one**2, 1e-300)))
+        order = np.argsort(r, kind="stable")
+        median = r[order][np.searchsorted(np.cumsum(area[order]), 0.5 * area.sum()) :][:1]  # none of no sites
+        fade = np.minimum(np.maximum(r, median), most)
+        rest[:, channel] = np.divide(two * fade, 1.0 - fade, out=np.full(len(r), np.inf), where=fade < 1.0)
+    return np.where(last > 0.0, rest, np.float32(0.0))
 
 
 def _share(rest: np.ndarray, total: np.ndarray, area: np.ndarray) -> float:

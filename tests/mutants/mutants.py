@@ -403,11 +403,18 @@ CORE = (
         ("tests/surface_cache/test_bounces.py::test_a_ray_s_hit_goes_where_it_is_said",),
     ),
     Mutant(
-        "geometric series adds what is already there",
+        "geometric series with the wrong sum",
         "irrsplat/surface_cache/transport.py",
-        "np.float32(1.0 / (1.0 - fade))",
-        "np.float32(1.0 / (1.0 + fade))",
-        ("tests/surface_cache/test_bounces.py::test_all_bounces_are_the_solution_of_the_equation[0.2]",),
+        "np.divide(two * fade, 1.0 - fade,",
+        "np.divide(two * fade, 1.0 + fade,",
+        ("tests/surface_cache/test_bounces.py::test_a_closed_white_box_holds_nobody_up",),
+    ),
+    Mutant(
+        "all of the scene waits for its pockets",
+        "irrsplat/surface_cache/transport.py",
+        "POCKETS = 0.05",
+        "POCKETS = 0.0",
+        ("tests/surface_cache/test_bounces.py::test_a_closed_white_box_holds_nobody_up",),
     ),
     Mutant(
         "one bounce too many",

@@ -28,7 +28,7 @@ def slow(monkeypatch: pytest.MonkeyPatch) -> None:
     """Ticks have waited long enough from the first one on, for a surface cache of few points and rays."""
     monkeypatch.setattr(record_gatherer, "_PATIENCE", -1.0)
     monkeypatch.setattr(site_layout, "POINTS", 300)
-    monkeypatch.setattr(surface, "SIDE", 8)
+    monkeypatch.setattr(surface, "SIDES", (8, 8))
 
 
 def ticks(renderer: Renderer, until: Callable[[Progress], bool]) -> Progress:
