@@ -6,7 +6,9 @@ The picture has the images as they are; what records, rays and shadow maps see o
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import moderngl
@@ -94,8 +96,10 @@ class TextureLayers(Owner):
     def __init__(self, ctx: moderngl.Context, plan: LayerPlan) -> None:
         side = plan.side
         self.texture = ctx.texture_array((side, side, max(len(plan.layers), 1)), 4, dtype="f2")
-        for key, i in plan.layers.items():
-            self.texture.write(layer_texels(key, side).astype("f2").tobytes(), viewport=(0, 0, i, side, side, 1))
+        with ThreadPoolExecutor(os.cpu_count()) as threads:
+            halves = threads.map(lambda key: layer_texels(key, side).astype("f2"), plan.layers)
+            for i, texels in zip(plan.layers.values(), halves, strict=True):
+                self.texture.write(texels.tobytes(), viewport=(0, 0, i, side, side, 1))
         self.texture.build_mipmaps()
         self.texture.filter = moderngl.LINEAR_MIPMAP_LINEAR, moderngl.LINEAR
         self.texture.repeat_x = self.texture.repeat_y = True

@@ -425,6 +425,13 @@ CORE = (
     ),
     # ---- which records are made, drawn, kept and gathered again
     Mutant(
+        "records of one bounce stay when all bounces are known",
+        "irrsplat/indirect/record_gatherer.py",
+        "            if first and basis.resumed is None:\n                self.cache.invalidate()",
+        "            if first and basis.resumed is None:\n                pass",
+        ("tests/surface_cache/test_first_light.py::test_one_bounce_is_shown_before_all_are_known",),
+    ),
+    Mutant(
         "chessboard's other colour",
         "irrsplat/indirect/site_selection.py",
         "(rows // spacing + columns // spacing) % 2 == phase",
