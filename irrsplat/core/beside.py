@@ -1,4 +1,4 @@
-"""Long work without OpenGL in a thread of its own, while a generator that ticks go on with waits for it in small steps."""
+"""Long work without OpenGL in a thread of its own, while something else goes on."""
 
 from __future__ import annotations
 
@@ -14,11 +14,8 @@ _STEP = 0.01  # seconds that one step waits at most
 _one_at_a_time = Lock()  # so that what quick changes leave unfinished does not pile up
 
 
-def beside(work: Callable[[], Result], share: Share) -> Generator[Share, None, Result]:
-    """Do `work` in a thread; yield `share` about every 10 ms until it is done. Returns what it returns, raises what it raises.
-
-    Where the generator is dropped, work that has begun goes on to its end, and other work never begins.
-    """
+def started(work: Callable[[], Result]) -> Future[Result]:
+    """Begin `work` in a thread, after what was started before it; what it returns or raises is in the future."""
     future: Future[Result] = Future()
 
     def run() -> None:
@@ -27,10 +24,19 @@ def beside(work: Callable[[], Result], share: Share) -> Generator[Share, None, R
                 return
             try:
                 future.set_result(work())
-            except BaseException as error:  # it is raised where the generator is
+            except BaseException as error:  # it is raised where it is waited for
                 future.set_exception(error)
 
     Thread(target=run, daemon=True).start()
+    return future
+
+
+def beside(work: Callable[[], Result], share: Share) -> Generator[Share, None, Result]:
+    """Do `work` in a thread; yield `share` about every 10 ms until it is done. Returns what it returns, raises what it raises.
+
+    Where the generator is dropped, work that has begun goes on to its end, and other work never begins.
+    """
+    future = started(work)
     try:
         while not wait([future], _STEP).done:
             yield share

@@ -14,7 +14,7 @@ from irrsplat.core.vertex_layout import TEXELS, vertex_column, vertex_texels
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import table_texture
 from irrsplat.gpu.texel_table import table_rows
-from irrsplat.scene.bvh import build
+from irrsplat.scene.bvh import Bvh, build
 from irrsplat.scene.seen_by_light import FaceCounts
 
 
@@ -39,14 +39,21 @@ class BvhTable(Owner):
     """A scene's triangles on the GPU as rays find them (shaders/lib/bvh.glsl).
 
     vertices: (V, WIDTH) float32, rows as core/vertex_layout.py has them; faces: (F, 3) int, as scene.flatten gives them.
-    counts: of which sort the faces are (default: all open); those that light passes are not in the tree. Raises InputError for
-    more triangles than the GPU's textures hold.
+    counts: of which sort the faces are (default: all open); those that light passes are not in the tree. bvh: what `tree_of` has
+    of these, where that is already made. Raises InputError for more triangles than the GPU's textures hold.
     """
 
-    def __init__(self, ctx: moderngl.Context, vertices: np.ndarray, faces: np.ndarray, counts: FaceCounts | None = None) -> None:
+    def __init__(
+        self,
+        ctx: moderngl.Context,
+        vertices: np.ndarray,
+        faces: np.ndarray,
+        counts: FaceCounts | None = None,
+        bvh: Bvh | None = None,
+    ) -> None:
         self.ctx = ctx
         self.counts = counts or FaceCounts(0, len(faces))
-        self._tables = _tables(ctx, vertices, faces, self.counts)
+        self._tables = _tables(ctx, vertices, faces, self.counts, bvh or tree_of(vertices, faces, self.counts))
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
@@ -54,7 +61,10 @@ class BvhTable(Owner):
 
     def update(self, vertices: np.ndarray, faces: np.ndarray) -> None:
         """The same triangles elsewhere; whoever holds this table sees them there."""
-        before, self._tables = self._tables, _tables(self.ctx, vertices, faces, self.counts)
+        before, self._tables = (
+            self._tables,
+            _tables(self.ctx, vertices, faces, self.counts, tree_of(vertices, faces, self.counts)),
+        )
         before.release()
 
     @property
@@ -85,9 +95,13 @@ class BvhTable(Owner):
         return self.ray_uniforms | {"vertex_table": self._tables.vertices}
 
 
-def _tables(ctx: moderngl.Context, vertices: np.ndarray, faces: np.ndarray, counts: FaceCounts) -> _Tables:
+def tree_of(vertices: np.ndarray, faces: np.ndarray, counts: FaceCounts) -> Bvh:
+    """The tree of the triangles that light sees, as BvhTable takes them; without OpenGL, so that a thread can make it."""
+    return build(vertex_column(vertices, "position")[faces[: counts.lit]])
+
+
+def _tables(ctx: moderngl.Context, vertices: np.ndarray, faces: np.ndarray, counts: FaceCounts, bvh: Bvh) -> _Tables:
     corners = vertex_column(vertices, "position")[faces]
-    bvh = build(corners[: counts.lit])
     limit = int(ctx.info["GL_MAX_TEXTURE_SIZE"])
     if max(bvh.nodes[..., 0].size, len(vertices), len(faces)) > TABLE_COLUMNS * limit or limit < max(TEXELS, 3) * TABLE_COLUMNS:
         raise InputError(f"{len(faces)} triangles are too many to trace here: use --gather raster")

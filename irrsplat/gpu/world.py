@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import moderngl
 
+from irrsplat.core.beside import started
 from irrsplat.core.buffers import Uniforms
-from irrsplat.gpu.bvh_table import BvhTable
+from irrsplat.gpu.bvh_table import BvhTable, tree_of
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.material_table import MaterialTable
 from irrsplat.gpu.resource import Owner, Resource, Workshop
@@ -13,6 +16,8 @@ from irrsplat.scene.flatten import flatten
 from irrsplat.scene.looks import runs
 from irrsplat.scene.model import Mesh, Scene
 from irrsplat.scene.seen_by_light import face_counts
+
+_LARGE = 100_000  # triangles from which a tree takes long enough to be begun before anybody wants it
 
 
 class World(Owner):
@@ -23,7 +28,10 @@ class World(Owner):
 
     def __init__(self, ctx: moderngl.Context, scene: Scene, texture_memory: int = 1024) -> None:
         self.ctx = ctx
-        self.geometry = Geometry(ctx, *flatten(scene)[:2], face_counts(scene))
+        vertices, faces, _ = flatten(scene)
+        counts = face_counts(scene)
+        self._planted = started(partial(tree_of, vertices, faces, counts)) if len(faces) >= _LARGE else None
+        self.geometry = Geometry(ctx, vertices, faces, counts)
         self.materials = MaterialTable(ctx, scene, texture_memory)
         self.runs = runs(scene)  # of triangles that a camera draws alike
         self.derived = Workshop()  # what others make of the scene as it is; it is freed with this
@@ -73,8 +81,14 @@ class World(Owner):
     def tree(self) -> BvhTable:
         """The triangles as rays find them, made when first wanted. Raises InputError for more of them than the GPU can hold."""
         if self._tree is None:
-            self._tree = BvhTable(self.ctx, *flatten(self._scene)[:2], self.geometry.counts)
+            bvh = self._planted.result() if self._planted is not None else None
+            self._tree, self._planted = BvhTable(self.ctx, *flatten(self._scene)[:2], self.geometry.counts, bvh), None
         return self._tree
+
+    @property
+    def tree_ready(self) -> bool:
+        """Whether `tree` has nothing to wait for."""
+        return self._planted is None or self._planted.done()
 
     def set_scene(self, scene: Scene) -> None:
         """Go on with the same meshes, lit otherwise or elsewhere; where they have moved, the triangles are uploaded again and the
@@ -83,6 +97,7 @@ class World(Owner):
             vertices, faces, _ = flatten(scene)
             before, self._uploaded = self._uploaded, None
             try:
+                self._planted = None
                 if self._tree is not None:
                     self._tree.update(vertices, faces)
             except Exception:  # it is as it was; only an interruption may come after that

@@ -216,6 +216,8 @@ class RecordGatherer(Owner):
         """
         if self._basis.resumed is not None and not budget.limited and not len(self.cache.stale):
             return True
+        if budget.limited and not self.world.tree_ready:
+            return False
         return self._advance(shadows, budget)
 
     def resume(self, shadows: ShadowMaps, budget: Budget) -> None:

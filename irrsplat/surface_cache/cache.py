@@ -77,10 +77,10 @@ class _Held:
 
 
 class SurfaceCache(Owner):
-    """The surface cache of a world's scene. Raises InputError for more triangles than rays can go through on this GPU."""
+    """The surface cache of a world's scene."""
 
     def __init__(self, world: World, settings: Settings, timers: Timers) -> None:
-        self.ctx, self.world, self.tree, self.timers = world.ctx, world, world.tree, timers
+        self.ctx, self.world, self.timers = world.ctx, world, timers
         self._basis = _Basis(world.scene, settings, unlit_interiors(world.scene))
         self._visibility = VisibilityPass(self.ctx, world.material_defines)
         self._reduce = ReducePass(self.ctx, gradients=False)
@@ -182,7 +182,7 @@ class SurfaceCache(Owner):
         unlit = unlit_interiors(scene) if relit or moved else old.unlit
         other_rays = old.settings.seed != settings.seed
         if moved:
-            self.lookup.follow(self.tree.corners, self.tree.order)
+            self.lookup.follow(self.world.tree.corners, self.world.tree.order)
         if moved or not np.array_equal(old.unlit, unlit):  # a lamp went into a closed mesh, or out
             self._drop_sites()
         if other_rays:
@@ -245,7 +245,7 @@ class SurfaceCache(Owner):
             try:
                 self._chosen = next(self._choosing)
             except StopIteration as end:
-                self._laid_out = _LaidOut(self.ctx, end.value, self.tree.order)
+                self._laid_out = _LaidOut(self.ctx, end.value, self.world.tree.order)
                 self._choosing, self._chosen = None, 1.0
             if budget.left <= 0.0:
                 return None

@@ -8,7 +8,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import KDTree
 
 from irrsplat.scene.looks import in_order
 from irrsplat.scene.model import Scene
@@ -119,6 +118,8 @@ def near_sites(members: Members, asking: np.ndarray, sites: np.ndarray, size: fl
     def place(numbers: np.ndarray) -> np.ndarray:
         position: np.ndarray = members.position[numbers] / np.float32(size)
         return np.concatenate([position, members.normal[numbers]], axis=1)
+
+    from scipy.spatial import KDTree  # takes half a second, and there is time for it here
 
     if not len(sites) or not len(asking):
         return np.full((len(asking), most), -1)

@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import csr_array
 
 CONVERGED = 0.01  # of E: with all bounces wanted, no more are summed where less than this share is still to come
 POCKETS = 0.05  # of the area: what lacks most does not decide whether that is so
@@ -21,6 +20,8 @@ class Transport:
     """
 
     def __init__(self, sites: int, rays: int) -> None:
+        from scipy.sparse import csr_array  # takes a fifth of a second
+
         entries = 3 * rays
         self.known = np.zeros(sites, bool)
         self._columns = np.zeros((sites, entries), np.int32)

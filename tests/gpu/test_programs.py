@@ -22,6 +22,7 @@ from irrsplat.gpu.target import Target
 from irrsplat.gpu.world import World
 from irrsplat.image.antialias import MeanPass
 from irrsplat.image.composite import CompositePass
+from irrsplat.image.emitter_light import EmitterLightPass
 from irrsplat.image.gbuffer import GBufferPass
 from irrsplat.indirect.examine import ExaminePass
 from irrsplat.indirect.splat import SplatPass
@@ -78,6 +79,7 @@ def unlit(ctx: moderngl.Context) -> Iterator[Owner]:
     yield textured(ctx)
     for sized in (GBufferPass, ExaminePass, CompositePass, MeanPass, UpsamplePass):
         yield sized(ctx, SIZE)
+    yield EmitterLightPass(ctx, SIZE, {})
 
 
 def textured(ctx: moderngl.Context) -> GBufferPass:

@@ -117,7 +117,7 @@ def test_where_nothing_shines_a_sky_stands_in(write):
     assert "sky" in write("obj t.obj\n" + CAM).notices[0]
     assert write("obj t.obj\nsky 0 0 0\n" + CAM).sky == (0.0, 0.0, 0.0)  # a black sky that was asked for
     assert write("brdf emission 1 1 1\nobj t.obj\n" + CAM).sky == (0.0, 0.0, 0.0)
-    assert write("light a.light\n" + CAM, a_light="position 0 0 0 1\ndiffuse 1 1 1 1\n").notices == ()
+    assert write("obj t.obj\nlight a.light\n" + CAM, a_light="position 0 0 0 1\ndiffuse 1 1 1 1\n").notices == ()
 
 
 @pytest.mark.parametrize("text", ["scale 30 2 2\ntrans 4 4 4\nobj t.obj\n", "sky 1 1 1\n"])
