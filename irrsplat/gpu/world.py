@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from concurrent.futures import wait
 from functools import partial
 
 import moderngl
@@ -85,10 +86,10 @@ class World(Owner):
             self._tree, self._planted = BvhTable(self.ctx, *flatten(self._scene)[:2], self.geometry.counts, bvh), None
         return self._tree
 
-    @property
-    def tree_ready(self) -> bool:
-        """Whether `tree` has nothing to wait for."""
-        return self._planted is None or self._planted.done()
+    def wait_for_tree(self, seconds: float) -> bool:
+        """Wait so long for what `tree` needs, at most; whether that is there. Whoever asks again and again without waiting takes
+        the interpreter from those who make it."""
+        return self._planted is None or bool(wait([self._planted], max(seconds, 0.0)).done)
 
     def set_scene(self, scene: Scene) -> None:
         """Go on with the same meshes, lit otherwise or elsewhere; where they have moved, the triangles are uploaded again and the

@@ -216,7 +216,7 @@ class RecordGatherer(Owner):
         """
         if self._basis.resumed is not None and not budget.limited and not len(self.cache.stale):
             return True
-        if budget.limited and not self.world.tree_ready:
+        if budget.limited and not self.world.wait_for_tree(budget.left):
             return False
         return self._advance(shadows, budget)
 
