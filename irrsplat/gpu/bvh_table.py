@@ -53,7 +53,7 @@ class BvhTable(Owner):
     ) -> None:
         self.ctx = ctx
         self.counts = counts or FaceCounts(0, len(faces))
-        self._tables = _tables(ctx, vertices, faces, self.counts, bvh or tree_of(vertices, faces, self.counts))
+        self._tables = _tables(ctx, vertices, faces, self.counts, bvh)
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
@@ -61,10 +61,7 @@ class BvhTable(Owner):
 
     def update(self, vertices: np.ndarray, faces: np.ndarray) -> None:
         """The same triangles elsewhere; whoever holds this table sees them there."""
-        before, self._tables = (
-            self._tables,
-            _tables(self.ctx, vertices, faces, self.counts, tree_of(vertices, faces, self.counts)),
-        )
+        before, self._tables = self._tables, _tables(self.ctx, vertices, faces, self.counts, None)
         before.release()
 
     @property
@@ -100,8 +97,10 @@ def tree_of(vertices: np.ndarray, faces: np.ndarray, counts: FaceCounts) -> Bvh:
     return build(vertex_column(vertices, "position")[faces[: counts.lit]])
 
 
-def _tables(ctx: moderngl.Context, vertices: np.ndarray, faces: np.ndarray, counts: FaceCounts, bvh: Bvh) -> _Tables:
+def _tables(ctx: moderngl.Context, vertices: np.ndarray, faces: np.ndarray, counts: FaceCounts, bvh: Bvh | None) -> _Tables:
     corners = vertex_column(vertices, "position")[faces]
+    if bvh is None:
+        bvh = build(corners[: counts.lit])
     limit = int(ctx.info["GL_MAX_TEXTURE_SIZE"])
     if max(bvh.nodes[..., 0].size, len(vertices), len(faces)) > TABLE_COLUMNS * limit or limit < max(TEXELS, 3) * TABLE_COLUMNS:
         raise InputError(f"{len(faces)} triangles are too many to trace here: use --gather raster")

@@ -8,6 +8,15 @@ from irrsplat.core.color import linear_from_srgb, srgb
 
 _AT_ONCE = 1 << 16  # pixels that are decoded at once: so many stay in a processor's cache
 
+# tables for `half`
+_ROWS = 32  # of pixels at once, for the same reason
+_STEPS = 65535  # of linear values between 0 and 1: as fine as the darkest sRGB colours need
+_BYTES = np.arange(256) / 255.0
+_SAME = (_BYTES * _STEPS).round().astype("u4")
+_BYTE = (np.arange(_STEPS + 1) / _STEPS * 255.0).round().astype("u1")
+_DECODE = (linear_from_srgb(_BYTES) * _STEPS).round().astype("u4")
+_ENCODE = (srgb(np.arange(_STEPS + 1) / _STEPS) * 255.0).round().astype("u1")
+
 
 def _decoded() -> tuple[np.ndarray, np.ndarray]:
     """(65536,) complex64 each, two numbers an entry: red and green, blue and alpha, by the two bytes that a pixel has of them."""
@@ -70,15 +79,6 @@ def half(pixels: np.ndarray, srgb_encoded: bool) -> np.ndarray:
         half_band[:] = np.take(_ENCODE if srgb_encoded else _BYTE, means, mode="clip")
         half_band[..., 3] = _BYTE[means[..., 3]]
     return out
-
-
-_ROWS = 32  # at once: they stay in a processor's cache
-_STEPS = 65535  # of linear values between 0 and 1: as fine as the darkest sRGB colours need
-_BYTES = np.arange(256) / 255.0
-_SAME = (_BYTES * _STEPS).round().astype("u4")
-_BYTE = (np.arange(_STEPS + 1) / _STEPS * 255.0).round().astype("u1")
-_DECODE = (linear_from_srgb(_BYTES) * _STEPS).round().astype("u4")
-_ENCODE = (srgb(np.arange(_STEPS + 1) / _STEPS) * 255.0).round().astype("u1")
 
 
 def coverage(alpha: np.ndarray, side: int, cutoff: float) -> np.ndarray:

@@ -119,10 +119,10 @@ def near_sites(members: Members, asking: np.ndarray, sites: np.ndarray, size: fl
         position: np.ndarray = members.position[numbers] / np.float32(size)
         return np.concatenate([position, members.normal[numbers]], axis=1)
 
-    from scipy.spatial import KDTree  # takes half a second, and there is time for it here
-
     if not len(sites) or not len(asking):
         return np.full((len(asking), most), -1)
+    from scipy.spatial import KDTree  # takes half a second, which scenes where all have a site are spared
+
     _, found = KDTree(place(sites)).query(place(asking), k=np.arange(1, most + 1), distance_upper_bound=_FARTHEST, workers=-1)
     known = found < len(sites)
     other = sites[np.where(known, found, 0)]
