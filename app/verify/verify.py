@@ -102,6 +102,8 @@ def _against_trace(renderer: Renderer, scene: Scene, camera: Camera, args: Names
     rows = [
         ("pixels compared", f"{int(truth.valid.sum()):,}", f"of {width * height:,}; edges and what is no surface are left out"),
         *_table(found, float(frame.irradiance[truth.valid].mean()), float(truth.irradiance[truth.valid].mean())),
+        ("off by > 20 %", percent(found["spots"]), "of the pixels, measured by the truth's mean around each: spots"),
+        ("fine part of RMSE", percent(found["fine"]), "what is left without its mean around each pixel: grain, rims, edges"),
         ("direct light RMSE", percent(found["direct"]), "away from shadow edges"),
         ("albedo", f"{found['albedo']:.4f}", "median difference from a texture lookup of its own"),
         ("normal", f"{found['normal']:.2f} °", "median angle between the normals, normal maps included"),

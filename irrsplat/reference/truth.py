@@ -11,7 +11,7 @@ import numpy as np
 
 from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.image.frame import Frame
-from irrsplat.reference import disk_cache, worker
+from irrsplat.reference import blemishes, disk_cache, worker
 from irrsplat.reference.disk_cache import folder
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import preset
@@ -90,7 +90,8 @@ def errors(E: np.ndarray, E_ref: np.ndarray) -> dict[str, float | None]:
 def compare(frame: Frame, truth: Traced) -> dict[str, float | None]:
     """The `errors` of a frame's irradiance in the valid pixels; `net`: the `rmse` without the truth's own noise; `direct`: the
     relative RMSE of its direct light in the clear ones; `albedo`: the median difference of its channels from the truth's, and
-    `normal`: the median angle between the normals in degrees, both in the valid pixels.
+    `normal`: the median angle between the normals in degrees, both in the valid pixels; `spots`: as blemishes.spots has it;
+    `fine`: the RMS of the error's fine part over the truth's mean, without the truth's own noise.
 
     Raises InputError where no pixel is valid, or the sizes differ.
     """
@@ -104,9 +105,15 @@ def compare(frame: Frame, truth: Traced) -> dict[str, float | None]:
     found = errors(frame.irradiance[truth.valid], truth.irradiance[truth.valid])
     rmse, noise = found["rmse"], truth.noise
     net = None if rmse is None or noise is None else math.sqrt(max(rmse**2 - noise**2, 0.0))
+    E, valid, fine = truth.irradiance, truth.valid, None
+    if rmse is not None:
+        noisy = blemishes.fine(frame.irradiance - E, valid), blemishes.fine(np.diff(truth.halves, axis=0)[0] / 2.0, valid)
+        fine = math.sqrt(max(noisy[0] ** 2 - noisy[1] ** 2, 0.0)) / float(E[valid].mean(dtype=float))
     albedo = float(np.median(np.abs(frame.albedo[truth.valid] - truth.albedo[truth.valid])))
     return found | {
         "net": net,
+        "spots": blemishes.spots(frame.irradiance, E, valid),
+        "fine": fine,
         "direct": direct,
         "albedo": albedo,
         "normal": median_angle(frame.normal, truth.normal, truth.valid),

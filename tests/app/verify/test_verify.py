@@ -120,6 +120,27 @@ def test_albedo_and_normal_are_compared_by_medians() -> None:
     assert found["albedo"] == pytest.approx(0.03, rel=1e-4) and found["normal"] == pytest.approx(2.0, rel=1e-4)
 
 
+def test_spots_and_grain_are_told_from_what_is_smooth() -> None:
+    """A truth of 1 left and 0.1 right. Spots of 0.15: one too little where it is bright, one 150 % where it is dark, and one off
+    the valid pixels. A chessboard of ±0.05 is fine to the last digit but at the rims; a slope across 200 pixels, many times as
+    strong, hardly is."""
+    arrays = plain(200, 100, E=1.0, spread=0.0)
+    arrays["halves"][:, :, 100:] = 0.1
+    truth = Traced(**arrays)
+    spotted = truth.irradiance.copy()
+    spotted[50, [0, 30, 150]] += np.float32(0.15)
+    frame: Any = SimpleNamespace(irradiance=spotted, direct=truth.direct, albedo=truth.albedo, normal=truth.normal)
+    mean, count = truth.irradiance[truth.valid].mean(), truth.valid.sum()
+    assert compare(frame, truth)["spots"] == 1 / count
+    row, column = np.indices((100, 200))
+    frame.irradiance = truth.irradiance + (0.05 * (-1.0) ** (row + column) + 0.01 * (column - 100))[..., None]
+    fine = compare(frame, truth)["fine"]
+    assert fine is not None and 1.0 < fine * mean / 0.05 < 1.1
+    noise = 0.2 * np.random.default_rng(3).standard_normal((2, 100, 200, 3))
+    noisy = compare(frame, Traced(**arrays | {"halves": (arrays["halves"] + noise).astype("f4")}))["fine"]
+    assert noisy == pytest.approx(fine, rel=0.05)
+
+
 def test_filters_tint_the_picture_of_the_truth() -> None:
     """0.25 + 0.5·0.8/π + 2 behind a filter that lets a half, nothing and all of red, green and blue through, and adds 1/8."""
     arrays = plain(2, 2, spread=0.0) | {"direct": np.full((2, 2, 3), 0.25, "f4"), "emission": np.full((2, 2, 3), 2.0, "f4")}
