@@ -24,6 +24,9 @@ Kind = Literal["bool", "choice", "int", "float"]
 # of the weight, the same in shaders/records/weight.glsl and on the CPU
 LEAST_ERROR = 1e-3  # w = 1/max(e, this) stays finite
 IN_FRONT = 0.05  # of R: how far in front of a pixel's surface, or behind it, a record may lie
+BORROW_REACH = (
+    4.0  # pixels of the splat buffer: how far from a pixel a record may lie that speaks for it only where none else does
+)
 
 WIDE = 3.0  # in R_k, the greatest radius there is: what is dark and narrow has no say over what lies far beyond it
 
@@ -197,8 +200,12 @@ class Settings:
         "auto", "float", "examine", "a pixel asks for a record where Σw is below this; auto is 1/a", low=0, high=1e6, word="auto"
     )
     spread: float = _declare(
-        0.3, "float", "examine", "a pixel also asks where its records contradict each other by more than this: deviation over "
+        0.05, "float", "examine", "a pixel also asks where its records contradict each other by more than this: deviation over "
         "mean of what they say; 0: off", low=0, high=10,
+    )  # fmt: skip
+    borrow: int = _declare(
+        4, "int", "examine", "where no more of the 25 pixels around ask for a record, they borrow from records close by that lie "
+        "or look otherwise: what is that small gets none of its own; 0: off", low=0, high=24, unit="pixels",
     )  # fmt: skip
     placement: str = _declare(
         "tiles", "choice", "examine", "who asks for records: tiles, coarse to fine, or the paper's random warm-up and scan order",
@@ -256,9 +263,9 @@ class Settings:
             object.__setattr__(self, name, declaration.check(getattr(self, name)))
 
     @property
-    def asking(self) -> tuple[float, float, int]:
-        """What decides which pixels ask for a record, and whether they get one: `threshold`, `spread` and `max_records`."""
-        return self.threshold, self.spread, self.max_records
+    def asking(self) -> tuple[float, float, int, int]:
+        """What decides which pixels get a record: `threshold`, `spread`, `borrow` and `max_records`."""
+        return self.threshold, self.spread, self.borrow, self.max_records
 
     @property
     def threshold(self) -> float:
@@ -339,6 +346,7 @@ class SettingValues(TypedDict, total=False):
     coarse: bool
     tolerance: float | Auto
     spread: float
+    borrow: int
     placement: str
     warmup: int
     max_rounds: int
@@ -370,12 +378,21 @@ PRESETS: dict[str, SettingValues] = {
         "a": 0.1,
         "adapt": 0.0,
         "spread": 0.0,
+        "borrow": 0,
         "fill_holes": False,
         "coarse": False,
         "radius_min": 0.0,
         "radius_max": 0.0,
     },
-    "reference": {"gather_size": 128, "a": 0.2, "radius_min": 0.25, "radius_max": 2.0, "shadow_size": 2048, "max_rounds": 1000},
+    "reference": {
+        "gather_size": 128,
+        "a": 0.2,
+        "radius_min": 0.25,
+        "radius_max": 2.0,
+        "borrow": 0,
+        "shadow_size": 2048,
+        "max_rounds": 1000,
+    },
     "preview": {"gather_size": 16, "a": 0.8, "radius_min": 1.5, "radius_max": 12.0, "shadow_size": 512},
 }
 

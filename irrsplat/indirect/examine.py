@@ -92,6 +92,7 @@ class ExaminePass(Owner):
             step_size=_stride(side**2),
             tolerance=settings.threshold,
             seed=settings.seed,
+            borrow=settings.borrow,
         )
         position, normal, rest = (self.target.read(i) for i in range(3))
         geometric = octahedral_decode(normal[..., 3], rest[..., 0])

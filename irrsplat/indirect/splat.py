@@ -12,7 +12,7 @@ from irrsplat.gpu.target import Target
 from irrsplat.records.culling import TILE
 from irrsplat.records.weight import record_defines, view_radius_uniforms
 from irrsplat.scene.model import Camera
-from irrsplat.settings import Settings
+from irrsplat.settings import BORROW_REACH, Settings
 
 
 class SplatPass(Owner):
@@ -86,6 +86,7 @@ class SplatPass(Owner):
             clip_from_world=camera.clip_from_view(width / height, 1e-3, 1e3) @ camera.view_from_world,
             **view_radius_uniforms(camera, settings),
             pixel=camera.screen / height * pixel_stride,
+            borrow_reach=BORROW_REACH if settings.borrow else 0.0,
             position=gbuffer.position,
             normal=gbuffer.normal,
             **bent,

@@ -65,7 +65,7 @@ class ViewSplats(Owner):
     def update(self, cache: RecordCache, gbuffer: GBuffer, camera: Camera, settings: Settings, pixel_stride: int) -> SplatBuffer:
         """The sums of every record of the cache, at every `pixel_stride`-th pixel in both directions (1 or 2)."""
         count = cache.count if settings.most_bounces > 0 else 0
-        inputs = gbuffer, settings.of("splat"), settings.most_bounces > 0, cache.revision, pixel_stride
+        inputs = gbuffer, settings.of("splat"), settings.borrow > 0, settings.most_bounces > 0, cache.revision, pixel_stride
         drawn = self._drawn
         if drawn is not None and drawn.inputs == inputs and drawn.count >= count:
             return drawn.sums

@@ -11,6 +11,7 @@ uniform int pixel_stride;    // pixels of the g-buffer per pixel of the sums, in
 uniform int side;            // pixels of the sums along a side of a tile
 uniform int step_size;       // from one pixel of a tile to the next in the order of the search; coprime to side²
 uniform int seed;
+uniform int borrow;          // how many pixels that ask, of those around one, are so few that they borrow; 0: none do
 
 layout(location = 0) out vec4 out_position;  // of the pixel with the least weight; w: how many pixels of the tile need a record
 layout(location = 1) out vec4 out_normal;    // its shading normal, geometric normal octahedral .x
@@ -25,6 +26,29 @@ uint random(uvec2 tile)
     return (v >> 22u) ^ v;
 }
 
+const float BADLY = 0.15;  // deviation over mean of what the records say of a pixel
+
+float weight_at(ivec2 pixel)
+{
+    return effective_weight(texelFetch(weight, pixel, 0).rg, texelFetch(sums, pixel, 0));
+}
+
+// Whether a pixel that asks lies in so small a group of such pixels that it does with what records beside it lend. Of every other
+// pixel, those of half as wide a window are looked at, and half as many are few.
+bool borrows(ivec2 pixel, ivec2 last)
+{
+    int around = pixel_stride == 1 ? 2 : 1, few = pixel_stride == 1 ? borrow : borrow / 2, asking = 0;
+    // where records contradict each other badly, or nothing is near to borrow from, a record is needed
+    bool reached = texelFetch(weight, pixel, 0).r > 0.0;
+    if (reached ? weight_at(pixel) < tolerance * spread / BADLY : texelFetch(sums, pixel, 0).a <= 0.0) few = 0;
+    for (int i = 0; few > 0 && i < (2 * around + 1) * (2 * around + 1); ++i)
+    {
+        ivec2 at = pixel + ivec2(i % (2 * around + 1), i / (2 * around + 1)) - around;
+        asking += weight_at(clamp(at, ivec2(0), last)) < tolerance ? 1 : 0;
+    }
+    return few > 0 && asking <= few;
+}
+
 void main()
 {
     ivec2 tile = ivec2(gl_FragCoord.xy), corner = tile * side, size = textureSize(weight, 0);
@@ -37,7 +61,8 @@ void main()
         i = i >= count ? i - count : i;
         ivec2 pixel = corner + ivec2(i % side, i / side);
         bool there = all(lessThan(pixel, size));
-        float w = there ? effective_weight(texelFetch(weight, pixel, 0).rg, texelFetch(sums, pixel, 0)) : NOTHING_SEEN;
+        float w = there ? weight_at(pixel) : NOTHING_SEEN;
+        if (w < tolerance && borrows(pixel, size - 1)) w = tolerance;
         seen += w < NOTHING_SEEN ? 1.0 : 0.0;
         needy += w < tolerance ? 1.0 : 0.0;
         worst = w < least ? i : worst;

@@ -14,6 +14,7 @@ flat in vec3 v_place;
 flat in vec3 v_normal;
 flat in vec3 v_axis;
 flat in vec2 v_radii;
+flat in float v_borrow;
 #if GRADIENTS
 flat in vec2 v_curvature;
 flat in vec4 v_walls;
@@ -49,7 +50,18 @@ void main()
     if (behind_wall(apart, v_axis, v_normal, v_walls)) discard;
 #endif
     float w = record_weight(apart, v_axis, v_radii, n, v_normal, in_front);
-    if (w <= 1.0 / a) discard;
+    if (w <= 1.0 / a)
+    {
+        float lent = borrowed_weight(apart, n, v_normal, v_borrow);
+        if (lent <= 0.0) discard;
+#if GRADIENTS
+        out_sums = lent * vec4(max(n * v_m, vec3(0.0)), 1.0);
+#else
+        out_sums = lent * vec4(v_irradiance, 1.0);
+#endif
+        out_weight = vec2(0.0);  // the pixel still asks, unless few do
+        return;
+    }
     // w - 1/a falls to zero at the rim of the record's sphere, so that the rim does not show; the paper's kernel ends with a step
     float k = cut ? w : w - 1.0 / a;
 #if GRADIENTS

@@ -6,11 +6,13 @@ in int in_number;                      // of the record
 uniform mat4 clip_from_world;
 uniform bool in_front;                 // reject records in front of the pixel's surface or behind it
 uniform float pixel;                   // size of a pixel at distance 1, in metres
+uniform float borrow_reach;            // pixels; 0: records lend nothing
 
 flat out vec3 v_place;                 // p_k
 flat out vec3 v_normal;
 flat out vec3 v_axis;                  // of its ellipse
 flat out vec2 v_radii;                 // R along the axis and across it, within the view's bounds
+flat out float v_borrow;               // metres within which it may lend to pixels that it does not reach
 #if GRADIENTS
 flat out vec2 v_curvature;
 flat out vec4 v_walls;                 // 0: none
@@ -30,6 +32,7 @@ void main()
     float trust;
     Ellipse ellipse = view_ellipse(texel, d, trust);
     float r = ellipse.along;
+    v_borrow = borrow_reach * pixel * d;
     v_place = p;
     v_axis = ellipse.axis;
     v_radii = vec2(ellipse.along, ellipse.across) / a;
@@ -71,6 +74,6 @@ void main()
         if (extent.z < d) half_size = min(half_size, extent.xy * d / (d - extent.z));
     }
     vec3 v = cross(axis, u);
-    half_size = max(half_size, pixel * d);  // a smaller quad could fall between pixel centres
+    half_size = max(half_size, max(pixel * d, v_borrow));  // a smaller quad than a pixel could fall between pixel centres
     gl_Position = clip_from_world * vec4(p + half_size.x * corner.x * u + half_size.y * corner.y * v, 1.0);
 }

@@ -3,6 +3,8 @@
 
 uniform float a;  // the error that is tolerated (Ward et al. 1988)
 
+const float BORROWED = 1e-6;  // greatest weight at a point that a record does not reach
+
 // Constants from irrsplat/settings.py: LEAST_ERROR keeps the weight finite; IN_FRONT is how far in front of the point's surface or
 // behind it a record may lie, as a share of R.
 
@@ -27,6 +29,13 @@ float record_weight(vec3 apart, vec3 axis, vec2 R, vec3 n, vec3 n_k, bool in_fro
     float cosine = dot(n, n_k);
     if (in_front && (cosine <= 0.0 || abs(dot(apart, n + n_k)) * 0.5 > IN_FRONT * R.y)) return 0.0;
     return 1.0 / max(record_distance(apart, axis, R) + sqrt(max(0.0, 1.0 - cosine)), LEAST_ERROR);
+}
+
+// The weight of a record at a point that it does not reach: so small that it counts only where no record does. reach: metres.
+float borrowed_weight(vec3 apart, vec3 n, vec3 n_k, float reach)
+{
+    float near = max(reach * reach - dot(apart, apart), 0.0);
+    return BORROWED * near / max(reach * reach, 1e-30) * pow(max(dot(n, n_k), 0.0), 4.0);
 }
 
 // The irradiance at p by a Taylor expansion about the record (Ward and Heckbert 1992), of second order where that is known.

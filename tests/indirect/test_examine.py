@@ -49,6 +49,8 @@ def examine(
     seed: int = 0,
     spread: float = 0.0,
     dark: float = 0.0,
+    borrow: int = 0,
+    stride: int = 1,
 ) -> tuple[Examination, int]:
     gbuffer = gbuffer_of(ctx, data["position"], data["normal"], data["depth"], geometric=data["geometric"])
     weight, sums, there = float_texture(ctx, size, 2), float_texture(ctx, size, 4), data["depth"] > 0.0
@@ -56,8 +58,9 @@ def examine(
     weight.write(pair[::-1].astype("f4").tobytes())
     sums.write(np.where(there[..., None], data["sums"], 0.0)[::-1].astype("f4").tobytes())
     examination = ExaminePass(ctx, size)
-    settings = Settings(tolerance=TOLERANCE, spread=spread, seed=seed)
-    return examination(gbuffer, SplatBuffer(sums, weight, dark), settings), examination.side
+    settings = Settings(tolerance=TOLERANCE, spread=spread, seed=seed, borrow=borrow)
+    found = examination(gbuffer, SplatBuffer(sums, weight, dark, stride), settings)
+    return found, max(2, examination.side // stride)
 
 
 def tiles(values: np.ndarray, side: int, fill: float) -> np.ndarray:
@@ -94,6 +97,27 @@ def test_examination_equals_numpy(ctx: moderngl.Context, size: tuple[int, int], 
         assert asks[pixel] and weight[pixel] == pytest.approx(least[at], rel=1e-3), "and the one that is served worst"
         assert np.allclose(found.normal[at], data["normal"][pixel], atol=1e-6)
         assert np.allclose(found.geometric[at], data["geometric"][pixel], atol=1e-6)
+
+
+@pytest.mark.parametrize("stride", [1, 2])
+def test_small_groups_of_pixels_borrow_where_there_is_something_to_borrow(ctx: moderngl.Context, stride: int) -> None:
+    """Of the 25 pixels around, or the 9 of every other pixel, so many may ask, or half as many; where records contradict each
+    other badly a pixel asks all the same, and where none is near."""
+    size, borrow, spread = (90, 130), 9, 0.05
+    data = made_up(size, 3)
+    data["weight"] = np.where(np.random.default_rng(1).random(data["weight"].shape) < 0.6, 4.0 * TOLERANCE, data["weight"])
+    lent = np.random.default_rng(2).random(data["weight"].shape) < 0.5
+    data["sums"][lent & (data["weight"] == 0.0)] = 1e-6
+    found, side = examine(ctx, size, data, spread=spread, borrow=borrow, stride=stride)
+    weight, surface = counted(data, spread), data["depth"] > 0.0
+    asks = surface & (weight < np.float32(TOLERANCE))
+    around = 2 if stride == 1 else 1
+    windows = np.lib.stride_tricks.sliding_window_view(np.pad(asks, around, "edge"), (2 * around + 1,) * 2)
+    small = windows.sum((2, 3)) <= borrow // stride
+    mild = np.where(data["weight"] > 0.0, weight >= TOLERANCE * spread / 0.15, data["sums"][..., 3] > 0.0)
+    for cause in (small & ~mild, ~small & mild, small & mild & (data["weight"] > 0.0), small & mild & (data["weight"] == 0.0)):
+        assert (asks & cause).sum() > 5
+    assert np.array_equal(found.asking, tiles(asks & ~(small & mild), side, 0).sum(-1))
 
 
 def test_equal_pixels_of_a_tile_are_chosen_at_random(ctx: moderngl.Context) -> None:

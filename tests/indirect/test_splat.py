@@ -264,6 +264,30 @@ def test_an_ellipse_lies_as_its_axis_does(ctx: moderngl.Context) -> None:
     assert 0.5 - 1.5 * pixel < along <= 0.5 and 0.125 - 1.5 * pixel < across <= 0.125
 
 
+@pytest.mark.parametrize("gradients", [True, False])
+def test_records_lend_to_pixels_close_by_that_they_do_not_reach(ctx: moderngl.Context, gradients: bool) -> None:
+    """Up to four pixels away, on their own side of a wall, at next to no weight, what they say of the pixel's normal; or, with
+    `borrow` 0, nothing."""
+    position, depth = on_plane(CAMERA, SIZE, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    turned = unit(np.array([1.0, 0.0, 1.0]))
+    seen = View(position, np.broadcast_to(turned, position.shape), depth)
+    records = table(1)
+    records.p[0], records.n[0], records.axis[0], records.limit[0] = position[14, 18], (0, 0, 1), (1, 0, 0), 1.0
+    records.bend[0], records.walls[0] = 1e8, (1.0 / 0.2, 0.0, 0.0, 0.0)
+    settings = replace(BASE, gradients=gradients)
+    sums, weight = drawn(ctx, seen, records, settings)
+    apart = position - position[14, 18]
+    d = np.linalg.norm(apart, axis=-1) / (
+        4.0 * 2.0 * np.tan(np.radians(25.0)) * np.linalg.norm(np.subtract(CAMERA.eye, position[14, 18])) / SIZE[1]
+    )
+    lends = (d < 1.0) & ((apart[..., 0] < 0.2) | (not gradients))
+    assert not weight.any() and np.array_equal(sums[..., 3] > 0.0, lends) and lends.sum() > 20
+    assert np.allclose(sums[lends, 3], 1e-6 * (1.0 - d[lends] ** 2) * turned[2] ** 4, rtol=1e-3, atol=1e-10)
+    E = records.M[0] @ turned if gradients else records.E[0]
+    assert np.allclose(sums[lends, :3], sums[lends, 3:] * np.maximum(E, 0.0), rtol=1e-3)
+    assert not drawn(ctx, seen, records, replace(settings, borrow=0))[0].any()
+
+
 @pytest.mark.parametrize("second_order", [True, False])
 def test_a_quadratic_field_is_extrapolated_exactly(ctx: moderngl.Context, second_order: bool) -> None:
     """E = 2 + s·q + ½ Σ h q², q in the plane's own axes: one record with its derivatives says all of it, and without the second

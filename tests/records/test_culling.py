@@ -134,7 +134,7 @@ def test_few_are_drawn_that_lie_outside_where_reach_is_bounded(ctx: moderngl.Con
     cache = scattered(ctx, 3)
     for camera in cameras(20, 4):
         camera = replace(camera, fov=40.0)
-        numbers = reaching(cache, 0, camera, SIZE, Settings(radius_max=7.0))
+        numbers = reaching(cache, 0, camera, SIZE, Settings(radius_max=7.0, borrow=0))
         wider = replace(camera, fov=46.0 + 2.0 * 1.25 * float(np.degrees(np.arcsin(0.07 * camera.screen))))
         assert np.isin(np.flatnonzero(within(cache.positions, camera, SIZE)), numbers).all()
         assert within(cache.positions, wider, SIZE)[numbers].all()
