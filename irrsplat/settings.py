@@ -144,9 +144,9 @@ class Settings:
         word="all",
     )
     gather: str = _declare(
-        "auto", "choice", "gather", "how a record sees the scene: one 150° plane, a hemicube of rasters, or traced rays; "
-        "auto: rays, but for a single bounce in a small scene whatever is timed to be faster here",
-        choices=("auto", "plane", "raster", "trace"),
+        "auto", "choice", "gather", "how a record sees the scene: one 150° plane, a hemicube of rasters, or rays traced by "
+        "shaders or by Embree; auto: rays, but for a single bounce in a small scene whatever is timed to be faster here",
+        choices=("auto", "plane", "raster", "trace", "embree"),
     )  # fmt: skip
     gather_size: int = _declare(
         64,

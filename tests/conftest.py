@@ -27,7 +27,7 @@ def race(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., aut
     real = autotune.race
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("IRRSPLAT_CACHE", str(tmp_path_factory.mktemp("cache")))
-        patch.setattr(autotune, "race", lambda ctx, scene, side: (1.0, 2.0) if scene.triangles <= 100 else (2.0, 1.0))
+        patch.setattr(autotune, "race", lambda ctx, scene, side, rays: (1.0, 2.0) if scene.triangles <= 100 else (2.0, 1.0))
         yield real
 
 

@@ -31,6 +31,13 @@ def started(work: Callable[[], Result]) -> Future[Result]:
     return future
 
 
+def done(work: Callable[[], Result]) -> Future[Result]:
+    """Do `work` at once; what it returns is in the future, what it raises is raised."""
+    future: Future[Result] = Future()
+    future.set_result(work())
+    return future
+
+
 def beside(work: Callable[[], Result], share: Share) -> Generator[Share, None, Result]:
     """Do `work` in a thread; yield `share` about every 10 ms until it is done. Returns what it returns, raises what it raises.
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from irrsplat.core import paths
 from irrsplat.core.buffers import HitLight, Sites
-from irrsplat.core.errors import IrrsplatError
+from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.core.files import write_text
 from irrsplat.gather.look import Gather, gather_records
 from irrsplat.gather.raster import RasterGather
@@ -30,6 +30,7 @@ from irrsplat.gpu.world import World
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.records.record_cache import RecordCache
+from irrsplat.scene import ray_caster
 from irrsplat.scene.model import Scene
 from irrsplat.scene.seen_by_light import face_counts
 from irrsplat.settings import Settings
@@ -49,19 +50,21 @@ _known: dict[str, str] = {}  # the choices of this process, which stay as they a
 
 
 def kind(ctx: moderngl.Context, scene: Scene, settings: Settings) -> str:
-    """How records are gathered in `scene`: "plane", "raster" or "trace" (the setting `gather`, its auto resolved).
+    """How records are gathered in `scene`: "plane", "raster", "trace" or "embree" (the setting `gather`, its auto resolved).
 
-    auto: rays in large scenes, and for more than one bounce, which needs the rays' tree anyway. Else both are timed once, and the
-    choice holds for the rest of the process and, where the times can be kept, for later ones.
+    auto: rays in large scenes, and for more than one bounce, which needs the rays' tree anyway. Else rasters and rays are timed
+    once, and the choice holds for the rest of the process and, where the times can be kept, for later ones.
+    Raises InputError where Embree is asked for and missing.
     """
+    rays = ray_kind(ctx, settings)
     if settings.gather != "auto":
         return settings.gather
     triangles = scene.triangles
     if settings.most_bounces > 1 or triangles > max(DOUBTFUL.values()):
-        return "trace"
+        return rays
     about = context.describe(ctx)
     software = bool(about["software"])
-    guess = "raster" if triangles <= _GUESS[software] else "trace"
+    guess = "raster" if triangles <= _GUESS[software] else rays
     if triangles > DOUBTFUL[software] or not triangles or not settings.most_bounces:
         return guess
     side = max((s for s in _SIDES if s <= settings.gather_size), default=_SIDES[0])
@@ -71,10 +74,25 @@ def kind(ctx: moderngl.Context, scene: Scene, settings: Settings) -> str:
         name += "; textures"
     if face_counts(scene).cut_out:
         name += "; cut-outs"
+    if rays == "embree":
+        name += "; embree"
     if name not in _known:
-        times = _times(name, lambda: race(ctx, scene, side))
-        _known[name] = guess if times is None else "raster" if rasters(times) else "trace"
+        times = _times(name, lambda: race(ctx, scene, side, rays))
+        _known[name] = guess if times is None else "raster" if rasters(times) else rays
     return _known[name]
+
+
+def ray_kind(ctx: moderngl.Context, settings: Settings) -> str:
+    """How rays are traced, "embree" or "trace". Where the setting `gather` names neither, Embree traces those of `auto` and of
+    the surface cache where OpenGL is software and embreex is installed: a GPU needs no help.
+
+    Raises InputError where Embree is asked for and missing.
+    """
+    if settings.gather == "embree" and not ray_caster.available():
+        raise InputError(f"--gather embree needs the package embreex ({ray_caster.INSTALL}); without it: --gather auto")
+    if settings.gather in ("embree", "trace"):
+        return settings.gather
+    return "embree" if ray_caster.available() and context.describe(ctx)["software"] else "trace"
 
 
 def gather_pass(world: World, settings: Settings, capacity: int | None = None) -> Gather:
@@ -84,8 +102,16 @@ def gather_pass(world: World, settings: Settings, capacity: int | None = None) -
     """
     how, surface = kind(world.ctx, world.scene, settings), settings.most_bounces > 1
     samples, apart = settings.light_samples, settings.emitters_apart
-    if how == "trace":
-        return TraceGather(world, settings.gather_size, capacity, surface=surface, light_samples=samples, emitters_apart=apart)
+    if how in ("trace", "embree"):
+        return TraceGather(
+            world,
+            settings.gather_size,
+            capacity,
+            surface=surface,
+            light_samples=samples,
+            emitters_apart=apart,
+            embree=how == "embree",
+        )
     return RasterGather(world, how, settings.gather_size, capacity, surface=surface, light_samples=samples, emitters_apart=apart)
 
 
@@ -109,14 +135,14 @@ def kept(about: Mapping[str, object]) -> list[Times]:
     return [] if path is None else [times for name, times in _read(path).items() if name.startswith(machine(about) + ";")]
 
 
-def race(ctx: moderngl.Context, scene: Scene, side: int) -> Times:
-    """Milliseconds a record takes in `scene` with gather size `side`, gathered and reduced: by rasters and by rays."""
+def race(ctx: moderngl.Context, scene: Scene, side: int, rays: str) -> Times:
+    """Milliseconds a record takes in `scene` with gather size `side`, gathered and reduced: by rasters and by `rays`."""
     with ExitStack() as stack:
         world = stack.enter_context(World(ctx, scene))
         shadow, reduce = stack.enter_context(ShadowPass(ctx)), stack.enter_context(ReducePass(ctx, gradients=True))
         cache = stack.enter_context(RecordCache(ctx))
         raster = stack.enter_context(RasterGather(world, "raster", side, _SITES))
-        trace = stack.enter_context(TraceGather(world, side, _SITES))
+        trace = stack.enter_context(TraceGather(world, side, _SITES, embree=rays == "embree"))
         geometry = world.geometry
         light, sites = (
             HitLight(shadow(world, _SHADOWS)),

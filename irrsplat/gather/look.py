@@ -24,8 +24,9 @@ from irrsplat.records.record_cache import RecordCache
 class Gather(Owner):
     """A gather bound to its `world`, which it follows when that moves; made for the world's lights (see light_defines).
 
-    kind: "raster", "plane" or "trace". capacity: records that one call takes at most. cell: texels, width and height, of what a
-    record sees. share: (height, width) cosθ·dω of each of them. triangle_order: how it numbers the triangles that it hits.
+    kind: "raster", "plane", "trace" or "embree". capacity: records that one call takes at most. cell: texels, width and height,
+    of what a record sees. share: (height, width) cosθ·dω of each of them. triangle_order: how it numbers the triangles that it
+    hits.
     """
 
     kind: str

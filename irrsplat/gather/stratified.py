@@ -23,6 +23,14 @@ def _edges(side: int) -> tuple[np.ndarray, np.ndarray]:
     return np.arcsin(np.sqrt(np.arange(m + 1) / m)), 2.0 * np.pi * np.arange(n + 1) / n
 
 
+def ray_directions(side: int) -> np.ndarray:
+    """(M·N, 3) float64: the rays' directions in a record's frame, through the middle of each stratum in sin²θ and φ."""
+    m, n = shape(side)
+    square, azimuth = np.meshgrid((np.arange(m) + 0.5) / m, 2.0 * np.pi * (np.arange(n) + 0.5) / n, indexing="ij")
+    sine, cosine = np.sqrt(square), np.sqrt(1.0 - square)
+    return np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine], axis=-1).reshape(-1, 3)
+
+
 def stratum_table(side: int) -> np.ndarray:
     """(M, N, 4) float64: each stratum's mean direction in the record's frame, unit, and the cosθ·dω that it stands for, π/(MN).
 

@@ -1,31 +1,34 @@
-"""The gather by rays: what many records see along cosine-stratified directions, by a tree of the scene's triangles.
+"""The gather by rays: what many records see along cosine-stratified directions.
 
-A fragment is a ray. Its radiance and distance go into an atlas like that of a raster gather, which the same reduction sums.
+A fragment is a ray. It goes through a tree of the scene's triangles, or Embree has found what it hits (scene/ray_caster.py). Its
+radiance and distance go into an atlas like that of a raster gather, which the same reduction sums.
 """
 
 from __future__ import annotations
 
+import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import Atlas, HitLight, Sites
+from irrsplat.core.buffers import Atlas, HitLight, Sites, Uniforms
+from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gather.light_samples import EmitterSearch
 from irrsplat.gather.look import Gather
 from irrsplat.gather.record_frame import atlas_grid, eye_positions, frame_rows, sample_offsets, tangent_frames
-from irrsplat.gather.stratified import stratum_edges, stratum_table
+from irrsplat.gather.stratified import ray_directions, stratum_edges, stratum_table
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Resource
-from irrsplat.gpu.target import Target, float_texture, table_texture
+from irrsplat.gpu.target import Target, float_texture, integer_texture, table_texture
 from irrsplat.gpu.world import World
 from irrsplat.lighting.light_table import light_defines
 
 
 class TraceGather(Gather):
-    """Traces side² rays a record through the world's tree.
+    """Traces side² rays a record, in the shader through the world's tree, or with `embree` by that.
 
     capacity: how many records one call takes at most (default: what a 96 MiB atlas holds). surface: the light that it is called
     with has a surface cache, too. hits: of that cache it is only noted which of its values speak for what the rays hit, for the
     method `hits`. light_samples: a record's shadow rays to emitters, beside the rays that may find some; with emitters_apart
-    neither counts. Raises InputError for more triangles than the GPU's textures hold.
+    neither counts. Raises InputError for more triangles than the GPU's textures hold, and where embreex is wanted and missing.
     """
 
     triangle_order = "tree"
@@ -40,12 +43,13 @@ class TraceGather(Gather):
         hits: bool = False,
         light_samples: int = 0,
         emitters_apart: bool = False,
+        embree: bool = False,
     ) -> None:
         super().__init__(world)
         self.ctx = ctx = world.ctx
         self.tree = world.tree
         self.side = max(4, side // 4 * 4)  # so that blocks fill a cell
-        self.kind = "trace"
+        self.kind = "embree" if embree else "trace"
         table = stratum_table(self.side)
         self.cell = (table.shape[1], table.shape[0])
         self.share = table[..., 3]  # cosθ·dω of every texel of a cell
@@ -63,16 +67,23 @@ class TraceGather(Gather):
                 **self.emitters.defines,
                 "SURFACE": int(surface),
                 "HITS": int(hits),
+                "KNOWN_HITS": int(embree),
             },
         )
         self.outputs = (4, 4, 4, 4) if hits else (4, 4)
-        self.columns, self.capacity = atlas_grid(self.cell, capacity, int(ctx.info["GL_MAX_TEXTURE_SIZE"]))
+        limit, rays = int(ctx.info["GL_MAX_TEXTURE_SIZE"]), self.share.size
+        self.columns, self.capacity = atlas_grid(self.cell, capacity, limit)
+        self.first_hits: moderngl.Texture | None = None
+        if embree:
+            self.rays = ray_directions(self.side)
+            self.columns, self.capacity = atlas_grid(self.cell, min(self.capacity, limit * TABLE_COLUMNS // rays), limit)
+            self.first_hits = integer_texture(ctx, (TABLE_COLUMNS, -(-self.capacity * rays // TABLE_COLUMNS)))
         self.target: Target | None = None
         self.frames = float_texture(ctx, (self.capacity, 5))
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.table, self.edges, self.program, self.target, self.frames)
+        return (self.table, self.edges, self.program, self.target, self.frames, self.first_hits)
 
     def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
         """What records at `sites` (at most `capacity`) see; `numbers` (N,) are theirs in the cache."""
@@ -86,6 +97,7 @@ class TraceGather(Gather):
         rows[:2, :, 3] = sample_offsets(rotations, seed).T
         rows[4, :, :3] = eye_positions(sites, self.tree.corners, self.offset)
         self.frames.write(rows.tobytes(), viewport=(0, 0, count, 5))
+        hits = self._trace(rows)
         lines, rest = divmod(count, self.columns)
         width, height = self.cell
         for area in ((0, 0, self.columns * width, lines * height), (0, lines * height, rest * width, height)):
@@ -97,6 +109,7 @@ class TraceGather(Gather):
                     cell=self.cell,
                     columns=self.columns,
                     near=self.offset,
+                    **hits,
                     **(self.world.trace_uniforms | light.uniforms(self.triangle_order)),
                     **self.emitters.ray_uniforms(self.triangle_order),
                 )
@@ -104,6 +117,16 @@ class TraceGather(Gather):
         radiance, planes = self.target.textures[:2]
         samples = self.emitters.light_samples
         return Atlas(radiance, planes, self.table, self.edges, self.frames, count, self.columns, self.cell, block, samples)
+
+    def _trace(self, rows: np.ndarray) -> Uniforms:
+        """Have Embree trace the rays of records with these rows of `frames`; the uniforms that tell what they hit."""
+        if self.first_hits is None:
+            return {}
+        found = self.world.caster.first_hits(rows[4, :, :3], rows[:3, :, :3].swapaxes(0, 1), self.rays).ravel()
+        lines = -(-len(found) // TABLE_COLUMNS)
+        found = np.pad(found, (0, lines * TABLE_COLUMNS - len(found)))
+        self.first_hits.write(found.tobytes(), viewport=(0, 0, TABLE_COLUMNS, lines))
+        return {"first_hits": self.first_hits}
 
     def hits(self, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """What the rays of the last call's first `count` records hit, R rays each in the order of the cell's texels.

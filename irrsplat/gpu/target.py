@@ -18,6 +18,13 @@ def float_texture(ctx: moderngl.Context, size: tuple[int, int], components: int 
     return texture
 
 
+def integer_texture(ctx: moderngl.Context, size: tuple[int, int]) -> moderngl.Texture:
+    """A texture of one int32 component, of `size` (width, height), read by texelFetch."""
+    texture = ctx.texture(size, 1, dtype="i4")
+    texture.filter = moderngl.NEAREST, moderngl.NEAREST
+    return texture
+
+
 def table_texture(ctx: moderngl.Context, rows: np.ndarray) -> moderngl.Texture:
     """An RGBA32F texture that holds `rows` (R, C, 4): texel (c, r) is rows[r, c]."""
     rows = np.ascontiguousarray(rows, "f4")

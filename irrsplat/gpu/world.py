@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from concurrent.futures import wait
+import time
+from concurrent.futures import Future, wait
 from functools import partial
 
 import moderngl
+import numpy as np
 
-from irrsplat.core.beside import started
+from irrsplat.core.beside import done, started
 from irrsplat.core.buffers import Uniforms
+from irrsplat.core.vertex_layout import vertex_column
 from irrsplat.gpu.bvh_table import BvhTable, tree_of
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.material_table import MaterialTable
@@ -16,6 +19,7 @@ from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.scene.flatten import flatten
 from irrsplat.scene.looks import runs
 from irrsplat.scene.model import Mesh, Scene
+from irrsplat.scene.ray_caster import RayCaster
 from irrsplat.scene.seen_by_light import face_counts
 
 _LARGE = 100_000  # triangles from which a tree takes long enough to be begun before anybody wants it
@@ -39,6 +43,7 @@ class World(Owner):
         self._scene = scene
         self._uploaded: tuple[Mesh, ...] | None = scene.meshes  # None while what is on the GPU is neither before nor after a move
         self._tree: BvhTable | None = None
+        self._caster: tuple[np.ndarray, Future[RayCaster]] | None = None  # of these `corners` of the tree
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
@@ -86,10 +91,27 @@ class World(Owner):
             self._tree, self._planted = BvhTable(self.ctx, *flatten(self._scene)[:2], self.geometry.counts, bvh), None
         return self._tree
 
-    def wait_for_tree(self, seconds: float) -> bool:
-        """Wait so long for what `tree` needs, at most; whether that is there. Whoever asks again and again without waiting takes
-        the interpreter from those who make it."""
-        return self._planted is None or bool(wait([self._planted], max(seconds, 0.0)).done)
+    @property
+    def caster(self) -> RayCaster:
+        """The tree's triangles in its order, as Embree has them, made when first wanted and again when they have moved."""
+        return self._casting().result()
+
+    def _casting(self) -> Future[RayCaster]:
+        """The making of that, in a thread where it takes long."""
+        tree = self.tree
+        if self._caster is None or self._caster[0] is not tree.corners:
+            vertices, faces, _ = flatten(self._scene)
+            make = partial(RayCaster, vertex_column(vertices, "position"), faces[tree.order])
+            self._caster = tree.corners, started(make) if len(tree.order) >= _LARGE else done(make)
+        return self._caster[1]
+
+    def wait_for_tree(self, seconds: float, caster: bool = False) -> bool:
+        """Wait so long for what `tree` needs, at most, and for the `caster`; whether that is there. Whoever asks again and again
+        without waiting takes the interpreter from those who make it."""
+        end = time.perf_counter() + seconds
+        if self._planted is not None and not wait([self._planted], max(seconds, 0.0)).done:
+            return False
+        return not caster or bool(wait([self._casting()], max(end - time.perf_counter(), 0.0)).done)
 
     def set_scene(self, scene: Scene) -> None:
         """Go on with the same meshes, lit otherwise or elsewhere; where they have moved, the triangles are uploaded again and the

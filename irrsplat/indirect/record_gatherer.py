@@ -45,9 +45,9 @@ class BounceStatistics(TypedDict):
 class Basis:
     """What the records of the cache are gathered by: the one value that changes as scene and settings do.
 
-    kind: how a record sees the world, "trace", "raster" or "plane". moved: whether something has moved, and which records that
-    concerns is still to be found out. resumed: the statistics of records from a file, as long as their surface cache is not made.
-    waited: seconds that the first surface cache has taken so far.
+    kind: how a record sees the world, "trace", "embree", "raster" or "plane". moved: whether something has moved, and which
+    records that concerns is still to be found out. resumed: the statistics of records from a file, as long as their surface
+    cache is not made. waited: seconds that the first surface cache has taken so far.
     """
 
     scene: Scene
@@ -135,6 +135,12 @@ class RecordGatherer(Owner):
         return self._made.find("surface", SurfaceCache)
 
     @property
+    def _casts(self) -> bool:
+        """Whether Embree traces rays, from records or from the sites of the surface cache."""
+        basis = self._basis
+        return basis.kind == "embree" or (basis.wants_surface and autotune.ray_kind(self.ctx, basis.settings) == "embree")
+
+    @property
     def _pace(self) -> Pace:
         """How much a batch of records costs this gather."""
         return self._memo.get("pace", self.gather_pass, lambda: Pace(self.ctx))
@@ -216,7 +222,7 @@ class RecordGatherer(Owner):
         """
         if self._basis.resumed is not None and not budget.limited and not len(self.cache.stale):
             return True
-        if budget.limited and not self.world.wait_for_tree(budget.left):
+        if budget.limited and not self.world.wait_for_tree(budget.left, self._casts):
             return False
         return self._advance(shadows, budget)
 

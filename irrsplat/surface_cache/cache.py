@@ -13,6 +13,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import GBuffer, HitLight, ShadowMaps, Sites, TriangleOrder, Uniforms
+from irrsplat.gather.autotune import ray_kind
 from irrsplat.gather.look import gather_records
 from irrsplat.gather.record_frame import OFFSET, tangent_frames
 from irrsplat.gather.reduce import ReducePass
@@ -104,10 +105,11 @@ class SurfaceCache(Owner):
         """Rays from so many sites, compiled for the kinds of lights that there are."""
         side = int(np.clip(np.sqrt(RAYS / max(sites, 1)), *SIDES))
         lights, samples = light_defines(self.world.scene), min(self._basis.settings.light_samples, int(_LIGHT_SAMPLES * side**2))
+        embree = ray_kind(self.ctx, self._basis.settings) == "embree"
         return self._made.get(
             "gather",
-            (side, lights, samples),
-            lambda: TraceGather(self.world, side, _BATCH, surface=True, hits=True, light_samples=samples),
+            (side, lights, samples, embree),
+            lambda: TraceGather(self.world, side, _BATCH, surface=True, hits=True, light_samples=samples, embree=embree),
         )
 
     # ---- what it holds ---------------------------------------------------------------------------------------------

@@ -18,6 +18,9 @@ uniform sampler2D frames;    // texels (i, 0..2): record i's tangent, bitangent 
 uniform ivec2 cell;          // azimuths and elevations of a record
 uniform int columns;         // cells per row
 uniform float near;          // metres
+#if KNOWN_HITS
+uniform isampler2D first_hits;  // of each ray, record by record, the triangle that it hits first; -1: none
+#endif
 
 layout(location = 0) out vec4 out_radiance;  // rgb W/(m² sr), a distance in metres (0: nothing hit, the sky)
 layout(location = 1) out vec4 out_plane;     // of what is hit: 1/distance in the unit direction w is dot(xyz, w), metres⁻¹
@@ -43,7 +46,12 @@ void main()
     vec3 x = cos(azimuth), y = sin(azimuth);
     vec3 d = normalize(frame * vec3(sqrt(square.x) * vec2(x.x, y.x), sqrt(1.0 - square.x)));
 
+#if KNOWN_HITS
+    int ray = (record * cell.y + int(inside.y)) * cell.x + int(inside.x);
+    Hit hit = bvh_known(eye, d, texelFetch(first_hits, table_texel(ray), 0).r);
+#else
     Hit hit = bvh_closest(eye, d, 0.0);
+#endif
     vec3 corner[3] = vec3[](bvh_corner(hit.triangle, 0).xyz, bvh_corner(hit.triangle, 1).xyz, bvh_corner(hit.triangle, 2).xyz);
     ivec3 at = bvh_vertices(hit.triangle);
     vec3 g = normalize(cross(corner[1] - corner[0], corner[2] - corner[0]));

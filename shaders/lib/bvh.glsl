@@ -37,6 +37,13 @@ ivec3 bvh_vertices(int triangle)
     return numbers;
 }
 
+// The volumes that a ray spans with the three edges, whose corners are a, b and c from where it begins: both triangles at an edge
+// find the same one, of opposite sign, so that no ray passes between them (Davis et al. 1997 call these Plucker coordinates).
+vec3 bvh_volumes(vec3 d, vec3 a, vec3 b, vec3 c)
+{
+    return vec3(dot(d, cross(c - b, c + b)), dot(d, cross(a - c, a + c)), dot(d, cross(b - a, b + a)));
+}
+
 // The nearest hit of the ray from o in the unit direction d that is farther than `nearest` metres and less far than `farthest`;
 // none: its t is `farthest`.
 // Software renderers run what an `if` holds for all rays as soon as one has to, but a loop only as often as one needs it:
@@ -64,10 +71,8 @@ Hit bvh_between(vec3 o, vec3 d, float nearest, float farthest)
         int triangle = (leaf & 0x7FFFFFFF) >> 2, last = leaf == 0 ? -1 : triangle + (leaf & 3);
         while (triangle <= last)
         {
-            // The volumes that the ray spans with the three edges: both triangles at an edge find the same one, of opposite
-            // sign, so that no ray passes between them (Davis et al. 1997 call these Plucker coordinates).
             vec3 a = bvh_corner(triangle, 0).xyz - o, b = bvh_corner(triangle, 1).xyz - o, c = bvh_corner(triangle, 2).xyz - o;
-            vec3 share = vec3(dot(d, cross(c - b, c + b)), dot(d, cross(a - c, a + c)), dot(d, cross(b - a, b + a)));
+            vec3 share = bvh_volumes(d, a, b, c);
             vec3 n = cross(b - a, c - a);
             float t = dot(n, a) / dot(n, d);
             bool through = min(share.x, min(share.y, share.z)) >= 0.0 || max(share.x, max(share.y, share.z)) <= 0.0;
@@ -94,6 +99,29 @@ Hit bvh_between(vec3 o, vec3 d, float nearest, float farthest)
 Hit bvh_closest(vec3 o, vec3 d, float nearest)
 {
     return bvh_between(o, d, nearest, FARTHEST_HIT);
+}
+
+// The nearest hit, where it is known already which triangle a ray hits first; -1: none. The hit is on the triangle, even where
+// rounding has the ray pass beside it. Where that is cut out there, the ray goes through the tree after all.
+Hit bvh_known(vec3 o, vec3 d, int triangle)
+{
+    if (triangle < 0) return Hit(FARTHEST_HIT, vec3(1.0, 0.0, 0.0), 0);
+    vec3 a = bvh_corner(triangle, 0).xyz - o, b = bvh_corner(triangle, 1).xyz - o, c = bvh_corner(triangle, 2).xyz - o;
+    vec3 share = bvh_volumes(d, a, b, c);
+    share = max(share.x + share.y + share.z < 0.0 ? -share : share, 0.0);
+    float sum = share.x + share.y + share.z;
+    share = sum > 0.0 ? share / sum : vec3(1.0 / 3.0);
+    Hit hit = Hit(max(dot(d, a * share.x + b * share.y + c * share.z), 1e-30), share, triangle);
+#if CUT_OUTS
+    bool undecided = bvh_corner(triangle, 0).w < 0.0;
+    while (undecided)  // a loop, as above
+    {
+        ivec3 i = bvh_vertices(triangle);
+        if (light_passes(interpolate(share, vertex_at(i.x), vertex_at(i.y), vertex_at(i.z)))) hit = bvh_closest(o, d, 0.0);
+        undecided = false;
+    }
+#endif
+    return hit;
 }
 
 // Whether nothing stands between two points.

@@ -29,9 +29,15 @@ class Clock:
     def __init__(self, *times: autotune.Times) -> None:
         self.times, self.asked = list(times), 0
 
-    def __call__(self, ctx: moderngl.Context, scene: Scene, side: int) -> autotune.Times:
+    def __call__(self, ctx: moderngl.Context, scene: Scene, side: int, rays: str) -> autotune.Times:
         self.asked += 1
         return self.times[min(self.asked, len(self.times)) - 1]
+
+
+@pytest.fixture
+def rays(ctx: moderngl.Context) -> str:
+    """The kind of rays that is the faster one here."""
+    return autotune.ray_kind(ctx, ONE)
 
 
 @pytest.fixture
@@ -59,16 +65,16 @@ def test_the_faster_one_is_taken_and_stays(ctx: moderngl.Context, fresh: Callabl
     assert len(list((tmp_path / "cache").iterdir())) == 1, "one file, and nothing beside it"
 
 
-def test_rays_where_they_win(ctx: moderngl.Context, fresh: Callable[..., Clock]) -> None:
+def test_rays_where_they_win(ctx: moderngl.Context, fresh: Callable[..., Clock], rays: str) -> None:
     fresh((2.0, 1.0))
-    assert autotune.kind(ctx, SMALL, ONE) == "trace"
+    assert autotune.kind(ctx, SMALL, ONE) == rays
 
 
-def test_what_else_it_goes_by_is_timed_apart(ctx: moderngl.Context, fresh: Callable[..., Clock]) -> None:
+def test_what_else_it_goes_by_is_timed_apart(ctx: moderngl.Context, fresh: Callable[..., Clock], rays: str) -> None:
     """Sizes from 64 on count as one; other triangles, or another driver, are timed again."""
     clock = fresh((1.0, 2.0), (2.0, 1.0), (1.0, 2.0))
     sizes = [Settings(bounces=1, gather_size=n) for n in (64, 128, 16, 4)]
-    assert [autotune.kind(ctx, SMALL, s) for s in sizes] == ["raster", "raster", "trace", "trace"]
+    assert [autotune.kind(ctx, SMALL, s) for s in sizes] == ["raster", "raster", rays, rays]
     assert autotune.kind(ctx, Scene(SMALL.meshes[:1], (), (ABOVE,)), ONE) == "raster"
     assert clock.asked == 3
     about = context.describe(ctx)
@@ -76,18 +82,18 @@ def test_what_else_it_goes_by_is_timed_apart(ctx: moderngl.Context, fresh: Calla
 
 
 def test_where_it_is_clear_nothing_is_timed(
-    ctx: moderngl.Context, fresh: Callable[..., Clock], monkeypatch: pytest.MonkeyPatch
+    ctx: moderngl.Context, fresh: Callable[..., Clock], monkeypatch: pytest.MonkeyPatch, rays: str
 ) -> None:
     clock = fresh((1.0, 2.0))
-    assert autotune.kind(ctx, SMALL, Settings(bounces=2)) == "trace"
-    assert autotune.kind(ctx, SMALL, Settings()) == "trace"
+    assert autotune.kind(ctx, SMALL, Settings(bounces=2)) == rays
+    assert autotune.kind(ctx, SMALL, Settings()) == rays
     for name in ("plane", "raster", "trace"):
         assert autotune.kind(ctx, SMALL, Settings(gather=name, bounces=1)) == name
     assert autotune.kind(ctx, SMALL, Settings(bounces=0)) == "raster"
     assert autotune.kind(ctx, Scene((), (), (ABOVE,)), ONE) == "raster"
     monkeypatch.setattr(autotune, "DOUBTFUL", {True: 10, False: 10})
     monkeypatch.setattr(autotune, "_GUESS", {True: 10, False: 10})
-    assert autotune.kind(ctx, SMALL, ONE) == "trace"
+    assert autotune.kind(ctx, SMALL, ONE) == rays
     assert clock.asked == 0
 
 
@@ -123,9 +129,9 @@ def test_where_nothing_can_be_kept_it_is_the_same_each_time(
     assert autotune.kept(context.describe(ctx)) == []
 
 
-def test_the_race_itself(ctx: moderngl.Context, race: Callable[..., autotune.Times]) -> None:
+def test_the_race_itself(ctx: moderngl.Context, race: Callable[..., autotune.Times], rays: str) -> None:
     """It runs both, and lets go of what it made."""
-    times = race(ctx, SMALL, 16)
+    times = race(ctx, SMALL, 16, rays)
     assert all(0.0 < t < 1e4 for t in times)
     lit = Scene((floor(), *SMALL.meshes), (), (ABOVE,))
     sites = autotune._sites(lit, np.concatenate([m.positions[m.faces] for m in (SMALL.meshes[1], floor(), floor())]), 12)
@@ -134,11 +140,11 @@ def test_the_race_itself(ctx: moderngl.Context, race: Callable[..., autotune.Tim
     assert (sites.normal[sites.triangle >= 12, 1] > 0.0).all(), "the floor looks up, into the scene"
 
 
-def test_a_renderer_goes_by_it(fresh: Callable[..., Clock]) -> None:
+def test_a_renderer_goes_by_it(fresh: Callable[..., Clock], rays: str) -> None:
     fresh((2.0, 1.0))
     with Renderer(SMALL, (8, 8), bounces=1, gather_size=8) as renderer:
-        assert renderer.scheduler.gatherer.gather_pass.kind == "trace"
-        assert renderer.render().stats["gathered_by"] == "trace"
+        assert renderer.scheduler.gatherer.gather_pass.kind == rays
+        assert renderer.render().stats["gathered_by"] == rays
 
 
 def test_the_doctor_tells(ctx: moderngl.Context, fresh: Callable[..., Clock], capsys: pytest.CaptureFixture[str]) -> None:

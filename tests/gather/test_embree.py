@@ -1,0 +1,83 @@
+"""Rays that Embree traces: they bring what the shader's own rays bring, wherever things stand and whatever is cut out of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import moderngl
+import numpy as np
+import pytest
+
+from irrsplat.core.errors import InputError
+from irrsplat.gather import autotune
+from irrsplat.gpu import context
+from irrsplat.renderer import Renderer
+from irrsplat.scene import ray_caster
+from irrsplat.scene.model import Texture
+from irrsplat.settings import Settings
+from tests.gather.test_analytic import room
+from tests.gather.test_textures import UP, checker, image
+from tests.support.worlds import ABOVE, Lit, box, floor, lamp, material, quad, scene, sites
+
+pytest.importorskip("embreex")
+
+
+def test_it_sees_what_the_shader_s_rays_see(ctx: moderngl.Context) -> None:
+    """E, gradients and the Hessian in a room full of things, before and after one of them moves; bit for bit the same twice.
+
+    Rounding decides what a ray on an edge hits, so that some of the 24 × 1024 rays may differ.
+    """
+    rng = np.random.default_rng(7)
+    where = sites(rng.uniform(-0.9, 0.9, (24, 3)), rng.normal(size=(24, 3)))
+    before = room()
+    moved = replace(before, meshes=(*before.meshes[:-1], replace(before.meshes[-1], positions=before.meshes[-1].positions + 0.2)))
+    E = []
+    with Lit(ctx, before) as lit:
+        for world in (before, moved):
+            lit.world.set_scene(world)
+            truth, found, again = (lit.gather(where, 32, kind, capacity=7) for kind in ("trace", "embree", "embree"))
+            for a, b, c in zip(*(vars(one).values() for one in (truth, found, again)), strict=True):
+                assert np.array_equal(b, c, equal_nan=True)
+                assert np.abs(a - b).max() < 2e-3 * np.abs(a).max()
+            E.append(found.E)
+    assert np.abs(E[1] - E[0]).max() > 0.05 * E[0].mean(), "what has moved is seen"
+
+
+def test_it_passes_what_is_cut_out(ctx: moderngl.Context) -> None:
+    """Through a fence of which half is cut out a record sees the sky, and the wall behind some of it."""
+    pattern = Texture(image(np.full((8, 8), 255), 255 * checker(8)))
+    fence = quad((-1, 0.5, -1), (0, 0, 2), (2, 0, 0), replace(material(0.5), albedo_texture=pattern, alpha_cutoff=0.5))
+    uvs = np.zeros((4, 4), "f4")
+    uvs[:, :2] = (0, 0), (0, 1), (1, 1), (1, 0)
+    behind = box((-0.3, 0.8, -0.3), (0.3, 1.0, 0.3), material(0.8))
+    where = sites([(x, 0.0, 0.1) for x in np.linspace(-0.8, 0.8, 9)], UP)
+    with Lit(ctx, scene(replace(fence, uvs=uvs), behind, sky=1.0, lights=(lamp((0.0, 2.0, 0.0)),))) as lit:
+        truth, found = (lit.gather(where, 32, kind).E[:, 0] for kind in ("trace", "embree"))
+    assert 0.1 * np.pi < truth.min() and truth.max() < 0.9 * np.pi, "there is a fence"
+    assert np.allclose(found, truth, rtol=2e-3)
+
+
+def test_all_bounces_are_the_same(ctx: moderngl.Context) -> None:
+    """The sites of the surface cache, and the records that it lights, in a closed room."""
+    inside = scene(box((-2, -1, -2), (2, 5, 2), material(0.7), outward=False), floor(0.5), lights=(lamp((0.3, 1.5, 0.2), 5.0),))
+    pictures = []
+    for kind in ("trace", "embree"):
+        with Renderer(inside, (16, 16), ctx=ctx, gather=kind, gather_size=8, shadow_size=64) as renderer:
+            frame = renderer.render(ABOVE)
+            assert frame.stats["gathered_by"] == kind
+            pictures.append(frame.irradiance)
+    assert pictures[0].mean() > 0.1
+    assert np.abs(pictures[1] - pictures[0]).max() < 0.01 * pictures[0].mean()
+
+
+def test_without_it_the_others_go_on(ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is wanted on software renderers alone; where it is missing, auto goes by the shader, and who asks for it is told."""
+    assert autotune.kind(ctx, room(), Settings()) == "embree"
+    monkeypatch.setattr(context, "describe", lambda ctx: {"software": False})
+    assert autotune.kind(ctx, room(), Settings()) == "trace"
+    assert autotune.kind(ctx, room(), Settings(gather="embree")) == "embree"
+    monkeypatch.undo()
+    monkeypatch.setattr(ray_caster, "available", lambda: False)
+    assert autotune.kind(ctx, room(), Settings()) == "trace"
+    with pytest.raises(InputError, match=r"--gather embree needs the package embreex .*pip install"):
+        autotune.kind(ctx, room(), Settings(gather="embree"))
