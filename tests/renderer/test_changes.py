@@ -15,6 +15,7 @@ from irrsplat.gpu.bvh_table import BvhTable
 from irrsplat.gpu.target import pixels
 from irrsplat.indirect.change_probe import ChangeProbe
 from irrsplat.records.record_cache import RecordCache
+from irrsplat.scene import ray_caster
 from irrsplat.scene.flatten import flatten
 from tests.renderer.test_move import BOX, shift
 from tests.renderer.test_renderer import FAST, SIZE, room
@@ -39,6 +40,7 @@ def agrees(renderer: Renderer) -> None:
 def test_probes_look_as_records_do(monkeypatch: pytest.MonkeyPatch, coarse: str) -> None:
     """Where 16² are faster one way and 64² the other: a move is as good as with either alone."""
     monkeypatch.setattr(autotune, "_known", {})
+    monkeypatch.setattr(ray_caster, "available", lambda: False)
     times = {"raster": (1.0, 2.0), "trace": (2.0, 1.0)}
     fine = "trace" if coarse == "raster" else "raster"
     monkeypatch.setattr(autotune, "_times", lambda name, measure: times[coarse if name.endswith("; 16 texels") else fine])
