@@ -65,3 +65,21 @@ class RayCaster:
         for _ in _threads().map(trace, range(0, len(origins), step)):
             pass
         return hits
+
+    def free(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
+        """(N,) whether nothing stands between points (N, 3) and others (N, 3), metres."""
+        scene, found = self._scene, np.ones(len(starts), bool)
+        if scene is None:
+            return found
+        starts, ends = (np.asarray(points, np.float32) for points in (starts, ends))
+
+        def look(first: int) -> None:
+            """Along the lines from there on."""
+            some = slice(first, first + _TASK)
+            away = ends[some] - starts[some]
+            hits = scene.run(starts[some], away, np.ones(len(away), np.float32), query="OCCLUDED")  # up to their ends
+            found[some] = hits < 0
+
+        for _ in _threads().map(look, range(0, len(starts), _TASK)):
+            pass
+        return found

@@ -31,7 +31,7 @@ from irrsplat.surface_cache.lookup_table import LookupTable, unknown
 from irrsplat.surface_cache.site_layout import DARK_VALUE, FIRST_SITE, MAX_SITES, SKY_VALUE, SiteChooser, SiteLayout
 from irrsplat.surface_cache.transport import BouncedLight, Transport, sum_bounces
 from irrsplat.surface_cache.view import SurfaceViewPass
-from irrsplat.surface_cache.visibility import VisibilityPass
+from irrsplat.surface_cache.visibility import VisibilityPass, seen_by_embree
 
 RAYS = 1 << 20  # of all sites together, about: where these are many, what lights a record is the mean of more of them
 SIDES = (8, 16)  # the least and the greatest: side² rays a site
@@ -105,12 +105,17 @@ class SurfaceCache(Owner):
         """Rays from so many sites, compiled for the kinds of lights that there are."""
         side = int(np.clip(np.sqrt(RAYS / max(sites, 1)), *SIDES))
         lights, samples = light_defines(self.world.scene), min(self._basis.settings.light_samples, int(_LIGHT_SAMPLES * side**2))
-        embree = ray_kind(self.ctx, self._basis.settings) == "embree"
+        embree = self._embree
         return self._made.get(
             "gather",
             (side, lights, samples, embree),
             lambda: TraceGather(self.world, side, _BATCH, surface=True, hits=True, light_samples=samples, embree=embree),
         )
+
+    @property
+    def _embree(self) -> bool:
+        """Whether Embree traces its rays."""
+        return ray_kind(self.ctx, self._basis.settings) == "embree"
 
     # ---- what it holds ---------------------------------------------------------------------------------------------
 
@@ -243,7 +248,7 @@ class SurfaceCache(Owner):
             if self._choosing is None:
                 scene, unlit = self._basis.scene, self._basis.unlit
                 offset = OFFSET * scene.diagonal
-                self._choosing = SiteChooser(scene, unlit, offset, self.world.ray_uniforms, self._visibility).layout()
+                self._choosing = SiteChooser(scene, unlit, offset, self._see).layout()
             try:
                 self._chosen = next(self._choosing)
             except StopIteration as end:
@@ -252,6 +257,12 @@ class SurfaceCache(Owner):
             if budget.left <= 0.0:
                 return None
         return self._laid_out
+
+    def _see(self, lines: np.ndarray) -> np.ndarray:
+        """(N,) which of these sight lines (N, 3, 3) are free; what is cut out, only shaders know."""
+        if self._embree and not self.world.material_defines["CUT_OUTS"]:
+            return seen_by_embree(self.world.caster, lines)
+        return self._visibility(self.world.ray_uniforms, lines)
 
     def _gather_sites(self, laid_out: _LaidOut, shadows: ShadowMaps, budget: Budget) -> None:
         """Gather E_1 at the sites that lack it, and which sites their rays meet where these are not known yet."""

@@ -6,14 +6,14 @@ that lie close together and face alike, one is the site of all that see it.
 
 from __future__ import annotations
 
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
 from irrsplat.core.beside import beside
-from irrsplat.core.buffers import Sites, Uniforms
+from irrsplat.core.buffers import Sites
 from irrsplat.core.glsl import HIDDEN_OTHERWISE
 from irrsplat.core.vectors import triangle_areas
 from irrsplat.core.vertex_layout import vertex_column
@@ -82,14 +82,13 @@ class SiteChooser:
     """Chooses the sites of a scene. Its steps are generators, which yield the share of all work that is done and return a result.
 
     unlit: (F,) the triangles whose inner side no light reaches, see clustering.unlit_interiors. offset: metres above its surface
-    that a site looks from. rays: the uniforms of shaders/lib/bvh.glsl.
+    that a site looks from. visibility: which of some sight lines (N, 3, 3) are free, as VisibilityPass has it.
     """
 
     scene: Scene
     unlit: np.ndarray
     offset: float
-    rays: Uniforms
-    visibility: VisibilityPass
+    visibility: Callable[[np.ndarray], np.ndarray]
 
     def layout(self) -> Generator[float, None, SiteLayout]:
         """All steps, one after the other."""
@@ -203,9 +202,9 @@ class SiteChooser:
     def _see(self, members: Members, a: np.ndarray, b: np.ndarray, done: float) -> Generator[float, None, np.ndarray]:
         """(N,) whether members a see members b (N,); yields `done` from batch to batch."""
         seen = np.ones(len(a), bool)
-        for start in range(0, len(a), self.visibility.capacity):
-            part = slice(start, start + self.visibility.capacity)
-            lines = clustering.sight_lines(members, a[part], b[part])
-            seen[part] = self.visibility(self.rays, lines) | (a[part] == b[part])
+        apart = np.flatnonzero(a != b)
+        for start in range(0, len(apart), VisibilityPass.capacity):
+            part = apart[start : start + VisibilityPass.capacity]
+            seen[part] = self.visibility(clustering.sight_lines(members, a[part], b[part]))
             yield done
         return seen

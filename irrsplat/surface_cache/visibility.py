@@ -1,4 +1,7 @@
-"""The visibility test: whether two points see each other by way of a third, for many pairs at once, by rays through the tree."""
+"""The visibility test: whether two points see each other by way of a third, for many pairs at once, by rays through the tree.
+
+In a shader, or by Embree on the CPU, where that is faster and no surface is cut out.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +16,18 @@ from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target, float_texture
 from irrsplat.gpu.texel_table import table_rows
+from irrsplat.scene.ray_caster import RayCaster
 
 _ROWS = 16  # of pairs in a batch
+_BEYOND = 1.001  # as far as the point between: the first part of a line ends behind a surface on which that lies
+
+
+def seen_by_embree(caster: RayCaster, lines: np.ndarray) -> np.ndarray:
+    """(N,) as VisibilityPass has it."""
+    a, between, b = lines.swapaxes(0, 1)
+    seen = caster.free(a, a + _BEYOND * (between - a))
+    seen[seen] = caster.free(between[seen], b[seen])
+    return seen
 
 
 class VisibilityPass(Owner):
@@ -23,7 +36,7 @@ class VisibilityPass(Owner):
     capacity = TABLE_COLUMNS * _ROWS
 
     def __init__(self, ctx: moderngl.Context, materials: Mapping[str, int] | None = None) -> None:
-        self.program = Program(ctx, "surface_cache/visibility", "lib/fullscreen", materials)
+        self.program = Program(ctx, "surface_cache/visibility", "lib/fullscreen", {**(materials or {}), "BEYOND": _BEYOND})
         self.lines = float_texture(ctx, (3 * TABLE_COLUMNS, _ROWS))
         self.target = Target(ctx, (TABLE_COLUMNS, _ROWS), (1,))
 

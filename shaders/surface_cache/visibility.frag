@@ -10,6 +10,6 @@ void main()
     ivec2 first = ivec2(gl_FragCoord.xy) * ivec2(3, 1);
     vec3 a = texelFetch(lines, first, 0).xyz, between = texelFetch(lines, first + ivec2(1, 0), 0).xyz;
     vec3 b = texelFetch(lines, first + ivec2(2, 0), 0).xyz;
-    // the first part ends a little beyond the point between, so that a surface on which that point lies is in the way too
-    out_seen = bvh_free(a, mix(a, between, 1.001)) && bvh_free(between, b) ? 1.0 : 0.0;
+    // BEYOND, from visibility.py: the first part ends behind the point between, so that a surface on which that lies is in the way
+    out_seen = bvh_free(a, mix(a, between, BEYOND)) && bvh_free(between, b) ? 1.0 : 0.0;
 }
