@@ -33,7 +33,7 @@ from irrsplat.surface_cache.transport import BouncedLight, Transport, sum_bounce
 from irrsplat.surface_cache.view import SurfaceViewPass
 from irrsplat.surface_cache.visibility import VisibilityPass, seen_by_embree
 
-RAYS = 1 << 20  # of all sites together, about: where these are many, what lights a record is the mean of more of them
+RAYS = 9 << 18  # of all sites together, about: where these are many, what lights a record is the mean of more of them
 SIDES = (8, 16)  # the least and the greatest: side² rays a site
 _LIGHT_SAMPLES = 0.25  # of its rays: a site's shadow rays to emitters, at most
 _BATCH = 128  # sites gathered at once, at most

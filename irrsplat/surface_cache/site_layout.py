@@ -25,7 +25,7 @@ from irrsplat.surface_cache.clustering import Members
 from irrsplat.surface_cache.tessellation import Tessellation, tessellate
 from irrsplat.surface_cache.visibility import VisibilityPass
 
-POINTS = 2000  # corners of cells on all surfaces, about, where these are large
+POINTS = 7000  # corners of cells on all surfaces, about, where these are large
 MAX_SITES = 1 << 14
 SKY_VALUE, DARK_VALUE = 0, 1  # the numbers of the values of members that see nothing but the sky, and that no light reaches
 FIRST_SITE = 2  # the number of the first value that is gathered

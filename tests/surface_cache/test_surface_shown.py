@@ -85,7 +85,7 @@ def test_sites_are_dots_where_they_lie(cornell: tuple[Renderer, View], ctx: mode
     expected = tonemap(cache.result.irradiance[2:] / np.pi, EXPOSURE)
     own = np.abs(picture - expected).max(1) < 0.01
     facing = ((np.asarray(view.camera.eye) - position) * normal).sum(1) > 0.0
-    assert (inside & facing).sum() > 300 and own[inside & facing].mean() > 0.8
+    assert (inside & facing).sum() > 300 and own[inside & facing].mean() > 0.5
     assert (drawn == np.array(GROUND, "f4")).all(-1).mean() > 0.5
     markers.release()
     target.release()
