@@ -293,6 +293,20 @@ SHADERS = (
         ("tests/indirect/test_examine.py::test_examination_equals_numpy[size1-0.0-0.0]",),
     ),
     Mutant(
+        "pixels borrow though records contradict each other badly",
+        "shaders/indirect/examine.frag",
+        "weight_at(pixel) < tolerance * spread / BADLY",
+        "false",
+        ("tests/indirect/test_examine.py::test_small_groups_of_pixels_borrow_where_there_is_something_to_borrow[1]",),
+    ),
+    Mutant(
+        "records lend as far as they like",
+        "shaders/records/weight.glsl",
+        "max(reach * reach - dot(apart, apart), 0.0)",
+        "reach * reach",
+        ("tests/indirect/test_splat.py::test_records_lend_to_pixels_close_by_that_they_do_not_reach[True]",),
+    ),
+    Mutant(
         "upsampling takes every square for a plane",
         "shaders/indirect/upsample.frag",
         "abs(dot(plane.xyz, p.xyz) - plane.w) <= MAX_RISE * pixel * p.w;",
