@@ -4,6 +4,7 @@
 uniform float a;  // the error that is tolerated (Ward et al. 1988)
 
 const float BORROWED = 1e-6;  // greatest weight at a point that a record does not reach
+const float DEEP = 0.3;       // of their distance: how far a record may lie above the tangent plane of a point that borrows from it
 
 // Constants from irrsplat/settings.py: LEAST_ERROR keeps the weight finite; IN_FRONT is how far in front of the point's surface or
 // behind it a record may lie, as a share of R.
@@ -31,10 +32,12 @@ float record_weight(vec3 apart, vec3 axis, vec2 R, vec3 n, vec3 n_k, bool in_fro
     return 1.0 / max(record_distance(apart, axis, R) + sqrt(max(0.0, 1.0 - cosine)), LEAST_ERROR);
 }
 
-// The weight of a record at a point that it does not reach: so small that it counts only where no record does. reach: metres.
+// The weight of a record at a point that it does not reach: so small that it counts only where no record does. It is 0 where the
+// point lies deep below the record: in a gap it is darker. reach: metres.
 float borrowed_weight(vec3 apart, vec3 n, vec3 n_k, float reach)
 {
     float near = max(reach * reach - dot(apart, apart), 0.0);
+    if (dot(apart, n) < -DEEP * length(apart)) return 0.0;
     return BORROWED * near / max(reach * reach, 1e-30) * pow(max(dot(n, n_k), 0.0), 4.0);
 }
 
