@@ -34,6 +34,7 @@ from irrsplat.image.gbuffer import GBufferPass
 from irrsplat.image.statistics import Statistics, describe
 from irrsplat.image.texture_maps import TextureMaps
 from irrsplat.image.view import Progress, View, read, sample_progress
+from irrsplat.indirect.refinement import Refinement, Refiner
 from irrsplat.indirect.scheduler import NOTHING_ASKED, RecordScheduler, RoundResult
 from irrsplat.indirect.splat_buffer import ViewSplats, first_stride
 from irrsplat.indirect.view_state import ViewState
@@ -51,6 +52,7 @@ from irrsplat.settings import preset as settings_of
 
 _PICTURE_SHARE = 2.0  # how many times as long as a picture takes pass before the next one, while a view fills in ticks
 _OLDEST_PICTURE = 0.3  # seconds after which the next one comes in any case
+_TOLD = 1.0  # seconds after which progress is told while a render is refined
 _RENEWAL = 0.6  # of the time for gathering that stale records may take while pixels without a record wait too
 
 
@@ -76,6 +78,7 @@ class State:
     """What a renderer shows, and how far it has come: the one value that changes from frame to frame.
 
     view: the progress of the present view. shown: None before the first picture. headlamp: W/sr of the lamp at the eye.
+    refinement: of the present view, None while it is as its settings have it.
     """
 
     scene: Scene
@@ -86,6 +89,7 @@ class State:
     costs: Costs = Costs()
     shown: Shown | None = None
     headlamp: float = 0.0
+    refinement: Refinement | None = None
 
 
 @dataclass(frozen=True)
@@ -218,6 +222,12 @@ class Renderer(Owner):
         return self._passes.get("splats", made_of, lambda: ViewSplats(self.ctx, *made_of, self.timers))
 
     @property
+    def refiner(self) -> Refiner:
+        """Refines the present view while it rests."""
+        made_of = self.size, self.settings.gradients
+        return self._passes.get("refiner", made_of, lambda: Refiner(self.ctx, *made_of, self.scheduler, self.timers))
+
+    @property
     def direct_pass(self) -> DirectPass:
         """Draws direct light of the present size, by such lights as there are."""
         defines = light_defines(self.scene)
@@ -255,6 +265,10 @@ class Renderer(Owner):
         self._use()
         self.timers.clear()
         budget, camera = Budget(seconds), self.scene.camera(camera)
+        if self._state.refinement is not None:
+            if self._rests(camera):
+                return self._refined_view(camera)
+            self._leave_refinement()
         start = time.perf_counter()
         shown = self._state.shown if gather and budget.limited and self._picture_may_wait(camera) else None
         done = self._refine(camera, budget, gather, picture=shown is None)
@@ -271,6 +285,59 @@ class Renderer(Owner):
             self._state = replace(self._state, costs=replace(self._state.costs, picture=time.perf_counter() - start))
         self._state = replace(self._state, shown=Shown(view, self._subject(camera)))
         return view, done.progress
+
+    def refine(self, camera: Camera | str | None, target: float, seconds: float | None = None) -> tuple[View, Progress]:
+        """Go on with a view that `frame` or `converge` found complete: records are added and gathered more finely until its
+        estimated error, the relative RMSE of indirect irradiance, is at most `target`; the view, and how far it has come.
+
+        seconds: the wall time that this may take; None: until it is done. The picture changes a step at a time. The records that
+        are added go when anything else is shown. A view by the paper's placement, or without bounces, is left as it is.
+        """
+        self._use()
+        budget, camera = Budget(seconds), self.scene.camera(camera)
+        if self._state.refinement is None or not self._rests(camera):
+            if self._view_state(camera) is not self._state.view or self._state.view.pixel_stride > 1 or not self.can_refine:
+                return self.frame(camera, seconds)
+            splats = self.splats.update(self.cache, self.draw_gbuffer(camera), camera, self.settings, 1)
+            self._state = replace(self._state, refinement=self.refiner.begin(splats, camera))
+        shadows, gbuffer, step = self.draw_shadows(), self.draw_gbuffer(camera), self._state.refinement
+        assert step is not None
+        try:
+            while True:
+                step = self.refiner.advance(step, target, gbuffer, shadows, budget)
+                self._state = replace(self._state, refinement=step)
+                if step.ended or budget.left <= 0.0:
+                    break
+        except BaseException:  # what the cache holds is no longer what the step says: it is not gone on with
+            self._state = replace(self._state, refinement=replace(step, ended=True, check=None))
+            raise
+        return self._refined_view(camera)
+
+    @property
+    def can_refine(self) -> bool:
+        """Whether `refine` has anything to do in views by these settings."""
+        return self.settings.placement == "tiles" and self.settings.most_bounces > 0
+
+    def _rests(self, camera: Camera) -> bool:
+        """Whether the view that is refined is the one of `camera`, with nothing of it changed."""
+        return self._view_state(camera) is self._state.view and not len(self.cache.stale)
+
+    def _refined_view(self, camera: Camera) -> tuple[View, Progress]:
+        """The picture of a refined view, and how far it has come."""
+        refined, state = self._state.refinement, self._state.view
+        assert refined is not None
+        full = state.full or self.scheduler.room == 0
+        progress = Progress(
+            state.rounds, self.cache.count, 0, state.coverage, full=full, error=refined.last_error, refined=refined.ended
+        )
+        done = Round(camera, self.draw_shadows(), self.draw_gbuffer(camera), refined.splats, progress)
+        return self._picture(done), progress
+
+    def _leave_refinement(self) -> None:
+        """Go back to the view as its settings have it."""
+        if self._state.refinement is not None:
+            self.refiner.leave(self._state.refinement)
+            self._state = replace(self._state, refinement=None)
 
     def _subject(self, camera: Camera) -> tuple[object, ...]:
         """All that a picture is made of but the records."""
@@ -346,7 +413,17 @@ class Renderer(Owner):
 
     def _view_state(self, camera: Camera) -> ViewState:
         """How far this view has come; a new one begins where anything differs that decides which records it asks for."""
-        scene, settings = self.scene, self.settings
+        subject, settings, state = self._view_subject(self._state), self.settings, self._state.view
+        if state.camera == camera and state.subject == subject:
+            return state
+        # coarse splats are interpolated between pixels, which would lose what normal maps add
+        whole = any(run.look.normal is not None for run in self.world.runs)
+        return ViewState(camera, subject, 1 if whole else first_stride(settings, self.size))
+
+    @staticmethod
+    def _view_subject(state: State) -> tuple[object, ...]:
+        """What decides which records a view asks for, apart from its camera."""
+        scene, settings = state.scene, state.settings
         criteria = (
             *settings.of("shadow", "gather", "splat"),
             settings.asking,
@@ -354,13 +431,7 @@ class Renderer(Owner):
             settings.warmup,
             settings.emitters_apart,
         )
-        subject = self.size, scene.meshes, scene.lights, criteria
-        state = self._state.view
-        if state.camera == camera and state.subject == subject:
-            return state
-        # coarse splats are interpolated between pixels, which would lose what normal maps add
-        whole = any(run.look.normal is not None for run in self.world.runs)
-        return ViewState(camera, subject, 1 if whole else first_stride(settings, self.size))
+        return state.size, scene.meshes, scene.lights, criteria
 
     def _look_only(self, state: ViewState, gbuffer: GBuffer, splats: SplatBuffer, gather: bool) -> tuple[ViewState, RoundResult]:
         """How much of the view is covered, while nothing may be gathered for it; where `gather` is False for good, every pixel is
@@ -442,6 +513,9 @@ class Renderer(Owner):
         """Go on with another scene, size or settings: with all of it, or, where it is refused, as before."""
         self._use()
         gl_limits.check(self.ctx, state.size, state.scene, state.settings.shadow_size)
+        if self._view_subject(state) != self._view_subject(self._state):
+            self._leave_refinement()
+            state = replace(state, refinement=None)
         self.scheduler.follow(state.settings, state.scene, self.shadows)
         self._state = state
 
@@ -453,11 +527,13 @@ class Renderer(Owner):
 
     def renew(self) -> None:
         """Draw everything again, and gather all records again in place."""
+        self._leave_refinement()
         self.scheduler.expire()
         self.forget(records=False)
 
     def forget(self, records: bool = True, lights: bool = True) -> None:
         """Draw every buffer of the view again next time; without the `records` made so far, and the `lights`' shadow maps."""
+        self._leave_refinement()
         self._memo.forget(but=() if lights else ("shadows",))
         self.splats.forget()
         self._state = replace(self._state, view=ViewState())
@@ -482,6 +558,7 @@ class Renderer(Owner):
         another scene, other lights or other settings than this renderer's (those that cache_file.key lists).
         """
         self._use()
+        self._leave_refinement()
         self.scheduler.restore(cache_file.read(path, cache_file.key(self.scene, self.scheduler.settings)))
         self.forget(records=False)
 
@@ -496,11 +573,13 @@ class Renderer(Owner):
         each round. Ctrl-C ends the rounds: the last complete one counts, "interrupted" is True.
         """
         self._use()
+        self._leave_refinement()
         camera = self.scene.camera(camera)
         self.timers.clear()
         self._state = replace(self._state, view=replace(self._state.view, stalled_rounds=0))
         start, budget, done = time.perf_counter(), Budget(None), None
         stats: Statistics = {"rounds": 0, "converged": False, "full": False, "interrupted": False, "coverage": 0.0}
+        stats["error"] = None
         complete, ended = self.cache.count + self.cache.evicted, False
         try:
             while not ended and stats["rounds"] < self.settings.max_rounds and not self._state.view.stalled:
@@ -529,7 +608,8 @@ class Renderer(Owner):
         progress: Callable[[Progress], None] | None = None,
         figures: bool = False,
     ) -> Frame:
-        """The view from `camera` (or the scene's of that name; default: its first), refined until every pixel is served.
+        """The view from `camera` (or the scene's of that name; default: its first), until every pixel is served, and then, where
+        the settings give a `quality`, until its estimated error is no greater.
 
         Returns a Frame of numpy arrays that the caller owns. Records of earlier views are used again: only what is new is
         gathered. progress is called after each round. figures: fill Frame.figures with the paper's figures 1, 3 and 4 too.
@@ -537,12 +617,33 @@ class Renderer(Owner):
         """
         album = PaperFigures(self._splatted, progress)
         view, stats = self.converge(camera, album if figures else progress)
+        if self.settings.quality and stats["converged"]:
+            view, stats = self._improved(view, stats, progress)
         samples = 1 if stats["interrupted"] else self.settings.samples
         view = self.accumulate(view, samples, on_progress=sample_progress(progress, stats))
         if view.samples < self.settings.samples:  # Ctrl-C
             stats |= {"interrupted": True, "converged": False}
         frame = read(view, self.cache.read(), stats | self.stats(view))
         return replace(frame, figures=album.figures(frame, view.camera, self.settings)) if figures else frame
+
+    def _improved(self, view: View, stats: Statistics, on_progress: Callable[[Progress], None] | None) -> tuple[View, Statistics]:
+        """A converged view refined to the settings' `quality`, and its statistics. Ctrl-C ends it with the picture that there
+        is."""
+        start, progress = time.perf_counter(), None
+        try:
+            while progress is None or not progress.refined:
+                view, progress = self.refine(view.camera, 0.01 * self.settings.quality, seconds=_TOLD)
+                if on_progress is not None:
+                    on_progress(progress)
+                if self._state.refinement is None:  # none that can be refined
+                    return view, stats
+        except KeyboardInterrupt:
+            stats |= {"interrupted": True, "converged": False}
+            if self._state.refinement is None:
+                return view, stats
+            view, progress = self._refined_view(view.camera)
+        stats["seconds"] += time.perf_counter() - start
+        return view, stats | {"records": self.cache.count, "error": progress.error}
 
     def _splatted(self, count: int) -> np.ndarray:
         """(H, W, 4) the sums of the first `count` records at every pixel of the present view."""

@@ -233,6 +233,10 @@ class Settings:
         1, "int", "composite", "subpixel samples whose mean a render's picture is; 1: what the pixel's centre sees",
         low=1, high=65536,
     )  # fmt: skip
+    quality: float = _declare(
+        0.0, "float", "composite", "a render goes on until its estimated error is at most this, in percent of the mean indirect "
+        "light; 0: until every pixel is served", low=0, high=100, unit="%",
+    )  # fmt: skip
     exposure: float | Auto = _declare(
         "auto",
         "float",
@@ -256,6 +260,10 @@ class Settings:
     viewer_samples: int = _declare(
         64, "int", "view", "subpixel samples that add up in the viewer while nothing moves; 0: off", low=0, high=65536,
         former="rest",
+    )  # fmt: skip
+    viewer_quality: float = _declare(
+        0.5, "float", "view", "estimated error down to which the viewer refines while nothing moves, in percent of the mean "
+        "indirect light; 0: off", low=0, high=100, unit="%",
     )  # fmt: skip
 
     def __post_init__(self) -> None:
@@ -356,10 +364,12 @@ class SettingValues(TypedDict, total=False):
     fill_holes: bool
     smooth: bool
     samples: int
+    quality: float
     exposure: float | Auto
     backdrop: str
     budget: float
     viewer_samples: int
+    viewer_quality: float
 
 
 PRESETS: dict[str, SettingValues] = {

@@ -86,7 +86,8 @@ class Session(Owner):
             for v, r in zip(self.views, self.active, strict=False)
             if r.settings.viewer_samples > 1
         )
-        return served and sampled and self.auto_exposure.settled and not self._stepping and self.path_recorder.at_rest
+        refined = all(self._refined(r, p) for r, p in zip(self.active, self.progress, strict=False))
+        return served and sampled and refined and self.auto_exposure.settled and not self._stepping and self.path_recorder.at_rest
 
     @property
     def exposure(self) -> float:
@@ -97,19 +98,31 @@ class Session(Owner):
         """Whether a side's cache stays as it is."""
         return progress.still or (self.options.frozen and progress.new == 0 and progress.complete)
 
+    def _refined(self, renderer: Renderer, progress: Progress) -> bool:
+        """Whether a side is refined as far as it is to be."""
+        aim = renderer.settings.viewer_quality
+        known = progress.error is not None and progress.error <= 0.01 * aim
+        return not aim or known or progress.refined or self.options.frozen or not renderer.can_refine
+
     def tick(self, dt: float, seconds: float) -> None:
         """Go on by `dt` seconds: play, record, and give the caches `seconds` of time."""
-        last = self.path_recorder.tick(dt, self.camera)
-        if last is not None:
-            self.free_camera.go(last)
-        renderers, before = self.active, self._centres
+        played = self.path_recorder.tick(dt, self.camera)
+        if played is not None:
+            self.free_camera.go(played)
+        renderers, before, shown = self.active, self._centres, self.views
         self.views, self.progress, self.ms, self._centres = [], [], {}, []
-        for renderer in renderers:
+        for side, renderer in enumerate(renderers):
             gather, end = self._stepping or not self.options.frozen, time.perf_counter() + seconds / len(renderers)
             view, progress = renderer.frame(self.camera, seconds / len(renderers), gather)
             self._centres.append(view)
             if self._at_rest(progress) and any(view is one for one in before):  # nothing has moved since
                 view = renderer.accumulate(view, renderer.settings.viewer_samples, end - time.perf_counter())
+                if view.samples >= renderer.settings.viewer_samples and not self._refined(renderer, progress):
+                    aim = 0.01 * renderer.settings.viewer_quality
+                    _, progress = renderer.refine(self.camera, aim, end - time.perf_counter())
+            last = shown[side] if side < len(shown) else view
+            if progress.error is not None and last.gbuffer is view.gbuffer and view.samples < last.samples:
+                view = last  # until the next step of the refinement has as many
             self.views.append(view)
             self.progress.append(progress)
             for stage, ms in renderer.timers.milliseconds().items():
@@ -157,6 +170,7 @@ class Session(Owner):
         """Every buffer of the left side's view as it is now."""
         source, progress = self.source(0), self.progress[0]
         stats = Statistics(records=progress.records, rounds=progress.round, coverage=progress.coverage, converged=progress.done)
+        stats["error"] = progress.error
         stats |= source.renderer.stats(source.view)
         stats["exposure"] = self.exposure
         return read(source.view, source.renderer.cache.read(), stats)

@@ -180,12 +180,14 @@ class HitLight:
 class SplatBuffer:
     """The sums that splatting leaves: `sums` RGBA32F (Σ k·E, Σ k) and `weight` RG32F (Σ of raw w, or NOTHING_SEEN; Σ k·Y² of
     the luminances Y of the E, which tells how far the records contradict each other). `luminance_floor`: as in Records.
-    pixel_stride: 2 where only every other pixel of the view has a texel here, in both directions, else 1."""
+    pixel_stride: 2 where only every other pixel of the view has a texel here, in both directions, else 1. reach: R32F texture,
+    the share of the records' reach that counts at each pixel, 0..1, where a view is refined; None: all of it."""
 
     sums: moderngl.Texture
     weight: moderngl.Texture
     luminance_floor: float = 0.0
     pixel_stride: int = 1
+    reach: moderngl.Texture | None = None
 
 
 @dataclass(frozen=True)

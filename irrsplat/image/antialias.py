@@ -76,13 +76,15 @@ class Antialiaser(Owner):
     ) -> View:
         """`view` with `samples` a pixel, or with as many more than last time as the budget has time for, at least one.
 
-        A view other than the last one starts anew. Ctrl-C, where there is no budget, ends it early. on_progress: called after
-        each sample.
+        A view other than the last one starts anew; where it is refined, what was returned before stays as it is meanwhile.
+        Ctrl-C, where there is no budget, ends it early. on_progress: called after each sample.
         """
         if samples <= 1:
             return view
         buffers = self._buffers_for(view.image.size)
         if self._sampled is None or self._source is not view or self._sampled.samples > samples:
+            if view.splats.reach is not None:
+                buffers.mean, buffers.other = buffers.other or MeanPass(self.ctx, buffers.size), buffers.mean
             behind = view.backdrop.uniforms(view.camera, buffers.size)
             means = buffers.mean(1, view.gbuffer, view.direct, view.sums, view.sums, behind, inputs.settings.mix)
             image, direct, indirect, emission, alpha = means
@@ -124,6 +126,7 @@ class SampleBuffers(Owner):
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.size = size
         self.mean = MeanPass(ctx, size)
+        self.other: MeanPass | None = None  # of the view before
         self.gbuffer = GBufferTarget(ctx, size)
         self.splat = Target(ctx, size, (4, 2))
         self.direct = Target(ctx, size, (4,))
@@ -133,7 +136,7 @@ class SampleBuffers(Owner):
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.mean, self.gbuffer, self.splat, self.direct, self.smooth, self.emitters, self.added)
+        return (self.mean, self.other, self.gbuffer, self.splat, self.direct, self.smooth, self.emitters, self.added)
 
 
 def _add_sample(number: int, view: View, passes: FramePasses, inputs: FrameInputs, buffers: SampleBuffers) -> None:
@@ -144,7 +147,7 @@ def _add_sample(number: int, view: View, passes: FramePasses, inputs: FrameInput
     passes.splat.clear(gbuffer, target=buffers.splat)
     if settings.most_bounces > 0 and inputs.cache.count:
         numbers = reaching(inputs.cache, 0, camera, buffers.size, settings, partial(passes.splat.farthest, gbuffer, camera))
-        passes.splat(inputs.cache.records, numbers, gbuffer, camera, settings, target=buffers.splat)
+        passes.splat(inputs.cache.records, numbers, gbuffer, camera, settings, target=buffers.splat, reach=view.splats.reach)
     sums = buffers.splat.textures[0]
     if settings.smooth:
         buffers.smooth = buffers.smooth or Target(buffers.gbuffer.ctx, buffers.size, (4,))

@@ -26,6 +26,7 @@ class Statistics(TypedDict, total=False):
     records: int  # in the cache
     seconds: float  # wall time to full coverage, before direct light and composite
     samples: int  # a pixel
+    error: float | None  # estimated relative RMSE of the indirect irradiance; None: not estimated
     # the light
     gathered_by: str
     bounces: int

@@ -17,6 +17,7 @@ from irrsplat.core.buffers import GBuffer, Sites, SplatBuffer
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
+from irrsplat.indirect.splat import whole_reach
 from irrsplat.settings import Settings
 
 _TILES = 100  # along the image's height
@@ -60,11 +61,12 @@ class ExaminePass(Owner):
         self.ctx = ctx
         self.side = max(2, size[1] // _TILES)  # pixels
         self.program = Program(ctx, "indirect/examine", "lib/fullscreen")
+        self.whole = whole_reach(ctx)
         self.target: Target | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.program, self.target)
+        return (self.program, self.whole, self.target)
 
     def __call__(self, gbuffer: GBuffer, splats: SplatBuffer, settings: Settings) -> Examination:
         """Every tile's count of pixels that ask, by `tolerance` and `spread`, and the worst served of them.
@@ -87,6 +89,7 @@ class ExaminePass(Owner):
             emission=gbuffer.emission,
             weight=splats.weight,
             sums=splats.sums,
+            reach=splats.reach or self.whole,
             spread=settings.spread,
             luminance_floor=splats.luminance_floor,
             step_size=_stride(side**2),

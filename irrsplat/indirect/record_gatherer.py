@@ -24,7 +24,7 @@ from irrsplat.lighting.light_table import light_defines
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.change import SceneChange
 from irrsplat.scene.model import Scene
-from irrsplat.settings import Settings
+from irrsplat.settings import SETTINGS, Settings
 from irrsplat.surface_cache.cache import SurfaceCache
 
 _PATIENCE = 1.0  # seconds that ticks work at a first surface cache before records are gathered without, holding one bounce
@@ -111,6 +111,16 @@ class RecordGatherer(Owner):
         inputs = *basis.way, basis.lights, one
         return self._made.get("gather", inputs, lambda: autotune.gather_pass(self.world, basis.settings, capacity=one))
 
+    def _gather_at(self, size: int) -> Gather:
+        """The gather of this side, with as many light samples in proportion to its rays; 0: the present one."""
+        basis, present = self._basis, self._basis.settings.gather_size
+        if size in (0, present):
+            return self.gather_pass
+        samples = min(basis.settings.light_samples * size**2 // present**2, int(SETTINGS["light_samples"].high or 0))
+        settings = replace(basis.settings, gather=basis.kind, gather_size=size, light_samples=samples)
+        way = *replace(basis, settings=settings).way, basis.lights
+        return self._made.get(f"gather of {size}", way, lambda: autotune.gather_pass(self.world, settings))
+
     @property
     def probes(self) -> ChangeProbe:
         """A rough look from records, to find out which of them a change concerns."""
@@ -140,10 +150,9 @@ class RecordGatherer(Owner):
         basis = self._basis
         return basis.kind == "embree" or (basis.wants_surface and autotune.ray_kind(self.ctx, basis.settings) == "embree")
 
-    @property
-    def _pace(self) -> Pace:
-        """How much a batch of records costs this gather."""
-        return self._memo.get("pace", self.gather_pass, lambda: Pace(self.ctx))
+    def _pace(self, size: int) -> Pace:
+        """How much a batch of records costs the gather of this side."""
+        return self._memo.get(f"pace of {size}", self._gather_at(size), lambda: Pace(self.ctx))
 
     def light(self, shadows: ShadowMaps) -> HitLight:
         """What lights the surfaces that records see."""
@@ -274,33 +283,44 @@ class RecordGatherer(Owner):
 
     # ---- gathering -------------------------------------------------------------------------------------------------
 
-    def gather(self, shadows: ShadowMaps, sites: Sites, budget: Budget) -> int:
-        """Add records at `sites` to the cache, as many as the budget has time for, and at least one; how many."""
-        done = 0
-        for count in self._pace.batches(len(sites), self.gather_pass.capacity, budget):
-            first = self.cache.append(sites[done : done + count])
+    def gather(self, shadows: ShadowMaps, sites: Sites, budget: Budget, size: int = 0) -> int:
+        """Add records at `sites` to the cache, as many as the budget has time for, and at least one; how many. size: the side of
+        their gather; 0: as the settings say."""
+        done, look = 0, self._gather_at(size)
+        for count in self._pace(size).batches(len(sites), look.capacity, budget):
+            first = self.cache.append(sites[done : done + count], gather_size=size)
             try:
-                self._gather(shadows, first + np.arange(count))
+                self._gather(shadows, first + np.arange(count), look)
             except BaseException:
                 self.cache.truncate(first)  # they hold nothing
                 raise
             done += count
         return done
 
-    def regather(self, shadows: ShadowMaps, numbers: np.ndarray, budget: Budget) -> int:
-        """Gather the stale records of these numbers again in place, as many as the budget has time for; how many."""
-        done = 0
-        for count in self._pace.batches(len(numbers), self.gather_pass.capacity, budget):
+    def gather_finely(self, shadows: ShadowMaps, sites: Sites, sizes: np.ndarray, budget: Budget) -> int:
+        """As `gather`, each record by a gather of its own side; sizes: (N,), of which only the first ones that are equal
+        count."""
+        return self.gather(shadows, sites[: _run(sizes)], budget, int(sizes[0])) if len(sites) else 0
+
+    def regather_finely(self, shadows: ShadowMaps, numbers: np.ndarray, sizes: np.ndarray, budget: Budget) -> int:
+        """The same for records that are there."""
+        return self.regather(shadows, numbers[: _run(sizes)], budget, int(sizes[0])) if len(numbers) else 0
+
+    def regather(self, shadows: ShadowMaps, numbers: np.ndarray, budget: Budget, size: int = 0) -> int:
+        """Gather the records of these numbers again in place, as many as the budget has time for; how many. size: as in
+        `gather`."""
+        done, look = 0, self._gather_at(size)
+        for count in self._pace(size).batches(len(numbers), look.capacity, budget):
             chosen = numbers[done : done + count]
-            self._gather(shadows, chosen)
-            self.cache.mark_refreshed(chosen)
+            self._gather(shadows, chosen, look)
+            self.cache.mark_refreshed(chosen, gather_size=size)
             done += count
         return done
 
-    def _gather(self, shadows: ShadowMaps, numbers: np.ndarray) -> None:
+    def _gather(self, shadows: ShadowMaps, numbers: np.ndarray, look: Gather) -> None:
         """Gather the records of these numbers, where the cache has them."""
         light, seed = self.light(shadows), self.settings.seed
-        self.atlas = gather_records(self.gather_pass, self.reduce_pass, light, self.cache, numbers, seed, self.timers)
+        self.atlas = gather_records(look, self.reduce_pass, light, self.cache, numbers, seed, self.timers)
 
     # ---- for files, the viewer and the statistics ------------------------------------------------------------------
 
@@ -340,6 +360,11 @@ class RecordGatherer(Owner):
         if self._basis.resumed is not None:
             return {"gathered_by": how, **self._basis.resumed}
         return {"gathered_by": how, "bounces": min(most, 1), "bounces_converged": False if everything else None}
+
+
+def _run(values: np.ndarray) -> int:
+    """How many of the first values are equal."""
+    return int(np.argmin(np.append(values == values[0], False)))
 
 
 def _places(settings: Settings) -> tuple[object, ...]:

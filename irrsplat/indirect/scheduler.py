@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -26,6 +27,8 @@ from irrsplat.records.record_cache import RecordCache
 from irrsplat.records.refresh_order import RefreshOrder
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import Settings
+
+Fineness = Callable[[np.ndarray], np.ndarray]  # the sides (N,) of the gathers of records at positions (N, 3)
 
 _REACH = 8.0  # percent of the image height by which the first sites lie apart where radii have no upper limit
 
@@ -108,12 +111,22 @@ class RecordScheduler(Owner):
             return self._examined(gbuffer, splats, self.settings)[0].missing
 
     def gather_missing(
-        self, state: ViewState, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps, camera: Camera, budget: Budget
+        self,
+        state: ViewState,
+        gbuffer: GBuffer,
+        splats: SplatBuffer,
+        shadows: ShadowMaps,
+        camera: Camera,
+        budget: Budget,
+        fineness: Fineness | None = None,
     ) -> tuple[ViewState, RoundResult]:
-        """Gather where the view lacks records, as far as the budget goes."""
-        ask = self._scan if self.settings.placement == "scan" else self._ask
+        """Gather where the view lacks records, as far as the budget goes. fineness: how finely records are to look, for a view
+        that is refined; no record is evicted then."""
         before = state
-        state, result = ask(state, gbuffer, splats, shadows, camera, budget)
+        if self.settings.placement == "scan" and fineness is None:
+            state, result = self._scan(state, gbuffer, splats, shadows, camera, budget)
+        else:
+            state, result = self._ask(state, gbuffer, splats, shadows, camera, budget, fineness)
         state = replace(state, coverage=1.0 - state.missing)
         if not result.complete:
             return state, result
@@ -132,18 +145,30 @@ class RecordScheduler(Owner):
         return replace(state, settled=(splats, self.settings.asking)), result
 
     def _ask(
-        self, state: ViewState, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps, camera: Camera, budget: Budget
+        self,
+        state: ViewState,
+        gbuffer: GBuffer,
+        splats: SplatBuffer,
+        shadows: ShadowMaps,
+        camera: Camera,
+        budget: Budget,
+        fineness: Fineness | None,
     ) -> tuple[ViewState, RoundResult]:
         """Gather where tiles of the view ask, coarse to fine."""
         if state.queue is None:
             state, sites = self._select(state, gbuffer, splats)
-            room = self._room(len(sites), camera, gbuffer)
+            if fineness is not None:
+                sites = sites[np.argsort(fineness(sites.position), kind="stable")]
+            room = self._room(len(sites), camera, gbuffer) if fineness is None else self.room
             state = replace(state, queue=sites[:room], full=room < len(sites))
         queue = state.queue
         assert queue is not None
         if len(queue):
             self.gatherer.resume(shadows, budget)
-        done = self.gatherer.gather(shadows, queue, budget)
+        if fineness is None:
+            done = self.gatherer.gather(shadows, queue, budget)
+        else:
+            done = self.gatherer.gather_finely(shadows, queue, fineness(queue.position), budget)
         state = replace(state, queue=queue[done:] if done < len(queue) else None)
         return state, RoundResult(done, state.queue is None)
 
@@ -153,6 +178,11 @@ class RecordScheduler(Owner):
         if numbers is not None:
             self.cache.keep_only(numbers)
             self.adaptation.keep(numbers)
+        return self.room
+
+    @property
+    def room(self) -> int:
+        """How many more records there may be as it is."""
         return max(self.settings.max_records - self.cache.count, 0)
 
     def _examined(self, gbuffer: GBuffer, splats: SplatBuffer, settings: Settings) -> tuple[Examination, int]:
@@ -202,6 +232,10 @@ class RecordScheduler(Owner):
         return replace(state, missing=missing), RoundResult(len(sites), not record.stopped)
 
     # ---- for files, the viewer and the statistics -------------------------------------------------------------------------
+
+    def served(self, gbuffer: GBuffer, camera: Camera) -> np.ndarray:
+        """(N,) float32: about how many pixels of a view each record serves."""
+        return self.renewal.coverage_pass(self.cache.records, gbuffer, camera, self.settings)
 
     def count_in_view(self, camera: Camera, size: tuple[int, int]) -> int:
         """How many records lie in the pyramid of a view of `size` (width, height), hidden ones too."""

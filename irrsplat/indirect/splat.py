@@ -8,7 +8,7 @@ import numpy as np
 from irrsplat.core.buffers import GBuffer, Records, SplatBuffer, Uniforms
 from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import Target
+from irrsplat.gpu.target import Target, float_texture
 from irrsplat.records.culling import TILE
 from irrsplat.records.weight import record_defines, view_radius_uniforms
 from irrsplat.scene.model import Camera
@@ -23,6 +23,7 @@ class SplatPass(Owner):
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], gradients: bool) -> None:
         self.ctx = ctx
+        self.whole = whole_reach(ctx)
         self.numbers = ctx.buffer(reserve=4)  # of the records that are drawn
         defines = record_defines(gradients)
         self.program = Program(ctx, "indirect/splat", defines={**defines, "NORMAL_MAPS": 0})
@@ -36,7 +37,17 @@ class SplatPass(Owner):
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.numbers, self.program, self.bent, self.empty, self.target, self.small, self.tiles, self.distances)
+        return (
+            self.whole,
+            self.numbers,
+            self.program,
+            self.bent,
+            self.empty,
+            self.target,
+            self.small,
+            self.tiles,
+            self.distances,
+        )
 
     def _of(self, pixel_stride: int) -> Target:
         if pixel_stride == 1:
@@ -63,8 +74,10 @@ class SplatPass(Owner):
         settings: Settings,
         pixel_stride: int = 1,
         target: Target | None = None,
+        reach: moderngl.Texture | None = None,
     ) -> None:
-        """Add the records of these numbers (N,), in their order, to what `target` holds (default: this pass's own buffer)."""
+        """Add the records of these numbers (N,), in their order, to what `target` holds (default: this pass's own buffer).
+        reach: as in SplatBuffer."""
         width, height = self.target.size
         if not len(numbers):
             return
@@ -91,11 +104,20 @@ class SplatPass(Owner):
             normal=gbuffer.normal,
             **bent,
             pixel_stride=pixel_stride,
+            reach=reach or self.whole,
             cut=settings.kernel == "cut",
             in_front=settings.in_front,
         )
 
-    def sums(self, luminance_floor: float, pixel_stride: int = 1) -> SplatBuffer:
-        """What has been added up so far, this pass's own textures; luminance_floor: as in Records."""
+    def sums(self, luminance_floor: float, pixel_stride: int = 1, reach: moderngl.Texture | None = None) -> SplatBuffer:
+        """What has been added up so far, this pass's own textures; luminance_floor: as in Records; reach: that it was done
+        with."""
         sums, weight = self._of(pixel_stride).textures
-        return SplatBuffer(sums, weight, luminance_floor, pixel_stride)
+        return SplatBuffer(sums, weight, luminance_floor, pixel_stride, reach)
+
+
+def whole_reach(ctx: moderngl.Context) -> moderngl.Texture:
+    """The texture in place of SplatBuffer.reach where all of the records' reach counts everywhere."""
+    texture = float_texture(ctx, (1, 1), 1)
+    texture.write(np.ones(1, "f4").tobytes())
+    return texture

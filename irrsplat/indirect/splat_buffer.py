@@ -62,10 +62,27 @@ class ViewSplats(Owner):
         """Draw all of it again next time."""
         self._drawn = None
 
-    def update(self, cache: RecordCache, gbuffer: GBuffer, camera: Camera, settings: Settings, pixel_stride: int) -> SplatBuffer:
-        """The sums of every record of the cache, at every `pixel_stride`-th pixel in both directions (1 or 2)."""
+    def update(
+        self,
+        cache: RecordCache,
+        gbuffer: GBuffer,
+        camera: Camera,
+        settings: Settings,
+        pixel_stride: int,
+        reach: moderngl.Texture | None = None,
+    ) -> SplatBuffer:
+        """The sums of every record of the cache, at every `pixel_stride`-th pixel in both directions (1 or 2). reach: as in
+        SplatBuffer."""
         count = cache.count if settings.most_bounces > 0 else 0
-        inputs = gbuffer, settings.of("splat"), settings.borrow > 0, settings.most_bounces > 0, cache.revision, pixel_stride
+        inputs = (
+            gbuffer,
+            settings.of("splat"),
+            settings.borrow > 0,
+            settings.most_bounces > 0,
+            cache.revision,
+            pixel_stride,
+            reach,
+        )
         drawn = self._drawn
         if drawn is not None and drawn.inputs == inputs and drawn.count >= count:
             return drawn.sums
@@ -79,8 +96,8 @@ class ViewSplats(Owner):
                 numbers = reaching(cache, first, camera, self.size, settings, sight)
                 if first == 0:
                     cache.mark_seen(numbers)
-                self.splat_pass(cache.records, numbers, gbuffer, camera, settings, pixel_stride)
-        sums = self.splat_pass.sums(cache.luminance_floor, pixel_stride)
+                self.splat_pass(cache.records, numbers, gbuffer, camera, settings, pixel_stride, reach=reach)
+        sums = self.splat_pass.sums(cache.luminance_floor, pixel_stride, reach)
         self._drawn = _Drawn(inputs, count, sums)
         return sums
 

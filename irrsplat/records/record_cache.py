@@ -46,6 +46,7 @@ _COLUMNS: dict[str, _Column] = {
     "last_view": _Column((), "i8", "viewed", "number of the last view that had it in sight"),
     "id": _Column((), "i8", "name", "what it is known by, whatever number it has"),
     "frame_rotation": _Column((), "i8", "turn", "what the rotation of its frame is drawn from: see Sites"),
+    "gather_size": _Column((), "i8", None, "side of the gather that it was refined by; 0: it is as the settings have it"),
     "probe": _Column((4,), "f4", "probes", "rough E and R by a few directions: see change_probe.py; R = 0: not looked yet"),
     "drift": _Column((), "f4", "drift", "how much `probe` has changed since the record was gathered"),
 }
@@ -112,10 +113,11 @@ class RecordCache(Owner):
 
     # ---- adding records, and reading what they hold ------------------------------------------------------------------
 
-    def append(self, sites: Sites, values: np.ndarray | None = None) -> int:
+    def append(self, sites: Sites, values: np.ndarray | None = None, gather_size: int = 0) -> int:
         """Add records at `sites`; returns the number of the first.
 
         values: (N, 4) float32 E in W/m² and R_k in metres; without it the reduction has yet to write them on the GPU.
+        gather_size: of a gather finer than the settings', else 0.
         """
         first, count = self.count, self.count + len(sites)
         self._reserve(count)
@@ -125,6 +127,7 @@ class RecordCache(Owner):
         columns["triangle"][new] = -1 if sites.triangle is None else sites.triangle
         columns["epoch"][new], columns["last_view"][new] = self.invalidation_epoch, self._view
         columns["values_read"][new], columns["probe"][new], columns["drift"][new] = False, 0.0, 0.0
+        columns["gather_size"][new] = gather_size
         columns["id"][new] = self._next_id + np.arange(len(sites))
         columns["frame_rotation"][new] = sites.frame_rotations(columns["id"][new])
         for name in ("position", "normal"):
@@ -224,6 +227,11 @@ class RecordCache(Owner):
         """(count,) float32: the share of their radii that the first so many records may reach."""
         return texel_table.read(self.ctx, self._textures["limit"], 0, count)[:, 0]
 
+    def restore_limits(self, limits: np.ndarray) -> None:
+        """Let the first (N,) records reach as far as these `limits`, which are what `limits` gave before."""
+        texel_table.write(self._textures["limit"], 0, limits[:, None])
+        self.revision += 1
+
     def reset_limits(self) -> None:
         """Let every record reach as far as its own R, future records too."""
         self._textures["limit"].write(np.ones(self._rows * TABLE_COLUMNS, "f4").tobytes())
@@ -259,9 +267,16 @@ class RecordCache(Owner):
             columns["epoch"] = epoch
         self._columns, self.invalidation_epoch, self._stale = columns, later, None
 
-    def mark_refreshed(self, numbers: np.ndarray) -> None:
-        """Say that the records of these numbers have been gathered again, and are no longer stale."""
+    @property
+    def gather_sizes(self) -> np.ndarray:
+        """(N,) the side of the gather that each record was refined by; 0 where it is as the settings have it."""
+        return self._columns["gather_size"][: self.count]
+
+    def mark_refreshed(self, numbers: np.ndarray, gather_size: int = 0) -> None:
+        """Say that the records of these numbers have been gathered again, and are no longer stale. gather_size: as in
+        `append`."""
         columns = self._columns
+        columns["gather_size"][numbers] = gather_size
         columns["values_read"][numbers] = False
         columns["drift"][numbers] = 0.0
         columns["epoch"][numbers] = self.invalidation_epoch
@@ -367,7 +382,7 @@ class RecordCache(Owner):
         columns = {name: array.copy() for name, array in self._columns.items()}
         for name, file_name in _FILED.items():
             columns[name][:count] = state[file_name]
-        columns["values_read"][:count] = False
+        columns["values_read"][:count], columns["gather_size"][:count] = False, 0
         texels = {"position": columns["position"][:count], "normal": columns["normal"][:count], "limit": state["limit"]}
         texels |= dict(zip(GATHERED, np.moveaxis(state["content"], 1, 0), strict=True))
         textures = {name: self._filled(name, rows) for name, rows in texels.items()}

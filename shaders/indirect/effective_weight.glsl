@@ -8,11 +8,13 @@ uniform float spread;           // standard deviation of the records' luminances
 const float NEAR = 3.0;   // times the tolerance: so great a Σw has only a pixel close to a record, which is then right about it
 
 // Σw, but less where the records contradict each other: below the tolerance where they do by more than `spread`.
-// weight: Σw and Σ k·Y². sums: Σ k·E, Σ k.
-float effective_weight(vec2 weight, vec4 sums)
+// weight: Σw and Σ k·Y². sums: Σ k·E, Σ k. Where only a share of the records' reach holds, as much of the spread is allowed, and Σw is
+// that much greater: it counts by that share.
+float effective_weight(vec2 weight, vec4 sums, float share)
 {
+    weight.r *= weight.r < NOTHING_SEEN ? share : 1.0;
     float k = max(sums.a, 1e-20), Y = dot(sums.rgb, LUMINANCE) / k;
     float deviation = sqrt(max(weight.g / k - Y * Y, 0.0));
     bool doubted = weight.r < NEAR * tolerance && spread > 0.0 && deviation > 0.0;
-    return doubted ? min(weight.r, tolerance * spread * max(Y, luminance_floor) / deviation) : weight.r;
+    return doubted ? min(weight.r, tolerance * spread * share * max(Y, luminance_floor) / deviation) : weight.r;
 }

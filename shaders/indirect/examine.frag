@@ -7,6 +7,7 @@ uniform sampler2D albedo;
 uniform sampler2D emission;
 uniform sampler2D sums;      // Σ k·E, Σ k
 uniform sampler2D weight;    // Σ of raw w, NOTHING_SEEN where nothing is seen; Σ k·Y²
+uniform sampler2D reach;     // one texel for all, or one a pixel of the sums: the share of the records' reach that holds there
 uniform int pixel_stride;    // pixels of the g-buffer per pixel of the sums, in x and y
 uniform int side;            // pixels of the sums along a side of a tile
 uniform int step_size;       // from one pixel of a tile to the next in the order of the search; coprime to side²
@@ -30,7 +31,8 @@ const float BADLY = 0.15;  // deviation over mean of what the records say of a p
 
 float weight_at(ivec2 pixel)
 {
-    return effective_weight(texelFetch(weight, pixel, 0).rg, texelFetch(sums, pixel, 0));
+    float share = texelFetch(reach, min(pixel, textureSize(reach, 0) - 1), 0).r;
+    return effective_weight(texelFetch(weight, pixel, 0).rg, texelFetch(sums, pixel, 0), share);
 }
 
 // Whether a pixel that asks lies in so small a group of such pixels that it does with what records beside it lend. Of every other

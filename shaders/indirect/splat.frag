@@ -7,6 +7,7 @@ uniform sampler2D normal;
 uniform sampler2D lit_normal;  // bent by the normal map
 #endif
 uniform int pixel_stride;    // pixels of the g-buffer per pixel of the sums, in x and y: 1 or 2
+uniform sampler2D reach;     // one texel for all, or one a pixel of the sums: the share of `a` that holds there
 uniform bool cut;            // the paper's kernel: w itself, cut off where it falls to 1/a
 uniform bool in_front;       // reject records in front of the pixel's surface or behind it
 
@@ -50,7 +51,9 @@ void main()
     if (behind_wall(apart, v_axis, v_normal, v_walls)) discard;
 #endif
     float w = record_weight(apart, v_axis, v_radii, n, v_normal, in_front);
-    if (w <= 1.0 / a)
+    ivec2 here = min(ivec2(gl_FragCoord.xy), textureSize(reach, 0) - 1);
+    float least = 1.0 / (a * texelFetch(reach, here, 0).r);
+    if (w <= least)
     {
         float lent = borrowed_weight(apart, n, v_normal, v_borrow);
         if (lent <= 0.0) discard;
@@ -63,7 +66,7 @@ void main()
         return;
     }
     // w - 1/a falls to zero at the rim of the record's sphere, so that the rim does not show; the paper's kernel ends with a step
-    float k = cut ? w : w - 1.0 / a;
+    float k = cut ? w : w - least;
 #if GRADIENTS
     // E = n·M + (p - p_k)·∇E: the irradiance vector turns with the normal, the gradient moves with the point
     vec3 turned = n * v_m;

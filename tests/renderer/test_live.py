@@ -144,6 +144,7 @@ CHANGES: list[tuple[str, Any, set[str]]] = [
     ("coarse", False, SPLAT),
     ("tolerance", 0.5, {"examine"}),
     ("spread", 0.9, {"examine"}),
+    ("borrow", 8, {"examine", "splat", "composite"}),  # records are held against each other again where fewer are wanted
     ("placement", "scan", SPLAT | {"gather", "gbuffer"}),  # the paper reads the g-buffer back
     ("warmup", 10, RENEW),
     ("max_rounds", 5, set()),
@@ -158,6 +159,8 @@ CHANGES: list[tuple[str, Any, set[str]]] = [
     ("samples", 4, set()),
     ("budget", 20.0, set()),
     ("viewer_samples", 5, set()),
+    ("quality", 1.0, set()),
+    ("viewer_quality", 1.0, set()),
 ]
 
 

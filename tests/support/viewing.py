@@ -48,6 +48,7 @@ FAST: SettingValues = {
     "radius_max": 20.0,
     "exposure": 1.0,
     "viewer_samples": 0,
+    "viewer_quality": 0.0,
 }
 LEFT, RIGHT = 1, 2
 ROOM = """cam 0 0 2.6  0 0 0  0 1 0

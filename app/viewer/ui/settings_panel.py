@@ -27,6 +27,8 @@ _SPANS: dict[str, tuple[float, float]] = {
     "budget": (10.0, 1000.0),
     "samples": (1, 256),
     "viewer_samples": (0, 256),
+    "quality": (0.0, 5.0),
+    "viewer_quality": (0.0, 5.0),
 }
 _LOGARITHMIC = {
     *("a", "tolerance", "radius_min", "radius_max", "budget", "shadow_size", "gather_size", "warmup", "max_records"),

@@ -97,6 +97,8 @@ class StatisticsView:
         who = f"{('left', 'right')[side]}: " if len(session.progress) > 1 else ""
         imgui.text(f"{who}{progress.records} records, {progress.new} new")
         imgui.text(f"{in_view} in view, coverage {100.0 * progress.coverage:.1f} %")
+        if progress.error is not None:
+            imgui.text(f"error about {100.0 * progress.error:.2g} %" + ("" if progress.refined else ", refining"))
         if progress.surface < 1.0:
             imgui.text_colored(AMBER, f"surface cache {100.0 * progress.surface:.0f} %")
         if progress.stale:

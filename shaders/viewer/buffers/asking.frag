@@ -8,6 +8,6 @@ uniform float gain;  // the exposure as a factor
 
 vec3 picture(ivec2 pixel, float depth)
 {
-    if (effective_weight(texelFetch(values, pixel, 0).rg, texelFetch(sums, pixel, 0)) < tolerance) return vec3(1.0, 0.45, 0.05);
+    if (effective_weight(texelFetch(values, pixel, 0).rg, texelFetch(sums, pixel, 0), 1.0) < tolerance) return vec3(1.0, 0.45, 0.05);
     return vec3(0.45 * dot(display(texelFetch(image, pixel, 0).rgb * gain), LUMINANCE));
 }

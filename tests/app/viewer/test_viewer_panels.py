@@ -41,6 +41,7 @@ CHANGES: dict[str, tuple[str | None, Any]] = {
     "coarse": (None, False),
     "tolerance": ("4", 4.0),
     "spread": ("0.7", 0.7),
+    "borrow": ("3", 3),
     "placement": ("scan", "scan"),
     "warmup": ("30", 30),
     "max_rounds": ("5", 5),
@@ -54,6 +55,8 @@ CHANGES: dict[str, tuple[str | None, Any]] = {
     "samples": ("4", 4),
     "budget": ("25", 25.0),
     "viewer_samples": ("2", 2),
+    "quality": ("1", 1.0),
+    "viewer_quality": ("2", 2.0),
 }
 
 

@@ -1,0 +1,72 @@
+"""Refinement of a view at rest: errors fall, the estimate is honest, and the view goes back to what its settings make of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+import irrsplat
+from irrsplat.indirect.paper_scan import read_back
+from irrsplat.reference import fine_gather
+from irrsplat.renderer import Renderer
+from irrsplat.settings import SettingValues
+from tests.support.viewing import write_room
+
+SIZE = (64, 48)
+COARSE: SettingValues = {
+    "bounces": 1,
+    "gather": "trace",
+    "gather_size": 16,
+    "shadow_size": 256,
+    "radius_max": 20.0,
+    "spread": 0.3,
+}
+
+
+@pytest.fixture(scope="module")
+def renderer(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Renderer]:
+    scene = irrsplat.load(write_room(tmp_path_factory.mktemp("room")))
+    with Renderer(scene, SIZE, **COARSE) as made:
+        yield made
+
+
+def test_a_refined_view_comes_near_the_truth_and_tells_how_near(renderer: Renderer) -> None:
+    first = renderer.render()
+    truth = fine_gather.gather(renderer.world, read_back(renderer.draw_gbuffer(renderer.scene.camera())), 256, count=80)
+    before = truth.error(first.irradiance)
+    renderer.change(renderer.settings.with_values({"quality": 0.4 * 100.0 * (before or 0.0)}))
+    refined = renderer.render()
+    after, told = truth.error(refined.irradiance), refined.stats["error"]
+    assert first.stats["error"] is None and before and after and told
+    assert after < 0.5 * before and told <= 0.4 * before
+    assert 1 / 1.5 < told / after < 1.5
+    assert refined.stats["records"] > first.stats["records"]
+
+
+def test_small_ticks_refine_as_a_render_does_and_motion_ends_it(renderer: Renderer) -> None:
+    """Ticks of a millisecond come to the same bits as one call. A view of another side and back has the records that it had
+    before, gathered more finely where they were."""
+    renderer.forget()
+    renderer.change(renderer.settings.with_values({"quality": 0.0}))
+    plain = renderer.render()
+    target, pictures = 0.02, []
+    for seconds in (0.001, None):
+        renderer.forget()
+        renderer.render()
+        progress = None
+        while progress is None or not progress.refined:
+            view, progress = renderer.refine(None, target, seconds)
+        pictures.append(np.frombuffer(view.image.read(), "f4").copy())
+        assert renderer.frame()[0] is view  # it stays while nothing moves
+    assert np.array_equal(pictures[0], pictures[1])
+    camera = renderer.scene.camera()
+    renderer.frame("corner")
+    count = renderer.render(camera).stats["records"]
+    renderer.forget()
+    renderer.render(camera)
+    renderer.frame("corner")
+    assert count == renderer.render(camera).stats["records"]
+    renderer.forget()
+    assert np.array_equal(renderer.render(camera).image, plain.image)
