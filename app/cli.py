@@ -142,6 +142,10 @@ def bench(args: argparse.Namespace) -> int:
         from irrsplat.core.files import check_file
 
         check_file(args.json)
+    if args.moving:
+        from irrsplat.app.bench import moving
+
+        return moving.run(args)
     if args.growth:
         from irrsplat.app.bench import scaling
 

@@ -47,6 +47,7 @@ def plan(args: argparse.Namespace, scene: Scene) -> Flight:
     if max(start + 1, stop or 0) > path.frames:
         wanted = f"{start}:{'' if stop is None else stop}"
         raise InputError(f"--frames {wanted}: the path '{args.path}' has {path.frames} frames; give A:B within 0:{path.frames}")
+    path.motions.check(scene, path.frames)
     numbers = range(start, path.frames if stop is None else stop)
     for pattern in args.output:
         if len(numbers) > 1 and output.numbered(pattern, 0) == output.numbered(pattern, 1):
@@ -68,10 +69,14 @@ def render(
     on_round: as for Renderer.render, called with a `prefix` that names the frame as well.
     """
     done: list[Statistics] = []
+    motions = flight.path.motions
+    loaded = renderer.scene if motions else None
     try:
         for number in flight.numbers:
             prefix = f"frame {number} of {flight.numbers[-1]}, "
             show = None if on_round is None else partial(on_round, prefix=prefix)
+            if loaded is not None:
+                renderer.pose(motions.at(loaded, number))
             frame = renderer.render(flight.path.camera(number), progress=show, figures=figures)
             if frame.stats.get("interrupted"):
                 return done, False

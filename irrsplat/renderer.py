@@ -45,7 +45,7 @@ from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.records import cache_file
 from irrsplat.records.record_cache import RecordCache
-from irrsplat.scene.model import Camera, Light, Scene
+from irrsplat.scene.model import Camera, Light, Mesh, Scene
 from irrsplat.scene.motion import moved
 from irrsplat.settings import Settings, SettingValues
 from irrsplat.settings import preset as settings_of
@@ -385,7 +385,7 @@ class Renderer(Owner):
             state, requests = scheduler.gather_missing(state, gbuffer, splats, shadows, camera, budget.part(1.0, later))
         self._state = replace(self._state, view=state, costs=costs)
 
-        stale, made = (len(self.cache.stale), scheduler.gatherer.surface_share) if bounces else (0, 1.0)
+        stale, made = (self.cache.waiting, scheduler.gatherer.surface_share) if bounces else (0, 1.0)
         progress = Progress(
             state.rounds, self.cache.count, requests.new, state.coverage, renewed, stale, requests.complete, made, state.full
         )
@@ -500,10 +500,21 @@ class Renderer(Owner):
     def move(self, mesh: int | str, transform: npt.ArrayLike) -> None:
         """Go on with a mesh (its index in scene.meshes, or its name) where a 4×4 or 3×4 matrix takes it from where it was loaded.
 
-        Records on it move along; those close to it, before or after, are made anew; of the others those that it concerns are
-        gathered again in place. Raises InputError for a mesh that is not there, and a matrix that is not affine, or singular.
+        Records on it move along, those within it go, and of the others those that it concerns are gathered again in place. Raises
+        InputError for a mesh that is not there, and a matrix that is not affine, or singular.
         """
         self._go_on(replace(self._state, scene=moved(self.scene, self._loaded, mesh, transform)))
+
+    def pose(self, scene: Scene) -> None:
+        """Go on with the renderer's scene in another pose: the same meshes elsewhere, and other lights. As `move` and `relight`
+        at once; raises InputError for a scene of other meshes, and as these."""
+        pairs = zip(scene.meshes, self.scene.meshes, strict=False)
+        if len(scene.meshes) != len(self.scene.meshes) or any(len(a.faces) != len(b.faces) for a, b in pairs):
+            raise InputError("a pose has the same meshes as the renderer's scene, in the same order")
+        meshes = tuple(b if _alike(a, b) else a for a, b in zip(scene.meshes, self.scene.meshes, strict=True))
+        same = all(a is b for a, b in zip(meshes, self.scene.meshes, strict=True))
+        now = replace(self.scene, lights=scene.lights, meshes=self.scene.meshes if same else meshes)
+        self._go_on(replace(self._state, scene=now))
 
     def resize(self, size: tuple[int, int]) -> None:
         """Views are of another size (width, height) from now on; the records stay. Raises InputError for one that cannot be."""
@@ -659,6 +670,11 @@ class Renderer(Owner):
         made: Statistics = {"samples": view.samples, "stages_ms": self.timers.milliseconds(), "clock": self.timers.clock}
         made |= cast(Statistics, self.scheduler.gatherer.bounces(settings))
         return made | describe(self.about, self.scene, self.size, self.preset, settings, stops)
+
+
+def _alike(a: Mesh, b: Mesh) -> bool:
+    """Whether two states of a mesh are the same."""
+    return a is b or (np.array_equal(a.positions, b.positions) and np.array_equal(a.faces, b.faces))
 
 
 def render(

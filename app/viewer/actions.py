@@ -262,7 +262,9 @@ class Actions:
     def open(self, source: str) -> None:
         """Show the scene at a path, or play the .path there."""
         if Path(source).suffix == ".path":
-            self.session.path_recorder.path = load_path(source, self.session.camera.fov)
+            path = load_path(source, self.session.camera.fov)
+            path.motions.check(self.session.scene, path.frames)
+            self.session.path_recorder.path = path
             self.session.path_recorder.play()
             return
         self._load(source, keep_camera=False)

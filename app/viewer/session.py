@@ -109,6 +109,7 @@ class Session(Owner):
         played = self.path_recorder.tick(dt, self.camera)
         if played is not None:
             self.free_camera.go(played)
+        self._pose(ended=played is not None)
         renderers, before, shown = self.active, self._centres, self.views
         self.views, self.progress, self.ms, self._centres = [], [], {}, []
         for side, renderer in enumerate(renderers):
@@ -216,6 +217,15 @@ class Session(Owner):
         """Whether there is a lamp at the eye."""
         return self.renderers[0].headlamp > 0.0
 
+    def _pose(self, ended: bool) -> None:
+        """Put what the path moves where it is now; ended: its last frame is. It stays where playing stops."""
+        path = self.path_recorder.path
+        frame = path.frames - 1.0 if path is not None and ended else self.path_recorder.frame
+        if path is not None and frame is not None and path.motions:
+            scene = path.motions.at(self.scene, frame)
+            for renderer in self.renderers:
+                renderer.pose(scene)
+
     def carry_headlamp(self, on: bool) -> None:
         """Carry a lamp at the eye, or none: as bright that what the camera looks at is lit as well as the exposure is now for."""
         stops = self.exposure if math.isfinite(self.exposure) else 0.0
@@ -252,7 +262,7 @@ class Session(Owner):
         if keep_camera:
             self.free_camera.go(before.camera)
             self.free_camera.speed = before.speed
-        else:
+        if not keep_camera or not self.path_recorder.fits(scene):
             self.path_recorder = PathRecorder()
         self.views, self.progress, self.held = [], [], None
 

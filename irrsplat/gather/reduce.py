@@ -74,10 +74,11 @@ class ReducePass(Owner):
         )
         self.light_samples(self.target, atlas, per_cell, used)
         sums: dict[str, Any] = dict(zip(_SUMS, self.target.textures, strict=False))
-        if self.out is None or self.out.textures[0] is not records.textures[GATHERED[0]]:
+        textures = [records.textures[name] for name in GATHERED]
+        if self.out is None or any(a is not b for a, b in zip(self.out.textures, textures, strict=True)):
             if self.out is not None:
                 self.out.release()
-            self.out = Target(self.ctx, records.size, textures=[records.textures[name] for name in GATHERED])
+            self.out = Target(self.ctx, records.size, textures=textures)
         self.total(
             self.out,
             vertices=atlas.count,

@@ -17,10 +17,12 @@ _EXPLORE = 0.1  # relative growth of the estimated overhead while all batches ha
 
 
 class Budget:
-    """The time of one tick: `Budget(0.09)` ends 90 ms from now; `Budget(None)` never does."""
+    """The time of one tick: `Budget(0.09)` ends 90 ms from now; `Budget(None)` never does. tick: seconds of the whole tick, of
+    which this is a part (default: this is all of it)."""
 
-    def __init__(self, seconds: float | None) -> None:
+    def __init__(self, seconds: float | None, tick: float | None = None) -> None:
         self.seconds = seconds
+        self.tick = seconds if tick is None else tick
         self.end = float("inf") if seconds is None else time.perf_counter() + seconds
 
     @property
@@ -33,11 +35,12 @@ class Budget:
         """Seconds to the end; negative after it."""
         return self.end - time.perf_counter()
 
-    def part(self, share: float, reserve: float) -> Budget:
-        """A budget of `share` of what is left after keeping `reserve` seconds back, but at least 20 % of the whole tick."""
-        if self.seconds is None:
+    def part(self, share: float, reserve: float, least: float = 0.0) -> Budget:
+        """A budget of `share` of what is left after keeping `reserve` seconds back, but at least 20 % of it all; or at least the
+        share `least` of the whole tick, whatever has been spent."""
+        if self.seconds is None or self.tick is None:
             return self
-        return Budget(max(share * (self.left - reserve), _GATHER_SHARE * self.seconds))
+        return Budget(max(share * (self.left - reserve), _GATHER_SHARE * self.seconds, least * self.tick), self.tick)
 
 
 class Pace:

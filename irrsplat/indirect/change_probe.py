@@ -1,6 +1,11 @@
-"""Which records a moved mesh concerns: a rough gather from each is compared with what the same directions brought before."""
+"""What a change does to records: a rough gather from each is compared with what the same directions brought before.
+
+The difference corrects what a record holds until it is gathered again, and tells which records are to be.
+"""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 
@@ -9,19 +14,22 @@ from irrsplat.gather.look import Gather, gather_records
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.records.record_cache import RecordCache
+from irrsplat.settings import WIDE
 
-SIDE = 8  # side² directions, a small part of a gather's
+SIDE = 16  # side² directions, a small part of a gather's
 LIGHT_SAMPLES = 16  # to emitters at most, beside these
 MAX_RECORDS = 4096  # probed at once
+_PROBED = ("irradiance", "radius", "vectors", "gradient")  # the columns of a probe, in this order
+_MOST_GROWTH = 2.0  # of a record at a time, by what the surface cache says
 _MAX_DRIFT = 0.02  # change of E or R, summed over the moves since a record was gathered, beyond which it is gathered again
 
 
 class ChangeProbe(Owner):
-    """Probes records with `gather`, made for SIDE, which it owns from then on."""
+    """Probes records with `gather`, made for SIDE, which it owns from then on. gradients: M and ∇E as well."""
 
-    def __init__(self, gather: Gather) -> None:
+    def __init__(self, gather: Gather, gradients: bool) -> None:
         self.gather = gather
-        self.reduce = ReducePass(gather.world.ctx, gradients=False)
+        self.reduce = ReducePass(gather.world.ctx, gradients)
         self.records = RecordCache(gather.world.ctx)
 
     def owned(self) -> tuple[Resource | None, ...]:
@@ -29,16 +37,43 @@ class ChangeProbe(Owner):
         return (self.gather, self.reduce, self.records)
 
     def __call__(self, light: HitLight, sites: Sites, seed: int) -> np.ndarray:
-        """(N, 4) float32: rough E of records at `sites`, W/m², and R, metres."""
+        """(N, PROBED) float32 of records at `sites`: rough E in W/m², R in metres, M and ∇E."""
         self.records.truncate(0)
         numbers = self.records.append(sites) + np.arange(len(sites))
         gather_records(self.gather, self.reduce, light, self.records, numbers, seed)
-        found = self.records.read()
-        return np.column_stack([found["irradiance"], found["radius"]])
+        return held(self.records, numbers)
+
+
+def held(cache: RecordCache, numbers: np.ndarray) -> np.ndarray:
+    """(N, PROBED) float32: what the records of these numbers hold, in the form of a probe."""
+    found = cache.gathered(*_PROBED)
+    return np.concatenate(
+        [found[name][numbers].reshape(len(numbers), math.prod(found[name].shape[1:])) for name in _PROBED], axis=1
+    )
+
+
+def correction(values: np.ndarray, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """(N, PROBED) what records that held `values` are taken to hold now that probes find `after` where they found `before`.
+
+    A control variate: value + c·(after − before) with the same directions in both. With E of a channel growing c is 1; where it
+    fades, the record fades by the same ratio, and never below 0. ∇E and M go with their channel, and 1/R like an E.
+    """
+    E, q = slice(0, 3), 3
+    x, old, new = (array.astype(float) for array in (values, before, after))
+    for one in (x, old, new):
+        one[:, q] = 1.0 / np.maximum(one[:, q], 1e-30)
+    fade = np.ones_like(x)
+    fade[:, : q + 1] = np.minimum(1.0, new[:, : q + 1] / np.maximum(old[:, : q + 1], 1e-30))
+    fade[:, 4:] = np.tile(np.repeat(fade[:, E], 3, axis=1), 2)
+    x = fade * x + (new - fade * old)
+    x[:, q] = 1.0 / np.maximum(x[:, q], 1e-30)
+    corrected: np.ndarray = x.astype(np.float32)
+    return corrected
 
 
 def change(before: np.ndarray, after: np.ndarray, luminance_floor: float) -> np.ndarray:
-    """(N,) how much E and R (N, 4) have changed: the greater of both changes, each relative to the greater of its two values.
+    """(N,) how much E and R, the first columns of (N, 4 and more), have changed: the greater of both changes, each relative to
+    the greater of its two values.
 
     luminance_floor: W/m², below which E counts as if it were that. Infinite where `before` has no R: nothing is known there.
     """
@@ -48,8 +83,39 @@ def change(before: np.ndarray, after: np.ndarray, luminance_floor: float) -> np.
     return np.where(before[:, 3] > 0.0, share, np.inf)
 
 
-def changed_records(cache: RecordCache, found: np.ndarray) -> np.ndarray:
-    """The numbers of the records that have changed too much, now that probes have `found` (N, 4); the cache keeps these."""
-    cache.drift[:] = np.minimum(cache.drift + change(cache.probes, found, cache.luminance_floor), 1.0)
-    cache.probes[:] = found
-    return np.flatnonzero(cache.drift > _MAX_DRIFT)
+def take_in(cache: RecordCache, numbers: np.ndarray, found: np.ndarray, radii: tuple[float, float]) -> np.ndarray:
+    """Correct the records of these numbers (K,), now that probes have `found` (K, PROBED), which the cache keeps; returns the
+    numbers of those that have changed too much. radii: metres, the least and the greatest R that there is."""
+    before = cache.probes[numbers]
+    cache.drift[numbers] = np.minimum(cache.drift[numbers] + change(before, found, cache.luminance_floor), 1.0)
+    known = (before[:, 3] > 0.0) & (before != found).any(1)
+    if known.any():
+        there = numbers[known]
+        _hold(cache, there, correction(held(cache, there), before[known], found[known]), radii)
+    cache.probes[numbers], cache.due[numbers] = found, 0.0
+    changed: np.ndarray = numbers[cache.drift[numbers] > _MAX_DRIFT]
+    return changed
+
+
+def follow_surface(cache: RecordCache, before: np.ndarray, after: np.ndarray, radii: tuple[float, float]) -> None:
+    """Let all records follow what the surface cache says at their places, (N, 3) W/m² `before` and `after`, a coarse guess of
+    what they hold; and their probes with them, as if these had found that, so that the next ones correct the guess."""
+    numbers = np.arange(cache.count)
+    x = held(cache, numbers)
+    fade = np.ones_like(x)
+    fade[:, :3] = np.minimum(1.0, after / np.maximum(before, 1e-30))
+    fade[:, 4:] = np.tile(np.repeat(fade[:, :3], 3, axis=1), 2)
+    ratio = fade.copy()
+    ratio[:, :3] += np.maximum(after - before, 0.0) / np.maximum(x[:, :3], 1e-30)
+    ratio[:, :3] = np.minimum(ratio[:, :3], _MOST_GROWTH)
+    ratio[:, 4:] = np.tile(np.repeat(ratio[:, :3], 3, axis=1), 2)
+    cache.probes[:] = fade * cache.probes + (ratio - fade) * x
+    _hold(cache, numbers, ratio * x, radii)
+
+
+def _hold(cache: RecordCache, numbers: np.ndarray, rows: np.ndarray, radii: tuple[float, float]) -> None:
+    """Let records hold these rows, in the form of probes."""
+    R = np.clip(rows[:, 3], *radii)
+    values = {"irradiance": rows[:, :3], "radius": R, "max_radius": np.minimum(WIDE * R, radii[1])}
+    values |= {"vectors": rows[:, 4:13].reshape(-1, 3, 3), "gradient": rows[:, 13:].reshape(-1, 3, 3)}
+    cache.correct(values, numbers)

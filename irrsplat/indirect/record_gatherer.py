@@ -19,7 +19,7 @@ from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.time_budget import Budget, Pace
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
-from irrsplat.indirect.change_probe import LIGHT_SAMPLES, MAX_RECORDS, SIDE, ChangeProbe, changed_records
+from irrsplat.indirect.change_probe import LIGHT_SAMPLES, MAX_RECORDS, SIDE, ChangeProbe, follow_surface, take_in
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.change import SceneChange
@@ -27,6 +27,7 @@ from irrsplat.scene.model import Scene
 from irrsplat.settings import SETTINGS, Settings
 from irrsplat.surface_cache.cache import SurfaceCache
 
+_LOOKS = 0.35  # of a tick: looking at what has changed may take that much in any case
 _PATIENCE = 1.0  # seconds that ticks work at a first surface cache before records are gathered without, holding one bounce
 
 
@@ -45,15 +46,17 @@ class BounceStatistics(TypedDict):
 class Basis:
     """What the records of the cache are gathered by: the one value that changes as scene and settings do.
 
-    kind: how a record sees the world, "trace", "embree", "raster" or "plane". moved: whether something has moved, and which
-    records that concerns is still to be found out. resumed: the statistics of records from a file, as long as their surface
-    cache is not made. waited: seconds that the first surface cache has taken so far.
+    kind: how a record sees the world, "trace", "embree", "raster" or "plane". moved: whether something has changed, and which
+    records that concerns is still to be found out. relit: whether lights have, and the surface cache is not made by these yet.
+    resumed: the statistics of records from a file, as long as their surface cache is not made. waited: seconds that the first
+    surface cache has taken so far.
     """
 
     scene: Scene
     settings: Settings
     kind: str
     moved: bool = False
+    relit: bool = False
     resumed: BounceStatistics | None = None
     waited: float = 0.0
 
@@ -129,7 +132,11 @@ class RecordGatherer(Owner):
         # as records are gathered
         settings = replace(basis.settings, gather=basis.kind, gather_size=SIDE, light_samples=samples)
         inputs = basis.wants_surface, basis.lights, basis.kind, samples, settings.emitters_apart
-        return self._made.get("probes", inputs, lambda: ChangeProbe(autotune.gather_pass(self.world, settings, MAX_RECORDS)))
+
+        def make() -> ChangeProbe:
+            return ChangeProbe(autotune.gather_pass(self.world, settings, MAX_RECORDS), settings.gradients)
+
+        return self._made.get("probes", (*inputs, settings.gradients), make)
 
     @property
     def reduce_pass(self) -> ReducePass:
@@ -154,6 +161,11 @@ class RecordGatherer(Owner):
         """How much a batch of records costs the gather of this side."""
         return self._memo.get(f"pace of {size}", self._gather_at(size), lambda: Pace(self.ctx))
 
+    @property
+    def _probe_pace(self) -> Pace:
+        """How much a batch of probes costs."""
+        return self._memo.get("probe pace", self.probes, lambda: Pace(self.ctx))
+
     def light(self, shadows: ShadowMaps) -> HitLight:
         """What lights the surfaces that records see."""
         surface = self.surface if self._basis.wants_surface else None
@@ -174,7 +186,7 @@ class RecordGatherer(Owner):
             return None
         new = replace(old, scene=scene, settings=settings, kind=autotune.kind(self.ctx, scene, settings))
         # first what may fail
-        if change.moved and shadows is not None and not old.moved:  # a last look at what was there before
+        if change and shadows is not None:  # a last look at what was there before
             unknown = np.flatnonzero(cache.probes[:, 3] == 0.0)
             cache.probes[unknown] = self._probe(shadows, unknown)
         try:
@@ -200,7 +212,8 @@ class RecordGatherer(Owner):
         if change.moved:
             kept = cache.move_with_meshes(old.scene, new.scene)
             cache.keep_only(kept)
-            new = replace(new, moved=True, resumed=None)
+        if change:
+            new = replace(new, moved=True, relit=old.relit or change.relit, resumed=None)
         surface = self._made.find("surface", SurfaceCache)
         if surface is not None:
             surface.change(settings)
@@ -208,9 +221,12 @@ class RecordGatherer(Owner):
         if gathered or old.lights != new.lights or was.placement != settings.placement:
             self.atlas = None  # its gather is gone
         more = settings.gradients and not was.gradients  # records gathered without them have none
-        if gathered or more or change.relit or was.shadow_size != settings.shadow_size:
+        if gathered or more or was.shadow_size != settings.shadow_size:
             cache.invalidate()
             new = replace(new, resumed=None)
+        elif change.relit:
+            cache.due[:] += 1.0
+            cache.invalidate(np.arange(cache.count))
         self._basis = new
         return kept
 
@@ -247,13 +263,15 @@ class RecordGatherer(Owner):
         it takes half of the time; so it does where ticks have waited long for the first ones, and records hold one bounce until
         these are there.
         """
-        self._settle(shadows)
         surface = self.surface
         if surface is None or not self._basis.wants_surface:
+            self.settle(shadows, budget.part(0.5, 0.0, _LOOKS))
             return True
         first, basis = surface.result is None, self._basis
         early = budget.limited and basis.resumed is None and basis.waited > _PATIENCE
         start = time.perf_counter()
+        sites = self.cache.sites(slice(0, self.cache.count))
+        before = surface.at(sites) if surface.following and budget.limited and len(sites) and sites.triangle is not None else None
         made = surface.advance(shadows, budget if first and not early else budget.part(0.5, 0.0))
         if first:
             self._basis = replace(basis, waited=basis.waited + time.perf_counter() - start)
@@ -261,23 +279,35 @@ class RecordGatherer(Owner):
             if first and basis.resumed is None:
                 self.cache.invalidate()
             elif basis.resumed is None:
+                self.cache.due[:] += surface.last_change
+                if before is not None:
+                    follow_surface(self.cache, before, surface.at(sites), self.gather_pass.radii)
                 self._basis = replace(self._basis, moved=True)
-                self._settle(shadows)
+                if surface.complete and basis.relit:
+                    self.cache.invalidate(np.arange(self.cache.count))
+            if surface.complete:
+                self._basis = replace(self._basis, relit=False)
             self._basis = replace(self._basis, resumed=None)  # they were gathered by such values, too
+        self.settle(shadows, budget.part(0.5, 0.0, _LOOKS))
         return early or surface.result is not None
 
-    def _settle(self, shadows: ShadowMaps) -> None:
-        """Make the records stale that the last move concerns, or other light of the further bounces after it: all of them where
-        something else has changed since they were looked at."""
+    def settle(self, shadows: ShadowMaps, budget: Budget) -> None:
+        """Hold records against what has changed, those first that it may concern most: correct what they hold, and make those
+        stale that have changed too much."""
         if not self._basis.moved:
             return
         cache = self.cache
-        looked = cache.probes[:, 3].any()
-        cache.invalidate(changed_records(cache, self._probe(shadows, np.arange(cache.count))) if looked else None)
-        self._basis = replace(self._basis, moved=False)
+        (numbers,) = np.nonzero(cache.due)
+        numbers, done = numbers[np.argsort(-cache.due[numbers], kind="stable")], 0
+        for count in self._probe_pace.batches(len(numbers), MAX_RECORDS, budget):
+            chosen = numbers[done : done + count]
+            cache.invalidate(take_in(cache, chosen, self._probe(shadows, chosen), self.gather_pass.radii))
+            done += count
+        if done == len(numbers):
+            self._basis = replace(self._basis, moved=False)
 
     def _probe(self, shadows: ShadowMaps, numbers: np.ndarray) -> np.ndarray:
-        """(N, 4), as ChangeProbe has it, of the records of these numbers."""
+        """(N, PROBED), as ChangeProbe has it, of the records of these numbers."""
         with self.timers("gather"):
             return self.probes(self.light(shadows), self.cache.sites(numbers), self.settings.seed)
 

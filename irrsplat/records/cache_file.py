@@ -25,7 +25,7 @@ from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Image, Scene
 from irrsplat.settings import SETTINGS, Settings
 
-FORMAT = 3  # to be raised whenever the content of files changes, or what records are gathered from
+FORMAT = 4  # to be raised whenever the content of files changes, or what records are gathered from
 _NAME = b"irrsplat record cache "
 _DIGEST = hashlib.sha256().digest_size
 _REMEDY = "remove it to have it made anew, or name another file"

@@ -11,9 +11,10 @@ from irrsplat.core.vectors import unit
 from irrsplat.scene.looks import in_order
 from irrsplat.scene.model import Mesh, Scene
 
-COVERED = 0.25  # share of a point's hemisphere, weighted by the cosine: where a moved mesh covers more, new records are wanted
-_SAMPLES = 128  # points on a mesh that stand for its surface
-_R2 = np.array([0.7548776662466927, 0.5698402909980532])  # Roberts's R2 sequence (2018): even in the square for any length
+_INSIDE = 0.3  # a point about which a mesh winds more often than that is taken to be within
+_LIFT = 1e-3  # of a mesh's diagonal: how far above its surface a point is held against the mesh
+_AT_ONCE = 1 << 18  # pairs of a point and a triangle
+_LEAST_CONCERN = 0.01  # for points that see nothing of what has moved, but perhaps its shadow
 _RIGID = 1e-3  # how far, by rounding of its triangles, the map of a rigid motion may be from a rotation
 
 
@@ -30,19 +31,60 @@ def _of_moved(triangle: np.ndarray, before: Scene, after: Scene) -> Iterator[tup
             yield old, new, (inside >= 0) & (inside < len(old.faces)), inside
 
 
-def untouched(position: np.ndarray, normal: np.ndarray, triangle: np.ndarray, before: Scene, after: Scene) -> np.ndarray:
-    """(N,) True for points of whose hemisphere no moved mesh covers more than COVERED, where it was or where it is.
+def swallowed(position: np.ndarray, normal: np.ndarray, triangle: np.ndarray, before: Scene, after: Scene) -> np.ndarray:
+    """(N,) True for points, with these normals (N, 3), that lie within a moved mesh where it is now, but not on it.
 
-    position, normal: (N, 3). triangle: (N,) numbers of the points' triangles; points on a moved mesh itself are always True.
-    -1: not known; such a point is False if it lies in the bounding box of where a moved mesh was.
+    triangle: (N,) numbers of the points' triangles; -1: not known, and then a point counts that lies in the bounding box of where
+    a moved mesh was.
     """
-    kept = np.ones(len(position), bool)
+    found = np.zeros(len(position), bool)
     for old, new, own, _ in _of_moved(triangle, before, after):
-        within = ((position >= old.positions.min(0)) & (position <= old.positions.max(0))).all(1)
-        kept &= ~((triangle < 0) & within)
-        near = kept & ~own
-        kept[near] = np.maximum(*(covered(position[near], normal[near], mesh) for mesh in (old, new))) <= COVERED
-    return kept
+        found |= (triangle < 0) & _within(position, old)
+        lift = _LIFT * float(np.linalg.norm(np.ptp(new.positions, axis=0)))
+        near = np.flatnonzero(~own & ~found & _within(position, new, lift))
+        found[near] = np.abs(winding(position[near] + lift * normal[near], new)) > _INSIDE
+    return found
+
+
+def _within(position: np.ndarray, mesh: Mesh, margin: float = 0.0) -> np.ndarray:
+    """(N,) whether points lie in the bounding box of a mesh, or `margin` metres beside it."""
+    low, high = mesh.positions.min(0) - margin, mesh.positions.max(0) + margin
+    within: np.ndarray = ((position >= low) & (position <= high)).all(1)
+    return within
+
+
+def winding(position: np.ndarray, mesh: Mesh) -> np.ndarray:
+    """(N,) how often a mesh winds about points (N, 3): 1 within a closed one, 0 beside it; less where it is open.
+
+    The sum of its triangles' solid angles (van Oosterom and Strackee 1983) over 4π.
+    """
+    sums = np.zeros(len(position))
+    step = max(1, _AT_ONCE // max(len(position), 1))
+    for start in range(0, len(mesh.faces), step):
+        a, b, c = (mesh.positions[mesh.faces[start : start + step]].astype(float)[:, k] - position[:, None] for k in range(3))
+        x, y, z = (np.linalg.norm(v, axis=-1) for v in (a, b, c))
+        volume = (a * np.cross(b, c)).sum(-1)
+        sums += np.arctan2(volume, x * y * z + (a * b).sum(-1) * z + (b * c).sum(-1) * x + (c * a).sum(-1) * y).sum(1)
+    return sums / (2.0 * np.pi)
+
+
+def concerned(position: np.ndarray, normal: np.ndarray, triangle: np.ndarray, before: Scene, after: Scene) -> np.ndarray:
+    """(N,) about how much of what points with these normals (N, 3) see has changed: the shares of their hemispheres, weighted by
+    the cosine, that the bounding spheres of moved meshes covered and cover. At least _LEAST_CONCERN; 1 more on a moved mesh."""
+    found = np.full(len(position), _LEAST_CONCERN)
+    for old, new, own, _ in _of_moved(triangle, before, after):
+        found += np.where(own, 1.0, _covered(position, normal, old) + _covered(position, normal, new))
+    return found
+
+
+def _covered(position: np.ndarray, normal: np.ndarray, mesh: Mesh) -> np.ndarray:
+    """(N,) about the share of points' hemispheres that a mesh's bounding sphere covers."""
+    low, high = mesh.positions.min(0).astype(float), mesh.positions.max(0).astype(float)
+    way, radius = 0.5 * (low + high) - position, 0.5 * float(np.linalg.norm(high - low))
+    far = np.maximum(np.linalg.norm(way, axis=1), 1e-30)
+    height = np.clip(((way * normal).sum(1) + radius) / (far + radius), 0.0, 1.0)  # 0 where it is below the horizon
+    share: np.ndarray = height * np.minimum(radius / far, 1.0) ** 2
+    return share
 
 
 @dataclass(frozen=True)
@@ -81,34 +123,3 @@ def _frame(corners: np.ndarray) -> np.ndarray:
     """(N, 3, 3) with the columns of two edges and the unit normal of triangles (N, 3, 3)."""
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     return np.stack([first, second, unit(np.cross(first, second))], axis=-1)
-
-
-def covered(position: np.ndarray, normal: np.ndarray, mesh: Mesh) -> np.ndarray:
-    """(N,) an upper bound of the share of the hemispheres of points with these normals (N, 3) that a mesh covers, by the cosine.
-
-    Sums the form factors of discs about samples of its surface, A·cosθ·cosθ'/(π·d² + A). Its far side counts as well, so that the
-    sum is up to twice what a closed mesh covers.
-    """
-    centre = 0.5 * (mesh.positions.min(0) + mesh.positions.max(0)).astype(float)
-    place, facing, area = _samples(mesh)
-    # relative to its centre, so that float32 is exact enough for the squares
-    p, q = (position - centre).astype("f4"), (place - centre).astype("f4")
-    n, m = normal.astype("f4"), facing.astype("f4")
-    square = np.maximum((p * p).sum(1)[:, None] + (q * q).sum(1) - 2.0 * (p @ q.T), np.float32(1e-12))
-    here = np.maximum(n @ q.T - (n * p).sum(1)[:, None], 0.0)
-    there = np.abs(p @ m.T - (q * m).sum(1))
-    share: np.ndarray = (here * there / (square * (np.pi * square / np.float32(area) + 1.0))).sum(1)
-    return share
-
-
-def _samples(mesh: Mesh) -> tuple[np.ndarray, np.ndarray, float]:
-    """_SAMPLES points (S, 3) spread evenly over a mesh, the normals of their triangles (S, 3), and the area of each, m²."""
-    a, b, c = mesh.positions[mesh.faces].astype(float).swapaxes(0, 1)
-    cross = np.cross(b - a, c - a)
-    size = np.linalg.norm(cross, axis=1)
-    sums = np.cumsum(size)
-    chosen = np.minimum(np.searchsorted(sums, (np.arange(_SAMPLES) + 0.5) / _SAMPLES * sums[-1]), len(sums) - 1)
-    u, v = np.modf((np.arange(_SAMPLES)[:, None] + 0.5) * _R2)[0].T
-    u, v = np.where(u + v > 1.0, (1.0 - u, 1.0 - v), (u, v))
-    place = a[chosen] + u[:, None] * (b - a)[chosen] + v[:, None] * (c - a)[chosen]
-    return place, cross[chosen] / np.maximum(size[chosen], 1e-300)[:, None], 0.5 * float(sums[-1]) / _SAMPLES

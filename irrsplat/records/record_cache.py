@@ -18,11 +18,12 @@ from irrsplat.core.vectors import unit
 from irrsplat.gpu import texel_table
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import float_texture
-from irrsplat.records.motion import carried, untouched
+from irrsplat.records.motion import carried, concerned, swallowed
 from irrsplat.scene.model import Scene
 
 _FLOOR = 0.02  # of the records' mean luminance: see RecordCache.update_luminance_floor
 _ROWS = 4  # of the textures at first; doubled whenever they are full
+PROBED = 22  # numbers that a probe keeps of a record: E, R, M and ∇E
 
 
 @dataclass(frozen=True)
@@ -47,8 +48,9 @@ _COLUMNS: dict[str, _Column] = {
     "id": _Column((), "i8", "name", "what it is known by, whatever number it has"),
     "frame_rotation": _Column((), "i8", "turn", "what the rotation of its frame is drawn from: see Sites"),
     "gather_size": _Column((), "i8", None, "side of the gather that it was refined by; 0: it is as the settings have it"),
-    "probe": _Column((4,), "f4", "probes", "rough E and R by a few directions: see change_probe.py; R = 0: not looked yet"),
+    "probe": _Column((PROBED,), "f4", "probes", "what a few directions say: see change_probe.py; R = 0: not looked yet"),
     "drift": _Column((), "f4", "drift", "how much `probe` has changed since the record was gathered"),
+    "due": _Column((), "f4", None, "how much may have changed around it since `probe` was looked at, about; in files it is 0"),
 }
 _FILED = {name: column.file_name for name, column in _COLUMNS.items() if column.file_name is not None}
 
@@ -126,7 +128,7 @@ class RecordCache(Owner):
             columns[name][new, :3] = rows
         columns["triangle"][new] = -1 if sites.triangle is None else sites.triangle
         columns["epoch"][new], columns["last_view"][new] = self.invalidation_epoch, self._view
-        columns["values_read"][new], columns["probe"][new], columns["drift"][new] = False, 0.0, 0.0
+        columns["values_read"][new], columns["probe"][new], columns["drift"][new], columns["due"][new] = False, 0.0, 0.0, 0.0
         columns["gather_size"][new] = gather_size
         columns["id"][new] = self._next_id + np.arange(len(sites))
         columns["frame_rotation"][new] = sites.frame_rotations(columns["id"][new])
@@ -204,8 +206,14 @@ class RecordCache(Owner):
 
     @property
     def probes(self) -> np.ndarray:
-        """(N, 4) float32, writable: a rough E in W/m² and R in metres by a few directions (change_probe.py); R = 0: none yet."""
+        """(N, PROBED) float32, writable: rough E in W/m², R in metres, M and ∇E by a few directions (change_probe.py); R = 0:
+        none yet."""
         return self._columns["probe"][: self.count]
+
+    @property
+    def due(self) -> np.ndarray:
+        """(N,) float32, writable: how much may have changed around each record since it was last probed, about; 0: nothing."""
+        return self._columns["due"][: self.count]
 
     @property
     def drift(self) -> np.ndarray:
@@ -247,6 +255,12 @@ class RecordCache(Owner):
             self._stale = numbers[np.argsort(epoch[numbers], kind="stable")]
         return self._stale
 
+    @property
+    def waiting(self) -> int:
+        """How many records are stale, or may be so by what has changed around them since they were probed."""
+        columns = self._columns
+        return int(np.count_nonzero((columns["epoch"] < self.invalidation_epoch)[: self.count] | (self.due > 0.0)))
+
     def age(self, numbers: np.ndarray) -> np.ndarray:
         """(N,) how often the records of these numbers have become stale since they were gathered; 0 where they are gone."""
         there = numbers < self.count
@@ -258,7 +272,8 @@ class RecordCache(Owner):
         """Make the records of these numbers stale; None: all of them, and then what `probes` holds no longer counts either."""
         columns, later = dict(self._columns), self.invalidation_epoch + 1
         if numbers is None:
-            columns |= {"probe": np.zeros_like(columns["probe"]), "drift": np.ones_like(columns["drift"])}
+            columns |= {name: np.zeros_like(columns[name]) for name in ("probe", "due")}
+            columns["drift"] = np.ones_like(columns["drift"])
         else:
             epoch = columns["epoch"].copy()
             fresh = epoch[: self.count] == self.invalidation_epoch
@@ -279,6 +294,8 @@ class RecordCache(Owner):
         columns["gather_size"][numbers] = gather_size
         columns["values_read"][numbers] = False
         columns["drift"][numbers] = 0.0
+        columns["probe"][numbers[columns["due"][numbers] > 0.0]] = 0.0  # it is of the world as it was
+        columns["due"][numbers] = 0.0
         columns["epoch"][numbers] = self.invalidation_epoch
         self._stale = None
         self.refresh_count += 1
@@ -321,25 +338,49 @@ class RecordCache(Owner):
         self._replace(textures)
 
     def move_with_meshes(self, before: Scene, after: Scene) -> np.ndarray:
-        """Let records on meshes that have moved move along with what they hold. Returns the numbers of the records to keep: those
-        that have moved along, and those that are not close to what has moved."""
-        columns = {name: self._columns[name].copy() for name in ("position", "normal", "geometric", "probe")}
+        """Let records on meshes that have moved move along with what they hold, and raise `due` by what others see of that.
+        Returns the numbers of the records to keep: those that are not within what has moved now."""
+        columns = {name: self._columns[name].copy() for name in ("position", "normal", "geometric", "probe", "due")}
         there = {name: array[: self.count] for name, array in columns.items()}
         triangle = self._columns["triangle"][: self.count]
-        kept = untouched(self.positions, there["geometric"][:, :3], triangle, before, after)
+        geometric = there["geometric"][:, :3]
+        kept = ~swallowed(self.positions, geometric, triangle, before, after)
+        there["due"] += concerned(self.positions, geometric, triangle, before, after)
         moved = carried(self.positions, triangle, before, after)
         if len(moved.numbers):
             there["position"][moved.numbers, :3] = moved.position
             for name in ("normal", "geometric"):
                 there[name][moved.numbers, :3] = moved.normals(there[name][moved.numbers, :3])
             there["probe"][moved.numbers[~moved.rigid]] = 0.0
+            vectors = there["probe"][moved.numbers, 4:].reshape(-1, 6, 3)
+            there["probe"][moved.numbers, 4:] = np.einsum("nij,nkj->nki", moved.linear_map, vectors).reshape(-1, 18)
             texels = {name: there[name] for name in ("position", "normal")}
             texels |= self._rotated(moved.numbers, moved.linear_map)
             textures = {name: self._filled(name, rows) for name, rows in texels.items()}
-            self._columns = {**self._columns, **columns}
             self.revision += 1
             self._replace(textures)
+        self._columns = {**self._columns, **columns}
         return np.flatnonzero(kept)
+
+    def gathered(self, *names: str) -> dict[str, np.ndarray]:
+        """(N, …) float32 each: these columns of what the records hold, see record_layout.COLUMNS."""
+        return self.records.read(*names)
+
+    def correct(self, values: Mapping[str, np.ndarray], numbers: np.ndarray) -> None:
+        """Let the records of these numbers (K,) hold `values`, (K, …) by the names of their columns."""
+        names = {texture for column in values for texture, _ in record_layout.COLUMNS[column].slots}
+        texels = {name: texel_table.read(self.ctx, self._textures[name], 0, self.count).copy() for name in names}
+        rows = {name: array[numbers] for name, array in texels.items()}
+        for name, value in values.items():
+            record_layout.pack(rows, name, value)
+        for name, array in texels.items():
+            array[numbers] = rows[name]
+        textures = {name: self._filled(name, array) for name, array in texels.items()}
+        columns = {**self._columns, "values_read": self._columns["values_read"].copy()}
+        columns["values_read"][numbers] = False
+        self._columns = columns
+        self.revision += 1
+        self._replace(textures)
 
     def _rotated(self, numbers: np.ndarray, maps: np.ndarray) -> dict[str, np.ndarray]:
         """The texels that hold directions (M, ∇E, the axis) after linear maps (K, 3, 3) of the records of these numbers (K,)."""
@@ -382,7 +423,8 @@ class RecordCache(Owner):
         columns = {name: array.copy() for name, array in self._columns.items()}
         for name, file_name in _FILED.items():
             columns[name][:count] = state[file_name]
-        columns["values_read"][:count], columns["gather_size"][:count] = False, 0
+        for name in ("values_read", "gather_size", "due"):
+            columns[name][:count] = 0
         texels = {"position": columns["position"][:count], "normal": columns["normal"][:count], "limit": state["limit"]}
         texels |= dict(zip(GATHERED, np.moveaxis(state["content"], 1, 0), strict=True))
         textures = {name: self._filled(name, rows) for name, rows in texels.items()}

@@ -1,4 +1,4 @@
-"""A flight through a scene: cameras as keys, a smooth curve between them, and the text file that holds both."""
+"""A flight through a scene: cameras as keys, a smooth curve between them, and the text file that holds both; and what moves."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import numpy as np
 
 from irrsplat.core.errors import InputError
 from irrsplat.scene.io.lines import Line, lines, number, quote
+from irrsplat.scene.io.motion_keys import LightKey, MeshKey, Motions, light_key, mesh_key
 from irrsplat.scene.io.scene_text import USAGE
 from irrsplat.scene.model import Camera
 
@@ -25,10 +26,14 @@ _NEAR = 1e-9  # of the eye's coordinates: a target nearer than that is lost in r
 
 @dataclass(frozen=True)
 class Path:
-    """Keys (at least one) and the number of frames (at least one) in which a camera passes through them; else InputError."""
+    """Keys (at least one) and the number of frames (at least one) in which a camera passes through them; else InputError.
+
+    motions: the meshes and lamps that move meanwhile.
+    """
 
     keys: tuple[Camera, ...]
     frames: int
+    motions: Motions = Motions()
 
     def __post_init__(self) -> None:
         if not self.keys:
@@ -57,31 +62,39 @@ class Path:
 
 
 def load_path(file: str | os.PathLike[str], fov: float = 45.0) -> Path:
-    """The path in the text file `file`: a `cam` line a key, and `frames N` at most once (without it: 30 from key to key).
+    """The path in the text file `file`: a `cam` line a key, `frames N` at most once (without it: 30 from key to key), and
+    `mesh` and `light` lines for what moves.
 
     fov: of every key, vertical, in degrees. Raises InputError with file and line for whatever is wrong in it.
     """
     where = pathlib.Path(file)
     keys: list[Camera] = []
     frames: Line | None = None
+    meshes: list[MeshKey] = []
+    lights: list[LightKey] = []
     for line in lines(where):
         if line.word == "cam":
             keys.append(_cam(line, fov))
+        elif line.word == "mesh":
+            meshes.append(mesh_key(line))
+        elif line.word == "light":
+            lights.append(light_key(line))
         elif line.word != "frames":
-            raise line.error(f"unknown word {quote(line.word)}; a path knows cam and frames")
+            raise line.error(f"unknown word {quote(line.word)}; a path knows cam, frames, mesh and light")
         elif frames is not None:
             raise line.error(f"'frames' is given twice; first in line {frames.number}")
         else:
             frames = line
     if not keys:
         raise InputError(f"there is no 'cam' line; expected at least one: {_CAM}", where)
-    return Path(tuple(keys), SEGMENT * (len(keys) - 1) + 1 if frames is None else _count(frames))
+    count = SEGMENT * (len(keys) - 1) + 1 if frames is None else _count(frames)
+    return Path(tuple(keys), count, Motions(tuple(meshes), tuple(lights)))
 
 
 def path_text(path: Path) -> str:
     """The text of a path's file, from which `load_path` reads the same eyes, targets, ups and frames again, bit by bit.
 
-    The field of view is not in it, nor are the keys' names.
+    The field of view is not in it, nor are the keys' names, nor what moves.
     """
     return "".join([f"frames {path.frames}\n", *(f"cam {'  '.join(_words(key)[:3])}\n" for key in path.keys)])
 

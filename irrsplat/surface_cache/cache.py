@@ -27,6 +27,7 @@ from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.clustering import unlit_interiors
+from irrsplat.surface_cache.follower import Follower
 from irrsplat.surface_cache.lookup_table import LookupTable, unknown
 from irrsplat.surface_cache.site_layout import DARK_VALUE, FIRST_SITE, MAX_SITES, SKY_VALUE, SiteChooser, SiteLayout
 from irrsplat.surface_cache.transport import BouncedLight, Transport, sum_bounces
@@ -36,6 +37,8 @@ from irrsplat.surface_cache.visibility import VisibilityPass, seen_by_embree
 RAYS = 9 << 18  # of all sites together, about: where these are many, what lights a record is the mean of more of them
 SIDES = (8, 16)  # the least and the greatest: side² rays a site
 _LIGHT_SAMPLES = 0.25  # of its rays: a site's shadow rays to emitters, at most
+_RESTS = 3  # ticks without a change after which sites are chosen for meshes where they are now
+_FOLLOWING = 0.15  # of a tick: gathering sites again may take that much in any case while things move
 _BATCH = 128  # sites gathered at once, at most
 
 
@@ -77,6 +80,16 @@ class _Held:
     complete: bool = False
 
 
+@dataclass(frozen=True)
+class _Changing:
+    """How the scene changes while ticks go on. now: whether it has changed since the last tick. moved: whether meshes have, and
+    the sites are still those from before; rested: for so many ticks nothing has changed since."""
+
+    now: bool = False
+    moved: bool = False
+    rested: int = 0
+
+
 class SurfaceCache(Owner):
     """The surface cache of a world's scene."""
 
@@ -86,6 +99,7 @@ class SurfaceCache(Owner):
         self._visibility = VisibilityPass(self.ctx, world.material_defines)
         self._reduce = ReducePass(self.ctx, gradients=False)
         self._view_pass = SurfaceViewPass(self.ctx, world.material_defines)
+        self._point_pass = SurfaceViewPass(self.ctx, world.material_defines)
         self._made = Workshop()
         self._pace = Pace(self.ctx)
         self._choosing: Generator[float, None, SiteLayout] | None = None
@@ -93,12 +107,14 @@ class SurfaceCache(Owner):
         self._laid_out: _LaidOut | None = None  # the sites of the scene as it is; None while they are still to be chosen
         self.transport: Transport | None = None  # between these
         self._bouncing: Iterator[BouncedLight] | None = None
+        self._follower: Follower | None = None  # of the values in use, while others are still to be made
+        self._changing = _Changing()
         self._held = _Held(unknown(self.ctx))
         self._viewed: tuple[GBuffer, BouncedLight | None, moderngl.Texture] | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        passes = self._visibility, self._reduce, self._view_pass
+        passes = self._visibility, self._reduce, self._view_pass, self._point_pass
         return (*passes, self._made, self._held.table, self._held.laid_out, self._laid_out)
 
     def _gather_for(self, sites: int) -> TraceGather:
@@ -123,6 +139,16 @@ class SurfaceCache(Owner):
     def result(self) -> BouncedLight | None:
         """What lookups find; None before the first values are made."""
         return self._held.light
+
+    @property
+    def last_change(self) -> float:
+        """How much what lookups find has changed last, about, relative to it: 1 where it was made anew."""
+        return 1.0 if self.complete or self._follower is None else self._follower.change
+
+    @property
+    def following(self) -> bool:
+        """Whether what lookups find follows a scene that goes on changing, until it is made anew."""
+        return self._follower is not None and not self.complete
 
     @property
     def complete(self) -> bool:
@@ -176,6 +202,10 @@ class SurfaceCache(Owner):
             self._viewed = gbuffer, self.result, self._view_pass(gbuffer, self.uniforms()["scene"])
         return self._viewed[2]
 
+    def at(self, sites: Sites) -> np.ndarray:
+        """(N, 3) what the cache says at `sites` whose triangles are known, W/m²."""
+        return self._point_pass.at(sites, self.uniforms()["scene"])
+
     # ---- what changes ----------------------------------------------------------------------------------------------
 
     def change(self, settings: Settings) -> None:
@@ -190,10 +220,14 @@ class SurfaceCache(Owner):
         other_rays = old.settings.seed != settings.seed
         if moved:
             self.lookup.follow(self.world.tree.corners, self.world.tree.order)
-        if moved or not np.array_equal(old.unlit, unlit):  # a lamp went into a closed mesh, or out
+        if moved and self._follower is not None:
+            self._follower.move(old.scene, scene)
+        elif moved or not np.array_equal(old.unlit, unlit):  # a lamp went into a closed mesh, or out
             self._drop_sites()
+        if moved or relit:
+            self._changing = _Changing(now=True, moved=self._changing.moved or moved)
         if other_rays:
-            self.transport = None
+            self.transport = self._follower = None
         other_samples = old.settings.light_samples != settings.light_samples
         if other_rays or other_samples or old.settings.shadow_size != settings.shadow_size or relit or moved:
             self.expire()
@@ -227,6 +261,8 @@ class SurfaceCache(Owner):
             return False
         try:
             with self.timers("surface"):
+                if self._follow(shadows, budget):
+                    return True
                 laid_out = self._lay_out(budget)
                 if laid_out is None:
                     return False
@@ -236,11 +272,43 @@ class SurfaceCache(Owner):
                 made = self._bounce(laid_out, budget)
                 if made is None:
                     return False
-                self._hold(laid_out, made)
+                self._hold(laid_out, made, shadows)
         except BaseException:
             self._choosing = self._bouncing = None  # a generator that was interrupted is over
             raise
         return True
+
+    def _follow(self, shadows: ShadowMaps, budget: Budget) -> bool:
+        """Where the scene goes on changing from tick to tick, let the values in use follow it; whether they do."""
+        changing, follower, held = self._changing, self._follower, self._held
+        following = budget.limited and follower is not None and (changing.now or (changing.moved and changing.rested < _RESTS))
+        self._changing = replace(changing, now=False, rested=0 if changing.now else changing.rested + 1)
+        if not following:
+            if changing.moved:
+                self._changing = _Changing()
+                self._drop_sites()
+            return False
+        assert follower is not None and held.laid_out is not None and held.light is not None
+        gathered = self._gather_some(held.laid_out, follower, shadows, budget.part(0.0, 0.0, _FOLLOWING))
+        E = follower.step(shadows, gathered)
+        held.table.write(E)
+        self._held = replace(held, light=replace(held.light, irradiance=E))
+        return True
+
+    def _gather_some(self, laid_out: _LaidOut, follower: Follower, shadows: ShadowMaps, budget: Budget) -> np.ndarray:
+        """Gather those sites again around which most has changed, as many as the budget has time for; their numbers."""
+        records, seed, done = laid_out.records, self._basis.settings.seed, 0
+        gather, light = self._gather_for(records.count), HitLight(shadows, self.uniforms(laid_out.table))
+        order = follower.order
+        order = order[order >= FIRST_SITE]
+        for count in self._pace.batches(len(order), gather.capacity, budget):
+            numbers = order[done : done + count]
+            gather_records(gather, self._reduce, light, records, numbers, seed)
+            if not follower.transport.known[numbers].all():
+                follower.transport.fill(numbers, self._shares(gather, records.sites(numbers), numbers), gather.hits(count))
+            records.mark_refreshed(numbers)
+            done += count
+        return order[:done]
 
     def _lay_out(self, budget: Budget) -> _LaidOut | None:
         """The sites, once all are chosen; None where the budget ends before."""
@@ -289,13 +357,18 @@ class SurfaceCache(Owner):
         below = np.einsum("nij,nj->ni", frames, sites.geometric) @ gather.directions.T <= 0.0
         return np.where(below, 0.0, gather.share.ravel())
 
+    def _first(self, laid_out: _LaidOut) -> np.ndarray:
+        """(S, 3) E_1 at the sites, W/m²."""
+        E_1 = laid_out.records.read()["irradiance"]
+        E_1[SKY_VALUE : SKY_VALUE + 1] = np.pi * np.asarray(self._basis.scene.sky)
+        E_1[DARK_VALUE : DARK_VALUE + 1] = 0.0
+        return E_1
+
     def _bounce(self, laid_out: _LaidOut, budget: Budget) -> BouncedLight | None:
         """All bounces from E_1, one after the other; None where the budget ends before."""
         settings = self._basis.settings
         if self._bouncing is None:
-            E_1 = laid_out.records.read()["irradiance"]
-            E_1[SKY_VALUE : SKY_VALUE + 1] = np.pi * np.asarray(self._basis.scene.sky)
-            E_1[DARK_VALUE : DARK_VALUE + 1] = 0.0
+            E_1 = self._first(laid_out)
             transport = self.transport if settings.most_bounces > 2 else None
             everything = settings.bounces == "all"
             self._bouncing = sum_bounces(E_1, transport, laid_out.layout.area, settings.most_bounces, everything)
@@ -306,11 +379,17 @@ class SurfaceCache(Owner):
             made = next(self._bouncing)
         return made
 
-    def _hold(self, laid_out: _LaidOut, made: BouncedLight) -> None:
+    def _hold(self, laid_out: _LaidOut, made: BouncedLight, shadows: ShadowMaps) -> None:
         """Make these the values that lookups find."""
         laid_out.table.write(made.irradiance)
         before, self._held = self._held, _Held(laid_out.table, laid_out, made, complete=True)
-        self._bouncing = None
+        self._bouncing, self._changing = None, _Changing()
+        self._follower = None
+        if self.transport is not None and self._basis.settings.bounces == "all":
+            E_1, E = self._first(laid_out), made.irradiance.copy()
+            area = laid_out.layout.area
+            self._follower = Follower(self.world, laid_out.records, area, self.transport, self._made, MAX_SITES, E_1, E)
+            self._follower.begin(shadows)
         if before.laid_out is None:
             before.table.release()
         elif before.laid_out is not laid_out:

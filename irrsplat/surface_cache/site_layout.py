@@ -98,7 +98,9 @@ class SiteChooser:
         gathered = found.value > DARK_VALUE
         area = np.bincount(np.maximum(found.value, 0), weights=clusters.area * gathered, minlength=len(found.sites))
         members, at = clusters.members, found.sites
-        sites = Sites(members.position[at], members.normal[at], members.geometric[at])
+        face = clusters.tessellation.face
+        triangle = face[at % max(len(face), 1)]  # either side's members in the order of the points
+        sites = Sites(members.position[at], members.normal[at], members.geometric[at], triangle)
         cells = yield from self._cells(clusters, found.value)
         return SiteLayout(clusters.tessellation, sites, area.astype(float), cells)
 

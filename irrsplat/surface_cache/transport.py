@@ -44,9 +44,10 @@ class Transport:
             values[rows] = (weights * albedo[..., channel, None]).reshape(len(rows), -1)
         self.known[rows] = True
 
-    def __call__(self, E: np.ndarray) -> np.ndarray:
-        """F·E of (S, 3): one more bounce."""
-        return np.stack([matrix @ E[:, channel] for channel, matrix in enumerate(self.matrices)], axis=1)
+    def __call__(self, E: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:
+        """F·E of (S, 3): one more bounce; of these `rows` alone, (N, 3), where they are given."""
+        parts = self.matrices if rows is None else [matrix[rows] for matrix in self.matrices]
+        return np.stack([matrix @ E[:, channel] for channel, matrix in enumerate(parts)], axis=1)
 
 
 @dataclass(frozen=True)

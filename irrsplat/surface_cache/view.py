@@ -1,15 +1,17 @@
-"""What the surface cache says of every pixel of a view."""
+"""What the surface cache says of every pixel of a view, and of other points."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 
 import moderngl
+import numpy as np
 
-from irrsplat.core.buffers import GBuffer, Uniforms
+from irrsplat.core.buffers import GBuffer, Sites, Uniforms
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import Target
+from irrsplat.gpu.target import Target, table_texture
+from irrsplat.gpu.texel_table import table_rows
 
 
 class SurfaceViewPass(Owner):
@@ -36,3 +38,25 @@ class SurfaceViewPass(Owner):
         g = gbuffer
         self.program(self.target, position=g.position, normal=g.normal, albedo=g.albedo, emission=g.emission, **surface)
         return self.target.textures[0]
+
+    def at(self, sites: Sites, surface: Uniforms) -> np.ndarray:
+        """(N, 3) indirect irradiance at `sites`, W/m²; their triangles must be known."""
+        assert sites.triangle is not None
+        x, y = octahedral(sites.geometric)
+        parts = (sites.position, np.ones(len(sites))), (sites.normal, x), (np.zeros((len(sites), 3)), y)
+        columns = [*parts, (np.zeros((len(sites), 3)), sites.triangle)]
+        textures = [table_texture(self.ctx, table_rows(np.column_stack(one)[:, None].astype("f4"))) for one in columns]
+        found = np.frombuffer(self(GBuffer(textures[0], textures[1], textures[2], textures[3]), surface).read(), "f4").reshape(
+            -1, 4
+        )[: len(sites), :3]
+        for texture in textures:
+            texture.release()
+        return found
+
+
+def octahedral(directions: np.ndarray) -> np.ndarray:
+    """(2, N) the coordinates of unit vectors (N, 3) that octahedral_decode in shaders/lib/octahedral.glsl turns back."""
+    x, y, z = directions.T / np.abs(directions).sum(1)
+    folded = (1.0 - np.abs([y, x])) * np.where(np.array([x, y]) >= 0.0, 1.0, -1.0)
+    found: np.ndarray = np.where(z >= 0.0, [x, y], folded)
+    return found

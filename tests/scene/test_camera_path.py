@@ -183,7 +183,7 @@ def test_what_a_file_says(read: Callable[..., Path]) -> None:
         ("# nothing\n", "a.path: there is no 'cam' line; expected at least one: cam EX"),
         ("frames 3\n", "a.path: there is no 'cam' line"),
         ("", "empty"),
-        ("cam 0 0 5 0 0 0 0 1 0\nlight a.light\n", "a.path:2: unknown word 'light'; a path knows cam and frames"),
+        ("cam 0 0 5 0 0 0 0 1 0\nobj a.obj\n", "a.path:2: unknown word 'obj'; a path knows cam, frames, mesh and light"),
         ("cam 0 0 5 0 0 0 0 1\n", "a.path:1: 'cam' has 8 values; expected: cam EX EY EZ TX TY TZ UX UY UZ"),
         ("cam 0 0 5 0 0 0 0 1 0 0\n", "a.path:1: 'cam' has 10 values"),
         ("cam a b 0 0 5 0 0 0 0 1 0\n", "a.path:1: 'cam' has 11 values"),

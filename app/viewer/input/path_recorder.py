@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from irrsplat.core.errors import InputError
 from irrsplat.scene.camera_path import Path
-from irrsplat.scene.model import Camera
+from irrsplat.scene.model import Camera, Scene
 
 FPS = 30.0  # frames a second of a path
 KEY_EVERY = 0.2  # seconds between the keys of a recorded one
@@ -22,11 +23,25 @@ class PathRecorder:
         self._recorded = 0.0  # seconds that the recording has
 
     @property
-    def camera(self) -> Camera | None:
-        """The path's camera while it plays."""
+    def frame(self) -> float | None:
+        """The frame of the path that is shown while it plays."""
         if self.playing is None or self.path is None:
             return None
-        return self.path.camera(min(self.playing * FPS, self.path.frames - 1))
+        return min(self.playing * FPS, self.path.frames - 1.0)
+
+    @property
+    def camera(self) -> Camera | None:
+        """The path's camera while it plays."""
+        return None if self.path is None or self.frame is None else self.path.camera(self.frame)
+
+    def fits(self, scene: Scene) -> bool:
+        """Whether the scene has all that the path moves."""
+        try:
+            if self.path is not None:
+                self.path.motions.check(scene, self.path.frames)
+        except InputError:
+            return False
+        return True
 
     @property
     def at_rest(self) -> bool:

@@ -1,0 +1,178 @@
+"""Things carried through a scene while a viewer's ticks go on: how far a frame's irradiance is from a render of that moment."""
+
+from __future__ import annotations
+
+import json
+import time
+from argparse import Namespace
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, replace
+
+import numpy as np
+
+import irrsplat
+from irrsplat.app.common.terminal import columns, doing
+from irrsplat.core import files
+from irrsplat.core.errors import InputError
+from irrsplat.image.frame import Frame
+from irrsplat.image.view import Progress, View
+from irrsplat.image.view import read as read_view
+from irrsplat.reference.truth import errors
+from irrsplat.renderer import Renderer
+from irrsplat.scene.model import Light, Scene
+from irrsplat.scene.motion import moved
+
+SPEED = 1.2  # metres a second, a walk
+RATE = 15  # frames a second
+TICK = 0.08  # seconds that each frame may take
+FRAMES = 30
+EVERY = 5  # of the frames, one is held against a render of its own
+NEAR = 0.5  # metres: how far the surroundings of a mesh or of a lamp reach, from its bounding box or from its place
+SIZE = (200, 150)
+LEGEND = f"""\
+something is carried at {SPEED:g} m/s, {RATE} frames a second, each one tick of {1e3 * TICK:.0f} ms
+off: RMSE of irradiance against a fresh render of that frame's scene, relative to its mean, in % all over the picture
+near: the same within {NEAR:g} m of where the mesh is or was a frame before, relative to the mean there
+stale: records that wait to be gathered again at the end of the frame; ms: wall clock of a frame, the move included\
+"""
+
+
+@dataclass(frozen=True)
+class Case:
+    """What is carried through the scene called `scene`, by `way`, metres in all: the mesh of this name, or the first or another
+    light by its number."""
+
+    scene: str
+    carried: str | int
+    way: tuple[float, float, float]
+
+    @property
+    def name(self) -> str:
+        """What it is called in tables."""
+        return f"{self.scene}, {self.carried if isinstance(self.carried, str) else f'light {self.carried}'}"
+
+
+def _way(x: float, y: float, z: float) -> tuple[float, float, float]:
+    """That direction, as far as one comes in all frames."""
+    x, y, z = (float(v) for v in np.array([x, y, z]) / np.linalg.norm([x, y, z]) * SPEED * FRAMES / RATE)
+    return x, y, z
+
+
+CASES = (
+    Case("cornell", "short", _way(1.0, 0.0, -0.19)),
+    Case("cornell", 0, _way(-0.3, -0.55, -0.8)),
+    Case("atrium", "fountain", _way(-1.0, 0.0, -0.6)),
+    Case("atrium", 1, _way(-1.0, 0.0, 0.2)),
+)
+
+
+@dataclass(frozen=True)
+class Step:
+    """One frame that was held against its truth; off and near: relative RMSE, None where there is nothing near."""
+
+    frame: int
+    off: float
+    near: float | None
+    stale: int
+    new: int
+    renewed: int
+    surface: float
+    milliseconds: float
+
+
+def at(scene: Scene, case: Case, share: float) -> Scene:
+    """The scene with what is carried so far on its way, 0..1."""
+    offset = share * np.asarray(case.way)
+    if isinstance(case.carried, str):
+        matrix = np.eye(4)
+        matrix[:3, 3] = offset
+        return moved(scene, scene.meshes, case.carried, matrix)
+    lights = list(scene.lights)
+    lights[case.carried] = _shifted(lights[case.carried], offset)
+    return replace(scene, lights=tuple(lights))
+
+
+def _shifted(light: Light, offset: np.ndarray) -> Light:
+    x, y, z = (float(v) for v in np.add(light.position, offset))
+    if light.spot_target is None:
+        return replace(light, position=(x, y, z))
+    u, v, w = (float(t) for t in np.add(light.spot_target, offset))
+    return replace(light, position=(x, y, z), spot_target=(u, v, w))
+
+
+def carry(renderer: Renderer, case: Case, frames: int = FRAMES) -> Iterator[tuple[int, View, Progress, float]]:
+    """Frames 1 to `frames`, of a renderer that has served the scene before: number, picture, progress and milliseconds."""
+    scene = renderer.scene
+    for frame in range(1, frames + 1):
+        start = time.perf_counter()
+        if isinstance(case.carried, str):
+            matrix = np.eye(4)
+            matrix[:3, 3] = frame / FRAMES * np.asarray(case.way)
+            renderer.move(case.carried, matrix)
+        else:
+            renderer.relight(at(scene, case, frame / FRAMES).lights)
+        view, progress = renderer.frame(seconds=TICK)
+        yield frame, view, progress, 1e3 * (time.perf_counter() - start)
+
+
+def measure(case: Case, scene: Scene, tell: Callable[[str], object] = lambda words: None) -> Iterator[Step]:
+    """The frames of a case that are held against their truths; tell: called with words on what goes on."""
+    truths: dict[int, Frame] = {}
+    for frame in range(EVERY, FRAMES + 1, EVERY):
+        tell(f"{case.name}: truth of frame {frame}")
+        with Renderer(at(scene, case, frame / FRAMES), SIZE) as fresh:
+            truths[frame] = fresh.render()
+    tell(f"{case.name}: carrying")
+    with Renderer(scene, SIZE) as renderer:
+        renderer.render()
+        for frame, view, progress, milliseconds in carry(renderer, case):
+            if frame not in truths:
+                continue
+            truth, found = truths[frame], read_view(view, renderer.cache.read(), {})
+            seen = np.isfinite(truth.depth)
+            near = seen & _near(case, scene, frame, truth.position)
+            off = errors(found.irradiance[seen], truth.irradiance[seen])["rmse"]
+            close = errors(found.irradiance[near], truth.irradiance[near])["rmse"] if near.any() else None
+            counts = progress.stale, progress.new, progress.renewed
+            yield Step(frame, off or 0.0, close, *counts, progress.surface, milliseconds)
+
+
+def _near(case: Case, scene: Scene, frame: int, position: np.ndarray) -> np.ndarray:
+    """(H, W) True where a pixel's place (H, W, 3) lies within NEAR of what is carried, where it is or was a frame before."""
+    near = np.zeros(position.shape[:2], bool)
+    for share in ((frame - 1) / FRAMES, frame / FRAMES):
+        there = at(scene, case, share)
+        if isinstance(case.carried, str):
+            place = next(mesh for mesh in there.meshes if mesh.name == case.carried).positions
+        else:
+            place = np.array([there.lights[case.carried].position])
+        gap = np.maximum(np.maximum(place.min(0) - position, position - place.max(0)), 0.0)
+        near |= np.linalg.norm(gap, axis=-1) < NEAR
+    return near
+
+
+def run(args: Namespace) -> int:
+    """Measure all cases, or those of the scenes named, print their table, write JSON where asked for; the exit status.
+
+    Raises InputError for a command line that asks for something else, too, and for a scene without a case.
+    """
+    if args.size or args.preset or args.peers or args.growth or args.compare or args.output:
+        raise InputError("--moving has a size and a preset of its own; give it with scenes and --json alone")
+    known = list(dict.fromkeys(case.scene for case in CASES))
+    if unknown := [name for name in args.scenes if name not in known]:
+        raise InputError(f"--moving has nothing to carry through '{unknown[0]}'; its scenes are {', '.join(known)}")
+    rows = [("carried", "frame", "off %", "near %", "stale", "new", "renewed", "ms")]
+    found: list[dict[str, object]] = []
+    for case in CASES:
+        if args.scenes and case.scene not in args.scenes:
+            continue
+        for step in measure(case, irrsplat.load(case.scene), doing):
+            errors_of = (f"{100.0 * step.off:.1f}", "-" if step.near is None else f"{100.0 * step.near:.1f}")
+            counts = (str(step.stale), str(step.new), str(step.renewed), f"{step.milliseconds:.0f}")
+            rows.append((case.name, str(step.frame), *errors_of, *counts))
+            found.append({"case": case.name} | asdict(step))
+    doing("")
+    print("\n".join([LEGEND, "", *columns(rows, left=1)]))
+    if args.json is not None:
+        files.write_text(args.json, json.dumps({"moving": found}, indent=2) + "\n")
+    return 0

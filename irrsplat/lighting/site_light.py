@@ -1,0 +1,38 @@
+"""Direct light at points that no camera sees: the irradiance of lamps, with their shadow maps."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import moderngl
+import numpy as np
+
+from irrsplat.core.buffers import ShadowMaps, Sites
+from irrsplat.core.glsl import TABLE_COLUMNS
+from irrsplat.gpu.program import Program
+from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.target import Target, float_texture
+from irrsplat.gpu.texel_table import table_rows
+
+
+class SiteLightPass(Owner):
+    """Lights up to `most` points at once, by lamps of the kinds that light_defines tells."""
+
+    def __init__(self, ctx: moderngl.Context, lights: Mapping[str, int], most: int) -> None:
+        rows = -(-most // TABLE_COLUMNS)
+        self.program = Program(ctx, "lighting/site_light", "lib/fullscreen", lights)
+        self.sites = float_texture(ctx, (3 * TABLE_COLUMNS, rows))
+        self.target = Target(ctx, (TABLE_COLUMNS, rows), (4,))
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.program, self.sites, self.target)
+
+    def __call__(self, shadows: ShadowMaps, sites: Sites, area: np.ndarray) -> np.ndarray:
+        """(N, 3) W/m² at `sites`, which stand for so much `area` (N,) in m²: a lamp close by lights that, not a point."""
+        columns = np.stack([sites.position, sites.normal, sites.geometric], axis=1)
+        rows = table_rows(np.concatenate([columns, np.repeat(area[:, None, None], 3, axis=1)], axis=-1, dtype="f4"))
+        self.sites.write(rows.tobytes(), viewport=(0, 0, 3 * TABLE_COLUMNS, len(rows)))
+        self.program(self.target, scissor=(0, 0, TABLE_COLUMNS, len(rows)), sites=self.sites, **shadows.uniforms)
+        E: np.ndarray = np.frombuffer(self.target.textures[0].read(), "f4").reshape(-1, 4)[: len(sites), :3]
+        return E

@@ -1,0 +1,34 @@
+// Direct irradiance of lamps at sites of a table, each the mean over a disc of the area that it stands for: a lamp close to a wall
+// lights a spot that lies between the sites.
+#include "lighting/lights.glsl"
+
+uniform sampler2D sites;  // three texels each: place and the area that it stands for, shading normal, geometric normal
+
+const int POINTS = 16;  // of a disc
+const float GOLDEN_ANGLE = 2.39996323;
+
+layout(location = 0) out vec4 out_irradiance;  // W/m²
+
+void main()
+{
+    ivec2 at = ivec2(3, 1) * ivec2(gl_FragCoord.xy);
+    vec4 p = texelFetch(sites, at, 0);
+    vec3 n = texelFetch(sites, at + ivec2(1, 0), 0).xyz, g = texelFetch(sites, at + ivec2(2, 0), 0).xyz;
+    vec3 right = normalize(abs(g.y) < 0.9 ? cross(vec3(0.0, 1.0, 0.0), g) : cross(vec3(1.0, 0.0, 0.0), g)), up = cross(g, right);
+    float part = INV_PI * p.w / float(POINTS);  // a point's share of the disc, as the square of a radius
+    out_irradiance = vec4(0.0);
+    for (int i = 0; i < LIGHTS; ++i)
+    {
+        vec4 lamp = light_table[i * LIGHT_ROWS + LIGHT_POSITION];
+        vec3 E = vec3(0.0);
+        for (int k = 0; k < POINTS; ++k)
+        {
+            // Vogel's spiral: points of equal shares of the disc
+            float angle = GOLDEN_ANGLE * float(k), r = sqrt(part * (float(k) + 0.5));
+            vec3 place = p.xyz + r * (cos(angle) * right + sin(angle) * up), away = lamp.xyz - place;
+            float d2 = dot(away, away);
+            E += light_irradiance(i, Receiver(place, n, g)) * (lamp.w > 0.5 ? 1.0 : d2 / (d2 + part));
+        }
+        if (E.r + E.g + E.b > 0.0) out_irradiance.rgb += E / float(POINTS) * visibility(i, Receiver(p.xyz, n, g), 4, vec2(1.0, 0.0));
+    }
+}
