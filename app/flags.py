@@ -200,6 +200,7 @@ def _add_bench(commands: Any) -> None:
     _add_loading(parser)
     add("--bounces", metavar="N|all", default="1", help="indirect bounces (default: 1, as the paper has it)")
     add("--flight", choices=("on", "off"), default="on", help="fly through the viewer's window as well (default: on)")
+    add("--flicker", action="store_true", help="how far light changes from frame to frame in flight instead, all bounces")
     add("--json", metavar="FILE", help="write the results to this file as well")
     add("--compare", metavar="FILE", help="ratios of time against an earlier run's --json")
     add("--peers", action="store_true", help=f"time against error instead, beside {_peers()}")

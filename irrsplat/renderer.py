@@ -37,6 +37,7 @@ from irrsplat.image.view import Progress, View, read, sample_progress
 from irrsplat.indirect.refinement import Refinement, Refiner
 from irrsplat.indirect.scheduler import NOTHING_ASKED, RecordScheduler, RoundResult
 from irrsplat.indirect.splat_buffer import ViewSplats, first_stride
+from irrsplat.indirect.temporal_filter import TemporalFilter
 from irrsplat.indirect.view_state import ViewState
 from irrsplat.lighting import gl_limits
 from irrsplat.lighting.direct import DirectPass, Headlamp
@@ -246,6 +247,12 @@ class Renderer(Owner):
         """Makes pictures of the present size."""
         return self._passes.get("composite", self.size, lambda: CompositePass(self.ctx, self.size))
 
+    @property
+    def temporal_filter(self) -> TemporalFilter:
+        """Blends the irradiance of pictures of the present size with that of those before."""
+        made_of = self.size, self.world.material_defines
+        return self._passes.get("temporal", made_of, lambda: TemporalFilter(self.ctx, *made_of))
+
     def _use(self) -> None:
         """Make this renderer's own OpenGL context the current one; a given one is its owner's to make current."""
         if self._owns_ctx:
@@ -279,12 +286,12 @@ class Renderer(Owner):
             self._state = replace(self._state, shown=older)
             return shown.view, done.progress
         start = time.perf_counter()
-        view = self._picture(done)
+        view = self._picture(done, fading=budget.limited and self.settings.fade)
         if budget.limited and (self._state.shown is None or view is not self._state.shown.view):
             self.ctx.finish()
             self._state = replace(self._state, costs=replace(self._state.costs, picture=time.perf_counter() - start))
         self._state = replace(self._state, shown=Shown(view, self._subject(camera)))
-        return view, done.progress
+        return view, replace(done.progress, fading=view.fading)
 
     def refine(self, camera: Camera | str | None, target: float, seconds: float | None = None) -> tuple[View, Progress]:
         """Go on with a view that `frame` or `converge` found complete: records are added and gathered more finely until its
@@ -443,13 +450,21 @@ class Renderer(Owner):
             return state, NOTHING_ASKED
         return replace(state, pixel_stride=1), replace(NOTHING_ASKED, complete=False)
 
-    def _picture(self, done: Round) -> View:
-        """The picture of a round: direct light, normalised indirect light, and their blend."""
-        settings, gbuffer, shadows = self.settings, done.gbuffer, done.shadows
+    def _picture(self, done: Round, fading: bool = False) -> View:
+        """The picture of a round: direct light, normalised indirect light, and their blend.
+
+        fading: what the records say comes in over several pictures."""
+        settings, gbuffer, shadows, camera = self.settings, done.gbuffer, done.shadows, done.camera
         filling = settings.fill_holes and done.progress.coverage < 1.0 and settings.most_bounces > 0
-        splats = self.splats.at_every_pixel(done.splats, gbuffer, done.camera)
-        backdrop, headlamp = backdrop_of(self.scene, settings), self._headlamp_of(done.camera)
+        surface = self.scheduler.gatherer.surface_now if filling and not settings.emitters_apart else None
+        backdrop, headlamp = backdrop_of(self.scene, settings), self._headlamp_of(camera)
         emitter_pass, sampled_by = self.emitter_pass, (settings.pixel_light_samples, settings.seed)
+        held = None if surface is None else surface.result
+        subject = gbuffer, shadows, done.splats, settings.blend, settings.smooth, filling, held, backdrop, headlamp, sampled_by
+        temporal_filter = self.temporal_filter
+        if not fading:
+            temporal_filter.forget()
+        left = temporal_filter.left(subject)
 
         def light() -> moderngl.Texture:
             with self.timers("direct"):
@@ -463,14 +478,20 @@ class Renderer(Owner):
         def compose() -> View:
             direct = self._memo.get("direct", (gbuffer, shadows, headlamp), light)
             emitters = None if emitter_pass is None else self._memo.get("emitters", (gbuffer, *sampled_by), sample_emitters)
+            splats = done.splats
+            if fading or surface is not None:
+                with self.timers("composite"):
+                    found = None if surface is None else surface.uniforms()["scene"]
+                    splats = temporal_filter(splats, gbuffer, camera, subject, found)
+            splats = self.splats.at_every_pixel(splats, gbuffer, camera)
+            sums = splats.sums
             with self.timers("composite"):
-                image, alpha, sums = self.composite_pass(
-                    splats, direct, gbuffer, backdrop, done.camera, settings, filling, emitters
-                )
-            return View(done.camera, gbuffer, direct, splats, sums, image, alpha, backdrop=backdrop)
+                if filling and surface is None:
+                    sums = self.composite_pass.filled(sums, direct, gbuffer, backdrop)
+                image, alpha, sums = self.composite_pass(sums, direct, gbuffer, backdrop, camera, settings, emitters)
+            return View(camera, gbuffer, direct, splats, sums, image, alpha, backdrop=backdrop, fading=left > 0)
 
-        made_of = gbuffer, shadows, splats, settings.blend, settings.smooth, filling, backdrop, headlamp, sampled_by
-        return self._memo.get("picture", made_of, compose)
+        return self._memo.get("picture", (subject, left), compose)
 
     def accumulate(self, view: View, samples: int, seconds: float | None = None, on_progress: OnProgress | None = None) -> View:
         """The `view` that `frame` gave last, with `samples` a pixel, or as many more than last time as `seconds` allow, one at
@@ -547,6 +568,9 @@ class Renderer(Owner):
         self._leave_refinement()
         self._memo.forget(but=() if lights else ("shadows",))
         self.splats.forget()
+        temporal_filter = self._passes.find("temporal", TemporalFilter)
+        if temporal_filter is not None:
+            temporal_filter.forget()
         self._state = replace(self._state, view=ViewState())
         if records:
             self.cache.truncate(0)

@@ -228,6 +228,10 @@ class Settings:
         True, "bool", "composite", "while a view fills, pixels that no record speaks for yet borrow the light of those around",
         former="overture",
     )  # fmt: skip
+    fade: bool = _declare(
+        True, "bool", "composite", "new indirect light comes in over several frames of the viewer, so that it does not "
+        "flicker in flight; at rest, and in a render, all of it is there",
+    )  # fmt: skip
     smooth: bool = _declare(False, "bool", "composite", "smooth the indirect light along surfaces, the paper's second cure")
     samples: int = _declare(
         1, "int", "composite", "subpixel samples whose mean a render's picture is; 1: what the pixel's centre sees",
@@ -362,6 +366,7 @@ class SettingValues(TypedDict, total=False):
     blend: float
     pixel_light_samples: int
     fill_holes: bool
+    fade: bool
     smooth: bool
     samples: int
     quality: float
@@ -390,6 +395,7 @@ PRESETS: dict[str, SettingValues] = {
         "spread": 0.0,
         "borrow": 0,
         "fill_holes": False,
+        "fade": False,
         "coarse": False,
         "radius_min": 0.0,
         "radius_max": 0.0,

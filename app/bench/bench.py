@@ -42,6 +42,11 @@ def run(args: Namespace) -> int:
     loaded = [(name, irrsplat.load(name, **vars(args.loading))) for name in dict.fromkeys(names)]
     if args.peers:
         written: dict[str, object] = {"machine": {}, "runs": []} | race.run([scene for _, scene in loaded], args, bounces)
+    elif args.flicker:
+        from irrsplat.app.bench import flicker
+
+        width, height = (args.size or [flicker.SIZE])[0]
+        written = {"flicker": flicker.run([scene for _, scene in loaded], (width, height), (args.preset or ["default"])[0])}
     else:
         about, runs = _timed(loaded, args, bounces)
         written = {"machine": about, "runs": [asdict(run) for run in runs]}

@@ -95,8 +95,8 @@ class Session(Owner):
         return self.auto_exposure.stops
 
     def _at_rest(self, progress: Progress) -> bool:
-        """Whether a side's cache stays as it is."""
-        return progress.still or (self.options.frozen and progress.new == 0 and progress.complete)
+        """Whether a side's cache and picture stay as they are."""
+        return progress.still or (self.options.frozen and progress.new == 0 and progress.complete and not progress.fading)
 
     def _refined(self, renderer: Renderer, progress: Progress) -> bool:
         """Whether a side is refined as far as it is to be."""

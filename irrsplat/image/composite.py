@@ -5,7 +5,7 @@ from __future__ import annotations
 import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import GBuffer, SplatBuffer, Uniforms
+from irrsplat.core.buffers import GBuffer, Uniforms
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target, table_texture
@@ -63,24 +63,22 @@ class CompositePass(Owner):
 
     def __call__(
         self,
-        splats: SplatBuffer,
+        sums: moderngl.Texture,
         direct: moderngl.Texture,
         gbuffer: GBuffer,
         backdrop: Backdrop,
         camera: Camera,
         settings: Settings,
-        filling: bool = False,
         emitters: moderngl.Texture | None = None,
     ) -> tuple[moderngl.Texture, moderngl.Texture, moderngl.Texture]:
-        """The image before exposure, its alpha, and the sums (Σ k·E, Σ k) whose quotient is E, smoothed where the settings ask
-        for it; while the view is `filling`, pixels without records take the light of those around, at first a guess.
+        """The image before exposure, its alpha, and the sums (Σ k·E, Σ k) whose quotient is E: the given ones, smoothed where the
+        settings ask for it.
 
         emitters: their irradiance where it was sampled at the pixels, W/m²; it is never smoothed.
 
         Direct and indirect light have the weights Settings.mix; emission and the backdrop's are whole. All are tinted by the
         filters before.
         """
-        sums = self._filled(splats.sums, direct, gbuffer, backdrop) if filling else splats.sums
         if settings.smooth:
             self.smooth_target = self.smooth_target or Target(self.target.ctx, self.size, (4,))
             sums = self.smoothed(sums, gbuffer, camera, self.smooth_target)
@@ -100,7 +98,9 @@ class CompositePass(Owner):
         image, alpha = self.target.textures
         return image, alpha, sums
 
-    def _filled(self, sums: moderngl.Texture, direct: moderngl.Texture, gbuffer: GBuffer, backdrop: Backdrop) -> moderngl.Texture:
+    def filled(self, sums: moderngl.Texture, direct: moderngl.Texture, gbuffer: GBuffer, backdrop: Backdrop) -> moderngl.Texture:
+        """The sums (Σ k·E, Σ k), in a texture of this pass's own, where pixels that have none take the light of those around, at
+        first a guess."""
         self.fill_target = self.fill_target or Target(self.target.ctx, self.size, (4,))
         for texture in (sums, direct):
             texture.build_mipmaps()

@@ -23,7 +23,8 @@ class View:
     sums: (Σ k·E, Σ k), whose quotient E the picture is made of: the splat buffer's own, or smoothed.
     samples: of a pixel. Of more than one, the first at its centre, `image`, `direct`, `indirect`, `emission` (the sky's
     too) and `alpha` are the means; of one alone, indirect and emission follow from the rest. All others are of the centre.
-    backdrop: what stands where nothing is seen.
+    backdrop: what stands where nothing is seen. fading: whether E is not yet what the records say, but on the way there from what
+    the picture before showed.
     """
 
     camera: Camera
@@ -37,6 +38,7 @@ class View:
     indirect: moderngl.Texture | None = None
     emission: moderngl.Texture | None = None
     backdrop: Backdrop = Backdrop()
+    fading: bool = False
 
     def mean(self, name: str) -> moderngl.Texture | None:
         """The texture that holds `image`, `direct`, `indirect` or `emission` of every pixel; None for one that has none."""
@@ -52,7 +54,8 @@ class Progress:
     wait. complete: False while the round has sites left, or the view has only every other pixel splatted. surface: how much of
     the surface cache is made, 0..1. full: the view needs more records than `max_records`. sampled: the share of a render's
     samples that are taken, 0..1. error: the estimated relative RMSE of the indirect irradiance, None where it is not known.
-    refined: whether the view is refined as far as it is to be, or can be.
+    refined: whether the view is refined as far as it is to be, or can be. fading: the picture is not yet what the records say,
+    see View.
     """
 
     round: int
@@ -67,11 +70,12 @@ class Progress:
     sampled: float = 0.0
     error: float | None = None
     refined: bool = False
+    fading: bool = False
 
     @property
     def still(self) -> bool:
-        """Whether nothing was gathered, and nothing would be in the next tick."""
-        return self.complete and self.surface == 1.0 and not (self.new or self.renewed or self.stale)
+        """Whether nothing was gathered, and nothing would be in the next tick, nor would the picture be another."""
+        return self.complete and self.surface == 1.0 and not (self.new or self.renewed or self.stale or self.fading)
 
     @property
     def done(self) -> bool:

@@ -371,12 +371,16 @@ class RecordGatherer(Owner):
         """How much of the surface cache is made, 0..1; 1 where none is wanted."""
         return 1.0 if self.surface is None or not self._basis.wants_surface else self.surface.progress
 
+    @property
+    def surface_now(self) -> SurfaceCache | None:
+        """The surface cache where one is wanted and has values; else None."""
+        surface = self.surface
+        return surface if surface is not None and surface.result is not None and self._basis.wants_surface else None
+
     def surface_at(self, gbuffer: GBuffer) -> moderngl.Texture | None:
         """What the surface cache says of every pixel, as SurfaceViewPass has it; None where there is none (yet)."""
-        surface = self.surface
-        if surface is None or surface.result is None or not self._basis.wants_surface:
-            return None
-        return surface.view(gbuffer)
+        surface = self.surface_now
+        return None if surface is None else surface.view(gbuffer)
 
     def bounces(self, settings: Settings) -> BounceStatistics:
         """For the statistics: how records are gathered; how many bounces there are, and, where all are wanted, whether hardly

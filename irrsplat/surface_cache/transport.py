@@ -50,7 +50,7 @@ class Transport:
         return np.stack([matrix @ E[:, channel] for channel, matrix in enumerate(parts)], axis=1)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BouncedLight:
     """The irradiance E (S, 3) at sites, W/m², after all of `bounces` but the last, which a gather from the sites adds.
 

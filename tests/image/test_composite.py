@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 import pytest
 
-from irrsplat.core.buffers import GBuffer, SplatBuffer
+from irrsplat.core.buffers import GBuffer
 from irrsplat.gpu.target import Target, table_texture
 from irrsplat.image import tonemap
 from irrsplat.image.backdrop import Backdrop
@@ -48,7 +48,7 @@ def composed(
 ) -> tuple[np.ndarray, np.ndarray]:
     """The image, and E as the quotient of the sums that come with it."""
     behind = Backdrop("sky", Scene((), (), (), SKY))
-    image, _, sums = CompositePass(ctx, SIZE)(SplatBuffer(sums, None), direct, gbuffer, behind, CAMERA, settings)
+    image, _, sums = CompositePass(ctx, SIZE)(sums, direct, gbuffer, behind, CAMERA, settings)
     total = pixels(sums)
     return pixels(image)[..., :3], total[..., :3] / np.where(total[..., 3:] > 0.0, total[..., 3:], 1.0)
 
@@ -79,8 +79,7 @@ def test_before_the_first_record_light_is_guessed(ctx: moderngl.Context) -> None
 
     def irradiance() -> np.ndarray:
         sums, behind = texture(ctx, 9.0 * k[..., None] * np.ones(3), k), Backdrop("grey", scene)
-        made = CompositePass(ctx, SIZE)(SplatBuffer(sums, None), texture(ctx, direct), gbuffer, behind, CAMERA, Settings(), True)
-        total = pixels(made[2])
+        total = pixels(CompositePass(ctx, SIZE).filled(sums, texture(ctx, direct), gbuffer, behind))
         return (total[..., :3] / np.where(total[..., 3:] > 0.0, total[..., 3:], 1.0))[seen]
 
     truth = np.pi * (0.5 * (np.array(SKY) + 2.0 / 3.0 * np.array((0.1, 0.2, 0.3)) * height) + 0.7)

@@ -57,7 +57,7 @@ def test_small_ticks_come_to_what_whole_rounds_come_to(preset: dict[str, Any]) -
         assert told[-1].coverage == 1.0 and all(p.new >= 1 for p in told[:5])
         one, two = small.cache.read(), whole.cache.read()
     if "preset" not in preset:
-        assert [p.round for p in told if p.new == 0] == [p.round for p in other if p.new == 0], (
+        assert {p.round for p in told if p.new == 0} == {p.round for p in other if p.new == 0}, (
             "a round is whole when all is gathered"
         )
         assert np.array_equal(one["position"], two["position"])
@@ -110,7 +110,7 @@ def test_pictures_that_take_long_come_less_often(monkeypatch: pytest.MonkeyPatch
         assert relit is not first
         while not progress.still:
             last, progress = tick(made)
-            assert last is relit or progress.still
+            assert last is relit or progress.still or progress.fading
         shown = pixels(last.image).copy()
         made.forget(records=False)
         assert np.array_equal(shown, pixels(made.frame(gather=False)[0].image)) and progress.done
@@ -153,6 +153,7 @@ CHANGES: list[tuple[str, Any, set[str]]] = [
     ("pixel_light_samples", 4, RENEW),
     ("smooth", True, {"composite"}),
     ("fill_holes", False, set()),  # the view is whole
+    ("fade", False, set()),  # frames without limit never do
     ("backdrop", "white", {"composite"}),
     ("texture_memory", 64, SPLAT | {"gbuffer", "direct"}),
     ("exposure", 2.0, set()),

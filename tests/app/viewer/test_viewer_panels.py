@@ -50,6 +50,7 @@ CHANGES: dict[str, tuple[str | None, Any]] = {
     "pixel_light_samples": ("4", 4),
     "smooth": (None, True),
     "fill_holes": (None, False),
+    "fade": (None, False),
     "exposure": ("-2", -2.0),
     "backdrop": ("black", "black"),
     "samples": ("4", 4),

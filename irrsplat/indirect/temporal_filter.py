@@ -1,0 +1,118 @@
+"""Light fades over: what the records say of a place comes in over several pictures, so that nothing jumps while they change."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import moderngl
+import numpy as np
+
+from irrsplat.core.buffers import GBuffer, SplatBuffer, Uniforms
+from irrsplat.gpu.program import DrawState, Program
+from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.target import Target
+from irrsplat.scene.model import Camera
+
+SHARE = 0.2  # of a picture's irradiance that follows the records at once, while they or the view change
+PICTURES = 8  # after the last change, over which all of it follows
+
+
+@dataclass(frozen=True)
+class _Shown:
+    """The last picture: its irradiance, by which camera, of what, and how many more of the same follow until it is what the
+    records say."""
+
+    texture: moderngl.Texture
+    camera: Camera
+    subject: object
+    left: int
+
+
+class TemporalFilter(Owner):
+    """Blends the irradiance of a picture of `size` (width, height) with what the last one showed at each place of the world.
+
+    materials: World.material_defines, for lookups of the surface cache.
+    """
+
+    def __init__(self, ctx: moderngl.Context, size: tuple[int, int], materials: Mapping[str, int] | None = None) -> None:
+        self.ctx, self.size = ctx, size
+        self.program = Program(ctx, "indirect/temporal", "lib/fullscreen")
+        self.fill = Program(ctx, "indirect/surface_fill", "lib/fullscreen", materials)
+        self.targets: dict[tuple[int, int], tuple[Target, Target]] = {}  # by their size, made when they are first wanted
+        self._shown: _Shown | None = None
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.program, self.fill, *(target for pair in self.targets.values() for target in pair))
+
+    def forget(self) -> None:
+        """The next picture is what the records say."""
+        self._shown = None
+
+    def left(self, subject: object) -> int:
+        """How many more pictures follow the next one until they are what the records say. subject: all that they depend on."""
+        shown = self._shown
+        if shown is None:
+            return 0
+        return PICTURES if shown.subject != subject else max(shown.left - 1, 0)
+
+    def __call__(
+        self,
+        splats: SplatBuffer,
+        gbuffer: GBuffer,
+        camera: Camera,
+        subject: object,
+        surface: Uniforms | None = None,
+    ) -> SplatBuffer:
+        """What the next picture shows of `splats`: these themselves where nothing fades, else their weights, and sums (w·E, w) of
+        w = 1/depth in textures of this pass's own.
+
+        surface: the uniforms of the surface cache for triangles numbered as in the scene: pixels without records go on with what
+        they showed, or take what it says; None: they have no sums here either.
+        """
+        shown, left, filling = self._shown, self.left(subject), surface is not None
+        now = self._target(splats.sums.size, shown)
+        stride = splats.pixel_stride
+        self._shown = None  # nothing counts as shown until all of it is drawn
+        self.program(
+            now,
+            state=DrawState(depth="1") if filling else DrawState(),
+            position=gbuffer.position,
+            sums=splats.sums,
+            pixel_stride=stride,
+            **self._before(shown, splats.sums),
+            filling=filling,
+            share=1.0 / (left + 1) if shown is None or shown.subject == subject else SHARE,
+        )
+        if surface is not None:
+            seen = {name: getattr(gbuffer, name) for name in ("position", "normal", "albedo", "emission")}
+            self.fill(now, state=DrawState(depth="<", depth_write=False), **seen, pixel_stride=stride, **surface)
+        self._shown = _Shown(now.textures[0], camera, subject, left)
+        return replace(splats, sums=now.textures[0]) if left or filling else splats
+
+    def _target(self, size: tuple[int, int], shown: _Shown | None) -> Target:
+        """Where the next picture's irradiance goes: not over the last one's."""
+        if size not in self.targets:
+            pair = Target(self.ctx, size, (4,), depth=True), Target(self.ctx, size, (4,), depth=True)
+            for target in pair:
+                target.textures[0].filter = moderngl.LINEAR, moderngl.LINEAR
+            self.targets[size] = pair
+        one, other = self.targets[size]
+        return other if shown is not None and shown.texture is one.textures[0] else one
+
+    def _before(self, shown: _Shown | None, nothing: moderngl.Texture) -> Uniforms:
+        """The uniforms of the last picture; `nothing` is a texture to bind where there was none."""
+        if shown is None:
+            return {"fading": False, "shown": nothing, "clip_from_world": np.eye(4), "shown_place": (0.0, 0.0, 0.0, 0.0)}
+        camera, (width, height), texels = shown.camera, self.size, np.array(shown.texture.size)
+        stride = -(-width // shown.texture.width)
+        # the texel of pixel x is x/stride: its centre is at x/stride + 1/2, and x + 1/2 = width·(clip + 1)/2
+        scale = 0.5 * np.array(self.size) / stride / texels
+        offset = scale + (0.5 - 0.5 / stride) / texels
+        return {
+            "fading": True,
+            "shown": shown.texture,
+            "clip_from_world": camera.clip_from_view(width / height, 1e-3, 1e3) @ camera.view_from_world,
+            "shown_place": (*scale.tolist(), *offset.tolist()),
+        }

@@ -1,0 +1,31 @@
+// Irradiance that changes smoothly from picture to picture: a share of what the records say now, the rest of what the last picture
+// showed at the same place of the world. Pixels that neither knows are marked in the depth buffer, for surface_fill.frag.
+uniform sampler2D position;    // g-buffer
+uniform sampler2D sums;        // Σ k·E, Σ k
+uniform sampler2D shown;       // the last picture's: E/depth, 1/depth; 0 where it knew nothing; linearly filtered
+uniform mat4 clip_from_world;  // of the last picture
+uniform vec4 shown_place;      // scale and offset from clip space to `shown`
+uniform int pixel_stride;      // pixels of the g-buffer per pixel of the sums, in x and y
+uniform bool fading;           // whether there is a last picture; else all is what the records say
+uniform bool filling;          // whether pixels without records take what the last picture showed, or are marked
+uniform float share;           // of what the records say, 0..1
+
+layout(location = 0) out vec4 out_sums;  // E/depth, 1/depth
+
+const float OTHER_DEPTH = 0.02;  // relative difference: so far from where it is to be seen, what is seen is another surface
+
+void main()
+{
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    vec4 p = texelFetch(position, pixel * pixel_stride, 0), s = texelFetch(sums, pixel, 0);
+    // along a plane, 1/depth is linear on screen: between four pixels of one plane it is that of the place, and else not
+    vec4 clip = clip_from_world * vec4(p.xyz, 1.0);  // w: depth in the last picture
+    vec2 place = clip.xy / clip.w * shown_place.xy + shown_place.zw;
+    vec4 before = textureLod(shown, place, 0.0);
+    bool known = fading && p.w > 0.0 && abs(before.a * clip.w - 1.0) <= OTHER_DEPTH && place == clamp(place, 0.0, 1.0);
+    vec3 E = s.rgb / max(s.a, 1e-20), E_before = before.rgb / max(before.a, 1e-20);
+    E = s.a > 0.0 ? mix(E_before, E, known ? share : 1.0) : E_before;
+    bool shows = p.w > 0.0 && (s.a > 0.0 || filling && known);
+    out_sums = shows ? vec4(E, 1.0) / p.w : vec4(0.0);
+    gl_FragDepth = filling && p.w > 0.0 && !shows ? 1.0 : 0.0;
+}

@@ -1,0 +1,88 @@
+"""Pictures that fade over: light stays at its place, comes to what the records say, and holes take the surface cache's light."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import moderngl
+import numpy as np
+import pytest
+
+from irrsplat.app.bench import flicker
+from irrsplat.core.buffers import SplatBuffer
+from irrsplat.gpu.target import pixels, table_texture
+from irrsplat.image.view import Progress
+from irrsplat.indirect.temporal_filter import PICTURES, SHARE, TemporalFilter
+from irrsplat.renderer import Renderer
+from irrsplat.scene.model import Camera
+from tests.renderer.test_renderer import FAST, FRONT, room
+from tests.support.worlds import gbuffer_of, on_plane
+
+SIZE = (37, 29)
+TICK = 1e-4  # seconds: no tick gathers more than it must
+LIGHT: dict[str, Any] = {**FAST, "bounces": 2, "a": 0.8}
+
+
+@pytest.mark.parametrize("stride", [1, 2])
+def test_light_stays_at_its_place_and_fades_to_what_the_records_say(ctx: moderngl.Context, stride: int) -> None:
+    """The camera moves along a wall: a share of the new light is there at once, all of it PICTURES later. What the last picture
+    did not see, or saw another surface at, has the new light at once."""
+    first, second = (Camera((x, 0.2, 3.0), (x, 0.0, 0.0), fov=50.0) for x in (0.0, 0.35))
+    filter, every = TemporalFilter(ctx, SIZE), (slice(None, None, -stride), slice(None, None, stride))
+
+    def shown(camera: Camera, subject: str, brightness: float, edge: float) -> tuple[np.ndarray, np.ndarray]:
+        """What the filter makes of light linear on a wall, which is a metre nearer to the right of `edge`, and its places."""
+        position, depth = on_plane(camera, SIZE, (0, 0, 0), (0, 0, 1))
+        near, near_depth = on_plane(camera, SIZE, (0, 0, 1), (0, 0, 1))
+        nearer = position[..., 0] > edge
+        position, depth = np.where(nearer[..., None], near, position), np.where(nearer, near_depth, depth)
+        gbuffer = gbuffer_of(ctx, position, np.broadcast_to((0.0, 0.0, 1.0), position.shape), depth)
+        place, k = position[every], 3.0
+        sums = np.concatenate([k * brightness * (place[..., :1] + 4.0) * np.ones(3), np.full((*place.shape[:2], 1), k)], axis=-1)
+        texture = table_texture(ctx, sums)
+        made = pixels(filter(SplatBuffer(texture, texture, pixel_stride=stride), gbuffer, camera, subject).sums)[::-1]
+        return made[..., 0] / made[..., 3] / (place[..., 0] + 4.0), place
+
+    before, old = shown(first, "one", 1.0, 9.0)
+    assert np.allclose(before, 1.0, atol=1e-5) and filter.left("one") == 0
+    found, place = shown(second, "two", 2.0, 1.0)
+    inside = (place[..., 0] < old[..., 0].max()) & (place[..., 2] < 0.5)
+    assert np.allclose(found[inside], 1.0 + SHARE, atol=0.02) and inside.mean() > 0.5
+    assert np.allclose(found[place[..., 2] > 0.5], 2.0, atol=1e-5), "another surface stood there"
+    assert np.allclose(found[place[..., 0] > old[..., 0].max() + 0.2], 2.0, atol=1e-5), "it was not seen"
+    for left in range(PICTURES - 1, -1, -1):
+        assert filter.left("two") == left
+        found, _ = shown(second, "two", 2.0, 1.0)
+    assert np.allclose(found, 2.0, atol=1e-5)
+
+
+def test_at_rest_the_picture_is_what_the_records_say_and_holes_take_the_surface_cache() -> None:
+    moved, told = replace(FRONT, eye=(FRONT.eye[0] + 0.1, *FRONT.eye[1:])), list[Progress]()
+    with Renderer(room(), (48, 32), **LIGHT) as renderer:
+        renderer.converge(FRONT)
+        renderer.forget(lights=False)
+        view, _ = renderer.frame(FRONT, TICK)
+        surface = renderer.scheduler.gatherer.surface_at(view.gbuffer)
+        assert surface is not None and not pixels(view.splats.weight).any(), "there was no record yet"
+        sums = pixels(view.sums)
+        assert np.allclose(sums[..., :3] / sums[..., 3:], pixels(surface)[..., :3], rtol=1e-5)
+        renderer.converge(moved)
+        renderer.frame(FRONT, TICK)
+        while not (told and told[-1].still):
+            view, progress = renderer.frame(moved, TICK)
+            told.append(progress)
+        assert [p.fading for p in told[-PICTURES - 1 :]] == [True] * PICTURES + [False]
+        assert view is renderer.converge(moved)[0] and view.sums is view.splats.sums
+
+
+def test_flicker_is_less_with_fading_than_without(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Few records a frame on the way; a flight with all records there is the measure's floor."""
+    scene, frames = room(), 4
+    monkeypatch.setattr(flicker, "TICK", TICK)
+    monkeypatch.setattr(flicker, "Renderer", lambda *given: Renderer(*given, **LIGHT))
+    first, second, settled = flicker.measure(scene, (48, 36), frames=frames)
+    assert [f.case for f in (first, second, settled)] == ["first", "second", "settled"]
+    assert settled.rms < 0.05 and first.records <= second.records <= settled.records
+    monkeypatch.setattr(flicker, "Renderer", lambda *given: Renderer(*given, **{**LIGHT, "fade": False}))
+    assert first.rms < 0.6 * next(flicker.measure(scene, (48, 36), frames=frames)).rms
