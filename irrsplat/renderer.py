@@ -482,7 +482,7 @@ class Renderer(Owner):
             if fading or surface is not None:
                 with self.timers("composite"):
                     found = None if surface is None else surface.uniforms()["scene"]
-                    splats = temporal_filter(splats, gbuffer, camera, subject, found)
+                    splats = temporal_filter(splats, gbuffer, camera, subject, shadows, found)
             splats = self.splats.at_every_pixel(splats, gbuffer, camera)
             sums = splats.sums
             with self.timers("composite"):

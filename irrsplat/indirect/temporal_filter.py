@@ -15,17 +15,19 @@ from irrsplat.gpu.target import Target
 from irrsplat.scene.model import Camera
 
 SHARE = 0.2  # of a picture's irradiance that follows the records at once, while they or the view change
+CHANGING = 0.6  # the same while lamps or meshes move: what was shown before is no longer true
 PICTURES = 8  # after the last change, over which all of it follows
 
 
 @dataclass(frozen=True)
 class _Shown:
-    """The last picture: its irradiance, by which camera, of what, and how many more of the same follow until it is what the
-    records say."""
+    """The last picture: its irradiance, by which camera, of what and of which scene, and how many more of the same follow until
+    it is what the records say."""
 
     texture: moderngl.Texture
     camera: Camera
     subject: object
+    scene: object
     left: int
 
 
@@ -63,16 +65,18 @@ class TemporalFilter(Owner):
         gbuffer: GBuffer,
         camera: Camera,
         subject: object,
+        scene: object,
         surface: Uniforms | None = None,
     ) -> SplatBuffer:
         """What the next picture shows of `splats`: these themselves where nothing fades, else their weights, and sums (w·E, w) of
         w = 1/depth in textures of this pass's own.
 
-        surface: the uniforms of the surface cache for triangles numbered as in the scene: pixels without records go on with what
-        they showed, or take what it says; None: they have no sums here either.
+        scene: an object that is another one where lamps or meshes have moved. surface: the uniforms of the surface cache for
+        triangles numbered as in the scene: pixels without records go on with what they showed, or take what it says; None: they
+        have no sums here either.
         """
         shown, left, filling = self._shown, self.left(subject), surface is not None
-        now = self._target(splats.sums.size, shown)
+        now, share = self._target(splats.sums.size, shown), self._share(subject, scene)
         stride = splats.pixel_stride
         self._shown = None  # nothing counts as shown until all of it is drawn
         self.program(
@@ -83,13 +87,20 @@ class TemporalFilter(Owner):
             pixel_stride=stride,
             **self._before(shown, splats.sums),
             filling=filling,
-            share=1.0 / (left + 1) if shown is None or shown.subject == subject else SHARE,
+            share=share,
         )
         if surface is not None:
             seen = {name: getattr(gbuffer, name) for name in ("position", "normal", "albedo", "emission")}
             self.fill(now, state=DrawState(depth="<", depth_write=False), **seen, pixel_stride=stride, **surface)
-        self._shown = _Shown(now.textures[0], camera, subject, left)
+        self._shown = _Shown(now.textures[0], camera, subject, scene, left)
         return replace(splats, sums=now.textures[0]) if left or filling else splats
+
+    def _share(self, subject: object, scene: object) -> float:
+        """The share of the next picture's irradiance that follows the records at once."""
+        shown = self._shown
+        if shown is None or shown.subject == subject:
+            return 1.0 / (self.left(subject) + 1)
+        return SHARE if shown.scene is scene else CHANGING
 
     def _target(self, size: tuple[int, int], shown: _Shown | None) -> Target:
         """Where the next picture's irradiance goes: not over the last one's."""

@@ -98,8 +98,10 @@ class Carried:
     rigid: np.ndarray
 
     def normals(self, normals: np.ndarray) -> np.ndarray:
-        """Unit normals (K, 3) after the move, of those before: they go by the inverse transpose."""
-        return unit(np.einsum("nji,nj->ni", np.linalg.pinv(self.linear_map), normals))
+        """Unit normals (K, 3) after the move, of those before: they go by the inverse transpose, which is a rotation itself."""
+        inverse = np.swapaxes(self.linear_map, 1, 2).copy()
+        inverse[~self.rigid] = np.linalg.pinv(self.linear_map[~self.rigid])
+        return unit(np.einsum("nji,nj->ni", inverse, normals))
 
 
 def carried(position: np.ndarray, triangle: np.ndarray, before: Scene, after: Scene) -> Carried:
@@ -107,15 +109,17 @@ def carried(position: np.ndarray, triangle: np.ndarray, before: Scene, after: Sc
     parts = [Carried(np.zeros(0, np.intp), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0, bool))]
     for old, new, own, inside in _of_moved(triangle, before, after):
         numbers = np.flatnonzero(own)
-        faces = old.faces[inside[numbers]]
+        triangles, which = np.unique(inside[numbers], return_inverse=True)  # many points lie on one
+        faces = old.faces[triangles]
         was, now = (mesh.positions[faces].astype(float) for mesh in (old, new))
         frames = [_frame(was), _frame(now)]
         if np.array_equal(old.faces, new.faces[:, ::-1]):  # mirrored: its triangles are wound the other way
             frames[1][:, :, 2] *= -1.0
         linear_map = frames[1] @ np.linalg.pinv(frames[0])  # pinv: rounding may have flattened a triangle
-        place = now[:, 0] + np.einsum("nij,nj->ni", linear_map, position[numbers] - was[:, 0])
         rigid = np.abs(np.swapaxes(linear_map, 1, 2) @ linear_map - np.eye(3)).max((1, 2)) < _RIGID
-        parts.append(Carried(numbers, place, linear_map, rigid & (np.linalg.det(linear_map) > 0.0)))
+        rigid &= np.linalg.det(linear_map) > 0.0
+        place = now[which, 0] + np.einsum("nij,nj->ni", linear_map[which], position[numbers] - was[which, 0])
+        parts.append(Carried(numbers, place, linear_map[which], rigid[which]))
     return Carried(*(np.concatenate([getattr(part, name.name) for part in parts]) for name in fields(Carried)))
 
 

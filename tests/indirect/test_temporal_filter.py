@@ -13,7 +13,7 @@ from irrsplat.app.bench import flicker
 from irrsplat.core.buffers import SplatBuffer
 from irrsplat.gpu.target import pixels, table_texture
 from irrsplat.image.view import Progress
-from irrsplat.indirect.temporal_filter import PICTURES, SHARE, TemporalFilter
+from irrsplat.indirect.temporal_filter import CHANGING, PICTURES, SHARE, TemporalFilter
 from irrsplat.renderer import Renderer
 from irrsplat.scene.model import Camera
 from tests.renderer.test_renderer import FAST, FRONT, room
@@ -31,7 +31,9 @@ def test_light_stays_at_its_place_and_fades_to_what_the_records_say(ctx: moderng
     first, second = (Camera((x, 0.2, 3.0), (x, 0.0, 0.0), fov=50.0) for x in (0.0, 0.35))
     filter, every = TemporalFilter(ctx, SIZE), (slice(None, None, -stride), slice(None, None, stride))
 
-    def shown(camera: Camera, subject: str, brightness: float, edge: float) -> tuple[np.ndarray, np.ndarray]:
+    def shown(
+        camera: Camera, subject: str, brightness: float, edge: float, scene: object = None
+    ) -> tuple[np.ndarray, np.ndarray]:
         """What the filter makes of light linear on a wall, which is a metre nearer to the right of `edge`, and its places."""
         position, depth = on_plane(camera, SIZE, (0, 0, 0), (0, 0, 1))
         near, near_depth = on_plane(camera, SIZE, (0, 0, 1), (0, 0, 1))
@@ -41,7 +43,7 @@ def test_light_stays_at_its_place_and_fades_to_what_the_records_say(ctx: moderng
         place, k = position[every], 3.0
         sums = np.concatenate([k * brightness * (place[..., :1] + 4.0) * np.ones(3), np.full((*place.shape[:2], 1), k)], axis=-1)
         texture = table_texture(ctx, sums)
-        made = pixels(filter(SplatBuffer(texture, texture, pixel_stride=stride), gbuffer, camera, subject).sums)[::-1]
+        made = pixels(filter(SplatBuffer(texture, texture, pixel_stride=stride), gbuffer, camera, subject, scene).sums)[::-1]
         return made[..., 0] / made[..., 3] / (place[..., 0] + 4.0), place
 
     before, old = shown(first, "one", 1.0, 9.0)
@@ -55,6 +57,8 @@ def test_light_stays_at_its_place_and_fades_to_what_the_records_say(ctx: moderng
         assert filter.left("two") == left
         found, _ = shown(second, "two", 2.0, 1.0)
     assert np.allclose(found, 2.0, atol=1e-5)
+    found, _ = shown(second, "three", 3.0, 1.0, scene="moved")
+    assert np.allclose(found, 2.0 + CHANGING, atol=0.02), "what is no longer true goes sooner"
 
 
 def test_at_rest_the_picture_is_what_the_records_say_and_holes_take_the_surface_cache() -> None:
