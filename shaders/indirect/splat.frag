@@ -53,29 +53,27 @@ void main()
     float w = record_weight(apart, v_axis, v_radii, n, v_normal, in_front);
     ivec2 here = min(ivec2(gl_FragCoord.xy), textureSize(reach, 0) - 1);
     float least = 1.0 / (a * texelFetch(reach, here, 0).r);
+    float lent = w <= least ? borrowed_weight(apart, n, v_normal, v_borrow) : 0.0;
+    if (w <= least && lent <= 0.0) discard;
+#if GRADIENTS
+    vec3 E = n * v_m;  // the irradiance vector turns with the normal
+#if NORMAL_MAPS
+    E = bent_irradiance(E, n, texelFetch(lit_normal, pixel, 0).xyz, v_m);
+#endif
+#else
+    vec3 E = v_irradiance;
+#endif
     if (w <= least)
     {
-        float lent = borrowed_weight(apart, n, v_normal, v_borrow);
-        if (lent <= 0.0) discard;
-#if GRADIENTS
-        out_sums = lent * vec4(max(n * v_m, vec3(0.0)), 1.0);
-#else
-        out_sums = lent * vec4(v_irradiance, 1.0);
-#endif
+        out_sums = lent * vec4(max(E, vec3(0.0)), 1.0);
         out_weight = vec2(0.0);  // the pixel still asks, unless few do
         return;
     }
     // w - 1/a falls to zero at the rim of the record's sphere, so that the rim does not show; the paper's kernel ends with a step
     float k = cut ? w : w - least;
 #if GRADIENTS
-    // E = n·M + (p - p_k)·∇E: the irradiance vector turns with the normal, the gradient moves with the point
-    vec3 turned = n * v_m;
-#if NORMAL_MAPS
-    turned = bent_irradiance(turned, n, texelFetch(lit_normal, pixel, 0).xyz, v_m);
-#endif
-    vec3 E = extrapolated(turned, apart * v_g, apart, v_normal, v_axis, v_curvature);
-#else
-    vec3 E = v_irradiance;
+    // E = n·M + (p - p_k)·∇E: the gradient moves with the point
+    E = extrapolated(E, apart * v_g, apart, v_normal, v_axis, v_curvature);
 #endif
     out_sums = k * vec4(E, 1.0);
     float Y = dot(E, LUMINANCE);

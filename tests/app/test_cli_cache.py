@@ -20,7 +20,7 @@ from tests.support.viewing import write_room
 
 FAST = ["--size", "40", "30", "--gather-size", "8", "--shadow-size", "64", "--bounces", "1"]
 RENDER = ["render", "room.scene", *FAST, "--cache", "room.cache"]
-VIEW = ["view", "room.scene", *FAST, "--viewer-samples", "0", "--cache", "room.cache"]
+VIEW = ["view", "room.scene", *FAST, "--viewer-samples", "0", "--viewer-quality", "0", "--cache", "room.cache"]
 
 
 @pytest.fixture

@@ -26,10 +26,12 @@ from irrsplat.image.emitter_light import EmitterLightPass
 from irrsplat.image.gbuffer import GBufferPass
 from irrsplat.indirect.examine import ExaminePass
 from irrsplat.indirect.splat import SplatPass
+from irrsplat.indirect.temporal_filter import TemporalFilter
 from irrsplat.indirect.upsample import UpsamplePass
 from irrsplat.lighting.direct import DirectPass
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.shadow_maps import ShadowPass
+from irrsplat.lighting.site_light import SiteLightPass
 from irrsplat.records.coverage_pass import CoveragePass
 from irrsplat.records.radius_limit_pass import RadiusLimitPass
 from irrsplat.scene.model import Image, Light, Material, Texture
@@ -51,6 +53,7 @@ LIT = {
     "gather/raster_triangle",
     "gather/raster_shade",
     "gather/trace",
+    "lighting/site_light",
 }  # stages whose shaders go by the lights
 
 
@@ -64,6 +67,7 @@ def lit(ctx: moderngl.Context, lights: tuple[Light, ...]) -> Iterator[Owner]:
             yield gather(ctx, SIZE, {**defines, "SURFACE": int(surface)})
         yield TraceGather(world, 8, 1, surface=surface)
     yield TraceGather(world, 8, 1, surface=True, hits=True)
+    yield SiteLightPass(ctx, defines, 8)
 
 
 def unlit(ctx: moderngl.Context) -> Iterator[Owner]:
@@ -80,6 +84,7 @@ def unlit(ctx: moderngl.Context) -> Iterator[Owner]:
     for sized in (GBufferPass, ExaminePass, CompositePass, MeanPass, UpsamplePass):
         yield sized(ctx, SIZE)
     yield EmitterLightPass(ctx, SIZE, {})
+    yield TemporalFilter(ctx, SIZE)
 
 
 def textured(ctx: moderngl.Context) -> GBufferPass:

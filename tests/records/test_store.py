@@ -147,7 +147,8 @@ def test_a_tick_with_a_budget_shows_what_there_is_at_once(all_bounces: AllBounce
 
 
 def test_stale_records_stay_stale(path: Path) -> None:
-    """Saved in the middle of a change of light: what was not gathered again yet is gathered again by who loads it."""
+    """Saved in the middle of a change of light: what was not gathered again yet, or not held against it, is gathered again by who
+    loads it."""
     with Renderer(room(), SIZE, **FAST) as first:
         first.render()
         lights = [replace(light, color=(1.0, 2.0, 3.0)) for light in first.scene.lights]
@@ -159,8 +160,8 @@ def test_stale_records_stay_stale(path: Path) -> None:
         after = first.render()
     with Renderer(replace(room(), lights=tuple(lights)), SIZE, **FAST) as fresh:
         fresh.load_cache(path)
-        assert np.array_equal(fresh.cache.stale, stale)
-        assert same(fresh.render(), after)
+        assert np.isin(stale, fresh.cache.stale).all()
+        assert np.allclose(fresh.render().irradiance, after.irradiance, rtol=0.02)
 
 
 def test_records_by_a_surface_cache_that_is_out_of_date_are_stale(path: Path) -> None:

@@ -45,7 +45,7 @@ def ticks(renderer: Renderer, seconds: float | None = None, camera: Camera | Non
 # ---- a tick's time ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("preset", [{}, {"preset": "paper", "warmup": 60, "a": 0.3}])
+@pytest.mark.parametrize("preset", [{"spread": 0.3}, {"preset": "paper", "warmup": 60, "a": 0.3}])
 def test_small_ticks_come_to_what_whole_rounds_come_to(preset: dict[str, Any]) -> None:
     """The sites of a round are chosen at its begin: in however many ticks they are gathered, the records lie at the same places.
 

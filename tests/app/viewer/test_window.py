@@ -92,7 +92,8 @@ def differ(one: np.ndarray, other: np.ndarray) -> float:
 @pytest.mark.slow
 def test_from_start_to_screenshot_to_quit(display: str, tmp_path: Path) -> None:
     environment = {**os.environ, "IRRSPLAT_CONFIG": str(tmp_path / "config")}
-    command = [sys.executable, "-m", "irrsplat", "view", "cornell", "--size", *map(str, SIZE), "--gather-size", "16"]
+    words = ["--size", *map(str, SIZE), "--gather-size", "16", "--bounces", "1"]
+    command = [sys.executable, "-m", "irrsplat", "view", "cornell", *words]
     viewer = subprocess.Popen(command, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True)
     try:
         window = until(lambda: hand("search", "--onlyvisible", "--name", "cornell – irrsplat"), "the window").split()[0]
