@@ -11,6 +11,8 @@ import pytest
 
 from irrsplat.gather import autotune
 from irrsplat.gpu import context
+from irrsplat.surface_cache import cache as surface_cache
+from irrsplat.surface_cache import site_layout
 from tests.support.viewing import Driver, fresh, viewing, write_room
 
 # Of several test processes each lets llvmpipe, the software renderer, use one thread; it reads this when OpenGL starts.
@@ -29,6 +31,14 @@ def race(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., aut
         patch.setenv("IRRSPLAT_CACHE", str(tmp_path_factory.mktemp("cache")))
         patch.setattr(autotune, "race", lambda ctx, scene, side, rays: (1.0, 2.0) if scene.triangles <= 100 else (2.0, 1.0))
         yield real
+
+
+@pytest.fixture(autouse=True)
+def few_sites(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A tenth of a surface cache's sites and rays, but where a test or its module asks for `all_sites`, since it judges light."""
+    if not request.node.get_closest_marker("all_sites"):
+        monkeypatch.setattr(site_layout, "POINTS", site_layout.POINTS // 10)
+        monkeypatch.setattr(surface_cache, "RAYS", surface_cache.RAYS // 10)
 
 
 @pytest.fixture

@@ -16,6 +16,7 @@ from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.indirect import paper_scan
 from irrsplat.indirect.examine import Examination, ExaminePass
+from irrsplat.indirect.flight_order import FlightOrder
 from irrsplat.indirect.record_gatherer import BounceStatistics, RecordGatherer
 from irrsplat.indirect.site_selection import choose, spacing
 from irrsplat.indirect.view_state import ViewState
@@ -57,6 +58,7 @@ class RecordScheduler(Owner):
         self.ctx, self.cache, self.timers = world.ctx, cache, timers
         self.gatherer = RecordGatherer(world, settings, cache, timers)
         self.adaptation = AdaptiveRadius(world.ctx, settings, cache, timers)
+        self.flight_order = FlightOrder()
         self._passes = Workshop()
 
     def owned(self) -> tuple[Resource | None, ...]:
@@ -157,6 +159,8 @@ class RecordScheduler(Owner):
         """Gather where tiles of the view ask, coarse to fine."""
         if state.queue is None:
             state, sites = self._select(state, gbuffer, splats)
+            if budget.limited:
+                sites = sites[self.flight_order(sites.position, camera, gbuffer.position.size)]
             if fineness is not None:
                 sites = sites[np.argsort(fineness(sites.position), kind="stable")]
             room = self._room(len(sites), camera, gbuffer) if fineness is None else self.room

@@ -34,7 +34,6 @@ from tests.support.leaky import (
     truth,
 )
 
-GATHERS = ("raster", "trace")
 SMALL = (100, 75)
 LIT = (camera((-0.3, 1.2, 1.6), (-3.5, 0.8, -1)), camera((-3.6, 1.6, 1.6), (0, 0.4, -0.5)))
 DARK = {
@@ -53,12 +52,9 @@ DARK = {
     ("how", "wall", "views"),
     [
         ("raster", WALL, "inside"),
-        ("trace", WALL, "inside"),
         ("trace", 0.0, "inside"),
         ("trace", WALL, "random"),
-        ("trace", 0.0, "random"),
-        *((how, WALL, views) for how in GATHERS for views in ("ceiling", "end")),
-        ("trace", 0.0, "ceiling"),
+        ("trace", WALL, "ceiling"),
         ("raster", 0.0, "end"),
     ],
 )
@@ -167,8 +163,9 @@ def against(
 @pytest.mark.parametrize(
     ("name", "how"),
     [
-        *((name, how) for name in ("underside of a table", "floor beneath a table") for how in GATHERS),
-        *(("foot of a box", how) for how in GATHERS),
+        ("underside of a table", "raster"),
+        ("floor beneath a table", "trace"),
+        ("foot of a box", "raster"),
         ("contact of a ball", "trace"),
     ],
 )
@@ -186,8 +183,7 @@ def test_neither_light_nor_rims_where_things_meet(ctx: moderngl.Context, name: s
     assert abs(off.mean()) < 0.02 and wrong <= 0.01 and off.max() < 0.4 and off.min() > -0.4, measured
 
 
-@pytest.mark.parametrize("views", ["near", "random"])
-def test_a_drape_keeps_light_out(ctx: moderngl.Context, views: str) -> None:
+def test_a_drape_keeps_light_out(ctx: moderngl.Context) -> None:
     """A wavy sheet without thickness hangs in the room's middle: in the half without light E is what is gathered there, next to
     nothing.
 
@@ -200,10 +196,7 @@ def test_a_drape_keeps_light_out(ctx: moderngl.Context, views: str) -> None:
         camera((0.5, 0.4, -0.4), (-0.1, 0.2, 0)),
         camera((-1.8, 1.2, -0.25), (1, 0.9, -0.05)),
     )
-    if views == "random":
-        dark = tuple(random_cameras((-1.8, 0.2, -1.8), (1.8, 2.3, -0.2), 6))
-    size = SMALL if views == "random" else SIZE
-    seen = look(ctx, world, (*lit, *dark), "trace", size, shadow_size=2048)
+    seen = look(ctx, world, (*lit, *dark), "trace", shadow_size=2048)
     bright = np.concatenate([v.irradiance[v.seen.mask] for v in seen[:2]]) @ LUMINANCE
     unlit = []
     for view in seen:

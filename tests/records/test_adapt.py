@@ -192,15 +192,14 @@ def test_a_record_beyond_the_rim_is_compared_and_one_beyond_two_radii_is_not(ctx
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "error", "records"), [("door", 0.9, 1.0), ("curved", 1.05, 0.75)])
-def test_adaptive_radii_save_records_or_error(name: str, error: float, records: float) -> None:
-    """Against smaller radii of all records: in `door` nearer to the truth with no more, in `curved` as near with fewer."""
-    scene, reference = irrsplat.load(name), load_reference(name)
+def test_adaptive_radii_save_records() -> None:
+    """Against smaller radii of all records: in `curved` as near to the truth with three quarters of them."""
+    scene, reference = irrsplat.load("curved"), load_reference("curved")
     adapted, plain = (
         irrsplat.render(scene, (FULL, FULL), bounces=1, spread=0.0, **more) for more in ({}, {"adapt": 0.0, "a": 0.3})
     )
-    assert adapted.stats["records"] <= records * plain.stats["records"]
-    assert compare(adapted, reference)["rmse"] < error * compare(plain, reference)["rmse"]
+    assert adapted.stats["records"] <= 0.75 * plain.stats["records"]
+    assert compare(adapted, reference)["rmse"] < 1.05 * compare(plain, reference)["rmse"]
 
 
 def test_turned_off_and_on_again() -> None:

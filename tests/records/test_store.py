@@ -23,6 +23,7 @@ from tests.renderer.test_persistence import turned
 from tests.renderer.test_renderer import FAST, FRONT, room
 from tests.support.worlds import box, material
 
+pytestmark = pytest.mark.all_sites
 SIZE = (40, 40)
 ALL: dict[str, Any] = FAST | {"bounces": "all"}
 RECORDS = ("records_position", "records_normal", "records_irradiance", "records_radius")

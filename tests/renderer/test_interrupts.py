@@ -1,6 +1,6 @@
 """Ctrl-C at any line of a frame, or of a change: nothing counts as current that is not, and the renderer goes on.
 
-IRRSPLAT_INTERRUPTS: at how many lines, evenly over all that each run executes, it is interrupted (5).
+IRRSPLAT_INTERRUPTS: at how many lines, evenly over all that each run executes, it is interrupted (3).
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from tests.support.worlds import lamp
 
 CORE = str(Path(irrsplat.__file__).parent)
 SIZE = 32, 24
-PLACES = int(os.environ.get("IRRSPLAT_INTERRUPTS", "5"))
+PLACES = int(os.environ.get("IRRSPLAT_INTERRUPTS", "3"))
 
 
 def run(act: Callable[[], object], interrupt_at: int | None = None) -> int:

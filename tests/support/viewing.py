@@ -34,6 +34,7 @@ from irrsplat.gpu.target import Target
 from irrsplat.image.frame import Frame
 from irrsplat.image.tonemap import exposure_of
 from irrsplat.image.view import read
+from irrsplat.indirect import temporal_filter
 from irrsplat.reference import worker
 from irrsplat.renderer import Renderer
 from irrsplat.scene.model import Camera, Scene
@@ -394,6 +395,7 @@ def fresh(driver: Driver, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iter
     monkeypatch.setenv("IRRSPLAT_CONFIG", str(folder / "config"))
     monkeypatch.setenv("IRRSPLAT_CACHE", str(folder / "cache"))
     monkeypatch.chdir(folder)
+    monkeypatch.setattr(temporal_filter, "PICTURES", 1)  # so that a changed view is at rest sooner
     with driver.wnd.ctx:
         driver.reset()
         yield driver

@@ -80,6 +80,7 @@ def test_furnace(ctx: moderngl.Context, kind: str, number: int | str) -> None:
     assert np.allclose(E, np.pi * np.array(EMITTER) * factor, rtol=0.01)
 
 
+@pytest.mark.all_sites
 def test_a_white_room_never_ends(ctx: moderngl.Context) -> None:
     """With ρ = 1 no bounce is weaker than the one before: after 64 the statistics say that there is more to come."""
     white = scene(box((-1, -1, -1), (1, 1, 1), material(1.0), outward=False), lights=(lamp((0.2, 0.4, 0.1), 3.0),))

@@ -240,6 +240,7 @@ def test_no_dark_rim_about_a_box(ctx: moderngl.Context) -> None:
     assert ratio.min() > 0.6 and ratio.max() < 1.7 and np.median(ratio) == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.all_sites
 def test_a_cache_of_a_bundled_scene() -> None:
     """About as many points as are wanted, hardly a corner without a site, all of it within the limits."""
     with Renderer(irrsplat.load("curved"), (16, 16), **{**FAST, "bounces": 2}) as renderer:

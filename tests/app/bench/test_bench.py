@@ -40,7 +40,7 @@ def quick(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_json_and_tables(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    command = ["bench", "cornell-paper", "furnace", "--preset", "paper", "--preset", "default", "--size", "32", "28"]
+    command = ["bench", "cornell-paper", "furnace", "--preset", "paper", "--preset", "default", "--size", "20", "18"]
     assert cli.main([*command, "--json", str(tmp_path / "b.json")]) == 0
     written = json.loads((tmp_path / "b.json").read_text())
     assert set(written) == {"machine", "runs"}
@@ -57,7 +57,7 @@ def test_json_and_tables(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     for run in written["runs"]:
         assert set(run) == KEYS
         flight = run["case"].startswith("flight")
-        assert run["size"] == ([32, 24] if flight else [32, 28]) and run["clock"] in ("gpu", "wall")
+        assert run["size"] == ([20, 15] if flight else [20, 18]) and run["clock"] in ("gpu", "wall")
         assert run["bounces"] == ("all" if flight else 1)
         assert isinstance(run["records"], int) and run["records"] > 0
         assert run["seconds"] > 0.0 and run["seconds_all"] == [run["seconds"]]

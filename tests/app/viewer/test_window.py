@@ -92,7 +92,7 @@ def differ(one: np.ndarray, other: np.ndarray) -> float:
 @pytest.mark.slow
 def test_from_start_to_screenshot_to_quit(display: str, tmp_path: Path) -> None:
     environment = {**os.environ, "IRRSPLAT_CONFIG": str(tmp_path / "config")}
-    words = ["--size", *map(str, SIZE), "--gather-size", "16", "--bounces", "1"]
+    words = ["--size", *map(str, SIZE), "--gather-size", "16", "--bounces", "1", "--viewer-quality", "0"]
     command = [sys.executable, "-m", "irrsplat", "view", "cornell", *words]
     viewer = subprocess.Popen(command, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True)
     try:
@@ -140,7 +140,8 @@ def test_from_start_to_screenshot_to_quit(display: str, tmp_path: Path) -> None:
         until(lambda: viewer.poll() is not None, "the end")
         assert viewer.returncode == 0 and viewer.stderr is not None and viewer.stderr.read() == ""
         kept = json.loads((tmp_path / "config" / "viewer.json").read_text(encoding="utf-8"))
-        assert kept["size"] == list(SIZE) and kept["values"] == {"gather_size": 16} and kept["recent"] == ["cornell"]
+        assert kept["size"] == list(SIZE) and kept["values"] == {"gather_size": 16, "bounces": 1, "viewer_quality": 0.0}
+        assert kept["recent"] == ["cornell"]
         assert not list(tmp_path.glob("*.part*"))
     finally:
         viewer.kill()
