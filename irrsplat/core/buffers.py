@@ -98,7 +98,7 @@ class GBuffer:
     normal: xyz shading normal turned to the camera, w the geometric normal's octahedral x.
     albedo: rgb reflectance, w the geometric normal's octahedral y. emission: rgb emitted radiance, w the triangle's number.
     mapped_normal: xyz the shading normal bent by the normal map; None where no surface of the scene has one. filters: None where
-    no surface can be one.
+    no surface can be one. emissive: whether any surface of the scene emits; else `emission` is black everywhere.
     """
 
     position: moderngl.Texture
@@ -107,6 +107,7 @@ class GBuffer:
     emission: moderngl.Texture
     mapped_normal: moderngl.Texture | None = None
     filters: Filters | None = None
+    emissive: bool = True
 
     @property
     def lit_normal(self) -> moderngl.Texture:

@@ -62,10 +62,11 @@ def glsl_material() -> str:
 
 def glsl_gbuffer_material() -> str:
     """The g-buffer's textures of material, and `material_at(pixel)`."""
-    fetched = (f"texelFetch({p.name}, pixel, 0).{_CHANNELS[: p.components]}" for p in PROPERTIES)
+    fetched = (f"texel_at({p.name}, pixel).{_CHANNELS[: p.components]}" for p in PROPERTIES)
     lines = [
         f"// The material that a pixel sees, {_MADE}",
         '#include "generated/material.glsl"',
+        '#include "lib/texel.glsl"',
         *(f"uniform sampler2D {p.name};  // g-buffer" for p in PROPERTIES),
         "",
         "Material material_at(ivec2 pixel)",

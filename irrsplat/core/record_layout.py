@@ -141,9 +141,9 @@ def pack(texels: Mapping[str, np.ndarray], name: str, values: np.ndarray) -> Non
 def glsl_columns() -> str:
     """Samplers `records_TEXTURE`, and for each column a function `record_COLUMN(texel)` that reads it."""
     lines = ["// The columns of a record, made from irrsplat/core/record_layout.py."]
-    lines += [f"uniform sampler2D records_{texture};" for texture in TEXTURES]
+    lines += ['#include "lib/texel.glsl"', *(f"uniform sampler2D records_{texture};" for texture in TEXTURES)]
     for column in COLUMNS.values():
-        fetched = [f"texelFetch(records_{place.replace('.', ', texel, 0).', 1)}" for place in column.places]
+        fetched = [f"texel_at(records_{place.replace('.', ', texel).', 1)}" for place in column.places]
         value = fetched[0] if len(fetched) == 1 else f"{column.kind}({', '.join(fetched)})"
         lines += ["", f"// {column.meaning} [{column.unit}]"]
         lines += [f"{column.kind} record_{column.name}(ivec2 texel)", "{", f"    return {value};", "}"]

@@ -21,7 +21,7 @@ from irrsplat.image.emitter_light import EmitterLightPass
 from irrsplat.image.gbuffer import GBufferPass, GBufferTarget
 from irrsplat.image.jitter import jittered, sample_offset
 from irrsplat.image.view import View
-from irrsplat.indirect.splat import SplatPass
+from irrsplat.indirect.splat import SplatPass, splat_target
 from irrsplat.lighting.direct import DirectPass, Headlamp
 from irrsplat.records.culling import reaching
 from irrsplat.records.record_cache import RecordCache
@@ -128,7 +128,7 @@ class SampleBuffers(Owner):
         self.mean = MeanPass(ctx, size)
         self.other: MeanPass | None = None  # of the view before
         self.gbuffer = GBufferTarget(ctx, size)
-        self.splat = Target(ctx, size, (4, 2))
+        self.splat = splat_target(ctx, size)
         self.direct = Target(ctx, size, (4,))
         self.smooth: Target | None = None  # these are made when first needed
         self.emitters: Target | None = None

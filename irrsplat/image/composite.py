@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import product
+
 import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import GBuffer, Uniforms
-from irrsplat.gpu.program import Program
+from irrsplat.gpu.program import Program, SampledTexture
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target, table_texture
 from irrsplat.image.backdrop import Backdrop
@@ -43,11 +45,15 @@ class CompositePass(Owner):
         self.fill = Program(ctx, "image/composite_fill", "lib/fullscreen")
         self.smooth = Program(ctx, "image/composite_smooth", "lib/fullscreen")
         self.add = Program(ctx, "image/add_emitters", "lib/fullscreen")
-        self.blend = Program(ctx, "image/composite", "lib/fullscreen")
+        self.blends = {  # by whether there are filters, and whether any surface emits
+            kind: Program(ctx, "image/composite", "lib/fullscreen", {"FILTERS": kind[0], "EMISSIVE": kind[1]})
+            for kind in product((0, 1), repeat=2)
+        }
         self.meter = Program(ctx, "image/composite_meter", "lib/fullscreen")
         self.display = Program(ctx, "image/composite_display", "lib/fullscreen")
         self.target = Target(ctx, size, (4, 1))
         self.no_filters = NoFilters(ctx)
+        self.mipmapped = ctx.sampler(repeat_x=False, repeat_y=False, filter=(moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR))
         self.fill_target: Target | None = None
         self.smooth_target: Target | None = None
         self.added_target: Target | None = None
@@ -57,9 +63,9 @@ class CompositePass(Owner):
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        programs = self.fill, self.smooth, self.add, self.blend, self.meter, self.display
+        programs = self.fill, self.smooth, self.add, *self.blends.values(), self.meter, self.display
         targets = self.target, self.fill_target, self.smooth_target, self.added_target, self.meter_target
-        return (*programs, *targets, self.reading, self.no_filters)
+        return (*programs, *targets, self.mipmapped, self.reading, self.no_filters)
 
     def __call__(
         self,
@@ -85,13 +91,13 @@ class CompositePass(Owner):
         if emitters is not None:
             self.added_target = self.added_target or Target(self.target.ctx, self.size, (4,))
             sums = self.with_emitters(sums, emitters, gbuffer, sums, self.added_target)
-        self.blend(
+        filters = {} if gbuffer.filters is None else self.no_filters.uniforms(gbuffer)
+        self.blends[int(gbuffer.filters is not None), int(gbuffer.emissive)](
             self.target,
-            position=gbuffer.position,
             **gbuffer.material_uniforms,
             direct=direct,
             sums=sums,
-            **self.no_filters.uniforms(gbuffer),
+            **filters,
             blend=settings.mix,
             **backdrop.uniforms(camera, self.size),
         )
@@ -104,10 +110,11 @@ class CompositePass(Owner):
         self.fill_target = self.fill_target or Target(self.target.ctx, self.size, (4,))
         for texture in (sums, direct):
             texture.build_mipmaps()
-            texture.filter = moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR
+            texture.filter = moderngl.NEAREST, moderngl.NEAREST  # for all others who read it
         levels = max(self.size).bit_length()
-        seen: Uniforms = {"position": gbuffer.position, "normal": gbuffer.normal, "direct": direct}
-        self.fill(self.fill_target, sums=sums, levels=levels, **seen, **sky_uniforms(backdrop.scene))
+        light: Uniforms = {"sums": SampledTexture(sums, self.mipmapped), "direct": SampledTexture(direct, self.mipmapped)}
+        seen: Uniforms = {"position": gbuffer.position, "normal": gbuffer.normal}
+        self.fill(self.fill_target, levels=levels, **light, **seen, **sky_uniforms(backdrop.scene))
         return self.fill_target.textures[0]
 
     def smoothed(self, sums: moderngl.Texture, gbuffer: GBuffer, camera: Camera, target: Target) -> moderngl.Texture:

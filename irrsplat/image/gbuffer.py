@@ -16,8 +16,9 @@ from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import Target, float_texture
 from irrsplat.gpu.world import World
 from irrsplat.image.texture_maps import TextureMaps, map_uniforms
+from irrsplat.image.visible_parts import SceneParts
 from irrsplat.scene.looks import Look, Run
-from irrsplat.scene.model import Camera
+from irrsplat.scene.model import Camera, Mesh, Scene
 
 _NEAR = 1e-6  # of the far distance: only the matrix has it, nothing is clipped there
 _SURFACES = DrawState(depth="<", depth_clamp=True)
@@ -30,12 +31,13 @@ class GBufferTarget(Target):
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         super().__init__(ctx, size, (4,) * 4, depth=True)
-        self.marked = Target(ctx, size, textures=self.textures[:1], depth_attachment=self.depth)
+        self.place = Target(ctx, size, textures=self.textures[:1])
+        self.depths = Target(ctx, size, textures=[], depth_attachment=self.depth)
         self._parts = Workshop()
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self._parts, self.marked, *super().owned())
+        return (self._parts, self.place, self.depths, *super().owned())
 
     def also(self, name: str, components: int, together: bool = False) -> Target:
         """A further texture, with the same depth; `together`: behind the other textures of this target."""
@@ -67,12 +69,14 @@ class GBufferPass(Owner):
         self.maps = maps or TextureMaps(ctx)
         self._borrowed = maps is not None
         self.target = GBufferTarget(ctx, size)
+        self.nothing = Program(ctx, "lib/nothing", "lib/fullscreen")
         self._programs: dict[tuple[object, ...], Program] = {}
+        self._parts: tuple[tuple[Mesh, ...], SceneParts] | None = None
         self._batched: tuple[Sequence[Run], tuple[_Batch, ...]] = (), ()
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (*self._programs.values(), self.target, None if self._borrowed else self.maps)
+        return (self.nothing, *self._programs.values(), self.target, None if self._borrowed else self.maps)
 
     def _program(self, fragment: str, defines: Mapping[str, int]) -> Program:
         defines = {**defines, "MAP_TAPS": self.maps.taps}
@@ -90,6 +94,12 @@ class GBufferPass(Owner):
                 kinds.setdefault((run.look.single_sided, *_defines(run.look).values()), []).append(run)
             self._batched = runs, tuple(map(self._batch, kinds.values()))
         return self._batched[1]
+
+    def _scene_parts(self, scene: Scene) -> SceneParts:
+        """The parts of the scene; the same as before while no mesh has moved."""
+        if self._parts is None or self._parts[0] is not scene.meshes:
+            self._parts = scene.meshes, SceneParts.of(scene)
+        return self._parts[1]
 
     def _batch(self, runs: Sequence[Run]) -> _Batch:
         look, surfaces, filters, glows = runs[0].look, [], [], []
@@ -122,6 +132,7 @@ class GBufferPass(Owner):
         far = 1.01 * float(np.linalg.norm(scene.corners - eye, axis=1).max()) + 1e-3 * scene.diagonal
         batches = self._batches(world.runs)
         mapped = any(batch.defines["NORMAL_MAP"] for batch in batches)
+        emissive = any(any(material.emission) for material in scene.materials)
         surfaces = target.also("mapped normal", 4, together=True) if mapped else target
         placed: Uniforms = {
             "clip_from_world": camera.clip_from_view(width / height, _NEAR * far, far) @ camera.view_from_world,
@@ -129,21 +140,25 @@ class GBufferPass(Owner):
             "forward": -camera.axes[2],
             "far": far,
         }
-        target.marked.clear()  # depth 0 says that a pixel sees nothing: the other textures are not looked at there
+        # depth 0 says that a pixel sees nothing: the other textures are not looked at there
+        self.nothing(target.place)  # software renderers take three times as long for a clear
+        target.depths.clear()
+        parts = self._scene_parts(scene)
+        sides = parts.sides(placed["clip_from_world"], eye, far)
         for batch in batches:
-            if batch.surfaces:
-                self._program("image/gbuffer", {**batch.defines, "MAPPED_NORMALS": int(mapped)})(
+            for cull, draws in parts.draws(batch.surfaces, sides, batch.cull):
+                self._program("image/gbuffer", {**batch.defines, "MAPPED_NORMALS": int(mapped), "EMISSIVE": int(emissive)})(
                     surfaces,
                     geometry=geometry,
-                    draws=batch.surfaces,
-                    state=replace(_SURFACES, cull=batch.cull),
+                    draws=draws,
+                    state=replace(_SURFACES, cull=cull),
                     closed=geometry.parts["closed"][1] // 3,
                     **placed,
                     **world.raster_uniforms,
                 )
         filters = self._filters(batches, world, target, placed)
         position, normal, albedo, emission = target.textures
-        return GBuffer(position, normal, albedo, emission, surfaces.textures[4] if mapped else None, filters)
+        return GBuffer(position, normal, albedo, emission, surfaces.textures[4] if mapped else None, filters, emissive)
 
     def _filters(self, batches: Sequence[_Batch], world: World, target: GBufferTarget, placed: Uniforms) -> Filters | None:
         """What filters leave of the light, what they add, and the opacity of the nearest; the target's depth becomes its own."""

@@ -13,11 +13,10 @@ from dataclasses import dataclass
 import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import GBuffer, Sites, SplatBuffer
+from irrsplat.core.buffers import GBuffer, Sites, SplatBuffer, Uniforms
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
-from irrsplat.indirect.splat import whole_reach
 from irrsplat.settings import Settings
 
 _TILES = 100  # along the image's height
@@ -60,13 +59,13 @@ class ExaminePass(Owner):
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.ctx = ctx
         self.side = max(2, size[1] // _TILES)  # pixels
-        self.program = Program(ctx, "indirect/examine", "lib/fullscreen")
-        self.whole = whole_reach(ctx)
+        # by whether the view is refined
+        self.programs = [Program(ctx, "indirect/examine", "lib/fullscreen", {"REFINED": refined}) for refined in (0, 1)]
         self.target: Target | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.program, self.whole, self.target)
+        return (*self.programs, self.target)
 
     def __call__(self, gbuffer: GBuffer, splats: SplatBuffer, settings: Settings) -> Examination:
         """Every tile's count of pixels that ask, by `tolerance` and `spread`, and the worst served of them.
@@ -79,7 +78,8 @@ class ExaminePass(Owner):
             if self.target is not None:
                 self.target.release()
             self.target = Target(self.ctx, tiles, (4, 4, 4))
-        self.program(
+        refined: Uniforms = {} if splats.reach is None else {"reach": splats.reach}
+        self.programs[int(splats.reach is not None)](
             self.target,
             pixel_stride=splats.pixel_stride,
             side=side,
@@ -89,7 +89,7 @@ class ExaminePass(Owner):
             emission=gbuffer.emission,
             weight=splats.weight,
             sums=splats.sums,
-            reach=splats.reach or self.whole,
+            **refined,
             spread=settings.spread,
             luminance_floor=splats.luminance_floor,
             step_size=_stride(side**2),

@@ -9,7 +9,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import GBuffer, SplatBuffer, Uniforms
-from irrsplat.gpu.program import DrawState, Program
+from irrsplat.gpu.program import DrawState, Program, SampledTexture
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
 from irrsplat.scene.model import Camera
@@ -41,12 +41,13 @@ class TemporalFilter(Owner):
         self.ctx, self.size = ctx, size
         self.program = Program(ctx, "indirect/temporal", "lib/fullscreen")
         self.fill = Program(ctx, "indirect/surface_fill", "lib/fullscreen", materials)
+        self.linear = ctx.sampler(repeat_x=False, repeat_y=False, filter=(moderngl.LINEAR, moderngl.LINEAR))
         self.targets: dict[tuple[int, int], tuple[Target, Target]] = {}  # by their size, made when they are first wanted
         self._shown: _Shown | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.program, self.fill, *(target for pair in self.targets.values() for target in pair))
+        return (self.program, self.fill, self.linear, *(target for pair in self.targets.values() for target in pair))
 
     def forget(self) -> None:
         """The next picture is what the records say."""
@@ -106,8 +107,6 @@ class TemporalFilter(Owner):
         """Where the next picture's irradiance goes: not over the last one's."""
         if size not in self.targets:
             pair = Target(self.ctx, size, (4,), depth=True), Target(self.ctx, size, (4,), depth=True)
-            for target in pair:
-                target.textures[0].filter = moderngl.LINEAR, moderngl.LINEAR
             self.targets[size] = pair
         one, other = self.targets[size]
         return other if shown is not None and shown.texture is one.textures[0] else one
@@ -123,7 +122,7 @@ class TemporalFilter(Owner):
         offset = scale + (0.5 - 0.5 / stride) / texels
         return {
             "fading": True,
-            "shown": shown.texture,
+            "shown": SampledTexture(shown.texture, self.linear),
             "clip_from_world": camera.clip_from_view(width / height, 1e-3, 1e3) @ camera.view_from_world,
             "shown_place": (*scale.tolist(), *offset.tolist()),
         }

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import moderngl
 
-from irrsplat.core.buffers import GBuffer, ShadowMaps
+from irrsplat.core.buffers import GBuffer, ShadowMaps, Uniforms
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
@@ -26,12 +26,13 @@ class DirectPass(Owner):
     """Draws the direct outgoing radiance of a view of `size` (width, height), by lights of the kinds that light_defines tells."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], lights: Mapping[str, int]) -> None:
-        self.program = Program(ctx, "lighting/direct", "lib/fullscreen", lights)
+        self.program = Program(ctx, "lighting/direct", "lib/fullscreen", {**lights, "NORMAL_MAPS": 0})
+        self.bent = Program(ctx, "lighting/direct", "lib/fullscreen", {**lights, "NORMAL_MAPS": 1})
         self.target = Target(ctx, size, (4,))
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.program, self.target)
+        return (self.program, self.bent, self.target)
 
     def __call__(
         self,
@@ -41,13 +42,20 @@ class DirectPass(Owner):
         target: Target | None = None,
         headlamp: Headlamp | None = None,
     ) -> moderngl.Texture:
-        """ρ/π·E_direct as an RGBA32F texture, the target's (default: this pass's own).
+        """ρ/π·E_direct, and 1 where a surface is seen, as an RGBA32F texture, the target's (default: this pass's own).
 
         rotation: of the pattern of shadow samples, radians.
         """
         target = target or self.target
         lamp = (0.0, 0.0, 0.0, 0.0) if headlamp is None else (*headlamp.position, headlamp.intensity)
-        g = gbuffer
-        uniforms = {**g.material_uniforms, **shadows.uniforms, "headlamp": lamp}
-        self.program(target, position=g.position, normal=g.normal, lit_normal=g.lit_normal, rotation=rotation, **uniforms)
+        uniforms: Uniforms = {
+            "position": gbuffer.position,
+            "normal": gbuffer.normal,
+            **gbuffer.material_uniforms,
+            **shadows.uniforms,
+        }
+        if gbuffer.mapped_normal is None:
+            self.program(target, **uniforms, rotation=rotation, headlamp=lamp)
+        else:
+            self.bent(target, **uniforms, lit_normal=gbuffer.mapped_normal, rotation=rotation, headlamp=lamp)
         return target.textures[0]

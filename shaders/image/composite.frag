@@ -1,12 +1,18 @@
 // The picture: irradiance from the sums, and with it the outgoing radiance of direct light, indirect light, emission and sky.
 #include "generated/gbuffer_material.glsl"
+#if FILTERS
 #include "image/filtered.glsl"
+#else
+#include "image/backdrop.glsl"
+#endif
 #include "lib/material.glsl"
+#include "lib/texel.glsl"
 
-uniform sampler2D position;  // g-buffer
-uniform sampler2D direct;
-uniform sampler2D sums;      // Σ k·E, Σ k; after smoothing E and 1
-uniform vec2 blend;          // weights of direct and indirect light
+// FILTERS: 1 where surfaces may be seen through filters. EMISSIVE: 1 where any surface emits.
+
+uniform sampler2D direct;  // a: 1 where a surface is seen
+uniform sampler2D sums;    // Σ k·E, Σ k; after smoothing E and 1
+uniform vec2 blend;        // weights of direct and indirect light
 
 layout(location = 0) out vec4 out_image;
 layout(location = 1) out float out_alpha;  // 1 where a surface is seen, else what filters hold back
@@ -14,12 +20,20 @@ layout(location = 1) out float out_alpha;  // 1 where a surface is seen, else wh
 void main()
 {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    vec4 s = texelFetch(sums, pixel, 0);
+    vec4 s = texel_at(sums, pixel), reflected = texel_at(direct, pixel);
     vec3 E = s.a > 0.0 ? s.rgb / s.a : vec3(0.0);
     Material material = material_at(pixel);
     vec3 indirect = reflected_radiance(material, E);
-    vec3 light = blend.x * texelFetch(direct, pixel, 0).rgb + blend.y * indirect + material.emission;
-    bool seen = texelFetch(position, pixel, 0).w > 0.0;
+    vec3 light = blend.x * reflected.rgb + blend.y * indirect;
+#if EMISSIVE
+    light += material.emission;
+#endif
+    bool seen = reflected.a > 0.0;
+#if FILTERS
     out_image = vec4(seen ? filtered(pixel, light) : filtered_backdrop(pixel, gl_FragCoord.xy), 1.0);
     out_alpha = seen ? 1.0 : held_back(pixel);
+#else
+    out_image = vec4(seen ? light : backdrop_radiance(gl_FragCoord.xy), 1.0);
+    out_alpha = seen ? 1.0 : 0.0;
+#endif
 }

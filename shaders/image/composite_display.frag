@@ -1,5 +1,6 @@
 // The image as a screen shows it: exposed, through the filmic curve, sRGB-encoded.
 #include "lib/display.glsl"
+#include "lib/texel.glsl"
 
 uniform sampler2D image;
 uniform float exposure;  // stops
@@ -8,5 +9,5 @@ layout(location = 0) out vec4 out_color;
 
 void main()
 {
-    out_color = vec4(display(texelFetch(image, ivec2(gl_FragCoord.xy), 0).rgb * exp2(exposure)), 1.0);
+    out_color = vec4(display(texel_at(image, ivec2(gl_FragCoord.xy)).rgb * exp2(exposure)), 1.0);
 }

@@ -1,12 +1,13 @@
 // What the filters before a pixel's surface make of its light. Both textures have a texel for each pixel, or one for all of them.
 #include "image/backdrop.glsl"
+#include "lib/texel.glsl"
 
 uniform sampler2D tint;  // the share of light that comes through
 uniform sampler2D glow;  // the radiance that they add
 
 vec3 filter_texel(sampler2D values, ivec2 pixel)
 {
-    return texelFetch(values, min(pixel, textureSize(values, 0) - 1), 0).rgb;
+    return texel_at(values, min(pixel, textureSize(values, 0) - 1)).rgb;
 }
 
 vec3 filtered(ivec2 pixel, vec3 radiance)

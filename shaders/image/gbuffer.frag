@@ -14,7 +14,7 @@ uniform int closed;          // triangles of lower numbers belong to closed mesh
 uniform int first_triangle;  // number of the first triangle of this draw
 
 // MASK, BLEND: 1 where the surface is there only where its opacity reaches the cutoff. MAPPED_NORMALS: 1 where any surface of the
-// scene has a normal map.
+// scene has a normal map. EMISSIVE: 1 where any emits.
 
 const float BACK = 1e-3;  // how far inner sides of closed meshes are moved back, as a share of the far distance
 
@@ -33,7 +33,11 @@ void main()
     vec3 g = face_plane(triangle).xyz;
     g = gl_FrontFacing ? g : -g;  // turned to the eye by the rasteriser's judgement: at a silhouette a dot product is noise
     vec3 n = shading_normal(v_normal, g);
+#if EMISSIVE
     Material material = material_factors(interpolated_vertex(v_position));
+#else
+    Material material = Material(max(v_albedo, 0.0), vec3(0.0));
+#endif
     float alpha = v_opacity;
 #if ALBEDO_MAP
     vec4 texel = albedo_texel(v_uv);

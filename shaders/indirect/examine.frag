@@ -1,5 +1,6 @@
 // Where records are missing: the pixel of least effective weight in each tile of the screen (Jones 2010, section 2.3).
 #include "indirect/effective_weight.glsl"
+#include "lib/texel.glsl"
 
 uniform sampler2D position;  // g-buffer
 uniform sampler2D normal;
@@ -7,7 +8,9 @@ uniform sampler2D albedo;
 uniform sampler2D emission;
 uniform sampler2D sums;      // Σ k·E, Σ k
 uniform sampler2D weight;    // Σ of raw w, NOTHING_SEEN where nothing is seen; Σ k·Y²
-uniform sampler2D reach;     // one texel for all, or one a pixel of the sums: the share of the records' reach that holds there
+#if REFINED
+uniform sampler2D reach;     // the share of the records' reach that holds at each pixel of the sums
+#endif
 uniform int pixel_stride;    // pixels of the g-buffer per pixel of the sums, in x and y
 uniform int side;            // pixels of the sums along a side of a tile
 uniform int step_size;       // from one pixel of a tile to the next in the order of the search; coprime to side²
@@ -31,8 +34,11 @@ const float BADLY = 0.15;  // deviation over mean of what the records say of a p
 
 float weight_at(ivec2 pixel)
 {
-    float share = texelFetch(reach, min(pixel, textureSize(reach, 0) - 1), 0).r;
-    return effective_weight(texelFetch(weight, pixel, 0).rg, texelFetch(sums, pixel, 0), share);
+    float share = 1.0;
+#if REFINED
+    share = texel_at(reach, pixel).r;
+#endif
+    return effective_weight(texel_at(weight, pixel).rg, texel_at(sums, pixel), share);
 }
 
 // Whether a pixel that asks lies in so small a group of such pixels that it does with what records beside it lend. Of every other
@@ -41,8 +47,8 @@ bool borrows(ivec2 pixel, ivec2 last)
 {
     int around = pixel_stride == 1 ? 2 : 1, few = pixel_stride == 1 ? borrow : borrow / 2, asking = 0;
     // where records contradict each other badly, or nothing is near to borrow from, a record is needed
-    bool reached = texelFetch(weight, pixel, 0).r > 0.0;
-    if (reached ? weight_at(pixel) < tolerance * spread / BADLY : texelFetch(sums, pixel, 0).a <= 0.0) few = 0;
+    bool reached = texel_at(weight, pixel).r > 0.0;
+    if (reached ? weight_at(pixel) < tolerance * spread / BADLY : texel_at(sums, pixel).a <= 0.0) few = 0;
     for (int i = 0; few > 0 && i < (2 * around + 1) * (2 * around + 1); ++i)
     {
         ivec2 at = pixel + ivec2(i % (2 * around + 1), i / (2 * around + 1)) - around;
@@ -71,7 +77,7 @@ void main()
         least = min(w, least);
     }
     ivec2 pixel = min(corner + ivec2(worst % side, worst / side), size - 1) * pixel_stride;
-    out_position = vec4(texelFetch(position, pixel, 0).xyz, needy);
-    out_normal = texelFetch(normal, pixel, 0);
-    out_rest = vec4(texelFetch(albedo, pixel, 0).w, least, seen, texelFetch(emission, pixel, 0).w);
+    out_position = vec4(texel_at(position, pixel).xyz, needy);
+    out_normal = texel_at(normal, pixel);
+    out_rest = vec4(texel_at(albedo, pixel).w, least, seen, texel_at(emission, pixel).w);
 }

@@ -1,4 +1,5 @@
 // A record's weighted irradiance at a pixel, to be summed over all records (Jones 2010, section 2.2).
+#include "lib/texel.glsl"
 #include "records/weight.glsl"
 
 uniform sampler2D position;  // g-buffer
@@ -7,7 +8,9 @@ uniform sampler2D normal;
 uniform sampler2D lit_normal;  // bent by the normal map
 #endif
 uniform int pixel_stride;    // pixels of the g-buffer per pixel of the sums, in x and y: 1 or 2
-uniform sampler2D reach;     // one texel for all, or one a pixel of the sums: the share of `a` that holds there
+#if REFINED
+uniform sampler2D reach;     // the share of `a` that holds at each pixel of the sums
+#endif
 uniform bool cut;            // the paper's kernel: w itself, cut off where it falls to 1/a
 uniform bool in_front;       // reject records in front of the pixel's surface or behind it
 
@@ -44,21 +47,23 @@ vec3 bent_irradiance(vec3 E, vec3 n, vec3 m, mat3 M)
 void main()
 {
     ivec2 pixel = pixel_stride * ivec2(gl_FragCoord.xy);
-    vec4 p = texelFetch(position, pixel, 0);
+    vec4 p = texel_at(position, pixel);
     if (p.w == 0.0) discard;
-    vec3 apart = p.xyz - v_place, n = texelFetch(normal, pixel, 0).xyz;
+    vec3 apart = p.xyz - v_place, n = texel_at(normal, pixel).xyz;
 #if GRADIENTS
     if (behind_wall(apart, v_axis, v_normal, v_walls)) discard;
 #endif
     float w = record_weight(apart, v_axis, v_radii, n, v_normal, in_front);
-    ivec2 here = min(ivec2(gl_FragCoord.xy), textureSize(reach, 0) - 1);
-    float least = 1.0 / (a * texelFetch(reach, here, 0).r);
+    float least = 1.0 / a;
+#if REFINED
+    least /= texel_at(reach, ivec2(gl_FragCoord.xy)).r;
+#endif
     float lent = w <= least ? borrowed_weight(apart, n, v_normal, v_borrow) : 0.0;
     if (w <= least && lent <= 0.0) discard;
 #if GRADIENTS
     vec3 E = n * v_m;  // the irradiance vector turns with the normal
 #if NORMAL_MAPS
-    E = bent_irradiance(E, n, texelFetch(lit_normal, pixel, 0).xyz, v_m);
+    E = bent_irradiance(E, n, texel_at(lit_normal, pixel).xyz, v_m);
 #endif
 #else
     vec3 E = v_irradiance;

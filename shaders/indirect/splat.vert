@@ -1,9 +1,11 @@
 // A record as a quad that bounds its sphere of influence on screen (Jones 2010, figure 1); an instance is a record.
+#include "indirect/splat_depth.glsl"
 #include "records/view_radius.glsl"
 
 in int in_number;                      // of the record
 
 uniform mat4 clip_from_world;
+uniform vec3 forward;                  // unit, the view axis
 uniform bool in_front;                 // reject records in front of the pixel's surface or behind it
 uniform float pixel;                   // size of a pixel at distance 1, in metres
 uniform float borrow_reach;            // pixels; 0: records lend nothing
@@ -50,9 +52,10 @@ void main()
     r *= 1.0 + 1e-5;  // so that rounding does not cut the rim
     if (d <= r)
     {
-        gl_Position = vec4(corner, 0.0, 1.0);  // the eye is inside: the whole screen
+        gl_Position = vec4(corner, -1.0, 1.0);  // the eye is inside: the whole screen
         return;
     }
+    float reach = r;  // along the view axis
     // in the plane through the centre that faces the eye, a half size of r·d/√(d² - r²) bounds the silhouette
     vec3 axis = to_eye / d;
     vec3 u = normalize(abs(axis.y) < 0.9 ? cross(vec3(0.0, 1.0, 0.0), axis) : cross(vec3(1.0, 0.0, 0.0), axis));
@@ -67,6 +70,7 @@ void main()
         float angle = 0.5 * atan(2.0 * dot(seen[0], seen[1]), dot(seen[0], seen[0]) - dot(seen[1], seen[1]) + 1e-30);
         u = cos(angle) * u + sin(angle) * v;
         v = cross(axis, u);
+        reach = min(r, length(vec2(dot(along, forward), dot(across, forward))) + thickness * abs(dot(v_normal, forward)));
         vec3 extent;
         extent.x = length(vec2(dot(along, u), dot(across, u))) + thickness * abs(dot(v_normal, u));
         extent.y = length(vec2(dot(along, v), dot(across, v))) + thickness * abs(dot(v_normal, v));
@@ -76,4 +80,7 @@ void main()
     vec3 v = cross(axis, u);
     half_size = max(half_size, max(pixel * d, v_borrow));  // a smaller quad than a pixel could fall between pixel centres
     gl_Position = clip_from_world * vec4(p + half_size.x * corner.x * u + half_size.y * corner.y * v, 1.0);
+    // surfaces before all that the record may reach are not looked at; 1e-3: more than rounding
+    float nearest = (1.0 - 1e-3) * (dot(p - eye, forward) - max(reach, v_borrow));
+    gl_Position.z = (2.0 * splat_depth(nearest) - 1.0) * gl_Position.w;
 }

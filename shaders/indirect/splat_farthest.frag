@@ -1,4 +1,6 @@
 // The distance of the farthest surface in each tile of the screen: what lies farther from the eye is hidden there.
+#include "lib/texel.glsl"
+
 uniform sampler2D position;  // g-buffer
 uniform vec3 eye;
 
@@ -13,7 +15,7 @@ void main()
     for (int i = 0; i < TILE * TILE; ++i)
     {
         ivec2 pixel = min(corner + ivec2(i % TILE, i / TILE), size - 1);
-        vec4 p = texelFetch(position, pixel, 0);
+        vec4 p = texel_at(position, pixel);
         farthest = p.w > 0.0 ? max(farthest, length(p.xyz - eye)) : farthest;
     }
     out_distance = farthest;

@@ -1,5 +1,6 @@
 // Holes, while a view fills: the marked pixels take what the surface cache says.
 #include "lib/octahedral.glsl"
+#include "lib/texel.glsl"
 #include "surface_cache/lookup.glsl"
 
 uniform sampler2D position;  // g-buffer
@@ -13,7 +14,7 @@ layout(location = 0) out vec4 out_sums;  // E/depth, 1/depth
 void main()
 {
     ivec2 pixel = ivec2(gl_FragCoord.xy) * pixel_stride;
-    vec4 p = texelFetch(position, pixel, 0);
-    vec3 g = octahedral_decode(vec2(texelFetch(normal, pixel, 0).w, texelFetch(albedo, pixel, 0).w));
-    out_sums = vec4(surface_irradiance(int(texelFetch(emission, pixel, 0).w), p.xyz, g), 1.0) / p.w;
+    vec4 p = texel_at(position, pixel);
+    vec3 g = octahedral_decode(vec2(texel_at(normal, pixel).w, texel_at(albedo, pixel).w));
+    out_sums = vec4(surface_irradiance(int(texel_at(emission, pixel).w), p.xyz, g), 1.0) / p.w;
 }

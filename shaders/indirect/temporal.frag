@@ -1,5 +1,7 @@
 // Irradiance that changes smoothly from picture to picture: a share of what the records say now, the rest of what the last picture
 // showed at the same place of the world. Pixels that neither knows are marked in the depth buffer, for surface_fill.frag.
+#include "lib/texel.glsl"
+
 uniform sampler2D position;    // g-buffer
 uniform sampler2D sums;        // Σ k·E, Σ k
 uniform sampler2D shown;       // the last picture's: E/depth, 1/depth; 0 where it knew nothing; linearly filtered
@@ -17,7 +19,7 @@ const float OTHER_DEPTH = 0.02;  // relative difference: so far from where it is
 void main()
 {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
-    vec4 p = texelFetch(position, pixel * pixel_stride, 0), s = texelFetch(sums, pixel, 0);
+    vec4 p = texel_at(position, pixel * pixel_stride), s = texel_at(sums, pixel);
     // along a plane, 1/depth is linear on screen: between four pixels of one plane it is that of the place, and else not
     vec4 clip = clip_from_world * vec4(p.xyz, 1.0);  // w: depth in the last picture
     vec2 place = clip.xy / clip.w * shown_place.xy + shown_place.zw;

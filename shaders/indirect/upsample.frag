@@ -1,6 +1,7 @@
 // Upsampling, first draw: pixels that lie on one surface with the square of four coarse pixels around them take the linear
 // interpolation of those. The other pixels are marked in the depth buffer, for upsample_search.frag.
 #include "generated/constants.glsl"
+#include "lib/texel.glsl"
 
 uniform sampler2D position;    // g-buffer, of all pixels
 uniform sampler2D irradiance;  // of the coarse pixels, from upsample_squares.frag; linearly filtered
@@ -15,7 +16,7 @@ const float MAX_RISE = 0.5;  // how far a pixel's point may lie off the square's
 void main()
 {
     ivec2 at = ivec2(gl_FragCoord.xy), first = at / 2;
-    vec4 p = texelFetch(position, at, 0), plane = texelFetch(planes, first, 0);
+    vec4 p = texel_at(position, at), plane = texel_at(planes, first);
     bool none = plane == vec4(0.0, 0.0, 0.0, 1.0);  // none of the four has a record: a hole
     bool between = plane.xyz != vec3(0.0) && abs(dot(plane.xyz, p.xyz) - plane.w) <= MAX_RISE * pixel * p.w;
     vec2 place = (0.5 * vec2(at) + 0.5) / vec2(textureSize(irradiance, 0));

@@ -1,6 +1,7 @@
 // Upsampling, second draw: the marked pixels take the mean of those of the sixteen coarse pixels around that lie on their own
 // surface (joint bilateral upsampling, Kopf et al. 2007).
 #include "lib/same_surface.glsl"
+#include "lib/texel.glsl"
 #include "generated/constants.glsl"
 
 uniform sampler2D position;  // g-buffer, of all pixels
@@ -16,19 +17,19 @@ const float OTHER_SURFACE = 1e-4;  // weight of coarse pixels on other surfaces:
 void main()
 {
     ivec2 pixel = ivec2(gl_FragCoord.xy), first = pixel / 2, last = textureSize(sums, 0) - 1;
-    vec3 p = texelFetch(position, pixel, 0).xyz, n = texelFetch(normal, pixel, 0).xyz;
+    vec3 p = texel_at(position, pixel).xyz, n = texel_at(normal, pixel).xyz;
     vec2 offset = 0.5 * vec2(pixel - 2 * first);
     out_sums = vec4(0.0);
     for (int i = 0; i < 16; ++i)
     {
         ivec2 off = ivec2(i & 3, i >> 2) - 1, at = clamp(first + off, ivec2(0), last);
-        vec3 q = texelFetch(position, 2 * at, 0).xyz, m = texelFetch(normal, 2 * at, 0).xyz;
-        vec4 sum = texelFetch(sums, at, 0);
+        vec3 q = texel_at(position, 2 * at).xyz, m = texel_at(normal, 2 * at).xyz;
+        vec4 sum = texel_at(sums, at);
         float cosine = max(dot(n, m), 0.01), apart = distance(vec2(off), offset);
         float share = exp2(-2.0 * apart * apart) * (same_surface(p, n, q, m) ? 1.0 : OTHER_SURFACE * pow(cosine, 4.0));
         out_sums += sum.a > 0.0 ? share * vec4(sum.rgb / sum.a, 1.0) : vec4(0.0);
     }
     out_sums = out_sums.a > 0.0 ? out_sums / out_sums.a : vec4(0.0);
     float Y = dot(out_sums.rgb, LUMINANCE);
-    out_weight = vec2(texelFetch(weight, first, 0).r, Y * Y);
+    out_weight = vec2(texel_at(weight, first).r, Y * Y);
 }

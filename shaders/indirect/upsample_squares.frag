@@ -1,5 +1,6 @@
 // Upsampling, preparation: which squares of four coarse pixels lie on one surface, so that their sums may be interpolated.
 #include "lib/same_surface.glsl"
+#include "lib/texel.glsl"
 
 uniform sampler2D position;  // g-buffer, of all pixels
 uniform sampler2D normal;
@@ -12,15 +13,15 @@ layout(location = 1) out vec4 out_plane;       // the square's plane, dot(xyz, p
 void main()
 {
     ivec2 at = ivec2(gl_FragCoord.xy), last = textureSize(sums, 0) - 1;
-    vec3 p = texelFetch(position, 2 * at, 0).xyz, n = texelFetch(normal, 2 * at, 0).xyz;
-    vec4 sum = texelFetch(sums, at, 0);
+    vec3 p = texel_at(position, 2 * at).xyz, n = texel_at(normal, 2 * at).xyz;
+    vec4 sum = texel_at(sums, at);
     bool one = true, served = sum.a > 0.0;
     for (int i = 1; i < 4; ++i)
     {
         ivec2 other = min(at + ivec2(i & 1, i >> 1), last);
-        vec3 q = texelFetch(position, 2 * other, 0).xyz, m = texelFetch(normal, 2 * other, 0).xyz;
-        one = one && (texelFetch(sums, other, 0).a > 0.0) == served && (same_surface(p, n, q, m) || !served);
+        vec3 q = texel_at(position, 2 * other).xyz, m = texel_at(normal, 2 * other).xyz;
+        one = one && (texel_at(sums, other).a > 0.0) == served && (same_surface(p, n, q, m) || !served);
     }
-    out_irradiance = vec4(sum.rgb / max(sum.a, 1e-20), texelFetch(weight, at, 0).r);
+    out_irradiance = vec4(sum.rgb / max(sum.a, 1e-20), texel_at(weight, at).r);
     out_plane = !one ? vec4(0.0) : served ? vec4(n, dot(n, p)) : vec4(0.0, 0.0, 0.0, 1.0);
 }

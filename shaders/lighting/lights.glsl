@@ -2,6 +2,7 @@
 // shadow maps come from irrsplat/lighting/light_table.py: light i has LIGHT_ROWS rows from i·LIGHT_ROWS on, which LightRow in
 // irrsplat/core/buffers.py explains.
 #include "generated/constants.glsl"
+#include "lib/texel.glsl"
 
 // Defined by light_defines: LIGHTS is the number of lights, and each other LIGHTS_… is 1 if any light has what its name says. What no
 // light needs is not compiled, since software renderers run both sides of every branch.
@@ -44,7 +45,7 @@ const float ROUNDING = 0.05;  // how far off its surface an interpolated positio
 float shadow_tap(Projected r, vec2 offset)
 {
     vec2 texel = clamp(floor(r.texel + offset), vec2(0.0), vec2(shadow_layout.x - 1.0));
-    float stored = texelFetch(shadow_depth, ivec2(r.corner + texel), 0).r;
+    float stored = texel_at(shadow_depth, ivec2(r.corner + texel)).r;
     float expected = dot(r.plane, vec3(texel + 0.5, 1.0));
 #if LIGHTS_PARALLEL
     if (r.range > 0.0)
@@ -186,14 +187,27 @@ vec3 light_irradiance(int i, Receiver r)
     return min(color * cosine * strength, vec3(1e30));  // finite even where a lamp touches a surface
 }
 
+// What light i adds to it.
+vec3 irradiance_by(int i, Receiver r, int taps, vec2 rotation)
+{
+    vec3 E = light_irradiance(i, r);
+    return E.r + E.g + E.b > 0.0 ? E * visibility(i, r, taps, rotation) : vec3(0.0);
+}
+
 // Direct irradiance E in W/m² with `taps` (1 or 4) shadow samples per light.
 vec3 direct_irradiance(Receiver r, int taps, vec2 rotation)
 {
     vec3 sum = vec3(0.0);
-    for (int i = 0; i < LIGHTS; ++i)
-    {
-        vec3 E = light_irradiance(i, r);
-        if (E.r + E.g + E.b > 0.0) sum += E * visibility(i, r, taps, rotation);
-    }
+    // the first ones one by one: software renderers go through a loop once more than it has rounds
+#if LIGHTS > 0
+    sum += irradiance_by(0, r, taps, rotation);
+#endif
+#if LIGHTS > 1
+    sum += irradiance_by(1, r, taps, rotation);
+#endif
+#if LIGHTS > 2
+    sum += irradiance_by(2, r, taps, rotation);
+#endif
+    for (int i = 3; i < LIGHTS; ++i) sum += irradiance_by(i, r, taps, rotation);
     return sum;
 }

@@ -63,7 +63,8 @@ def test_blend(ctx: moderngl.Context, blend: float, weights: tuple[float, float]
     seen = data["depth"] > 0.0
     k[~seen] = 0.0
     k[50:60] = 0.0  # no record speaks for these
-    image, irradiance = composed(ctx, gbuffer, texture(ctx, k[..., None] * E, k), texture(ctx, direct), Settings(blend=blend))
+    lit = texture(ctx, direct, seen)
+    image, irradiance = composed(ctx, gbuffer, texture(ctx, k[..., None] * E, k), lit, Settings(blend=blend))
     E[k == 0.0] = 0.0
     truth = weights[0] * direct + weights[1] * data["albedo"] / np.pi * E + data["emission"]
     assert_pictures("blend", image, np.where(seen[..., None], truth, SKY), 1e-5 * 20)
@@ -91,7 +92,7 @@ def test_before_the_first_record_light_is_guessed(ctx: moderngl.Context) -> None
 def smoothed(ctx: moderngl.Context, E: np.ndarray, k: np.ndarray | float = 1.0) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     gbuffer, data = wall(ctx)
     k = np.where(data["depth"] > 0.0, k, 0.0)
-    black = texture(ctx, np.zeros_like(E))
+    black = texture(ctx, np.zeros_like(E), data["depth"] > 0.0)
     return composed(ctx, gbuffer, texture(ctx, k[..., None] * E, k), black, Settings(smooth=True))[1], data
 
 

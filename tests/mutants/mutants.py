@@ -239,7 +239,7 @@ SHADERS = (
     Mutant(
         "kernel stops short of zero at the rim",
         "shaders/indirect/splat.frag",
-        "float k = cut ? w : w - 1.0 / a;",
+        "float k = cut ? w : w - least;",
         "float k = w;",
         _SPLAT,
     ),

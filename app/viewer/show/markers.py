@@ -196,6 +196,7 @@ class Markers(Owner):
             **view_uniforms(target, view.gbuffer, view.camera),
             **view_radius_uniforms(view.camera, settings),
             "in_front": settings.in_front,
+            "forward": -view.camera.axes[2],
             "borrow_reach": 0.0,  # only what it reaches is marked
             "tint": _SERVED,
         }

@@ -1,0 +1,49 @@
+"""What a g-buffer is drawn without: parts beside the view, and inner sides of closed meshes that the eye is not in."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import moderngl
+import numpy as np
+import pytest
+
+from irrsplat.gpu.target import pixels
+from irrsplat.gpu.world import World
+from irrsplat.image import visible_parts
+from irrsplat.image.gbuffer import GBufferPass
+from irrsplat.scene.model import Camera, Scene
+from tests.support.worlds import box, floor, scene
+
+SIZE = (120, 90)
+WORLD = scene(floor(), box((-1, 1, -1), (1, 3, 1)), box((3, 0, -1), (5, 2, 1)), box((39, 1, -1), (41, 3, 1)))
+VIEWS = {
+    "outside": Camera((0.0, 4.0, 8.0), (1.0, 1.0, 0.0)),
+    "in a box": Camera((0.3, 2.2, 0.1), (4.0, 1.0, 0.5)),
+    "away": Camera((0.0, 4.0, 8.0), (0.0, 5.0, 20.0)),
+}
+
+
+def sides(camera: Camera) -> list[int]:
+    """Of the three boxes, as their parts are numbered, then of the floor."""
+    clip = camera.clip_from_view(SIZE[0] / SIZE[1], 0.01, 100.0) @ camera.view_from_world
+    return visible_parts.SceneParts.of(WORLD).sides(clip, np.asarray(camera.eye), 100.0).tolist()
+
+
+def test_what_is_seen() -> None:
+    assert [sides(view) for view in VIEWS.values()] == [[1, 1, 0, 2], [2, 1, 1, 0], [0, 0, 0, 0]]
+
+
+@pytest.mark.parametrize("view", VIEWS)
+def test_the_g_buffer_lacks_nothing(ctx: moderngl.Context, view: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is the same as of open meshes, each of one part, of which all is drawn; here of many parts."""
+    monkeypatch.setattr(visible_parts, "_MOST", 5)
+
+    def drawn(world: Scene) -> list[np.ndarray]:
+        with World(ctx, world) as placed, GBufferPass(ctx, SIZE) as gbuffer_pass:
+            seen = gbuffer_pass(placed, VIEWS[view])
+            textures = (seen.position, seen.normal, seen.albedo)
+            return [np.where(pixels(seen.position)[..., 3:] > 0.0, pixels(texture), 0.0) for texture in textures]
+
+    whole = replace(WORLD, meshes=tuple(replace(mesh, closed=False) for mesh in WORLD.meshes))
+    assert all(np.array_equal(*pair) for pair in zip(drawn(WORLD), drawn(whole), strict=True))
