@@ -35,6 +35,11 @@ class Backdrop:
         """The uniforms of shaders/image/backdrop.glsl for a view of `size` (width, height)."""
         return {**sky_uniforms(self.scene), "sky_is_seen": int(self.kind == "sky"), "pixel_rays": pixel_rays(camera, size)}
 
+    @property
+    def is_lit(self) -> bool:
+        """Whether any radiance comes from it."""
+        return self.kind == "sky" and (any(self.scene.sky) or any(self.scene.sky_gradient))
+
     def radiance(self, camera: Camera, size: tuple[int, int]) -> np.ndarray:
         """(H, W, 3) float32: the radiance that comes from behind every pixel's centre, top row first; 0 where it is no sky."""
         if self.kind != "sky":

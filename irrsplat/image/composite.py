@@ -45,9 +45,10 @@ class CompositePass(Owner):
         self.fill = Program(ctx, "image/composite_fill", "lib/fullscreen")
         self.smooth = Program(ctx, "image/composite_smooth", "lib/fullscreen")
         self.add = Program(ctx, "image/add_emitters", "lib/fullscreen")
-        self.blends = {  # by whether there are filters, and whether any surface emits
-            kind: Program(ctx, "image/composite", "lib/fullscreen", {"FILTERS": kind[0], "EMISSIVE": kind[1]})
-            for kind in product((0, 1), repeat=2)
+        self.blends = {  # by whether there are filters, which need the sky in any case, whether any surface emits, and the sky
+            kind: Program(ctx, "image/composite", "lib/fullscreen", dict(zip(("FILTERS", "EMISSIVE", "SKY"), kind, strict=True)))
+            for kind in product((0, 1), repeat=3)
+            if kind[2] or not kind[0]
         }
         self.meter = Program(ctx, "image/composite_meter", "lib/fullscreen")
         self.display = Program(ctx, "image/composite_display", "lib/fullscreen")
@@ -91,15 +92,12 @@ class CompositePass(Owner):
         if emitters is not None:
             self.added_target = self.added_target or Target(self.target.ctx, self.size, (4,))
             sums = self.with_emitters(sums, emitters, gbuffer, sums, self.added_target)
-        filters = {} if gbuffer.filters is None else self.no_filters.uniforms(gbuffer)
-        self.blends[int(gbuffer.filters is not None), int(gbuffer.emissive)](
-            self.target,
-            **gbuffer.material_uniforms,
-            direct=direct,
-            sums=sums,
-            **filters,
-            blend=settings.mix,
-            **backdrop.uniforms(camera, self.size),
+        filtered, sky = gbuffer.filters is not None, backdrop.is_lit
+        behind: Uniforms = self.no_filters.uniforms(gbuffer) if filtered else {}
+        if filtered or sky:
+            behind |= backdrop.uniforms(camera, self.size)
+        self.blends[int(filtered), int(gbuffer.emissive), int(filtered or sky)](
+            self.target, **gbuffer.material_uniforms, direct=direct, sums=sums, blend=settings.mix, **behind
         )
         image, alpha = self.target.textures
         return image, alpha, sums

@@ -67,9 +67,10 @@ class SplatPass(Owner):
         target = target or self._of(pixel_stride)
         self.empty(target, state=DrawState(depth="1"), position=gbuffer.position, pixel_stride=pixel_stride)
 
-    def farthest(self, gbuffer: GBuffer, camera: Camera) -> np.ndarray:
-        """(h, w) float32, bottom row first: how far each tile of TILE² pixels sees, in metres from the eye; 0: nowhere."""
-        self.tiles(self.distances, position=gbuffer.position, eye=camera.eye)
+    def farthest(self, gbuffer: GBuffer, camera: Camera, pixel_stride: int = 1) -> np.ndarray:
+        """(h, w) float32, bottom row first: how far each tile of TILE² pixels sees, in metres from the eye; 0: nowhere. Of those
+        pixels that a buffer of this stride has."""
+        self.tiles(self.distances, position=gbuffer.position, eye=camera.eye, pixel_stride=pixel_stride)
         return self.distances.read()[::-1, :, 0]
 
     def __call__(

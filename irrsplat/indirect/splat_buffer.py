@@ -92,7 +92,7 @@ class ViewSplats(Owner):
             if first == 0:
                 self.splat_pass.clear(gbuffer, pixel_stride)
             if first < count:
-                sight = partial(self.splat_pass.farthest, gbuffer, camera)
+                sight = partial(self.splat_pass.farthest, gbuffer, camera, pixel_stride)
                 numbers = reaching(cache, first, camera, self.size, settings, sight)
                 if first == 0:
                     cache.mark_seen(numbers)

@@ -2,13 +2,14 @@
 #include "generated/gbuffer_material.glsl"
 #if FILTERS
 #include "image/filtered.glsl"
-#else
+#endif
+#if SKY
 #include "image/backdrop.glsl"
 #endif
 #include "lib/material.glsl"
 #include "lib/texel.glsl"
 
-// FILTERS: 1 where surfaces may be seen through filters. EMISSIVE: 1 where any surface emits.
+// FILTERS: 1 where surfaces may be seen through filters. EMISSIVE: 1 where any surface emits. SKY: 1 where a sky is seen behind.
 
 uniform sampler2D direct;  // a: 1 where a surface is seen
 uniform sampler2D sums;    // Σ k·E, Σ k; after smoothing E and 1
@@ -33,7 +34,11 @@ void main()
     out_image = vec4(seen ? filtered(pixel, light) : filtered_backdrop(pixel, gl_FragCoord.xy), 1.0);
     out_alpha = seen ? 1.0 : held_back(pixel);
 #else
-    out_image = vec4(seen ? light : backdrop_radiance(gl_FragCoord.xy), 1.0);
+    vec3 behind = vec3(0.0);
+#if SKY
+    behind = sky_behind(gl_FragCoord.xy);
+#endif
+    out_image = vec4(seen ? light : behind, 1.0);
     out_alpha = seen ? 1.0 : 0.0;
 #endif
 }

@@ -1,4 +1,5 @@
 // The picture, exposed and tone-mapped, before a backdrop that is no light.
+#include "lib/texel.glsl"
 #include "viewer/buffers/picture.glsl"
 
 uniform sampler2D alpha;  // the share of a pixel that shows a surface
@@ -9,9 +10,9 @@ uniform float gain;       // the exposure as a factor
 
 vec3 picture(ivec2 pixel, float depth)
 {
-    vec3 radiance = texelFetch(values, pixel, 0).rgb;
-    if (plain) return display(radiance * gain);
-    float share = texelFetch(alpha, pixel, 0).r;
+    vec3 radiance = texel_at(values, pixel).rgb;
+    float share = plain ? 1.0 : texel_at(alpha, pixel).r;
     vec3 behind = mix(lower, upper, (float(pixel.y) + 0.5) / float(textureSize(values, 0).y));
-    return share > 0.0 ? mix(behind, display(radiance * (gain / share)), share) : behind;
+    vec3 shown = display(radiance * (gain / max(share, 1e-6)));
+    return share > 0.0 ? mix(behind, shown, share) : behind;
 }
