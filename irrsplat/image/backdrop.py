@@ -36,9 +36,11 @@ class Backdrop:
         return {**sky_uniforms(self.scene), "sky_is_seen": int(self.kind == "sky"), "pixel_rays": pixel_rays(camera, size)}
 
     @property
-    def is_lit(self) -> bool:
-        """Whether any radiance comes from it."""
-        return self.kind == "sky" and (any(self.scene.sky) or any(self.scene.sky_gradient))
+    def sky_terms(self) -> int:
+        """0: no radiance comes from it; 1: the same from everywhere; 2: more from above."""
+        if self.kind != "sky":
+            return 0
+        return 2 if any(self.scene.sky_gradient) else int(any(self.scene.sky))
 
     def radiance(self, camera: Camera, size: tuple[int, int]) -> np.ndarray:
         """(H, W, 3) float32: the radiance that comes from behind every pixel's centre, top row first; 0 where it is no sky."""

@@ -45,10 +45,10 @@ class CompositePass(Owner):
         self.fill = Program(ctx, "image/composite_fill", "lib/fullscreen")
         self.smooth = Program(ctx, "image/composite_smooth", "lib/fullscreen")
         self.add = Program(ctx, "image/add_emitters", "lib/fullscreen")
-        self.blends = {  # by whether there are filters, which need the sky in any case, whether any surface emits, and the sky
+        self.blends = {  # by whether there are filters, whether any surface emits, and Backdrop.sky_terms; for filters always 2
             kind: Program(ctx, "image/composite", "lib/fullscreen", dict(zip(("FILTERS", "EMISSIVE", "SKY"), kind, strict=True)))
-            for kind in product((0, 1), repeat=3)
-            if kind[2] or not kind[0]
+            for kind in product((0, 1), (0, 1), (0, 1, 2))
+            if kind[2] == 2 or not kind[0]
         }
         self.meter = Program(ctx, "image/composite_meter", "lib/fullscreen")
         self.display = Program(ctx, "image/composite_display", "lib/fullscreen")
@@ -92,11 +92,12 @@ class CompositePass(Owner):
         if emitters is not None:
             self.added_target = self.added_target or Target(self.target.ctx, self.size, (4,))
             sums = self.with_emitters(sums, emitters, gbuffer, sums, self.added_target)
-        filtered, sky = gbuffer.filters is not None, backdrop.is_lit
+        filtered = gbuffer.filters is not None
+        sky = 2 if filtered else backdrop.sky_terms
         behind: Uniforms = self.no_filters.uniforms(gbuffer) if filtered else {}
-        if filtered or sky:
+        if sky:
             behind |= backdrop.uniforms(camera, self.size)
-        self.blends[int(filtered), int(gbuffer.emissive), int(filtered or sky)](
+        self.blends[int(filtered), int(gbuffer.emissive), sky](
             self.target, **gbuffer.material_uniforms, direct=direct, sums=sums, blend=settings.mix, **behind
         )
         image, alpha = self.target.textures

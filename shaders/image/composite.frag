@@ -9,7 +9,8 @@
 #include "lib/material.glsl"
 #include "lib/texel.glsl"
 
-// FILTERS: 1 where surfaces may be seen through filters. EMISSIVE: 1 where any surface emits. SKY: 1 where a sky is seen behind.
+// FILTERS: 1 where surfaces may be seen through filters. EMISSIVE: 1 where any surface emits. SKY: the sky that is seen behind:
+// 0 black, 1 the same everywhere, 2 brighter above.
 
 uniform sampler2D direct;  // a: 1 where a surface is seen
 uniform sampler2D sums;    // Σ k·E, Σ k; after smoothing E and 1
@@ -35,7 +36,9 @@ void main()
     out_alpha = seen ? 1.0 : held_back(pixel);
 #else
     vec3 behind = vec3(0.0);
-#if SKY
+#if SKY == 1
+    behind = sky;
+#elif SKY
     behind = sky_behind(gl_FragCoord.xy);
 #endif
     out_image = vec4(seen ? light : behind, 1.0);
