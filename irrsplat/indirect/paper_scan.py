@@ -23,6 +23,8 @@ from irrsplat.records.weight import record_weight, view_radius
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
 
+_ANGLE = 18.0  # degrees at most between the normals of a smooth pixel and its neighbours
+
 
 @dataclass(frozen=True)
 class Seen:
@@ -42,6 +44,23 @@ class Seen:
         at = (slice(row, row + 1), column)
         triangle = None if self.triangle is None else self.triangle[at]
         return Sites(self.position[at], self.normal[at], self.geometric[at], triangle)
+
+    def smooth(self, off: float) -> np.ndarray:
+        """(H, W), True where all of a pixel's 3×3 neighbours have its normal, nearly, and lie near its tangent plane."""
+        smooth = np.zeros_like(self.mask)
+        inner = (slice(1, -1), slice(1, -1))
+        height, width = self.mask.shape
+        if min(height, width) < 3:
+            return smooth
+        smooth[inner] = self.mask[inner]
+        p, n = self.position[inner], self.normal[inner]
+        for dy in (0, 1, 2):
+            for dx in (0, 1, 2):
+                there = (slice(dy, dy + height - 2), slice(dx, dx + width - 2))
+                smooth[inner] &= self.mask[there]
+                smooth[inner] &= (self.normal[there] * n).sum(-1) >= np.cos(np.radians(_ANGLE))
+                smooth[inner] &= np.abs(((self.position[there] - p) * n).sum(-1)) <= off
+        return smooth
 
 
 class View:

@@ -251,6 +251,12 @@ class RecordGatherer(Owner):
             return False
         return self._advance(shadows, budget)
 
+    def refine_surface(self, shadows: ShadowMaps, budget: Budget) -> bool:
+        """Let the surface cache, where there is one, come from more rays, as far as the budget goes; whether it does. No record
+        changes."""
+        surface = self.surface_now
+        return surface is None or surface.refine(shadows, budget)
+
     def resume(self, shadows: ShadowMaps, budget: Budget) -> None:
         """Make the surface cache that records from a file did without until now, since some are to be gathered."""
         if self._basis.resumed is not None:
@@ -327,15 +333,6 @@ class RecordGatherer(Owner):
             done += count
         return done
 
-    def gather_finely(self, shadows: ShadowMaps, sites: Sites, sizes: np.ndarray, budget: Budget) -> int:
-        """As `gather`, each record by a gather of its own side; sizes: (N,), of which only the first ones that are equal
-        count."""
-        return self.gather(shadows, sites[: _run(sizes)], budget, int(sizes[0])) if len(sites) else 0
-
-    def regather_finely(self, shadows: ShadowMaps, numbers: np.ndarray, sizes: np.ndarray, budget: Budget) -> int:
-        """The same for records that are there."""
-        return self.regather(shadows, numbers[: _run(sizes)], budget, int(sizes[0])) if len(numbers) else 0
-
     def regather(self, shadows: ShadowMaps, numbers: np.ndarray, budget: Budget, size: int = 0) -> int:
         """Gather the records of these numbers again in place, as many as the budget has time for; how many. size: as in
         `gather`."""
@@ -394,11 +391,6 @@ class RecordGatherer(Owner):
         if self._basis.resumed is not None:
             return {"gathered_by": how, **self._basis.resumed}
         return {"gathered_by": how, "bounces": min(most, 1), "bounces_converged": False if everything else None}
-
-
-def _run(values: np.ndarray) -> int:
-    """How many of the first values are equal."""
-    return int(np.argmin(np.append(values == values[0], False)))
 
 
 def _places(settings: Settings) -> tuple[object, ...]:

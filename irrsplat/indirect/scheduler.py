@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import cast
 
@@ -28,8 +27,6 @@ from irrsplat.records.record_cache import RecordCache
 from irrsplat.records.refresh_order import RefreshOrder
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import Settings
-
-Fineness = Callable[[np.ndarray], np.ndarray]  # the sides (N,) of the gathers of records at positions (N, 3)
 
 _REACH = 8.0  # percent of the image height by which the first sites lie apart where radii have no upper limit
 
@@ -120,15 +117,15 @@ class RecordScheduler(Owner):
         shadows: ShadowMaps,
         camera: Camera,
         budget: Budget,
-        fineness: Fineness | None = None,
+        side: int = 0,
     ) -> tuple[ViewState, RoundResult]:
-        """Gather where the view lacks records, as far as the budget goes. fineness: how finely records are to look, for a view
-        that is refined; no record is evicted then."""
+        """Gather where the view lacks records, as far as the budget goes. side: of the gathers for a view that is
+        refined, 0 for any other; no pixel borrows and no record is evicted then."""
         before = state
-        if self.settings.placement == "scan" and fineness is None:
+        if self.settings.placement == "scan" and not side:
             state, result = self._scan(state, gbuffer, splats, shadows, camera, budget)
         else:
-            state, result = self._ask(state, gbuffer, splats, shadows, camera, budget, fineness)
+            state, result = self._ask(state, gbuffer, splats, shadows, camera, budget, side)
         state = replace(state, coverage=1.0 - state.missing)
         if not result.complete:
             return state, result
@@ -154,25 +151,20 @@ class RecordScheduler(Owner):
         shadows: ShadowMaps,
         camera: Camera,
         budget: Budget,
-        fineness: Fineness | None,
+        side: int,
     ) -> tuple[ViewState, RoundResult]:
         """Gather where tiles of the view ask, coarse to fine."""
         if state.queue is None:
-            state, sites = self._select(state, gbuffer, splats)
-            if budget.limited:
+            state, sites = self._select(state, gbuffer, splats, refining=side > 0)
+            if budget.limited and not side:
                 sites = sites[self.flight_order(sites.position, camera, gbuffer.position.size)]
-            if fineness is not None:
-                sites = sites[np.argsort(fineness(sites.position), kind="stable")]
-            room = self._room(len(sites), camera, gbuffer) if fineness is None else self.room
+            room = self.room if side else self._room(len(sites), camera, gbuffer)
             state = replace(state, queue=sites[:room], full=room < len(sites))
         queue = state.queue
         assert queue is not None
         if len(queue):
             self.gatherer.resume(shadows, budget)
-        if fineness is None:
-            done = self.gatherer.gather(shadows, queue, budget)
-        else:
-            done = self.gatherer.gather_finely(shadows, queue, fineness(queue.position), budget)
+        done = self.gatherer.gather(shadows, queue, budget, side)
         state = replace(state, queue=queue[done:] if done < len(queue) else None)
         return state, RoundResult(done, state.queue is None)
 
@@ -195,10 +187,12 @@ class RecordScheduler(Owner):
         examine_pass = self._passes.get("examine", size, lambda: ExaminePass(self.ctx, size))
         return examine_pass(gbuffer, splats, settings), examine_pass.side
 
-    def _select(self, state: ViewState, gbuffer: GBuffer, splats: SplatBuffer) -> tuple[ViewState, Sites]:
+    def _select(self, state: ViewState, gbuffer: GBuffer, splats: SplatBuffer, refining: bool) -> tuple[ViewState, Sites]:
         """The sites of a new round, and with them the state in which the next one selects."""
         # while some are stale, records contradict each other for that alone
         settings = replace(self.settings, spread=0.0) if len(self.cache.stale) else self.settings
+        if refining:
+            settings = replace(settings, borrow=0)
         with self.timers("examine"):
             found, side = self._examined(gbuffer, splats, settings)
             reach = (settings.radius_max or _REACH) / 100.0 * gbuffer.position.height / side  # tiles

@@ -22,7 +22,6 @@ SIDE = 128  # of a hemicube's front face in texels, 49 thousand directions; or o
 _LIGHT_SAMPLES = 1024  # a pixel's shadow rays to emissive surfaces, which few directions find where they are small
 _RASTER_TRIANGLES = 1000  # up to which rasters are used, else rays
 _BATCH = 32  # pixels gathered at once
-_ANGLE = 18.0  # degrees at most between the normals of a smooth pixel and its neighbours
 _OFF = 0.01  # of the scene's diagonal: how far neighbours of a smooth pixel may lie from its tangent plane
 
 
@@ -44,7 +43,7 @@ class Truth:
 def gather(world: World, seen: Seen, shadow_size: int, count: int = 500, seconds: float = 10.0) -> Truth:
     """The reference at `count` of the smooth pixels of `seen`, drawn at random, or at as many as `seconds` allow."""
     ctx, scene = world.ctx, world.scene
-    candidates = np.argwhere(smooth(seen, _OFF * scene.diagonal))
+    candidates = np.argwhere(seen.smooth(_OFF * scene.diagonal))
     pixels = np.random.default_rng(0).permutation(candidates)[:count]
     at = tuple(pixels.T)
     triangle = None if seen.triangle is None else seen.triangle[at]
@@ -78,21 +77,3 @@ def rasters(scene: Scene) -> bool:
 def directions(scene: Scene) -> int:
     """How many directions are gathered from for a pixel."""
     return 6 * SIDE**2 // 2 if rasters(scene) else SIDE**2
-
-
-def smooth(seen: Seen, off: float) -> np.ndarray:
-    """(H, W), True where all of a pixel's 3×3 neighbours have its normal, nearly, and lie near its tangent plane."""
-    smooth = np.zeros_like(seen.mask)
-    inner = (slice(1, -1), slice(1, -1))
-    height, width = seen.mask.shape
-    if min(height, width) < 3:
-        return smooth
-    smooth[inner] = seen.mask[inner]
-    p, n = seen.position[inner], seen.normal[inner]
-    for dy in (0, 1, 2):
-        for dx in (0, 1, 2):
-            there = (slice(dy, dy + height - 2), slice(dx, dx + width - 2))
-            smooth[inner] &= seen.mask[there]
-            smooth[inner] &= (seen.normal[there] * n).sum(-1) >= np.cos(np.radians(_ANGLE))
-            smooth[inner] &= np.abs(((seen.position[there] - p) * n).sum(-1)) <= off
-    return smooth

@@ -81,6 +81,16 @@ class _Held:
 
 
 @dataclass(frozen=True)
+class _Refined:
+    """E_1 by more rays at the sites of `light`, in `records`, of which the first `done` hold it; `light` itself once it comes
+    from these."""
+
+    light: BouncedLight
+    records: RecordCache
+    done: int = FIRST_SITE
+
+
+@dataclass(frozen=True)
 class _Changing:
     """How the scene changes while ticks go on. now: whether it has changed since the last tick. moved: whether meshes have, and
     the sites are still those from before; rested: for so many ticks nothing has changed since."""
@@ -101,7 +111,7 @@ class SurfaceCache(Owner):
         self._view_pass = SurfaceViewPass(self.ctx, world.material_defines)
         self._point_pass = SurfaceViewPass(self.ctx, world.material_defines)
         self._made = Workshop()
-        self._pace = Pace(self.ctx)
+        self._pace, self._finer_pace = Pace(self.ctx), Pace(self.ctx)
         self._choosing: Generator[float, None, SiteLayout] | None = None
         self._chosen = 0.0  # the share of the choice of sites that is done
         self._laid_out: _LaidOut | None = None  # the sites of the scene as it is; None while they are still to be chosen
@@ -110,12 +120,14 @@ class SurfaceCache(Owner):
         self._follower: Follower | None = None  # of the values in use, while others are still to be made
         self._changing = _Changing()
         self._held = _Held(unknown(self.ctx))
+        self._refined: _Refined | None = None
         self._viewed: tuple[GBuffer, BouncedLight | None, moderngl.Texture] | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
         passes = self._visibility, self._reduce, self._view_pass, self._point_pass
-        return (*passes, self._made, self._held.table, self._held.laid_out, self._laid_out)
+        refined = None if self._refined is None else self._refined.records
+        return (*passes, self._made, self._held.table, self._held.laid_out, self._laid_out, refined)
 
     def _gather_for(self, sites: int) -> TraceGather:
         """Rays from so many sites, compiled for the kinds of lights that there are."""
@@ -357,9 +369,54 @@ class SurfaceCache(Owner):
         below = np.einsum("nij,nj->ni", frames, sites.geometric) @ gather.directions.T <= 0.0
         return np.where(below, 0.0, gather.share.ravel())
 
-    def _first(self, laid_out: _LaidOut) -> np.ndarray:
+    def refine(self, shadows: ShadowMaps, budget: Budget) -> bool:
+        """Let the values in use come from four times as many rays, until the scene changes, as far as the budget goes; whether
+        they do now. Sites and the transport between them stay."""
+        held, settings = self._held, self._basis.settings
+        if held.light is None or held.laid_out is None or not held.complete:
+            return False
+        records = held.laid_out.records
+        if self._refined is None or self._refined.light is not held.light:
+            if self._refined is not None:
+                self._refined.records.release()
+            fresh = RecordCache(self.ctx)
+            fresh.append(records.sites(slice(0, records.count)))
+            self._refined = _Refined(held.light, fresh)
+        refined, gather = self._refined, self._finer_gather(records.count)
+        numbers = np.arange(refined.done, records.count)
+        with self.timers("surface"):
+            for count in self._finer_pace.batches(len(numbers), gather.capacity, budget):
+                chosen = np.arange(refined.done, refined.done + count)
+                gather_records(gather, self._reduce, HitLight(shadows), refined.records, chosen, settings.seed)
+                refined = self._refined = replace(refined, done=refined.done + count)
+            if not len(numbers):
+                return True
+            if refined.done < records.count:
+                return False
+            transport = self.transport if settings.most_bounces > 2 else None
+            area, most, everything = held.laid_out.layout.area, settings.most_bounces, settings.bounces == "all"
+            made = list(sum_bounces(self._first(refined.records), transport, area, most, everything))[-1]
+            held.table.write(made.irradiance)
+            self._held, self._refined = replace(held, light=made), replace(refined, light=made)
+        return True
+
+    def _finer_gather(self, sites: int) -> TraceGather:
+        """Twice as many rays in either direction from so many sites, which ask for nothing but the light that they meet."""
+        side, samples, lights = (
+            2 * self._gather_for(sites).side,
+            self._basis.settings.light_samples,
+            light_defines(self.world.scene),
+        )
+        samples, embree = min(samples, int(_LIGHT_SAMPLES * side**2)), self._embree
+        return self._made.get(
+            "finer gather",
+            (side, lights, samples, embree),
+            lambda: TraceGather(self.world, side, _BATCH, light_samples=samples, embree=embree),
+        )
+
+    def _first(self, records: RecordCache) -> np.ndarray:
         """(S, 3) E_1 at the sites, W/m²."""
-        E_1 = laid_out.records.read()["irradiance"]
+        E_1 = records.read()["irradiance"]
         E_1[SKY_VALUE : SKY_VALUE + 1] = np.pi * np.asarray(self._basis.scene.sky)
         E_1[DARK_VALUE : DARK_VALUE + 1] = 0.0
         return E_1
@@ -368,7 +425,7 @@ class SurfaceCache(Owner):
         """All bounces from E_1, one after the other; None where the budget ends before."""
         settings = self._basis.settings
         if self._bouncing is None:
-            E_1 = self._first(laid_out)
+            E_1 = self._first(laid_out.records)
             transport = self.transport if settings.most_bounces > 2 else None
             everything = settings.bounces == "all"
             self._bouncing = sum_bounces(E_1, transport, laid_out.layout.area, settings.most_bounces, everything)
@@ -386,7 +443,7 @@ class SurfaceCache(Owner):
         self._bouncing, self._changing = None, _Changing()
         self._follower = None
         if self.transport is not None and self._basis.settings.bounces == "all":
-            E_1, E = self._first(laid_out), made.irradiance.copy()
+            E_1, E = self._first(laid_out.records), made.irradiance.copy()
             area = laid_out.layout.area
             self._follower = Follower(self.world, laid_out.records, area, self.transport, self._made, MAX_SITES, E_1, E)
             self._follower.begin(shadows)

@@ -3,15 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import irrsplat
+from irrsplat.core.buffers import HitLight
+from irrsplat.gather.look import gather_records
+from irrsplat.gather.reduce import ReducePass
+from irrsplat.gather.trace import TraceGather
+from irrsplat.gpu.time_budget import Budget
 from irrsplat.indirect.paper_scan import read_back
+from irrsplat.records.record_cache import RecordCache
 from irrsplat.reference import fine_gather
 from irrsplat.renderer import Renderer
 from irrsplat.settings import SettingValues
+from irrsplat.surface_cache import site_layout
+from irrsplat.surface_cache.site_layout import FIRST_SITE
 from tests.support.viewing import write_room
 
 SIZE = (64, 48)
@@ -70,3 +80,32 @@ def test_small_ticks_refine_as_a_render_does_and_motion_ends_it(renderer: Render
     assert count == renderer.render(camera).stats["records"]
     renderer.forget()
     assert np.array_equal(renderer.render(camera).image, plain.image)
+
+
+def test_the_surface_cache_is_refined_in_ticks_until_the_scene_changes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With two bounces it holds E_1, which four times as many rays bring nearer to that of sixteen times as many."""
+    monkeypatch.setattr(site_layout, "POINTS", 100)
+    scene = irrsplat.load(write_room(tmp_path))
+    with Renderer(scene, SIZE, **(COARSE | {"bounces": 2})) as renderer:
+        renderer.frame()
+        gatherer, shadows = renderer.scheduler.gatherer, renderer.draw_shadows()
+        surface = gatherer.surface_now
+        assert surface is not None and surface.result is not None
+        fine = TraceGather(renderer.world, 64)
+        with fine, ReducePass(renderer.ctx, gradients=False) as reduce, RecordCache(renderer.ctx) as cache:
+            cache.append(surface.sites)
+            gather_records(fine, reduce, HitLight(shadows), cache, np.arange(cache.count), seed=0)
+            true = cache.read()["irradiance"]
+
+        def off() -> float:
+            assert surface.result is not None
+            return float(np.sqrt(np.mean((surface.result.irradiance[FIRST_SITE:] - true) ** 2)))
+
+        before, first, calls = off(), surface.result, 1
+        while not gatherer.refine_surface(shadows, Budget(1e-4)):
+            calls += 1
+        assert calls > 2 and off() < 0.6 * before
+        refined = surface.result
+        assert gatherer.refine_surface(shadows, Budget(None)) and surface.result is refined is not first
+        renderer.relight([replace(light, color=(1.0, 1.0, 1.0)) for light in scene.lights])
+        assert not gatherer.refine_surface(shadows, Budget(None))  # it is made anew first

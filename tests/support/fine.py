@@ -20,7 +20,6 @@ from irrsplat.gpu import context
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.indirect.paper_scan import Seen, read_back
 from irrsplat.records.record_cache import RecordCache
-from irrsplat.reference.fine_gather import smooth
 from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
 from tests.support.truth import scene_hash
@@ -149,7 +148,7 @@ def make_slopes(ctx: moderngl.Context, world: Scene) -> Slopes:
 def make_bends(ctx: moderngl.Context, world: Scene) -> Bends:
     """The truth around pixels drawn at random from the smooth ones."""
     view = seen(ctx, world, SIZE)
-    pixels = np.random.default_rng(2).permutation(np.argwhere(smooth(view, 0.002 * world.diagonal)))[:PIXELS]
+    pixels = np.random.default_rng(2).permutation(np.argwhere(view.smooth(0.002 * world.diagonal)))[:PIXELS]
     with Gatherer(ctx, world, "raster", 128) as fine:
         return Bends(scene_hash(world), pixels, np.stack([fine(sites_at(view, pixels + step)).E for step in np.array(ROUND)]))
 

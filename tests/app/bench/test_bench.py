@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import moderngl
 import numpy as np
@@ -17,6 +16,7 @@ from irrsplat.app.bench import cases, fly_through, gather_truth, machine, paper_
 from irrsplat.gather.hemicube import hemisphere_table
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.indirect import paper_scan
+from irrsplat.indirect.paper_scan import Seen
 from irrsplat.reference import fine_gather
 from irrsplat.scene.model import Camera
 from tests.support.worlds import floor, material, sphere
@@ -260,5 +260,5 @@ def test_smooth_leaves_out_edges_steps_and_the_sky() -> None:
     expected[1:-1, 1:-1] = True
     expected[:, 5:7] = False
     expected[1:4, 1:4] = False
-    seen = SimpleNamespace(position=position, normal=normal, mask=mask)
-    assert np.array_equal(fine_gather.smooth(seen, 0.5), expected)
+    seen = Seen(position, normal, normal, mask)
+    assert np.array_equal(seen.smooth(0.5), expected)

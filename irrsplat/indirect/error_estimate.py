@@ -1,0 +1,130 @@
+"""How far off a picture is, as tests tell: at pixels drawn at random, gathers of their own say what is true.
+
+No model of the error is needed, only that pixels of much doubt are drawn more often (importance sampling). Each test looks as
+finely as the records around; a part of them looks again with four times as many rays, which tells how much of the difference was
+the tests' own, and whether records need more rays.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from irrsplat.core.buffers import Sites, SplatBuffer
+from irrsplat.core.color import LUMINANCE
+from irrsplat.gpu.target import pixels
+from irrsplat.indirect.paper_scan import Seen
+
+CHECKS = 384  # pixels that tell how far off a picture is
+_AGAIN = 4  # of so many of them one is gathered again, with four times as many rays
+_KEPT = 0.5  # of what earlier steps' tests told counts on
+_FAIR = 0.5  # share of the pixels' probability that is the same for all
+_LEAST = 0.4  # of what the picture differs from tests: its squared error is no less, as one test in a dark place may outweigh all
+_BLUR = 0.005  # of the image's height: over how far contradictions are averaged
+_GAIN = 6.0  # times less is a gather's own squared error where its side is doubled
+
+
+def blur_of(height: int) -> float:
+    """Over how far contradictions are averaged in an image of this height, both in pixels."""
+    return max(_BLUR * height, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Check:
+    """Pixels under test: their sites, the E (N, 3) in W/m² that the picture shows there, and the doubt (N,) by which they were
+    drawn.
+
+    doubt: (H, W) of all pixels. mean_doubt: of those that count for the error, and mean: W/m², of what is shown there. first: the
+    number of the first one's record. done: how many are gathered; once all are, coarse (N, 3) is what they say, and done counts
+    those that are gathered again.
+    """
+
+    sites: Sites
+    shown: np.ndarray
+    drawn_by: np.ndarray
+    doubt: np.ndarray
+    mean_doubt: float
+    mean: float
+    first: int = 0
+    done: int = 0
+    coarse: np.ndarray | None = None
+
+    @property
+    def again(self) -> np.ndarray:
+        """The numbers among the tests (K,) of those that are gathered again."""
+        return np.arange(0, len(self.sites), _AGAIN)
+
+
+@dataclass(frozen=True)
+class Told:
+    """What tests told, in sums over them in which earlier steps count less.
+
+    errors, count: of squared differences between the picture and what records say, over the doubt that the pixels were drawn by,
+    and how many. Of those gathered again, excess, rays, count_again: how much less these are against four times as many rays, the
+    squared difference that these make, over the same, and how many.
+    """
+
+    errors: float = 0.0
+    count: float = 0.0
+    excess: float = 0.0
+    rays: float = 0.0
+    count_again: float = 0.0
+
+    def by(self, check: Check, true: np.ndarray) -> Told:
+        """With further tests, of which those gathered again say `true` (K, 3)."""
+        assert check.coarse is not None
+        again, doubt = check.again, check.drawn_by[check.again]
+        errors = squares(check.shown, check.coarse) / check.drawn_by
+        excess = errors[again] - squares(check.shown[again], true) / doubt
+        rays = squares(check.coarse[again], true) / doubt
+        sums = errors.sum(), len(errors), excess.sum(), rays.sum(), len(again)
+        before = self.errors, self.count, self.excess, self.rays, self.count_again
+        return Told(*(_KEPT * old + float(new) for old, new in zip(before, sums, strict=True)))
+
+    def doubled(self) -> Told:
+        """The same where the sides of all gathers are doubled."""
+        return replace(self, rays=self.rays / _GAIN)
+
+    @property
+    def ratio(self) -> float:
+        """The mean squared error over the mean doubt."""
+        mean = self.errors / max(self.count, 1.0)
+        return max(mean - self.excess / max(self.count_again, 1.0), _LEAST * mean)
+
+    @property
+    def ray_ratio(self) -> float:
+        """The mean squared error that records have by their few rays, over the mean doubt."""
+        return self.rays / max(self.count_again, 1.0)
+
+
+def squares(values: np.ndarray, others: np.ndarray) -> np.ndarray:
+    """(N,) the squared differences of (N, 3), mean over channels."""
+    mean: np.ndarray = ((values.astype(float) - others) ** 2).mean(1)
+    return mean
+
+
+def drawn(seen: Seen, splats: SplatBuffer, seed: tuple[int, ...], off: float) -> Check:
+    """CHECKS of the smooth pixels, as the error leaves out edges, drawn with a probability in proportion to their doubt: the
+    variance of what records say there, averaged over the pixels around, and a share of its mean. off: as in Seen.smooth."""
+    from scipy import ndimage
+
+    sums, weight = pixels(splats.sums).astype(float), pixels(splats.weight).astype(float)
+    k = np.maximum(sums[..., 3], 1e-20)
+    variance = np.where(seen.mask, np.maximum(weight[..., 1] / k - ((sums[..., :3] @ LUMINANCE) / k) ** 2, 0.0), 0.0)
+    sigma = blur_of(len(variance))
+    share = ndimage.gaussian_filter(seen.mask.astype(float), sigma)
+    doubt = np.where(seen.mask, ndimage.gaussian_filter(variance, sigma) / np.maximum(share, 1e-6), 0.0)
+    doubt += seen.mask * (_FAIR / (1.0 - _FAIR) * float(doubt[seen.mask].mean()) + 1e-20)
+    smooth = seen.smooth(off)
+    counting = smooth if smooth.any() else seen.mask
+    random, candidates = np.random.default_rng(seed), np.flatnonzero(counting)
+    sum_to = np.cumsum(doubt.ravel()[candidates])
+    count = min(CHECKS, len(candidates))
+    places = (np.arange(count) + random.random(count)) / max(count, 1) * sum_to[-1]
+    chosen = np.unique(candidates[np.minimum(np.searchsorted(sum_to, places), len(candidates) - 1)])
+    at = np.unravel_index(chosen, seen.mask.shape)
+    triangle = None if seen.triangle is None else seen.triangle[at]
+    sites = Sites(seen.position[at], seen.normal[at], seen.geometric[at], triangle)
+    E = sums[..., :3] / k[..., None]
+    return Check(sites, E[at], doubt[at], doubt, float(doubt[counting].mean()), float(E[counting].mean()))
