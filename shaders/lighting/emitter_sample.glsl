@@ -65,7 +65,7 @@ vec3 even_point(float u, float v)
 // no ray is sent.
 bool emitter_free(vec3 eye, vec3 away, float r, bool possible)
 {
-    float far = possible ? r * (1.0 - SHORT) : 0.0;
+    float far = possible ? r * (1.0 - SHORT) : -1.0;  // then no box is entered, wherever the eye is
     return bvh_between(eye, away / r, 0.0, far).t >= far && possible;
 }
 
