@@ -78,7 +78,11 @@ void main()
     float k = cut ? w : w - least;
 #if GRADIENTS
     // E = n·M + (p - p_k)·∇E: the gradient moves with the point
+    float Y_k = dot(E, LUMINANCE);
     E = extrapolated(E, apart * v_g, apart, v_normal, v_axis, v_curvature);
+    float known = known_share(Y_k, dot(E, LUMINANCE));
+    w *= known;
+    k *= known;
 #endif
     out_sums = k * vec4(E, 1.0);
     float Y = dot(E, LUMINANCE);

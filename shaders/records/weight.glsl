@@ -4,6 +4,7 @@
 uniform float a;  // the error that is tolerated (Ward et al. 1988)
 
 const float BORROWED = 1e-6;  // greatest weight at a point that a record does not reach
+const float FAINT = 0.1;        // of a record's luminance: below it, what the expansion says is not believed
 const float DEEP = 0.3;       // of their distance: how far a record may lie above the tangent plane of a point that borrows from it
 
 // Constants from irrsplat/settings.py: LEAST_ERROR keeps the weight finite; IN_FRONT is how far in front of the point's surface or
@@ -49,4 +50,11 @@ vec3 extrapolated(vec3 E, vec3 slope, vec3 apart, vec3 n_k, vec3 axis, vec2 curv
     float up = dot(apart, n_k), along = dot(apart, axis), across = max(dot(apart, apart) - up * up - along * along, 0.0);
     float more = clamp(0.5 * (curvature.x * along * along + curvature.y * across), -0.5, 0.5);
     return clamp(E + slope + more * E, vec3(0.0), max(2.0 * E, 0.0));
+}
+
+// The share of its weight that a record has where extrapolated() makes of its luminance Y_k only Y. That comes to nearly nothing a
+// few pixels from a contact, where light falls steeply: not darkness, but the end of what the expansion knows.
+float known_share(float Y_k, float Y)
+{
+    return Y_k > 0.0 ? clamp(Y / (FAINT * Y_k), 1e-3, 1.0) : 1.0;
 }

@@ -178,7 +178,11 @@ def splat(seen: View, records: Table, settings: Settings) -> tuple[np.ndarray, n
                 across = (apart**2).sum(-1) - along**2 - (apart @ n_k) ** 2
                 more = trust**2 * (bend[0] * along**2 + bend[1] * across) / 2.0
                 moved = moved + np.clip(more, -0.5, 0.5)[..., None] * E
+            Y_k = E @ LUMINANCE
             E = np.clip(moved, 0.0, np.maximum(2.0 * E, 0.0))
+            share = np.clip(E @ LUMINANCE / np.where(Y_k > 0.0, 0.1 * Y_k, np.inf), 1e-3, 1.0)
+            known = np.where(Y_k > 0.0, share, 1.0)
+            w, k = w * known, k * known
         sums += k[..., None] * np.concatenate([E, np.ones_like(E[..., :1])], -1)
         weight += np.stack([np.where(speaks, w, 0.0), k * (E @ LUMINANCE) ** 2], -1)
     return sums, weight, unsure
