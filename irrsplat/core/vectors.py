@@ -1,4 +1,5 @@
-"""Rows of vectors: reproducible products with a matrix, unit length without overflow, cross products; areas of triangles."""
+"""Rows of vectors: reproducible products with a matrix, unit length without overflow, cross products; areas of triangles;
+octahedral coordinates of directions, as the g-buffer keeps them (Cigolle et al. 2014)."""
 
 from __future__ import annotations
 
@@ -35,3 +36,20 @@ def triangle_areas(corners: np.ndarray) -> np.ndarray:
     a, b, c = corners.swapaxes(0, 1)
     areas: np.ndarray = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
     return areas
+
+
+def octahedral_encode(directions: np.ndarray) -> np.ndarray:
+    """(2, N) the coordinates of unit vectors (N, 3) as shaders/lib/octahedral.glsl has them."""
+    x, y, z = directions.T / np.abs(directions).sum(1)
+    folded = (1.0 - np.abs([y, x])) * np.where(np.array([x, y]) >= 0.0, 1.0, -1.0)
+    found: np.ndarray = np.where(z >= 0.0, [x, y], folded)
+    return found
+
+
+def octahedral_decode(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """The unit vectors (..., 3) that shaders/lib/octahedral.glsl encoded as x and y."""
+    z = 1.0 - np.abs(x) - np.abs(y)
+    fold = np.maximum(-z, 0.0)
+    v = np.stack([x - np.copysign(fold, x), y - np.copysign(fold, y), z], axis=-1)
+    scaled: np.ndarray = v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-30)
+    return scaled

@@ -14,6 +14,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import GBuffer, Sites, SplatBuffer, Uniforms
+from irrsplat.core.vectors import octahedral_decode
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
@@ -109,12 +110,3 @@ def _stride(count: int) -> int:
     """A number coprime to `count`, near its golden section: steps by it visit all places, and successive ones lie apart."""
     wanted = max(1, round(0.618 * count))
     return next(n for n in range(wanted, wanted + count + 1) if math.gcd(n, count) == 1)
-
-
-def octahedral_decode(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """The unit vectors (..., 3) that shaders/lib/octahedral.glsl encoded as x and y."""
-    z = 1.0 - np.abs(x) - np.abs(y)
-    fold = np.maximum(-z, 0.0)
-    v = np.stack([x - np.copysign(fold, x), y - np.copysign(fold, y), z], axis=-1)
-    unit: np.ndarray = v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-30)
-    return unit

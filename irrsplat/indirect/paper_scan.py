@@ -16,9 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from irrsplat.core.buffers import Atlas, GBuffer, HitLight, Sites
+from irrsplat.core.vectors import octahedral_decode
 from irrsplat.gather.look import Gather
 from irrsplat.gpu.target import pixels
-from irrsplat.indirect.examine import octahedral_decode
 from irrsplat.records.weight import record_weight, view_radius
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings

@@ -8,6 +8,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import GBuffer, Sites, Uniforms
+from irrsplat.core.vectors import octahedral_encode
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target, table_texture
@@ -42,7 +43,7 @@ class SurfaceViewPass(Owner):
     def at(self, sites: Sites, surface: Uniforms) -> np.ndarray:
         """(N, 3) indirect irradiance at `sites`, W/m²; their triangles must be known."""
         assert sites.triangle is not None
-        x, y = octahedral(sites.geometric)
+        x, y = octahedral_encode(sites.geometric)
         parts = (sites.position, np.ones(len(sites))), (sites.normal, x), (np.zeros((len(sites), 3)), y)
         columns = [*parts, (np.zeros((len(sites), 3)), sites.triangle)]
         textures = [table_texture(self.ctx, table_rows(np.column_stack(one)[:, None].astype("f4"))) for one in columns]
@@ -52,11 +53,3 @@ class SurfaceViewPass(Owner):
         for texture in textures:
             texture.release()
         return found
-
-
-def octahedral(directions: np.ndarray) -> np.ndarray:
-    """(2, N) the coordinates of unit vectors (N, 3) that octahedral_decode in shaders/lib/octahedral.glsl turns back."""
-    x, y, z = directions.T / np.abs(directions).sum(1)
-    folded = (1.0 - np.abs([y, x])) * np.where(np.array([x, y]) >= 0.0, 1.0, -1.0)
-    found: np.ndarray = np.where(z >= 0.0, [x, y], folded)
-    return found

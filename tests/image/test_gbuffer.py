@@ -6,10 +6,10 @@ import moderngl
 import numpy as np
 import pytest
 
+from irrsplat.core.vectors import octahedral_decode
 from irrsplat.gpu.target import Target
 from irrsplat.gpu.world import World
 from irrsplat.image.gbuffer import GBufferPass
-from irrsplat.indirect.examine import octahedral_decode
 from irrsplat.scene.model import Camera, Scene
 from tests.support.worlds import box, floor, material, on_plane, quad, rays, scene, sphere
 

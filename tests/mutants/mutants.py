@@ -527,7 +527,7 @@ CORE = (
         "irrsplat/scene/change.py",
         "if a is not b)",
         "if a.name != b.name)",
-        ("tests/scene/test_change.py::test_a_change_names_what_moved_and_whether_lights_differ[new4-meshes4-False]",),
+        ("tests/scene/test_motion.py::test_a_change_names_what_moved_and_whether_lights_differ[new4-meshes4-False]",),
     ),
     # ---- caches and files
     Mutant(
@@ -703,11 +703,25 @@ SCENES = (
         ("tests/image/test_gbuffer.py::test_a_plane_is_where_the_rays_meet_it[wide]",),
     ),
     Mutant(
-        "form factor of a moved mesh without π",
+        "solid angles of a mesh over 8π",
         "irrsplat/records/motion.py",
-        "np.pi * square / np.float32(area) + 1.0",
-        "square / np.float32(area) + 1.0",
-        ("tests/renderer/test_move.py::test_what_a_mesh_covers_is_its_form_factor",),
+        "return sums / (2.0 * np.pi)",
+        "return sums / (4.0 * np.pi)",
+        ("tests/renderer/test_move.py::test_a_mesh_winds_about_what_is_inside",),
+    ),
+    Mutant(
+        "what is soon out of sight first",
+        "irrsplat/indirect/flight_order.py",
+        "np.argsort(~soon",
+        "np.argsort(soon",
+        ("tests/indirect/test_flight_order.py::test_what_is_soon_out_of_sight_comes_last",),
+    ),
+    Mutant(
+        "full weight where an expansion ends at black",
+        "shaders/indirect/splat.frag",
+        "    w *= known;\n    k *= known;\n",
+        "",
+        ("tests/indirect/test_splat.py::test_splatting_equals_numpy",),
     ),
     Mutant(
         "meshlets at the border of a view left out",
