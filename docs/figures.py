@@ -39,7 +39,7 @@ def shown() -> tuple[list[str], list[str]]:
     pages = "".join(page.read_text(encoding="utf-8") for page in (ROOT / "README.md", *sorted(IMAGES.parent.glob("*.md"))))
     names = list(dict.fromkeys(re.findall(r"[(/]images/([\w/-]+)\.png\)", pages)))
     figures = [f"{name}.png" for name in names if name.startswith("paper/")]
-    return figures, [name for name in names if "/" not in name and not name.startswith(("rims", "curve", "peers"))]
+    return figures, [name for name in names if "/" not in name and not name.startswith(("rims", "curve", "peers", "rest"))]
 
 
 def slope(frame: Frame) -> tuple[np.ndarray, np.ndarray]:
