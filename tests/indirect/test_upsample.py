@@ -73,7 +73,7 @@ def test_a_moving_view_is_like_the_one_at_rest_which_is_exact() -> None:
         assert renderer.splats.pixel_stride == 1 and progress.done and progress.new == 0
         fine = _irradiance(view.sums)
         error = np.sqrt(((coarse - fine) ** 2).mean()) / fine.mean()
-        assert 0.0 < error < 0.02
+        assert 0.0 < error < 0.025
         # no matter by which way: the same as one splat of all records
         renderer.forget(records=False)
         again = renderer.render(moved)

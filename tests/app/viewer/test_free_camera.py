@@ -357,7 +357,7 @@ def test_random_sequences_leave_a_valid_camera(place: float, diagonal: float) ->
     flight = FreeCamera(first, diagonal, up=Y)
     flight.look(1, 1, DEGREE)
     number: Callable[..., Any] = lambda scale: float(random.normal() * scale)  # noqa: E731
-    for _ in range(2000):
+    for _ in range(600):
         pivot = tuple(place + random.normal(size=3) * diagonal) if random.random() < 0.7 else flight.camera.eye
         match random.integers(6):
             case 0:
@@ -381,7 +381,7 @@ def test_random_sequences_leave_a_valid_camera(place: float, diagonal: float) ->
 
 def test_the_camera_stays_within_a_thousand_diagonals() -> None:
     flight = FreeCamera(PLAIN, DIAGONAL)
-    for _ in range(300):
+    for _ in range(100):
         flight.dolly(-10)
     assert 0.3 * FAR * DIAGONAL < math.dist(flight.camera.eye, PLAIN.eye) <= FAR * DIAGONAL
     outside = Camera((0.0, 1.0, 2e4), (0.0, 1.0, 0.0))  # a camera may stand there, and come back
