@@ -13,6 +13,7 @@ import pytest
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.session import overrides
 from irrsplat.renderer import Renderer
+from irrsplat.scene.model import Camera
 from irrsplat.settings import PRESETS, SETTINGS, preset
 from tests.support.viewing import FAST, Driver, fresh, push, viewing, write_room
 
@@ -82,7 +83,8 @@ def driver(one: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iter
 
 @pytest.fixture
 def panel(driver: Driver) -> Driver:
-    """All stages of the settings' panel unfolded, the cache frozen."""
+    """All stages of the settings' panel unfolded, the cache frozen, and nothing in view, so that frames take little time."""
+    driver.session.free_camera.go(Camera((0.0, 0.0, 90.0), (0.0, 0.0, 99.0)))
     driver.actions.panels.settings = driver.session.options.frozen = True
     driver.frame(3)
     for stage in ("view", "composite", "examine", "splat", "gather", "gbuffer", "shadow"):
