@@ -124,7 +124,5 @@ def drawn(seen: Seen, splats: SplatBuffer, seed: tuple[int, ...], off: float) ->
     places = (np.arange(count) + random.random(count)) / max(count, 1) * sum_to[-1]
     chosen = np.unique(candidates[np.minimum(np.searchsorted(sum_to, places), len(candidates) - 1)])
     at = np.unravel_index(chosen, seen.mask.shape)
-    triangle = None if seen.triangle is None else seen.triangle[at]
-    sites = Sites(seen.position[at], seen.normal[at], seen.geometric[at], triangle)
     E = sums[..., :3] / k[..., None]
-    return Check(sites, E[at], doubt[at], doubt, float(doubt[counting].mean()), float(E[counting].mean()))
+    return Check(seen.sites(at), E[at], doubt[at], doubt, float(doubt[counting].mean()), float(E[counting].mean()))

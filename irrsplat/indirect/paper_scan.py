@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from irrsplat.records.weight import record_weight, view_radius
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
 
+SMOOTH_OFF = 0.01  # of the scene's diagonal: how far neighbours of a smooth pixel may lie from its tangent plane
 _ANGLE = 18.0  # degrees at most between the normals of a smooth pixel and its neighbours
 
 
@@ -41,7 +43,10 @@ class Seen:
 
     def site(self, row: int, column: int) -> Sites:
         """The pixel as a place for one record."""
-        at = (slice(row, row + 1), column)
+        return self.sites((slice(row, row + 1), column))
+
+    def sites(self, at: tuple[Any, ...]) -> Sites:
+        """The pixels at an index of rows and columns as places for records."""
         triangle = None if self.triangle is None else self.triangle[at]
         return Sites(self.position[at], self.normal[at], self.geometric[at], triangle)
 

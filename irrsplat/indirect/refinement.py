@@ -19,7 +19,7 @@ from irrsplat.gpu.target import float_texture
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.indirect.error_estimate import Check, Told, blur_of, drawn
-from irrsplat.indirect.paper_scan import read_back
+from irrsplat.indirect.paper_scan import SMOOTH_OFF, read_back
 from irrsplat.indirect.scheduler import RecordScheduler
 from irrsplat.indirect.splat_buffer import ViewSplats
 from irrsplat.indirect.view_state import ViewState
@@ -33,7 +33,6 @@ _STEP = 2.0  # levels at once
 _FINEST = 256  # side of the finest gather
 _RAYS = 2.0  # of the squared error aimed at: what that of records by their few rays may be, as several speak for a pixel
 _AIM = 3.0  # times less than the present error is what a step aims at, unless the refinement ends before
-_OFF = 0.01  # of the scene's diagonal: how far neighbours of a smooth pixel may lie from its tangent plane
 
 
 @dataclass(frozen=True, eq=False)
@@ -161,7 +160,7 @@ class Refiner(Owner):
         """Gather at pixels drawn at random, as finely as the records of the picture, and some more finely, and compare."""
         check, gatherer, cache = state.check, self.scheduler.gatherer, self.cache
         if check is None:
-            seed, off = (self.scheduler.settings.seed, state.step), _OFF * gatherer.world.scene.diagonal
+            seed, off = (self.scheduler.settings.seed, state.step), SMOOTH_OFF * gatherer.world.scene.diagonal
             check = replace(drawn(read_back(gbuffer), state.splats, seed, off), first=cache.count)
         done, again = check.done, check.again
         if check.coarse is None:

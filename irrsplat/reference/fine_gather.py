@@ -13,7 +13,7 @@ from irrsplat.gather.raster import RasterGather
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.trace import TraceGather
 from irrsplat.gpu.world import World
-from irrsplat.indirect.paper_scan import Seen
+from irrsplat.indirect.paper_scan import SMOOTH_OFF, Seen
 from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.model import Scene
@@ -22,7 +22,6 @@ SIDE = 128  # of a hemicube's front face in texels, 49 thousand directions; or o
 _LIGHT_SAMPLES = 1024  # a pixel's shadow rays to emissive surfaces, which few directions find where they are small
 _RASTER_TRIANGLES = 1000  # up to which rasters are used, else rays
 _BATCH = 32  # pixels gathered at once
-_OFF = 0.01  # of the scene's diagonal: how far neighbours of a smooth pixel may lie from its tangent plane
 
 
 @dataclass(frozen=True)
@@ -43,7 +42,7 @@ class Truth:
 def gather(world: World, seen: Seen, shadow_size: int, count: int = 500, seconds: float = 10.0) -> Truth:
     """The reference at `count` of the smooth pixels of `seen`, drawn at random, or at as many as `seconds` allow."""
     ctx, scene = world.ctx, world.scene
-    candidates = np.argwhere(seen.smooth(_OFF * scene.diagonal))
+    candidates = np.argwhere(seen.smooth(SMOOTH_OFF * scene.diagonal))
     pixels = np.random.default_rng(0).permutation(candidates)[:count]
     at = tuple(pixels.T)
     triangle = None if seen.triangle is None else seen.triangle[at]
