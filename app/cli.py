@@ -1,4 +1,5 @@
-"""The command line: `irrsplat view`, `render`, `info`, `doctor`, `bench` and `verify`, with one line for whatever goes wrong."""
+# PYTHON_ARGCOMPLETE_OK
+"""The command line: `irrsplat view`, `render` and so on, as COMMANDS has them, with one line for whatever goes wrong."""
 
 from __future__ import annotations
 
@@ -15,10 +16,11 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from irrsplat.app import flags
-from irrsplat.app.common.terminal import progress, say
+from irrsplat.app.common.terminal import doing, progress, say, wrote
 from irrsplat.core.errors import InputError, IrrsplatError
 
 if TYPE_CHECKING:
+    from irrsplat.app.common.parser import Mistakes
     from irrsplat.app.render_path import OnRound
     from irrsplat.image.statistics import Statistics
     from irrsplat.image.view import Progress
@@ -36,7 +38,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     debug = bool(os.environ.get("IRRSPLAT_DEBUG"))
     try:
         with _quiet_libraries(debug):
-            args = flags.parse(sys.argv[1:] if argv is None else argv)
+            if "_ARGCOMPLETE" in os.environ:  # a shell asks what may come next
+                from irrsplat.app import completion as tab
+
+                tab.answer()
+            args, mistakes = flags.read(sys.argv[1:] if argv is None else argv)
+            _check_files(args, mistakes)
+            mistakes.tell()
             status = COMMANDS[args.command](args)
             sys.stdout.flush()
             return status
@@ -94,8 +102,7 @@ def render(args: argparse.Namespace) -> int:
     from irrsplat.app import render_path
 
     settings.preset(args.preset, **args.values)
-    buffers = None if args.buffers is None else [name.strip() for name in args.buffers.split(",")]
-    with_figures = _check_outputs(args, args.output if args.path is None else render_path.first_names(args), buffers)
+    buffers, with_figures = _buffers(args), _has_folder(args)
 
     import irrsplat
 
@@ -107,18 +114,34 @@ def render(args: argparse.Namespace) -> int:
             renderer.load_cache(args.cache)
         for notice in (*scene.notices, *renderer.notices):
             say(f"notice: {notice}")
-        with _round_progress() as on_round:
+        with _round_progress(args) as on_round:
             if flight is not None:
                 done, complete = render_path.render(renderer, flight, buffers, with_figures, on_round)
             else:
                 frame = renderer.render(camera, progress=on_round, figures=with_figures)
+        if flight is None and frame.stats.get("interrupted") and not frame.stats.get("rounds"):
+            return _fail("interrupted before the first round was complete; nothing was written", INTERRUPTED)
         for path in args.output if flight is None else ():
+            doing(f"writing {path}")
             frame.save(path, buffers)
+            wrote(path)
         if args.cache is not None and renderer.cache.count:
             renderer.save_cache(args.cache)
+            wrote(args.cache)
     if flight is None:
         return _end_of_render(args, frame.stats)
     return _end_of_path(args, done, None if complete else f"{len(done)} of {len(flight.numbers)} frames were written")
+
+
+def measure(args: argparse.Namespace) -> int:
+    """`irrsplat measure`: light on a plane or at points."""
+    from irrsplat.app import measure as measuring
+
+    measuring.check(args)
+
+    import irrsplat
+
+    return measuring.run(irrsplat.load(args.scene, **vars(args.loading)), args)
 
 
 def info(args: argparse.Namespace) -> int:
@@ -136,25 +159,41 @@ def doctor(args: argparse.Namespace) -> int:
     return report.doctor()
 
 
+def completion(args: argparse.Namespace) -> int:
+    """`irrsplat completion`: the script for a shell."""
+    from irrsplat.app import completion as tab
+
+    print(tab.script(args.shell))
+    return 0
+
+
 def bench(args: argparse.Namespace) -> int:
     """`irrsplat bench`: the times."""
     if args.json is not None:
         from irrsplat.core.files import check_file
 
         check_file(args.json)
+    if args.quick and not args.growth:
+        raise InputError("--quick is for --growth; give that as well")
+    status = _bench_of(args)(args)
+    for path in (args.json, args.output):
+        if path is not None:
+            wrote(path)
+    return status
+
+
+def _bench_of(args: argparse.Namespace) -> Callable[[argparse.Namespace], int]:
     if args.moving:
         from irrsplat.app.bench import moving
 
-        return moving.run(args)
+        return moving.run
     if args.growth:
         from irrsplat.app.bench import scaling
 
-        return scaling.run(args)
-    if args.quick:
-        raise InputError("--quick is for --growth; give that as well")
+        return scaling.run
     from irrsplat.app.bench import bench as benchmark
 
-    return benchmark.run(args)
+    return benchmark.run
 
 
 def verify(args: argparse.Namespace) -> int:
@@ -168,16 +207,21 @@ def verify(args: argparse.Namespace) -> int:
     import irrsplat
 
     scene = irrsplat.load(args.scene, **vars(args.loading))
-    return verification.run(scene, _camera(args, scene), args)
+    status = verification.run(scene, _camera(args, scene), args)
+    if args.output is not None:
+        wrote(args.output)
+    return status
 
 
 COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "view": view,
     "render": render,
+    "measure": measure,
     "info": info,
     "doctor": doctor,
     "bench": bench,
     "verify": verify,
+    "completion": completion,
 }
 
 
@@ -195,20 +239,54 @@ def _camera(args: argparse.Namespace, scene: Scene) -> Camera:
     return replace(camera, **given) if given else camera
 
 
-def _check_outputs(args: argparse.Namespace, names: Sequence[str], buffers: Sequence[str] | None) -> bool:
-    """Raises InputError where one of the outputs `names`, or a file of --stats or --cache, cannot be written; returns whether one
-    is a folder, which has the paper's figures."""
+def _check_files(args: argparse.Namespace, mistakes: Mistakes) -> None:
+    """Add to `mistakes` which scenes are not there, and for render which outputs cannot be written; those that are wrong
+    already are left out."""
+    scenes = args.scenes if hasattr(args, "scenes") else [getattr(args, "scene", None)]
+    for scene in scenes:
+        if scene is not None:
+            from irrsplat.scene import located
+
+            with mistakes.gathered():
+                located(scene)
+    if args.command == "render":
+        _check_outputs(args, mistakes)
+
+
+def _check_outputs(args: argparse.Namespace, mistakes: Mistakes) -> None:
+    """Add to `mistakes` which outputs, and files of --stats and --cache, cannot be written, and which buffers there are not."""
+    from irrsplat.app import render_path
     from irrsplat.core import files
     from irrsplat.image.frame import check_writable
 
-    endings = [check_writable(name, buffers) for name in names]
-    if args.stats is not None:
-        files.check_file(args.stats)
-    if args.cache is not None:
-        files.check_file(args.cache)
-        if os.path.realpath(args.cache) in map(os.path.realpath, (*names, args.stats or "")):
-            raise InputError("--cache and an output are one file; give another name", args.cache)
-    return "" in endings
+    names = []
+    for pattern in () if "output" in mistakes.arguments else args.output:
+        with mistakes.gathered():
+            names.append(pattern if args.path is None else render_path.first_name(args, pattern))
+    for name in names:
+        for buffers in (None, _buffers(args)):
+            with mistakes.gathered():
+                check_writable(name, buffers)
+    for path in (args.stats, args.cache):
+        if path is not None:
+            with mistakes.gathered():
+                files.check_file(path)
+    if args.cache is not None and os.path.realpath(args.cache) in map(os.path.realpath, (*names, args.stats or "")):
+        mistakes.add(f"{args.cache}: --cache and an output are one file; give another name")
+
+
+def _buffers(args: argparse.Namespace) -> list[str] | None:
+    """The names that --buffers has; None: all."""
+    return None if args.buffers is None else [name.strip() for name in args.buffers.split(",")]
+
+
+def _has_folder(args: argparse.Namespace) -> bool:
+    """Whether one of the outputs is a folder, which has the paper's figures."""
+    from irrsplat.app import render_path
+    from irrsplat.image.frame import check_writable
+
+    names = args.output if args.path is None else [render_path.first_name(args, pattern) for pattern in args.output]
+    return "" in [check_writable(name) for name in names]
 
 
 def _check_cache(path: str, scene: Scene, preset: str, values: SettingValues) -> None:
@@ -252,6 +330,7 @@ def _write_stats(args: argparse.Namespace, stats: Mapping[str, object]) -> None:
         from irrsplat.image import statistics
 
         files.write_text(args.stats, statistics.to_json(stats) + "\n")
+        wrote(args.stats)
 
 
 def _unserved(stats: Sequence[Statistics]) -> str:
@@ -270,16 +349,27 @@ def _fail(message: str, status: int) -> int:
 
 
 @contextmanager
-def _round_progress() -> Iterator[OnRound | None]:
+def _round_progress(args: argparse.Namespace) -> Iterator[OnRound | None]:
     """A function to be called after each round, which shows it in a line; None where stderr is no terminal."""
-    with progress() as line:
+    with progress("round 1: what is seen, and the light of further bounces") as line:
 
-        def show(state: Progress, prefix: str = "") -> None:
+        def show(state: Progress, frame: str = "", before: float = 0.0, share: float = 1.0) -> None:
             if line is not None:
-                what = "samples" if state.sampled else "coverage"
-                line(state.sampled or state.coverage, f"{prefix}round {state.round}: {state.records} records, {what}")
+                stage, words, done = _stage(state, float(args.values.get("quality", 0.0)))
+                line(before + share * done, f"{frame}, {words}" if frame else words, "path" if frame else stage)
 
         yield None if line is None else show
+
+
+def _stage(state: Progress, quality: float) -> tuple[str, str, float]:
+    """What a render does, in a word and in a line, and the share of it that is done, 0..1. quality: as the setting, %."""
+    line = f"round {state.round}: {state.records} records"
+    if state.sampled:
+        return "samples", f"{line}, samples", state.sampled
+    if state.error is not None and quality:
+        percent = 100.0 * state.error  # which falls as the square root of the work
+        return "quality", f"{line}, error {percent:.2g} % to {quality:g} %", min(1.0, (quality / max(percent, 1e-6)) ** 2)
+    return "rounds", f"{line}, coverage", state.coverage
 
 
 @contextmanager

@@ -8,26 +8,15 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import Any, NoReturn
 
+from irrsplat.app.common.parser import Mistakes, Parser
 from irrsplat.app.common.version import version
-from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import CREASE_ANGLE, UP_AXES, LoadOptions
 from irrsplat.settings import PRESETS, SETTINGS, Declaration
 
 DEFAULT_SCENE = "cornell"
+SHELLS = ("bash", "zsh", "fish")
+_OF_CAMERAS = {"camera", "eye", "target", "up", "fov", "path", "frames"}
 _STAGES = ("shadow", "gbuffer", "gather", "splat", "examine", "composite", "view")  # the order of the frame
-
-
-class _Parser(argparse.ArgumentParser):
-    """argparse with errors of one line (InputError), no abbreviations, and every spelling of a negative number."""
-
-    def __init__(self, **options: Any) -> None:
-        super().__init__(allow_abbrev=False, formatter_class=argparse.RawDescriptionHelpFormatter, **options)
-        # argparse's own pattern takes -1e-3 and -inf for flags
-        self._negative_number_matcher = re.compile(r"-\.?\d|-(inf|nan)", re.IGNORECASE)
-
-    def error(self, message: str) -> NoReturn:
-        """Raises InputError; main() prints it."""
-        raise InputError(f"{message}; see {self.prog} --help")
 
 
 def number(text: str) -> float:
@@ -70,27 +59,47 @@ def parse(argv: Sequence[str]) -> argparse.Namespace:
     """The checked command line: `command`, its arguments, `loading` where there is a scene, and for render, view and verify
     `values`, the settings given by flag.
 
-    Raises InputError, one line, for what is wrong with it; SystemExit(0) after --help and --version.
+    Raises InputError, one line, for all that is wrong with it; SystemExit(0) after --help and --version.
     """
-    args = build().parse_args(list(_spelled_out(argv)))
-    if hasattr(args, "up_axis"):
-        args.loading = LoadOptions(args.up_axis, args.crease_angle, args.time)
-    if args.command in ("render", "view", "verify"):
-        args.values = {
-            name: d.parse(text) for name, d in SETTINGS.items() if (text := getattr(args, "set_" + name, None)) is not None
-        }
-        _check_camera(args)
+    args, mistakes = read(argv)
+    mistakes.tell()
     return args
 
 
-def build() -> argparse.ArgumentParser:
-    """The whole grammar."""
-    top = _Parser(prog="irrsplat", description="Indirect light for diffuse scenes by irradiance cache splatting.")
+def read(argv: Sequence[str]) -> tuple[argparse.Namespace, Mistakes]:
+    """The same, and what is wrong with it instead of an error; a flag with a wrong value has None. Raises InputError only where
+    no command can be made out."""
+    mistakes = Mistakes()
+    top = build(mistakes)
+    args, rest = top.parse_known_args(list(_spelled_out(argv)))
+    page = f"{top.prog} {args.command} --help"
+    for word in rest:
+        mistakes.add(f"unexpected '{word}'", page)
+    if hasattr(args, "up_axis") and not mistakes.arguments & {"up_axis", "crease_angle", "time"}:
+        with mistakes.gathered():
+            args.loading = LoadOptions(args.up_axis, args.crease_angle, args.time, args.sky)
+    if args.command in ("render", "view", "verify", "measure"):
+        args.values = {}
+        for name, declaration in SETTINGS.items():
+            if (text := getattr(args, "set_" + name, None)) is not None:
+                with mistakes.gathered():
+                    args.values[name] = declaration.parse(text)
+        if hasattr(args, "camera") and not mistakes.arguments & _OF_CAMERAS:
+            for wrong in _wrong_with_the_camera(args):
+                mistakes.add(wrong)
+    if args.command == "verify" and args.curve and args.techniques:
+        mistakes.add("--curve and --techniques are two different series; give one of them")
+    return args, mistakes
+
+
+def build(mistakes: Mistakes | None = None) -> Parser:
+    """The whole grammar; what is wrong with a command line goes to `mistakes`."""
+    top = Parser(mistakes, prog="irrsplat", description="Indirect light for diffuse scenes by irradiance cache splatting.")
     top.add_argument("--version", action=_Version, help="print the version and exit")
-    commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True, parser_class=_Parser)
+    commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True, parser_class=Parser)
     _add_view(commands)
     _add_render(commands)
-
+    _add_measure(commands)
     _add_bench(commands)
     info = commands.add_parser("info", help="what is in a scene", description="Say what is in a scene.")
     info.add_argument("scene", nargs="?", metavar="SCENE", help="a path, or the name of a bundled scene (default: list those)")
@@ -101,6 +110,9 @@ def build() -> argparse.ArgumentParser:
         description="Say what OpenGL there is here, and what mends it.",
     )
     _add_verify(commands)
+    _add_completion(commands)
+    for command in commands.choices.values():
+        command.mistakes = top.mistakes
     return top
 
 
@@ -150,6 +162,45 @@ def _add_view(commands: Any) -> None:
     parser.set_defaults(path=None, frames=None)
 
 
+def _add_measure(commands: Any) -> None:
+    parser = commands.add_parser(
+        "measure",
+        help="irradiance or illuminance on a plane, without a camera",
+        description="Measure the light that falls on a plane, or on single points: of lamps with their shadows, of emitters and\n"
+        "sky, and by all bounces. Nothing is interpolated, and no camera is needed.",
+        epilog="Points within solids, and points that a surface lies on, are said to be so and do not count in mean, minimum,\n"
+        "maximum and uniformity.",
+    )
+    _add_scene(parser)
+    add = parser.add_argument
+    where = parser.add_argument_group("where", "one of --plane, --height and --point")
+    axes = ("X0", "Y0", "Z0", "UX", "UY", "UZ", "VX", "VY", "VZ")
+    words = "a corner and two edges, metres; measured from the side to which u × v points"
+    where.add_argument("--plane", nargs=9, type=number, metavar=axes, help=words)
+    words = "level, so many metres above the lowest point of the scene, over all of it; measured from above"
+    where.add_argument("--height", type=number, metavar="M", help=words)
+    words = "a point and the direction that it faces; may be repeated"
+    where.add_argument("--point", nargs=6, type=number, action="append", metavar=("X", "Y", "Z", "NX", "NY", "NZ"), help=words)
+    words = "side of the plane's cells, at most, with a point in the middle of each (default: as EN 12464-1 has it)"
+    where.add_argument("--grid", type=number, metavar="M", help=words)
+    where.add_argument("--margin", type=number, metavar="M", help="leave out that much along the plane's edges (default: 0)")
+    add(
+        "-o", "--output", metavar="OUT",
+        help="a table in a .csv, or arrays in a .npz; - is CSV on stdout (default: a table to read on stdout)",
+    )  # fmt: skip
+    add(
+        "--unit",
+        choices=("W/m2", "lux"),
+        default="W/m2",
+        help="irradiance of red, green and blue, or illuminance (default: W/m2)",
+    )
+    add("--lux", dest="unit", action="store_const", const="lux", help="the same as --unit lux")
+    add("--stats", metavar="FILE.json", help="write mean, minimum, maximum, uniformity and settings to this file")
+    names = ", ".join(PRESETS)
+    add("--preset", metavar="NAME", choices=tuple(PRESETS), default="reference", help=f"{names} (default: reference)")
+    _add_settings(parser, stages=("shadow", "gather"))
+
+
 def _add_verify(commands: Any) -> None:
     parser = commands.add_parser(
         "verify",
@@ -166,9 +217,8 @@ def _add_verify(commands: Any) -> None:
         "--truth", choices=("trace", "gather"), default="trace",
         help="trace: by Mitsuba; gather: the renderer's own fine gather at 1000 pixels, without the extra (default: trace)",
     )  # fmt: skip
-    series = parser.add_mutually_exclusive_group()
-    series.add_argument("--curve", action="store_true", help="error against the number of records, for several a, beside paper's")
-    series.add_argument("--techniques", action="store_true", help="error with each technique switched off, and as published")
+    add("--curve", action="store_true", help="error against the number of records, for several a, beside paper's")
+    add("--techniques", action="store_true", help="error with each technique switched off, and as published")
     add("--preset", metavar="NAME", choices=tuple(PRESETS), default="default", help=f"{', '.join(PRESETS)} (default: default)")
     add(
         "-o", "--output", metavar="OUT",
@@ -210,6 +260,17 @@ def _add_bench(commands: Any) -> None:
     add("-o", "--output", metavar="FILE.png", help="with --peers or --growth: the plot")
 
 
+def _add_completion(commands: Any) -> None:
+    parser = commands.add_parser(
+        "completion",
+        help="the script that makes Tab complete these commands",
+        description="Print the script that makes a shell complete commands, flags, scenes, presets and cameras at Tab.",
+        epilog='bash and zsh: eval "$(irrsplat completion bash)" in ~/.bashrc, or zsh in ~/.zshrc, after compinit.\n'
+        "fish: irrsplat completion fish > ~/.config/fish/completions/irrsplat.fish",
+    )
+    parser.add_argument("shell", choices=SHELLS, help="for which shell")
+
+
 def _peers() -> str:
     try:
         from irrsplat.app.bench.peers.table import others
@@ -225,12 +286,16 @@ def _add_scene(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_loading(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("reading the scene", "of files that say nothing about it; a .scene needs none of them")
+    group = parser.add_argument_group("reading the scene", "of files that say nothing about it; a .scene heeds --sky alone")
     add = group.add_argument
     add("--up-axis", choices=UP_AXES, default="auto", help="which axis points up (default: auto, by format and exporter)")
     words = "edges between triangles that meet at less are smooth, where a file has no normals"
     add("--crease-angle", type=number, default=CREASE_ANGLE, metavar="DEG", help=f"{words} (0..180; default: {CREASE_ANGLE:g})")
     add("--time", type=number, metavar="S", help="pose the animation at so many seconds (default: the stored pose)")
+    add(
+        "--sky", metavar="TEXT",
+        help="what lights it from all around, as in a .scene, in quotes: 'R G B', 'FILE.hdr rotate 90', 'cie clear sun 40 180'",
+    )  # fmt: skip
 
 
 def _add_camera(parser: argparse.ArgumentParser) -> None:
@@ -241,8 +306,8 @@ def _add_camera(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--fov", type=number, metavar="DEG", help="vertical field of view, between 0 and 180 degrees")
 
 
-def _add_settings(parser: argparse.ArgumentParser, besides: tuple[str, ...] = ()) -> None:
-    for stage in _STAGES:
+def _add_settings(parser: argparse.ArgumentParser, besides: tuple[str, ...] = (), stages: tuple[str, ...] = _STAGES) -> None:
+    for stage in stages:
         group = parser.add_argument_group(f"settings of {stage}")
         for declaration in SETTINGS.values():
             if declaration.stage == stage and declaration.name not in besides:
@@ -279,21 +344,21 @@ def _spelled_out(argv: Sequence[str]) -> Iterator[str]:
             yield "on"
 
 
-def _check_camera(args: argparse.Namespace) -> None:
-    """What a camera needs, as far as that can be said before the scene is there."""
+def _wrong_with_the_camera(args: argparse.Namespace) -> Iterator[str]:
+    """What a camera needs and has not, as far as that can be said before the scene is there."""
     if (args.eye is None) != (args.target is None):
-        raise InputError("--eye and --target go together; give both or neither")
+        yield "--eye and --target go together; give both or neither"
     if args.up is not None and args.eye is None:
-        raise InputError("--up needs --eye and --target; give them as well")
+        yield "--up needs --eye and --target; give them as well"
     if args.eye is not None and args.camera is not None:
-        raise InputError("--camera and --eye are two different cameras; give one of them")
+        yield "--camera and --eye are two different cameras; give one of them"
     if args.fov is not None and not 0.0 < args.fov < 180.0:
-        raise InputError(f"--fov lies between 0 and 180 degrees, not {args.fov:g}")
+        yield f"--fov lies between 0 and 180 degrees, not {args.fov:g}"
     if args.frames is not None and args.path is None:
-        raise InputError("--frames chooses among the frames of a path; give --path as well")
+        yield "--frames chooses among the frames of a path; give --path as well"
     for flag in ("eye", "camera"):
         if args.path is not None and getattr(args, flag) is not None:
-            raise InputError(f"--path brings its own cameras; leave --path or --{flag} out")
+            yield f"--path brings its own cameras; leave --path or --{flag} out"
 
 
 class _Version(argparse.Action):

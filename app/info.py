@@ -14,6 +14,7 @@ from irrsplat.core.errors import IrrsplatError
 if TYPE_CHECKING:
     from irrsplat.core.load_options import LoadOptions
     from irrsplat.scene.model import Camera, Light, Material, Scene, Texture
+    from irrsplat.sky.environment import Environment
 
 LIBRARIES = ("moderngl", "glcontext", "numpy", "trimesh", "Pillow", "OpenEXR", "rich")
 _MOST_MATERIALS = 12  # that are listed
@@ -43,13 +44,19 @@ def scene(source: str, options: LoadOptions) -> None:
     for light in it.lights:
         print(f"    {_light(light)}" + (", stands in" if key and light is it.lights[-1] else ""))
     above = f", brighter above by {_point(it.sky_gradient)}" if any(it.sky_gradient) else ""
-    print(f"  sky        {_point(it.sky) + above if any(it.sky) else 'black'}" + (", stands in" if stand_in else ""))
+    sky = _environment(it.environment) if it.environment is not None else _point(it.sky) + above if any(it.sky) else "black"
+    print(f"  sky        {sky}" + (", stands in" if stand_in else ""))
     print(f"  cameras    {len(it.cameras)}")
     for i, camera in enumerate(it.cameras):
         name = (f"'{camera.name}'" if camera.name else "(no name)") + (" default" if i == 0 else "")
         print(f"    {name}: eye {_point(camera.eye)}, target {_point(camera.target)}, {_lens(camera, it.diagonal)}")
     for notice in it.notices:
         print(f"  notice     {notice}")
+
+
+def _environment(sky: Environment) -> str:
+    suns = f", of which {_count(len(sky.suns), 'sun is a light', 'suns are lights')}" if sky.suns else ""
+    return f"{sky.about}, mean radiance {_point(sky.mean)}{suns}"
 
 
 def _materials(scene: Scene) -> None:
@@ -109,7 +116,7 @@ def bundled() -> None:
     for name in names():
         it = load(name)
         emissive = sum(any(mesh.material.emission) for mesh in it.meshes)
-        sky = "yes" if any(it.sky) else "-"
+        sky = "yes" if any(it.sky) or it.environment is not None else "-"
         named = ", ".join(camera.name for camera in it.cameras if camera.name)
         cameras = f"{len(it.cameras)}" + (f" ({named})" if named else "")
         rows.append((name, f"{it.triangles:,}", str(len(it.lights)), str(emissive or "-"), sky, cameras))
@@ -157,8 +164,22 @@ def _light(light: Light) -> str:
         power = f"intensity {_point(light.color)} W/sr (candela)"
     else:
         power = f"diffuse {_point(light.color)} (OpenGL)"
+    if light.photometry is not None:
+        return f"luminaire {where}, {_luminaire(light)}" + (f" '{light.name}'" if light.name else "")
     cone = f", towards {_point(light.spot_target)}, {light.spot_cutoff:g}° half angle" if light.spot_target is not None else ""
     return f"{light.kind} {where}{cone}, {power}" + (f" '{light.name}'" if light.name else "")
+
+
+def _luminaire(light: Light) -> str:
+    """Where it is aimed, and what it sends out in all and at most, its colour counted by luminance."""
+    assert light.photometry is not None
+    lumens, candela = light.output
+    power = f"{lumens:.4g} lm, at most {candela:.4g} cd"
+    if light.color != (1.0, 1.0, 1.0):
+        power += f", intensity {_point(light.color)}"
+    width, length, _ = light.photometry.opening
+    opening = f", {width:.3g} x {length:.3g} m (taken as a point)" if max(width, length) > 0.0 else ""
+    return f"aimed along {_point(-light.frame[2] + 0.0)}, 0° towards {_point(light.frame[0] + 0.0)}, {power}{opening}"
 
 
 def _point(values: Iterable[float]) -> str:

@@ -9,6 +9,7 @@ from functools import partial
 from pathlib import Path as File
 from typing import TYPE_CHECKING, Protocol
 
+from irrsplat.app.common.terminal import wrote
 from irrsplat.core.errors import InputError
 from irrsplat.image import frame as output
 from irrsplat.image.statistics import Statistics
@@ -21,9 +22,10 @@ if TYPE_CHECKING:
 
 
 class OnRound(Protocol):
-    """Called after each round of a render; `prefix` stands before what it shows."""
+    """Called after each round of a render. frame: of a path, in words; before: the share of the path that is done with all frames
+    before it, 0..1; share: what it is of the path itself."""
 
-    def __call__(self, state: Progress, prefix: str = "") -> None: ...
+    def __call__(self, state: Progress, frame: str = "", before: float = 0.0, share: float = 1.0) -> None: ...
 
 
 @dataclass(frozen=True)
@@ -35,9 +37,9 @@ class Flight:
     outputs: tuple[str, ...]
 
 
-def first_names(args: argparse.Namespace) -> list[str]:
-    """The names of the first frame's outputs, to be checked before the scene is loaded; raises InputError for a bad {frame}."""
-    return [output.numbered(pattern, _span(args)[0]) for pattern in args.output]
+def first_name(args: argparse.Namespace, pattern: str) -> str:
+    """The name of the first frame's output, to be checked before the scene is loaded; raises InputError for a bad {frame}."""
+    return output.numbered(pattern, _span(args)[0])
 
 
 def plan(args: argparse.Namespace, scene: Scene) -> Flight:
@@ -66,15 +68,15 @@ def render(
     """Render and write every frame; returns the statistics of those written, and whether that is all of them (False: Ctrl-C).
 
     Records stay from frame to frame. All frames have the first one's exposure: metered one by one, they would flicker.
-    on_round: as for Renderer.render, called with a `prefix` that names the frame as well.
+    on_round: as for Renderer.render, called with the frame and how far the path is as well.
     """
     done: list[Statistics] = []
     motions = flight.path.motions
     loaded = renderer.scene if motions else None
     try:
-        for number in flight.numbers:
-            prefix = f"frame {number} of {flight.numbers[-1]}, "
-            show = None if on_round is None else partial(on_round, prefix=prefix)
+        for i, number in enumerate(flight.numbers):
+            words, share = f"frame {number} of {flight.numbers[-1]}", 1.0 / len(flight.numbers)
+            show = None if on_round is None else partial(on_round, frame=words, before=i * share, share=share)
             if loaded is not None:
                 renderer.pose(motions.at(loaded, number))
             frame = renderer.render(flight.path.camera(number), progress=show, figures=figures)
@@ -85,7 +87,9 @@ def render(
             stats["exposure"] = done[0]["exposure"] if done else frame.exposure
             frame = replace(frame, stats=stats)
             for pattern in flight.outputs:
-                frame.save(output.numbered(pattern, number), buffers)
+                name = output.numbered(pattern, number)
+                frame.save(name, buffers)
+                wrote(name)
             done.append(stats)
     except KeyboardInterrupt:  # between two renders, or while a file was written
         return done, False

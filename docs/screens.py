@@ -12,6 +12,7 @@ from PIL import Image
 
 import irrsplat
 from irrsplat.app.viewer.buffers.table import BUFFERS
+from irrsplat.app.viewer.input.hints import HINTS
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.viewer import Viewer
 from irrsplat.app.viewer.window import open_window
@@ -51,7 +52,8 @@ def keep(viewer: Viewer, name: str) -> None:
 def show(scene: str, size: tuple[int, int], take: Callable[[Viewer], None], camera: Camera | None = None) -> None:
     """Open a window in memory on a bundled scene, and take pictures of it."""
     wnd = open_window(size, headless=True)
-    viewer = Viewer(wnd, irrsplat.load(scene), scene, Preferences(), camera)
+    hints = [] if take is whole else list(HINTS)  # they are part of the window as it opens
+    viewer = Viewer(wnd, irrsplat.load(scene), scene, Preferences(ui={"hints": hints}), camera)
     take(viewer)
     viewer.close(remember=False)
     wnd.destroy()
@@ -61,6 +63,8 @@ def whole(viewer: Viewer) -> None:
     """The window as it opens, records over it, and both kinds of split view."""
     actions, options = viewer.actions, viewer.actions.session.options
     keep(viewer, "viewer/window")
+    for hint in HINTS:
+        actions.hints.follow(hint)
     actions.panels.settings = False
     options.buffers[0], options.discs, options.points, options.inspect = "irradiance", True, True, True
     viewer.controls.mouse = (0.36 * LARGE[0], 0.3 * LARGE[1])

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from irrsplat.core.errors import GLError, InputError, IrrsplatError
     from irrsplat.image.frame import Frame
+    from irrsplat.meter.light_meter import LightMeter, irradiance
     from irrsplat.renderer import Renderer, render
     from irrsplat.scene import load
     from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
@@ -24,11 +25,13 @@ __all__ = [
     "InputError",
     "IrrsplatError",
     "Light",
+    "LightMeter",
     "Material",
     "Mesh",
     "Renderer",
     "Scene",
     "Settings",
+    "irradiance",
     "load",
     "preset",
     "render",
@@ -37,6 +40,7 @@ __all__ = [
 _NAMES = {  # module: what it gives, as in the imports above
     "irrsplat.core.errors": ("GLError", "InputError", "IrrsplatError"),
     "irrsplat.image.frame": ("Frame",),
+    "irrsplat.meter.light_meter": ("LightMeter", "irradiance"),
     "irrsplat.renderer": ("Renderer", "render"),
     "irrsplat.scene": ("load",),
     "irrsplat.scene.model": ("Camera", "Light", "Material", "Mesh", "Scene"),

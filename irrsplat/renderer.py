@@ -44,10 +44,12 @@ from irrsplat.lighting.direct import DirectPass, Headlamp
 from irrsplat.lighting.emitter_table import emitter_table
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.shadow_maps import ShadowPass
+from irrsplat.lighting.sky import sky_maps
 from irrsplat.records import cache_file
 from irrsplat.records.record_cache import RecordCache
-from irrsplat.scene.model import Camera, Light, Mesh, Scene
-from irrsplat.scene.motion import moved
+from irrsplat.scene.change import is_elsewhere
+from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
+from irrsplat.scene.motion import moved, repainted
 from irrsplat.settings import Settings, SettingValues
 from irrsplat.settings import preset as settings_of
 
@@ -234,6 +236,14 @@ class Renderer(Owner):
         defines = light_defines(self.scene)
         return self._passes.get("direct", (self.size, defines), lambda: DirectPass(self.ctx, self.size, defines))
 
+    def direct_irradiance(self, view: View) -> moderngl.Texture:
+        """The irradiance of the scene's lamps at every pixel of the present `view`, W/m², without the headlamp: a texture."""
+        size, defines, shadows = view.gbuffer.position.size, light_defines(self.scene), self.draw_shadows()
+        lamps = self._passes.get(
+            "direct irradiance", (size, defines), lambda: DirectPass(self.ctx, size, defines, irradiance=True)
+        )
+        return self._memo.get("direct irradiance", (view.gbuffer, shadows, lamps), lambda: lamps(view.gbuffer, shadows))
+
     @property
     def emitter_pass(self) -> EmitterLightPass | None:
         """Samples the light of emitters at pixels of the present size; None where the records hold it, or there are none."""
@@ -250,8 +260,7 @@ class Renderer(Owner):
     @property
     def temporal_filter(self) -> TemporalFilter:
         """Blends the irradiance of pictures of the present size with that of those before."""
-        made_of = self.size, self.world.material_defines
-        return self._passes.get("temporal", made_of, lambda: TemporalFilter(self.ctx, *made_of))
+        return self._passes.get("temporal", self.size, lambda: TemporalFilter(self.ctx, self.size))
 
     def _use(self) -> None:
         """Make this renderer's own OpenGL context the current one; a given one is its owner's to make current."""
@@ -457,7 +466,7 @@ class Renderer(Owner):
         settings, gbuffer, shadows, camera = self.settings, done.gbuffer, done.shadows, done.camera
         filling = settings.fill_holes and done.progress.coverage < 1.0 and settings.most_bounces > 0
         surface = self.scheduler.gatherer.surface_now if filling and not settings.emitters_apart else None
-        backdrop, headlamp = backdrop_of(self.scene, settings), self._headlamp_of(camera)
+        backdrop, headlamp = backdrop_of(self.scene, settings, sky_maps(self.world)), self._headlamp_of(camera)
         emitter_pass, sampled_by = self.emitter_pass, (settings.pixel_light_samples, settings.seed)
         held = None if surface is None else surface.result
         subject = gbuffer, shadows, done.splats, settings.blend, settings.smooth, filling, held, backdrop, headlamp, sampled_by
@@ -519,20 +528,31 @@ class Renderer(Owner):
         self._go_on(replace(self._state, scene=replace(self.scene, lights=tuple(lights))))
 
     def move(self, mesh: int | str, transform: npt.ArrayLike) -> None:
-        """Go on with a mesh (its index in scene.meshes, or its name) where a 4×4 or 3×4 matrix takes it from where it was loaded.
+        """Go on with a mesh (its index in scene.meshes, or its name) where a 4×4 or 3×4 matrix takes it from where it was loaded,
+        in the material that it has now.
 
         Records on it move along, those within it go, and of the others those that it concerns are gathered again in place. Raises
         InputError for a mesh that is not there, and a matrix that is not affine, or singular.
         """
         self._go_on(replace(self._state, scene=moved(self.scene, self._loaded, mesh, transform)))
 
+    def repaint(self, mesh: int | str, material: Material) -> None:
+        """Go on with another material on a mesh (its index in scene.meshes, or its name): other colours, another emission.
+
+        All records are gathered again in place, and hold what they held until then; what shines now becomes an area light. Raises
+        InputError for a mesh that is not there, and for a material by which the mesh would wear other textures, let light through
+        otherwise, or be drawn otherwise: for these the scene is loaded anew.
+        """
+        self._go_on(replace(self._state, scene=repainted(self.scene, mesh, material)))
+
     def pose(self, scene: Scene) -> None:
-        """Go on with the renderer's scene in another pose: the same meshes elsewhere, and other lights. As `move` and `relight`
-        at once; raises InputError for a scene of other meshes, and as these."""
+        """Go on with the renderer's scene in another pose: the same meshes elsewhere, of other materials or hidden (see
+        scene.motion.hidden), and other lights. As `move`, `repaint` and `relight` at once; raises InputError for a scene of other
+        meshes, and as these."""
         pairs = zip(scene.meshes, self.scene.meshes, strict=False)
         if len(scene.meshes) != len(self.scene.meshes) or any(len(a.faces) != len(b.faces) for a, b in pairs):
             raise InputError("a pose has the same meshes as the renderer's scene, in the same order")
-        meshes = tuple(b if _alike(a, b) else a for a, b in zip(scene.meshes, self.scene.meshes, strict=True))
+        meshes = tuple(_posed(a, b) for a, b in zip(scene.meshes, self.scene.meshes, strict=True))
         same = all(a is b for a, b in zip(meshes, self.scene.meshes, strict=True))
         now = replace(self.scene, lights=scene.lights, meshes=self.scene.meshes if same else meshes)
         self._go_on(replace(self._state, scene=now))
@@ -696,9 +716,15 @@ class Renderer(Owner):
         return made | describe(self.about, self.scene, self.size, self.preset, settings, stops)
 
 
-def _alike(a: Mesh, b: Mesh) -> bool:
-    """Whether two states of a mesh are the same."""
-    return a is b or (np.array_equal(a.positions, b.positions) and np.array_equal(a.faces, b.faces))
+def _posed(mesh: Mesh, present: Mesh) -> Mesh:
+    """The `mesh`, as far as it differs from the `present` state of the same mesh: that itself where it does not."""
+    if mesh is present:
+        return present
+    if is_elsewhere(mesh, present) and not (
+        np.array_equal(mesh.positions, present.positions) and np.array_equal(mesh.faces, present.faces)
+    ):
+        return mesh
+    return present if mesh.material == present.material else replace(present, material=mesh.material)
 
 
 def render(

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from typing import Any, Literal, TypedDict, Unpack, cast
 
-from irrsplat.core.errors import InputError
+from irrsplat.core.errors import InputError, did_you_mean
 
 Auto = Literal["auto"]
 All = Literal["all"]
@@ -62,6 +62,11 @@ class Declaration:
         return (self.flag, _flag(self.former)) if self.former else (self.flag,)
 
     @property
+    def words(self) -> tuple[str, ...]:
+        """The words that are legal values, such as ``auto``; all there are but numbers."""
+        return ("on", "off") if self.kind == "bool" else self.choices or ((self.word,) if self.word else ())
+
+    @property
     def range(self) -> str:
         """The legal values in words, such as ``0..1`` or ``on|off``."""
         if self.kind == "bool":
@@ -87,7 +92,7 @@ class Declaration:
                 return self.check(int(word) if self.kind == "int" else float(word))
             except ValueError:
                 pass
-        raise InputError(f"{self.flag} takes {self.range}, not '{text}'")
+        raise InputError(f"{self.flag} takes {self.range}, not '{text}'{did_you_mean(word, self.words)}")
 
     def check(self, value: object) -> Value:
         """`value` as this setting's type; raises InputError where it is of another type or out of range."""
@@ -157,6 +162,10 @@ class Settings:
         high=256,
         unit="pixels",
     )
+    ray_noise: float = _declare(
+        4.0, "float", "gather", "a record that serves only what is near does with a quarter of its rays where these tell its "
+        "irradiance to so many percent; 0: all rays for every record", low=0, high=100, unit="%",
+    )  # fmt: skip
     light_samples: int = _declare(
         256, "int", "gather", "shadow rays of a record to emissive surfaces, beside the rays that find some by chance; 0: off",
         low=0, high=4096,
@@ -330,7 +339,7 @@ def present_name(name: str) -> str:
     """The setting that `name`, its present or its former one, stands for; raises InputError where there is none."""
     name = _PRESENT_NAMES.get(name, name)
     if name not in SETTINGS:
-        raise InputError(f"unknown setting '{name}'; the settings are {', '.join(SETTINGS)}")
+        raise InputError(f"unknown setting '{name}'{did_you_mean(name, SETTINGS)}; the settings are {', '.join(SETTINGS)}")
     return name
 
 
@@ -343,6 +352,7 @@ class SettingValues(TypedDict, total=False):
     bounces: int | All
     gather: str
     gather_size: int
+    ray_noise: float
     light_samples: int
     gradients: bool
     second_order: bool
@@ -402,6 +412,7 @@ PRESETS: dict[str, SettingValues] = {
     },
     "reference": {
         "gather_size": 128,
+        "ray_noise": 0.0,
         "a": 0.2,
         "radius_min": 0.25,
         "radius_max": 2.0,
@@ -416,7 +427,7 @@ PRESETS: dict[str, SettingValues] = {
 def preset(name: str = "default", **overrides: Unpack[SettingValues]) -> Settings:
     """The settings of the preset `name` with `overrides` on top; raises InputError for what does not exist."""
     if name not in PRESETS:
-        raise InputError(f"unknown preset '{name}'; the presets are {', '.join(PRESETS)}")
+        raise InputError(f"unknown preset '{name}'{did_you_mean(name, PRESETS)}; the presets are {', '.join(PRESETS)}")
     plain = _plain_preset(name)
     return plain.with_values(overrides) if overrides else plain
 

@@ -37,7 +37,7 @@ def race(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., aut
 def few_sites(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """A tenth of a surface cache's sites and rays, but where a test or its module asks for `all_sites`, since it judges light."""
     if not request.node.get_closest_marker("all_sites"):
-        monkeypatch.setattr(site_layout, "POINTS", site_layout.POINTS // 10)
+        monkeypatch.setattr(site_layout, "POINTS", tuple(points // 10 for points in site_layout.POINTS))
         monkeypatch.setattr(surface_cache, "RAYS", surface_cache.RAYS // 10)
 
 

@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from typing import Protocol
+
+
+class OnShare(Protocol):
+    """Shows the share done, 0..1, and words in a progress line. stage: whose share it is, and whose time is left."""
+
+    def __call__(self, share: float, words: str, stage: str = "") -> None: ...
 
 
 def say(line: str) -> None:
@@ -18,6 +26,13 @@ def doing(words: str) -> None:
         print(f"\r\x1b[K{words}", end="", file=sys.stderr, flush=True)
 
 
+def wrote(path: str | os.PathLike[str]) -> None:
+    """Say that a file is written, where stderr is a terminal."""
+    if sys.stderr.isatty():
+        doing("")
+        say(f"wrote {os.fspath(path)}")
+
+
 def columns(rows: Sequence[Sequence[str]], left: int) -> Iterator[str]:
     """The lines of a table, its first `left` columns aligned to the left, the others to the right."""
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
@@ -27,15 +42,34 @@ def columns(rows: Sequence[Sequence[str]], left: int) -> Iterator[str]:
 
 
 @contextmanager
-def progress() -> Iterator[Callable[[float, str], None] | None]:
-    """A function that shows the share done, 0..1, and words in a progress line; None where stderr is no terminal."""
+def progress(first: str = "") -> Iterator[OnShare | None]:
+    """A progress line with the time left, for what takes a while; None where stderr is no terminal. first: what it shows until
+    a share is known."""
     if not sys.stderr.isatty():
         yield None
         return
     from rich.console import Console
-    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, Progress, ProgressColumn, Task, TaskProgressColumn, TextColumn
+    from rich.text import Text
 
-    parts = TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn()
+    class TimeLeft(ProgressColumn):
+        """The time left in words, where it can be told."""
+
+        max_refresh = 0.5  # seconds
+
+        def render(self, task: Task) -> Text:
+            seconds = task.time_remaining
+            return Text("" if seconds is None or task.finished else f"{seconds // 60:.0f}:{seconds % 60:02.0f} left")
+
+    parts = TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeLeft()
     with Progress(*parts, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=1.0)
-        yield lambda share, words: bar.update(task, completed=float(share), description=words)
+        task, now = bar.add_task(first, total=None if first else 1.0), ""
+
+        def show(share: float, words: str, stage: str = "") -> None:
+            nonlocal now
+            if stage != now:
+                now = stage
+                bar.reset(task, total=1.0)
+            bar.update(task, total=1.0, completed=float(share), description=words)
+
+        yield show

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable
-from dataclasses import replace
+from dataclasses import asdict, replace
 from datetime import datetime
 from pathlib import Path
 from typing import Literal
@@ -14,20 +14,26 @@ import numpy as np
 import irrsplat
 from irrsplat.app.viewer import preferences as stored
 from irrsplat.app.viewer.buffers.table import BUFFERS
+from irrsplat.app.viewer.editing.editor import Editor, Kind
+from irrsplat.app.viewer.editing.picking import nearest_on_screen
 from irrsplat.app.viewer.file_watch import FileWatch
+from irrsplat.app.viewer.input.hints import Hints
 from irrsplat.app.viewer.input.keys import Key
-from irrsplat.app.viewer.lamps import Lamps
 from irrsplat.app.viewer.messages import Messages
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session, overrides
-from irrsplat.app.viewer.view_options import SPLITS, Panels, restore, saved
+from irrsplat.app.viewer.show.comparison import flip_is_there
+from irrsplat.app.viewer.view_options import COMPARES, SCALES, SPLITS, Appearance, Compare, Panels, restore, saved
+from irrsplat.core.errors import InputError
 from irrsplat.core.files import write_picture, write_text
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.gpu.program import Program
 from irrsplat.scene.camera_path import camera_flags, camera_line, load_path, path_text
+from irrsplat.scene.io.text.scene_writer import parts_folder, write_scene
 from irrsplat.scene.model import Camera
 
 _STOPS = 64.0  # the greatest exposure, up and down
+_RING = 12.0  # window coordinates from the middle of a light's ring that a click may be
 
 
 class Actions:
@@ -50,8 +56,11 @@ class Actions:
         self._copy, self._other_programs = copy, other_programs
         self.panels, self.messages = Panels(), Messages()
         restore(preferences.ui, session.options, self.panels)
+        self.appearance = Appearance.of(preferences.ui)
+        self.close_menus = False  # in the next frame
+        self.hints = Hints(preferences.ui.get("hints"))
         self.side = 0  # that keys and panels change
-        self.lamps = Lamps(session.scene)
+        self.editor = Editor(session)
         self.file_watch = FileWatch(session.scene.files)
         self.bookmarks = stored.bookmarks(source)
         self.screenshot_wanted: Literal["", "window", "bare"] = ""
@@ -78,6 +87,7 @@ class Actions:
         preferences.size, preferences.fullscreen = size or preferences.size, fullscreen
         preferences.preset, preferences.values = renderer.preset, overrides(renderer.preset, renderer.settings)
         preferences.ui = saved(self.session.options, self.panels)
+        preferences.ui |= {"hints": sorted(self.hints.followed), "appearance": asdict(self.appearance)}
         return stored.save(preferences)
 
     # ---- camera ----------------------------------------------------------------------------------------------------
@@ -86,6 +96,11 @@ class Actions:
         """Go back to the first camera."""
         self.stop()
         self.session.free_camera.home()
+
+    def frame_all(self) -> None:
+        """Go back until the whole scene is seen, in the direction that one looks in."""
+        self.stop()
+        self.session.look_at_all(self.session.scene.bounds)
 
     def headlamp(self) -> None:
         """Switch a lamp at the eye on, or off."""
@@ -107,11 +122,24 @@ class Actions:
         self._copy(camera_flags(self.session.camera))
         self.say("the camera is in the clipboard, as flags of irrsplat render")
 
+    def copy(self, text: str) -> None:
+        """Copy a text to the clipboard."""
+        self._copy(text)
+        self.say(f"{text} is in the clipboard")
+
     def bookmark(self) -> None:
         """Keep the camera as a bookmark of this scene."""
         taken = {b.name for b in self.bookmarks}
         name = next(n for n in (f"bookmark {i}" for i in range(1, len(taken) + 2)) if n not in taken)
         self._keep_bookmarks([*self.bookmarks, replace(self.session.camera, name=name)], f"{name} is kept")
+
+    def rename(self, bookmark: Camera, name: str) -> None:
+        """Call a bookmark otherwise; raises InputError for no name, or another one's."""
+        name = " ".join(name.split())
+        if not name or any(b.name == name for b in self.bookmarks if b != bookmark):
+            raise InputError(f"there is a bookmark '{name}' already" if name else "a bookmark needs a name")
+        kept = [replace(b, name=name) if b == bookmark else b for b in self.bookmarks]
+        self._keep_bookmarks(kept, f"{bookmark.name} is now {name}")
 
     def forget(self, bookmark: Camera) -> None:
         """Delete a bookmark."""
@@ -152,7 +180,7 @@ class Actions:
     def show(self, name: str) -> None:
         """Show a buffer on the side that keys change."""
         options = self.session.options
-        options.buffers[self.side if options.split != "off" else 0] = name
+        options.buffers[self.side if options.split in ("buffers", "presets") else 0] = name
         self.say(BUFFERS[name].title, topic="show")
 
     def is_on(self, name: str) -> bool:
@@ -164,18 +192,48 @@ class Actions:
         setattr(self.panels if hasattr(self.panels, name) else self.session.options, name, not self.is_on(name))
         if name == "inspect":
             self.session.held = None
+        if name == "help":
+            self.hints.follow("keys")
 
     def split(self) -> None:
         """Split the view the next way."""
-        ways = list(SPLITS)
+        ways = [way for way in SPLITS if way != "snapshot" or self.session.snapshots]
         way = ways[(ways.index(self.session.options.split) + 1) % len(ways)]
         self.session.split(way)
         self.say(SPLITS[way], topic="split")
 
+    def snapshot(self) -> None:
+        """Keep the picture as it is now."""
+        kept = self.session.keep_snapshot(self.session.side_at(self.session.size[0] * self.side))
+        self.say(f"{kept.name} is kept until the window closes; Tab shows it beside the picture", topic="snapshot")
+
+    def compare(self) -> None:
+        """Compare both sides the next way; where there is one alone, with the other preset's."""
+        session = self.session
+        if session.options.split == "off":
+            session.split("presets")
+        ways = [way for way in COMPARES if way != "FLIP" or flip_is_there()]
+        now = session.options.compare
+        self.compare_by(ways[(ways.index(now) + 1) % len(ways)])
+
+    def compare_by(self, way: Compare) -> None:
+        """Compare both sides in this way."""
+        options = self.session.options
+        options.compare, options.flipping, options.flipped = way, True, False
+        self.say(COMPARES[way], topic="split")
+
+    def flip(self) -> None:
+        """Show the other side in place of the one on show."""
+        if self.session.options.split == "off":
+            self.session.split("presets")
+        self.session.flip()
+        self.side = self.session.side_at(0)
+        self.say(("left", "right")[self.side] + " side; J: another way to compare", topic="split")
+
     def swap_preset(self) -> None:
-        """Switch between the paper's algorithm and ours, on the side that keys change."""
+        """Switch between the paper's algorithm and ours, on the side that keys change; each is as it was left."""
         name = "default" if self.session.settings(self.side)[0] == "paper" else "paper"
-        self.session.use_preset(self.side, name)
+        self.session.swap_preset(self.side, name)
         self.say(f"preset {name}", topic="preset")
 
     def trace(self) -> None:
@@ -214,21 +272,114 @@ class Actions:
         """Forget all records."""
         self.session.clear()
 
-    def relight(self) -> None:
-        """Light the scene by the lamps as they are set now: records are gathered again in place."""
-        self.attempt(lambda: self.session.relight(self.lamps.lights))
+    # ---- lights and objects ------------------------------------------------------------------------------------------
+
+    def pick(self, pixel: tuple[int, int], mesh: int | None, density: float = 1.0) -> None:
+        """Pick the light whose ring is at a pixel, while the lights' panel is open; else the `mesh` seen there, or nothing.
+        density: pixels per window coordinate."""
+        editor, session = self.editor, self.session
+        rings = [None if lamp.light.directional else lamp.light.position for lamp in editor.lamps]
+        found = nearest_on_screen(session.camera, session.size, rings, pixel, _RING * density)
+        light = found if self.panels.lights else None
+        if light is not None:
+            editor.pick_light(light)
+        else:
+            editor.pick_mesh(mesh)
+            if mesh is None:
+                editor.pick_light(None)
+
+    def turn_handles(self) -> None:
+        """Let the handles turn the picked object, or move it again; of a spot, aim it."""
+        editor = self.editor
+        if editor.mesh is not None:
+            editor.turning = not editor.turning
+            self.say("handles turn" if editor.turning else "handles move", topic="handles")
+        elif editor.light is not None and editor.lamps[editor.light].light.spot_target is not None:
+            editor.aiming = not editor.aiming
+            self.say("handles aim" if editor.aiming else "handles move", topic="handles")
+
+    def hide_object(self) -> None:
+        """Hide the picked object."""
+        editor = self.editor
+        if editor.mesh is None:
+            self.say("nothing is picked; a click on an object picks it", topic="pick")
+            return
+        name = editor.name(editor.mesh)
+        editor.hide(editor.mesh)
+        self.say(f"{name} is hidden; the menu Edit shows it again", topic="pick")
+
+    def show_hidden(self, number: int) -> None:
+        """Show a hidden object again."""
+        self.attempt(lambda: self.editor.hide(number, False))
+
+    def add_light(self, kind: Kind) -> None:
+        """Add a light where the camera looks, and show it in its panel."""
+        if self.attempt(lambda: self.editor.add_light(kind)):
+            self.panels.lights = True
+
+    def undo(self) -> None:
+        """Take back the last change of lights and objects."""
+        self._step(self.editor.undo, "undone", "there is nothing to undo")
+
+    def redo(self) -> None:
+        """Do again what was undone last."""
+        self._step(self.editor.redo, "done again", "there is nothing to do again")
+
+    def _step(self, go: Callable[[], str], said: str, nothing: str) -> None:
+        if self.editor.dragging:
+            return
+        done = go()
+        self.say(f"{said}: {done}" if done else nothing, topic="undo")
+
+    # ---- saving ------------------------------------------------------------------------------------------------------
+
+    def save_dialog(self) -> None:
+        """Ask for a name to save the scene under."""
+        self.panels.save = True
+
+    @staticmethod
+    def scene_path(name: str) -> str:
+        """The path of a scene that is saved under this name: it ends in .scene."""
+        return name if name.endswith(".scene") else f"{name}.scene"
+
+    def free_name(self) -> str:
+        """A name for the scene where the program runs that no file has yet."""
+        stem = self.session.scene.name
+        names = (f"{stem}-{i}.scene" for i in range(2, 10_000))
+        return next(name for name in names if not os.path.exists(name) and not parts_folder(Path(name)).exists())
+
+    def save(self, name: str, overwrite: bool = False) -> None:
+        """Save the scene as it is now under a name, a `.scene` with its lights and objects beside it. Raises InputError where
+        there is such a file, and it may not be overwritten."""
+        path, scene = Path(self.scene_path(name)), self.session.scene
+        lost = write_scene(scene, path, overwrite)
+        self.panels.save = False
+        self.say(f"{path} is written, with {parts_folder(path).name}")
+        if lost:
+            self.say(lost)
 
     # ---- the window --------------------------------------------------------------------------------------------------
 
     def escape(self) -> None:
-        """Stop playing, let go of a record, close help and dialog."""
+        """Stop playing, let go of a record, an object and a light, close menus, help and dialogs."""
         self.stop()
+        self.close_menus = True
         self.session.held = None
-        self.panels.help = self.panels.open = False
+        self.editor.pick_light(None)
+        panels = self.panels
+        panels.help = panels.about = panels.log = panels.open = panels.save = False
+
+    def about(self) -> None:
+        """Say what this is."""
+        self.panels.about = True
 
     def fullscreen(self) -> None:
         """Switch to fullscreen or back."""
         self.fullscreen_wanted = not self.fullscreen_wanted
+
+    def enlarge(self, scale: float) -> None:
+        """Make text and widgets `scale` times as large, within SCALES."""
+        self.appearance.scale = min(max(scale, SCALES[0]), SCALES[1])
 
     def quit(self) -> None:
         """Close the window."""
@@ -275,7 +426,7 @@ class Actions:
     def _load(self, source: str, keep_camera: bool) -> None:
         scene = irrsplat.load(source, **vars(self.loading))
         self.session.open(scene, keep_camera)
-        self.lamps, self.file_watch = Lamps(scene), FileWatch(scene.files)
+        self.editor, self.file_watch = Editor(self.session), FileWatch(scene.files)
         self.messages.close_errors()
         for notice in (*scene.notices, *self.session.renderers[0].notices):
             self.say(notice)

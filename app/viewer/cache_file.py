@@ -29,8 +29,8 @@ class CacheFile:
             return None
         if actions.source != self.source:
             return f"{self.path}: not written, since another scene was opened"
-        if actions.lamps.changed:
-            return f"{self.path}: not written, since the lights are no longer the scene's own"
+        if actions.editor.changed:
+            return f"{self.path}: not written, since lights or objects are no longer the scene's own"
         try:
             renderer.save_cache(self.path)
         except IrrsplatError as error:

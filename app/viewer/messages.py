@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import math
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from datetime import datetime
 
 from irrsplat.core.errors import IrrsplatError
 
-_SECONDS = 4.0  # that a notice is shown
+_SECONDS = 5.0  # that a notice is shown
+_FADING = 1.0  # of these, that it fades
+_KEPT = 200  # lines of the log
 _MOST = 5  # lines at once
 
 
@@ -21,12 +26,21 @@ class Message:
     error: bool = False
     topic: str = ""
 
+    def opacity(self, now: float) -> float:
+        """How much of it is still there, 0..1, at time.monotonic() `now`."""
+        return 1.0 if self.error else min(max((self.until - now) / _FADING, 0.0), 1.0)
+
 
 class Messages:
-    """The lines on show, the newest last."""
+    """The lines on show, the newest last. log: all lines that there were, with the time of day, at most the last 200.
+
+    version: a number that is another one whenever what is on show is.
+    """
 
     def __init__(self) -> None:
         self.lines: list[Message] = []
+        self.log: deque[tuple[str, Message]] = deque(maxlen=_KEPT)
+        self.version = 0
 
     @property
     def errors(self) -> list[Message]:
@@ -37,15 +51,29 @@ class Messages:
         """Show a line, in place of an equal one and of the last one with the same `topic`."""
         line = " ".join(str(text).split())
         others = [m for m in self.lines if m.text != line and (not topic or m.topic != topic)]
-        self.lines = [*others[1 - _MOST :], Message(line, time.monotonic() + _SECONDS, error, topic)]
+        said = Message(line, time.monotonic() + _SECONDS, error, topic)
+        self.lines = [*others[1 - _MOST :], said]
+        if topic and self.log and self.log[-1][1].topic == topic:  # as many steps of one thing as there may be, one line
+            self.log.pop()
+        self.log.append((f"{datetime.now():%H:%M:%S}", said))
+        self.version += 1
 
     def expire(self) -> None:
         """Drop the notices whose time is over."""
-        self.lines = [m for m in self.lines if m.error or m.until > time.monotonic()]
+        left = [m for m in self.lines if m.error or m.until > time.monotonic()]
+        self.version += left != self.lines
+        self.lines = left
+
+    @property
+    def rests(self) -> float:
+        """The seconds until what is on show begins to fade; 0 while it fades, infinity where nothing will."""
+        now = time.monotonic()
+        return min((max(m.until - _FADING - now, 0.0) for m in self.lines if not m.error), default=math.inf)
 
     def close_errors(self) -> None:
         """Drop the errors."""
         self.lines = [m for m in self.lines if not m.error]
+        self.version += 1
 
     def attempt(self, act: Callable[[], object]) -> bool:
         """Call `act`; whether it succeeded. What goes wrong is shown as an error."""

@@ -5,21 +5,26 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Unpack, cast
 
 import moderngl
+import numpy as np
 
 from irrsplat.app.viewer.buffers.background_truth import Truth, Truths
 from irrsplat.app.viewer.buffers.shown_buffer import ViewSource
 from irrsplat.app.viewer.input.free_camera import FreeCamera
 from irrsplat.app.viewer.input.path_recorder import PathRecorder
 from irrsplat.app.viewer.show.auto_exposure import AutoExposure
+from irrsplat.app.viewer.show.light_scale import BrightestLight, LightScale
+from irrsplat.app.viewer.show.remaining_time import RemainingTime, Work
 from irrsplat.app.viewer.show.screen import Region
+from irrsplat.app.viewer.show.snapshots import MOST, Snapshot
 from irrsplat.app.viewer.view_options import Split, ViewOptions
-from irrsplat.core.errors import IrrsplatError
+from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.gpu import program
 from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.target import pixels
 from irrsplat.image.frame import Frame
 from irrsplat.image.statistics import Statistics
 from irrsplat.image.view import Progress, View, read
@@ -28,6 +33,8 @@ from irrsplat.scene.model import Camera, Light, Scene
 from irrsplat.settings import SETTINGS, Settings, SettingValues, preset
 
 _SHARED = ("budget", "exposure")  # settings that both sides share, and that a change of the preset leaves alone
+_FLIP = 0.5  # seconds that each side is on show, where they flip by themselves
+_MOST_PARKED = 2_000_000  # triangles of a scene that is kept on the GPU once more for a preset that is not on show
 
 
 class Session(Owner):
@@ -49,6 +56,7 @@ class Session(Owner):
         self.ctx, self.size, self.scene = ctx, size, scene
         self.options = ViewOptions()
         self.renderers = [Renderer(scene, size, preset, ctx=ctx, **(values or {}))]  # of the left side; of the right one too
+        self.parked: Renderer | None = None  # of the preset that was left last, with its records
         self.free_camera = FreeCamera(scene.camera(), scene.diagonal, scene.up)
         if camera is not None:
             self.free_camera.go(camera)
@@ -56,14 +64,21 @@ class Session(Owner):
         self.progress: list[Progress] = []
         self.ms: dict[str, float] = {}  # milliseconds of the last tick by stage
         self.auto_exposure = AutoExposure()
+        self.brightest_light = BrightestLight(ctx)
+        self.remaining = RemainingTime()
         self.path_recorder, self.truths = PathRecorder(), Truths(ctx)
         self.held: tuple[int, int] | None = None  # the side and the name of the record that a click holds
         self._centres: list[View] = []  # the views of one sample a pixel, before further samples were added
+        self.snapshots: list[Snapshot] = []
+        self.pinned: Snapshot | None = None  # the one that a split shows
         self._stepping = False
+        self._clock = 0.0  # seconds of ticks
+        self._gathered = 0  # records, by all ticks
+        self._flip_seconds = 0.0  # that the side on show has been there
 
-    def owned(self) -> tuple[Resource, ...]:
+    def owned(self) -> tuple[Resource | None, ...]:
         """What this frees: all that is on the GPU but the context."""
-        return (*self.renderers, self.truths)
+        return (*self.renderers, self.parked, self.truths, self.brightest_light, *self.snapshots)
 
     # ---- a tick ----------------------------------------------------------------------------------------------------
 
@@ -106,6 +121,7 @@ class Session(Owner):
 
     def tick(self, dt: float, seconds: float) -> None:
         """Go on by `dt` seconds: play, record, and give the caches `seconds` of time."""
+        self._flip(dt)
         played = self.path_recorder.tick(dt, self.camera)
         if played is not None:
             self.free_camera.go(played)
@@ -130,23 +146,83 @@ class Session(Owner):
                 self.ms[stage] = self.ms.get(stage, 0.0) + ms
         self._stepping = self._stepping and not all(p.complete for p in self.progress)
         self._release_lost_record()
-        self.auto_exposure.tick(self.renderers[0], self._centres[0], dt)
+        self.auto_exposure.tick(self.renderers[0], self._centres[0], dt, not all(_filled(p) for p in self.progress))
+        if "light" in self.options.buffers:
+            self.brightest_light.look(self.renderers[0], self.views[0])
+        self._estimate(dt, moved=not before or before[0].camera != self._centres[0].camera)
+
+    def _estimate(self, dt: float, moved: bool) -> None:
+        """Note how far the views have come, for the estimate of the time that is left. moved: they are not those of before."""
+        progress = self.progress
+        self._clock += dt
+        self._gathered += sum(p.new + p.renewed for p in progress)
+        if moved or self.options.frozen:
+            self.remaining.reset()
+        if self.options.frozen:
+            return
+        # once all bounces are in the surface cache, every record is gathered again
+        waiting = sum(p.stale if p.surface == 1.0 else p.records for p in progress)
+        unserved = max(0.0 if p.still or p.full else 1.0 - p.coverage for p in progress)
+        self.remaining.add(self._clock, Work(unserved, max(1.0 - p.surface for p in progress), waiting, self._gathered))
 
     # ---- sides -----------------------------------------------------------------------------------------------------
 
     def sides(self) -> Iterator[tuple[int, Region | None]]:
         """The sides on show, and the part of the window that each takes (None: all of it)."""
         width, height = self.size
-        if self.options.split == "off":
-            yield 0, None
+        if self.options.split == "off" or self.options.compare != "divided":
+            yield self.side_at(0), None
             return
         middle = min(max(round(self.options.divider * width), 1), width - 1)
         yield 0, (0, 0, middle, height)
         yield 1, (middle, 0, width - middle, height)
 
     def side_at(self, x: float) -> int:
-        """The side at `x`, pixels from the left."""
-        return int(self.options.split != "off" and x >= round(self.options.divider * self.size[0]))
+        """The side at `x`, pixels from the left; 0 where both are in one picture."""
+        options = self.options
+        if options.split == "off" or options.compare in ("difference", "FLIP"):
+            return 0
+        return int(options.flipped if options.compare == "flip" else x >= round(options.divider * self.size[0]))
+
+    @property
+    def compared(self) -> bool:
+        """Whether one picture shows what the two sides differ by."""
+        return self.options.split != "off" and self.options.compare in ("difference", "FLIP")
+
+    @property
+    def pair(self) -> str:
+        """What is compared, in words."""
+        left = self.active[0].preset
+        if (snapshot := self.snapshot(1)) is not None:
+            return f"{left} and {snapshot.name}"
+        return " and ".join(r.preset for r in self.active) if self.options.split == "presets" else left
+
+    def flip(self) -> None:
+        """Show the other side in place of the one on show, and go on by hand."""
+        options = self.options
+        options.flipped = not options.flipped if options.compare == "flip" else True
+        options.compare, options.flipping = "flip", False
+
+    def _flip(self, dt: float) -> None:
+        """Show the other side where it is time to."""
+        options = self.options
+        self._flip_seconds += dt
+        if options.split == "off" or options.compare != "flip" or not options.flipping:
+            self._flip_seconds = 0.0
+        elif self._flip_seconds >= _FLIP:
+            self._flip_seconds, options.flipped = self._flip_seconds % _FLIP, not options.flipped
+
+    def buffer(self, side: int) -> str:
+        """The name of the buffer that a side shows; of a snapshot there is the picture alone."""
+        return self.options.buffers[side] if self.snapshot(side) is None else "image"
+
+    def snapshot(self, side: int) -> Snapshot | None:
+        """The snapshot that a side shows; None for one that shows the scene."""
+        return self.pinned if side == 1 and self.options.split == "snapshot" else None
+
+    def place(self, view: View, x: int, y: int) -> tuple[int, int]:
+        """The pixel of a view that the window's pixel (x, y) shows: a snapshot may have another size."""
+        return x * view.image.width // self.size[0], y * view.image.height // self.size[1]
 
     def renderer(self, side: int) -> Renderer:
         """The renderer whose settings a side has."""
@@ -159,9 +235,16 @@ class Session(Owner):
 
     def source(self, side: int) -> ViewSource:
         """What a side's buffers are shown of: the last tick's view."""
+        if (snapshot := self.snapshot(side)) is not None:
+            return ViewSource(self.renderers[0], snapshot.view, self.exposure)
         i = side if len(self.views) == 2 and self.options.split == "presets" else 0
         renderer, view = self.renderers[i], self.views[i]
-        return ViewSource(renderer, view, self.exposure, self.truth(view.camera, renderer.settings))
+        return ViewSource(renderer, view, self.exposure, self.truth(view.camera, renderer.settings), self.light_scale)
+
+    @property
+    def light_scale(self) -> LightScale:
+        """The scale of false colours on both sides, its upper end known."""
+        return self.options.light_scale.up_to(self.brightest_light.found)
 
     def truth(self, camera: Camera, settings: Settings) -> Truth | None:
         """The traced truth of what `camera` sees by as many bounces as the settings say; None where there is none."""
@@ -187,10 +270,47 @@ class Session(Owner):
         self._release_lost_record()
 
     def use_preset(self, side: int, name: str) -> None:
-        """Set a side to the preset `name`."""
+        """Set a side to the preset `name`; one that was left is parked with its records, and comes back with them."""
+        if name != self.renderer(side).preset:
+            self._change_renderer(side, name)
         renderer = self.renderer(side)
         renderer.change(preset(name, **_values(renderer.settings, _SHARED)), name)
         self._release_lost_record()
+
+    def swap_preset(self, side: int, name: str) -> None:
+        """Go on with the preset `name` on a side as it was left: with its settings and its records, which are there at once."""
+        if not self._change_renderer(side, name):
+            self.use_preset(side, name)
+
+    def _change_renderer(self, side: int, name: str) -> bool:
+        """Park a side's renderer, and go on with the parked one or a new one; whether that has the preset `name` and is from
+        earlier. Nothing changes where there is no room for two."""
+        index, leaving = min(side, len(self.active) - 1), self.renderer(side)
+        shared = _values(leaving.settings, _SHARED)
+        coming, self.parked = self.parked, None
+        known = coming is not None and coming.preset == name and _brought_up(coming, leaving)
+        if coming is not None and not known:
+            coming.release()
+        try:
+            if coming is None or not known:
+                if leaving.scene.triangles > _MOST_PARKED:
+                    return False
+                coming = Renderer(self.scene, self.size, name, ctx=self.ctx, **shared)
+                _brought_up(coming, leaving)
+            coming.change(coming.settings.with_values(shared))
+            coming.carry_headlamp(leaving.headlamp)
+        except (IrrsplatError, MemoryError, moderngl.Error):  # no room for two: it is changed in place
+            return False
+        self.renderers[index], self.parked = coming, leaving
+        if self.held is not None and self.renderer(self.held[0]) is coming:
+            self.held = None
+        return known
+
+    def unpark(self) -> None:
+        """Free the renderer that is not on show."""
+        if self.parked is not None:
+            self.parked.release()
+        self.parked = None
 
     def _release_lost_record(self) -> None:
         """Hold a record no longer once it is gone."""
@@ -198,8 +318,13 @@ class Session(Owner):
             self.held = None
 
     def split(self, way: Split) -> None:
-        """One picture, two buffers, or two presets side by side: the left one's, and paper (beside paper: default)."""
+        """One picture, two buffers, two presets side by side (the left one's, and paper; beside paper: default), or a snapshot on
+        the right. Raises InputError where there is none."""
         options = self.options
+        if way == "snapshot" and self.pinned is None:
+            if not self.snapshots:
+                raise InputError("there is no snapshot yet; K keeps one")
+            self.pinned = self.snapshots[-1]
         if way == "presets" and len(self.renderers) == 1:
             left = self.renderers[0]
             other = "default" if left.preset == "paper" else "paper"
@@ -211,6 +336,29 @@ class Session(Owner):
         elif way == "buffers" and options.buffers[0] == options.buffers[1]:
             options.buffers[1] = "irradiance" if options.buffers[0] != "irradiance" else "image"
         options.split, self.held = way, None
+
+    def keep_snapshot(self, side: int) -> Snapshot:
+        """Keep the picture of a side as it is now. Raises InputError where there are too many already."""
+        if len(self.snapshots) >= MOST:
+            raise InputError(f"there are {MOST} snapshots already; forget one first")
+        taken = {snapshot.name for snapshot in self.snapshots}
+        name = next(n for n in (f"snapshot {i}" for i in range(1, MOST + 1)) if n not in taken)
+        self.snapshots.append(Snapshot.of(self.source(0 if self.snapshot(side) is not None else side).view, name))
+        return self.snapshots[-1]
+
+    def pin(self, snapshot: Snapshot) -> None:
+        """Show a snapshot on the right side."""
+        self.pinned = snapshot
+        self.split("snapshot")
+
+    def forget_snapshot(self, snapshot: Snapshot) -> None:
+        """Keep a snapshot no longer."""
+        self.snapshots.remove(snapshot)
+        if self.pinned is snapshot:
+            self.pinned = None
+            if self.options.split == "snapshot":
+                self.split("off")
+        snapshot.release()
 
     @property
     def headlamp(self) -> bool:
@@ -233,11 +381,39 @@ class Session(Owner):
         for renderer in self.renderers:
             renderer.carry_headlamp(math.pi * distance**2 * 2.0**-stops if on else 0.0)
 
+    def look_at_all(self, bounds: np.ndarray) -> None:
+        """Move the camera until it sees all of `bounds` ((2, 3), least and greatest corner), and turn it no way."""
+        self.free_camera.frame(bounds, self.size[0] / self.size[1])
+
     def relight(self, lights: Sequence[Light]) -> None:
         """Use other lights: records are gathered again in place, tick by tick."""
-        for renderer in self.renderers:
-            renderer.relight(lights)
-        self.scene = replace(self.scene, lights=tuple(lights))
+        self.pose(replace(self.scene, lights=tuple(lights)))
+
+    def pose(self, scene: Scene) -> None:
+        """Show the same scene with other lights, with meshes elsewhere, repainted or hidden: records are gathered again in place,
+        tick by tick. Raises InputError, and changes nothing, for what Renderer.pose or Renderer.relight refuses."""
+        before = [renderer.scene for renderer in self.renderers]
+        try:
+            for renderer in self.renderers:
+                if scene.meshes is self.scene.meshes:  # else a path that has moved some would end where it began
+                    renderer.relight(scene.lights)
+                else:
+                    renderer.pose(scene)
+        except IrrsplatError:
+            for renderer, old in zip(self.renderers, before, strict=True):
+                renderer.pose(old)
+            raise
+        self.scene = scene
+
+    @property
+    def focus(self) -> tuple[float, float, float]:
+        """The world point seen in the middle of the picture; the camera's target where there is none."""
+        if self.views:
+            texture = self.views[0].gbuffer.position
+            x, y, z, depth = pixels(texture)[texture.height // 2, texture.width // 2].tolist()
+            if depth > 0.0:
+                return x, y, z
+        return self.camera.target
 
     def resize(self, size: tuple[int, int]) -> None:
         """The window has another size, pixels."""
@@ -257,6 +433,7 @@ class Session(Owner):
             raise
         for renderer in self.renderers:
             renderer.release()
+        self.unpark()
         self.renderers, self.scene = made, scene
         before, self.free_camera = self.free_camera, FreeCamera(scene.camera(), scene.diagonal, scene.up)
         if keep_camera:
@@ -264,12 +441,14 @@ class Session(Owner):
             self.free_camera.speed = before.speed
         if not keep_camera or not self.path_recorder.fits(scene):
             self.path_recorder = PathRecorder()
+        if not keep_camera:
+            self.auto_exposure = AutoExposure()
         self.views, self.progress, self.held = [], [], None
 
     def reload_shaders(self, *others: program.Program) -> None:
         """Read all shaders again, those of `others` too; raises ShaderError, and all goes on as before, where one is wrong."""
         program.reload([*program.programs_of(self), *others])
-        for renderer in self.renderers:
+        for renderer in (*self.renderers, *([self.parked] if self.parked is not None else [])):
             renderer.renew()
 
     def clear(self) -> None:
@@ -281,6 +460,26 @@ class Session(Owner):
     def step(self) -> None:
         """Freeze the cache, and gather one complete round in as many ticks as it takes."""
         self.options.frozen = self._stepping = True
+
+
+def _filled(progress: Progress) -> bool:
+    """Whether no light is missing in a view, as far as it can be there."""
+    return progress.still or (progress.coverage == 1.0 and progress.surface == 1.0 and not progress.stale)
+
+
+def _brought_up(parked: Renderer, shown: Renderer) -> bool:
+    """Whether a parked renderer now has the size, the lights and the meshes of the one on show; not where other things differ."""
+    now, then = shown.scene, parked.scene
+    apart = ("lights", "meshes")
+    if any(getattr(now, f.name) is not getattr(then, f.name) for f in fields(Scene) if f.name not in apart):
+        return False
+    try:
+        parked.resize(shown.size)
+        if now.lights != then.lights or now.meshes is not then.meshes:
+            parked.pose(now)
+    except IrrsplatError:
+        return False
+    return True
 
 
 def overrides(name: str, settings: Settings) -> SettingValues:

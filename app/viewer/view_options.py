@@ -5,11 +5,27 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field, fields
 from typing import Literal
 
-Split = Literal["off", "buffers", "presets"]
-SPLITS: dict[Split, str] = {"off": "one picture", "buffers": "two buffers", "presets": "two presets"}  # and their titles
+from irrsplat.app.viewer.show.light_scale import LightScale
 
+Split = Literal["off", "buffers", "presets", "snapshot"]
+SPLITS: dict[Split, str] = {  # and their titles
+    "off": "one picture",
+    "buffers": "two buffers",
+    "presets": "two presets",
+    "snapshot": "a snapshot on the right",
+}
+
+Compare = Literal["divided", "flip", "difference", "FLIP"]
+COMPARES: dict[Compare, str] = {  # how two sides are compared, and the titles
+    "divided": "side by side",
+    "flip": "one after the other",
+    "difference": "difference",
+    "FLIP": "FLIP: what an eye sees of it",
+}
+
+SCALES = (0.75, 2.5)  # least and greatest of the interface
 _SAVED = ("points", "discs", "normals", "by_age", "sites", "wire")  # of ViewOptions, from one session to the next
-_NOT_SAVED = ("help", "open", "hidden")  # of Panels
+_NOT_SAVED = ("help", "about", "log", "open", "save", "hidden")  # of Panels
 
 
 @dataclass
@@ -18,6 +34,9 @@ class ViewOptions:
 
     buffers: list[str] = field(default_factory=lambda: ["image", "irradiance"])  # of the left and of the right side
     split: Split = "off"
+    compare: Compare = "divided"
+    flipped: bool = False  # the right side is on show, where one is after the other
+    flipping: bool = True  # by itself, twice a second
     divider: float = 0.5  # of the window's width
     points: bool = False
     discs: bool = False
@@ -27,6 +46,7 @@ class ViewOptions:
     wire: bool = False
     inspect: bool = False
     frozen: bool = False
+    light_scale: LightScale = LightScale()  # it is frozen
 
 
 @dataclass
@@ -34,11 +54,36 @@ class Panels:
     """Which windows of the interface are open."""
 
     settings: bool = True
+    expert: bool = False  # whether the settings' panel shows all of them
     lights: bool = False
     hud: bool = True
     help: bool = False
+    about: bool = False
+    log: bool = False
     open: bool = False
+    save: bool = False
     hidden: bool = False
+
+
+@dataclass
+class Appearance:
+    """How the interface looks. scale: of text and widgets, beside the monitor's. windows: imgui's notes on where they stand."""
+
+    scale: float = 1.0
+    light: bool = False
+    windows: str = ""
+
+    @staticmethod
+    def of(choices: dict[str, object]) -> Appearance:
+        """That of an earlier session, as `asdict` gives it under "appearance"; what cannot be is left out."""
+        kept, made = choices.get("appearance"), Appearance()
+        if isinstance(kept, dict):
+            scale, light, windows = (kept.get(name) for name in ("scale", "light", "windows"))
+            if isinstance(scale, (int, float)) and not isinstance(scale, bool) and SCALES[0] <= scale <= SCALES[1]:
+                made.scale = float(scale)
+            made.light = light is True
+            made.windows = windows if isinstance(windows, str) and windows.isascii() else ""
+        return made
 
 
 def saved(options: ViewOptions, panels: Panels) -> dict[str, object]:

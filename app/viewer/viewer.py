@@ -16,13 +16,15 @@ from irrsplat.app.viewer.input.controls import Controls
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.display import Display
+from irrsplat.app.viewer.show.magnifier import Magnifier
+from irrsplat.app.viewer.show.outline import Outline
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord
 from irrsplat.app.viewer.show.screen import Screen
 from irrsplat.app.viewer.ui.frame_times import FrameTimes
 from irrsplat.app.viewer.ui.imgui_backend import ImguiBackend
 from irrsplat.app.viewer.ui.interface import Interface
 from irrsplat.app.viewer.ui.messages_view import draw_waiting
-from irrsplat.app.viewer.window import TITLE, Desktop, open_window
+from irrsplat.app.viewer.window import TITLE, Desktop, open_window, signals
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.gpu.program import Program, programs_of
 from irrsplat.gpu.resource import Owner, Resource
@@ -31,7 +33,11 @@ from irrsplat.image.backdrop import GREY
 from irrsplat.scene.model import Camera, Scene
 
 SIZE = (1280, 720)
-_SLEEP = 0.05  # seconds that the window sleeps when nothing changes
+_SLEEP = 0.05  # seconds that the window waits for an event after a frame that shows the same as the one before
+_AWAKE = (
+    1.0  # seconds after an event in which frames go on: tooltips come late, and windows take their size from the frame before
+)
+_LOOK = 0.5  # seconds after which it looks for what comes without an event: a changed file, a finished truth
 _LEAST = 0.2  # of the budget is the core's, however slow everything else is
 _SMOOTHING = 0.3  # weight of the last frame in the running mean of what everything else takes
 
@@ -52,33 +58,36 @@ class Viewer(Owner):
         self.session = Session(wnd.ctx, scene, wnd.buffer_size, preferences.preset, preferences.values, camera)
         self.display = Display(self.session)
         self.copy = Program(wnd.ctx, "viewer/copy", "lib/fullscreen")
-        self.backend = ImguiBackend(wnd.ctx, self.scale)
+        self.outline, self.magnifier = Outline(wnd.ctx), Magnifier(wnd.ctx)
+        self.backend = ImguiBackend(wnd.ctx)
         self.actions = Actions(self.session, source, preferences, self.desktop.copy, self._programs, loading)
         self.times = FrameTimes()
         self.interface = Interface(self.actions, self.display, self.backend, self.times)
         self.controls = Controls(wnd, self.actions, self.display, self.backend)
+        self.controls.scale_changed(self.desktop.scale)
+        self.backend.windows = self.actions.appearance.windows
         self.canvas = self._canvas(wnd.buffer_size)  # the picture without the interface
         self.inspected: InspectedRecord | None = None
         self.cache_file: CacheFile | None = None
+        self._awake_until = 0.0  # time.monotonic()
+        self._shown: object = None  # what was shown last of that which changes without an event
         self._overhead = 0.0  # seconds a frame that everything but the core's tick takes, a running mean
         wnd.render_func = lambda time, frame_time: self.frame(frame_time)
         controls = self.controls
         self.desktop.listen(controls.files_dropped, controls.focus_changed, controls.scale_changed)
+        self.desktop.watch(self.wake)
+        self.wake()
         for notice in (*scene.notices, *self.session.renderers[0].notices):
             self.actions.say(notice)
 
     def owned(self) -> tuple[Resource, ...]:
         """What this frees: all but the window."""
-        return (self.session, self.display, *self.canvas.textures, self.canvas, self.copy, self.backend)
-
-    @property
-    def scale(self) -> float:
-        """How large text and widgets are in window coordinates, 1 for a plain monitor."""
-        return self.desktop.scale / self.wnd.pixel_ratio
+        drawn_over = self.outline, self.magnifier
+        return (self.session, self.display, *self.canvas.textures, self.canvas, self.copy, *drawn_over, self.backend)
 
     def _programs(self) -> list[Program]:
         """The programs that are not the session's."""
-        return [self.copy, self.backend.program, *programs_of(self.display)]
+        return [self.copy, self.backend.program, *programs_of(self.display, self.outline, self.magnifier)]
 
     def _canvas(self, size: tuple[int, int]) -> Target:
         return Target(self.ctx, size, textures=[self.ctx.texture(size, 4)])
@@ -132,8 +141,15 @@ class Viewer(Owner):
         window = Screen(self.wnd.fbo, size)
         target = self._canvas(size) if wanted == "window" else window
         self.copy(target, picture=self.canvas.textures[0])
+        if actions.editor.mesh is not None and not actions.panels.hidden:
+            self.outline(target, self.session.source(0), actions.editor.mesh, self.wnd.pixel_ratio)
+        magnified = cursor is not None and self.controls.magnifying
+        if cursor is not None and magnified:
+            self.magnifier.draw(target, self.canvas.textures[0], cursor)
+        self.controls.restyle()
         self.backend.begin(self.wnd.size, size, dt)
-        self.interface.draw(self.scale, self.inspected, cursor, own_cursor=not self.controls.looking)
+        looking = self.controls.looking
+        self.interface.draw(self.backend.scale, self.inspected, cursor, own_cursor=not looking, magnified=magnified)
         self.backend.draw(target.gl)
         if target is not window:
             self.copy(window, picture=target.textures[0])
@@ -143,18 +159,48 @@ class Viewer(Owner):
 
     # ---- from start to end -----------------------------------------------------------------------------------------
 
+    def wake(self) -> None:
+        """Something has happened: frames are drawn for a while."""
+        self._awake_until = time.monotonic() + _AWAKE
+
+    def end(self) -> None:
+        """Close the window at the next occasion."""
+        self.wnd.is_closing = True
+
+    @property
+    def still(self) -> bool:
+        """Whether another frame would show the same but for what the user does."""
+        return (self.session.at_rest and not self.controls.active) or not all(self.wnd.buffer_size)
+
+    def may_sleep(self) -> bool:
+        """Look for what comes without an event; whether nothing has to be drawn: all is still, nothing has happened for long, and
+        no message comes or goes."""
+        if not self.still or time.monotonic() < self._awake_until:
+            return False
+        self.actions.reload_changed_files()
+        self.actions.collect_truth()
+        messages = self.actions.messages
+        messages.expire()
+        traced = self.session.truths.traced
+        shown = messages.version, traced if traced is None else round(100.0 * traced), self.wnd.buffer_size
+        before, self._shown = self._shown, shown
+        return shown == before and messages.rests > 0.0 and self.session.at_rest
+
     def loop(self) -> None:
-        """Draw frames until the window closes."""
+        """Draw frames until the window closes, but none while they would show what is there already."""
         timer = Timer()
         timer.start()
         while not self.wnd.is_closing:
+            slept = False
+            while self.may_sleep() and not self.wnd.is_closing:
+                self.desktop.wait(min(_LOOK, self.actions.messages.rests))
+                slept = True
             _, dt = timer.next_frame()
             self.wnd.title = f"{self.session.scene.name} – {TITLE}"
-            self.wnd.render(timer.time, dt)
+            self.wnd.render(timer.time, _SLEEP if slept else dt)
             if not self.wnd.is_closing:
                 self.wnd.swap_buffers()
-                still = self.session.at_rest and not self.controls.active
-                if still or not all(self.wnd.buffer_size):
+                if self.still:
                     self.desktop.wait(_SLEEP)
 
     def close(self, remember: bool = True) -> str | None:
@@ -162,6 +208,7 @@ class Viewer(Owner):
         problem = None
         if remember:
             fullscreen = self.wnd.fullscreen
+            self.actions.appearance.windows = self.backend.windows
             problem = self.actions.save_preferences(None if fullscreen else self.wnd.size, fullscreen)
             problem = (self.cache_file.save() if self.cache_file is not None else None) or problem
         self.release()
@@ -208,9 +255,13 @@ def run(
     """Open the window on `scene` and stay until it closes; None, or what could not be remembered.
 
     notices: lines to show at first. cache: the file that its records are kept in. loading: how `scene` was read. Raises
-    GLError where no window can be had, and InputError where there is such a file, but not of this scene and these settings.
+    GLError where no window can be had, and InputError for a size that none can have, and where there is such a file, but not of
+    this scene and these settings.
     """
     wnd = open_window(size or preferences.size or SIZE)
+    if size is not None and not wnd.headless and (smaller := (wnd.width, wnd.height)) != size:
+        takes = f"{smaller[0]}x{smaller[1]} pixels, as large as the screen takes"
+        notices = [*notices, f"the window is {takes}, not {size[0]}x{size[1]}"]
     try:
         announce(wnd, scene)
         viewer = Viewer(wnd, scene, source, preferences, camera, loading)
@@ -218,7 +269,8 @@ def run(
             viewer.actions.say(notice)
         try:
             viewer.cache_file = None if cache is None else CacheFile(cache, viewer.actions)
-            viewer.loop()
+            with signals(viewer.end):
+                viewer.loop()
         finally:
             problem = viewer.close()
         return problem

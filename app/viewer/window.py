@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import signal
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import moderngl_window
 from moderngl_window.context.base import BaseWindow
 
-from irrsplat.core.errors import GLError
+from irrsplat.core.errors import GLError, InputError
 from irrsplat.gpu import context
 
 TITLE = "irrsplat"
+LARGEST = 16384  # pixels: a window's side; X takes 32767, and OpenGL's textures are seldom larger than this
+_EVENTS = (  # glfw's names of what may change what is shown
+    *("key", "char", "cursor_pos", "mouse_button", "scroll", "cursor_enter", "drop", "window_size", "window_focus"),
+    *("window_iconify", "window_content_scale", "window_refresh", "framebuffer_size"),
+)
 _NO_DISPLAY = (
     "no display to open a window on; irrsplat render draws without one, "
     "and xvfb-run -a irrsplat view opens it in memory (sudo apt-get install -y xvfb xauth)"
@@ -20,10 +27,15 @@ _NO_DISPLAY = (
 
 
 def open_window(size: tuple[int, int], headless: bool = False) -> BaseWindow:
-    """A window with an OpenGL 3.3 context, current. headless: without a display, for tests; events are then made by calls.
+    """A window with an OpenGL 3.3 context, current; no larger than the screen. headless: without a display, for tests; events are
+    then made by calls.
 
-    Raises GLError, one line, where there is no display or no OpenGL 3.3.
+    Raises InputError for a size beyond LARGEST, GLError, one line, where there is no display or no OpenGL 3.3.
     """
+    if max(size) > LARGEST:
+        raise InputError(f"a window of {size[0]}x{size[1]} pixels cannot be; each side takes at most {LARGEST}")
+    screen = None if headless else screen_size()
+    size = within_screen(size, screen)
     window = moderngl_window.get_local_window_cls("headless" if headless else "glfw")
     options: dict[str, Any] = {"backend": "egl"} if headless else {}
     try:
@@ -39,8 +51,26 @@ def open_window(size: tuple[int, int], headless: bool = False) -> BaseWindow:
         from moderngl_window.context.glfw.keys import Keys
 
         wnd.keys = Keys  # the headless window has none of its own
+    if within_screen(wnd.size, screen) != wnd.size:  # glfw makes it larger on a monitor of a larger scale
+        wnd.size = within_screen(wnd.size, screen)
     moderngl_window.activate_context(window=wnd)
     return wnd
+
+
+def screen_size() -> tuple[int, int] | None:
+    """The size of the main screen; None where there is none to be found."""
+    import glfw
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        monitor = glfw.get_primary_monitor() if glfw.init() else None
+        mode = glfw.get_video_mode(monitor) if monitor else None
+    return None if mode is None else (int(mode.size.width), int(mode.size.height))
+
+
+def within_screen(size: tuple[int, int], screen: tuple[int, int] | None) -> tuple[int, int]:
+    """A window's size, no larger than the screen in width and height."""
+    return size if screen is None else (min(size[0], screen[0]), min(size[1], screen[1]))
 
 
 class Desktop:
@@ -91,3 +121,35 @@ class Desktop:
             import glfw
 
             glfw.wait_events_timeout(seconds)
+
+    def watch(self, noticed: Callable[[], None]) -> None:
+        """Set what is called, before all else, at every event of the window, its being uncovered too; after `listen`."""
+        if self._window is None:
+            return
+        import glfw
+
+        def first(plain: Callable[..., Any] | None) -> Callable[..., None]:
+            def call(*values: Any) -> None:
+                noticed()
+                if plain is not None:
+                    plain(*values)
+
+            return call
+
+        for kind in _EVENTS:
+            set_callback = getattr(glfw, f"set_{kind}_callback")
+            plain = set_callback(self._window, None)
+            set_callback(self._window, first(plain))
+
+
+@contextmanager
+def signals(called: Callable[[], None]) -> Iterator[None]:
+    """While this lasts, `called` is called where the system asks the program to end (SIGTERM), or its terminal is gone (SIGHUP,
+    where there is that)."""
+    numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    before = {number: signal.signal(number, lambda *_: called()) for number in numbers}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

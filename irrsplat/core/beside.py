@@ -4,22 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator
 from concurrent.futures import Future, wait
-from threading import Lock, Thread
+from threading import Semaphore, Thread
 from typing import TypeVar
 
 Result = TypeVar("Result")
 Share = TypeVar("Share")
 
 _STEP = 0.01  # seconds that one step waits at most
-_one_at_a_time = Lock()  # so that what quick changes leave unfinished does not pile up
+_AT_ONCE = 2  # works: a scene's tree is built while its surfaces are cut; more would be what quick changes leave unfinished
+_free = Semaphore(_AT_ONCE)
 
 
 def started(work: Callable[[], Result]) -> Future[Result]:
-    """Begin `work` in a thread, after what was started before it; what it returns or raises is in the future."""
+    """Begin `work` in a thread, once at most one other goes on; what it returns or raises is in the future."""
     future: Future[Result] = Future()
 
     def run() -> None:
-        with _one_at_a_time:
+        with _free:
             if not future.set_running_or_notify_cancel():
                 return
             try:

@@ -133,6 +133,7 @@ class LightRow(IntEnum):
 
 
 LIGHT_ROWS = LightRow.TILE + 3  # of a light in the table
+LUMINAIRE_ROWS = 3  # of a light in the table of luminaires, see irrsplat/lighting/luminaire_table.py
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,20 +142,22 @@ class ShadowMaps:
 
     depth: depth texture of all tiles. table: (LIGHT_ROWS·lights, 4) float, one light of zeros for none; LightRow says what the
     rows are. layout: a tile's side in texels, the tiles per row, and the near plane of the perspective ones in metres.
+    luminaires, photometry: the rows and the R32F texture of irrsplat/lighting/luminaire_table.py; None where no light is one.
     """
 
     depth: moderngl.Texture
     table: np.ndarray
     layout: tuple[float, float, float]
+    luminaires: np.ndarray | None = None
+    photometry: moderngl.Texture | None = None
 
     @property
     def uniforms(self) -> Uniforms:
         """The uniforms that shaders/lighting/lights.glsl declares."""
-        return {
-            "light_table": self.table,
-            "shadow_depth": self.depth,
-            "shadow_layout": self.layout,
-        }
+        plain = {"light_table": self.table, "shadow_depth": self.depth, "shadow_layout": self.layout}
+        if self.photometry is None:
+            return plain
+        return {**plain, "luminaire_table": self.luminaires, "photometry": self.photometry}
 
 
 TriangleOrder = Literal["scene", "tree"]  # triangles are numbered as in the scene, or as the tree of rays counts them
@@ -242,6 +245,7 @@ class Atlas:
     that frame and, w, its number in the cache.
     count: the number of records. block: the texels that the first reduction step sums at once, as (width, height).
     light_samples: the light samples that are to be taken as well; (i, 4) of frames is then where record i looks from.
+    rays: like the table, with the directions in which the texels look; None: those of the table.
     """
 
     radiance: moderngl.Texture
@@ -254,6 +258,7 @@ class Atlas:
     cell: tuple[int, int]
     block: tuple[int, int]
     light_samples: LightSamples | None = None
+    rays: moderngl.Texture | None = None
 
 
 @dataclass(frozen=True, eq=False)

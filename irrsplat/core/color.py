@@ -1,4 +1,4 @@
-"""Colour: sRGB encoding and decoding, luminance, and clipping."""
+"""Colour: sRGB encoding and decoding, luminance and photometric units, and clipping."""
 
 from __future__ import annotations
 
@@ -9,6 +9,9 @@ import numpy as np
 
 MID_GREY = 0.18  # reflectance that looks halfway between black and white
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # Rec. 709
+# The lumens that a watt of white light is taken for, as Radiance does (WHTEFFICACY in its color.h; Ward 1994): photometric units
+# are radiometric ones times this, colours weighted by LUMINANCE.
+LUMINOUS_EFFICACY = 179.0
 
 
 class Srgb(NamedTuple):
@@ -39,6 +42,12 @@ def srgb(linear: np.ndarray) -> np.ndarray:
     curved = (1.0 + c.offset) * np.maximum(x, c.linear_end) ** (1 / c.power) - c.offset
     encoded: np.ndarray = np.where(x <= c.linear_end, c.slope * x, curved)
     return encoded
+
+
+def photometric(values: np.ndarray) -> np.ndarray:
+    """(…) lux, cd/m², cd or lm for (…, 3) W/m², W/(m² sr), W/sr or W of red, green and blue."""
+    found: np.ndarray = LUMINOUS_EFFICACY * (values @ LUMINANCE.astype(values.dtype))
+    return found
 
 
 def clip_color(values: Sequence[float] | np.ndarray) -> tuple[float, float, float]:

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import difflib
 import os
+from collections.abc import Iterable
+
+_ALIKE = 0.6  # how much a word has of a name, 0..1 as difflib counts it, where that is probably meant
 
 
 class IrrsplatError(Exception):
@@ -22,3 +26,16 @@ class InputError(IrrsplatError):
 
 class GLError(IrrsplatError):
     """There is no OpenGL here, or less of it than is needed; the message says how to mend that."""
+
+
+def nearest(word: str, names: Iterable[str]) -> str:
+    """The one of `names` that `word` is most like, whatever its case; empty where none is like it."""
+    known = {name.lower().lstrip("-"): name for name in names}
+    found = difflib.get_close_matches(word.lower().lstrip("-"), known, n=1, cutoff=_ALIKE)
+    return known[found[0]] if found else ""
+
+
+def did_you_mean(word: str, names: Iterable[str]) -> str:
+    """What stands behind a wrong `word` in an error: the one of `names` that was probably meant; empty where none is like it."""
+    found = nearest(word, names)
+    return f" (did you mean '{found}'?)" if found else ""

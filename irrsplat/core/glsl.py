@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from irrsplat.core import material_layout, record_layout, vertex_layout
-from irrsplat.core.buffers import FILMIC, LIGHT_ROWS, NOTHING_SEEN, LightRow
+from irrsplat.core.buffers import FILMIC, LIGHT_ROWS, LUMINAIRE_ROWS, NOTHING_SEEN, LightRow
 from irrsplat.core.color import LUMINANCE, SRGB
 from irrsplat.core.material_layout import MATERIAL_ROWS, MaterialRow
 
@@ -13,7 +13,8 @@ TABLE_COLUMNS = 1024  # items in a row of every table that shaders look things u
 NEIGHBOUR_STRIDE = 4096  # a texel's neighbour is packed into one float as row·NEIGHBOUR_STRIDE + column (gather/hemicube.py)
 VIEW_ROWS = 8  # rows of numbers that describe a face through which a record looks, see shaders/gather/raster_views.glsl
 MAX_EMITTER_CLUSTERS = 32  # of emissive triangles, among which light samples are shared out
-HIDDEN_OTHERWISE = 3  # of a cell of the surface cache: which corners are hidden from each other is more than 0..2 can tell
+SKY_RAY_TEXELS = 3.0  # a ray looks at texels of this share of its solid angle: once interpolated, they are as wide as it is
+FALSE_COLOURS = 64  # of the scale that light is shown by in the viewer
 
 CONSTANTS: dict[str, int | float | tuple[float, ...]] = {
     "PI": math.pi,
@@ -23,10 +24,12 @@ CONSTANTS: dict[str, int | float | tuple[float, ...]] = {
     "TABLE_SHIFT": TABLE_COLUMNS.bit_length() - 1,
     "NEIGHBOUR_STRIDE": NEIGHBOUR_STRIDE,
     "VIEW_ROWS": VIEW_ROWS,
-    "HIDDEN_OTHERWISE": HIDDEN_OTHERWISE,
     "MAX_EMITTER_CLUSTERS": MAX_EMITTER_CLUSTERS,
+    "FALSE_COLOURS": FALSE_COLOURS,
+    "SKY_RAY_TEXELS": SKY_RAY_TEXELS,
     "NOTHING_SEEN": NOTHING_SEEN,
     "LIGHT_ROWS": LIGHT_ROWS,
+    "LUMINAIRE_ROWS": LUMINAIRE_ROWS,
     **{f"LIGHT_{row.name}": row.value for row in LightRow},
     "MATERIAL_ROWS": MATERIAL_ROWS,
     **{f"MATERIAL_{row.name}": row.value for row in MaterialRow},

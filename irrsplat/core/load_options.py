@@ -1,4 +1,4 @@
-"""What a caller of `load` decides about a file: which axis is up, which edges stay sharp, and at what time it is posed."""
+"""What a caller of `load` decides about a file: which axis is up, which edges stay sharp, its time, and what sky it has."""
 
 from __future__ import annotations
 
@@ -19,12 +19,14 @@ class LoadOptions:
 
     up_axis: which axis of the world points up; "auto": as the format or the file's exporter has it. crease_angle: degrees, 0 to
     180; where a file has no normals, edges between triangles that meet at less are smooth. time: seconds into the file's
-    animation, 0 or more, at which it is posed; None: the stored pose.
+    animation, 0 or more, at which it is posed; None: the stored pose. sky: what lights it from all around in place of its own sky
+    or of what stands in, in the words that follow `sky` in a `.scene`; None: what the file has.
     """
 
     up_axis: UpAxis = "auto"
     crease_angle: float = CREASE_ANGLE
     time: float | None = None
+    sky: str | None = None
 
     def __post_init__(self) -> None:
         if self.up_axis not in UP_AXES:
@@ -33,6 +35,8 @@ class LoadOptions:
             raise InputError(f"crease_angle lies between 0 and 180 degrees, not {self.crease_angle!r}")
         if self.time is not None and not _within(self.time, math.inf):
             raise InputError(f"time is a number of seconds, 0 or more, not {self.time!r}")
+        if self.sky is not None and not isinstance(self.sky, str):
+            raise InputError(f"sky is a text such as '1 1 1', 'studio.hdr' or 'cie overcast lux 10000', not {self.sky!r}")
 
 
 def _within(value: object, most: float) -> bool:

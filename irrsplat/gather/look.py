@@ -17,7 +17,7 @@ from irrsplat.gather.reduce import ReducePass
 from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
-from irrsplat.lighting.sky import sky_uniforms
+from irrsplat.lighting.sky import sky_maps, sky_uniforms
 from irrsplat.records.record_cache import RecordCache
 
 
@@ -68,11 +68,11 @@ def gather_records(
     As many at once as the gather takes. timers: count the stages "gather" and "reduce". Returns what the last batch saw, None for
     no records.
     """
-    atlas = None
+    atlas, sky = None, sky_uniforms(gather.world.scene, sky_maps(gather.world))
     for first in range(0, len(numbers), gather.capacity):
         batch = numbers[first : first + gather.capacity]
         with timers("gather") if timers else nullcontext():
             atlas = gather(light, cache.sites(batch), batch, seed)
         with timers("reduce") if timers else nullcontext():
-            reduce(atlas, cache.records, sky_uniforms(gather.world.scene), gather.radii)
+            reduce(atlas, cache.records, sky, gather.radii)
     return atlas

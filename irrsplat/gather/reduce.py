@@ -8,13 +8,16 @@ from __future__ import annotations
 from typing import Any
 
 import moderngl
+import numpy as np
 
 from irrsplat.core.buffers import Atlas, Records, Uniforms
+from irrsplat.core.color import LUMINANCE
 from irrsplat.core.record_layout import GATHERED
 from irrsplat.gather.light_samples import LightSamplePass
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
+from irrsplat.lighting.sky import sky_defines
 from irrsplat.settings import WIDE
 
 _SUMS = (
@@ -27,6 +30,7 @@ _SUMS = (
     "sums_g_g",
     "sums_g_b",
 )  # as reduce_blocks.frag has them
+_STEPS = 2.2  # times more than E is off is what its steps from ray to ray add up to, as measured
 
 
 class ReducePass(Owner):
@@ -36,15 +40,16 @@ class ReducePass(Owner):
         self.ctx = ctx
         defines = {"GRADIENTS": int(gradients)}
         self.components = (4, 2, 4, 4, 4, 4, 4, 4) if gradients else (4, 2)
-        self.blocks = Program(ctx, "gather/reduce_blocks", "lib/fullscreen", defines)
+        self.blocks = [Program(ctx, "gather/reduce_blocks", "lib/fullscreen", defines | {"SKY_MAP": m}) for m in (0, 1)]
         self.total = Program(ctx, "gather/reduce_total", defines=defines | {"WIDE": WIDE})
         self.light_samples = LightSamplePass(ctx, gradients)
-        self.target: Target | None = None
+        self.targets: dict[tuple[int, int], Target] = {}  # by their size, which an atlas decides
+        self.target: Target | None = None  # the last call's
         self.out: Target | None = None  # the cache's own textures
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.blocks, self.total, self.light_samples, self.target, self.out)
+        return (*self.blocks, self.total, self.light_samples, *self.targets.values(), self.out)
 
     def __call__(self, atlas: Atlas, records: Records, sky: Uniforms, radii: tuple[float, float]) -> None:
         """Write E, R, M and ∇E of the atlas's records into `records`, each at its number; R is kept within `radii`.
@@ -52,14 +57,15 @@ class ReducePass(Owner):
         sky: the uniforms of shaders/lighting/sky.glsl.
         """
         size = atlas.radiance.width // atlas.block[0], atlas.radiance.height // atlas.block[1]
-        if self.target is None or self.target.size != size:
-            if self.target is not None:
-                self.target.release()
-            self.target = Target(self.ctx, size, self.components)
+        if size not in self.targets:
+            self.targets[size] = Target(self.ctx, size, self.components)
+        self.target = self.targets[size]
         per_cell = atlas.cell[0] // atlas.block[0], atlas.cell[1] // atlas.block[1]
         across, down = min(atlas.count, atlas.columns), -(-atlas.count // atlas.columns)
         used = (0, 0, across * per_cell[0], down * per_cell[1])
-        self.blocks(
+        mapped = sky_defines(sky)["SKY_MAP"]
+        looks: Uniforms = {"rays": atlas.rays or atlas.table} if mapped else {}
+        self.blocks[mapped](
             self.target,
             scissor=used,
             radiance=atlas.radiance,
@@ -71,6 +77,7 @@ class ReducePass(Owner):
             block=atlas.block,
             columns=atlas.columns,
             **sky,
+            **looks,
         )
         self.light_samples(self.target, atlas, per_cell, used)
         sums: dict[str, Any] = dict(zip(_SUMS, self.target.textures, strict=False))
@@ -90,3 +97,18 @@ class ReducePass(Owner):
             table=records.size,
             radii=radii,
         )
+
+    def noise(self, atlas: Atlas) -> np.ndarray:
+        """(N,) how far off the luminance of E is by its few rays, relative: of the last call's `atlas`, which saw by rays.
+
+        Told by how much radiance steps from ray to ray; light samples do not count. It needs gradients.
+        """
+        assert self.target is not None
+        down, across = atlas.cell[1] // atlas.block[1], atlas.cell[0] // atlas.block[0]
+        light, rest = (
+            self.target.read(i)[::-1].reshape(-1, down, self.target.size[0] // across, across, 4).sum((1, 3)).reshape(-1, 4)
+            for i in (_SUMS.index("sums"), _SUMS.index("sums_g_b"))
+        )
+        Y = light[: atlas.count, :3] @ LUMINANCE
+        noise: np.ndarray = np.sqrt(rest[: atlas.count, 3]) / _STEPS / np.maximum(Y, 1e-20)
+        return noise

@@ -56,6 +56,8 @@ class TraceGather(Gather):
         self.directions = table[..., :3].reshape(-1, 3)  # their directions in a record's frame
         self.table = table_texture(ctx, table)
         self.edges = table_texture(ctx, stratum_edges(self.side))
+        rays = np.concatenate([ray_directions(self.side).reshape(*table.shape[:2], 3), table[..., 3:]], axis=-1)
+        self.looks = table_texture(ctx, rays)
         self.emitters = EmitterSearch(world, light_samples, self.share.size / np.pi, strata=True, apart=emitters_apart)
         self.program = Program(
             ctx,
@@ -71,19 +73,19 @@ class TraceGather(Gather):
             },
         )
         self.outputs = (4, 4, 4, 4) if hits else (4, 4)
-        limit, rays = int(ctx.info["GL_MAX_TEXTURE_SIZE"]), self.share.size
+        limit, count = int(ctx.info["GL_MAX_TEXTURE_SIZE"]), self.share.size
         self.columns, self.capacity = atlas_grid(self.cell, capacity, limit)
         self.first_hits: moderngl.Texture | None = None
         if embree:
             self.rays = ray_directions(self.side)
-            self.columns, self.capacity = atlas_grid(self.cell, min(self.capacity, limit * TABLE_COLUMNS // rays), limit)
-            self.first_hits = integer_texture(ctx, (TABLE_COLUMNS, -(-self.capacity * rays // TABLE_COLUMNS)))
+            self.columns, self.capacity = atlas_grid(self.cell, min(self.capacity, limit * TABLE_COLUMNS // count), limit)
+            self.first_hits = integer_texture(ctx, (TABLE_COLUMNS, -(-self.capacity * count // TABLE_COLUMNS)))
         self.target: Target | None = None
         self.frames = float_texture(ctx, (self.capacity, 5))
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.table, self.edges, self.program, self.target, self.frames, self.first_hits)
+        return (self.table, self.edges, self.looks, self.program, self.target, self.frames, self.first_hits)
 
     def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
         """What records at `sites` (at most `capacity`) see; `numbers` (N,) are theirs in the cache."""
@@ -110,13 +112,25 @@ class TraceGather(Gather):
                     columns=self.columns,
                     near=self.offset,
                     **hits,
-                    **(self.world.trace_uniforms | light.uniforms(self.triangle_order)),
+                    **(self.world.trace_uniforms | self.world.box_uniforms | light.uniforms(self.triangle_order)),
                     **self.emitters.ray_uniforms(self.triangle_order),
                 )
         block = (self.side // 4, self.side // 4)
         radiance, planes = self.target.textures[:2]
         samples = self.emitters.light_samples
-        return Atlas(radiance, planes, self.table, self.edges, self.frames, count, self.columns, self.cell, block, samples)
+        return Atlas(
+            radiance,
+            planes,
+            self.table,
+            self.edges,
+            self.frames,
+            count,
+            self.columns,
+            self.cell,
+            block,
+            samples,
+            self.looks,
+        )
 
     def _trace(self, rows: np.ndarray) -> Uniforms:
         """Have Embree trace the rays of records with these rows of `frames`; the uniforms that tell what they hit."""

@@ -64,6 +64,10 @@ class BvhTable(Owner):
         before, self._tables = self._tables, _tables(self.ctx, vertices, faces, self.counts, None)
         before.release()
 
+    def repaint(self, vertices: np.ndarray) -> None:
+        """The same triangles with other materials."""
+        self._tables.vertices.write(table_rows(vertex_texels(vertices)).astype("f4").tobytes())
+
     @property
     def corners(self) -> np.ndarray:
         """(F, 3, 3) float32: the triangles' corners in metres, in the scene's order."""

@@ -36,6 +36,10 @@ class MeshletGeometry(Owner):
         self.vertex_table.write(table_rows(vertex_texels(rows)).astype("f4").tobytes())
         self._cut(rows, faces)
 
+    def repaint(self, rows: np.ndarray) -> None:
+        """Follow the Geometry, whose vertices have other materials at the same places."""
+        self.vertex_table.write(table_rows(vertex_texels(rows)).astype("f4").tobytes())
+
     def _cut(self, rows: np.ndarray, faces: np.ndarray) -> None:
         corners, solid = vertex_column(rows, "position")[faces], self.counts.solid
         parts = cut(corners[:solid]), cut(corners[solid : self.counts.lit])
@@ -110,6 +114,14 @@ class Geometry(Owner):
         self.planes.write(_planes(self.corners.astype(float)).astype("f4").tobytes())
         if self._meshlet_geometry is not None:
             self._meshlet_geometry.update(vertices, faces)
+
+    def repaint(self, vertices: np.ndarray) -> None:
+        """Give the vertices other materials: as many as before, at the same places."""
+        if not len(vertices):
+            return
+        self.vertices.write(np.ascontiguousarray(vertices, "f4").tobytes())
+        if self._meshlet_geometry is not None:
+            self._meshlet_geometry.repaint(vertices)
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""

@@ -8,6 +8,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import Uniforms
+from irrsplat.core.errors import InputError
 from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.core.material_layout import MATERIAL_ROWS, WRAPS, MaterialRow
 from irrsplat.core.vectors import triangle_areas
@@ -32,15 +33,32 @@ class MaterialTable(Owner):
         self.ctx, self._cut_out = ctx, face_counts(scene).cut_out > 0
         memory = min(_LAYER_SHARE * (texture_memory << 20), _MOST_LAYER_BYTES)
         self.plan = plan(_by_area(scene), memory, int(ctx.info["GL_MAX_ARRAY_TEXTURE_LAYERS"]))
+        self.texture = table_texture(ctx, self._rows(scene))
+
+    def _rows(self, scene: Scene) -> np.ndarray:
+        """The texels of the table. Raises InputError where a material wears a texture that the scene has not been loaded with."""
         lines = -(-max(len(scene.materials), 1) // TABLE_COLUMNS)
         rows = np.zeros((lines, TABLE_COLUMNS, MATERIAL_ROWS, 4), "f4")
         for material, i in scene.materials.items():
             row = rows[i // TABLE_COLUMNS, i % TABLE_COLUMNS]
             row[MaterialRow.EMISSION] = (*material.emission, material.light_cutoff)
             albedo, emission = layer_keys(material)
+            if any(key is not None and key not in self.plan.layers and key not in self.plan.means for key in (albedo, emission)):
+                raise InputError("a mesh cannot get another texture or another opacity of one; load the scene anew with it")
             row[MaterialRow.ALBEDO_TEXTURE :][:3] = _texture_rows(material.albedo_texture, albedo, self.plan)
             row[MaterialRow.EMISSION_TEXTURE :][:3] = _texture_rows(material.emission_texture, emission, self.plan)
-        self.texture = table_texture(ctx, rows.swapaxes(1, 2).reshape(-1, TABLE_COLUMNS, 4))
+        texels: np.ndarray = rows.swapaxes(1, 2).reshape(-1, TABLE_COLUMNS, 4)
+        return texels
+
+    def update(self, scene: Scene) -> None:
+        """Hold the materials of the same scene, repainted, which wear the same textures; raises InputError, and stays as it is,
+        where they do not."""
+        rows = self._rows(scene)
+        if self.texture.height == len(rows):
+            self.texture.write(rows.astype("f4").tobytes())
+        else:
+            before, self.texture = self.texture, table_texture(self.ctx, rows)
+            before.release()
 
     @property
     def defines(self) -> dict[str, int]:

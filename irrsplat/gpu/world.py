@@ -11,13 +11,15 @@ import numpy as np
 
 from irrsplat.core.beside import done, started
 from irrsplat.core.buffers import Uniforms
+from irrsplat.core.errors import InputError
 from irrsplat.core.vertex_layout import vertex_column
 from irrsplat.gpu.bvh_table import BvhTable, tree_of
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.material_table import MaterialTable
 from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.scene.change import SceneChange
 from irrsplat.scene.flatten import flatten
-from irrsplat.scene.looks import runs
+from irrsplat.scene.looks import numbered_alike, runs
 from irrsplat.scene.model import Mesh, Scene
 from irrsplat.scene.ray_caster import RayCaster
 from irrsplat.scene.seen_by_light import face_counts
@@ -58,6 +60,12 @@ class World(Owner):
     def gather_uniforms(self) -> Uniforms:
         """What shaders need that draw the triangles as light meets them: their planes, materials and textures."""
         return self.geometry.uniforms | self.materials.light_uniforms
+
+    @property
+    def box_uniforms(self) -> Uniforms:
+        """The corners of the scene's bounding box, beyond which nothing is lit."""
+        low, high = (tuple(map(float, corner)) for corner in self._scene.bounds)
+        return {"low": low, "high": high}
 
     @property
     def trace_uniforms(self) -> Uniforms:
@@ -114,18 +122,37 @@ class World(Owner):
         return not caster or bool(wait([self._casting()], max(end - time.perf_counter(), 0.0)).done)
 
     def set_scene(self, scene: Scene) -> None:
-        """Go on with the same meshes, lit otherwise or elsewhere; where they have moved, the triangles are uploaded again and the
-        tree is built anew."""
+        """Go on with the same meshes, lit otherwise, elsewhere or repainted; where they have moved, the triangles are uploaded
+        again and the tree is built anew. Raises InputError, and stays as it was, for materials by which triangles would be
+        numbered otherwise, or that wear other textures."""
         if self._uploaded is not scene.meshes:
-            vertices, faces, _ = flatten(scene)
+            change = SceneChange.between(self._scene, scene)
+            if change.repainted and not numbered_alike(self._scene, scene):
+                raise InputError(
+                    "a mesh cannot get a material by which light passes it otherwise, or by which it is drawn otherwise; load "
+                    "the scene anew with it"
+                )
             before, self._uploaded = self._uploaded, None
+            vertices, faces, _ = flatten(scene)
+            moved = bool(change.moved) or before is None
             try:
-                self._planted = None
-                if self._tree is not None:
-                    self._tree.update(vertices, faces)
+                if change.repainted or before is None:
+                    self.materials.update(scene)
+                if moved:
+                    self._planted = None
+                    if self._tree is not None:
+                        self._tree.update(vertices, faces)
             except Exception:  # it is as it was; only an interruption may come after that
-                self._uploaded = before
+                self._uploaded = None if change.repainted else before
                 raise
-            self.geometry.update(vertices, faces)
+            if moved:
+                self.geometry.update(vertices, faces)
+            else:
+                self.geometry.repaint(vertices)
+                if self._tree is not None:
+                    self._tree.repaint(vertices)
+            found = runs(scene)
+            if found != self.runs:
+                self.runs = found
             self._uploaded = scene.meshes
         self._scene = scene

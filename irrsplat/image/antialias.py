@@ -23,6 +23,7 @@ from irrsplat.image.jitter import jittered, sample_offset
 from irrsplat.image.view import View
 from irrsplat.indirect.splat import SplatPass, splat_target
 from irrsplat.lighting.direct import DirectPass, Headlamp
+from irrsplat.lighting.sky import sky_defines
 from irrsplat.records.culling import reaching
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.settings import Settings
@@ -165,13 +166,13 @@ class MeanPass(Owner):
     """Keeps the means of image, direct, indirect, emission and alpha over the samples of a view of `size` (width, height)."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
-        self.program = Program(ctx, "image/accumulate", "lib/fullscreen")
+        self.programs = [Program(ctx, "image/accumulate", "lib/fullscreen", {"SKY_MAP": map_}) for map_ in (0, 1)]
         self.no_filters = NoFilters(ctx)
         self.target = Target(ctx, size, (4, 4, 4, 4, 1))
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.program, self.target, self.no_filters)
+        return (*self.programs, self.target, self.no_filters)
 
     def __call__(
         self,
@@ -189,7 +190,7 @@ class MeanPass(Owner):
         behind: the uniforms of shaders/image/backdrop.glsl for the sample. mix: weights of direct and of indirect
         light in the image.
         """
-        self.program(
+        self.programs[sky_defines(behind)["SKY_MAP"]](
             self.target,
             state=DrawState(blend="over") if number > 1 else DrawState(),  # old·(1 - share) + new·share
             position=gbuffer.position,

@@ -10,7 +10,7 @@ import numpy as np
 from irrsplat.core.buffers import Uniforms
 from irrsplat.image.jitter import JitteredCamera
 from irrsplat.image.tonemap import tonemap
-from irrsplat.lighting.sky import sky_uniforms
+from irrsplat.lighting.sky import SkyMaps, sky_uniforms
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import Settings
 
@@ -23,23 +23,33 @@ _ENDS = {"grey": GREY, "black": (_BLACK, _BLACK), "white": (_WHITE, _WHITE), "cl
 
 @dataclass(frozen=True)
 class Backdrop:
-    """What a camera sees where there is no surface. kind: what it is; scene: whose sky there is, seen or not.
+    """What a camera sees where there is no surface. kind: what it is; scene: whose sky there is, seen or not; maps: of that sky.
 
     Only a sky is light: of all others the buffers hold nothing, and the display puts them behind the picture by its coverage.
     """
 
     kind: BackdropKind = "sky"
     scene: Scene = Scene((), (), ())
+    maps: SkyMaps | None = None
+
+    @property
+    def sky_uniforms(self) -> Uniforms:
+        """The uniforms of shaders/lighting/sky.glsl."""
+        return sky_uniforms(self.scene, self.maps)
 
     def uniforms(self, camera: Camera, size: tuple[int, int]) -> Uniforms:
         """The uniforms of shaders/image/backdrop.glsl for a view of `size` (width, height)."""
-        return {**sky_uniforms(self.scene), "sky_is_seen": int(self.kind == "sky"), "pixel_rays": pixel_rays(camera, size)}
+        seen: Uniforms = {} if self.maps is None else {"sky_seen": self.maps.seen}
+        where: Uniforms = {"sky_is_seen": int(self.kind == "sky"), "pixel_rays": pixel_rays(camera, size)}
+        return {**self.sky_uniforms, **seen, **where}
 
     @property
     def sky_terms(self) -> int:
-        """0: no radiance comes from it; 1: the same from everywhere; 2: more from above."""
+        """0: no radiance comes from it; 1: the same from everywhere; 2: more from above; 3: a map has it."""
         if self.kind != "sky":
             return 0
+        if self.maps is not None:
+            return 3
         return 2 if any(self.scene.sky_gradient) else int(any(self.scene.sky))
 
     def radiance(self, camera: Camera, size: tuple[int, int]) -> np.ndarray:
@@ -48,7 +58,9 @@ class Backdrop:
             return np.zeros((size[1], size[0], 3), np.float32)
         x, y = np.meshgrid(np.arange(size[0]) + 0.5, np.arange(size[1])[::-1] + 0.5)
         ways = np.stack([x, y, np.ones_like(x)], -1) @ pixel_rays(camera, size).T
-        return self.scene.sky_radiance(ways / np.linalg.norm(ways, axis=-1, keepdims=True)).astype(np.float32)
+        away = np.linalg.norm(ways, axis=-1)
+        solid = (camera.screen / size[1]) ** 2 / away**3  # of a pixel; its rays have length 1 along the view axis
+        return self.scene.sky_radiance(ways / away[..., None], solid).astype(np.float32)
 
     @property
     def ends(self) -> tuple[tuple[float, float, float], tuple[float, float, float]]:
@@ -56,12 +68,12 @@ class Backdrop:
         return _ENDS.get(self.kind, (_BLACK, _BLACK))
 
 
-def backdrop_of(scene: Scene, settings: Settings) -> Backdrop:
+def backdrop_of(scene: Scene, settings: Settings, maps: SkyMaps | None = None) -> Backdrop:
     """What the setting `backdrop` asks for; "auto" is the sky where the scene's file has one of its own, else grey."""
     kind = settings.backdrop
     if kind == "auto":
         kind = "sky" if scene.own_sky else "grey"
-    return Backdrop(kind, scene)  # type: ignore[arg-type]  # the setting's choices
+    return Backdrop(kind, scene, maps)  # type: ignore[arg-type]  # the setting's choices
 
 
 def pixel_rays(camera: Camera, size: tuple[int, int]) -> np.ndarray:

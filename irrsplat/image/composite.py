@@ -13,7 +13,7 @@ from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target, table_texture
 from irrsplat.image.backdrop import Backdrop
 from irrsplat.image.tonemap import automatic_exposure
-from irrsplat.lighting.sky import sky_uniforms
+from irrsplat.lighting.sky import sky_defines
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
 
@@ -42,13 +42,18 @@ class CompositePass(Owner):
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.size = size
-        self.fill = Program(ctx, "image/composite_fill", "lib/fullscreen")
+        self.fills = [Program(ctx, "image/composite_fill", "lib/fullscreen", {"SKY_MAP": map_}) for map_ in (0, 1)]
         self.smooth = Program(ctx, "image/composite_smooth", "lib/fullscreen")
         self.add = Program(ctx, "image/add_emitters", "lib/fullscreen")
-        self.blends = {  # by whether there are filters, whether any surface emits, and Backdrop.sky_terms; for filters always 2
-            kind: Program(ctx, "image/composite", "lib/fullscreen", dict(zip(("FILTERS", "EMISSIVE", "SKY"), kind, strict=True)))
-            for kind in product((0, 1), (0, 1), (0, 1, 2))
-            if kind[2] == 2 or not kind[0]
+        self.blends = {  # by whether there are filters, whether any surface emits, and Backdrop.sky_terms; for filters 2 or 3
+            (filters, emissive, sky): Program(
+                ctx,
+                "image/composite",
+                "lib/fullscreen",
+                {"FILTERS": filters, "EMISSIVE": emissive, "SKY": sky, "SKY_MAP": int(sky == 3)},
+            )
+            for filters, emissive, sky in product((0, 1), (0, 1), (0, 1, 2, 3))
+            if sky >= 2 or not filters
         }
         self.meter = Program(ctx, "image/composite_meter", "lib/fullscreen")
         self.display = Program(ctx, "image/composite_display", "lib/fullscreen")
@@ -64,7 +69,7 @@ class CompositePass(Owner):
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        programs = self.fill, self.smooth, self.add, *self.blends.values(), self.meter, self.display
+        programs = *self.fills, self.smooth, self.add, *self.blends.values(), self.meter, self.display
         targets = self.target, self.fill_target, self.smooth_target, self.added_target, self.meter_target
         return (*programs, *targets, self.mipmapped, self.reading, self.no_filters)
 
@@ -93,7 +98,7 @@ class CompositePass(Owner):
             self.added_target = self.added_target or Target(self.target.ctx, self.size, (4,))
             sums = self.with_emitters(sums, emitters, gbuffer, sums, self.added_target)
         filtered = gbuffer.filters is not None
-        sky = 2 if filtered else backdrop.sky_terms
+        sky = (2 if backdrop.maps is None else 3) if filtered else backdrop.sky_terms
         behind: Uniforms = self.no_filters.uniforms(gbuffer) if filtered else {}
         if sky:
             behind |= backdrop.uniforms(camera, self.size)
@@ -113,7 +118,8 @@ class CompositePass(Owner):
         levels = max(self.size).bit_length()
         light: Uniforms = {"sums": SampledTexture(sums, self.mipmapped), "direct": SampledTexture(direct, self.mipmapped)}
         seen: Uniforms = {"position": gbuffer.position, "normal": gbuffer.normal}
-        self.fill(self.fill_target, levels=levels, **light, **seen, **sky_uniforms(backdrop.scene))
+        sky = backdrop.sky_uniforms
+        self.fills[sky_defines(sky)["SKY_MAP"]](self.fill_target, levels=levels, **light, **seen, **sky)
         return self.fill_target.textures[0]
 
     def smoothed(self, sums: moderngl.Texture, gbuffer: GBuffer, camera: Camera, target: Target) -> moderngl.Texture:

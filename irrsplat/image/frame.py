@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from irrsplat.core.buffers import CHANNELS
-from irrsplat.core.errors import InputError
+from irrsplat.core.errors import InputError, did_you_mean
 from irrsplat.core.files import Pathlike, _png, _try_folder, _write_file, _write_folder, check_file
 from irrsplat.image import statistics
 from irrsplat.image.backdrop import BackdropKind, display_picture
@@ -127,9 +127,9 @@ def check_writable(path: Pathlike, buffers: Sequence[str] | None = None) -> str:
 
     Raises InputError where the ending or a buffer's name is unknown, or nothing can be written there. Leaves no file behind.
     """
-    for name in buffers or ():
-        if name not in BUFFERS:
-            raise InputError(f"unknown buffer '{name}'; the buffers are {', '.join(BUFFERS)}")
+    unknown = [f"'{name}'{did_you_mean(name, BUFFERS)}" for name in buffers or () if name not in BUFFERS]
+    if unknown:
+        raise InputError(f"unknown buffer {', '.join(unknown)}; the buffers are {', '.join(BUFFERS)}")
     text = os.fspath(path)
     ending = os.path.splitext(text)[1].lower()
     if "{frame" in text:

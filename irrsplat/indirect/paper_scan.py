@@ -123,12 +123,17 @@ class Recorder:
     def _sky(self, atlas: Atlas) -> np.ndarray:
         """(3,) the sky's radiance, or (H, W, 3) that in the directions of the texels where it is not the same all around."""
         scene = self.gather.world.scene
-        if not any(scene.sky_gradient):
+        if scene.environment is None and not any(scene.sky_gradient):
             return np.asarray(scene.sky, "f4")
         frames, table = atlas.frames, np.frombuffer(atlas.table.read(), "f4").reshape(-1, 4)
         frame = np.frombuffer(frames.read(), "f4").reshape(frames.height, frames.width, 4)[:3, 0, :3]
         width, height = atlas.cell
-        return scene.sky_radiance(table[:, :3] @ frame).reshape(height, width, 3).astype("f4")
+        ways = table[:, :3] @ frame
+        if scene.environment is not None:
+            radiance = scene.environment.lit_by(ways, table[:, 3] / table[:, 2])
+        else:
+            radiance = scene.sky_radiance(ways)
+        return radiance.reshape(height, width, 3).astype("f4")
 
 
 def warm_up(seen: Seen, record: Recorder, settings: Settings, first: int = 0) -> tuple[Sites, np.ndarray]:

@@ -20,6 +20,7 @@ from irrsplat.gpu.time_budget import Budget, Pace
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.indirect.change_probe import LIGHT_SAMPLES, MAX_RECORDS, SIDE, ChangeProbe, follow_surface, take_in
+from irrsplat.lighting.emitter_table import emitter_table
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.change import SceneChange
@@ -27,6 +28,7 @@ from irrsplat.scene.model import Scene
 from irrsplat.settings import SETTINGS, Settings
 from irrsplat.surface_cache.cache import SurfaceCache
 
+_FEWEST = 16  # side of a gather: where it is less, noise is not told well by its own rays
 _LOOKS = 0.35  # of a tick: looking at what has changed may take that much in any case
 _PATIENCE = 1.0  # seconds that ticks work at a first surface cache before records are gathered without, holding one bounce
 
@@ -47,7 +49,8 @@ class Basis:
     """What the records of the cache are gathered by: the one value that changes as scene and settings do.
 
     kind: how a record sees the world, "trace", "embree", "raster" or "plane". moved: whether something has changed, and which
-    records that concerns is still to be found out. relit: whether lights have, and the surface cache is not made by these yet.
+    records that concerns is still to be found out. relit: whether lights or materials have, and the surface cache is not made by
+    these yet.
     resumed: the statistics of records from a file, as long as their surface cache is not made. waited: seconds that the first
     surface cache has taken so far.
     """
@@ -69,7 +72,8 @@ class Basis:
     def way(self) -> tuple[object, ...]:
         """What a record at its place says, and how well, depends on these."""
         settings = self.settings
-        return self.kind, settings.gather_size, settings.light_samples, settings.emitters_apart, self.wants_surface
+        rays = settings.gather_size, settings.ray_noise, settings.light_samples
+        return self.kind, *rays, settings.emitters_apart, self.wants_surface
 
     @property
     def wants_surface(self) -> bool:
@@ -111,17 +115,23 @@ class RecordGatherer(Owner):
 
     def _gather_of(self, basis: Basis) -> Gather:
         one = 1 if basis.settings.placement == "scan" else None
-        inputs = *basis.way, basis.lights, one
+        inputs = *basis.way, basis.lights, one, self._emitters(basis.settings)
         return self._made.get("gather", inputs, lambda: autotune.gather_pass(self.world, basis.settings, capacity=one))
 
+    def _emitters(self, settings: Settings) -> bool:
+        """Whether gathers by these settings are compiled for emitters: where they look for some, and the scene has them now."""
+        return (settings.light_samples > 0 or settings.emitters_apart) and emitter_table(self.world) is not None
+
     def _gather_at(self, size: int) -> Gather:
-        """The gather of this side, with as many light samples in proportion to its rays; 0: the present one."""
+        """The gather of this side, 0: the present one. Its light samples are as many in proportion to its rays, and no fewer than
+        those of the present one."""
         basis, present = self._basis, self._basis.settings.gather_size
         if size in (0, present):
             return self.gather_pass
-        samples = min(basis.settings.light_samples * size**2 // present**2, int(SETTINGS["light_samples"].high or 0))
+        finer = max(size, present)
+        samples = min(basis.settings.light_samples * finer**2 // present**2, int(SETTINGS["light_samples"].high or 0))
         settings = replace(basis.settings, gather=basis.kind, gather_size=size, light_samples=samples)
-        way = *replace(basis, settings=settings).way, basis.lights
+        way = *replace(basis, settings=settings).way, basis.lights, self._emitters(settings)
         return self._made.get(f"gather of {size}", way, lambda: autotune.gather_pass(self.world, settings))
 
     @property
@@ -131,7 +141,7 @@ class RecordGatherer(Owner):
         samples = min(basis.settings.light_samples, LIGHT_SAMPLES)
         # as records are gathered
         settings = replace(basis.settings, gather=basis.kind, gather_size=SIDE, light_samples=samples)
-        inputs = basis.wants_surface, basis.lights, basis.kind, samples, settings.emitters_apart
+        inputs = basis.wants_surface, basis.lights, basis.kind, samples, settings.emitters_apart, self._emitters(settings)
 
         def make() -> ChangeProbe:
             return ChangeProbe(autotune.gather_pass(self.world, settings, MAX_RECORDS), settings.gradients)
@@ -213,7 +223,7 @@ class RecordGatherer(Owner):
             kept = cache.move_with_meshes(old.scene, new.scene)
             cache.keep_only(kept)
         if change:
-            new = replace(new, moved=True, relit=old.relit or change.relit, resumed=None)
+            new = replace(new, moved=True, relit=old.relit or change.looks_otherwise, resumed=None)
         surface = self._made.find("surface", SurfaceCache)
         if surface is not None:
             surface.change(settings)
@@ -224,7 +234,7 @@ class RecordGatherer(Owner):
         if gathered or more or was.shadow_size != settings.shadow_size:
             cache.invalidate()
             new = replace(new, resumed=None)
-        elif change.relit:
+        elif change.looks_otherwise:
             cache.due[:] += 1.0
             cache.invalidate(np.arange(cache.count))
         self._basis = new
@@ -319,14 +329,16 @@ class RecordGatherer(Owner):
 
     # ---- gathering -------------------------------------------------------------------------------------------------
 
-    def gather(self, shadows: ShadowMaps, sites: Sites, budget: Budget, size: int = 0) -> int:
+    def gather(self, shadows: ShadowMaps, sites: Sites, budget: Budget, size: int = 0, near: bool = False) -> int:
         """Add records at `sites` to the cache, as many as the budget has time for, and at least one; how many. size: the side of
-        their gather; 0: as the settings say."""
+        their gather; 0: as the settings say. near: they are to serve only what is near, and may do with fewer rays."""
         done, look = 0, self._gather_at(size)
         for count in self._pace(size).batches(len(sites), look.capacity, budget):
-            first = self.cache.append(sites[done : done + count], gather_size=size)
+            first = self.cache.append(sites[done : done + count])
+            numbers = first + np.arange(count)
             try:
-                self._gather(shadows, first + np.arange(count), look)
+                sizes = self._gather(shadows, numbers, size, np.full(count, near))
+                self.cache.set_gather_sizes(numbers, sizes)
             except BaseException:
                 self.cache.truncate(first)  # they hold nothing
                 raise
@@ -339,15 +351,40 @@ class RecordGatherer(Owner):
         done, look = 0, self._gather_at(size)
         for count in self._pace(size).batches(len(numbers), look.capacity, budget):
             chosen = numbers[done : done + count]
-            self._gather(shadows, chosen, look)
-            self.cache.mark_refreshed(chosen, gather_size=size)
+            near = self.cache.gather_sizes[chosen] == self._fewer
+            self.cache.mark_refreshed(chosen, self._gather(shadows, chosen, size, near))
             done += count
         return done
 
-    def _gather(self, shadows: ShadowMaps, numbers: np.ndarray, look: Gather) -> None:
-        """Gather the records of these numbers, where the cache has them."""
+    def _gather(self, shadows: ShadowMaps, numbers: np.ndarray, size: int, near: np.ndarray) -> np.ndarray:
+        """Gather the records of these numbers, at most a batch, where the cache has them: `near` ones (N,) of the settings' size
+        first along a quarter of the rays, and along all of them where these differ too much.
+
+        Returns (N,) the side of each one's gather; 0: the settings'.
+        """
+        sizes, few = np.full(len(numbers), size), 0 if size else self._fewer
+        if few and near.any():
+            (tried,) = np.nonzero(near)
+            self._look(shadows, numbers[tried], few)
+            assert self.atlas is not None
+            even = self.reduce_pass.noise(self.atlas) <= 0.01 * self.settings.ray_noise
+            sizes[tried[even]] = few
+            numbers = numbers[sizes != few]
+        self._look(shadows, numbers, size)
+        return sizes
+
+    @property
+    def _fewer(self) -> int:
+        """The side of a gather along a quarter of the rays, where records may do with that; 0: they may not."""
+        settings, side = self.settings, self.settings.gather_size // 2
+        may = settings.ray_noise > 0.0 and settings.gradients and self._basis.kind in ("trace", "embree")
+        return side if may and side >= _FEWEST else 0
+
+    def _look(self, shadows: ShadowMaps, numbers: np.ndarray, size: int) -> None:
+        """Gather the records of these numbers by a gather of this side; 0: as the settings say."""
         light, seed = self.light(shadows), self.settings.seed
-        self.atlas = gather_records(look, self.reduce_pass, light, self.cache, numbers, seed, self.timers)
+        look = self._gather_at(size)
+        self.atlas = gather_records(look, self.reduce_pass, light, self.cache, numbers, seed, self.timers) or self.atlas
 
     # ---- for files, the viewer and the statistics ------------------------------------------------------------------
 

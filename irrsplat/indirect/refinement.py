@@ -196,7 +196,8 @@ class Refiner(Owner):
         index = (state.step + 1) % 2
         self._reach[index].write(levels.reach[::-1].tobytes())
         self._splats[index].forget()
-        side, known = self._side(state.doublings), np.maximum(self.cache.gather_sizes, self._side(0))
+        side, sizes = self._side(state.doublings), self.cache.gather_sizes
+        known = np.where(sizes > 0, sizes, self._side(0))
         served = self.scheduler.served(gbuffer, levels.camera)
         return replace(state, next_levels=levels, finer=np.flatnonzero((known < side) & (served > 0.0)))
 

@@ -164,7 +164,7 @@ class RecordScheduler(Owner):
         assert queue is not None
         if len(queue):
             self.gatherer.resume(shadows, budget)
-        done = self.gatherer.gather(shadows, queue, budget, side)
+        done = self.gatherer.gather(shadows, queue, budget, side, state.near)
         state = replace(state, queue=queue[done:] if done < len(queue) else None)
         return state, RoundResult(done, state.queue is None)
 
@@ -202,7 +202,8 @@ class RecordScheduler(Owner):
             while asking and not len(tiles[0]):  # these fields of the chessboard ask for nothing: the next ones
                 step += 1
                 tiles = choose(found.asking, *spacing(step, reach, asking), settings.seed)
-            return replace(state, missing=found.missing, holes=found.holes, step=step + 1), found.at(tiles)
+            near = spacing(step, reach, asking)[0] == 1
+            return replace(state, missing=found.missing, holes=found.holes, step=step + 1, near=near), found.at(tiles)
 
     def _scan(
         self, state: ViewState, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps, camera: Camera, budget: Budget

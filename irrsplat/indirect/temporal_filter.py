@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import moderngl
@@ -32,15 +31,12 @@ class _Shown:
 
 
 class TemporalFilter(Owner):
-    """Blends the irradiance of a picture of `size` (width, height) with what the last one showed at each place of the world.
+    """Blends the irradiance of a picture of `size` (width, height) with what the last one showed at each place of the world."""
 
-    materials: World.material_defines, for lookups of the surface cache.
-    """
-
-    def __init__(self, ctx: moderngl.Context, size: tuple[int, int], materials: Mapping[str, int] | None = None) -> None:
+    def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.ctx, self.size = ctx, size
         self.program = Program(ctx, "indirect/temporal", "lib/fullscreen")
-        self.fill = Program(ctx, "indirect/surface_fill", "lib/fullscreen", materials)
+        self.fill = Program(ctx, "indirect/surface_fill", "lib/fullscreen")
         self.linear = ctx.sampler(repeat_x=False, repeat_y=False, filter=(moderngl.LINEAR, moderngl.LINEAR))
         self.targets: dict[tuple[int, int], tuple[Target, Target]] = {}  # by their size, made when they are first wanted
         self._shown: _Shown | None = None

@@ -29,6 +29,7 @@ class ViewState:
 
     # the present round
     queue: Sites | None = None  # the sites that are still to be gathered; None between rounds
+    near: bool = False  # whether they lie as close together as sites may: their records serve only what is near
     missing: float = 0.0  # share of the seen pixels that asked when it began
     holes: int = 0  # tiles with a pixel that no record spoke for when it began
     holes_before: int = 0  # when the round before it began

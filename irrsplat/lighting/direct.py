@@ -23,9 +23,13 @@ class Headlamp:
 
 
 class DirectPass(Owner):
-    """Draws the direct outgoing radiance of a view of `size` (width, height), by lights of the kinds that light_defines tells."""
+    """Draws the direct outgoing radiance of a view of `size` (width, height), by lights of the kinds that light_defines tells.
 
-    def __init__(self, ctx: moderngl.Context, size: tuple[int, int], lights: Mapping[str, int]) -> None:
+    irradiance: draws E_direct in its place, W/m², whatever the surfaces reflect.
+    """
+
+    def __init__(self, ctx: moderngl.Context, size: tuple[int, int], lights: Mapping[str, int], irradiance: bool = False) -> None:
+        lights = {**lights, "IRRADIANCE": 1} if irradiance else lights
         self.program = Program(ctx, "lighting/direct", "lib/fullscreen", {**lights, "NORMAL_MAPS": 0})
         self.bent = Program(ctx, "lighting/direct", "lib/fullscreen", {**lights, "NORMAL_MAPS": 1})
         self.target = Target(ctx, size, (4,))

@@ -6,9 +6,10 @@ import operator
 
 import moderngl
 
-from irrsplat.core.buffers import LIGHT_ROWS
+from irrsplat.core.buffers import LIGHT_ROWS, LUMINAIRE_ROWS
 from irrsplat.core.errors import InputError
 from irrsplat.lighting.light_table import light_table, sheet
+from irrsplat.lighting.luminaire_table import photometries, photometry_size
 from irrsplat.scene.model import Scene
 
 
@@ -28,7 +29,11 @@ def check(ctx: moderngl.Context, size: tuple[int, int], scene: Scene, shadow_siz
     limit = int(ctx.info["GL_MAX_TEXTURE_SIZE"])
     if max(size) > limit:
         raise InputError(f"size {size[0]}x{size[1]} is beyond the limit here, {limit} pixels a side")
-    most = int(ctx.info["GL_MAX_FRAGMENT_UNIFORM_VECTORS"]) // LIGHT_ROWS - 8  # the table is a uniform; there are others
+    different = photometries(scene.lights)
+    rows = LIGHT_ROWS + (LUMINAIRE_ROWS if different else 0)
+    most = int(ctx.info["GL_MAX_FRAGMENT_UNIFORM_VECTORS"]) // rows - 8  # the tables are uniforms; there are others
     if len(scene.lights) > most:
         raise InputError(f"the scene has {len(scene.lights)} lights, and this OpenGL takes {most}: leave some out")
     sheet(len(light_table(scene, shadow_size).tiles), shadow_size, limit)
+    if max(photometry_size(different)) > limit:
+        raise InputError(f"the luminaires' candela need a texture of more than {limit} texels a side: leave some luminaires out")

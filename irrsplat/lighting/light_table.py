@@ -1,7 +1,7 @@
 """The lights of a scene as shaders take them: a table of numbers, the tiles of their shadow maps, and which kinds there are.
 
-A point light inside the scene's bounding box, or one with a cone wider than 160°, has six tiles, the faces of a cube. A narrower
-cone, a light outside the box and a directional light have one.
+A point light or luminaire inside the scene's bounding box, or a spot with a cone wider than 160°, has six tiles, a cube's faces.
+A narrower cone, a light outside the box and a directional light have one.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import numpy as np
 
 from irrsplat.core.buffers import LIGHT_ROWS, LightRow
 from irrsplat.core.errors import InputError
+from irrsplat.lighting.luminaire_table import halvings, photometries
 from irrsplat.scene.model import Light, Scene
 
 # right, up and forward of the cube faces +x -x +y -y +z -z, in the order in which lighting/lights.glsl numbers them;
@@ -39,7 +40,7 @@ def _unit(v: np.ndarray) -> np.ndarray:
 def _single(light: Light, scene: Scene) -> tuple[np.ndarray, float] | None:
     """Axis and tangent of half the angle of one perspective tile that covers all that the light reaches; None: it takes six."""
     position = np.asarray(light.position, float)
-    if light.spot_target is not None and light.spot_cutoff <= _WIDEST_CONE:
+    if light.spot_target is not None and light.has_cone and light.spot_cutoff <= _WIDEST_CONE:
         return _unit(np.subtract(light.spot_target, position)), float(np.tan(np.radians(light.spot_cutoff)))
     low, high = scene.bounds
     if (position >= low).all() and (position <= high).all():
@@ -102,10 +103,11 @@ def light_table(scene: Scene, side: int) -> LightTable:
         matrices, scale, depth = _tiles(light, scene, side)
         direction = np.asarray(light.position, float)
         row[LightRow.POSITION] = [*(_unit(direction) if light.directional else direction), light.directional]
-        # OpenGL's light: E = π·diffuse·cosθ·spot/(k_c + k_l·d + k_q·d²); a light with an intensity I: E = I·cosθ·spot/d²
+        # OpenGL's light: E = π·diffuse·cosθ·spot/(k_c + k_l·d + k_q·d²); a light with an intensity I: E = I·cosθ·spot/d², where
+        # that of a luminaire is its colour times what its photometry says
         row[LightRow.COLOR] = [*(np.asarray(light.color) * (1.0 if light.physical else np.pi)), len(matrices)]
         row[LightRow.FALLOFF] = [*((0, 0, 1) if light.physical else light.attenuation), light.spot_exponent]
-        if light.spot_target is not None:
+        if light.spot_target is not None and light.has_cone:
             row[LightRow.SPOT] = [*_unit(np.subtract(light.spot_target, light.position)), 1.0]
         row[LightRow.CONE] = [np.radians(light.spot_cutoff), np.radians(light.spot_inner), len(tiles), scale]
         if light.directional:
@@ -128,6 +130,7 @@ def sheet(count: int, side: int, limit: int) -> tuple[int, int]:
 
 def light_defines(scene: Scene) -> dict[str, int]:
     """What shaders/lighting/lights.glsl is compiled for: how many lights there are, and of which kinds."""
+    different = photometries(scene.lights)
     cubes = [not light.directional and _single(light, scene) is None for light in scene.lights]
     return {
         "LIGHTS": len(scene.lights),
@@ -135,5 +138,7 @@ def light_defines(scene: Scene) -> dict[str, int]:
         "LIGHTS_WITH_TILE": int(not all(cubes)),
         "LIGHTS_PARALLEL": int(any(light.directional for light in scene.lights)),
         "LIGHTS_WITH_SQUARE": int(any(_is_square(light) for light in scene.lights)),
-        "LIGHTS_WITH_CONE": int(any(light.spot_target is not None for light in scene.lights)),
+        "LIGHTS_WITH_CONE": int(any(light.has_cone for light in scene.lights)),
+        "LIGHTS_WITH_LUMINAIRE": int(bool(different)),
+        **({"PHOTOMETRY_HALVINGS": halvings(different)} if different else {}),
     }

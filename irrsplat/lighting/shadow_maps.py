@@ -7,9 +7,10 @@ import moderngl
 from irrsplat.core.buffers import ShadowMaps
 from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource, Workshop
-from irrsplat.gpu.target import Target
+from irrsplat.gpu.target import Target, float_texture
 from irrsplat.gpu.world import World
 from irrsplat.lighting.light_table import light_table, sheet
+from irrsplat.lighting.luminaire_table import luminaire_rows, photometries, photometry_texels
 
 # Of closed meshes the back faces are drawn, the paper's remedy for shadow acne. Alone they leak light where a mesh touches what
 # it shades, as a box on the floor: so the front faces are drawn as well, pushed back a little.
@@ -27,17 +28,32 @@ class ShadowPass(Owner):
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
         self.program = Program(ctx, "lighting/shadow")
-        self._cut_outs = Workshop()
+        self._cut_outs, self._tables = Workshop(), Workshop()
         self.target: Target | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.program, self._cut_outs, self.target)
+        return (self.program, self._cut_outs, self._tables, self.target)
 
     def _cutting(self, world: World) -> Program:
         """The program that leaves out what is cut out."""
         defines = world.material_defines
         return self._cut_outs.get("program", defines, lambda: Program(self.ctx, "lighting/shadow", defines=defines))
+
+    def _photometry(self, world: World) -> moderngl.Texture | None:
+        """The candela of the scene's luminaires; None where it has none."""
+        different = photometries(world.scene.lights)
+        if not different:
+            self._tables.clear()
+            return None
+
+        def make() -> moderngl.Texture:
+            texels = photometry_texels(different)
+            texture = float_texture(self.ctx, texels.shape[::-1], 1)
+            texture.write(texels.tobytes())
+            return texture
+
+        return self._tables.get("photometry", different, make)
 
     def __call__(self, world: World, side: int) -> ShadowMaps:
         """The shadow maps of all lights in tiles of `side` texels square, and the light table; InputError for too many lights."""
@@ -69,4 +85,6 @@ class ShadowPass(Owner):
                 )
         assert self.target.depth is not None
         near = float(lights.near.max(initial=0.0)) or 1.0  # all perspective tiles share one
-        return ShadowMaps(self.target.depth, lights.rows, (side, columns, near))
+        photometry = self._photometry(world)
+        luminaires = None if photometry is None else luminaire_rows(world.scene.lights)
+        return ShadowMaps(self.target.depth, lights.rows, (side, columns, near), luminaires, photometry)

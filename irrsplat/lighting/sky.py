@@ -2,10 +2,59 @@
 
 from __future__ import annotations
 
+import moderngl
+import numpy as np
+
 from irrsplat.core.buffers import Uniforms
+from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.world import World
 from irrsplat.scene.model import Scene
+from irrsplat.sky.environment import Environment
 
 
-def sky_uniforms(scene: Scene) -> Uniforms:
-    """The uniforms of shaders/lighting/sky.glsl: what comes from the unit direction d is sky + sky_gradient·dot(d, sky_up)."""
+class SkyMaps(Owner):
+    """The maps of an environment as textures: `light`, which rays look up, and `seen`, which a camera sees."""
+
+    def __init__(self, ctx: moderngl.Context, environment: Environment) -> None:
+        self.light = _texture(ctx, environment.light_levels)
+        self.seen = _texture(ctx, [level[::-1] for level in environment.seen_levels])
+        self.seen.repeat_x = True
+        self.uniforms: Uniforms = {"sky_light": self.light, "sky_from_world": environment.frame}
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.light, self.seen)
+
+
+def sky_maps(world: World) -> SkyMaps | None:
+    """The maps of the world's sky, which the world owns; None where it has none."""
+    environment = world.scene.environment
+    if environment is None:
+        return None
+    return world.derived.get("sky", environment, lambda: SkyMaps(world.ctx, environment))
+
+
+def sky_uniforms(scene: Scene, maps: SkyMaps | None = None) -> Uniforms:
+    """The uniforms of shaders/lighting/sky.glsl: what comes from the unit direction d is sky + sky_gradient·dot(d, sky_up); those
+    for SKY_MAP where there are `maps` of the scene's sky."""
+    if maps is not None:
+        return maps.uniforms
     return {"sky": scene.sky, "sky_gradient": scene.sky_gradient, "sky_up": scene.up}
+
+
+def sky_defines(uniforms: Uniforms) -> dict[str, int]:
+    """What shaders with these uniforms of shaders/lighting/sky.glsl are compiled for."""
+    return {"SKY_MAP": int("sky_light" in uniforms)}
+
+
+def _texture(ctx: moderngl.Context, levels: list[np.ndarray]) -> moderngl.Texture:
+    """A float texture of a pyramid's levels, (H, W, 3) each, bottom row first; its edges do not repeat."""
+    height, width = levels[0].shape[:2]
+    texture = ctx.texture((width, height), 3, dtype="f4")
+    if len(levels) > 1:
+        texture.build_mipmaps(max_level=len(levels) - 1)  # makes room for them
+    for number, level in enumerate(levels):
+        texture.write(np.ascontiguousarray(level, "f4").tobytes(), level=number)
+    texture.filter = (moderngl.LINEAR_MIPMAP_LINEAR if len(levels) > 1 else moderngl.LINEAR), moderngl.LINEAR
+    texture.repeat_x = texture.repeat_y = False
+    return texture

@@ -25,7 +25,7 @@ from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Image, Scene
 from irrsplat.settings import SETTINGS, Settings
 
-FORMAT = 4  # to be raised whenever the content of files changes, or what records are gathered from
+FORMAT = 5  # to be raised whenever the content of files changes, or what records are gathered from
 _NAME = b"irrsplat record cache "
 _DIGEST = hashlib.sha256().digest_size
 _REMEDY = "remove it to have it made anew, or name another file"
@@ -56,8 +56,8 @@ class CacheState:
 def key(scene: Scene, settings: Settings) -> CacheKey:
     """What the records of this scene and these settings depend on."""
     vertices, faces, closed = flatten(scene)
-    lights = [[value for name, value in vars(light).items() if name != "name"] for light in scene.lights]
-    names = ["seed", "bounces", "gather", "gather_size", "light_samples", "shadow_size", "gradients", "placement"]
+    lights = [light.key for light in scene.lights]
+    names = ["seed", "bounces", "gather", "gather_size", "ray_noise", "light_samples", "shadow_size", "gradients", "placement"]
     names += ["warmup"] if settings.placement == "scan" else []
     return CacheKey(
         geometry=_hash(vertices.tobytes(), faces.tobytes(), repr((closed, *_sky(scene))).encode(), *_materials(scene)),
@@ -68,6 +68,8 @@ def key(scene: Scene, settings: Settings) -> CacheKey:
 
 def _sky(scene: Scene) -> tuple[object, ...]:
     """What it sends out; its up vector counts only where it is not the same all around."""
+    if scene.environment is not None:
+        return (scene.environment.digest.hex(),)
     return (tuple(scene.sky), tuple(scene.sky_gradient), tuple(scene.up)) if any(scene.sky_gradient) else (tuple(scene.sky),)
 
 
@@ -149,7 +151,7 @@ def _read(path: files.Pathlike) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
 def _difference(made_for: CacheKey, wanted: CacheKey) -> str:
     """What a file was made for or with, where that is not what is wanted; else the empty text."""
     if made_for.geometry != wanted.geometry:
-        return "for another scene, or other materials"
+        return "for another scene, other materials or another sky"
     if made_for.lights != wanted.lights:
         return "for other lights"
     if made_for.settings != wanted.settings:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from irrsplat.core.vectors import unit
+from irrsplat.scene.change import is_elsewhere
 from irrsplat.scene.looks import in_order
 from irrsplat.scene.model import Mesh, Scene
 
@@ -26,13 +27,14 @@ def _of_moved(triangle: np.ndarray, before: Scene, after: Scene) -> Iterator[tup
         first[id(mesh)] = start
         start += len(mesh.faces)
     for old, new in zip(before.meshes, after.meshes, strict=True):
-        if old is not new and len(old.faces):
+        if is_elsewhere(old, new) and len(old.faces):
             inside = triangle - first[id(old)]
             yield old, new, (inside >= 0) & (inside < len(old.faces)), inside
 
 
 def swallowed(position: np.ndarray, normal: np.ndarray, triangle: np.ndarray, before: Scene, after: Scene) -> np.ndarray:
-    """(N,) True for points, with these normals (N, 3), that lie within a moved mesh where it is now, but not on it.
+    """(N,) True for points, with these normals (N, 3), that lie within a moved mesh where it is now, but not on it, and for those
+    on one that has vanished.
 
     triangle: (N,) numbers of the points' triangles; -1: not known, and then a point counts that lies in the bounding box of where
     a moved mesh was.
@@ -41,6 +43,7 @@ def swallowed(position: np.ndarray, normal: np.ndarray, triangle: np.ndarray, be
     for old, new, own, _ in _of_moved(triangle, before, after):
         found |= (triangle < 0) & _within(position, old)
         lift = _LIFT * float(np.linalg.norm(np.ptp(new.positions, axis=0)))
+        found |= own & new.is_point
         near = np.flatnonzero(~own & ~found & _within(position, new, lift))
         found[near] = np.abs(winding(position[near] + lift * normal[near], new)) > _INSIDE
     return found

@@ -47,7 +47,7 @@ _COLUMNS: dict[str, _Column] = {
     "last_view": _Column((), "i8", "viewed", "number of the last view that had it in sight"),
     "id": _Column((), "i8", "name", "what it is known by, whatever number it has"),
     "frame_rotation": _Column((), "i8", "turn", "what the rotation of its frame is drawn from: see Sites"),
-    "gather_size": _Column((), "i8", None, "side of the gather that it was refined by; 0: it is as the settings have it"),
+    "gather_size": _Column((), "i8", None, "side of the gather that it comes from; 0: it is as the settings have it"),
     "probe": _Column((PROBED,), "f4", "probes", "what a few directions say: see change_probe.py; R = 0: not looked yet"),
     "drift": _Column((), "f4", "drift", "how much `probe` has changed since the record was gathered"),
     "due": _Column((), "f4", None, "how much may have changed around it since `probe` was looked at, about; in files it is 0"),
@@ -115,11 +115,10 @@ class RecordCache(Owner):
 
     # ---- adding records, and reading what they hold ------------------------------------------------------------------
 
-    def append(self, sites: Sites, values: np.ndarray | None = None, gather_size: int = 0) -> int:
+    def append(self, sites: Sites, values: np.ndarray | None = None) -> int:
         """Add records at `sites`; returns the number of the first.
 
         values: (N, 4) float32 E in W/m² and R_k in metres; without it the reduction has yet to write them on the GPU.
-        gather_size: of a gather finer than the settings', else 0.
         """
         first, count = self.count, self.count + len(sites)
         self._reserve(count)
@@ -129,7 +128,7 @@ class RecordCache(Owner):
         columns["triangle"][new] = -1 if sites.triangle is None else sites.triangle
         columns["epoch"][new], columns["last_view"][new] = self.invalidation_epoch, self._view
         columns["values_read"][new], columns["probe"][new], columns["drift"][new], columns["due"][new] = False, 0.0, 0.0, 0.0
-        columns["gather_size"][new] = gather_size
+        columns["gather_size"][new] = 0
         columns["id"][new] = self._next_id + np.arange(len(sites))
         columns["frame_rotation"][new] = sites.frame_rotations(columns["id"][new])
         for name in ("position", "normal"):
@@ -284,14 +283,18 @@ class RecordCache(Owner):
 
     @property
     def gather_sizes(self) -> np.ndarray:
-        """(N,) the side of the gather that each record was refined by; 0 where it is as the settings have it."""
+        """(N,) the side of the gather that each record comes from; 0 where it is as the settings have it."""
         return self._columns["gather_size"][: self.count]
 
-    def mark_refreshed(self, numbers: np.ndarray, gather_size: int = 0) -> None:
-        """Say that the records of these numbers have been gathered again, and are no longer stale. gather_size: as in
-        `append`."""
+    def set_gather_sizes(self, numbers: np.ndarray, sizes: np.ndarray | int) -> None:
+        """Note the side of the gather that the records of these numbers come from; 0: as the settings have it."""
+        self._columns["gather_size"][numbers] = sizes
+
+    def mark_refreshed(self, numbers: np.ndarray, sizes: np.ndarray | int = 0) -> None:
+        """Say that the records of these numbers have been gathered again, and are no longer stale. sizes: as in
+        `set_gather_sizes`."""
         columns = self._columns
-        columns["gather_size"][numbers] = gather_size
+        self.set_gather_sizes(numbers, sizes)
         columns["values_read"][numbers] = False
         columns["drift"][numbers] = 0.0
         columns["probe"][numbers[columns["due"][numbers] > 0.0]] = 0.0  # it is of the world as it was

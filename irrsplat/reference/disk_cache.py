@@ -60,12 +60,14 @@ def key_of(scene: Scene, camera: Camera, *values: ArrayLike) -> str:
                 add(value)
 
     add(*values, scene.sky, scene.sky_gradient, scene.up, scene.own_sky, camera.eye, camera.target, camera.up, camera.fov)
+    if scene.environment is not None:
+        digest.update(scene.environment.digest)
     for mesh in scene.meshes:
         add(mesh.positions, mesh.normals, mesh.faces)
         add(*(() if value is None else value for value in (mesh.colors, mesh.uvs, mesh.opacities)))
         add_material(mesh.material)
     for light in scene.lights:
-        add(*(() if value is None else value for name, value in vars(light).items() if name != "name"))
+        add(*(() if value is None else value for value in light.key))
     return digest.hexdigest()[:24]
 
 

@@ -1,4 +1,4 @@
-"""Arithmetic on lanes, the Dr.Jit arrays that the path tracer works on: textures, emitters to be drawn, directions, densities.
+"""Arithmetic on lanes, the Dr.Jit arrays that the path tracer works on: textures, photometries, emitters to be drawn, directions.
 
 Importing this needs the extra `reference`.
 """
@@ -12,7 +12,9 @@ import drjit as dr
 import mitsuba as mi
 import numpy as np
 
+from irrsplat.core.color import LUMINOUS_EFFICACY
 from irrsplat.reference.emitters import Emitters
+from irrsplat.scene.model import Photometry
 
 Lanes: TypeAlias = Any  # a Dr.Jit array with an entry a lane; its class depends on the variant that is chosen at run time
 
@@ -109,6 +111,50 @@ class EmitterLanes:
         within = dr.gather(mi.Float, self.within, face, active=active)
         group = dr.gather(mi.UInt32, self.group, face, active=active)
         return dr.select(within > 0.0, within * self.weight(group, p, n) / (whole + TINY), 0.0)
+
+
+class PhotometryLanes:
+    """What a luminaire's photometry says in lanes."""
+
+    def __init__(self, photometry: Photometry) -> None:
+        self.axes = photometry.axes
+        self.columns = len(photometry.polar)
+        self.polar, self.azimuth, self.candela = (
+            mi.Float(a.astype(np.float32).ravel()) for a in (photometry.polar, photometry.azimuth, photometry.candela)
+        )
+        self.first, self.last = float(photometry.azimuth[0]), float(photometry.azimuth[-1])
+        self.low, self.high = float(photometry.polar[0]), float(photometry.polar[-1])
+
+    def intensity(self, direction: Lanes, frame: np.ndarray) -> Lanes:
+        """W/sr along unit directions in world space from a luminaire of colour 1 with this `frame` (Light.frame)."""
+        zero, quarter, pole = (mi.Vector3f(*(float(x) for x in row)) for row in self.axes @ frame)
+        x, y, z = dr.dot(direction, zero), dr.dot(direction, quarter), dr.dot(direction, pole)
+        polar = dr.atan2(dr.sqrt(x * x + y * y), z) * (180.0 / pi)
+        i, s = self._between(self.polar, polar)
+        inside = (polar >= self.low - 1e-3) & (polar <= self.high + 1e-3)
+        if self.last == self.first:
+            return dr.select(inside, self._row(0, i, s), 0.0) / LUMINOUS_EFFICACY
+        turned = dr.atan2(y, x) * (180.0 / pi) - self.first
+        azimuth = self.first + turned - 360.0 * dr.floor(turned / 360.0)
+        k, t = self._between(self.azimuth, azimuth)
+        found = self._row(k, i, s) * (1.0 - t) + self._row(k + 1, i, s) * t
+        return dr.select(inside & (azimuth <= self.last + 1e-3), found, 0.0) / LUMINOUS_EFFICACY
+
+    def _row(self, row: Lanes, i: Lanes, s: Lanes) -> Lanes:
+        """Candela in a row of the table, the share s of the way from column i to the next."""
+        left, right = (dr.gather(mi.Float, self.candela, mi.UInt32(row * self.columns + i + k)) for k in (0, 1))
+        return left * (1.0 - s) + right * s
+
+    @staticmethod
+    def _between(angles: Lanes, values: Lanes) -> tuple[Lanes, Lanes]:
+        """The number of the last angle (but one) that is not above each value, and the share of the way to the next one."""
+        count = dr.width(angles)
+        search: Any = dr.binary_search
+        beyond = search(1, count - 1, lambda k: dr.gather(mi.Float, angles, mi.UInt32(k)) <= values)
+        i = mi.UInt32(beyond) - 1
+        low, high = (dr.gather(mi.Float, angles, i + k) for k in (0, 1))
+        share = positive((values - low) / (high - low))
+        return i, dr.select(share < 1.0, share, 1.0)
 
 
 def density_of_ray(p: Lanes, n: Lanes, q: Lanes, g: Lanes) -> Lanes:

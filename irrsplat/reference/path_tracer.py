@@ -1,8 +1,9 @@
 """An independent truth: irradiance of N bounces and direct light by path tracing, with Mitsuba 3 finding the intersections.
 
 Importing this needs the extra `reference`.
-Everything radiometric is written out here (lights, spots, two-sided Lambertian surfaces, their textures), so that lights of the
-OpenGL kind, which Mitsuba lacks, have a truth as well, and so that a fault of the renderer is not repeated by shared code.
+Everything radiometric is written out here (lights, spots, luminaires, two-sided Lambertian surfaces, their textures), so
+that lights of the OpenGL kind, which Mitsuba lacks, have a truth as well, and so that a fault of the renderer is not repeated by
+shared code.
 
 E_N(p) = ∫ L(q)·cosθ dω over the hemisphere about the normal n, L = L_emitted + ρ/π·(E_direct + E_(N−1)) at the
 surface q that is hit, or the sky's radiance; E_0 = 0; directions below the geometric surface count 0. At a pixel n is bent by the
@@ -34,6 +35,7 @@ from irrsplat.reference.lanes import (
     EmitterLanes,
     LaneBackend,
     Lanes,
+    PhotometryLanes,
     cosine_hemisphere,
     density_of_ray,
     lights,
@@ -42,7 +44,7 @@ from irrsplat.reference.lanes import (
 )
 from irrsplat.reference.surfaces import Surfaces
 from irrsplat.reference.textures import TextureTable
-from irrsplat.scene.model import Camera, Light, Scene
+from irrsplat.scene.model import Camera, Light, Photometry, Scene
 
 LANES = 1 << 20  # samples in flight at once; bounds the memory
 LEAST_WEIGHT = 0.25  # of paths: Russian roulette keeps it; measured, 1 has up to 1.8 times the noise in little less time
@@ -109,6 +111,9 @@ class Tracer:
         numbers = {kind: table.texture[kind][material] for kind in ("albedo", "emission")}  # −1 becomes the greatest number
         self.texture = {k: mi.UInt32(n.astype(np.uint32)) if (n >= 0).any() else None for k, n in numbers.items()}
 
+        self.photometries: dict[Photometry, PhotometryLanes] = {}
+        environment = scene.environment
+        self.sky_map = None if environment is None else mi.Float(np.ascontiguousarray(environment.light, np.float32).ravel())
         found = Emitters.of(surfaces) if emitters else None
         self.emitters = None if found is None else EmitterLanes(found, np.searchsorted(solid, found.face), len(solid))
 
@@ -238,6 +243,10 @@ class Tracer:
             strength = pi / (k_c + k_l * distance + k_q * dr.square(distance))
         if has_cone(light):
             strength = strength * self.spot(light, -w)
+        elif light.photometry is not None:
+            if light.photometry not in self.photometries:
+                self.photometries[light.photometry] = PhotometryLanes(light.photometry)
+            strength = strength * self.photometries[light.photometry].intensity(-w, light.frame)
         cosine = dr.select(dr.dot(g, w) > 0.0, positive(dr.dot(n, w)), 0.0)
         return mi.Color3f(*light.color) * (strength * cosine), w, mi.Float(dr.inf) if light.directional else distance
 
@@ -335,7 +344,17 @@ class Tracer:
         return total, q
 
     def sky(self, direction: Lanes) -> Lanes:
-        """The radiance that comes from unit directions where there is no surface."""
+        """The radiance that comes from unit directions where there is no surface; of a map its own texels, without its suns."""
+        environment = self.scene.environment
+        if environment is not None:
+            assert self.sky_map is not None
+            height, width = environment.light.shape[:2]
+            east, up, south = (dr.dot(direction, mi.Vector3f(*axis)) for axis in environment.frame.tolist())
+            level = dr.select(up > 1.0, 1.0, dr.select(up < -1.0, -1.0, up))
+            column = mi.Int32(dr.floor((0.5 + dr.atan2(east, -south) / (2.0 * pi)) * width))
+            row = mi.Int32(dr.floor(dr.acos(level) / pi * height))
+            column, row = dr.clip(column, 0, width - 1), dr.clip(row, 0, height - 1)
+            return dr.gather(mi.Color3f, self.sky_map, mi.UInt32(row * width + column))
         radiance = mi.Color3f(*self.scene.sky)
         if any(self.scene.sky_gradient):
             radiance = radiance + mi.Color3f(*self.scene.sky_gradient) * dr.dot(direction, mi.Vector3f(*self.scene.up))
@@ -370,10 +389,10 @@ class Tracer:
 
     def _from_light(self, light: Light, p: Lanes, n: Lanes, g: Lanes, u: Lanes) -> Lanes:
         """The share of E_1 that comes from connecting the hits of rays from `light` to p."""
-        if has_cone(light):
-            direction = mi.Frame3f(mi.Vector3f(axis(light))).to_world(uniform_cap(u, cos(radians(light.spot_cutoff))))
-        else:
-            direction = uniform_cap(u, -1.0)
+        edge = beam_edge(light)
+        direction = uniform_cap(u, edge)
+        if edge > -1.0:
+            direction = mi.Frame3f(mi.Vector3f(axis(light))).to_world(direction)
         q = self.hit(mi.Point3f(*light.position), direction)
         back = p - q.p
         r = dr.norm(back)
@@ -393,11 +412,10 @@ class Tracer:
         """Densities per area at q of a cosine-distributed ray from p, and of a ray from the light."""
         to_light = mi.Point3f(*light.position) - q
         d = dr.norm(to_light)
-        density = 1.0 / (4.0 * pi)
+        edge = beam_edge(light)
+        density = 1.0 / (2.0 * pi * (1.0 - edge))
         inside = mi.Bool(True)
-        if has_cone(light):
-            edge = cos(radians(light.spot_cutoff))
-            density = 1.0 / (2.0 * pi * (1.0 - edge))
+        if edge > -1.0:
             inside = dr.dot(mi.Vector3f(axis(light)), -to_light) >= edge * d
         p_light = dr.select(inside & (dr.dot(g, to_light) > 0.0), density * dr.dot(g, to_light) / (d * d * d), 0.0)
         return density_of_ray(p, n, q, g), dr.select(d > 0.0, p_light, 0.0)
@@ -481,10 +499,19 @@ def survival(weight: Lanes) -> Lanes:
 
 def has_cone(light: Light) -> bool:
     """Whether the light is a spot; half angles of 90 and 180 degrees mean no cone, as in the scene format."""
-    return not light.directional and light.spot_target is not None and light.spot_cutoff not in (90.0, 180.0)
+    return not light.directional and light.has_cone and light.spot_cutoff not in (90.0, 180.0)
+
+
+def beam_edge(light: Light) -> float:
+    """The least cosine of an angle to its axis at which a positional light shines; -1: all around."""
+    if light.photometry is not None:
+        return cos(radians(max(light.photometry.reach, 1.0)))  # 1: one that shines nowhere is tried all the same
+    return cos(radians(light.spot_cutoff)) if has_cone(light) else -1.0
 
 
 def axis(light: Light) -> list[float]:
-    """A spot's unit axis, from the light to the point that it looks at."""
+    """The unit axis of a spot or luminaire, from the light to the point that it is aimed at."""
+    if light.photometry is not None:
+        return [float(x) for x in -light.frame[2]]
     toward = np.subtract(light.spot_target or (0.0, 0.0, 0.0), light.position)
     return [float(x) for x in toward / np.linalg.norm(toward)]

@@ -118,6 +118,7 @@ def _joined(scene: Scene, points: tuple[np.ndarray, np.ndarray, np.ndarray], bou
 def _world(scene: Scene) -> Any:
     """The scene as Mitsuba has it; raises IrrsplatError for what it lacks."""
     lit = any(max(mesh.material.emission) > 0.0 for mesh in scene.meshes) or max(scene.sky) > 0.0 or any(scene.sky_gradient)
+    lit = lit or scene.environment is not None
     plain = all(not m.material.textures and not m.material.light_cutoff and m.colors is None for m in scene.meshes)
     if lit or not plain:
         # emitters would light a hit directly as well, a bounce too many
@@ -146,6 +147,8 @@ def _lamp(light: Light) -> dict[str, Any]:
     if light.directional:
         toward = [-float(x) for x in light.position]
         return {"type": "directional", "direction": toward, "irradiance": {**strength, "value": [np.pi * c for c in light.color]}}
+    if light.photometry is not None:
+        raise IrrsplatError("luminaires (IES) are not written for it; give a scene of other lights")
     if not light.physical or light.spot_exponent > 0.0:
         raise IrrsplatError("Mitsuba has no lamp with OpenGL's attenuation or exponent")
     if not has_cone(light):

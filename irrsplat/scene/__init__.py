@@ -6,10 +6,10 @@ import os
 from pathlib import Path
 
 from irrsplat.core import paths
-from irrsplat.core.errors import InputError
+from irrsplat.core.errors import InputError, did_you_mean
 from irrsplat.core.load_options import CREASE_ANGLE, LoadOptions, UpAxis
 from irrsplat.scene.io.lines import quote
-from irrsplat.scene.io.scene_text import load_text
+from irrsplat.scene.io.text.scene_text import load_text
 from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
 
 __all__ = ["FORMATS", "Camera", "Light", "Material", "Mesh", "Scene", "bundled", "load"]
@@ -22,22 +22,8 @@ def bundled() -> tuple[str, ...]:
     return tuple(sorted(path.stem for path in paths.folder("scenes").glob("*/*.scene") if path.stem == path.parent.name))
 
 
-def load(
-    source: str | os.PathLike[str],
-    *,
-    up_axis: UpAxis = "auto",
-    crease_angle: float = CREASE_ANGLE,
-    time: float | None = None,
-) -> Scene:
-    """The scene at a path, or the bundled scene of that name, such as ``"cornell"``; a file that exists wins.
-
-    Reads `.scene` text, `.glb` and `.gltf` and, as geometry with diffuse colours, `.obj`, `.ply` and `.stl`. World space is
-    right-handed, in metres. `LoadOptions` says what the keywords mean; a `.scene` needs none of them. Raises InputError, one
-    line, for whatever is wrong with the file, the name or a keyword.
-    """
-    options = LoadOptions(up_axis, crease_angle, time)
-    if not isinstance(source, (str, os.PathLike)):
-        raise InputError(f"load takes a path or the name of a bundled scene, not {type(source).__name__}")
+def located(source: str | os.PathLike[str]) -> Path:
+    """The file that `load` reads for `source`; raises InputError where there is none, or one of another format."""
     path = Path(source)
     try:
         exists, folder = path.exists(), path.is_dir()
@@ -45,16 +31,38 @@ def load(
         exists = folder = False
     names = bundled()
     if (folder or not exists) and os.fspath(source) in names:
-        return load_text(paths.folder("scenes") / path / f"{path}.scene")
+        return paths.folder("scenes") / path / f"{path}.scene"
     if folder:
         raise InputError("this is a directory; give a file in it", path)
     if not exists:
-        raise InputError(f"there is no file {quote(os.fspath(source))}; the bundled scenes are {', '.join(names)}")
-    ending = path.suffix.lower()
-    if ending not in FORMATS:
+        text = os.fspath(source)
+        raise InputError(f"there is no file {quote(text)}{did_you_mean(text, names)}; the bundled scenes are {', '.join(names)}")
+    if path.suffix.lower() not in FORMATS:
         raise InputError(f"unknown ending {quote(path.suffix)}; expected one of {' '.join(FORMATS)}", path)
+    return path
+
+
+def load(
+    source: str | os.PathLike[str],
+    *,
+    up_axis: UpAxis = "auto",
+    crease_angle: float = CREASE_ANGLE,
+    time: float | None = None,
+    sky: str | None = None,
+) -> Scene:
+    """The scene at a path, or the bundled scene of that name, such as ``"cornell"``; a file that exists wins.
+
+    Reads `.scene` text, `.glb` and `.gltf` and, as geometry with diffuse colours, `.obj`, `.ply` and `.stl`. World space is
+    right-handed, in metres. `LoadOptions` says what the keywords mean; a `.scene` needs none of them, but may have another `sky`.
+    Raises InputError, one line, for whatever is wrong with the file, the name or a keyword.
+    """
+    options = LoadOptions(up_axis, crease_angle, time, sky)
+    if not isinstance(source, (str, os.PathLike)):
+        raise InputError(f"load takes a path or the name of a bundled scene, not {type(source).__name__}")
+    path = located(source)
+    ending = path.suffix.lower()
     if ending == ".scene":
-        return load_text(path)
+        return load_text(path, options)
     if ending in (".glb", ".gltf"):
         from irrsplat.scene.io.gltf.reader import load_gltf
 

@@ -14,7 +14,7 @@ import numpy as np
 from irrsplat.core.errors import InputError
 from irrsplat.scene.io.lines import Line, lines, number, quote
 from irrsplat.scene.io.motion_keys import LightKey, MeshKey, Motions, light_key, mesh_key
-from irrsplat.scene.io.scene_text import USAGE
+from irrsplat.scene.io.text.scene_text import USAGE
 from irrsplat.scene.model import Camera
 
 SEGMENT = 30  # frames from key to key where a file does not say how many there are

@@ -62,9 +62,20 @@ def look_of(material: Material) -> Look:
 def in_order(scene: Scene) -> list[Mesh]:
     """The scene's meshes as their triangles are numbered: by seen_by_light.sort_of, and of each sort the plain ones first and
     those of any other look side by side."""
+    return [scene.meshes[i] for i in order(scene)]
+
+
+def order(scene: Scene) -> list[int]:
+    """The indices of the meshes in the order of in_order."""
     looks = {material: look_of(material) for material in scene.materials}
     numbers = {look: i for i, look in enumerate(dict.fromkeys([PLAIN, *looks.values()]))}
-    return sorted(scene.meshes, key=lambda mesh: (sort_of(mesh), numbers[looks[mesh.material]]))
+    keys = [(sort_of(mesh), numbers[looks[mesh.material]]) for mesh in scene.meshes]
+    return sorted(range(len(keys)), key=keys.__getitem__)
+
+
+def numbered_alike(a: Scene, b: Scene) -> bool:
+    """Whether the triangles of two states of one scene have the same numbers, as in_order gives them."""
+    return order(a) == order(b) and all(sort_of(x) == sort_of(y) for x, y in zip(a.meshes, b.meshes, strict=True))
 
 
 def runs(scene: Scene) -> tuple[Run, ...]:

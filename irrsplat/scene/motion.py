@@ -1,4 +1,4 @@
-"""Meshes that move: the scene with one of them elsewhere, and the checks of what a caller asks for."""
+"""Meshes that change: the scene with one of them elsewhere, repainted or hidden, and the checks of what a caller asks for."""
 
 from __future__ import annotations
 
@@ -11,21 +11,37 @@ import numpy.typing as npt
 from irrsplat.core.errors import InputError
 from irrsplat.core.vectors import times, unit
 from irrsplat.scene.io.lines import quote
-from irrsplat.scene.model import Mesh, Scene
+from irrsplat.scene.model import Material, Mesh, Scene
 
 _FLAT = 1e-12  # least determinant of a transform, relative to the cube of its largest element: less would flatten a mesh
 
 
 def moved(scene: Scene, loaded: Sequence[Mesh], mesh: int | str, transform: npt.ArrayLike) -> Scene:
-    """The scene with `mesh`, an index or the name of one mesh, where the matrix takes it from where it was `loaded`.
+    """The scene with `mesh`, an index or the name of one mesh, where the matrix takes it from where it was `loaded`, in the
+    material that it has now.
 
     transform: (4, 4) or (3, 4) affine, world_from_world. Triangles keep their numbers; a mirrored mesh gets its winding reversed,
     so that a closed mesh stays closed. Raises InputError for an unknown mesh and for a matrix that is not affine, or singular.
     """
     number, matrix = find(scene, mesh), affine(transform)
     meshes = list(scene.meshes)
-    meshes[number] = transformed(loaded[number], matrix)
+    meshes[number] = transformed(replace(loaded[number], material=meshes[number].material), matrix)
     return replace(scene, meshes=tuple(meshes))
+
+
+def repainted(scene: Scene, mesh: int | str, material: Material) -> Scene:
+    """The scene with another material on `mesh`, an index or the name of one mesh; raises InputError for an unknown mesh."""
+    number, meshes = find(scene, mesh), list(scene.meshes)
+    if meshes[number].material == material:
+        return scene
+    meshes[number] = replace(meshes[number], material=material)
+    return replace(scene, meshes=tuple(meshes))
+
+
+def hidden(mesh: Mesh, at: np.ndarray) -> Mesh:
+    """The mesh with all its vertices in the point `at` (3,): no camera sees it, no ray meets it, and it lights nothing. Its
+    triangles keep their numbers, so that it can be shown again in place."""
+    return replace(mesh, positions=np.tile(np.asarray(at, np.float32), (len(mesh.positions), 1)))
 
 
 def find(scene: Scene, mesh: int | str) -> int:

@@ -22,8 +22,10 @@ from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.time_budget import Budget, Pace
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
+from irrsplat.lighting.emitter_table import emitter_table
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.records.record_cache import RecordCache
+from irrsplat.scene.change import SceneChange
 from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.clustering import unlit_interiors
@@ -34,7 +36,7 @@ from irrsplat.surface_cache.transport import BouncedLight, Transport, sum_bounce
 from irrsplat.surface_cache.view import SurfaceViewPass
 from irrsplat.surface_cache.visibility import VisibilityPass, seen_by_embree
 
-RAYS = 9 << 18  # of all sites together, about: where these are many, what lights a record is the mean of more of them
+RAYS = 10 << 18  # of all sites together, about: where these are many, what lights a record is the mean of more of them
 SIDES = (8, 16)  # the least and the greatest: side² rays a site
 _LIGHT_SAMPLES = 0.25  # of its rays: a site's shadow rays to emitters, at most
 _RESTS = 3  # ticks without a change after which sites are chosen for meshes where they are now
@@ -108,8 +110,8 @@ class SurfaceCache(Owner):
         self._basis = _Basis(world.scene, settings, unlit_interiors(world.scene))
         self._visibility = VisibilityPass(self.ctx, world.material_defines)
         self._reduce = ReducePass(self.ctx, gradients=False)
-        self._view_pass = SurfaceViewPass(self.ctx, world.material_defines)
-        self._point_pass = SurfaceViewPass(self.ctx, world.material_defines)
+        self._view_pass = SurfaceViewPass(self.ctx)
+        self._point_pass = SurfaceViewPass(self.ctx)
         self._made = Workshop()
         self._pace, self._finer_pace = Pace(self.ctx), Pace(self.ctx)
         self._choosing: Generator[float, None, SiteLayout] | None = None
@@ -133,10 +135,10 @@ class SurfaceCache(Owner):
         """Rays from so many sites, compiled for the kinds of lights that there are."""
         side = int(np.clip(np.sqrt(RAYS / max(sites, 1)), *SIDES))
         lights, samples = light_defines(self.world.scene), min(self._basis.settings.light_samples, int(_LIGHT_SAMPLES * side**2))
-        embree = self._embree
+        embree, emitters = self._embree, samples > 0 and emitter_table(self.world) is not None
         return self._made.get(
             "gather",
-            (side, lights, samples, embree),
+            (side, lights, samples, embree, emitters),
             lambda: TraceGather(self.world, side, _BATCH, surface=True, hits=True, light_samples=samples, embree=embree),
         )
 
@@ -202,11 +204,10 @@ class SurfaceCache(Owner):
         return records.sites(slice(FIRST_SITE, records.count))
 
     def uniforms(self, table: LookupTable | None = None) -> dict[TriangleOrder, Uniforms]:
-        """The uniforms of shaders/surface_cache/lookup.glsl and lib/bvh.glsl for triangles numbered either way, with this table
-        or else with that in use."""
+        """The uniforms of shaders/surface_cache/lookup.glsl for triangles numbered either way, with this table or else with that
+        in use."""
         table = table or self.lookup
-        common = {**self.world.ray_uniforms, "surface_offset": OFFSET * self.world.scene.diagonal}
-        return {"scene": {**common, **table.uniforms("scene")}, "tree": {**common, **table.uniforms("tree")}}
+        return {"scene": table.uniforms("scene"), "tree": table.uniforms("tree")}
 
     def view(self, gbuffer: GBuffer) -> moderngl.Texture:
         """What the cache says of every pixel, as SurfaceViewPass has it; valid until the next call."""
@@ -227,11 +228,14 @@ class SurfaceCache(Owner):
         Interrupted, it does no harm to be called again: the basis is replaced last.
         """
         old, scene = self._basis, self.world.scene
-        relit, moved = old.scene.lights != scene.lights, old.scene.meshes is not scene.meshes
-        unlit = unlit_interiors(scene) if relit or moved else old.unlit
+        change = SceneChange.between(old.scene, scene)
+        relit, moved = change.looks_otherwise, bool(change.moved)
+        unlit = unlit_interiors(scene) if change else old.unlit
         other_rays = old.settings.seed != settings.seed
         if moved:
             self.lookup.follow(self.world.tree.corners, self.world.tree.order)
+        if change.hides or change.repainted:  # sites without a place, or other reflectances in the transport
+            self.transport = self._follower = None
         if moved and self._follower is not None:
             self._follower.move(old.scene, scene)
         elif moved or not np.array_equal(old.unlit, unlit):  # a lamp went into a closed mesh, or out
@@ -408,9 +412,10 @@ class SurfaceCache(Owner):
             light_defines(self.world.scene),
         )
         samples, embree = min(samples, int(_LIGHT_SAMPLES * side**2)), self._embree
+        emitters = samples > 0 and emitter_table(self.world) is not None
         return self._made.get(
             "finer gather",
-            (side, lights, samples, embree),
+            (side, lights, samples, embree, emitters),
             lambda: TraceGather(self.world, side, _BATCH, light_samples=samples, embree=embree),
         )
 

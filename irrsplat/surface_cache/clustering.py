@@ -37,6 +37,9 @@ class Members:
     def __len__(self) -> int:
         return len(self.position)
 
+    def __getitem__(self, numbers: np.ndarray) -> Members:
+        return Members(self.position[numbers], self.normal[numbers], self.geometric[numbers], self.eye[numbers])
+
 
 def both_sides(tessellation: Tessellation, offset: float) -> Members:
     """The points on the side that their winding tells, then all of them on the other; eyes `offset` metres above."""
@@ -82,6 +85,19 @@ def voxel_keys(members: Members, size: float) -> np.ndarray:
     x, y, z = voxel.T
     key: np.ndarray = (((x << 19 | y) << 19 | z) << 5) | face
     return key
+
+
+def merged(points: Members, area: np.ndarray, sheet: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
+    """Points of one sheet that lie in one voxel of `size` metres and face alike become one member, since a fine mesh has far
+    more triangles than light there has changes.
+
+    area: (M,) m² that each stands for. sheet: (M,) which points may become one; -1: this one stays itself. Returns the members
+    (K,), as numbers of points: of each voxel the one nearest to their mean; and which of them each point is now, (M,).
+    """
+    key, fine = np.arange(len(points)), np.flatnonzero(sheet >= 0)
+    _, voxel = np.unique(voxel_keys(points[fine], size), return_inverse=True)
+    key[fine] = len(points) + voxel.ravel() * (sheet.max(initial=0) + 1) + sheet[fine]
+    return choose_sites(key, points.position, area, 0.0, len(points))
 
 
 def choose_sites(

@@ -15,8 +15,8 @@ from irrsplat.gpu.texel_table import table_rows
 class LookupTable(Owner):
     """The textures of shaders/surface_cache/lookup.glsl.
 
-    rows: (T, 3, 4) of the triangles that light sees, as Tessellation.table has them. cells: (C, 2, 4), as SiteLayout.cells has
-    them. most: how many values there may be. order: (T,) the scene's numbers of the triangles, as the tree of rays counts them.
+    rows: (T, 3, 4) of the triangles that light sees, as Tessellation.table has them. cells: as SiteLayout.cells has them.
+    most: how many values there may be. order: (T,) the scene's numbers of the triangles, as the tree of rays counts them.
     known: False where the first row stands for all triangles.
     """
 

@@ -6,7 +6,7 @@ that lie close together and face alike, one is the site of all that see it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
 from functools import partial
 
@@ -14,10 +14,10 @@ import numpy as np
 
 from irrsplat.core.beside import beside
 from irrsplat.core.buffers import Sites
-from irrsplat.core.glsl import HIDDEN_OTHERWISE
 from irrsplat.core.vectors import triangle_areas
 from irrsplat.core.vertex_layout import vertex_column
 from irrsplat.scene.flatten import flatten
+from irrsplat.scene.looks import in_order
 from irrsplat.scene.model import Scene
 from irrsplat.scene.seen_by_light import face_counts
 from irrsplat.surface_cache import clustering
@@ -25,13 +25,15 @@ from irrsplat.surface_cache.clustering import Members
 from irrsplat.surface_cache.tessellation import Tessellation, tessellate
 from irrsplat.surface_cache.visibility import VisibilityPass
 
-POINTS = 7000  # corners of cells on all surfaces, about, where these are large
-MAX_SITES = 1 << 14
+POINTS = 7000, 16_000  # corners of cells on all surfaces, about, where these are large: as many as triangles, within these bounds
+MAX_SITES = 1 << 15
 SKY_VALUE, DARK_VALUE = 0, 1  # the numbers of the values of members that see nothing but the sky, and that no light reaches
 FIRST_SITE = 2  # the number of the first value that is gathered
 _ROUNDS = 4  # in which members that do not see their cluster's site form clusters with a site among themselves
 _ALTERNATIVES = 10  # sites near by that a member without one of its own is held against in the end
-_FIRST_SHARE = 0.6  # of MAX_SITES: most sites of the first round; the rest is for members that do not see theirs
+_HALVINGS = 8  # of an edge, to find what stands on it
+_FIRST_SHARE = 0.6, 0.7  # of MAX_SITES: the first round's sites, about and at most; the rest is for members that see none of them
+_MERGED = 0.25  # of the spacing: how near the points of very small triangles lie that are one member
 _VOXEL = 0.7  # of the spacing: how near members of one cluster lie
 _MIN_AREA = 0.02  # of the spacing squared: smaller clusters get a site only in the last round
 
@@ -43,9 +45,9 @@ class SiteLayout:
     """The sites of a surface cache, S values in all, and the cells that find them.
 
     sites: (S,) where the values are gathered; SKY_VALUE and DARK_VALUE are known, and their places mean nothing. area: (S,) m² of
-    the surface that each stands for. cells: (C, 2, 4) float32, for either side of the cells of the tessellation, the numbers of
-    their corners' values, -1 for none, and which corners do not see each other because something stands on the cell, as
-    shaders/surface_cache/lookup.glsl reads them.
+    the surface that each stands for. cells: (C + H, 2, 4) float32, for either side of the tessellation's C cells, the numbers of
+    their corners' values, -1 for none, and 0; or where something stands on the cell, so that not all corners see each other,
+    the number of one of the H further rows, which tells from where on the cell they are seen, as _borders has it.
     """
 
     tessellation: Tessellation
@@ -56,17 +58,19 @@ class SiteLayout:
 
 @dataclass(frozen=True)
 class _Clusters:
-    """The tessellation of steps of `spacing` metres, M members on both sides of it, and the keys (M,) of their clusters."""
+    """The tessellation of steps of `spacing` metres, M members on both sides of it, and the keys (M,) of their clusters.
+
+    area: (M,) m² of the surface that each member stands for. face: (M,) the number of its triangle. member: (2, P) which one
+    stands for each of the tessellation's points, on either side.
+    """
 
     tessellation: Tessellation
     members: Members
     keys: np.ndarray
     spacing: float
-
-    @property
-    def area(self) -> np.ndarray:
-        """(M,) m² of the surface that each member stands for."""
-        return np.tile(self.tessellation.area, 2)
+    area: np.ndarray
+    face: np.ndarray
+    member: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -98,9 +102,7 @@ class SiteChooser:
         gathered = found.value > DARK_VALUE
         area = np.bincount(np.maximum(found.value, 0), weights=clusters.area * gathered, minlength=len(found.sites))
         members, at = clusters.members, found.sites
-        face = clusters.tessellation.face
-        triangle = face[at % max(len(face), 1)]  # either side's members in the order of the points
-        sites = Sites(members.position[at], members.normal[at], members.geometric[at], triangle)
+        sites = Sites(members.position[at], members.normal[at], members.geometric[at], clusters.face[at])
         cells = yield from self._cells(clusters, found.value)
         return SiteLayout(clusters.tessellation, sites, area.astype(float), cells)
 
@@ -108,13 +110,15 @@ class SiteChooser:
         """The surfaces cut and their corners in clusters: at a spacing that goes by the surfaces' area, or wider where too many
         sites would come of it."""
         vertices, faces, area = yield from beside(self._surfaces, 0.0)
-        spacing = float(np.sqrt(2.0 * area / POINTS)) or 1.0  # a grid of right-angled triangles has two points per spacing²
+        points = float(np.clip(len(faces), *POINTS))
+        spacing = float(np.sqrt(2.0 * area / points)) or 1.0  # a grid of right-angled triangles has two points per spacing²
         while True:
             clusters, sites = yield from beside(partial(self._cut, vertices, faces, spacing), _CUT)
             yield _CUT
-            if sites <= _FIRST_SHARE * MAX_SITES:
+            about, most = (share * MAX_SITES for share in _FIRST_SHARE)
+            if sites <= most:
                 return clusters
-            spacing *= 1.05 * float(np.sqrt(sites / (_FIRST_SHARE * MAX_SITES)))
+            spacing *= 1.05 * float(np.sqrt(sites / about))
 
     def _surfaces(self) -> tuple[np.ndarray, np.ndarray, float]:
         """The vertices, the faces that light sees, as flatten has them, and their area in m²."""
@@ -125,19 +129,33 @@ class SiteChooser:
     def _cut(self, vertices: np.ndarray, faces: np.ndarray, spacing: float) -> tuple[_Clusters, int]:
         """The clusters of a tessellation of steps of `spacing` metres, and how many of them would have a site."""
         tessellation = tessellate(vertices, faces, spacing, self.offset)
-        members = clustering.both_sides(tessellation, self.offset)
-        clusters = _Clusters(tessellation, members, clustering.voxel_keys(members, _VOXEL * spacing), spacing)
+        points, area = clustering.both_sides(tessellation, self.offset), np.tile(tessellation.area, 2)
+        chosen, member = clustering.merged(points, area, self._sheets(tessellation), _MERGED * spacing)
+        members, area = points[chosen], np.bincount(member, weights=area, minlength=len(chosen))
+        face = tessellation.face[chosen % max(len(tessellation.face), 1)]  # either side's points are in their order
+        keys = clustering.voxel_keys(members, _VOXEL * spacing)
+        clusters = _Clusters(tessellation, members, keys, spacing, area, face, member.reshape(2, -1))
         left = np.flatnonzero(self._known_values(clusters) < 0)
         sites, _ = self._choose(clusters, left, len(left), self._min_area(clusters))
         return clusters, len(sites)
 
+    def _sheets(self, tessellation: Tessellation) -> np.ndarray:
+        """(2 P,) of the points on both sides, which of them may be merged: those of very small triangles, with others on the same
+        side of the same mesh, whose number this is; -1 for the rest."""
+        mesh = np.repeat(np.arange(len(self.scene.meshes)), [len(mesh.faces) for mesh in in_order(self.scene)])
+        sheet = np.full(len(tessellation.face), -1)
+        sheet[tessellation.alone] = mesh[tessellation.face[tessellation.alone]]
+        return np.concatenate([sheet, np.where(sheet < 0, -1, sheet + len(self.scene.meshes))])
+
     def _known_values(self, clusters: _Clusters) -> np.ndarray:
         """(M,) the numbers of the members' values where no gather is needed to know them, else -1."""
-        face = clusters.tessellation.face
         value = np.full(len(clusters.members), -1)
-        if not any(self.scene.sky_gradient):  # else it depends on where a member faces
+        if self.scene.environment is None and not any(self.scene.sky_gradient):  # else it depends on where a member faces
             value[clustering.sees_nothing(clusters.members, self.scene.bounds)] = SKY_VALUE
-        value[len(face) + np.flatnonzero(self.unlit[face])] = DARK_VALUE
+        inner = np.zeros(len(value), bool)
+        inner[clusters.member[1]] = True
+        value[inner & self.unlit[clusters.face]] = DARK_VALUE
+        value[~clusters.members.geometric.any(1)] = DARK_VALUE  # of a triangle without an area, as those of a hidden mesh
         return value
 
     @staticmethod
@@ -188,25 +206,72 @@ class SiteChooser:
 
     def _cells(self, clusters: _Clusters, value: np.ndarray) -> Generator[float, None, np.ndarray]:
         """SiteLayout.cells for members with these values (M,)."""
-        tessellation, members = clusters.tessellation, clusters.members
-        table = np.zeros((tessellation.cells, 2, 4), np.float32)
-        for side, cells in enumerate(table.swapaxes(0, 1)):
-            corners = tessellation.corners + side * len(tessellation.face)
+        members = clusters.members
+        table = [np.zeros((clusters.tessellation.cells, 2, 4), np.float32)]
+        for side, cells in enumerate(table[0].swapaxes(0, 1)):
+            corners = clusters.member[side][clusters.tessellation.corners]
             cells[:, :3] = value[corners]
             unlike = np.flatnonzero((value[corners] != value[corners[:, :1]]).any(1))
             free = np.ones((len(unlike), 3), bool)  # of each corner, whether the other two see each other
             for k in range(3):
                 free[:, k] = yield from self._see(members, corners[unlike, k - 2], corners[unlike, k - 1], _FOUND)
-            one_hidden = np.where(free.sum(1) == 1, np.argmax(free, axis=1), HIDDEN_OTHERWISE)
-            cells[unlike, 3] = np.where(free.all(1), 0, 1 + one_hidden)
-        return table
+            hidden = ~free.all(1)
+            unlike, free = unlike[hidden], free[hidden]
+            cells[unlike, 3] = sum(map(len, table)) + np.arange(len(unlike))
+            reach = yield from self._reach(members.eye[corners[unlike]], free)
+            table.append(_borders(reach, free))
+        return np.concatenate(table)
+
+    def _reach(self, eyes: np.ndarray, free: np.ndarray) -> Generator[float, None, np.ndarray]:
+        """(N, 3, 2) how far one sees from each corner of cells along the edges to the next one and to the one after, in shares of
+        the edge: within what _HALVINGS of it can tell, and inf where it is free.
+
+        eyes: (N, 3, 3) metres, of the corners. free: (N, 3) of each corner, whether the other two see each other.
+        """
+        reach = np.full((len(eyes), 3, 2), np.inf)
+        for corner, step in np.ndindex(3, 2):
+            end = (corner + 1 + step) % 3
+            asking = np.flatnonzero(~free[:, 3 - corner - end])
+            start, way = eyes[asking, corner], eyes[asking, end] - eyes[asking, corner]
+            low, size = np.zeros(len(asking)), 1.0
+            for _ in range(_HALVINGS):
+                size *= 0.5
+                middle = start + (low + size)[:, None] * way
+                lines = np.stack([start, 0.5 * (start + middle), middle], axis=1).astype(np.float32)
+                for some in _batches(len(lines)):
+                    low[some] += size * self.visibility(lines[some])
+                    yield _FOUND
+            reach[asking, corner, step] = low + 0.5 * size
+        return reach
 
     def _see(self, members: Members, a: np.ndarray, b: np.ndarray, done: float) -> Generator[float, None, np.ndarray]:
         """(N,) whether members a see members b (N,); yields `done` from batch to batch."""
         seen = np.ones(len(a), bool)
         apart = np.flatnonzero(a != b)
-        for start in range(0, len(apart), VisibilityPass.capacity):
-            part = apart[start : start + VisibilityPass.capacity]
-            seen[part] = self.visibility(clustering.sight_lines(members, a[part], b[part]))
+        for some in _batches(len(apart)):
+            seen[apart[some]] = self.visibility(clustering.sight_lines(members, a[apart[some]], b[apart[some]]))
             yield done
         return seen
+
+
+def _batches(count: int) -> Iterator[slice]:
+    """What of so many lines is looked along at once."""
+    return (slice(first, first + VisibilityPass.capacity) for first in range(0, count, VisibilityPass.capacity))
+
+
+def _borders(reach: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """(N, 2, 4) float32 rows of SiteLayout.cells that tell, by its weights, from where on a cell each corner is seen.
+
+    reach, free: as SiteChooser._reach has them. The weights of the next corner and of the one after, each times its number in the
+    first and in the second texel, sum up to more than 1 beyond the line through what stands on the two edges. Where only one
+    pair of corners see each other, the first texel ends with the number of the third, and beyond its line it is that pair that is
+    seen; else it ends with 3. That line lies halfway between what the corners on either side see.
+    """
+    rows = np.zeros((len(reach), 2, 4))
+    rows[:, :, :3] = (1.0 / np.maximum(reach, 1e-6)).swapaxes(1, 2)
+    rows[:, 0, 3] = alone = np.where(free.sum(1) == 1, np.argmax(free, axis=1), 3)
+    for k in range(3):
+        chosen, a, b = np.flatnonzero(alone == k), (k + 1) % 3, (k + 2) % 3
+        ends = 0.5 * (reach[chosen, k] + 1.0 - np.stack([reach[chosen, a, 1], reach[chosen, b, 0]], axis=1))
+        rows[chosen, :, k] = 1.0 / np.maximum(ends, 1e-6)
+    return rows.astype(np.float32)

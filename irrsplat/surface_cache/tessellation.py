@@ -42,6 +42,12 @@ class Tessellation:
         """The number of cells."""
         return len(self.corners)
 
+    @property
+    def alone(self) -> np.ndarray:
+        """The numbers of the points that are all three corners of their cell."""
+        corners: np.ndarray = self.corners[self.corners[:, 0] == self.corners[:, 1], 0]
+        return corners
+
 
 def tessellate(vertices: np.ndarray, faces: np.ndarray, spacing: float, inset: float) -> Tessellation:
     """The tessellation whose steps are at most `spacing` metres long, or longer where that would make more than _MAX_CELLS cells.

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import moderngl
 import numpy as np
 
@@ -16,11 +14,11 @@ from irrsplat.gpu.texel_table import table_rows
 
 
 class SurfaceViewPass(Owner):
-    """Looks the surface cache up at pixels. materials: World.material_defines (default: nothing is cut out)."""
+    """Looks the surface cache up at pixels."""
 
-    def __init__(self, ctx: moderngl.Context, materials: Mapping[str, int] | None = None) -> None:
+    def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
-        self.program = Program(ctx, "surface_cache/view", "lib/fullscreen", materials)
+        self.program = Program(ctx, "surface_cache/view", "lib/fullscreen")
         self.target: Target | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:

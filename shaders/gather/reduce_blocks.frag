@@ -5,6 +5,9 @@
 uniform sampler2D radiance;  // the atlas: rgb radiance, a distance (0: nothing hit)
 uniform sampler2D planes;    // of what is seen there: dot(xyz, w) is 1/distance in the unit direction w (0: nothing hit)
 uniform sampler2D table;     // one cell: direction in the record's frame, cosθ·dω
+#if SKY_MAP
+uniform sampler2D rays;      // the same with the directions in which the texels look
+#endif
 uniform sampler2D edges;     // two texels a texel: the edges to its right and upper neighbours, and which those are
 uniform sampler2D frames;    // texel (i, 3): record i's geometric normal in its frame
 uniform ivec2 cell;          // texels of a cell
@@ -20,7 +23,7 @@ layout(location = 3) out vec4 out_m_g;
 layout(location = 4) out vec4 out_m_b;
 layout(location = 5) out vec4 out_g_r;    // ∇E of red, green and blue, in the record's frame; w: the nearest wall, x and y
 layout(location = 6) out vec4 out_g_g;
-layout(location = 7) out vec4 out_g_b;
+layout(location = 7) out vec4 out_g_b;    // w: squared steps of the luminance's terms from texel to texel
 #endif
 
 #if GRADIENTS
@@ -31,12 +34,15 @@ const float LOW = 0.2, HIGH = 0.5;
 const float UPRIGHT = 0.8;
 #endif
 
-// Radiance, and 1/distance, seen by a texel of the cell whose first texel is `corner`; rise: its direction's cosine with the sky's
-// up vector.
-vec4 seen(ivec2 corner, ivec2 texel, float rise)
+// Radiance, and 1/distance, seen by a texel of the cell whose first texel is `corner`; direction: what the table says of it.
+vec4 seen(ivec2 corner, ivec2 texel, vec4 direction, SkyFrame sky_there)
 {
     vec4 s = texelFetch(radiance, corner + texel, 0);
-    return s.a > 0.0 ? vec4(s.rgb, 1.0 / s.a) : vec4(sky_radiance(rise), 0.0);
+#if SKY_MAP
+    // a stratum at the horizon is brightest for a record at its upper end, not in its mean direction
+    direction = texelFetch(rays, texel, 0);
+#endif
+    return s.a > 0.0 ? vec4(s.rgb, 1.0 / s.a) : vec4(sky_along(direction, sky_there), 0.0);
 }
 
 void main()
@@ -49,10 +55,11 @@ void main()
     int record = place.y * columns + place.x;
     mat3 frame = mat3(texelFetch(frames, ivec2(record, 0), 0).xyz, texelFetch(frames, ivec2(record, 1), 0).xyz,
                       texelFetch(frames, ivec2(record, 2), 0).xyz);
-    vec3 up = sky_up * frame;  // in the record's frame
+    SkyFrame sky_there = sky_frame(frame);
 #if GRADIENTS
     mat3 M = mat3(0.0), G = mat3(0.0);
     vec3 H = vec3(0.0);
+    float steps = 0.0;
     float near = 0.0;  // 1/distance along the surface of the nearest thing that stands on it
     vec2 wall = vec2(0.0);
 #endif
@@ -61,7 +68,7 @@ void main()
         {
             vec4 direction = texelFetch(table, ivec2(x, y), 0);
             if (dot(direction.xyz, g) <= 0.0) continue;  // below the surface itself
-            vec4 L = seen(corner, ivec2(x, y), dot(direction.xyz, up));
+            vec4 L = seen(corner, ivec2(x, y), direction, sky_there);
             out_sums += direction.w * vec4(L.rgb, L.a);
             out_share.x += direction.w;
 #if GRADIENTS
@@ -79,14 +86,16 @@ void main()
                 vec4 edge = texelFetch(edges, ivec2(2 * x + j, y), 0);
                 int number = int(edge.w);  // no neighbour: the texel itself, and a difference of 0
                 ivec2 b = ivec2(number % NEIGHBOUR_STRIDE, number / NEIGHBOUR_STRIDE);
-                vec3 beside = texelFetch(table, b, 0).xyz;
-                vec4 L_b = seen(corner, b, dot(beside, up));
-                vec3 w = normalize(direction.xyz + beside), w_world = frame * w;
+                vec4 beside = texelFetch(table, b, 0);
+                vec4 L_b = seen(corner, b, beside, sky_there);
+                vec3 w = normalize(direction.xyz + beside.xyz), w_world = frame * w;
                 // how near the nearer of the two is where they meet: seen at a low angle, much farther than in the texel's middle
                 float nearer = max(dot(texelFetch(planes, corner + ivec2(x, y), 0).xyz, w_world),
                                    dot(texelFetch(planes, corner + b, 0).xyz, w_world));
                 nearer = clamp(nearer, 0.0, max(L.a, L_b.a));
                 G += outerProduct(edge.xyz * nearer, L_b.rgb - L.rgb);
+                float rise = direction.w * dot(L_b.rgb - L.rgb, LUMINANCE);
+                steps += rise * rise;
                 // an edge slides by δ/r, and as it comes nearer, faster: the gradient's own derivative (symmetric, as a Hessian is)
                 H += 4.0 * nearer * nearer * dot(L_b.rgb - L.rgb, LUMINANCE)
                      * vec3(edge.x * w.x, 0.5 * (edge.x * w.y + edge.y * w.x), edge.y * w.y);
@@ -99,6 +108,6 @@ void main()
     out_m_b = vec4(M[2], H.z);
     out_g_r = vec4(G[0], wall.x);
     out_g_g = vec4(G[1], wall.y);
-    out_g_b = vec4(G[2], 0.0);
+    out_g_b = vec4(G[2], steps);
 #endif
 }

@@ -6,6 +6,7 @@
 #include "lib/material_table.glsl"
 #include "lib/normals.glsl"
 #include "lib/bvh.glsl"
+#include "gather/within_box.glsl"
 #if EMITTERS
 #include "lighting/emitters_hit.glsl"
 #include "gather/ray_density.glsl"
@@ -66,8 +67,8 @@ void main()
     {
         float u = mix(square.y, square.z, float(i) / float(PARTS)), s = sqrt(u), c = sqrt(max(1.0 - u, 0.0));
         vec3 l = frame * vec3(s * x.y, s * y.y, c), r = frame * vec3(s * x.z, s * y.z, c);
-        left[i] = l * min(k / min(dot(g, l), -1e-20), FARTHEST * hit.t) - away;
-        right[i] = r * min(k / min(dot(g, r), -1e-20), FARTHEST * hit.t) - away;
+        left[i] = within_box(eye, l * min(k / min(dot(g, l), -1e-20), FARTHEST * hit.t)) - away;
+        right[i] = within_box(eye, r * min(k / min(dot(g, r), -1e-20), FARTHEST * hit.t)) - away;
     }
     Vertex A = vertex_at(at.x), B = vertex_at(at.y), C = vertex_at(at.z), seen = interpolate(hit.share, A, B, C);
     Receiver receiver = Receiver(eye + away, shading_normal(seen.normal, g), g);

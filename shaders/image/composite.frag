@@ -10,7 +10,7 @@
 #include "lib/texel.glsl"
 
 // FILTERS: 1 where surfaces may be seen through filters. EMISSIVE: 1 where any surface emits. SKY: the sky that is seen behind:
-// 0 black, 1 the same everywhere, 2 brighter above.
+// 0 black, 1 the same everywhere, 2 brighter above, 3 a map.
 
 uniform sampler2D direct;  // a: 1 where a surface is seen
 uniform sampler2D sums;    // Σ k·E, Σ k; after smoothing E and 1

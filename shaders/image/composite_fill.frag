@@ -22,7 +22,11 @@ void main()
     for (int level = 1; level < last; level += 2) out_sums += textureLod(sums, uv, float(level)) * exp2(-4.0 * float(level));
     if (last == 0) return;
     // before the first record: as if one saw half of the sky, and all around what the view shows by direct light
+#if SKY_MAP
+    vec3 guess = 0.5 * sky_irradiance(texelFetch(normal, pixel, 0).xyz) + PI * textureLod(direct, uv, float(levels)).rgb;
+#else
     float rise = dot(texelFetch(normal, pixel, 0).xyz, sky_up);
     vec3 guess = PI * (0.5 * (sky + sky_gradient * (2.0 / 3.0) * rise) + textureLod(direct, uv, float(levels)).rgb);
+#endif
     out_sums += vec4(guess, 1.0) * exp2(-4.0 * float(levels + 2));
 }

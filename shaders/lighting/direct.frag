@@ -13,7 +13,7 @@ uniform sampler2D lit_normal;  // bent by the normal map
 uniform float rotation;      // of the pattern of the four samples, radians
 uniform vec4 headlamp;       // where it is, and its W/sr
 
-layout(location = 0) out vec4 out_direct;  // outgoing radiance ρ/π·E; a: 1 where a surface is seen
+layout(location = 0) out vec4 out_direct;  // outgoing radiance ρ/π·E, or with IRRADIANCE E itself; a: 1 where a surface is seen
 
 void main()
 {
@@ -34,5 +34,9 @@ void main()
         vec3 l = headlamp.xyz - p.xyz;
         E += headlamp.w * max(dot(receiver.n, normalize(l)), 0.0) / max(dot(l, l), 1e-20);
     }
+#ifdef IRRADIANCE
+    out_direct = vec4(E, 1.0);
+#else
     out_direct = vec4(reflected_radiance(material_at(pixel), E), 1.0);
+#endif
 }

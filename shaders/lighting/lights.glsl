@@ -1,14 +1,60 @@
-// Direct irradiance of the scene's point, spot and directional lights, with their shadow maps. The light table and the tiles of the
-// shadow maps come from irrsplat/lighting/light_table.py: light i has LIGHT_ROWS rows from i·LIGHT_ROWS on, which LightRow in
-// irrsplat/core/buffers.py explains.
+// Direct irradiance of the scene's point, spot and directional lights and luminaires, with their shadow maps. The light table and the
+// tiles of the shadow maps come from irrsplat/lighting/light_table.py: light i has LIGHT_ROWS rows from i·LIGHT_ROWS on, which
+// LightRow in irrsplat/core/buffers.py explains.
 #include "generated/constants.glsl"
 #include "lib/texel.glsl"
 
 // Defined by light_defines: LIGHTS is the number of lights, and each other LIGHTS_… is 1 if any light has what its name says. What no
-// light needs is not compiled, since software renderers run both sides of every branch.
+// light needs is not compiled, since software renderers run both sides of every branch. ANYWHERE: receivers may also lie outside of
+// the scene's bounding box.
 uniform vec4 light_table[LIGHT_ROWS * max(LIGHTS, 1)];
 uniform sampler2D shadow_depth;  // every tile of every light, side by side
 uniform vec3 shadow_layout;      // tile side in texels, tiles per row, near plane of point and spot tiles in metres
+
+#if LIGHTS_WITH_LUMINAIRE
+// What irrsplat/lighting/luminaire_table.py makes: rows that say how each luminaire is turned, and the photometries of all of them.
+uniform vec4 luminaire_table[LUMINAIRE_ROWS * LIGHTS];
+uniform sampler2D photometry;
+
+const float BEYOND = 1e-3;  // degrees by which rounding may take a direction beyond the ends of a photometry
+
+// The number of the last of `count` rising angles (but one) that is not above `angle`, and the share of the way from there to the
+// next one. They stand in the photometry's texels from `first` on, in the direction `step`.
+vec2 angle_place(ivec2 first, ivec2 step, int count, float angle)
+{
+    int low = 0, high = count - 1;
+    for (int i = 0; i < PHOTOMETRY_HALVINGS; ++i)
+    {
+        int middle = (low + high) >> 1;
+        bool up = texel_at(photometry, first + middle * step).r <= angle;
+        low = up ? middle : low;
+        high = up ? high : middle;
+    }
+    float below = texel_at(photometry, first + low * step).r, above = texel_at(photometry, first + min(low + 1, count - 1) * step).r;
+    return vec2(float(low), clamp((angle - below) / max(above - below, 1e-9), 0.0, 1.0));
+}
+
+// The radiant intensity of light i along the unit vector w, W/sr, where its colour is 1; 1 where it is no luminaire.
+float luminaire_intensity(int i, vec3 w)
+{
+    i *= LUMINAIRE_ROWS;
+    vec4 zero = luminaire_table[i], quarter = luminaire_table[i + 1], pole = luminaire_table[i + 2];
+    if (zero.w < 0.0) return 1.0;
+    int row = int(zero.w), last = int(pole.w);
+    float x = dot(w, zero.xyz), y = dot(w, quarter.xyz), across = length(vec2(x, y));
+    float polar = degrees(atan(across, dot(w, pole.xyz))), azimuth = degrees(atan(y, across > 0.0 ? x : 1.0));
+    float first = texel_at(photometry, ivec2(0, row + 1)).r;
+    azimuth = first + mod(azimuth - first, 360.0);
+    if (last > 1 && azimuth > texel_at(photometry, ivec2(0, row + last)).r + BEYOND) return 0.0;
+    int columns = int(quarter.w);
+    if (polar < texel_at(photometry, ivec2(1, row)).r - BEYOND || polar > texel_at(photometry, ivec2(columns, row)).r + BEYOND) return 0.0;
+    vec2 p = angle_place(ivec2(1, row), ivec2(1, 0), columns, polar), a = angle_place(ivec2(0, row + 1), ivec2(0, 1), last, azimuth);
+    ivec2 corner = ivec2(1 + int(p.x), row + 1 + int(a.x)), right = ivec2(1, 0), up = ivec2(0, last > 1 ? 1 : 0);
+    float low = mix(texel_at(photometry, corner).r, texel_at(photometry, corner + right).r, p.y);
+    float high = mix(texel_at(photometry, corner + up).r, texel_at(photometry, corner + up + right).r, p.y);
+    return mix(low, high, a.y);
+}
+#endif
 
 struct Receiver
 {
@@ -51,6 +97,9 @@ float shadow_tap(Projected r, vec2 offset)
     if (r.range > 0.0)
     {
         float texels = r.width / r.range, own = r.q.z;
+#ifdef ANYWHERE
+        if (stored == 1.0) return 1.0;  // nothing there, for a receiver beyond the tile's depth
+#endif
         return stored >= clamp(expected, own - 99.0 * texels, own + 99.0 * texels) - r.slope - BIAS * texels - 1e-6 ? 1.0 : 0.0;
     }
 #endif
@@ -183,6 +232,9 @@ vec3 light_irradiance(int i, Receiver r)
         float edge = cone.x > cone.y ? clamp((cone.x - angle) / (cone.x - cone.y), 0.0, 1.0) : (angle <= cone.x ? 1.0 : 0.0);
         strength *= edge * (falloff.w > 0.0 ? pow(max(c, 0.0), falloff.w) : 1.0);
     }
+#endif
+#if LIGHTS_WITH_LUMINAIRE
+    strength *= luminaire_intensity(i, -l);
 #endif
     return min(color * cosine * strength, vec3(1e30));  // finite even where a lamp touches a surface
 }

@@ -15,6 +15,7 @@ import irrsplat
 from irrsplat.app import cli
 from irrsplat.core.buffers import CHANNELS
 from irrsplat.image.frame import Frame
+from irrsplat.image.view import Progress
 
 PLAIN = """cam 0 0 5 0 0 0 0 1 0
 proj 40 1 0.1 100
@@ -29,6 +30,7 @@ class FakeRenderer:
 
     asked: SimpleNamespace
     stats: dict[str, Any]
+    told: Progress
     notices: tuple[str, ...] = ()
 
     def __init__(self, scene: Any, size: tuple[int, int], preset: str, **settings: Any) -> None:
@@ -43,7 +45,7 @@ class FakeRenderer:
     def render(self, camera: Any = None, progress: Callable[[Any], None] | None = None, figures: bool = False) -> Frame:
         vars(self.asked).update(camera=camera, figures=figures, progress=progress)
         if progress is not None:
-            progress(SimpleNamespace(round=1, records=3, new=3, coverage=0.5, sampled=0.0))
+            progress(self.told)
         width, height = self.asked.size
         shapes = {c.name: (height, width, 3) if c.components == 3 else (height, width) for c in CHANNELS.values()}
         shapes |= {f.name: (1, 3) for f in fields(Frame) if f.name.startswith("records_")}
@@ -57,6 +59,7 @@ def fake(monkeypatch: pytest.MonkeyPatch) -> type[FakeRenderer]:
     """Puts FakeRenderer in the place of the real one; `fake.asked` is what it was asked, `fake.stats` what it adds to its own."""
     monkeypatch.setattr(irrsplat, "Renderer", FakeRenderer)
     FakeRenderer.stats = {}
+    FakeRenderer.told = Progress(round=1, records=3, new=3, coverage=0.5)
     FakeRenderer.asked = SimpleNamespace()
     return FakeRenderer
 

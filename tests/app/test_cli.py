@@ -8,6 +8,7 @@ import re
 import subprocess
 import sys
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +19,14 @@ from PIL import Image
 import irrsplat.scene
 from irrsplat.app import cli
 from irrsplat.app import flags as parser
+from irrsplat.app.common import terminal
 from irrsplat.core.errors import GLError
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.gpu import context
+from irrsplat.image.view import Progress
 from irrsplat.scene.model import Camera, Light, Scene
 from irrsplat.settings import SETTINGS
+from tests.support.luminaires import ies_text, isotropic
 from tests.support.worlds import material, quad
 
 RENDER = ["render", "plain.scene", "-o", "a.png"]
@@ -181,6 +185,24 @@ def test_info_tells_lenses_and_units(place: Path, capsys: pytest.CaptureFixture[
     assert "materials  1: 1 emits" in text and "emission (3 3 3) W/(m² sr)" in text
 
 
+def test_info_tells_what_luminaires_send_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """100 cd all around are 400π = 1257 lm; dimmed to a half on all channels, half of both. Downwards 0 is turned towards z."""
+    (tmp_path / "t.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    (tmp_path / "round.ies").write_text(ies_text([0, 90, 180], [0], isotropic, units=1))
+    (tmp_path / "dim.light").write_text(
+        "ies round.ies\nposition 0 2 0 1\nspotDirection 0 0 0\nzeroDirection 0 0 1\nintensity 0.5 0.5 0.5\n"
+    )
+    (tmp_path / "a.scene").write_text("obj t.obj\ntrans 1 2 3\nlight round.ies\nlight dim.light\n")
+    assert cli.main(["info", str(tmp_path / "a.scene")]) == 0
+    text = capsys.readouterr().out
+    first, second = (line.strip() for line in text.splitlines() if line.startswith("    luminaire"))
+    assert first == (
+        "luminaire at (1 2 3), aimed along (0 0 -1), 0° towards (1 0 0), 1257 lm, at most 100 cd, "
+        "0.152 x 0.152 m (taken as a point) 'round'"
+    )
+    assert "at (0 2 0), aimed along (0 -1 0), 0° towards (0 0 1), 628.3 lm, at most 50 cd, intensity (0.5 0.5 0.5)" in second
+
+
 def test_doctor(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     assert cli.main(["doctor"]) == 0
     out, err = capsys.readouterr()
@@ -249,3 +271,65 @@ def test_the_command_line_has_samples(place: Path, capsys: pytest.CaptureFixture
 def test_verify_s_samples_are_the_path_tracer_s() -> None:
     args = parser.parse(["verify", "--samples", "64"])
     assert args.samples == 64 and args.values == {}
+
+
+# ---- the progress line, and what is said of files ----------------------------------------------------------------------------
+
+
+def lines_shown(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, float]]:
+    """What the progress line is told from now on: words, and the share done."""
+    from rich.progress import Progress as Bar
+
+    said: list[tuple[str, float]] = []
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    monkeypatch.setattr(Bar, "update", lambda self, task, **what: said.append((what["description"], what["completed"])))
+    return said
+
+
+@pytest.mark.parametrize(
+    ("state", "flags", "words", "share"),
+    [
+        ({"coverage": 0.25}, [], "round 2: 9 records, coverage", 0.25),
+        ({"coverage": 1.0, "sampled": 0.5}, ["--samples", "4"], "round 2: 9 records, samples", 0.5),
+        ({"coverage": 1.0, "error": 0.04}, ["--quality", "2"], "round 2: 9 records, error 4 % to 2 %", 0.25),
+        ({"coverage": 1.0, "error": 0.01}, ["--quality", "2"], "round 2: 9 records, error 1 % to 2 %", 1.0),
+    ],
+)
+def test_each_stage_says_what_is_done(
+    state: dict[str, Any], flags: list[str], words: str, share: float, fake: Any, place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said = lines_shown(monkeypatch)
+    fake.told = Progress(**{"round": 2, "records": 9, "new": 0, **state})
+    assert cli.main([*RENDER, "--size", "2", "2", *flags]) == 0
+    assert [line for line, _ in said] == [words] and said[0][1] == pytest.approx(share)
+
+
+def test_what_is_written_is_said_on_a_terminal_only(
+    fake: Any, place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    argv = [*RENDER, "-o", "b.npz", "--stats", "s.json", "--size", "2", "2"]
+    assert cli.main(argv) == 0
+    assert capsys.readouterr() == ("", "")
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    assert cli.main(argv) == 0
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert re.findall(r"wrote (\S+)\n", err) == ["a.png", "b.npz", "s.json"]
+
+
+def test_the_time_left_is_told(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """A quarter of a stage each second: two seconds are left after the second quarter. Of a stage that has just begun, none are
+    known."""
+    from rich import progress as bars
+
+    seconds = [0.0]
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
+    monkeypatch.setattr(bars, "Progress", partial(bars.Progress, get_time=lambda: seconds[0], auto_refresh=False))
+    for stages, left in (("aaa", True), ("aab", False)):
+        with terminal.progress("first") as line:
+            assert line is not None
+            for i, stage in enumerate(stages):
+                seconds[0] = float(i)
+                line(0.25 * i, "words", stage)
+        shown = capsys.readouterr().err
+        assert "words" in shown and ("0:02 left" in shown) == left

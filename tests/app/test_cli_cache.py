@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import pytest
 from irrsplat.app import cli
 from irrsplat.app.viewer import preferences, viewer
 from irrsplat.app.viewer.window import open_window
+from irrsplat.indirect.scheduler import RecordScheduler
 from irrsplat.records import cache_file
 from irrsplat.renderer import Renderer
 from irrsplat.surface_cache.cache import SurfaceCache
@@ -99,6 +101,28 @@ def test_an_interrupted_render_keeps_what_it_has(place: Path, monkeypatch: pytes
     assert 0 < stats("a.json")["records"] < stats("b.json")["records"] and stats("b.json")["converged"]
 
 
+@pytest.mark.parametrize("kept", [False, True])
+def test_a_render_that_is_interrupted_in_its_first_round_writes_nothing(
+    kept: bool, place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The first round has gathered some records, which are dropped; a cache file that is there stays as it is."""
+    gather = RecordScheduler.gather_missing
+
+    def interrupted(*args: Any, **rest: Any) -> Any:
+        gather(*args, **rest)
+        raise KeyboardInterrupt
+
+    if kept:
+        assert cli.main([*RENDER, "-o", "first.png"]) == 0
+    before = {path.name: path.read_bytes() for path in place.iterdir() if path.is_file()}
+    monkeypatch.setattr(RecordScheduler, "gather_missing", interrupted)
+    elsewhere = ["--eye", "0", "0", "0.9", "--target", "0", "0", "-1"]
+    assert cli.main([*RENDER, *elsewhere, "-o", "a.png", "-o", "folder", "--stats", "a.json"]) == 130
+    assert capsys.readouterr().err == "irrsplat: interrupted before the first round was complete; nothing was written\n"
+    assert {path.name: path.read_bytes() for path in place.iterdir() if path.is_file()} == before
+    assert not (place / "folder").exists()
+
+
 SETTINGS = {  # what is given besides, and what is said of it
     "another setting": (["--gather-size", "12"], "made with --gather-size 8, not --gather-size 12"),
     "another preset": (["--preset", "paper"], "made with"),
@@ -183,8 +207,8 @@ def elsewhere(shown: viewer.Viewer) -> None:
 
 def relit(shown: viewer.Viewer) -> None:
     shown.frame(0.1)
-    shown.actions.lamps.all[0].stops = 1.0
-    shown.actions.relight()
+    editor = shown.actions.editor
+    editor.set_lamp(0, replace(editor.lamps[0], stops=1.0))
     settle(shown)
 
 

@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import pytest
 
-from irrsplat.core.beside import beside
+from irrsplat.core.beside import _AT_ONCE, beside
 
 Result = TypeVar("Result")
 
@@ -31,10 +31,11 @@ def test_the_result_and_the_error_of_work() -> None:
 
 def test_dropped_work_that_has_not_begun_never_begins() -> None:
     go_on, begun = Event(), []
-    first = beside(go_on.wait, 0.5)
-    next(first)
+    first = [beside(go_on.wait, 0.5) for _ in range(_AT_ONCE)]
+    for work in first:
+        next(work)
     second = beside(lambda: begun.append(True), 0.5)
     next(second)
     second.close()
     go_on.set()
-    assert last(first) is True and last(beside(lambda: 1, 0.5)) == 1 and not begun
+    assert all(last(work) is True for work in first) and last(beside(lambda: 1, 0.5)) == 1 and not begun

@@ -50,7 +50,7 @@ def test_the_commands_run(
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("IRRSPLAT_CONFIG", str(tmp_path / "config"))
     monkeypatch.setenv("IRRSPLAT_CACHE", str(tmp_path / "cache"))
-    # a window in memory that closes after some frames (tests/test_window.py opens a real one)
+    # a window in memory that closes after some frames (tests/app/viewer/interface/test_window.py opens a real one)
     monkeypatch.setattr(viewer, "open_window", lambda size: open_window(size, headless=True))
     monkeypatch.setattr(viewer.Viewer, "loop", lambda self: [self.frame(0.1) for _ in range(5)])
     monkeypatch.setattr(fly_through, "FRAMES", 5)

@@ -22,6 +22,7 @@ ROOMS = (
     "irrsplat.renderer",
     "irrsplat.reference",
     "irrsplat.image",
+    "irrsplat.meter",
     "irrsplat.indirect",
     "irrsplat.surface_cache",
     "irrsplat.gather",
@@ -29,13 +30,16 @@ ROOMS = (
     "irrsplat.lighting",
     "irrsplat.gpu",
     "irrsplat.scene",
+    "irrsplat.sky",
     "irrsplat.settings",
     "irrsplat.core",
 )
 APP_ROOMS = (
     "irrsplat.app.cli",
+    "irrsplat.app.completion",
     "irrsplat.app.flags",
     "irrsplat.app.info",
+    "irrsplat.app.measure",
     "irrsplat.app.render_path",
     "irrsplat.app.bench",
     "irrsplat.app.viewer",
@@ -45,7 +49,7 @@ APP_ROOMS = (
 )
 MOST_ENTRIES = 14  # of a folder, its package markers not counted
 MARKERS = {"__init__.py", "__main__.py", "__pycache__", "py.typed", "conftest.py", ".DS_Store"}
-WITHOUT_OPENGL = ("irrsplat.core", "irrsplat.settings", "irrsplat.scene")
+WITHOUT_OPENGL = ("irrsplat.core", "irrsplat.settings", "irrsplat.scene", "irrsplat.sky")
 OPENGL = ("moderngl", "glcontext", "OpenGL")
 WINDOWS = ("imgui_bundle", "imgui", "moderngl_window", "glfw", "pyglet")
 

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 from irrsplat.core.buffers import Sites
+from irrsplat.core.color import LUMINOUS_EFFICACY
 from irrsplat.gather.hemicube import PLANE_FIELD, hemisphere_table
 from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Light, Scene
 from tests.gather.test_hemisphere import share_of_plane
+from tests.support.luminaires import lopsided, photometry, steps
 from tests.support.worlds import Lit, box, floor, gather, lamp, material, polygon_vector, quad, scene, sites
 
 UP = (0.0, 1.0, 0.0)
@@ -147,6 +149,14 @@ LIGHTS = {
     "soft cone": lamp((0.4, -1.0, 0.2), 5.0, spot_target=(0.0, 1.5, 0.0), spot_cutoff=45.0, spot_inner=20.0),
     "exponent": Light((0.4, -1.0, 0.2), (1, 1, 1), spot_target=(0, 1.5, 0), spot_cutoff=60.0, spot_inner=60.0, spot_exponent=8.0),
     "wide cone": lamp((0.4, -1.0, 0.2), 5.0, spot_target=(0.0, 1.5, 0.0), spot_cutoff=85.0, spot_inner=60.0),
+    "luminaire": Light(
+        (0.4, -1.0, 0.2),
+        (3.0, 2.0, 1.0),
+        physical=True,
+        photometry=photometry(steps(0, 180, 25), steps(0, 360, 25), lopsided),
+        spot_target=(0.0, 1.5, 0.5),
+        across=(0.2, 0.1, 1.0),
+    ),
 }
 
 
@@ -157,7 +167,9 @@ def irradiance(light: Light, p: np.ndarray, n: np.ndarray) -> np.ndarray:
     d = np.linalg.norm(to, axis=-1)
     cosine = np.maximum((to * n).sum(-1) / d, 0.0)
     spot = np.ones_like(d)
-    if light.spot_target is not None:
+    if light.photometry is not None:
+        spot = light.photometry.intensity(-(to @ light.frame.T) / d[..., None]) / LUMINOUS_EFFICACY
+    elif light.spot_target is not None:
         axis = np.subtract(light.spot_target, at)
         c = np.clip(-(to @ axis) / d / np.linalg.norm(axis), -1.0, 1.0)
         angle = np.degrees(np.arccos(c))
@@ -243,6 +255,17 @@ def test_a_lamp_near_a_wall_does_not_alias(ctx: moderngl.Context, gap: float, ki
     E = gather(ctx, world, sites(aside, UP), 32, kind).E[:, 0] / (0.6 * 7.0 * lamp_under_roof(gap, 2.0))
     assert E.mean() == pytest.approx(1.0, abs=0.02)
     assert np.abs(E - 1.0).max() < 0.08, f"{E.min():.3f} to {E.max():.3f}"
+
+
+def test_few_rays_bring_as_much_as_many(ctx: moderngl.Context) -> None:
+    """To the walls of a room whose lamp hangs under the ceiling. Beyond the end of a wall there is no surface."""
+    walls = box((-1, 0, -1), (1, 2, 1), material(0.5), outward=False)
+    world, rng = scene(walls, lights=(lamp((0.0, 1.9, 0.0), 7.0),)), np.random.default_rng(3)
+    inward = np.repeat([(1.0, 0, 0), (-1.0, 0, 0), (0, 0, 1.0), (0, 0, -1.0), (0, 1.0, 0)], 64, axis=0)
+    places = rng.uniform((-1, 0, -1), (1, 2, 1), inward.shape)
+    places = np.where(inward != 0.0, (0, 1, 0) - inward, places)
+    few, many = (gather(ctx, world, sites(places, inward), side, "trace").E.mean() for side in (16, 128))
+    assert few == pytest.approx(many, rel=0.01)
 
 
 # ---- many records at once ---------------------------------------------------------------------------------------------

@@ -387,6 +387,28 @@ SHADERS = (
 )
 
 CORE = (
+    # ---- rays
+    Mutant(
+        "uneven light does with few rays, and even light does not",
+        "irrsplat/indirect/record_gatherer.py",
+        "self.reduce_pass.noise(self.atlas) <= 0.01",
+        "self.reduce_pass.noise(self.atlas) >= 0.01",
+        ("tests/indirect/test_ray_noise.py::test_uneven_light_takes_all_rays",),
+    ),
+    Mutant(
+        "records that reach far do with few rays",
+        "irrsplat/indirect/scheduler.py",
+        "spacing(step, reach, asking)[0] == 1",
+        "spacing(step, reach, asking)[0] >= 1",
+        ("tests/indirect/test_ray_noise.py::test_only_records_of_the_closest_sites_do_with_few_rays",),
+    ),
+    Mutant(
+        "noise by steps of light, whatever the rays' shares",
+        "shaders/gather/reduce_blocks.frag",
+        "float rise = direction.w * dot",
+        "float rise = dot",
+        ("tests/indirect/test_ray_noise.py::test_the_noise_that_few_rays_tell_is_how_far_off_they_are",),
+    ),
     # ---- gather and surface cache
     Mutant(
         "hemicube's solid angles without the distance",
@@ -408,6 +430,27 @@ CORE = (
         "np.broadcast_arrays(c * c * s * np.cos(middle), c * c * s * np.sin(middle), -s * s * c)",
         "np.broadcast_arrays(c * s * np.cos(middle), c * s * np.sin(middle), -s * s * c)",
         ("tests/gather/test_trace.py::test_edges_are_ward_and_heckbert_s_sum",),
+    ),
+    Mutant(
+        "one member for two meshes",
+        "irrsplat/surface_cache/clustering.py",
+        "* (sheet.max(initial=0) + 1) + sheet[fine]",
+        "* (sheet.max(initial=0) + 1)",
+        ("tests/surface_cache/test_surface.py::test_a_fine_mesh_has_few_members",),
+    ),
+    Mutant(
+        "the pair of corners seen on the third one's side",
+        "shaders/surface_cache/lookup.glsl",
+        "? third : 1.0 - third",
+        "? 1.0 - third : third",
+        ("tests/surface_cache/test_surface.py::test_no_dark_rim_about_a_box", "tests/surface_cache/test_bounces.py"),
+    ),
+    Mutant(
+        "rays that see walls beyond their ends",
+        "shaders/gather/within_box.glsl",
+        "clamp(way, low - eye, high - eye)",
+        "way + 0.0 * (low + high)",
+        ("tests/gather/test_analytic.py::test_few_rays_bring_as_much_as_many",),
     ),
     Mutant(
         "π left out of the transport",
@@ -525,7 +568,7 @@ CORE = (
     Mutant(
         "moved mesh not noticed",
         "irrsplat/scene/change.py",
-        "if a is not b)",
+        "if is_elsewhere(a, b))",
         "if a.name != b.name)",
         ("tests/scene/test_motion.py::test_a_change_names_what_moved_and_whether_lights_differ[new4-meshes4-False]",),
     ),
@@ -739,21 +782,21 @@ SCENES = (
     ),
     Mutant(
         "matrices multiply on the left",
-        "irrsplat/scene/io/scene_text.py",
+        "irrsplat/scene/io/text/scene_text.py",
         "self.matrix = self.matrix @ step",
         "self.matrix = step @ self.matrix",
         ("tests/scene/test_text.py::test_matrices_multiply_on_the_right_as_opengl_does",),
     ),
     Mutant(
         "pop keeps the matrix",
-        "irrsplat/scene/io/scene_text.py",
+        "irrsplat/scene/io/text/scene_text.py",
         "_, self.matrix = self.stack.pop()",
         "self.stack.pop()",
         ("tests/scene/test_text.py::test_push_and_pop_save_the_matrix_and_not_the_material",),
     ),
     Mutant(
         "rotate turns the other way",
-        "irrsplat/scene/io/scene_text.py",
+        "irrsplat/scene/io/text/scene_text.py",
         "matrix[:3, :3] += np.sin(radians) * cross",
         "matrix[:3, :3] -= np.sin(radians) * cross",
         ("tests/scene/test_text.py::test_matrices_multiply_on_the_right_as_opengl_does",),

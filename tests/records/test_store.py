@@ -21,6 +21,7 @@ from irrsplat.settings import Settings, preset
 from irrsplat.surface_cache.cache import SurfaceCache
 from tests.renderer.test_persistence import turned
 from tests.renderer.test_renderer import FAST, FRONT, room
+from tests.support.luminaires import lambert, photometry
 from tests.support.worlds import box, material
 
 pytestmark = pytest.mark.all_sites
@@ -224,8 +225,21 @@ SCENES: dict[str, tuple[Callable[[], Scene], str]] = {
     "sky": (lambda: replace(room(), sky=(0.1, 0.0, 0.0)), "another scene"),
     "light moved": (lambda: relit(position=(0.1, 0.1, 0.1)), "other lights"),
     "light dimmed": (lambda: relit(color=(0.1, 0.1, 0.1)), "other lights"),
+    "luminaire of other light": (lambda: relit(photometry=photometry([0, 90], [0], lambert)), "other lights"),
     "one light more": (lambda: replace(room(), lights=(*room().lights, Light((0, 0, 0), (1, 1, 1)))), "other lights"),
 }
+
+
+def test_luminaires_are_told_apart_by_what_they_shine() -> None:
+    """Not by the object or the file: the same numbers read again are the same light; another turn, angle or intensity is not."""
+    shape = photometry([0, 90], [0], lambert)
+    same = photometry([0, 90], [0], lambert)
+    other = replace(shape, candela=shape.candela + np.eye(1, 2) * 1e-9)
+    turned = replace(shape, axes=shape.axes[[1, 0, 2]])
+    narrow = replace(shape, polar=np.array([0.0, 89.0]))
+    worlds = [relit(photometry=one) for one in (shape, other, turned, narrow)] + [relit(photometry=shape, across=(0.0, 0.0, 1.0))]
+    assert len({cache_file.key(world, preset(**FAST)).lights for world in (*worlds, room())}) == 6
+    assert cache_file.key(relit(photometry=same), preset(**FAST)) == cache_file.key(worlds[0], preset(**FAST))
 
 
 @pytest.mark.parametrize("name", SCENES)

@@ -8,10 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from irrsplat.core.color import LUMINOUS_EFFICACY
 from irrsplat.reference.camera_view import cast
 from irrsplat.reference.truth import MOST_BOUNCES
 from irrsplat.scene.model import Camera, Image, Light, Material, Mesh, Scene, Texture
-from tests.support.worlds import box, floor, lamp, polygon_vector, quad, scene
+from irrsplat.sky.cie import CieSky
+from irrsplat.sky.sphere import texel_directions
+from tests.support.skies import cie, irradiance, mapped
+from tests.support.worlds import box, floor, lamp, material, polygon_vector, quad, scene
 
 UP = np.array([[0.0, 1.0, 0.0]], "f4")
 CAMERA = Camera((0.0, 2.0, 0.1), (0.0, 0.0, 0.0))
@@ -221,3 +225,19 @@ def test_a_camera_a_thousand_diagonals_away_is_precise(mitsuba: Any) -> None:
     both = found.seen & expected.seen
     assert (found.seen == expected.seen).mean() > 0.99 and both.mean() > 0.3
     assert np.abs(found.position - expected.position)[both].max() < 1e-5 * world.diagonal
+
+
+def test_a_map_and_an_overcast_sky(mitsuba: Any) -> None:
+    """A map's light on six planes, turned by 40°, against its own sum, and Moon and Spencer's 7/9·π·L_z: within 1 %."""
+    from irrsplat.reference.path_tracer import Tracer
+
+    sky = CieSky("overcast", 30.0, ground=0.0)
+    away = floor(0.1, -50.0, material(0.0))
+    found = Tracer(cie(scene(away), sky)).irradiance(np.zeros((1, 3)), UP, UP, 64, 1)
+    assert found == pytest.approx(np.full((1, 3), 7.0 / 9.0 * np.pi * sky.zenith_luminance / LUMINOUS_EFFICACY), rel=0.01)
+    radiance = (2.0 + texel_directions(32, 64) + np.random.default_rng(0).random((32, 64, 3))).astype("f4")
+    world = mapped(scene(away), radiance, 40.0)
+    assert world.environment is not None
+    normals = np.concatenate([np.eye(3), -np.eye(3)])
+    found = Tracer(world).irradiance(np.zeros((6, 3)), normals, normals, 64, 1)
+    assert np.allclose(found, irradiance(radiance, normals @ world.environment.frame.T), rtol=0.01)

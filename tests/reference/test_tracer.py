@@ -10,9 +10,11 @@ import pytest
 
 import irrsplat
 from irrsplat.app import cli
+from irrsplat.core.color import LUMINOUS_EFFICACY
 from irrsplat.reference.truth import MOST_BOUNCES, traced, vertices
 from irrsplat.scene.model import Camera, Light, Scene
 from tests.app.verify.test_verify import rows
+from tests.support.luminaires import bilinear, lambert, lopsided, photometry, steps
 from tests.support.truth import SIZE, load_reference
 from tests.support.worlds import box, material, quad
 
@@ -55,13 +57,18 @@ def test_a_furnace_of_many_bounces(mitsuba: Any, bounces: int) -> None:
     assert np.allclose(E.mean(axis=0), expected, rtol=1e-4 if exact else 0.003)
 
 
-@pytest.mark.parametrize("light", ["in the middle", "by the wall", "spot", "of the OpenGL kind"])
+@pytest.mark.parametrize("light", ["in the middle", "by the wall", "spot", "of the OpenGL kind", "downlight", "luminaire"])
 @pytest.mark.parametrize("bounces", [1, 2, 4, MOST_BOUNCES])
 def test_a_lamp_in_a_closed_room(mitsuba: Any, bounces: int, light: str) -> None:
     """What a lamp sends out arrives, Φ = A·mean(E_direct); of that every bounce sends ρ on: mean(E_N) = mean(E_direct)·Σ ρ^k.
 
-    k from 1 to N. A lamp of I sends 4π·I; a spot I·2π·(1 - cos 40°); of OpenGL's lamp, E_direct is summed over the room.
+    k from 1 to N. A lamp of I sends 4π·I; a spot I·2π·(1 - cos 40°); a luminaire its lumens by the efficacy; of OpenGL's lamp,
+    E_direct is summed over the room.
     """
+    downlight, all_around = (
+        photometry(steps(0, 60, 13), [0.0], lambert),
+        photometry(steps(0, 180, 25), steps(0, 360, 25), lopsided),
+    )
     lamp = {
         "in the middle": Light((0.0, 0.0, 0.0), (1.0, 2.0, 3.0), physical=True),
         "by the wall": Light((0.2, 0.95, -0.3), (1.0, 2.0, 3.0), physical=True),
@@ -69,10 +76,13 @@ def test_a_lamp_in_a_closed_room(mitsuba: Any, bounces: int, light: str) -> None
             (0.2, 0.9, -0.3), (1.0, 2.0, 3.0), physical=True, spot_target=(0, -1, 0), spot_cutoff=40.0, spot_inner=40.0
         ),
         "of the OpenGL kind": Light((0.2, 0.5, -0.3), (1.0, 2.0, 3.0), attenuation=(1.0, 0.5, 0.2)),
+        "downlight": Light((0.2, 0.9, -0.3), (1.0, 2.0, 3.0), physical=True, photometry=downlight, spot_target=(0.4, -1, 0)),
+        "luminaire": Light((0.2, 0.4, -0.3), (1.0, 2.0, 3.0), physical=True, photometry=all_around, spot_target=(1, 0, 0)),
     }[light]
     albedo = np.array([0.3, 0.9, 0.6])
     path_tracer = mitsuba.Tracer(Scene((box((-1, -1, -1), (1, 1, 1), material(tuple(albedo))),), (lamp,), (CAMERA,)))
     flux = {"spot": 2.0 * np.pi * (1.0 - np.cos(np.radians(40.0)))}.get(light, 4.0 * np.pi)
+    flux = flux if lamp.photometry is None else lamp.photometry.flux / LUMINOUS_EFFICACY
     direct = flux / 24.0 * np.array([1.0, 2.0, 3.0])
     if light == "of the OpenGL kind":
         q, m = (mitsuba.mi.Vector3f(a.T) for a in inside(100))
@@ -80,6 +90,34 @@ def test_a_lamp_in_a_closed_room(mitsuba: Any, bounces: int, light: str) -> None
     p, n = inside(12)
     E = path_tracer.irradiance(p, n, n, 16, 3, bounces).mean(axis=0)
     assert np.allclose(E, direct * albedo * (1.0 - albedo**bounces) / (1.0 - albedo), rtol=0.01)
+
+
+@pytest.mark.parametrize("kind", ["all around", "half", "one plane"])
+def test_a_luminaire_s_direct_light_is_what_its_table_says(mitsuba: Any, kind: str) -> None:
+    """E = color·I·cosθ/(179·d²), I by an interpolation of another kind in the turned frame; beyond the table's ends nothing."""
+    vertical, around = {
+        "all around": (steps(0, 180, 19), steps(0, 360, 25)),
+        "half": ([0.0, 20.0, 33.0, 70.0], steps(0, 360, 25)),
+        "one plane": (steps(0, 90, 7), [0.0]),
+    }[kind]
+    table = photometry(vertical, around, lopsided)
+    lamp = Light((0.1, 0.5, 0.2), (1.0, 0.5, 0.0), physical=True, photometry=table, spot_target=(0.4, -1, 0.1), across=(0, 0, 2))
+    path_tracer, mi = mitsuba.Tracer(Scene((box((-1, -1, -1), (1, 1, 1)),), (lamp,), (CAMERA,))), mitsuba.mi
+    p, n = inside(40)
+    E, _, _ = path_tracer.unoccluded(lamp, mi.Point3f(p.T), mi.Vector3f(n.T), mi.Vector3f(n.T))
+    z = -np.subtract((0.4, -1, 0.1), lamp.position)
+    z /= np.linalg.norm(z)
+    x = np.array([0, 0, 1.0]) - z[2] * z
+    x /= np.linalg.norm(x)
+    way = p - np.asarray(lamp.position)
+    intensity = bilinear(lopsided, vertical, around, way @ np.stack([x, np.cross(z, x), z], axis=1))
+    d = np.linalg.norm(way, axis=1)
+    expected = intensity / 179.0 * np.maximum(-(way * n).sum(1), 0.0) / d**3
+    angle = np.degrees(np.arccos(np.clip(-(way @ z) / d, -1.0, 1.0)))
+    kept = np.abs(angle - min(vertical[-1], 179.0)) > 0.02  # at a table's end a float's rounding decides
+    assert (expected[kept] > 0.0).sum() > 1000
+    found, expected = np.array(E).T[kept], expected[kept, None] * (1.0, 0.5, 0.0)
+    assert np.allclose(found, expected, rtol=1e-3, atol=1e-5 * expected.max())
 
 
 def test_a_second_bounce_is_the_first_one_seen_from_there(mitsuba: Any) -> None:

@@ -125,6 +125,7 @@ RENEW = SPLAT | {"gather", "reduce"}
 CHANGES: list[tuple[str, Any, set[str]]] = [
     ("shadow_size", 128, RENEW | {"shadow", "direct"}),
     ("seed", 5, RENEW),
+    ("ray_noise", 2.0, RENEW),
     ("light_samples", 16, RENEW),
     ("bounces", 0, {"splat", "composite"}),
     ("bounces", 2, RENEW | {"surface"}),

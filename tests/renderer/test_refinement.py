@@ -84,7 +84,7 @@ def test_small_ticks_refine_as_a_render_does_and_motion_ends_it(renderer: Render
 
 def test_the_surface_cache_is_refined_in_ticks_until_the_scene_changes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With two bounces it holds E_1, which four times as many rays bring nearer to that of sixteen times as many."""
-    monkeypatch.setattr(site_layout, "POINTS", 100)
+    monkeypatch.setattr(site_layout, "POINTS", (100, 100))
     scene = irrsplat.load(write_room(tmp_path))
     with Renderer(scene, SIZE, **(COARSE | {"bounces": 2})) as renderer:
         renderer.frame()

@@ -15,6 +15,7 @@ from irrsplat.scene.io.defaults import finish
 from irrsplat.scene.model import Camera, Image, Light, Material, Mesh, Scene, Texture
 from irrsplat.scene.stand_ins.surroundings import surface_points, surroundings
 from irrsplat.scene.stand_ins.up_axis import axes, up_vector
+from irrsplat.sky.sky_text import Sky
 from tests.support.worlds import box, floor, lamp, material, quad, sphere
 
 UPS = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
@@ -263,7 +264,7 @@ def test_a_text_scene_keeps_its_promise() -> None:
     assert plain.sky == (1.0, 1.0, 1.0) and plain.sky_gradient == (0.0, 0.0, 0.0) and not plain.own_sky and plain.lights == ()
     weak = finish(Path("a.scene"), [ROOM], (lamp((0, 1, 0), 1e-12),), (), None, {})
     assert weak.sky == (0.0, 0.0, 0.0) and weak.own_sky
-    assert finish(Path("a.scene"), [ROOM], (), (), (0.0, 0.0, 0.0), {}).own_sky
+    assert finish(Path("a.scene"), [ROOM], (), (), Sky(), {}).own_sky
 
 
 def test_the_up_of_a_text_scene_is_its_camera_s() -> None:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from irrsplat.core.errors import InputError
+from irrsplat.scene import load
 from irrsplat.scene.io.mesh_builder import build_mesh, is_closed
 from irrsplat.scene.io.obj.reader import load_obj
-from irrsplat.scene.model import Material
+from irrsplat.scene.model import Material, Scene
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 CUBE = """v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1
@@ -189,3 +191,49 @@ def test_a_large_obj_loads_in_a_blink(tmp_path):
     shape = load_obj(tmp_path / "big.obj")
     np.testing.assert_array_equal(shape.positions, v)
     np.testing.assert_array_equal(shape.corners, f - 1)
+
+
+# ---- units -------------------------------------------------------------------------------------------------------------
+
+
+def in_units(folder: Path, units: str) -> Scene:
+    """A scene with one of everything that shines."""
+    (folder / "quad.obj").write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n")
+    (folder / "a.light").write_text("position 0 1 0 1\nintensity 179 358 537\n")
+    (folder / "b.light").write_text("position 0 1 0 0\ndiffuse 179 179 0 1\n")
+    text = "light a.light\nlight b.light\nsky 17.9 0 0\nbrdf emission 0 358 0\nbrdf diffuse 0.2 0.3 0.4 1\nobj quad.obj\n"
+    (folder / "one.scene").write_text(f"# first\n{units}\ncam 0 0 5 0 0 0 0 1 0\n{text}")
+    return load(folder / "one.scene")
+
+
+def test_photometric_units_are_divided_by_179_lumens_per_watt(tmp_path: Path) -> None:
+    scene = in_units(tmp_path, "units photometric")
+    assert scene.lights[0].color == pytest.approx((1.0, 2.0, 3.0))
+    assert scene.lights[1].color == pytest.approx((1.0, 1.0, 0.0))
+    assert scene.sky == pytest.approx((0.1, 0.0, 0.0))
+    assert scene.meshes[0].material.emission == pytest.approx((0.0, 2.0, 0.0))
+    assert scene.meshes[0].material.albedo == (0.2, 0.3, 0.4), "a share has no unit"
+
+
+@pytest.mark.parametrize("units", ["units radiometric", ""])
+def test_other_units_are_watts(tmp_path: Path, units: str) -> None:
+    scene = in_units(tmp_path, units)
+    assert scene.lights[0].color == (179.0, 358.0, 537.0) and scene.sky == (17.9, 0.0, 0.0)
+    assert scene.meshes[0].material.emission == (0.0, 358.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "words"),
+    [
+        ("units candela\n", 1, "'candela' are no units; expected: units radiometric, or: units photometric"),
+        ("units\n", 1, "'' are no units"),
+        ("units photometric\n\nunits photometric\n", 3, "'units' is given twice; first in line 1"),
+        ("sky 1 1 1\nunits photometric\n", 2, "stands before all light, but line 1 has some"),
+        ("brdf emission 1 1 1\nunits radiometric\n", 2, "stands before all light, but line 1 has some"),
+    ],
+)
+def test_units_that_cannot_be_are_refused(tmp_path: Path, text: str, line: int, words: str) -> None:
+    (tmp_path / "one.scene").write_text(text)
+    with pytest.raises(InputError) as caught:
+        load(tmp_path / "one.scene")
+    assert f"one.scene:{line}: " in str(caught.value) and words in str(caught.value)

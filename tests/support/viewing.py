@@ -19,13 +19,16 @@ import irrsplat
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers.buffer_view import BufferView
 from irrsplat.app.viewer.buffers.shown_buffer import ViewSource
+from irrsplat.app.viewer.editing.editor import Editor
+from irrsplat.app.viewer.editing.scene_edit import SceneEdit
+from irrsplat.app.viewer.input.hints import HINTS, Hints
 from irrsplat.app.viewer.input.keys import GROUPS, KEYS
 from irrsplat.app.viewer.input.path_recorder import PathRecorder
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.screen import Region
-from irrsplat.app.viewer.view_options import Panels, ViewOptions
+from irrsplat.app.viewer.view_options import Appearance, Panels, ViewOptions
 from irrsplat.app.viewer.viewer import Viewer
 from irrsplat.app.viewer.window import open_window
 from irrsplat.gpu import context
@@ -222,14 +225,15 @@ class Driver:
         if name.endswith("_CTRL"):
             self.modifiers.ctrl = on
 
-    def press(self, name: str, ctrl: bool = False) -> None:
+    def press(self, name: str, ctrl: bool = False, shift: bool = False) -> None:
         """A key goes down and up, and a frame passes."""
-        if ctrl:
-            self.down("LEFT_CTRL")
+        held = ("LEFT_CTRL",) * ctrl + ("LEFT_SHIFT",) * shift
+        for modifier in held:
+            self.down(modifier)
         self.down(name)
         self.up(name)
-        if ctrl:
-            self.up("LEFT_CTRL")
+        for modifier in held:
+            self.up(modifier)
         self.frame()
 
     def type(self, text: str) -> None:
@@ -316,11 +320,15 @@ class Driver:
         for renderer in session.renderers[1:]:
             renderer.release()
         session.renderers[1:] = []
+        session.unpark()
+        for snapshot in list(session.snapshots):
+            session.forget_snapshot(snapshot)
         if actions.source != self.source:
             actions.open(self.source)
         actions.panels, actions.side, actions.screenshot_wanted = Panels(settings=False, hud=False), 0, ""
         actions.messages.lines.clear()
-        self.viewer.interface.dialog.typed = ""
+        actions.hints, actions.appearance = Hints(list(HINTS)), Appearance()
+        self.viewer.interface.dialog.typed = self.viewer.interface.save_dialog.typed = ""
         session.options, session.held, session.path_recorder = ViewOptions(), None, PathRecorder()
         session.truths.release()
         session.carry_headlamp(False)
@@ -330,10 +338,8 @@ class Driver:
         session.free_camera.home()
         for renderer in session.renderers:
             renderer.change(preset("default", **self.values), "default")
-        for number in range(len(actions.lamps.all)):
-            actions.lamps.reset(number)
-        if actions.lamps.lights != list(session.scene.lights):
-            actions.relight()
+        actions.editor.apply(SceneEdit.of(actions.editor.loaded))
+        actions.editor = Editor(session)
         self.move(self.wnd.width - 20.0, self.wnd.height - 20.0)
         self.settle()
 
@@ -378,7 +384,8 @@ def viewing(
 ) -> Iterator[Driver]:
     """A viewer of the scene at `source` with settings for fast pictures; closed at the end without saving preferences."""
     if preferences is None:
-        preferences = Preferences(values={**FAST, **settings}, ui={"panels": {"settings": False, "hud": False}})
+        ui: dict[str, object] = {"panels": {"settings": False, "hud": False}, "hints": list(HINTS)}
+        preferences = Preferences(values={**FAST, **settings}, ui=ui)
     wnd = open_window(size, headless=True)
     viewer = Viewer(wnd, irrsplat.load(source), str(source), preferences)
     driver = Driver(viewer, {**FAST, **settings})
@@ -447,7 +454,7 @@ class Tracer:
 def push(driver: Driver, shown: str) -> None:
     """Press the key that a user reads as `shown`."""
     found = next(k for k in KEYS if k.shown == shown)
-    driver.press(found.name, found.ctrl)
+    driver.press(found.name, found.ctrl, found.shift)
 
 
 Case = Callable[[Driver, str], None]
@@ -474,4 +481,4 @@ class Cases:
     def check(self) -> None:
         """No key without a check, and none of the same name as another."""
         assert sorted(self.made) == sorted(self.keys)
-        assert len({k.shown for k in KEYS}) == len({(k.name, k.ctrl) for k in KEYS}) == len(KEYS)
+        assert len({k.shown for k in KEYS}) == len({(k.name, k.ctrl, k.shift) for k in KEYS}) == len(KEYS)

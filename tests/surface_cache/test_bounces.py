@@ -273,7 +273,7 @@ def test_a_ray_s_hit_goes_where_it_is_said() -> None:
 @pytest.fixture
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """A surface cache of few points and rays: exact enough to compare it with itself."""
-    monkeypatch.setattr(site_layout, "POINTS", 300)
+    monkeypatch.setattr(site_layout, "POINTS", (300, 300))
     monkeypatch.setattr(surface, "SIDES", (8, 8))
 
 

@@ -27,7 +27,7 @@ TICK = 2e-3
 def slow(monkeypatch: pytest.MonkeyPatch) -> None:
     """Ticks have waited long enough from the first one on, for a surface cache of few points and rays."""
     monkeypatch.setattr(record_gatherer, "_PATIENCE", -1.0)
-    monkeypatch.setattr(site_layout, "POINTS", 300)
+    monkeypatch.setattr(site_layout, "POINTS", (300, 300))
     monkeypatch.setattr(surface, "SIDES", (8, 8))
 
 

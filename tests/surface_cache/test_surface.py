@@ -18,7 +18,7 @@ from irrsplat.scene.model import Camera, Scene
 from irrsplat.surface_cache import clustering
 from irrsplat.surface_cache.cache import SurfaceCache
 from irrsplat.surface_cache.clustering import sight_lines, unlit_interiors
-from irrsplat.surface_cache.site_layout import MAX_SITES, POINTS
+from irrsplat.surface_cache.site_layout import MAX_SITES, POINTS, SiteChooser
 from irrsplat.surface_cache.tessellation import Tessellation, steps, tessellate
 from irrsplat.surface_cache.visibility import VisibilityPass
 from tests.renderer.test_renderer import FAST
@@ -96,6 +96,25 @@ def test_who_shares_a_name() -> None:
     few, whose = clustering.choose_sites(names, some.position, np.ones(len(some)), 0.0, 5)
     assert len(few) == 5 and set(whose) == {-1, 0, 1, 2, 3, 4}
     assert np.bincount(whose[whose >= 0]).min() >= np.unique(names[whose < 0], return_counts=True)[1].max(), "the largest"
+
+
+def test_a_fine_mesh_has_few_members() -> None:
+    """Of very small triangles on one side of one mesh, those in one voxel become one; others stay what they are."""
+    beads, other = sphere((0, 0, 0), 0.1), sphere((0, 0, 0), 0.101)
+    world = scene(floor(2.0), beads, other)
+    chooser = SiteChooser(world, unlit_interiors(world), 1e-4, lambda lines: np.ones(len(lines), bool))
+    vertices, faces, _ = chooser._surfaces()
+    clusters, _ = chooser._cut(vertices, faces, 0.1)
+    tessellation, sheet = clusters.tessellation, chooser._sheets(clusters.tessellation)
+    fine, member = np.flatnonzero(sheet >= 0), clusters.member.ravel()
+    assert len(fine) == 2 * (len(beads.faces) + len(other.faces)) and len(np.unique(member[fine])) < 0.4 * len(fine)
+    assert len(clusters.members) == len(np.unique(member)) and (np.bincount(member[sheet < 0])[member[sheet < 0]] == 1).all()
+    pairs = np.unique(np.stack([member, sheet]), axis=1)
+    assert pairs.shape[1] == len(clusters.members), "no member stands for two meshes, or for both sides of one"
+    points = clustering.both_sides(tessellation, 1e-4)
+    apart = np.linalg.norm(clusters.members.position[member] - points.position, axis=1)
+    assert apart.max() <= 0.25 * 0.1 * np.sqrt(3.0) and (clusters.members.normal[member] * points.normal).sum(1).min() > 0.0
+    assert clusters.area.sum() == pytest.approx(2.0 * tessellation.area.sum())
 
 
 def test_what_no_light_reaches() -> None:
@@ -250,5 +269,5 @@ def test_a_cache_of_a_bundled_scene() -> None:
         renderer.scheduler.prepare(renderer.shadows, Budget(None))
         assert cache.layout is not None
         numbers = np.frombuffer(cache.lookup.cells.read(), "f4").reshape(-1, 4)[: 2 * cache.layout.tessellation.cells, :3]
-        assert POINTS / 2 < len(cache.sites) < MAX_SITES
+        assert POINTS[0] / 2 < len(cache.sites) < MAX_SITES
         assert (numbers < 0.0).mean() < 0.01 and numbers.max() < len(cache.sites) + 2

@@ -20,8 +20,8 @@ def text(scene: Scene) -> str:
 
     Raises IrrsplatError for a scene that Radiance cannot express.
     """
-    if any(scene.sky_gradient):
-        raise IrrsplatError("a sky that is brighter above has no counterpart here")
+    if any(scene.sky_gradient) or scene.environment is not None:
+        raise IrrsplatError("a sky that is not the same all around has no counterpart here")
     parts = []
     for number, mesh in meshes(scene):
         albedo, emission = mesh.material.albedo, mesh.material.emission
@@ -52,6 +52,8 @@ def _lamp(light: Light, number: int) -> str:
     if light.directional:
         radiance = np.pi * colour / (2.0 * math.pi * (1.0 - math.cos(math.radians(SUN / 2.0))))
         return f"void light lamp{number} 0 0 3 {_row(*radiance)}\nlamp{number} source from{number} 0 0 4 {_row(*place, SUN)}\n"
+    if light.photometry is not None:
+        raise IrrsplatError("luminaires (IES) are not written for it; give a scene of other lights")
     factor, numbers = _factor(light)
     radiance = colour / (np.pi * LAMP**2)
     shape = f"lamp{number} sphere bulb{number} 0 0 4 {_row(*place, LAMP)}\n"

@@ -82,7 +82,7 @@ class Truth:
         """Whether this is what `camera` sees of `scene` as it is lit now, by so many bounces, in a picture of `size`; names do
         not count."""
         mine, other = ((c.eye, c.target, c.up, c.fov) for c in (self.camera, camera))
-        mine_lit, other_lit = ((s.lights, s.sky, s.sky_gradient, s.up) for s in (self.scene, scene))
+        mine_lit, other_lit = ((s.lights, s.sky, s.sky_gradient, s.up, s.environment) for s in (self.scene, scene))
         lit = mine_lit == other_lit
         return self.scene.meshes is scene.meshes and lit and (self.size, self.bounces) == (size, bounces) and mine == other
 

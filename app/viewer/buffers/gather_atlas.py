@@ -7,7 +7,7 @@ from irrsplat.app.viewer.buffers.shown_buffer import GROUND, Canvas, Identity, S
 from irrsplat.app.viewer.buffers.texture_buffers import exposed
 from irrsplat.app.viewer.buffers.tiles import GAP, tiling
 from irrsplat.core.buffers import Atlas, Uniforms
-from irrsplat.lighting.sky import sky_uniforms
+from irrsplat.lighting.sky import sky_defines, sky_maps, sky_uniforms
 
 
 class GatherAtlasBuffer(ShownBuffer):
@@ -24,7 +24,7 @@ class GatherAtlasBuffer(ShownBuffer):
         canvas.blank()
         atlas = source.renderer.scheduler.gatherer.atlas
         if atlas is not None:
-            draw_atlas(canvas, atlas, source.gain, sky_uniforms(source.scene))
+            draw_atlas(canvas, atlas, source.gain, sky_uniforms(source.scene, sky_maps(source.renderer.world)))
 
     def legend(self, source: ViewSource) -> Legend:
         """Unit and exposure."""
@@ -34,8 +34,8 @@ class GatherAtlasBuffer(ShownBuffer):
 def draw_atlas(canvas: Canvas, atlas: Atlas, gain: float, sky: Uniforms) -> None:
     """Draw the cells of an atlas as large as they fit, radiance times `gain`; a texel that hits nothing shows the sky, of
     these uniforms of shaders/lighting/sky.glsl."""
-    grid = tiling(atlas.count, atlas.cell, canvas.target.size)
-    canvas.programs("viewer/buffers/gather_atlas")(
+    grid = tiling(atlas.count, atlas.cell, canvas.area)
+    canvas.programs("viewer/buffers/gather_atlas", defines=sky_defines(sky))(
         canvas.target,
         scissor=canvas.region,
         radiance=atlas.radiance,

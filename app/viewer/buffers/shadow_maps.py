@@ -30,7 +30,7 @@ class ShadowMapsBuffer(ShownBuffer):
             return
         side, columns, near = shadows.layout
         tiles = light_tiles(shadows)
-        grid = tiling(len(tiles), (side, side), canvas.target.size)
+        grid = tiling(len(tiles), (side, side), canvas.area)
         pitch, size = side * grid.pixels_per_texel + GAP, max(int(side * grid.pixels_per_texel), 1)
         low, high = shadow_range(source.scene, shadows)
         for i, tile in enumerate(tiles):

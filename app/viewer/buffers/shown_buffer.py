@@ -11,6 +11,8 @@ import numpy as np
 
 from irrsplat.app.viewer.buffers.background_truth import Truth
 from irrsplat.app.viewer.buffers.legend import Legend
+from irrsplat.app.viewer.buffers.tiles import Margins
+from irrsplat.app.viewer.show.light_scale import LightScale
 from irrsplat.app.viewer.show.screen import Programs, Region, Texels, clear, scale
 from irrsplat.gpu.target import Target
 from irrsplat.image.view import View
@@ -40,13 +42,14 @@ class Identity:
 class ViewSource:
     """One side of the window, which buffers are shown of: a renderer's view, exposed by `exposure` stops.
 
-    truth: the path-traced truth of this very view, where there is one.
+    truth: the path-traced truth of this very view, where there is one. light_scale: of false colours, its upper end known.
     """
 
     renderer: Renderer
     view: View
     exposure: float
     truth: Truth | None = None
+    light_scale: LightScale = LightScale()  # it is frozen
 
     @property
     def settings(self) -> Settings:
@@ -71,12 +74,21 @@ class ViewSource:
 
 @dataclass(frozen=True)
 class Canvas:
-    """Where a buffer is drawn, and the means: a target or a `region` of it, programs made on first use, the table of colours."""
+    """Where a buffer is drawn, and the means: a target or a `region` of it, programs made on first use, the table of colours.
+
+    margins: what tiles leave free.
+    """
 
     target: Target
     programs: Programs
     colours: moderngl.Texture
     region: Region | None = None
+    margins: Margins = Margins()
+
+    @property
+    def area(self) -> Region:
+        """Where tiles stand, whatever part of them the region shows."""
+        return self.margins.area(self.target.size)
 
     def picture(self, source: ViewSource, fragment: str, values: moderngl.Texture, **uniforms: Uniform) -> None:
         """Draw with shaders/viewer/buffers/`fragment`.frag, which colours each pixel of the view by its texel of `values`."""
@@ -97,6 +109,26 @@ class Canvas:
 
 
 @dataclass(frozen=True)
+class Values:
+    """Where a buffer's numbers lie, so that those of two sides can be compared.
+
+    form: what they are of a texel: 0 rgb, 1 r, 2 rgb/a, 3 rgb/a times `albedo`/π, 4 a. full: a great difference, which has the
+    full colour. everywhere: whether there are numbers where nothing is seen.
+    """
+
+    texture: moderngl.Texture
+    form: int
+    full: float
+    everywhere: bool = False
+    albedo: moderngl.Texture | None = None
+
+    @property
+    def channels(self) -> int:
+        """How many numbers a pixel has."""
+        return 1 if self.form in (1, 4) else 3
+
+
+@dataclass(frozen=True)
 class ShownBuffer(ABC):
     """A buffer that the viewer can show. A new one is an instance (or a subclass) of this, listed in table.BUFFERS.
 
@@ -113,6 +145,14 @@ class ShownBuffer(ABC):
 
     def inputs(self, source: ViewSource) -> object:
         """What it is made of besides the view and the settings, for a memo; compared by ==."""
+        return None
+
+    def unit_shown(self, source: ViewSource) -> str:
+        """The unit of the values under the cursor."""
+        return self.unit
+
+    def values(self, source: ViewSource) -> Values | None:
+        """Its numbers, to be compared with another side's; None where it has none at every pixel of the view."""
         return None
 
     @abstractmethod

@@ -7,6 +7,7 @@ A further buffer is one more entry: of a class in texture_buffers.py where it is
 from __future__ import annotations
 
 from irrsplat.app.viewer.buffers.gather_atlas import GatherAtlasBuffer
+from irrsplat.app.viewer.buffers.light import LightBuffer
 from irrsplat.app.viewer.buffers.shadow_maps import ShadowMapsBuffer
 from irrsplat.app.viewer.buffers.shown_buffer import ShownBuffer
 from irrsplat.app.viewer.buffers.surface_cache import SurfaceCacheBuffer
@@ -63,6 +64,7 @@ BUFFERS: dict[str, ShownBuffer] = {
             "shadow", "shadow maps", "m", "every light's shadow maps: distance from the light along each one's axis"
         ),
         GatherAtlasBuffer("atlas", "gather atlas", "W/(m² sr)", "what the records of the last batch saw, a hemisphere each"),
+        LightBuffer("light", "light (false colours)", "lux", "all light that falls on surfaces, in lux or W/m², with isolines"),
         EmissionBuffer(*_channel("emission"), texture=lambda view: view.emission or view.gbuffer.emission),
         VectorBuffer(*_channel("smooth_normal", "smooth normal"), texture=lambda view: view.gbuffer.normal),
         OpacityBuffer(*_channel("opacity"), texture=opacity_texture, components=1),

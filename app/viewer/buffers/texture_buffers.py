@@ -9,10 +9,12 @@ import moderngl
 import numpy as np
 
 from irrsplat.app.viewer.buffers.legend import Legend, colour_map
-from irrsplat.app.viewer.buffers.shown_buffer import Canvas, ShownBuffer, ViewSource, depth_at
+from irrsplat.app.viewer.buffers.shown_buffer import Canvas, ShownBuffer, Values, ViewSource, depth_at
 from irrsplat.app.viewer.show.screen import Texels
 from irrsplat.image.view import View
 from irrsplat.scene.model import Camera, Scene
+
+_GREAT = 0.25  # of the range of what is shown: a difference that has the full colour
 
 
 @dataclass(frozen=True)
@@ -33,6 +35,15 @@ class TextureBuffer(ShownBuffer):
             return None
         return texels(self.texture(source.view), x, y)[: self.components]
 
+    def values(self, source: ViewSource) -> Values | None:
+        """The texels themselves."""
+        form = 0 if self.components == 3 else 1
+        return Values(self.texture(source.view), form, self.great(source), self.everywhere)
+
+    def great(self, source: ViewSource) -> float:
+        """A great difference of two such values, in their unit."""
+        return _GREAT
+
 
 @dataclass(frozen=True)
 class RadianceBuffer(TextureBuffer):
@@ -51,6 +62,10 @@ class RadianceBuffer(TextureBuffer):
     def legend(self, source: ViewSource) -> Legend:
         """Unit and exposure."""
         return Legend(exposed(self.unit, source), unit=self.unit)
+
+    def great(self, source: ViewSource) -> float:
+        """So much of what is shown white."""
+        return _GREAT / source.gain
 
 
 class ImageBuffer(RadianceBuffer):
@@ -93,6 +108,13 @@ class IndirectBuffer(RadianceBuffer):
         indirect: np.ndarray = irradiance_at(texels, view, x, y) * texels(view.gbuffer.albedo, x, y)[:3] / np.float32(np.pi)
         return indirect
 
+    def values(self, source: ViewSource) -> Values | None:
+        """The mean, or the factors of the product."""
+        view = source.view
+        if view.indirect is not None:
+            return super().values(source)
+        return Values(view.sums, 3, self.great(source), albedo=view.gbuffer.albedo)
+
 
 class IrradianceBuffer(TextureBuffer):
     """Irradiance as a white surface reflects it, so that it compares with the picture; its texture holds Σ k·E and Σ k."""
@@ -104,6 +126,10 @@ class IrradianceBuffer(TextureBuffer):
     def value(self, texels: Texels, source: ViewSource, x: int, y: int) -> np.ndarray | None:
         """W/m², three channels."""
         return irradiance_at(texels, source.view, x, y) if depth_at(texels, source, x, y) else None
+
+    def values(self, source: ViewSource) -> Values | None:
+        """The quotients of its texels."""
+        return Values(self.texture(source.view), 2, np.pi * _GREAT / source.gain)
 
     def legend(self, source: ViewSource) -> Legend:
         """Unit and exposure."""
@@ -136,6 +162,10 @@ class ShareBuffer(TextureBuffer):
 
 class OpacityBuffer(TextureBuffer):
     """The opacity of the nearest filter, else 1 where a surface is seen."""
+
+    def values(self, source: ViewSource) -> Values | None:
+        """None: where there are filters, one texture does not hold them all."""
+        return None
 
     def draw(self, canvas: Canvas, source: ViewSource) -> None:
         """Draw it, sRGB encoded."""
@@ -179,6 +209,11 @@ class VectorBuffer(TextureBuffer):
         low, high = (" ".join(f"{v:.3g}" for v in end[:axes]) for end in self.ends(source.scene))
         return Legend("x y z as red, green, blue" + self.note, low, high, unit)
 
+    def great(self, source: ViewSource) -> float:
+        """So much of the longest axis."""
+        low, high = self.ends(source.scene)
+        return _GREAT * float(np.max(high - low)) or 1.0
+
 
 class DepthBuffer(TextureBuffer):
     """The distance along the view axis, which the position's texels hold as their fourth component."""
@@ -192,6 +227,11 @@ class DepthBuffer(TextureBuffer):
         """Metres, infinity where nothing is seen."""
         depth = depth_at(texels, source, x, y)
         return None if depth is None else np.array([depth or np.inf], "f4")
+
+    def values(self, source: ViewSource) -> Values | None:
+        """The fourth component of its texels."""
+        low, high = depth_range(source.scene, source.view.camera)
+        return Values(self.texture(source.view), 4, _GREAT * (high - low))
 
     def legend(self, source: ViewSource) -> Legend:
         """The range of depths that the scene's bounds allow."""

@@ -12,6 +12,24 @@ GAP = 2.0  # pixels between tiles
 
 
 @dataclass(frozen=True)
+class Margins:
+    """What stays free around tiles, as shares of the window's width (left, right) and height (top, bottom)."""
+
+    left: float = 0.0
+    right: float = 0.0
+    top: float = 0.0
+    bottom: float = 0.0
+
+    def area(self, size: tuple[int, int]) -> Region:
+        """What they leave of a window of `size`, pixels."""
+        x, y = round(self.left * size[0]), round(self.bottom * size[1])
+        return x, y, max(size[0] - x - round(self.right * size[0]), 1), max(size[1] - y - round(self.top * size[1]), 1)
+
+
+NO_MARGINS = Margins()
+
+
+@dataclass(frozen=True)
 class Tiling:
     """Tiles in rows from the upper left corner (left, top; pixels from the lower left): how many a row, pixels per texel."""
 
@@ -21,15 +39,16 @@ class Tiling:
     top: float
 
 
-def tiling(count: int, tile: tuple[float, float], size: tuple[int, int]) -> Tiling:
-    """The tiling that shows `count` tiles of `tile` texels largest in a window of `size` pixels."""
+def tiling(count: int, tile: tuple[float, float], area: Region) -> Tiling:
+    """The tiling that shows `count` tiles of `tile` texels largest in an area of a window."""
+    x, y, *size = area
     per_row = np.arange(1, max(count, 1) + 1)
     rows = -(-max(count, 1) // per_row)
     pixels = np.minimum((size[0] - GAP * (per_row - 1)) / (per_row * tile[0]), (size[1] - GAP * (rows - 1)) / (rows * tile[1]))
     best = int(np.argmax(pixels))
     scale = max(float(pixels[best]), 1.0 / max(tile))
     width, height = (n[best] * (c * scale + GAP) - GAP for n, c in ((per_row, tile[0]), (rows, tile[1])))
-    return Tiling(int(per_row[best]), scale, (size[0] - width) / 2.0, size[1] - (size[1] - height) / 2.0)
+    return Tiling(int(per_row[best]), scale, x + (size[0] - width) / 2.0, y + size[1] - (size[1] - height) / 2.0)
 
 
 def common(a: Region, b: Region | None) -> Region | None:

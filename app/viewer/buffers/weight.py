@@ -21,6 +21,10 @@ class WeightBuffer(TextureBuffer):
         low, high = weight_range(source.settings)
         canvas.picture(source, "weight", self.texture(source.view), low=low, high=high, threshold=source.settings.threshold)
 
+    def great(self, source: ViewSource) -> float:
+        """Five times the least weight that a record has."""
+        return 5.0 / source.settings.a
+
     def legend(self, source: ViewSource) -> Legend:
         """The range, with a mark at the threshold."""
         low, high = weight_range(source.settings)
@@ -36,6 +40,10 @@ class AskingBuffer(TextureBuffer):
     def draw(self, canvas: Canvas, source: ViewSource) -> None:
         """Draw what the examination finds."""
         _draw_asking(canvas, source, source.settings.threshold)
+
+    def great(self, source: ViewSource) -> float:
+        """As of weights."""
+        return 5.0 / source.settings.a
 
     def legend(self, source: ViewSource) -> Legend:
         """What makes a pixel ask."""

@@ -27,6 +27,7 @@ class Controls:
         self.pressed: set[int | str] = set()  # keys that are down, and were not pressed for the interface
         self.pace = 1.0  # a factor on the speed
         self.mouse = (-1.0, -1.0)  # nowhere yet
+        self.monitor_scale = 1.0  # of text and widgets, by the monitor
         self.looking = False  # with the right mouse button down: the mouse is captured
         self.dividing = False  # while the divider is dragged
         self.pivot: tuple[float, float, float] | None = None  # of an orbit under way
@@ -58,6 +59,11 @@ class Controls:
         """Whether the camera may move in the next frame, though no further event comes."""
         return bool(self.pressed) or self.looking
 
+    @property
+    def magnifying(self) -> bool:
+        """Whether the magnifier's key is down."""
+        return getattr(self.wnd.keys, keys.MAGNIFIER) in self.pressed
+
     def fly(self, dt: float) -> None:
         """Move the camera by the keys that are down, for `dt` seconds."""
         names = self.wnd.keys
@@ -70,6 +76,7 @@ class Controls:
         elif right or up or ahead:
             self.actions.stop()
             self.session.free_camera.move(right, up, ahead, dt, self.pace)
+            self.actions.hints.follow("fly")
 
     @property
     def _per_pixel(self) -> float:
@@ -83,7 +90,7 @@ class Controls:
 
     def _on_divider(self, x: float) -> bool:
         options = self.session.options
-        return options.split != "off" and abs(x - options.divider * self.wnd.width) <= _GRIP
+        return options.split != "off" and options.compare == "divided" and abs(x - options.divider * self.wnd.width) <= _GRIP
 
     # ---- keys ------------------------------------------------------------------------------------------------------
 
@@ -105,10 +112,10 @@ class Controls:
             return
         flying = self.looking or any(getattr(names, name) in self.pressed for name in _FLYING)
         self.pressed.add(key)
-        found = keys.action(names, key, bool(ctrl))
+        found = keys.action(names, key, bool(ctrl), bool(shift))
         if found is not None and not (ctrl and flying and found.name in _FLYING):  # Ctrl+Q: slowly down, or quit
             self.actions.press(found)
-            if found.action == "open_dialog":
+            if found.action in ("open_dialog", "save_dialog"):
                 self.pressed.clear()
 
     def text(self, char: str) -> None:
@@ -129,8 +136,11 @@ class Controls:
         self.travelled += abs(dx) + abs(dy)
         if self.dividing:
             self.session.options.divider = float(np.clip(x / max(self.wnd.width, 1), 0.02, 0.98))
+        elif self.pivot is not None and self.actions.editor.dragging:
+            self.pivot = None  # the handles have it
         elif self.pivot is not None and self.travelled > _CLICK:
             self.session.free_camera.orbit(self.pivot, dx, dy, 4.0 * self._per_pixel)
+            self.actions.hints.follow("orbit")
 
     def mouse_pressed(self, x: float, y: float, button: int) -> None:
         """A mouse button went down."""
@@ -152,7 +162,7 @@ class Controls:
         elif button == LEFT:
             self.actions.stop()
             found = self.display.point_at(self.pointer) if self.pointer is not None else None
-            self.pivot = found or self.session.free_camera.camera.target
+            self.pivot = None if self.actions.editor.handles_used else found or self.session.free_camera.camera.target
 
     def mouse_released(self, x: float, y: float, button: int) -> None:
         """A mouse button went up."""
@@ -160,9 +170,12 @@ class Controls:
         if button == RIGHT:
             self._capture(False)
         if button == LEFT:
-            clicked = self.pivot is not None and self.travelled <= _CLICK
-            if clicked and self.session.options.inspect and self.pointer is not None:
-                self.display.hold(self.pointer)
+            clicked = self.pivot is not None and self.travelled <= _CLICK and self.pointer is not None
+            if clicked and self.pointer is not None:
+                if self.session.options.inspect:
+                    self.display.hold(self.pointer)
+                else:
+                    self.actions.pick(self.pointer, self.display.mesh_at(self.pointer), self.wnd.pixel_ratio)
             self.pivot, self.dividing = None, False
 
     def wheel(self, x_offset: float, y_offset: float) -> None:
@@ -194,4 +207,10 @@ class Controls:
 
     def scale_changed(self, scale: float) -> None:
         """The window is on a monitor of another scale."""
-        self.backend.resize_scale(max(1.0, scale) / self.wnd.pixel_ratio)
+        self.monitor_scale = max(1.0, scale) / self.wnd.pixel_ratio
+        self.restyle()
+
+    def restyle(self) -> None:
+        """Make the interface look as it is to; between frames."""
+        appearance = self.actions.appearance
+        self.backend.restyle(self.monitor_scale * appearance.scale, appearance.light)

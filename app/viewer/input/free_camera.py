@@ -15,6 +15,7 @@ STALL = 0.25  # seconds: the longest time step that counts, so that after a stal
 FAR = 1e3  # scene diagonals: the greatest distance from the first camera
 NEAR = 1e-3  # scene diagonals: the least distance to a pivot and to the target
 STEPS = 200.0  # of a wheel in one call; more would overflow
+_AROUND = 1.03  # of the distance at which a box just fits: a little room
 POLE = 1e-6  # radians: nearer to the world's up, a view's heading is read from its right instead of its forward
 
 
@@ -41,6 +42,11 @@ class FreeCamera:
     def camera(self) -> Camera:
         """The present camera; its target lies straight ahead, at the distance of the last pivot."""
         return self._camera
+
+    @property
+    def first(self) -> Camera:
+        """The camera that `home` goes back to."""
+        return self._first
 
     def look(self, dx: float, dy: float, per_pixel: float) -> None:
         """Turn the view by a mouse motion in pixels, right and down positive; per_pixel: radians.
@@ -83,6 +89,17 @@ class FreeCamera:
             return
         out = offset / distance if distance > 0.0 else self._axes[2]
         self._stand(about + out * wanted, about=about)
+
+    def frame(self, bounds: np.ndarray, aspect: float) -> None:
+        """Go where all of a box is just in the picture, without turning. bounds: (2, 3), its least and greatest corner; aspect:
+        width over height of the picture. The box's middle becomes the target."""
+        corners = np.array(np.meshgrid(*np.asarray(bounds, float).T)).reshape(3, -1).T
+        middle = corners.mean(0)
+        right, up, back = self._axes @ (corners - middle).T
+        tangent = math.tan(math.radians(self._camera.fov) / 2.0)
+        distance = float((back + np.maximum(np.abs(right) / aspect, np.abs(up)) / tangent).max())
+        distance = self._useful(distance * _AROUND)
+        self._stand(middle + self._axes[2] * distance, about=middle)
 
     def home(self) -> None:
         """Back to the first camera."""

@@ -10,14 +10,22 @@ from irrsplat.renderer import Renderer
 
 _TIME = 0.25  # seconds: time constant of the adaptation
 _NEAR = 0.01  # stops within which the goal counts as reached
+_SLACK = 1.0  # stops that it may be off while a view fills, so that it moves once, when all light is there
+_FASTEST = 6.0  # stops a second
+_MOST = 20.0  # stops, up and down: what is darker than that stays dark
 
 
 class AutoExposure:
-    """The exposure of both sides in stops, the same so that they compare; NaN until there is a picture."""
+    """The exposure of both sides in stops, the same so that they compare; NaN until there is a picture.
+
+    The first picture that is lit decides at once. After it nothing jumps: the exposure moves by at most _FASTEST, while a view
+    fills only as far as it is off by more than _SLACK, and stays where it is in a view that is all black.
+    """
 
     def __init__(self) -> None:
         self.stops = math.nan
         self._goal = 0.0
+        self._lit = False  # whether any picture has been
         self._view: View | None = None  # the last view that was metered
         self._meter: CompositePass | None = None  # that was asked, and has yet to be read
 
@@ -26,21 +34,40 @@ class AutoExposure:
         """Whether it would stay as it is while the picture does."""
         return self._meter is None and abs(self.stops - self._goal) <= _NEAR
 
-    def tick(self, renderer: Renderer, view: View, dt: float) -> None:
-        """Move by `dt` seconds towards what the renderer's settings say, or what its `view` needs."""
+    def tick(self, renderer: Renderer, view: View, dt: float, filling: bool = False) -> None:
+        """Move by `dt` seconds towards what the renderer's settings say, or what its `view` needs; filling: light is still
+        missing in it."""
         if renderer.settings.exposure != "auto":
             self.stops = self._goal = float(renderer.settings.exposure)
             self._view = self._meter = None
+            self._lit = True
             return
         meter = renderer.composite_pass
         if self._meter is meter:
-            self._goal = meter.metered()
+            self._read(meter)
         self._meter = None
         if view is not self._view:
             self._view, self._meter = view, meter
             meter.measure(view.image)
-        if math.isnan(self.stops):  # the very first picture: wait for the reading
-            self._meter, self._goal = None, meter.metered()
+        if not self._lit:  # nothing to move from: wait for the reading
+            if self._meter is not None:
+                self._meter = None
+                self._read(meter)
             self.stops = self._goal
+            return
+        slack = _SLACK if filling else 0.0
         way = self._goal - self.stops
-        self.stops += way * (1.0 - math.exp(-dt / _TIME)) if abs(way) > _NEAR else way
+        way = math.copysign(max(abs(way) - slack, 0.0), way)
+        if not slack and abs(way) <= _NEAR:
+            self.stops = self._goal
+        else:
+            step = way * (1.0 - math.exp(-dt / _TIME))
+            self.stops += min(max(step, -_FASTEST * dt), _FASTEST * dt)
+
+    def _read(self, meter: CompositePass) -> None:
+        """Take what was measured as the goal; 0 says that nothing is lit."""
+        found = meter.metered()
+        if found != 0.0:
+            self._goal, self._lit = min(max(found, -_MOST), _MOST), True
+        elif not self._lit:
+            self._goal = 0.0

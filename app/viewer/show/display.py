@@ -9,10 +9,14 @@ import numpy as np
 from irrsplat.app.viewer.buffers.buffer_view import BufferView
 from irrsplat.app.viewer.buffers.shown_buffer import Identity
 from irrsplat.app.viewer.buffers.table import BUFFERS
+from irrsplat.app.viewer.buffers.tiles import Margins
+from irrsplat.app.viewer.editing.picking import mesh_of
 from irrsplat.app.viewer.session import Session
+from irrsplat.app.viewer.show.comparison import Comparison
 from irrsplat.app.viewer.show.markers import By, Markers
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord, RecordInspector
 from irrsplat.app.viewer.show.screen import Region, clear
+from irrsplat.app.viewer.show.whereabouts import Whereabouts
 from irrsplat.core.memo import Memo
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
@@ -27,29 +31,47 @@ class Display(Owner):
         self.session = session
         self.buffer_view, self.markers = BufferView(session.ctx), Markers(session.ctx)
         self.inspector = RecordInspector(session.ctx, self.buffer_view)
+        self.whereabouts = Whereabouts(session.ctx)
+        self.comparison = Comparison(session, self.buffer_view)
         self._memo = Memo()
+        self.margins = Margins()  # that tiles leave free for the interface
 
     def owned(self) -> tuple[Resource, ...]:
         """What this frees."""
-        return (self.buffer_view, self.markers, self.inspector)
+        return (self.buffer_view, self.markers, self.inspector, self.whereabouts, self.comparison)
 
     def update(self, screen: Target, cursor: tuple[int, int] | None = None) -> InspectedRecord | None:
         """As `draw`, where the screen does not hold that very picture already."""
         options, session = self.session.options, self.session
-        sides = [self._inputs(side) for side, _ in session.sides()]
+        self.comparison.update()
+        shown = (0, 1) if session.compared else [side for side, _ in session.sides()]
+        sides = [self._inputs(side) for side in shown], session.compared and self.comparison.inputs
         inputs = sides, replace(options, buffers=[]), session.held, options.inspect and cursor, Identity(screen)
         return self._memo.get("picture", inputs, lambda: self.draw(screen, cursor))
 
+    @property
+    def lost(self) -> bool:
+        """Whether the camera has left the scene and sees nothing of it, or only backs; the first camera never has."""
+        session = self.session
+        if not session.views:
+            return False
+        source = session.source(0)
+        return self.whereabouts.lost(source, source.view.camera == session.free_camera.first)
+
     def _inputs(self, side: int) -> object:
         """What the picture of a side is made of, besides the options."""
-        name, source = self.session.options.buffers[side], self.session.source(side)
+        name, source = self.session.buffer(side), self.session.source(side)
         cache, surface = source.renderer.cache, source.renderer.scheduler.gatherer.surface
         markers = cache.count, cache.revision, Identity(None if surface is None else surface.result)
-        return name, source.inputs, BUFFERS[name].inputs(source), markers
+        margins = Margins() if BUFFERS[name].in_view else self.margins
+        return name, source.inputs, BUFFERS[name].inputs(source), markers, margins
 
     def draw(self, screen: Target, cursor: tuple[int, int] | None = None) -> InspectedRecord | None:
         """Draw both sides; the record that is held or lies under the cursor, where records are inspected."""
         sides = list(self.session.sides())
+        if self.session.compared:
+            self.comparison.draw(screen)
+            return None
         for side, region in sides:
             self._draw_side(screen, side, region)
         found = self._inspect(screen, cursor) if self.session.options.inspect else None
@@ -60,10 +82,10 @@ class Display(Owner):
 
     def _draw_side(self, screen: Target, side: int, region: Region | None) -> None:
         options, source = self.session.options, self.session.source(side)
-        buffer, view, markers = options.buffers[side], source.view, self.markers
+        buffer, view, markers = self.session.buffer(side), source.view, self.markers
         renderer, settings, scene = source.renderer, source.settings, source.scene
-        self.buffer_view.draw(screen, buffer, source, region)
-        if not BUFFERS[buffer].in_view:
+        self.buffer_view.draw(screen, buffer, source, region, self.margins)
+        if not BUFFERS[buffer].in_view or self.session.snapshot(side) is not None:
             return
         if options.wire:
             markers.wireframe(screen, view, renderer.world.geometry, region=region)
@@ -80,7 +102,7 @@ class Display(Owner):
 
     def _inspect(self, screen: Target, cursor: tuple[int, int] | None) -> InspectedRecord | None:
         session, held = self.session, self.session.held
-        side = held[0] if held is not None else session.side_at(cursor[0]) if cursor is not None else 0
+        side = held[0] if held is not None else self._scene_at(cursor) if cursor is not None else 0
         source = session.source(side)
         number = source.renderer.cache.number_of(held[1]) if held is not None else None
         if number is None and cursor is not None:
@@ -88,7 +110,7 @@ class Display(Owner):
         if number is None:
             return None
         settings, records = source.settings, source.renderer.cache.records
-        region = dict(session.sides())[side]
+        region = dict(session.sides()).get(side)
         served = self.markers.serves(screen, source.view, records, number, settings=settings, region=region)
         return self.inspector.inspect(number, side, source, served)
 
@@ -97,22 +119,41 @@ class Display(Owner):
         source = self.session.source(side)
         return self.inspector.table(side, source).pick(self.buffer_view.texels, source.view, source.settings, *cursor)
 
+    def _scene_at(self, cursor: tuple[int, int]) -> int:
+        """The side under the cursor; over a snapshot, which has no scene, the other one."""
+        side = self.session.side_at(cursor[0])
+        return side if self.session.snapshot(side) is None else 0
+
     def hold(self, cursor: tuple[int, int]) -> None:
         """Hold the record under the cursor; where one is held, let go of it instead."""
-        session, side = self.session, self.session.side_at(cursor[0])
+        session, side = self.session, self._scene_at(cursor)
         number = self._record_at(side, cursor) if session.held is None else None
         session.held = None if number is None else (side, session.source(side).renderer.cache.id_of(number))
 
     def value(self, side: int, cursor: tuple[int, int]) -> np.ndarray | None:
-        """The value under the cursor of the buffer that a side shows; read again where that, or the cursor, is another."""
-        name, source = self.session.options.buffers[side], self.session.source(side)
-        inputs = self._inputs(side), cursor
-        return self._memo.get(f"value of side {side}", inputs, lambda: self.buffer_view.value(name, source, *cursor))
+        """The value under the cursor of the buffer that a side shows, or of what both differ by; read again where that, or the
+        cursor, is another."""
+        name, source = self.session.buffer(side), self.session.source(side)
+        if self.session.compared:
+            both = self._inputs(0), self._inputs(1), self.session.options.compare, self.comparison.inputs, cursor
+            return self._memo.get("difference", both, lambda: self.comparison.value(*cursor))
+        inputs, place = (self._inputs(side), cursor), self.session.place(source.view, *cursor)
+        return self._memo.get(f"value of side {side}", inputs, lambda: self.buffer_view.value(name, source, *place))
+
+    def mesh_at(self, cursor: tuple[int, int]) -> int | None:
+        """The number of the mesh that is seen at the cursor; None where there is none."""
+        if not self.session.views:
+            return None
+        source = self.session.source(self.session.side_at(cursor[0]))
+        gbuffer, texels = source.view.gbuffer, self.buffer_view.texels
+        if texels(gbuffer.position, *cursor)[3] <= 0.0:
+            return None
+        return mesh_of(source.scene, int(texels(gbuffer.emission, *cursor)[3]))
 
     def point_at(self, cursor: tuple[int, int]) -> tuple[float, float, float] | None:
         """The world point seen at the cursor; None where there is none."""
         if not self.session.views:
             return None
-        source = self.session.source(self.session.side_at(cursor[0]))
+        source = self.session.source(self._scene_at(cursor))
         found = self.buffer_view.value("position", source, *cursor)
         return None if found is None else (float(found[0]), float(found[1]), float(found[2]))

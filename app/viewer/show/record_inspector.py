@@ -17,7 +17,7 @@ from irrsplat.gather.look import Gather
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import Target
 from irrsplat.lighting.light_table import light_defines
-from irrsplat.lighting.sky import sky_uniforms
+from irrsplat.lighting.sky import sky_maps, sky_uniforms
 
 
 @dataclass(frozen=True)
@@ -76,5 +76,5 @@ class RecordInspector(Owner):
         self.gather_pass = gather
         site, light = renderer.cache.sites(slice(number, number + 1)), renderer.scheduler.gatherer.light(renderer.shadows)
         atlas = gather(light, site, np.array([number]), settings.seed)
-        draw_atlas(self.buffer_view.canvas(target), atlas, source.gain, sky_uniforms(world.scene))
+        draw_atlas(self.buffer_view.canvas(target), atlas, source.gain, sky_uniforms(world.scene, sky_maps(world)))
         return picture

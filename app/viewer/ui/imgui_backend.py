@@ -39,6 +39,20 @@ COLORS = (  # sRGB and opacity, over imgui's own, which are dark
     ((*ACCENT, 1.0), "slider_grab_active separator_active resize_grip_active check_mark tab_selected_overline nav_cursor"),
 )
 
+BLACK, OCHRE = (0.0, 0.0, 0.0), (0.72, 0.36, 0.0)
+LIGHT_COLORS = (  # the same for a light theme
+    ((0.10, 0.10, 0.10, 1.0), "text"),
+    ((0.36, 0.36, 0.37, 1.0), "text_disabled"),
+    ((0.95, 0.95, 0.94, 0.93), "window_bg"),
+    ((0.98, 0.98, 0.97, 0.98), "popup_bg title_bg title_bg_active title_bg_collapsed menu_bar_bg"),
+    ((*BLACK, 0.07), "frame_bg checkbox_selected_bg tab"),
+    ((*BLACK, 0.13), "button header frame_bg_hovered tab_selected separator border resize_grip"),
+    ((*BLACK, 0.22), "button_hovered header_hovered header_active frame_bg_active tab_hovered"),
+    ((*OCHRE, 0.35), "text_selected_bg button_active separator_hovered resize_grip_hovered"),
+    ((*OCHRE, 0.85), "slider_grab plot_histogram plot_lines"),
+    ((*OCHRE, 1.0), "slider_grab_active separator_active resize_grip_active check_mark tab_selected_overline nav_cursor"),
+)
+
 MODIFIERS = ("shift", "ctrl", "alt", "super")
 # moderngl-window's names of keys -> imgui's, where they differ by more than case
 KEYS = {name: f"{name.lower()}_arrow" for name in ("LEFT", "RIGHT", "UP", "DOWN")}
@@ -68,6 +82,7 @@ class ImguiBackend(Owner):
         imgui.set_current_context(self._context)
         self._io = imgui.get_io()  # its methods work on its own context, whichever is current
         self._io.set_ini_filename(None)
+        self._io.config_input_text_cursor_blink = False  # a window that rests is not drawn
         self._io.config_windows_move_from_title_bar_only = True  # a drag inside a window is for what lies there
         self._io.backend_flags |= imgui.BackendFlags_.renderer_has_textures | imgui.BackendFlags_.renderer_has_vtx_offset
         platform = imgui.get_platform_io()
@@ -78,17 +93,44 @@ class ImguiBackend(Owner):
             with resources.as_file(resources.files("imgui_bundle") / "assets" / "fonts" / name) as path:
                 self._io.fonts.add_font_from_file_ttf(str(path), FONT_SIZE, config)
         self._style = imgui.get_style()
-        for color, names in COLORS:
-            for name in names.split():
-                self._style.set_color_(imgui.Col_[name], color)
+        self.scale, self.light = scale, False
+        self._color()
         self.resize_scale(scale)
 
     def _vertex_array(self) -> moderngl.VertexArray:
         content = [(self._vertices, "2f 2f 4f1", "in_position", "in_uv", "in_color")]
         return self.ctx.vertex_array(self.program.gl, content, self._indices, index_element_size=4, skip_errors=True)
 
+    def _color(self) -> None:
+        """Give the interface its colours: those of a light or of a dark theme."""
+        imgui.set_current_context(self._context)
+        (imgui.style_colors_light if self.light else imgui.style_colors_dark)(self._style)
+        for color, names in LIGHT_COLORS if self.light else COLORS:
+            for name in names.split():
+                self._style.set_color_(imgui.Col_[name], color)
+
+    def restyle(self, scale: float, light: bool) -> None:
+        """Look by this scale, as `resize_scale` says, and this theme; nothing is done where it does already."""
+        if light != self.light:
+            self.light = light
+            self._color()
+        if scale != self.scale:
+            self.resize_scale(scale)
+
+    @property
+    def windows(self) -> str:
+        """Where the windows stand and how large they are, as imgui notes it; set it before the first frame."""
+        imgui.set_current_context(self._context)
+        return imgui.save_ini_settings_to_memory()
+
+    @windows.setter
+    def windows(self, notes: str) -> None:
+        imgui.set_current_context(self._context)
+        imgui.load_ini_settings_from_memory(notes)
+
     def resize_scale(self, scale: float) -> None:
         """Make text and widgets `scale` times as large as on a plain monitor; between frames."""
+        self.scale = scale
         plain = imgui.Style()  # scaling rounds: it starts anew each time
         for size, names in SIZES:
             for name in names.split():

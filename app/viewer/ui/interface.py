@@ -7,44 +7,77 @@ from imgui_bundle import imgui
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord
+from irrsplat.app.viewer.ui.editing.handles import Handles
+from irrsplat.app.viewer.ui.editing.object_panel import ObjectPanel
+from irrsplat.app.viewer.ui.editing.save_dialog import SaveDialog
 from irrsplat.app.viewer.ui.frame_times import FrameTimes
 from irrsplat.app.viewer.ui.imgui_backend import ImguiBackend
 from irrsplat.app.viewer.ui.layout import Layout
 from irrsplat.app.viewer.ui.legends import Legends
+from irrsplat.app.viewer.ui.light_scale_panel import LightScalePanel
 from irrsplat.app.viewer.ui.lights_panel import LightsPanel
 from irrsplat.app.viewer.ui.menus import Menus
 from irrsplat.app.viewer.ui.messages_view import draw_messages
 from irrsplat.app.viewer.ui.record_view import RecordView
 from irrsplat.app.viewer.ui.settings_panel import SettingsPanel
-from irrsplat.app.viewer.ui.sheets import OpenDialog, draw_key_sheet
 from irrsplat.app.viewer.ui.statistics_view import StatisticsView
+from irrsplat.app.viewer.ui.windows.about import draw_about
+from irrsplat.app.viewer.ui.windows.hint_line import draw_hints
+from irrsplat.app.viewer.ui.windows.key_sheet import draw_key_sheet
+from irrsplat.app.viewer.ui.windows.message_log import draw_log
+from irrsplat.app.viewer.ui.windows.open_dialog import OpenDialog
 
 
 class Interface:
     """Draws the windows that are open; call `draw` between the backend's `begin` and `draw`."""
 
     def __init__(self, actions: Actions, display: Display, backend: ImguiBackend, times: FrameTimes) -> None:
-        self.actions, self.layout = actions, Layout()
+        self.actions, self.display, self.layout = actions, display, Layout()
         self.menus, self.dialog = Menus(actions), OpenDialog(actions)
+        self.save_dialog = SaveDialog(actions)
         self.settings_panel, self.lights_panel = SettingsPanel(actions, self.layout), LightsPanel(actions, self.layout)
+        self.light_scale_panel = LightScalePanel(actions, self.layout)
+        self.handles, self.object_panel = Handles(actions), ObjectPanel(actions, self.layout)
         self.statistics = StatisticsView(actions, times, self.layout)
         self.legends = Legends(actions, display, self.layout)
         self.record = RecordView(actions, backend, self.layout)
 
-    def draw(self, scale: float, inspected: InspectedRecord | None, cursor: tuple[int, int] | None, own_cursor: bool) -> None:
-        """Draw all windows. scale: of text and widgets. cursor: the pixel under the mouse. own_cursor: show an arrow there."""
+    def draw(
+        self,
+        scale: float,
+        inspected: InspectedRecord | None,
+        cursor: tuple[int, int] | None,
+        own_cursor: bool,
+        magnified: bool = False,
+    ) -> None:
+        """Draw all windows. scale: of text and widgets. cursor: the pixel under the mouse. own_cursor: show an arrow there.
+        magnified: the pixels around it are, so that its value stands there."""
         actions, panels = self.actions, self.actions.panels
         self.layout.scale = scale
         if not panels.hidden:
             self.lights_panel.draw_positions()
+            self.handles.draw()
             self.menus.draw()
             self.settings_panel.draw()
             self.lights_panel.draw()
+            self.light_scale_panel.draw()
+            self.object_panel.draw()
             self.statistics.draw()
             self.legends.draw(cursor)
             self.record.draw(inspected)
-            draw_key_sheet(actions)
-            self.dialog.draw()
+            draw_hints(actions, self.layout, self.display.lost)
+            draw_key_sheet(actions, scale)
+            draw_about(actions)
+            draw_log(actions)
+            self.dialog.draw(scale)
+            self.save_dialog.draw()
+        else:
+            actions.editor.handles_used = actions.editor.dragging = False
+        if not imgui.is_any_item_active() and not imgui.is_mouse_down(imgui.MouseButton_.left):
+            actions.editor.settle()
+        self.display.margins = self.layout.margins(panels.settings, panels.hud, panels.hidden)
+        if not panels.hidden and magnified and cursor is not None:
+            self.legends.draw_magnified(cursor)
         actions.messages.expire()
         if not panels.hidden or actions.messages.errors:
             draw_messages(actions.messages, scale)

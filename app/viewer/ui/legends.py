@@ -8,6 +8,7 @@ from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers.legend import Legend
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.show.display import Display
+from irrsplat.app.viewer.show.magnifier import place
 from irrsplat.app.viewer.show.markers import By, radius_legend
 from irrsplat.app.viewer.ui.layout import MARGIN, PLAIN, Layout, in_unit
 from irrsplat.app.viewer.ui.statistics_view import draw_tracing
@@ -39,24 +40,56 @@ class Legends:
             self._legend(side, cursor if cursor and session.side_at(cursor[0]) == side else None)
             imgui.pop_text_wrap_pos()
             height = max(height, imgui.get_window_height())
+            if side == 0:
+                self.layout.legend_right = imgui.get_window_pos().x + imgui.get_window_width()
             imgui.end()
         self.layout.legend_height = height + 2.0 * MARGIN
+
+    def draw_magnified(self, cursor: tuple[int, int]) -> None:
+        """Draw the value of the pixel in the middle of the magnifier below that, or above it where there is no room."""
+        session, view = self.actions.session, imgui.get_main_viewport()
+        density = session.size[0] / max(view.size.x, 1.0)  # pixels per window coordinate
+        left, bottom, width, height = place(session.size, cursor)
+        below = (session.size[1] - bottom) / density
+        room = below + 2.0 * imgui.get_text_line_height_with_spacing() < view.size.y
+        at, pivot = (below, 0.0) if room else (below - height / density, 1.0)
+        imgui.set_next_window_pos(((left + width / 2) / density, at), imgui.Cond_.always, (0.5, pivot))
+        imgui.set_next_window_bg_alpha(0.85)
+        imgui.begin("magnified", None, PLAIN | imgui.WindowFlags_.no_inputs)
+        imgui.text(self._value(session.side_at(cursor[0]), cursor) or "no value")
+        imgui.text_disabled(f"pixel {cursor[0]}, {cursor[1]}")
+        imgui.end()
+
+    def _value(self, side: int, cursor: tuple[int, int]) -> str:
+        """The value at a pixel, in its unit; empty where there is none."""
+        session, value = self.actions.session, self.display.value(side, cursor)
+        buffer, flip = BUFFERS[session.buffer(side)], session.compared and session.options.compare == "FLIP"
+        unit = "1" if flip else buffer.unit_shown(session.source(side))
+        return "" if value is None else in_unit(" ".join(f"{v:.4g}" for v in value), unit)
 
     def _legend(self, side: int, cursor: tuple[int, int] | None) -> None:
         session, scale = self.actions.session, self.layout.scale
         options, source = session.options, session.source(side)
-        buffer = BUFFERS[options.buffers[side]]
-        preset = f"  preset {source.renderer.preset}" if options.split == "presets" else ""
-        imgui.text(buffer.title + preset)
-        _draw(buffer.legend(source), scale)
+        buffer = BUFFERS[session.buffer(side)]
+        if session.compared:
+            comparison = self.display.comparison
+            imgui.text_wrapped(comparison.title)
+            _draw(comparison.legend(), scale)
+        else:
+            who = f"{('left', 'right')[side]}: " if options.split != "off" and options.compare == "flip" else ""
+            snapshot = session.snapshot(side)
+            of = f"  {snapshot.name}" if snapshot is not None else ""
+            preset = f"  preset {source.renderer.preset}" if options.split == "presets" else of
+            imgui.text(who + buffer.title + preset)
+            _draw(buffer.legend(source), scale)
         if buffer.needs_truth:
             draw_tracing(self.actions)
-        if options.points or options.discs or options.normals:
+        if (options.points or options.discs or options.normals) and not session.compared and session.snapshot(side) is None:
             by: By = "age" if options.by_age else "radius"
             _draw(radius_legend(source.settings, source.scene, by, source.renderer.cache.count), scale)
-        value = self.display.value(side, cursor) if cursor is not None else None
-        if value is not None:
-            imgui.text(in_unit(" ".join(f"{v:.4g}" for v in value), buffer.unit))
+        value = self._value(side, cursor) if cursor is not None else ""
+        if value:
+            imgui.text(value)
 
 
 def _draw(legend: Legend, scale: float) -> None:

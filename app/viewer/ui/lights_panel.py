@@ -1,17 +1,22 @@
-"""The panel of the scene's lights: pick one, move it, dim it; and where they are in the picture."""
+"""The panel of the scene's lights: pick one, move it, dim it, add and delete; and where they are in the picture."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
-import numpy as np
 from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
-from irrsplat.app.viewer.lamps import Lamp
+from irrsplat.app.viewer.editing.colour_temperature import COLDEST, HOTTEST
+from irrsplat.app.viewer.editing.editor import KINDS
+from irrsplat.app.viewer.editing.lamps import Lamp
+from irrsplat.app.viewer.editing.picking import on_screen
 from irrsplat.app.viewer.ui.layout import AMBER, WIDGET_WIDTH, Layout
 
 _OFF, _SHADE = (0.5, 0.5, 0.5, 1.0), (0.0, 0.0, 0.0, 0.7)  # colours of a lamp that is off, and around any
+_WHITE = 6500.0  # kelvin where the slider stands for a colour of its own
+_WIDEST, _NARROWEST = 89.0, 1.0  # degrees: half angles of cones
 
 
 class LightsPanel:
@@ -22,77 +27,121 @@ class LightsPanel:
 
     def draw(self) -> None:
         """Draw the panel where it is open."""
-        actions, lamps = self.actions, self.actions.lamps
+        actions, editor = self.actions, self.actions.editor
         if not actions.panels.lights:
             return
         self.layout.place_panel(1)
         shown, opened = imgui.begin("lights", True, imgui.WindowFlags_.always_auto_resize)
+        self.layout.keep_inside()
         actions.panels.lights = bool(opened)
         if shown:
-            if not lamps.all:
+            if not editor.lamps:
                 imgui.text_disabled("the scene has no lights of its own;\nwhat glows and the sky light it")
-            for i, lamp in enumerate(lamps.all):
+            for i, lamp in enumerate(editor.lamps):
                 title = lamp.light.name or f"light {i + 1}"
-                if imgui.selectable(f"{title}  ({lamp.light.kind})##{i}", i == lamps.selected)[0]:
-                    lamps.selected = i
-            if lamps.selected < len(lamps.all):
+                if imgui.selectable(f"{title}  ({lamp.light.kind})##{i}", i == editor.light)[0]:
+                    editor.pick_light(i)
+            for kind in KINDS:
+                if imgui.small_button(f"add {kind}"):
+                    actions.add_light(kind)
+                imgui.set_item_tooltip("where the camera looks")
+                imgui.same_line()
+            imgui.new_line()
+            if editor.light is not None:
                 imgui.separator()
-                if self._edit(lamps.all[lamps.selected]):
-                    actions.relight()
+                self._edit(editor.light)
         imgui.end()
 
-    def _edit(self, lamp: Lamp) -> bool:
-        """Draw the widgets of a lamp; whether one has changed it."""
-        session, lamps, light = self.actions.session, self.actions.lamps, lamp.light
-        width = 1.4 * WIDGET_WIDTH * self.layout.scale
-        changed, lamp.on = imgui.checkbox("on", lamp.on)
-        imgui.set_next_item_width(width)
-        moved, lamp.stops = imgui.slider_float("stops", lamp.stops, -8.0, 8.0, "%+.2f")
-        changed |= moved
+    def _width(self) -> None:
+        imgui.set_next_item_width(1.4 * WIDGET_WIDTH * self.layout.scale)
+
+    def _edit(self, number: int) -> None:
+        """Draw the widgets of a lamp, and set it by them."""
+        actions, editor = self.actions, self.actions.editor
+        before = editor.lamps[number]
+        if before.light.photometry is not None:
+            lumens, candela = before.emitted.output
+            imgui.text_disabled(f"{Path(before.light.photometry.path).name}\n{lumens:,.0f} lm, at most {candela:,.0f} cd")
+        changed, on = imgui.checkbox("on", before.on)
+        lamp = replace(before, on=on) if changed else before
+        self._width()
+        changed, stops = imgui.slider_float("stops", lamp.stops, -8.0, 8.0, "%+.2f")
         imgui.set_item_tooltip("brighter or dimmer than in the file")
-        imgui.set_next_item_width(width)
-        step = session.scene.diagonal / 500.0 if not light.directional else 0.01
-        moved, place = imgui.drag_float3("towards" if light.directional else "position", list(light.position), step, 0, 0, "%.3f")
-        x, y, z = place
-        if moved and (any(place) or not light.directional):
-            lamp.light, changed = replace(light, position=(x, y, z)), True
-        if light.spot_target is not None:
-            imgui.set_next_item_width(width)
-            moved, aim = imgui.drag_float3("aims at", list(light.spot_target), step, 0, 0, "%.3f")
-            if moved and tuple(aim) != tuple(lamp.light.position):
-                lamp.light, changed = replace(lamp.light, spot_target=(aim[0], aim[1], aim[2])), True
-        imgui.set_next_item_width(width)
-        brightest = max(*lamps.as_loaded(lamps.selected).light.color, 1e-30)  # as loaded, so that black is no dead end
-        moved, tint = imgui.color_edit3("colour", [c / brightest for c in light.color], imgui.ColorEditFlags_.float)
-        if moved:
-            color = (tint[0] * brightest, tint[1] * brightest, tint[2] * brightest)
-            lamp.light, changed = replace(light, color=color), True
-        if not light.directional:
+        lamp = replace(lamp, stops=stops) if changed else lamp
+        lamp = self._placed(lamp)
+        lamp = self._coloured(lamp)
+        if not lamp.light.directional:
             if imgui.button("to the eye"):
-                lamp.light, changed = replace(light, position=session.camera.eye), True
+                lamp = lamp.moved(actions.session.camera.eye)
             imgui.same_line()
         if imgui.button("as loaded"):
-            lamps.reset(lamps.selected)
-            changed = True
-        return changed
+            lamp = Lamp.of(lamp.loaded)
+        imgui.same_line()
+        if imgui.button("delete"):
+            actions.attempt(lambda: editor.delete_light(number))
+        elif lamp != before:
+            actions.attempt(lambda: editor.set_lamp(number, lamp))
+
+    def _placed(self, lamp: Lamp) -> Lamp:
+        """The lamp, with what the widgets of its place, aim and cone have changed."""
+        session, editor, light = self.actions.session, self.actions.editor, lamp.light
+        step = session.scene.diagonal / 500.0 if not light.directional else 0.01
+        self._width()
+        label = "towards" if light.directional else "position"
+        moved, place = imgui.drag_float3(label, list(light.position), step, 0, 0, "%.3f")
+        x, y, z = place
+        if moved and (any(place) or not light.directional) and tuple(place) != light.spot_target:
+            lamp = lamp.moved((x, y, z))
+        if light.spot_target is None:
+            return lamp
+        self._width()
+        moved, aim = imgui.drag_float3("aims at", list(light.spot_target), step, 0, 0, "%.3f")
+        if moved and tuple(aim) != tuple(lamp.light.position):
+            lamp = lamp.aimed((aim[0], aim[1], aim[2]))
+        if imgui.radio_button("move", not editor.aiming):
+            editor.aiming = False
+        imgui.same_line()
+        if imgui.radio_button("aim", editor.aiming):
+            editor.aiming = True
+        imgui.set_item_tooltip("what the handles in the picture do; O switches")
+        if not light.has_cone:
+            return lamp
+        cutoff, inner = light.spot_cutoff, light.spot_inner
+        self._width()
+        wider, cutoff = imgui.slider_float("cone", cutoff, _NARROWEST, max(_WIDEST, cutoff), "%.1f°")
+        imgui.set_item_tooltip("half its angle, where it ends")
+        self._width()
+        softer, inner = imgui.slider_float("full inside", inner, 0.0, cutoff, "%.1f°")
+        imgui.set_item_tooltip("half the angle inside which it is as bright as in the middle")
+        return lamp.coned(cutoff, inner) if wider or softer else lamp
+
+    def _coloured(self, lamp: Lamp) -> Lamp:
+        """The lamp, with what the widgets of its colour have changed."""
+        brightest = max(*lamp.loaded.color, 1e-30)  # as loaded, so that black is no dead end
+        self._width()
+        changed, tint = imgui.color_edit3("colour", [c / brightest for c in lamp.light.color], imgui.ColorEditFlags_.float)
+        if changed:
+            lamp = lamp.coloured((tint[0] * brightest, tint[1] * brightest, tint[2] * brightest))
+        self._width()
+        text = "%.0f K" if lamp.kelvin is not None else "own colour"
+        changed, kelvin = imgui.slider_float("kelvin", lamp.kelvin or _WHITE, COLDEST, HOTTEST, text)
+        imgui.set_item_tooltip("the colour of a black body of that temperature, as bright as before")
+        return lamp.heated(round(min(max(kelvin, COLDEST), HOTTEST))) if changed and any(lamp.light.color) else lamp
 
     def draw_positions(self) -> None:
         """Draw a ring where each light is, while the panel is open; the one picked is filled."""
-        session, lamps = self.actions.session, self.actions.lamps
+        session, editor = self.actions.session, self.actions.editor
         if not self.actions.panels.lights:
             return
-        camera, view = session.camera, imgui.get_main_viewport()
+        view = imgui.get_main_viewport()
         draw = imgui.get_background_draw_list()
-        for i, lamp in enumerate(lamps.all):
-            if lamp.light.directional:
+        for i, lamp in enumerate(editor.lamps):
+            size = view.size.x, view.size.y
+            place = None if lamp.light.directional else on_screen(session.camera, size, lamp.light.position)
+            if place is None:
                 continue
-            x, y, z = camera.axes @ (np.asarray(lamp.light.position) - np.asarray(camera.eye))
-            if z >= 0.0:
-                continue
-            per_metre = view.size.y / camera.screen / -z
-            place = (0.5 * view.size.x + x * per_metre, 0.5 * view.size.y - y * per_metre)
             colour = imgui.get_color_u32(AMBER if lamp.on else _OFF)
             draw.add_circle(place, 9.0, imgui.get_color_u32(_SHADE), 0, 4.0)
             draw.add_circle(place, 9.0, colour, 0, 2.0)
-            if i == lamps.selected:
+            if i == editor.light:
                 draw.add_circle_filled(place, 5.0, colour)

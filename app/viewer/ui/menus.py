@@ -6,10 +6,16 @@ from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.buffers.table import BUFFERS
+from irrsplat.app.viewer.editing.editor import KINDS
 from irrsplat.app.viewer.input.keys import GROUPS, KEYS
-from irrsplat.app.viewer.view_options import SPLITS
+from irrsplat.app.viewer.show.comparison import flip_is_there
+from irrsplat.app.viewer.ui.windows.about import PAGES
+from irrsplat.app.viewer.view_options import COMPARES, SCALES, SPLITS
+from irrsplat.reference.worker import INSTALL
 from irrsplat.scene import bundled
 from irrsplat.settings import PRESETS
+
+_NAME_WIDTH = 8.0  # of a bookmark's name, in heights of the font: so that the menu has room beside the other
 
 
 class Menus:
@@ -17,23 +23,40 @@ class Menus:
 
     def __init__(self, actions: Actions) -> None:
         self.actions = actions
+        self._scale = 0.0  # of the interface, while its slider is dragged
 
     def draw(self) -> None:
         """Draw the bar along the top, and the menu that is open."""
         if not imgui.begin_main_menu_bar():
             return
-        for title, draw in (
+        menus = (
             ("Scene", self._scenes),
+            ("Edit", self._edit),
             ("Camera", self._cameras),
             ("Show", self._show),
             ("Over it", self._overlays),
             ("Cache", self._cache),
             ("Preset", self._presets),
+            ("Compare", self._compare),
             ("Window", self._window),
-        ):
-            if imgui.begin_menu(title):
+            ("Help", self._help),
+        )
+        spacing = imgui.get_style().item_spacing
+        texts = sum(imgui.calc_text_size(title).x for title, _ in menus)
+        between = (imgui.get_main_viewport().size.x - texts) / (2.0 * len(menus)) - 2.0  # imgui leaves it on both sides
+        narrow = between < spacing.x
+        for title, draw in menus:
+            if narrow:
+                imgui.push_style_var(imgui.StyleVar_.item_spacing, (max(between, 1.0), spacing.y))
+            opened = imgui.begin_menu(title)
+            if narrow:
+                imgui.pop_style_var()
+            if opened:
+                if self.actions.close_menus:
+                    imgui.close_current_popup()
                 draw()
                 imgui.end_menu()
+        self.actions.close_menus = False
         imgui.text_disabled(f"  {self.actions.session.scene.name}")
         imgui.end_main_menu_bar()
 
@@ -57,6 +80,26 @@ class Menus:
                     actions.attempt(lambda source=source: actions.open(source))  # type: ignore[misc]
         imgui.separator()
         self._key("open_dialog")
+        self._key("save_dialog")
+
+    def _edit(self) -> None:
+        actions, editor = self.actions, self.actions.editor
+        for title, what, shown, act in (
+            ("undo", editor.undoes, "Ctrl+Z", actions.undo),
+            ("redo", editor.redoes, "Ctrl+Y", actions.redo),
+        ):
+            if imgui.menu_item(f"{title}: {what}" if what else title, shown, False, bool(what))[0]:
+                actions.attempt(act)
+        imgui.separator_text("objects")
+        self._key("turn_handles")
+        self._key("hide_object")
+        for number in editor.hidden:
+            if imgui.menu_item(f"show {editor.name(number)}##{number}", "", False)[0]:
+                actions.show_hidden(number)
+        imgui.separator_text("lights")
+        for kind in KINDS:
+            if imgui.menu_item(f"add a {kind} light", "", False)[0]:
+                actions.add_light(kind)
 
     def _cameras(self) -> None:
         actions = self.actions
@@ -69,11 +112,16 @@ class Menus:
             if imgui.begin_menu(bookmark.name):
                 if imgui.menu_item("go there", "", False)[0]:
                     actions.go(bookmark)
+                imgui.set_next_item_width(_NAME_WIDTH * imgui.get_font_size())
+                named, name = imgui.input_text("##name", bookmark.name, imgui.InputTextFlags_.enter_returns_true)
+                imgui.set_item_tooltip("another name; Enter takes it")
+                if named and actions.attempt(lambda one=bookmark, name=name: actions.rename(one, name)):  # type: ignore[misc]
+                    imgui.close_current_popup()
                 if imgui.menu_item("forget it", "", False)[0]:
                     actions.forget(bookmark)
                 imgui.end_menu()
         imgui.separator()
-        for action in ("home", "headlamp", "bookmark", "copy_line", "copy_flags", "record", "play"):
+        for action in ("home", "frame_all", "headlamp", "bookmark", "copy_line", "copy_flags", "record", "play"):
             self._key(action)
 
     def _show(self) -> None:
@@ -87,14 +135,36 @@ class Menus:
                     options.buffers[side] = name
                 imgui.set_item_tooltip(buffer.help)
         self._key("trace")
-        imgui.separator_text("split")
-        for way, title in SPLITS.items():
-            if imgui.menu_item(title, "", options.split == way)[0]:
-                self.actions.attempt(lambda way=way: self.actions.session.split(way))  # type: ignore[misc]
-        self._key("split")
         imgui.separator_text("exposure")
         for action in ("darker", "brighter", "auto_exposure"):
             self._key(action)
+
+    def _compare(self) -> None:
+        actions, session = self.actions, self.actions.session
+        options = session.options
+        for way, title in SPLITS.items():
+            there = way != "snapshot" or bool(session.snapshots)
+            if imgui.menu_item(title, "", options.split == way, there)[0]:
+                actions.attempt(lambda way=way: session.split(way))  # type: ignore[misc]
+        self._key("split")
+        imgui.separator_text("both sides")
+        for compare, title in COMPARES.items():
+            there = options.split != "off" and (compare != "FLIP" or flip_is_there())
+            if imgui.menu_item(title, "", options.compare == compare, there)[0]:
+                actions.compare_by(compare)
+            if compare == "FLIP" and not flip_is_there():
+                imgui.set_item_tooltip(f"this needs: {INSTALL}")
+        self._key("compare")
+        self._key("flip")
+        imgui.separator_text("snapshots")
+        for snapshot in list(session.snapshots):
+            if imgui.begin_menu(snapshot.name):
+                if imgui.menu_item("show it on the right", "", session.pinned is snapshot)[0]:
+                    session.pin(snapshot)
+                if imgui.menu_item("forget it", "", False)[0]:
+                    session.forget_snapshot(snapshot)
+                imgui.end_menu()
+        self._key("snapshot")
 
     def _overlays(self) -> None:
         for overlay in ("points", "discs", "normals", "by_age"):
@@ -118,8 +188,30 @@ class Menus:
         self._key("swap_preset")
 
     def _window(self) -> None:
-        for panel in ("settings", "lights", "hud", "hidden", "help"):
+        actions = self.actions
+        for panel in ("settings", "lights", "hud", "hidden"):
             self._key("toggle", panel)
+        _, actions.panels.log = imgui.menu_item("messages", "", actions.panels.log)
+        imgui.separator()
+        appearance = actions.appearance
+        _, appearance.light = imgui.menu_item("light colours", "", appearance.light)
+        imgui.set_next_item_width(_NAME_WIDTH * imgui.get_font_size())
+        _, self._scale = imgui.slider_float("size of the interface", self._scale or appearance.scale, *SCALES, "%.2f")
+        if not imgui.is_item_active():  # while it is dragged, it would move away from under the mouse
+            actions.enlarge(self._scale)
+            self._scale = 0.0
         imgui.separator()
         for action in ("fullscreen", "screenshot", "screenshot_bare", "reload", "quit"):
             self._key(action)
+
+    def _help(self) -> None:
+        actions = self.actions
+        self._key("toggle", "help")
+        imgui.separator_text("pages of docs/")
+        for page, about in PAGES.items():
+            if imgui.menu_item(page, about, False)[0]:
+                actions.copy(f"docs/{page}")
+            imgui.set_item_tooltip("its name goes to the clipboard")
+        imgui.separator()
+        if imgui.menu_item("about irrsplat", "", False)[0]:
+            actions.about()

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.input.keys import KEYS
+from irrsplat.app.viewer.show.remaining_time import in_words
 from irrsplat.app.viewer.ui.frame_times import FrameTimes
-from irrsplat.app.viewer.ui.layout import AMBER, MARGIN, MENU_BAR, PLAIN, Layout
+from irrsplat.app.viewer.ui.layout import MARGIN, MENU_BAR, PLAIN, STATISTICS_WIDTH, Layout, accent
 from irrsplat.image.view import Progress
 
-_WIDTH = 212.0  # at least, so that buttons stay where they are while the lines change
 _INNER = 190.0  # width of plot and table
 _PLOT_HEIGHT = 40.0
 _PLOT_MS = 100.0  # milliseconds that the plot shows at least
@@ -24,6 +26,8 @@ class StatisticsView:
 
     def __init__(self, actions: Actions, times: FrameTimes, layout: Layout) -> None:
         self.actions, self.times, self.layout = actions, times, layout
+        self._room = math.inf  # height that the window may take, window coordinates
+        self._others = self._stages_height = 0.0  # heights that the last frame took: of the rest, and of the stages' rows
         self._frames_since: dict[str, int] = {}  # that a stage of the table ran
 
     def draw(self) -> None:
@@ -34,7 +38,7 @@ class StatisticsView:
         view = imgui.get_main_viewport()
         imgui.set_next_window_pos((view.size.x - MARGIN, MENU_BAR * scale), imgui.Cond_.always, (1.0, 0.0))
         imgui.set_next_window_bg_alpha(0.72)
-        imgui.set_next_window_size_constraints((_WIDTH * scale, 0.0), (view.size.x, view.size.y))
+        imgui.set_next_window_size_constraints((STATISTICS_WIDTH * scale, 0.0), (view.size.x, view.size.y))
         imgui.begin("numbers", None, PLAIN)
         self._rate()
         self._buttons()
@@ -42,7 +46,11 @@ class StatisticsView:
         for side, progress in enumerate(session.progress):
             imgui.separator()
             self._side(side, progress)
+        if session.remaining.seconds is not None:
+            imgui.text_colored(accent(), f"refining, {in_words(session.remaining.seconds)} left")
         took = imgui.get_window_size()
+        self._others = imgui.get_cursor_pos().y + imgui.get_style().window_padding.y - self._stages_height
+        self._room = view.size.y - MENU_BAR * scale - MARGIN - self.layout.hints_height
         self.layout.statistics_size = (took.x, took.y)
         imgui.end()
 
@@ -50,8 +58,8 @@ class StatisticsView:
         frames, work, scale = self.times.frames, self.times.work, self.layout.scale
         recent = list(frames)[-_MEAN:]
         mean, last = sum(recent) / max(len(recent), 1), work[-1] if work else 0.0
-        at_rest = ", at rest" if self.actions.session.at_rest else ""
-        imgui.text(f"{1e3 / max(mean, 1e-3):.0f} fps, {last:.0f} ms a tick{at_rest}")
+        rate = "at rest" if self.actions.session.at_rest else f"{1e3 / max(mean, 1e-3):.0f} fps"
+        imgui.text(f"{rate}, {last:.0f} ms a tick")
         most = max(max(frames, default=0.0), _PLOT_MS)
         plot = np.array(work, "f4") if work else np.zeros(1, "f4")
         imgui.plot_lines("##ticks", plot, 0, f"0..{most:.0f} ms", 0.0, most, (_INNER * scale, _PLOT_HEIGHT * scale))
@@ -66,12 +74,12 @@ class StatisticsView:
                 actions.press(next(k for k in KEYS if k.action == action))
         if options.frozen:
             imgui.same_line()
-            imgui.text_colored(AMBER, "frozen")
+            imgui.text_colored(accent(), "frozen")
         recorder = actions.session.path_recorder
         if recorder.recording is not None:
-            imgui.text_colored(AMBER, "recording (R ends it)")
+            imgui.text_colored(accent(), "recording (R ends it)")
         if recorder.playing is not None:
-            imgui.text_colored(AMBER, "playing (P stops it)")
+            imgui.text_colored(accent(), "playing (P stops it)")
         draw_tracing(actions)
 
     def _stages(self) -> None:
@@ -80,14 +88,18 @@ class StatisticsView:
         present = {**session.ms, **self.times.stages}
         frames = {stage: since + 1 for stage, since in self._frames_since.items() if since < _KEPT}
         self._frames_since = frames | dict.fromkeys(present, 0)
+        top = imgui.get_cursor_pos().y
+        height = imgui.get_text_line_height() + 2.0 * imgui.get_style().cell_padding.y
+        rows = max(int(min((self._room - self._others) / height, 99.0)), 1)
         if imgui.begin_table("stages", 2, imgui.TableFlags_.sizing_stretch_prop, (_INNER * self.layout.scale, 0.0)):
-            for stage in self._frames_since:
+            for stage in list(self._frames_since)[:rows]:
                 imgui.table_next_row()
                 imgui.table_next_column()
                 imgui.text_disabled(stage)
                 imgui.table_next_column()
                 imgui.text(f"{present.get(stage, 0.0):6.1f} ms")
             imgui.end_table()
+        self._stages_height = imgui.get_cursor_pos().y - top
         imgui.text_disabled(f"clock: {session.renderers[0].timers.clock}")
 
     def _side(self, side: int, progress: Progress) -> None:
@@ -96,19 +108,26 @@ class StatisticsView:
         in_view = renderer.scheduler.count_in_view(session.camera, renderer.size)
         who = f"{('left', 'right')[side]}: " if len(session.progress) > 1 else ""
         imgui.text(f"{who}{progress.records} records, {progress.new} new")
-        imgui.text(f"{in_view} in view, coverage {100.0 * progress.coverage:.1f} %")
+        imgui.text(f"{in_view} in view, {coverage_in_words(progress, renderer.settings.fill_holes)}")
         if progress.error is not None:
             imgui.text(f"error about {100.0 * progress.error:.2g} %" + ("" if progress.refined else ", refining"))
         if progress.surface < 1.0:
-            imgui.text_colored(AMBER, f"surface cache {100.0 * progress.surface:.0f} %")
+            imgui.text_colored(accent(), f"surface cache {100.0 * progress.surface:.0f} %")
         if progress.stale:
-            imgui.text_colored(AMBER, f"{progress.stale} to be gathered again")
+            imgui.text_colored(accent(), f"{progress.stale} to be gathered again")
         if progress.full:
-            imgui.text_colored(AMBER, "this view needs more: raise max_records")
+            imgui.text_colored(accent(), "this view needs more: raise max_records")
+
+
+def coverage_in_words(progress: Progress, filled: bool) -> str:
+    """How much of the view is served; filled: a guess stands where it is not."""
+    if progress.coverage == 0.0:  # of the first round it is known only when that ends
+        return "a first guess" if filled else "a first round"
+    return f"coverage {math.floor(1000.0 * progress.coverage) / 10.0:.1f} %"  # 100 only where it is
 
 
 def draw_tracing(actions: Actions) -> None:
     """Draw a line that says how much of a truth is traced, while one is."""
     done = actions.session.truths.traced
     if done is not None:
-        imgui.text_colored(AMBER, f"tracing, {100.0 * done:.0f} % (Y stops it)")
+        imgui.text_colored(accent(), f"tracing, {100.0 * done:.0f} % (Y stops it)")

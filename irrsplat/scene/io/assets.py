@@ -16,6 +16,7 @@ from irrsplat.scene.io.ply import read_ply
 from irrsplat.scene.io.stl import read_stl
 from irrsplat.scene.model import Scene
 from irrsplat.scene.stand_ins.up_axis import up_vector
+from irrsplat.sky.sky_text import sky_of
 
 _READERS: dict[str, Callable[[Path, list[str], LoadOptions], list[Part]]] = {".obj": read_obj, ".ply": read_ply, ".stl": read_stl}
 
@@ -27,6 +28,7 @@ def load_asset(path: Path, options: LoadOptions) -> Scene:
     invented. Raises InputError, one line with the file's path, for a file that is missing, empty, truncated or garbage.
     """
     notices: list[str] = []
+    sky = sky_of(options.sky)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -44,4 +46,4 @@ def load_asset(path: Path, options: LoadOptions) -> Scene:
         meshes.append(mesh)
         dropped += lost
     files = [file for part in parts for file in part.files]
-    return finish(path, meshes, (), (), None, Counter({str(path): dropped}), notices, files, up_vector(path, options.up_axis))
+    return finish(path, meshes, (), (), sky, Counter({str(path): dropped}), notices, files, up_vector(path, options.up_axis))

@@ -15,6 +15,8 @@ from irrsplat.scene.stand_ins import camera, light
 from irrsplat.scene.stand_ins.subject import subject
 from irrsplat.scene.stand_ins.surroundings import surface_points
 from irrsplat.scene.stand_ins.up_axis import Vector, axes, nearest_axis
+from irrsplat.sky.environment import frame_of
+from irrsplat.sky.sky_text import Sky
 
 
 def finish(
@@ -22,7 +24,7 @@ def finish(
     meshes: Sequence[Mesh],
     lights: Sequence[Light],
     cameras: Sequence[Camera],
-    sky: tuple[float, float, float] | None,
+    sky: Sky | None,
     dropped: Mapping[str, int],
     remarks: Sequence[str] = (),
     files: Sequence[Path] = (),
@@ -43,8 +45,9 @@ def finish(
         if up is not None:
             raise InputError(f"{why}; nothing is left to show", path)
         notices.append(f"{path}: {why}; its sky alone is shown")
-    scene = Scene(meshes, tuple(lights), tuple(cameras), sky or (0.0, 0.0, 0.0), path.stem, str(path))
-    scene = replace(scene, files=tuple(dict.fromkeys(str(file) for file in (path, *files))))
+    radiance, sky_files = ((0.0, 0.0, 0.0), ()) if sky is None else (sky.radiance, sky.files)
+    scene = Scene(meshes, tuple(lights), tuple(cameras), radiance, path.stem, str(path))
+    scene = replace(scene, files=tuple(dict.fromkeys(str(file) for file in (path, *files, *sky_files))))
     world = axes(up or (nearest_axis(cameras[0]) if cameras else scene.up))
     scene = replace(scene, up=_vector(world[1]), own_sky=sky is not None or up is None)
     part = scene if cameras else subject(scene)
@@ -73,11 +76,26 @@ def finish(
             scene = replace(scene, sky=light.SKY, sky_gradient=light.GRADIENT, lights=(*scene.lights, key))
         elif own == "sun":
             notices.append(f"{path}: directional light alone; a sky that is brighter above stands in beside it")
-            sky, gradient = light.fill(scene)
-            scene = replace(scene, sky=sky, sky_gradient=gradient)
+            mean, gradient = light.fill(scene)
+            scene = replace(scene, sky=mean, sky_gradient=gradient)
+    if sky is not None:
+        scene = under(sky, scene, world)
+        notices += sky.notices
     if meshes and not face_counts(scene).lit:
         notices.append(f"{path}: all materials let most of the light pass; only their tints are shown")
     return replace(scene, notices=tuple(notices))
+
+
+def under(sky: Sky, scene: Scene, world: np.ndarray) -> Scene:
+    """The scene under a sky, with its suns as lights beside its own. world: (3, 3) rows right, up and front."""
+    if sky.environment is None:
+        return replace(scene, sky=sky.radiance)
+    environment = replace(sky.environment, frame=frame_of(world, sky.turn))
+    suns = [
+        Light(environment.toward(sun), _vector(np.asarray(sun.irradiance) / np.pi), directional=True, name="sun")
+        for sun in environment.suns
+    ]
+    return replace(scene, environment=environment, lights=(*scene.lights, *suns))
 
 
 def _vector(values: np.ndarray) -> Vector:

@@ -83,6 +83,15 @@ def number(word: str) -> float:
     return value
 
 
+def is_number(word: str) -> bool:
+    """Whether `number` takes `word`."""
+    try:
+        number(word)
+    except ValueError:
+        return False
+    return True
+
+
 @dataclass(frozen=True)
 class Line:
     """One command of a text file: its first word, the words after it, and where it stands."""

@@ -1,6 +1,6 @@
 // The signed error of irradiance against its path-traced truth, the mean of the channels: white is right.
 #include "viewer/buffers/picture.glsl"
-#include "viewer/buffers/cells.glsl"
+#include "viewer/cells.glsl"
 
 uniform sampler2D truth;  // irradiance, a texel for the pixel in the middle of each cell; a: 1 where there is a surface
 uniform float full;       // W/m2: the error in full colour

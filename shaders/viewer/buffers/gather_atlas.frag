@@ -28,6 +28,6 @@ void main()
     vec4 seen = texelFetch(radiance, ivec2(i % columns, i / columns) * ivec2(cell) + texel, 0);
     mat3 frame = mat3(texelFetch(frames, ivec2(i, 0), 0).xyz, texelFetch(frames, ivec2(i, 1), 0).xyz,
                       texelFetch(frames, ivec2(i, 2), 0).xyz);
-    float rise = dot(frame * texelFetch(table, texel, 0).xyz, sky_up);
-    out_color.rgb = display((seen.a > 0.0 ? seen.rgb : sky_radiance(rise)) * gain);
+    vec3 behind = sky_along(texelFetch(table, texel, 0), sky_frame(frame));
+    out_color.rgb = display((seen.a > 0.0 ? seen.rgb : behind) * gain);
 }

@@ -1,6 +1,6 @@
 // Irradiance as a white surface reflects it, E/pi, so that it compares with the picture.
 #include "viewer/buffers/picture.glsl"
-#include "viewer/buffers/cells.glsl"
+#include "viewer/cells.glsl"
 
 uniform float gain;  // the exposure as a factor
 

@@ -24,6 +24,7 @@ from irrsplat.app.verify import error_curve
 from irrsplat.core.errors import IrrsplatError
 from irrsplat.reference import fine_gather, worker
 from irrsplat.scene.model import Light, Scene
+from tests.support.luminaires import lambert, photometry
 
 here = pytest.mark.skipif(radiance.installed() is None, reason="the extra `peers` is not installed")
 
@@ -75,6 +76,16 @@ def test_other_lights_in_radiances_words() -> None:
 def test_what_radiance_has_no_words_for() -> None:
     with pytest.raises(IrrsplatError, match="shines and reflects"):
         radiance_scene.text(irrsplat.load("furnace"))
+    luminaire = Light((0, 1, 0), (1, 1, 1), physical=True, photometry=photometry([0, 90], [0], lambert))
+    with pytest.raises(IrrsplatError, match="luminaires"):
+        radiance_scene.text(replace(irrsplat.load("cornell"), lights=(luminaire,)))
+
+
+def test_mitsuba_s_own_integrator_takes_no_luminaires() -> None:
+    trace_points = pytest.importorskip("irrsplat.reference.trace_points", exc_type=ImportError)
+    luminaire = Light((0, 1, 0), (1, 1, 1), physical=True, photometry=photometry([0, 90], [0], lambert))
+    with pytest.raises(IrrsplatError, match="luminaires"):
+        trace_points._lamp(luminaire)
 
 
 # ---- who gets where ------------------------------------------------------------------------------------------------------

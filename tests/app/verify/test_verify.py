@@ -23,6 +23,7 @@ from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.reference import worker
 from irrsplat.reference.truth import MOST_BOUNCES, Traced, compare, folder, key_of, side_of, traced
 from irrsplat.scene.model import Camera, Image, Light, Material, Scene, Texture
+from tests.support.luminaires import lambert, photometry
 from tests.support.truth import SIZE, load_reference
 from tests.support.truth import compare as compare_pixels
 
@@ -186,6 +187,7 @@ def test_the_key_sees_all_that_the_truth_depends_on() -> None:
     scene = irrsplat.load("cornell")
     camera, mesh, light = scene.cameras[0], scene.meshes[0], scene.lights[0]
     spot = Light((0, 1, 0), (1, 1, 1), spot_target=(0, 0, 0), spot_cutoff=40.0, spot_inner=20.0)
+    shape = photometry([0, 90], [0], lambert)
 
     def meshes(**change: Any) -> Scene:
         return replace(scene, meshes=(replace(mesh, **change), *scene.meshes[1:]))
@@ -238,6 +240,9 @@ def test_the_key_sees_all_that_the_truth_depends_on() -> None:
         replace(scene, lights=(spot,)),
         replace(scene, lights=(replace(spot, spot_inner=30.0),)),
         replace(scene, lights=(replace(spot, spot_exponent=2.0),)),
+        replace(scene, lights=(replace(spot, photometry=shape),)),
+        replace(scene, lights=(replace(spot, photometry=replace(shape, candela=shape.candela * 2.0)),)),
+        replace(scene, lights=(replace(spot, photometry=shape, across=(0.0, 0.0, 1.0)),)),
     ]
     keys = {key_of(it, camera, (6, 4), 2, 1) for it in scenes}
     keys |= {

@@ -212,11 +212,9 @@ def test_a_truth_holds_for_one_camera_size_and_lighting(driver: Driver, tracer: 
     actions.go(replace(home, fov=home.fov + 1.0))
     assert here(driver) is None
     actions.go(home)
-    actions.lamps.all[0].stops = 1.0
-    actions.relight()
+    actions.editor.set_lamp(0, replace(actions.editor.lamps[0], stops=1.0))
     assert here(driver) is None
-    actions.lamps.all[0].stops = 0.0
-    actions.relight()
+    actions.editor.set_lamp(0, replace(actions.editor.lamps[0], stops=0.0))
     assert here(driver) is truth
     driver.resize((200, 240))
     driver.frame()

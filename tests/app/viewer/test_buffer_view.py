@@ -14,8 +14,10 @@ from irrsplat.app.viewer.buffers.shadow_maps import shadow_range
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.buffers.texture_buffers import depth_range
 from irrsplat.app.viewer.buffers.weight import weight_range
+from irrsplat.app.viewer.show.light_scale import STEPS, BrightestLight, LightScale, false_colours, round_above
 from irrsplat.app.viewer.show.screen import Screen, clear
 from irrsplat.core.buffers import CHANNELS, Atlas
+from irrsplat.core.color import photometric
 from irrsplat.gpu.target import Target, pixels, table_texture
 from irrsplat.image.tonemap import show, tonemap, viridis
 from irrsplat.scene.model import Light
@@ -38,8 +40,8 @@ def target(ctx: moderngl.Context) -> Iterator[Target]:
     target.release()
 
 
-def test_the_table_is_the_channels_and_six_more() -> None:
-    assert set(BUFFERS) == {*CHANNELS, "asking", "shadow", "atlas", "surface", *TRUTHS}
+def test_the_table_is_the_channels_and_seven_more() -> None:
+    assert set(BUFFERS) == {*CHANNELS, "asking", "shadow", "atlas", "light", "surface", *TRUTHS}
     first = ["image", "direct", "indirect", "irradiance", "weight", "position", "normal", "albedo", "depth"]
     assert list(BUFFERS)[:9] == first, "the keys 1 to 9"
     assert all(s.title and s.help for s in BUFFERS.values())
@@ -277,3 +279,86 @@ def test_the_threshold_has_its_place_on_the_scale_of_weights(cornell: ShownView,
     else:
         assert made.mark is not None and 0.0 < made.mark < 1.0
         assert low * (high / low) ** made.mark == pytest.approx(settings.threshold)
+
+
+# ---- light in false colours --------------------------------------------------------------------------------------------
+
+
+def lux_of(shown: ShownView) -> np.ndarray:
+    """(H, W) lux by the frame's buffers: irradiance, and π/ρ times the direct radiance. No surface of the box is black."""
+    albedo = np.where(shown.seen[..., None], shown.frame.albedo, 1.0)
+    return photometric((shown.frame.irradiance + np.pi / albedo * shown.frame.direct).astype(float))
+
+
+def scaled(shown: ShownView, **scale: object) -> ShownView:
+    """The same with another scale of light, up to 1000 lux without lines."""
+    light_scale = LightScale(**{"highest": 1000.0, "lines": False, **scale})  # type: ignore[arg-type]
+    return replace(shown, source=replace(shown.source, light_scale=light_scale))
+
+
+@pytest.mark.parametrize("logarithmic", [False, True])
+def test_light_in_false_colours(cornell: ShownView, target: Target, logarithmic: bool) -> None:
+    """The colour at light/1000 lux, or at 1 + log₁₀(light/1000)/2 on two decades; a pixel's light is that of both kinds."""
+    light, seen = lux_of(cornell), cornell.seen
+    t = 1.0 + np.log10(np.maximum(light, 1e-9) / 1000.0) / 2.0 if logarithmic else light / 1000.0
+    colours = false_colours()
+    at = np.clip(t, 0.0, 1.0) * (len(colours) - 1)
+    expected = np.stack([np.interp(at, np.arange(len(colours)), channel) for channel in colours.T], -1)
+    picture = scaled(cornell, logarithmic=logarithmic).draw(target, "light")
+    assert expected[seen].std() > 0.1, "there is something to see"
+    assert np.abs(picture - expected)[seen].max() < 0.02
+
+
+def test_isolines_run_between_the_steps(cornell: ShownView, target: Target) -> None:
+    """A pixel is dark where the one to its right or the one above it lies in another step, on the same surface."""
+    plain, lined = scaled(cornell).draw(target, "light"), scaled(cornell, lines=True).draw(target, "light")
+    step = np.minimum(np.floor(lux_of(cornell) / 1000.0 * STEPS), STEPS - 1)
+    depth = np.where(cornell.seen, cornell.frame.depth, -1e9)
+    line = np.zeros(step.shape, bool)
+    for axis, shift in ((1, -1), (0, 1)):
+        other, there = np.roll(step, shift, axis), np.abs(np.roll(depth, shift, axis) - depth) < 0.02 * depth
+        line |= there & (other != step)
+    inner = np.zeros(step.shape, bool)
+    inner[1:, :-1] = cornell.seen[1:, :-1]
+    dark = (lined < 0.99 * plain).any(-1)
+    assert 0.01 < line[inner].mean() < 0.5
+    assert (dark != line)[inner].mean() < 2e-3, "but for light that rounding puts into the other step"
+    assert np.array_equal(lined[inner & ~dark], plain[inner & ~dark])
+
+
+def test_the_light_under_the_cursor_is_in_the_unit_of_the_scale(cornell: ShownView) -> None:
+    light = lux_of(cornell)
+    for y, x in ((30, 48), (45, 30), (20, 60)):
+        found = [scaled(cornell, unit=unit).value("light", x, y) for unit in ("lux", "W/m2")]
+        assert found[0] == pytest.approx([light[y, x]], rel=1e-3)
+        assert found[1] == pytest.approx([light[y, x] / 179.0], rel=1e-3)
+    legend = BUFFERS["light"].legend(scaled(cornell, unit="W/m2", highest=5.0, logarithmic=True, lines=True).source)
+    assert (legend.low, legend.high, legend.unit) == ("0.05", "5", "W/m²") and "5 lines a decade" in legend.text
+    legend = BUFFERS["light"].legend(scaled(cornell, lines=True).source)
+    assert (legend.low, legend.high, legend.unit) == ("0", "1000", "lux") and "a line every 100 lux" in legend.text
+
+
+def test_the_scale_ends_by_itself_above_nearly_all_that_is_seen(cornell: ShownView) -> None:
+    assert [round_above(x) for x in (0.0, 0.3, 1.0, 1.1, 4.99, 5.0, 700.0)] == pytest.approx(
+        [1.0, 0.5, 1.0, 2.0, 5.0, 5.0, 1000.0]
+    )
+    assert LightScale().up_to(3.0).ends == (0.0, 1000.0), "537 lux"
+    assert LightScale("W/m2", logarithmic=True, decades=3).up_to(3.0).ends == pytest.approx((0.005, 5.0))
+    assert LightScale(highest=300.0).up_to(3.0).ends == (0.0, 300.0)
+    with BrightestLight(cornell.renderer.ctx) as meter:
+        meter.look(cornell.renderer, cornell.source.view)
+        found = 179.0 * meter.found
+    assert found == pytest.approx(np.percentile(lux_of(cornell)[cornell.seen], 99.0), rel=0.05)
+
+
+def test_light_is_there_where_nothing_is_reflected(ctx: moderngl.Context) -> None:
+    """I·cosθ/d² below a lamp on a black floor, which the buffer `direct` shows nothing of; the headlamp is none of it."""
+    lit = worlds.scene(worlds.floor(2.0, paint=worlds.material(0.0)), lights=(worlds.lamp((0, 2, 0), 10.0),))
+    with shown_view(lit) as made:
+        made.renderer.carry_headlamp(50.0)
+        x, y = 48, 30
+        place = made.frame.position[y, x]
+        way = np.array([0.0, 2.0, 0.0]) - place
+        expected = 179.0 * 10.0 * way[1] / np.linalg.norm(way) ** 3
+        assert scaled(made).value("light", x, y) == pytest.approx([expected], rel=1e-3)
+        assert not made.frame.direct[y, x].any()

@@ -17,6 +17,7 @@ from irrsplat.core import paths
 from irrsplat.core.errors import InputError
 from irrsplat.gpu import shader_source
 from irrsplat.scene import load
+from tests.support.skies import save_exr
 from tests.support.viewing import ROOM, Driver, push, write_room
 
 _SAVES = itertools.count()
@@ -151,7 +152,7 @@ def test_a_mesh_or_a_light_that_changes_counts_too(driver: Driver, room: Path) -
     rewrite(driver, room.with_name("lamp.light"), "position 0 0.8 0 1\nintensity 1 2 3\n")
     driver.frame()
     assert driver.session.scene.lights[0].color == (1.0, 2.0, 3.0)
-    assert driver.actions.lamps.all[0].light.position == (0.0, 0.8, 0.0)
+    assert driver.actions.editor.lamps[0].light.position == (0.0, 0.8, 0.0)
 
 
 def test_while_a_file_is_being_written_nobody_reads_it(driver: Driver, room: Path) -> None:
@@ -236,3 +237,30 @@ def test_too_many_lights_are_refused_and_nothing_is_lost(driver: Driver) -> None
         driver.session.open(replace(scene, lights=scene.lights * 10_000))
     driver.frame(2)
     assert len(driver.session.scene.lights) == 1 and driver.session.renderers[0].scene is not None
+
+
+# ---- skies ---------------------------------------------------------------------------------------------------------------
+
+
+def test_a_map_of_the_sky_is_shown_and_watched(driver: Driver, room: Path) -> None:
+    """A green map lights the room and stands before it, in what records saw as well; when its file has changed to a blue one, so
+    have the picture and the room's light."""
+    sky = room.parent / "sky.exr"
+    for channel in (1, 2):
+        radiance = np.zeros((16, 32, 3), "f4")
+        radiance[..., channel] = 2.0
+        save_exr(sky, radiance)
+        then = time.time() - 1000.0 + next(_SAVES)
+        os.utime(sky, (then, then))
+        if channel == 1:
+            rewrite(driver, room, ROOM.replace("light lamp.light", "sky sky.exr"))
+        driver.actions.file_watch._next = 0.0
+        driver.settle()
+        assert driver.session.scene.environment is not None and str(sky) in driver.session.scene.files
+        assert not errors(driver)
+        for name in ("image", "atlas"):
+            driver.actions.show(name)
+            driver.settle()
+            colour = driver.window().reshape(-1, 3).mean(0)
+            assert colour.argmax() == channel, f"{name}: {colour}"
+        driver.actions.show("image")

@@ -13,6 +13,8 @@ from irrsplat.app.viewer import preferences
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.input.keys import BUFFER_KEYS, GROUPS, Key
 from irrsplat.app.viewer.session import overrides
+from irrsplat.app.viewer.show.comparison import flip_is_there
+from irrsplat.app.viewer.view_options import COMPARES
 from irrsplat.indirect.temporal_filter import PICTURES
 from irrsplat.scene import load
 from irrsplat.scene.camera_path import load_path
@@ -24,7 +26,8 @@ case = CASES.case
 
 def test_every_key_has_its_case() -> None:
     CASES.check()
-    assert set(GROUPS) == {*CASES.groups, "buffers", "window"}, "which have their tests below, and in test_viewer_window.py"
+    others = {"buffers", "window", "lights and objects"}  # with tests below, in test_viewer_window.py and in ../editing
+    assert set(GROUPS) == {*CASES.groups, *others}
 
 
 @pytest.mark.parametrize("shown", CASES.keys)
@@ -83,6 +86,15 @@ def home(driver: Driver, shown: str) -> None:
     assert driver.session.camera != first
     push(driver, shown)
     assert driver.session.camera == first
+
+
+@case("End")
+def frame_all(driver: Driver, shown: str) -> None:
+    """Further back, in the same direction."""
+    before = driver.session.camera
+    push(driver, shown)
+    assert driver.session.camera.eye[2] > before.eye[2] and np.allclose(driver.session.camera.axes, before.axes)
+    driver.actions.home()
 
 
 @case("H")
@@ -200,7 +212,7 @@ def overlay(driver: Driver, shown: str) -> None:
         driver.frame()
         assert 0.002 < changed(driver, shown) < 0.7
     driver.actions.show("atlas")
-    driver.frame()
+    driver.frame(3)  # until its tiles stand clear of the legend
     assert changed(driver, shown) == 0.0, "there the records are nowhere"
 
 
@@ -279,7 +291,8 @@ def step(driver: Driver, shown: str) -> None:
 
 @case("Delete")
 def clear(driver: Driver, shown: str) -> None:
-    """No record is left, and about as many come again; the shadow maps stay."""
+    """No record is left, and the view is covered anew by about as many, for 8² noisy texels as much as 60 % apart; the
+    shadow maps stay."""
     cache, shadows = driver.session.renderers[0].cache, driver.session.renderers[0].shadows
     count = cache.count
     driver.session.options.frozen = True
@@ -287,7 +300,8 @@ def clear(driver: Driver, shown: str) -> None:
     assert cache.count == 0
     driver.session.options.frozen = False
     driver.settle()
-    assert abs(cache.count - count) < 0.5 * count and driver.session.renderers[0].shadows is shadows
+    assert driver.session.progress[0].coverage == 1.0 and 0.5 * count < cache.count < 2.0 * count
+    assert driver.session.renderers[0].shadows is shadows
 
 
 # ---- picture -------------------------------------------------------------------------------------------------------------
@@ -342,12 +356,59 @@ def split(driver: Driver, shown: str) -> None:
 
 @case("M")
 def swap_preset(driver: Driver, shown: str) -> None:
-    """To the paper's settings and back to ours, budget and exposure apart."""
-    for name in ("paper", "default"):
+    """To the paper's settings, budget and exposure apart, and back to ours as they were left: the picture and its records are
+    there at once, nothing is gathered."""
+    ours, picture = driver.session.renderers[0], driver.canvas()
+    settings, records, revision = ours.settings, ours.cache.count, ours.cache.revision
+    driver.session.options.frozen = True  # the paper's own settings take a while
+    push(driver, shown)
+    preset, paper = driver.session.settings(0)
+    assert preset == "paper"
+    assert overrides("paper", paper).keys() <= {"exposure", "budget"} and paper.exposure == FAST["exposure"]
+    assert not np.array_equal(driver.canvas(), picture)
+    driver.session.options.frozen = False
+    push(driver, shown)
+    assert driver.session.renderers == [ours] and driver.session.settings(0) == ("default", settings)
+    assert np.array_equal(driver.canvas(), picture)
+    assert (ours.cache.count, ours.cache.revision) == (records, revision) and driver.session.progress[0].still
+
+
+@case("J")
+def compare(driver: Driver, shown: str) -> None:
+    """Two presets, where there is one picture; one after the other, the difference, FLIP, and side by side again."""
+    driver.session.options.frozen = True
+    ways = ["flip", "difference", *(["FLIP"] if flip_is_there() else []), "divided"]
+    for way in ways:
         push(driver, shown)
-        preset, settings = driver.session.settings(0)
-        assert preset == name
-        assert overrides(name, settings).keys() <= {"exposure", "budget"} and settings.exposure == FAST["exposure"]
+        assert (driver.session.options.split, driver.session.options.compare) == ("presets", way)
+        assert COMPARES[driver.session.options.compare] in driver.said
+
+
+@case("Space")
+def flip(driver: Driver, shown: str) -> None:
+    """To the right side, and back; it stays there, and is the one that keys change."""
+    left = driver.canvas()
+    driver.session.split("buffers")
+    for side in (1, 0, 1):
+        push(driver, shown)
+        driver.frame(30, dt=0.1)
+        assert driver.session.side_at(0) == driver.actions.side == side
+        assert np.array_equal(driver.canvas(), left) == (side == 0)
+    push(driver, "7")
+    assert driver.session.options.buffers == ["image", "normal"]
+
+
+@case("K")
+def snapshot(driver: Driver, shown: str) -> None:
+    """It is kept, and Tab comes to it."""
+    push(driver, shown)
+    assert [s.name for s in driver.session.snapshots] == ["snapshot 1"] and "snapshot 1 is kept" in driver.said
+    driver.session.options.frozen = True
+    ways = []
+    for _ in range(4):
+        push(driver, "Tab")
+        ways.append(driver.session.options.split)
+    assert ways == ["buffers", "presets", "snapshot", "off"]
 
 
 @case("Y")

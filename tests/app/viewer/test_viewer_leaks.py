@@ -23,7 +23,17 @@ from tests.support.viewing import LEFT, RIGHT, Driver, viewing, write_room
 SECONDS, DT = 15.0, 1.0 / 20.0
 CREATORS = ("texture", "depth_texture", "buffer", "framebuffer", "program", "vertex_array")
 SIZES = ((96, 72), (64, 96), (128, 64), (96, 72))
-LEFT_OUT = {"quit", "fullscreen", "reload", "screenshot", "screenshot_bare", "record", "bookmark", "open_dialog"}  # see `rare`
+LEFT_OUT = {
+    "quit",
+    "fullscreen",
+    "reload",
+    "screenshot",
+    "screenshot_bare",
+    "record",
+    "bookmark",
+    "open_dialog",
+    "snapshot",
+}  # see `rare`
 LEFT_OUT |= {"trace"}  # takes minutes: test_background_truth.py
 
 
@@ -97,12 +107,10 @@ def anything(driver: Driver, chance: random.Random) -> None:
         )  # fmt: skip
         session.change(chance.choice((0, 1)), **cast(SettingValues, {name: chance.choice(values)}))
     elif what == "light":
-        lamp = actions.lamps.all[0]
-        lamp.light = replace(lamp.light, position=(chance.uniform(-0.9, 0.9), chance.uniform(-0.9, 0.9), 0.3))
-        lamp.on, lamp.stops = chance.random() < 0.8, chance.uniform(-2.0, 2.0)
-        actions.relight()
+        lamp = actions.editor.lamps[0].moved((chance.uniform(-0.9, 0.9), chance.uniform(-0.9, 0.9), 0.3))
+        actions.editor.set_lamp(0, replace(lamp, on=chance.random() < 0.8, stops=chance.uniform(-2.0, 2.0)))
     elif what == "split":
-        session.split(chance.choice(list(SPLITS)))
+        session.split(chance.choice([way for way in SPLITS if way != "snapshot" or session.snapshots]))
         if session.options.split == "presets":
             driver.quicken()
     elif what == "size":
@@ -114,14 +122,24 @@ def anything(driver: Driver, chance: random.Random) -> None:
 
 
 def rare(driver: Driver, second: int) -> None:
-    """Now and then: scene and shaders again, a flight recorded and played, a screenshot; and the cache begins anew.
+    """Now and then: scene and shaders again, a flight recorded and played, a screenshot, a snapshot; and the cache begins anew.
 
     The records' textures double where they are full: thus they come to the same size in each of these spans.
     """
-    actions = driver.actions
-    {0: actions.reload, 2: actions.screenshot, 4: actions.record, 6: actions.record, 7: actions.play, 9: actions.clear}.get(
-        second % 10, lambda: None
-    )()
+    actions, session = driver.actions, driver.session
+
+    def snapshot() -> None:
+        session.forget_snapshot(session.keep_snapshot(0))
+
+    {
+        0: actions.reload,
+        2: actions.screenshot,
+        3: snapshot,
+        4: actions.record,
+        6: actions.record,
+        7: actions.play,
+        9: actions.clear,
+    }.get(second % 10, lambda: None)()
 
 
 @pytest.mark.slow

@@ -219,10 +219,12 @@ def test_the_interface_keeps_mouse_and_wheel_from_the_camera(driver: Driver) -> 
 
 def test_a_press_right_after_a_jump_is_the_panel_s_or_the_picture_s(driver: Driver) -> None:
     """The mouse may come to a panel and press within one slow frame: who is under it counts, not who was."""
+    driver.resize((640, 240))
     driver.actions.panels.settings = True
+    driver.settle()
     driver.frame(3)
     before = driver.session.camera
-    driver.move(290.0, 150.0)
+    driver.move(600.0, 150.0)
     driver.frame(2)
     driver.move(40.0, 80.0)
     driver.button(True)
@@ -231,10 +233,10 @@ def test_a_press_right_after_a_jump_is_the_panel_s_or_the_picture_s(driver: Driv
     driver.button(False)
     driver.frame()
     assert driver.session.camera == before
-    driver.move(290.0, 150.0)
+    driver.move(600.0, 150.0)
     driver.button(True)
     driver.frame()
-    driver.move(280.0, 120.0)
+    driver.move(590.0, 120.0)
     driver.frame()
     driver.move(40.0, 120.0)  # over the panel, but the drag is the camera's
     driver.frame()
@@ -251,11 +253,12 @@ def test_at_rest_nothing_but_the_interface_is_drawn(driver: Driver, monkeypatch:
     for name in ("image", "weight", "atlas"):
         driver.actions.show(name)
         driver.settle()
+        driver.actions.panels.hud = driver.actions.panels.settings = True
+        driver.frame(4)  # tiles stand clear of them
         drawn: list[object] = []
         draw = driver.display.draw
         monkeypatch.setattr(driver.display, "draw", lambda *args, draw=draw, drawn=drawn: drawn.append(args) or draw(*args))
         view = driver.session.views[0]
-        driver.actions.panels.hud = driver.actions.panels.settings = True
         for x in range(250, 300, 10):
             driver.move(x, 100)
             driver.frame()

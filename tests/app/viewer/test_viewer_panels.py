@@ -9,12 +9,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+from imgui_bundle import imgui
 
 from irrsplat.app.viewer.buffers.table import BUFFERS
+from irrsplat.app.viewer.editing.lamps import Lamp
 from irrsplat.app.viewer.session import overrides
+from irrsplat.app.viewer.show.light_scale import LightScale
 from irrsplat.renderer import Renderer
-from irrsplat.scene.model import Camera
+from irrsplat.scene.model import Camera, Light
 from irrsplat.settings import PRESETS, SETTINGS, preset
+from tests.support.luminaires import isotropic, photometry
 from tests.support.viewing import FAST, Driver, fresh, push, viewing, write_room
 
 TALL = (460, 1400)  # so that the whole panel fits
@@ -26,6 +30,7 @@ CHANGES: dict[str, tuple[str | None, Any]] = {
     "bounces": ("1", 1),
     "gather": ("plane", "plane"),
     "gather_size": ("12", 12),
+    "ray_noise": ("2.5", 2.5),
     "light_samples": ("32", 32),
     "texture_memory": ("64", 64),
     "gradients": (None, False),
@@ -85,7 +90,7 @@ def driver(one: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iter
 def panel(driver: Driver) -> Driver:
     """All stages of the settings' panel unfolded, the cache frozen, and nothing in view, so that frames take little time."""
     driver.session.free_camera.go(Camera((0.0, 0.0, 90.0), (0.0, 0.0, 99.0)))
-    driver.actions.panels.settings = driver.session.options.frozen = True
+    driver.actions.panels.settings = driver.actions.panels.expert = driver.session.options.frozen = True
     driver.frame(3)
     for stage in ("view", "composite", "examine", "splat", "gather", "gbuffer", "shadow"):
         if all(d.stage != stage or label(d.name) not in shown(driver) for d in SETTINGS.values()):
@@ -306,8 +311,10 @@ def test_the_camera_menu_has_the_scene_s_cameras_and_bookmarks(driver: Driver) -
 
 def test_the_split_from_the_menu(driver: Driver) -> None:
     driver.session.options.frozen = True
+    driver.resize((480, 400))  # so that the menu is all there
+    driver.frame(2)
     for word, way in (("two buffers", "buffers"), ("two presets", "presets"), ("one picture", "off")):
-        driver.choose("Show", word)
+        driver.choose("Compare", word)
         assert driver.session.options.split == way
 
 
@@ -356,12 +363,63 @@ def test_lights_are_moved_dimmed_switched_and_put_back(driver: Driver) -> None:
     assert np.abs(driver.canvas().astype(float) - canvas).mean() < 1.0
 
 
+def test_a_luminaire_says_what_it_sends_out_and_keeps_its_direction_when_moved(
+    driver: Driver, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its file, lumens and candela stand over the widgets. Moved, it is aimed as before; its aim can be dragged."""
+    said: list[str] = []
+    monkeypatch.setattr(imgui, "text_disabled", said.append)
+    shape = replace(photometry([0, 90, 180], [0], isotropic), path="lamps/round.ies")
+    light = Light((0.0, 1.5, 0.0), (2.0, 2.0, 2.0), physical=True, photometry=shape, spot_target=(0.0, 0.5, 0.0))
+    driver.actions.panels.lights = True
+    driver.actions.editor.set_lamp(0, Lamp.of(light))
+    driver.settle()
+    assert said[-1] == "round.ies\n2,513 lm, at most 200 cd"
+    driver.enter(driver.find("stops"), "1")
+    driver.settle()
+    assert said[-1] == "round.ies\n5,027 lm, at most 400 cd"
+    driver.drag(driver.find("position").at(0.15), driver.find("position").at(0.3))
+    moved = driver.session.scene.lights[0]
+    assert moved.position[0] > 0.0 and np.allclose(moved.frame, light.frame, atol=1e-6)
+    driver.drag(driver.find("aims at").at(0.15), driver.find("aims at").at(0.3))
+    assert not np.allclose(driver.session.scene.lights[0].frame, light.frame, atol=1e-3)
+
+
 def test_a_black_light_gets_its_colour_back(driver: Driver) -> None:
     driver.actions.panels.lights = True
-    lamp = driver.actions.lamps.all[0]
-    lamp.light = replace(lamp.light, color=(0.0, 0.0, 0.0))
-    driver.actions.relight()
+    driver.actions.editor.set_lamp(0, driver.actions.editor.lamps[0].coloured((0.0, 0.0, 0.0)))
     driver.frame(3)
     box = driver.find("colour").box
     driver.drag((box[0] + 15.0, box[1] + 10.0), (box[0] + 215.0, box[1] + 10.0))
     assert driver.session.scene.lights[0].color[0] > 0.1
+
+
+# ---- the scale of light --------------------------------------------------------------------------------------------------
+
+
+def test_the_scale_of_light_is_set_by_its_panel(driver: Driver) -> None:
+    """It is there while light is shown in false colours, and the picture follows."""
+    assert "logarithmic" not in shown(driver)
+    driver.session.options.buffers[0] = "light"
+    driver.frame(3)
+
+    def scale() -> LightScale:
+        return driver.session.options.light_scale
+
+    before = driver.canvas()
+    driver.click(*driver.find("logarithmic").at(0.1))
+    driver.frame()
+    assert scale().logarithmic and (driver.canvas() != before).any()
+    driver.enter(driver.find("decades"), "4")
+    assert scale().decades == 4
+    found = driver.session.light_scale.highest
+    driver.click(*driver.find("auto", beside="maximum").at())
+    assert scale().highest == found
+    driver.enter(driver.find("maximum"), "250")
+    assert scale().highest == 250.0 and driver.session.light_scale.ends == (0.025, 250.0)
+    driver.click(*driver.find("lines").at(0.1))
+    assert not scale().lines
+    driver.session.options.light_scale = LightScale()
+    driver.session.options.buffers[0] = "image"
+    driver.frame(2)
+    assert "logarithmic" not in shown(driver)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -188,8 +188,7 @@ def test_reset_leaves_the_shared_viewer_as_new(driver: Driver, tmp_path: Path) -
     driver.session.options.frozen = True
     driver.session.split("presets")
     driver.actions.side = 1
-    driver.actions.lamps.all[0].stops = -2.0
-    driver.actions.relight()
+    driver.actions.editor.set_lamp(0, replace(driver.actions.editor.lamps[0], stops=-2.0))
     driver.session.free_camera.change_speed(3.0)
     driver.down("LEFT_SHIFT")
     driver.down("W")

@@ -26,6 +26,7 @@ from irrsplat.scene.io.gltf.nodes import Node, instances, name, visible, worlds
 from irrsplat.scene.io.mesh_builder import build_mesh
 from irrsplat.scene.model import Mesh, Scene
 from irrsplat.scene.stand_ins.up_axis import up_vector
+from irrsplat.sky.sky_text import sky_of
 
 _READ = {  # extensions that are heeded, or that change nothing that could be seen
     "EXT_mesh_gpu_instancing",
@@ -64,6 +65,7 @@ def load_gltf(path: Path, options: LoadOptions) -> Scene:
     not shown, is left out, and Scene.notices tell of it. Raises InputError, one line with the file's path, where the file is no
     glTF 2.0, is truncated, or has no triangles that can be shown.
     """
+    sky = sky_of(options.sky)
     document, time = read(path), options.time
     with np.errstate(all="ignore"):
         reader = _Reader(document, pose(document, 0.0 if time is None else time))
@@ -83,7 +85,7 @@ def load_gltf(path: Path, options: LoadOptions) -> Scene:
         meshes,
         found_lights,
         found_cameras,
-        None,
+        sky,
         {str(path): reader.degenerate},
         document.notices(),
         document.files,

@@ -3,25 +3,29 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
+from irrsplat.core.color import LUMINOUS_EFFICACY
 from irrsplat.core.errors import InputError
+from irrsplat.core.load_options import LoadOptions
 from irrsplat.scene.io.defaults import finish
-from irrsplat.scene.io.light_text import load_light
-from irrsplat.scene.io.lines import Line, lines, number, quote
+from irrsplat.scene.io.lights.light_text import LightReader, placed
+from irrsplat.scene.io.lines import Line, is_number, lines, quote
 from irrsplat.scene.io.mesh_builder import build_mesh
 from irrsplat.scene.io.obj.reader import Shape, load_obj
 from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
+from irrsplat.sky import sky_text
 
 USAGE = {
+    "units": "units radiometric, or: units photometric",
     "cam": "cam EX EY EZ TX TY TZ UX UY UZ",
     "proj": "proj FOVY ASPECT NEAR FAR",
-    "light": "light FILE.light",
+    "light": "light FILE.light, or: light FILE.ies",
     "brdf": "brdf diffuse R G B A, or: brdf emission R G B",
-    "sky": "sky R G B",
+    "sky": f"sky {sky_text.USAGE}",
     "push": "push",
     "pop": "pop",
     "trans": "trans X Y Z",
@@ -32,13 +36,14 @@ USAGE = {
 _NAMED = "cam NAME EX EY EZ TX TY TZ UX UY UZ"
 
 
-def load_text(path: Path) -> Scene:
+def load_text(path: Path, options: LoadOptions = LoadOptions()) -> Scene:  # noqa: B008  # it is frozen
     """The scene in the `.scene` file at `path`; raises InputError with file and line for whatever is wrong in it.
 
     Matrices multiply on the right, as glTranslate, glRotate and glScale do, in float64. Scene.cameras[0] is the unnamed
     `cam`, else the first named one, else a camera that sees everything. Notices say what was dropped or invented.
+    options: of these only the sky counts, which replaces the file's.
     """
-    reader = _Reader()
+    reader = _Reader(other_sky=sky_text.sky_of(options.sky))
     for line in lines(path):
         command = getattr(reader, f"_{line.word}", None) if line.word in USAGE else None
         if command is None:
@@ -49,20 +54,26 @@ def load_text(path: Path) -> Scene:
 
 @dataclass
 class _Reader:
-    """What has been read so far: OpenGL's state, and the scene that grows from it. One method per command."""
+    """What has been read so far: OpenGL's state, and the scene that grows from it. One method per command.
 
+    other_sky: in place of the file's."""
+
+    other_sky: sky_text.Sky | None = None
     matrix: np.ndarray = field(default_factory=lambda: np.eye(4))  # world_from_object
     stack: list[tuple[Line, np.ndarray]] = field(default_factory=list)
     material: Material = field(default_factory=Material)
     once: dict[str, Line] = field(default_factory=dict)
     fov: float = 45.0  # degrees
+    per_unit: float = 1.0  # W/sr for each unit that lights are given in, and W/(m² sr) for those of emission and sky
+    bright: Line | None = None  # the first that said how bright something is
     cams: list[tuple[Line, str, tuple[float, ...]]] = field(default_factory=list)
-    sky: tuple[float, float, float] | None = None
+    sky: sky_text.Sky | None = None
     lights: list[Light] = field(default_factory=list)
     meshes: list[Mesh] = field(default_factory=list)
     shapes: dict[Path, Shape] = field(default_factory=dict)
     dropped: Counter[str] = field(default_factory=Counter)
     files: list[Path] = field(default_factory=list)
+    lamps: LightReader = field(default_factory=LightReader)
 
     def scene(self, path: Path) -> Scene:
         if self.stack:
@@ -74,7 +85,8 @@ class _Reader:
                 cameras.append(Camera(eye, target, up, self.fov, name))
             except InputError as error:
                 raise line.error(str(error)) from None
-        return finish(path, self.meshes, self.lights, cameras, self.sky, self.dropped, files=self.files)
+        files, sky = [*self.files, *self.lamps.files], self.other_sky or self.sky
+        return finish(path, self.meshes, self.lights, cameras, sky, self.dropped, self.lamps.notices, files)
 
     def _first(self, key: str, line: Line) -> None:
         if key in self.once:
@@ -85,7 +97,7 @@ class _Reader:
         name, args = "", line.args
         if len(args) == 10:
             name, args = args[0], args[1:]
-            if _is_number(name):
+            if is_number(name):
                 raise line.error(f"'cam' has 10 numbers; expected: {USAGE['cam']}, or: {_NAMED}")
         elif len(args) != 9:
             raise line.error(f"'cam' has {len(args)} values; expected: {USAGE['cam']}, or: {_NAMED}")
@@ -101,9 +113,30 @@ class _Reader:
             raise line.error(f"expected ASPECT above 0 and 0 <= NEAR < FAR: {USAGE['proj']}")
         self.fov = fov
 
+    def _units(self, line: Line) -> None:
+        if line.args not in (("radiometric",), ("photometric",)):
+            raise line.error(f"{quote(line.rest)} are no units; expected: {USAGE['units']}")
+        self._first("units", line)
+        if self.bright is not None:
+            raise line.error(f"'units' stands before all light, but line {self.bright.number} has some; move it to the top")
+        self.per_unit = 1.0 / LUMINOUS_EFFICACY if line.args == ("photometric",) else 1.0
+
+    def _radiance(self, line: Line, r: float, g: float, b: float) -> tuple[float, float, float]:
+        """W/(m² sr) for what a line gives in the file's units."""
+        self.bright = self.bright or line
+        return r * self.per_unit, g * self.per_unit, b * self.per_unit
+
     def _light(self, line: Line) -> None:
-        self.files.append(line.file(USAGE["light"]))
-        self.lights.append(load_light(self.files[-1]))
+        self.bright = self.bright or line
+        path = line.file(USAGE["light"])
+        if path.suffix.lower() != ".ies":
+            self.lights.append(self.lamps.light(path, self.per_unit))
+            return
+        photometry = self.lamps.photometry(path)
+        try:
+            self.lights.append(placed(photometry, self.matrix))
+        except InputError as error:
+            raise line.error(str(error)) from None
 
     def _brdf(self, line: Line) -> None:
         kind = line.args[0] if line.args else ""
@@ -116,16 +149,14 @@ class _Reader:
             r, g, b = line.numbers("emission R G B", line.args[1:])
             if min(r, g, b) < 0.0:
                 raise line.error(f"the emission is {r:g} {g:g} {b:g}; expected values of 0 or more")
-            self.material = Material(self.material.albedo, (r, g, b))
+            self.material = Material(self.material.albedo, self._radiance(line, r, g, b))
         else:
             raise line.error(f"{quote(kind)} is no kind of brdf; expected: {USAGE['brdf']}")
 
     def _sky(self, line: Line) -> None:
-        r, g, b = line.numbers(USAGE["sky"])
         self._first("sky", line)
-        if min(r, g, b) < 0.0:
-            raise line.error(f"the sky is {r:g} {g:g} {b:g}; expected values of 0 or more")
-        self.sky = (r, g, b)
+        sky = sky_text.parse(line.rest, line.path.parent, line.error)
+        self.sky = replace(sky, radiance=self._radiance(line, *sky.radiance))
 
     def _push(self, line: Line) -> None:
         line.numbers(USAGE["push"])
@@ -168,14 +199,6 @@ class _Reader:
             raise line.error(str(error)) from None
         self.meshes.append(mesh)
         self.dropped[str(path)] += dropped
-
-
-def _is_number(word: str) -> bool:
-    try:
-        number(word)
-    except ValueError:
-        return False
-    return True
 
 
 def _rotation(angle: float, axis: np.ndarray) -> np.ndarray:

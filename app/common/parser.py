@@ -1,0 +1,174 @@
+"""argparse that tells all mistakes of a command line at once, in one line, with what was probably meant."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, NoReturn
+
+from irrsplat.core.errors import InputError, did_you_mean, nearest
+
+
+class Mistakes:
+    """What is wrong with a command line, gathered until all of it is known.
+
+    page: the help to look into, such as ``irrsplat render --help``; empty where none would help. arguments: those by name that
+    were given, but wrongly, so that nothing more can be said of them.
+    """
+
+    def __init__(self) -> None:
+        self.found: list[str] = []
+        self.page = ""
+        self.arguments: set[str] = set()
+
+    def add(self, message: str, page: str = "") -> None:
+        """Keep one mistake, once, and the help page for it."""
+        if message not in self.found:
+            self.found.append(message)
+        self.page = self.page or page
+
+    @contextmanager
+    def gathered(self) -> Iterator[None]:
+        """Keeps the InputError that its block raises instead of passing it on."""
+        try:
+            yield
+        except InputError as error:
+            self.add(str(error))
+
+    def tell(self) -> None:
+        """Raises InputError, one line with all that was found; does nothing where that is nothing."""
+        if not self.found:
+            return
+        several = len(self.found) > 1
+        numbered = "; ".join(f"({i}) {message}" for i, message in enumerate(self.found, 1))
+        said = f"{len(self.found)} mistakes: {numbered}" if several else self.found[0]
+        raise InputError(f"{said}; see {self.page}" if self.page else said)
+
+
+class Parser(argparse.ArgumentParser):
+    """argparse with no abbreviations and every spelling of a negative number. What is wrong goes to `mistakes`, with a stand-in
+    for the value, so that the rest is looked at too; only where nothing more can be made out, InputError is raised at once."""
+
+    def __init__(self, mistakes: Mistakes | None = None, **options: Any) -> None:
+        super().__init__(allow_abbrev=False, formatter_class=argparse.RawDescriptionHelpFormatter, **options)
+        self.mistakes = mistakes or Mistakes()
+        self._incomplete: list[argparse.Action] = []  # those with too few values
+        # argparse's own pattern takes -1e-3 and -inf for flags
+        self._negative_number_matcher = re.compile(r"-\.?\d|-(inf|nan)", re.IGNORECASE)
+
+    def error(self, message: str) -> NoReturn:
+        """Raises InputError with all mistakes so far and this one; main() prints it."""
+        self._wrong(message)
+        self.mistakes.tell()
+        raise AssertionError("there is a mistake to tell")
+
+    def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:  # type: ignore[override]
+        """As argparse has it, but unknown flags are told and left out, and missing ones told and stood in for."""
+        words = list(args or ())
+        if not _completing():
+            words = self._without_unknown_flags(words)
+        return super().parse_known_args(words, namespace)
+
+    def _wrong(self, message: str) -> None:
+        self.mistakes.add(message, f"{self.prog} --help")
+
+    def _without_unknown_flags(self, words: list[str]) -> list[str]:
+        """`words` without the flags that there are none of, and without their values, each told as a mistake; with a value for
+        each flag that must be given and is not."""
+        kept: list[str] = []
+        given: set[str] = set()
+        probably: set[str] = set()  # what unknown ones are
+        position = 0
+        commands = any(action.nargs == argparse.PARSER for action in self._actions)
+        while position < len(words):
+            word = words[position]
+            position += 1
+            if word == "--" or (commands and not word.startswith("-")):
+                kept += words[position - 1 :]
+                break
+            if not self._like_a_flag(word) or (known := self._known_flag(word)):
+                kept.append(word)
+                if self._like_a_flag(word):
+                    given.add(known)
+                continue
+            name, _, value = word.partition("=")
+            meant = nearest(name, [flag for flag in self._option_string_actions if self._advertised(flag)])
+            self._wrong(f"unknown flag {name}" + (f" (did you mean {meant}?)" if meant else ""))
+            if meant:
+                probably.add(meant)
+                self.mistakes.arguments.add(self._option_string_actions[meant].dest)
+            count = 0 if value else len(words) if not meant else self._values_of(meant, words[position : position + 1])
+            while count > 0 and position < len(words) and not self._like_a_flag(words[position]):
+                position, count = position + 1, count - 1
+        for action in self._actions:
+            flags = action.option_strings
+            if action.required and flags and not given.intersection(flags):
+                kept = [flags[0], "", *kept]
+                self.mistakes.arguments.add(action.dest)
+                if not probably.intersection(flags):
+                    self._wrong(f"{'/'.join(flags)} is missing")
+        return kept
+
+    def _like_a_flag(self, word: str) -> bool:
+        """Whether argparse takes `word` for a flag rather than for a value."""
+        return len(word) > 1 and word[0] == "-" and " " not in word and not self._negative_number_matcher.match(word)
+
+    def _known_flag(self, word: str) -> str:
+        """The flag that `word` is, with or without a value in it; empty where there is none."""
+        for flag in (word, word.partition("=")[0], word[:2] if word[1] != "-" else word):
+            if flag in self._option_string_actions:
+                return flag
+        return ""
+
+    def _advertised(self, flag: str) -> bool:
+        return self._option_string_actions[flag].help != argparse.SUPPRESS
+
+    def _values_of(self, flag: str, following: list[str]) -> int:
+        """How many words behind `flag` are its values, where `following` is the next one."""
+        action = self._option_string_actions[flag]
+        if action.metavar == "on|off":
+            return int(any(word.lower() in ("on", "off") for word in following))
+        return action.nargs if isinstance(action.nargs, int) else 1
+
+    # ---- inside of argparse: where it would raise at the first mistake -----------------------------------------------
+
+    def _match_argument(self, action: argparse.Action, arg_strings_pattern: str) -> int:
+        try:
+            return int(super()._match_argument(action, arg_strings_pattern))
+        except argparse.ArgumentError as error:
+            if _completing():
+                raise
+            self._wrong(str(error))
+            self._incomplete.append(action)
+            self.mistakes.arguments.add(action.dest)
+            return len(arg_strings_pattern) - len(arg_strings_pattern.lstrip("A"))
+
+    def _get_values(self, action: argparse.Action, arg_strings: list[str]) -> Any:
+        if action.nargs == argparse.PARSER or _completing():
+            return super()._get_values(action, arg_strings)
+        if action in self._incomplete:
+            return None
+        try:
+            return super()._get_values(action, arg_strings)
+        except argparse.ArgumentError as error:
+            self._wrong(str(error))
+            self.mistakes.arguments.add(action.dest)
+            return None
+
+    def _check_value(self, action: argparse.Action, value: Any) -> None:
+        if action.choices is None or value in action.choices:
+            return
+        names = [str(name) for name in action.choices]
+        if action.nargs == argparse.PARSER:
+            words = f"there is no command '{value}'{did_you_mean(str(value), names)}; the commands are {', '.join(names)}"
+            raise argparse.ArgumentError(None, words)
+        said = f"takes {'|'.join(names)}, not '{value}'{did_you_mean(str(value), names)}"
+        raise argparse.ArgumentError(action, said)
+
+
+def _completing() -> bool:
+    """Whether a shell asks what may come next (see completion.py), so that a command line is no mistake for being unfinished."""
+    return "_ARGCOMPLETE" in os.environ

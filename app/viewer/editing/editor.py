@@ -1,0 +1,173 @@
+"""What a user edits: the scene's lights and objects, which of them are picked, and the steps that can be undone."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Literal, cast
+
+import numpy as np
+
+from irrsplat.app.viewer.editing.history import History
+from irrsplat.app.viewer.editing.lamps import Lamp, Vector
+from irrsplat.app.viewer.editing.scene_edit import AS_LOADED, EditedScene, ObjectEdit, SceneEdit, describe, object_name
+from irrsplat.app.viewer.session import Session
+from irrsplat.scene.model import Light
+
+Kind = Literal["point", "spot", "directional"]
+KINDS: tuple[Kind, ...] = ("point", "spot", "directional")
+_NEARER = 0.3  # of the way from what is looked at to the eye: where a new light is put
+_CUTOFF, _INNER = 35.0, 25.0  # degrees, of a new spot
+
+
+class Editor:
+    """Edits the scene of a session. mesh: the number of the picked object. light: that of the picked light.
+
+    What is changed shows at once; a step to undo is all that has changed between two moments of rest. turning: the handles of the
+    picked object turn it; else they move it. aiming: those of a spot set its aim. handles_used: whether the mouse is on the
+    handles in the picture, dragging: whether it moves them, both as the interface says each frame.
+    """
+
+    def __init__(self, session: Session) -> None:
+        self.session, self.loaded = session, session.scene
+        self.edit = SceneEdit.of(session.scene)
+        self.history = History(self.edit)
+        self._scenes = EditedScene(session.scene)
+        self.mesh: int | None = None
+        self.light: int | None = 0 if session.scene.lights else None
+        self.turning = self.aiming = self.handles_used = self.dragging = False
+
+    # ---- changes ---------------------------------------------------------------------------------------------------
+
+    @property
+    def changed(self) -> bool:
+        """Whether the scene is no longer as its files have it."""
+        return self.edit != SceneEdit.of(self.loaded)
+
+    def apply(self, edit: SceneEdit) -> None:
+        """Show another edit; it becomes a step at the next moment of rest. Raises InputError, and changes nothing, where the
+        scene cannot be so."""
+        if edit == self.edit:
+            return
+        self.session.pose(self._scenes.scene(edit))
+        self.edit = edit
+        self.mesh = self.mesh if self.mesh is not None and self.mesh < len(edit.objects) else None
+        if self.light is not None and self.light >= len(edit.lamps):
+            self.light = len(edit.lamps) - 1 if edit.lamps else None
+
+    def settle(self) -> None:
+        """A moment of rest: what has changed since the last one is one step."""
+        self.history = self.history.then(self.edit)
+
+    def undo(self) -> str:
+        """Go back a step; what it had done, in a few words, "" where there is none."""
+        self.settle()
+        return self._go(self.history.undone(), back=True)
+
+    def redo(self) -> str:
+        """Do again what was undone last; what that is, in a few words, "" where there is nothing."""
+        self.settle()
+        return self._go(self.history.redone(), back=False)
+
+    def _go(self, history: History[SceneEdit], back: bool) -> str:
+        before = self.edit
+        if history.present == before:
+            return ""
+        self.apply(history.present)
+        self.history = history
+        return self._words(history.present, before) if back else self._words(before, history.present)
+
+    def _words(self, before: SceneEdit, after: SceneEdit) -> str:
+        return describe(before, after, self.loaded)
+
+    @property
+    def undoes(self) -> str:
+        """What `undo` takes back, in a few words; "" for nothing."""
+        if self.edit != self.history.present:
+            return self._words(self.history.present, self.edit)
+        return self._words(self.history.past[-1], self.edit) if self.history.past else ""
+
+    @property
+    def redoes(self) -> str:
+        """What `redo` does again, in a few words; "" for nothing."""
+        if self.edit != self.history.present or not self.history.future:
+            return ""
+        return self._words(self.edit, self.history.future[0])
+
+    # ---- lights ----------------------------------------------------------------------------------------------------
+
+    @property
+    def lamps(self) -> tuple[Lamp, ...]:
+        """The scene's lights as they are set."""
+        return self.edit.lamps
+
+    def set_lamp(self, number: int, lamp: Lamp) -> None:
+        """Set a light."""
+        self.apply(self.edit.with_lamp(number, lamp))
+
+    def add_light(self, kind: Kind) -> None:
+        """Add a light between the eye and what it looks at, and pick it. It is so bright that this is lit as well as the exposure
+        is now for. Raises InputError for too many lights."""
+        session = self.session
+        eye, focus = np.asarray(session.camera.eye), np.asarray(session.focus)
+        place = _vector(focus + _NEARER * (eye - focus))
+        gain = 2.0 ** -(session.exposure if math.isfinite(session.exposure) else 0.0)
+        intensity = math.pi * math.dist(place, _vector(focus)) ** 2 * gain
+        taken = {lamp.light.name for lamp in self.lamps}
+        name = next(n for n in (f"{kind} {i}" for i in range(1, len(taken) + 2)) if n not in taken)
+        light = Light(place, (intensity,) * 3, physical=True, name=name)
+        if kind == "spot":
+            light = replace(light, spot_target=_vector(focus), spot_cutoff=_CUTOFF, spot_inner=_INNER)
+        if kind == "directional":
+            back = session.camera.axes[2]
+            towards = _vector(np.asarray(session.scene.up) + 0.5 * (back - session.camera.axes[0]))
+            light = Light(towards, (gain,) * 3, directional=True, name=name)
+        self.apply(replace(self.edit, lamps=(*self.lamps, Lamp.of(light))))
+        self.pick_light(len(self.lamps) - 1)
+
+    def delete_light(self, number: int) -> None:
+        """Delete a light."""
+        self.apply(replace(self.edit, lamps=(*self.lamps[:number], *self.lamps[number + 1 :])))
+
+    # ---- objects ---------------------------------------------------------------------------------------------------
+
+    def object(self, number: int) -> ObjectEdit:
+        """What is changed about a mesh."""
+        return self.edit.objects[number]
+
+    def set_object(self, number: int, edit: ObjectEdit) -> None:
+        """Change a mesh. Raises InputError for a material by which it would be drawn otherwise."""
+        self.apply(self.edit.with_object(number, edit))
+
+    def reset_object(self, number: int) -> None:
+        """Put a mesh back to what the files say."""
+        self.set_object(number, AS_LOADED)
+
+    def hide(self, number: int, hidden: bool = True) -> None:
+        """Hide a mesh, or show it again."""
+        self.set_object(number, replace(self.object(number), hidden=hidden))
+        if hidden and self.mesh == number:
+            self.mesh = None
+
+    def name(self, number: int) -> str:
+        """What a mesh is called."""
+        return object_name(self.loaded, number)
+
+    @property
+    def hidden(self) -> list[int]:
+        """The numbers of the meshes that are hidden."""
+        return [i for i, one in enumerate(self.edit.objects) if one.hidden]
+
+    # ---- what is picked --------------------------------------------------------------------------------------------
+
+    def pick_mesh(self, number: int | None) -> None:
+        """Pick an object, or let go of all."""
+        self.mesh, self.turning = number, self.turning and number is not None
+
+    def pick_light(self, number: int | None) -> None:
+        """Pick a light, in place of an object."""
+        self.light, self.mesh, self.aiming = number, None, False
+
+
+def _vector(values: np.ndarray) -> Vector:
+    return cast(Vector, tuple(np.asarray(values, float).tolist()))

@@ -1,0 +1,50 @@
+"""Which mesh a triangle belongs to, and where points are on the screen."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from irrsplat.scene.looks import order
+from irrsplat.scene.model import Camera, Scene
+
+
+def mesh_of(scene: Scene, triangle: int) -> int | None:
+    """The number of the mesh that has this triangle of the scene, as they are numbered for drawing; None for none."""
+    if triangle < 0:
+        return None
+    numbers = order(scene)
+    ends = np.cumsum([len(scene.meshes[i].faces) for i in numbers])
+    at = int(np.searchsorted(ends, triangle, side="right"))
+    return numbers[at] if at < len(numbers) else None
+
+
+def triangles_of(scene: Scene, mesh: int) -> tuple[int, int]:
+    """The number of a mesh's first triangle, and how many it has."""
+    numbers = order(scene)
+    first = sum(len(scene.meshes[i].faces) for i in numbers[: numbers.index(mesh)])
+    return first, len(scene.meshes[mesh].faces)
+
+
+def on_screen(camera: Camera, size: tuple[float, float], point: tuple[float, float, float]) -> tuple[float, float] | None:
+    """Where a world point is in a picture of `size` (width, height), from the upper left corner; None behind the eye."""
+    x, y, z = camera.axes @ (np.asarray(point) - np.asarray(camera.eye))
+    if z >= 0.0:
+        return None
+    per_metre = size[1] / camera.screen / -z
+    return 0.5 * size[0] + x * per_metre, 0.5 * size[1] - y * per_metre
+
+
+def nearest_on_screen(
+    camera: Camera,
+    size: tuple[float, float],
+    points: list[tuple[float, float, float] | None],
+    at: tuple[float, float],
+    within: float,
+) -> int | None:
+    """The number of the point nearest to `at` on the screen, at most `within` away; of several, the one nearest to the eye."""
+    found: list[tuple[float, int]] = []
+    for number, point in enumerate(points):
+        place = None if point is None else on_screen(camera, size, point)
+        if point is not None and place is not None and np.hypot(place[0] - at[0], place[1] - at[1]) <= within:
+            found.append((float(np.linalg.norm(np.subtract(point, camera.eye))), number))
+    return min(found)[1] if found else None

@@ -1,0 +1,185 @@
+"""What a user has changed in a scene, as a value: lights, and where objects stand, how they look, and which are hidden."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from irrsplat.app.viewer.editing.lamps import Lamp, Vector
+from irrsplat.scene.model import Mesh, Scene
+from irrsplat.scene.motion import hidden, transformed
+
+_POLE = 1e-6  # cosine of a tilt below which its two other angles turn about one axis
+
+
+@dataclass(frozen=True)
+class ObjectEdit:
+    """What is changed about a mesh.
+
+    offset: metres that it has gone. turn: degrees about the world's x, then y, then z, through the middle of its bounding box.
+    albedo, emission: in place of those of its material; None: its own.
+    """
+
+    offset: Vector = (0.0, 0.0, 0.0)
+    turn: Vector = (0.0, 0.0, 0.0)
+    albedo: Vector | None = None
+    emission: Vector | None = None
+    hidden: bool = False
+
+    def matrix(self, pivot: np.ndarray) -> np.ndarray:
+        """(4, 4) from where the mesh was loaded to where it is; pivot: (3,) the middle of its box as it was loaded."""
+        matrix = np.eye(4)
+        matrix[:3, :3] = rotation(self.turn)
+        matrix[:3, 3] = pivot + self.offset - matrix[:3, :3] @ pivot
+        return matrix
+
+    @property
+    def stays(self) -> bool:
+        """Whether it stands where it was loaded."""
+        return not any(self.offset) and not any(self.turn)
+
+
+AS_LOADED = ObjectEdit()
+
+
+@dataclass(frozen=True)
+class SceneEdit:
+    """A scene's lights, and what is changed about each of its meshes."""
+
+    lamps: tuple[Lamp, ...]
+    objects: tuple[ObjectEdit, ...]
+
+    @classmethod
+    def of(cls, scene: Scene) -> SceneEdit:
+        """Nothing is changed yet."""
+        return cls(tuple(map(Lamp.of, scene.lights)), (AS_LOADED,) * len(scene.meshes))
+
+    def with_lamp(self, number: int, lamp: Lamp) -> SceneEdit:
+        """With another lamp of this number."""
+        return replace(self, lamps=(*self.lamps[:number], lamp, *self.lamps[number + 1 :]))
+
+    def with_object(self, number: int, edit: ObjectEdit) -> SceneEdit:
+        """With another change of the mesh of this number."""
+        return replace(self, objects=(*self.objects[:number], edit, *self.objects[number + 1 :]))
+
+
+def rotation(turn: Vector) -> np.ndarray:
+    """(3, 3) that turns by degrees about x, then y, then z."""
+    (sx, cx), (sy, cy), (sz, cz) = ((math.sin(math.radians(a)), math.cos(math.radians(a))) for a in turn)
+    about_x = np.array([[1.0, 0.0, 0.0], [0.0, cx, -sx], [0.0, sx, cx]])
+    about_y = np.array([[cy, 0.0, sy], [0.0, 1.0, 0.0], [-sy, 0.0, cy]])
+    about_z = np.array([[cz, -sz, 0.0], [sz, cz, 0.0], [0.0, 0.0, 1.0]])
+    matrix: np.ndarray = about_z @ about_y @ about_x
+    return matrix
+
+
+def angles(matrix: np.ndarray) -> Vector:
+    """The degrees about x, then y, then z of a rotation (3, 3), as `rotation` takes them."""
+    level = math.hypot(matrix[0, 0], matrix[1, 0])
+    y = math.atan2(-matrix[2, 0], level)
+    if level < _POLE:
+        x, z = math.atan2(-matrix[1, 2], matrix[1, 1]), 0.0
+    else:
+        x, z = math.atan2(matrix[2, 1], matrix[2, 2]), math.atan2(matrix[1, 0], matrix[0, 0])
+    return math.degrees(x), math.degrees(y), math.degrees(z)
+
+
+def middle(mesh: Mesh) -> np.ndarray:
+    """(3,) float64: the middle of a mesh's bounding box."""
+    if not len(mesh.positions):
+        return np.zeros(3)
+    centre: np.ndarray = 0.5 * (mesh.positions.min(0).astype(float) + mesh.positions.max(0).astype(float))
+    return centre
+
+
+class EditedScene:
+    """Makes the scene of an edit. A mesh that stays as it was is the same object, so that nobody takes it for another one."""
+
+    def __init__(self, loaded: Scene) -> None:
+        self.loaded = loaded
+        self._made: dict[int, tuple[ObjectEdit, Mesh]] = {}
+        self._last: tuple[tuple[ObjectEdit, ...], tuple[Mesh, ...]] = (AS_LOADED,) * len(loaded.meshes), loaded.meshes
+
+    def scene(self, edit: SceneEdit) -> Scene:
+        """The scene with all that the edit says. Raises InputError where a mesh would go beyond what 32-bit floats hold."""
+        if edit.objects != self._last[0]:
+            self._last = edit.objects, self._meshes(edit.objects)
+        return replace(self.loaded, lights=tuple(lamp.emitted for lamp in edit.lamps), meshes=self._last[1])
+
+    def _meshes(self, edits: tuple[ObjectEdit, ...]) -> tuple[Mesh, ...]:
+        meshes = [self._mesh(i, replace(one, hidden=False)) for i, one in enumerate(edits)]
+        shown = [mesh for mesh, one in zip(meshes, edits, strict=True) if not one.hidden and len(mesh.positions)]
+        # where others are, so that what is hidden makes no scene larger
+        point = shown[0].positions[0] if shown else self.loaded.bounds.mean(0)
+        found: list[Mesh] = []
+        for i, (mesh, one) in enumerate(zip(meshes, edits, strict=True)):
+            if not one.hidden:
+                found.append(mesh)
+                continue
+            last, vanished = self._last[1][i], hidden(mesh, point)
+            same = self._last[0][i] == one and np.array_equal(last.positions, vanished.positions)
+            found.append(last if same else vanished)
+        untouched = all(a is b for a, b in zip(found, self.loaded.meshes, strict=True))
+        return self.loaded.meshes if untouched else tuple(found)
+
+    def _mesh(self, number: int, edit: ObjectEdit) -> Mesh:
+        """The mesh of this number, moved and painted."""
+        loaded = self.loaded.meshes[number]
+        if edit == AS_LOADED:
+            return loaded
+        before, mesh = self._made.get(number, (AS_LOADED, loaded))
+        if before == edit:
+            return mesh
+        if (before.offset, before.turn) != (edit.offset, edit.turn):
+            mesh = loaded if edit.stays else transformed(loaded, edit.matrix(middle(loaded)))
+        material = loaded.material
+        if edit.albedo is not None:
+            material = replace(material, albedo=edit.albedo)
+        if edit.emission is not None:
+            material = replace(material, emission=edit.emission)
+        if mesh.material != material:
+            mesh = replace(mesh, material=material)
+        self._made[number] = edit, mesh
+        return mesh
+
+
+def describe(before: SceneEdit, after: SceneEdit, scene: Scene) -> str:
+    """What a step from one edit to another does, in a few words."""
+    if len(after.lamps) != len(before.lamps):
+        return "add a light" if len(after.lamps) > len(before.lamps) else "delete a light"
+    for number, (a, b) in enumerate(zip(before.lamps, after.lamps, strict=True)):
+        if a != b:
+            return f"{b.light.name or f'light {number + 1}'}: {_lamp_words(a, b)}"
+    for number, (old, new) in enumerate(zip(before.objects, after.objects, strict=True)):
+        if old != new:
+            return f"{object_name(scene, number)}: {_object_words(old, new)}"
+    return "nothing"
+
+
+def _lamp_words(a: Lamp, b: Lamp) -> str:
+    if a.on != b.on:
+        return "on" if b.on else "off"
+    if a.stops != b.stops:
+        return "brightness"
+    if a.light.position != b.light.position:
+        return "move"
+    if a.light.spot_target != b.light.spot_target:
+        return "aim"
+    return "colour" if a.light.color != b.light.color or a.kelvin != b.kelvin else "cone"
+
+
+def _object_words(a: ObjectEdit, b: ObjectEdit) -> str:
+    if a.hidden != b.hidden:
+        return "hide" if b.hidden else "show"
+    if a.turn != b.turn:
+        return "turn"
+    if a.offset != b.offset:
+        return "move"
+    return "colour" if a.albedo != b.albedo else "glow"
+
+
+def object_name(scene: Scene, number: int) -> str:
+    """What the mesh of this number is called."""
+    return scene.meshes[number].name or f"mesh {number + 1}"

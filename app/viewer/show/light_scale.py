@@ -1,0 +1,108 @@
+"""The scale of light in false colours: its unit, ends and colours; by itself it ends at a round number above what is seen."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import moderngl
+import numpy as np
+
+from irrsplat.app.viewer.show.screen import Programs
+from irrsplat.core.color import LUMINANCE, LUMINOUS_EFFICACY
+from irrsplat.core.glsl import FALSE_COLOURS
+from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.target import Target
+from irrsplat.image.view import View
+from irrsplat.meter.readings import Unit
+from irrsplat.renderer import Renderer
+
+STEPS = 10  # that the scale is divided into; a line runs between them
+_LATTICE = (96, 60)  # pixels that are looked at for the brightest
+_PERCENTILE = 99.0  # of them: spots close to a lamp do not count
+_ROUND = (1.0, 2.0, 5.0, 10.0)  # times a power of ten
+# display colours from low to high, in the order of hues that Radiance's falsecolor has
+_ANCHORS = np.array(
+    [
+        *([0.24, 0.02, 0.36], [0.10, 0.12, 0.62], [0.00, 0.40, 0.78], [0.00, 0.60, 0.62], [0.08, 0.62, 0.26]),
+        *([0.45, 0.62, 0.06], [0.72, 0.46, 0.08], [0.82, 0.20, 0.12], [0.96, 0.10, 0.04], [1.00, 0.55, 0.00], [1.00, 0.96, 0.20]),
+    ]
+)
+
+
+@dataclass(frozen=True)
+class LightScale:
+    """How light is shown in false colours. highest: the upper end in `unit`, None: by itself. decades: from the lower end to the
+    upper one, where it is logarithmic; else the lower end is 0. lines: whether isolines run between its STEPS."""
+
+    unit: Unit = "lux"
+    highest: float | None = None
+    logarithmic: bool = False
+    decades: int = 2
+    lines: bool = True
+
+    @property
+    def weights(self) -> np.ndarray:
+        """(3,) what W/m² of red, green and blue are in `unit`."""
+        weights: np.ndarray = LUMINANCE * np.float32(LUMINOUS_EFFICACY if self.unit == "lux" else 1.0)
+        return weights
+
+    @property
+    def shown_unit(self) -> str:
+        """The unit as people read it."""
+        return "lux" if self.unit == "lux" else "W/m²"
+
+    @property
+    def ends(self) -> tuple[float, float]:
+        """The lower and the upper end in `unit`, where the upper one is known."""
+        high = self.highest or 1.0
+        return (high * 10.0**-self.decades if self.logarithmic else 0.0), high
+
+    def up_to(self, brightest: float) -> LightScale:
+        """The same with an upper end: its own, or a round number above `brightest`, W/m² weighted as luminance is."""
+        if self.highest is not None:
+            return self
+        return replace(self, highest=round_above(brightest * (LUMINOUS_EFFICACY if self.unit == "lux" else 1.0)))
+
+
+def round_above(value: float) -> float:
+    """The least number, 1, 2 or 5 times a power of ten, that is not below `value`; 1 for none above 0."""
+    if not value > 0.0:
+        return 1.0
+    power = 10.0 ** math.floor(math.log10(value))
+    return next(step * power for step in _ROUND if step * power >= value * (1.0 - 1e-6))
+
+
+def false_colours(count: int = FALSE_COLOURS) -> np.ndarray:
+    """(count, 3) display colours 0..1 from low to high."""
+    at = np.linspace(0.0, len(_ANCHORS) - 1.0, count)
+    return np.stack([np.interp(at, np.arange(len(_ANCHORS)), channel) for channel in _ANCHORS.T], axis=1).astype(np.float32)
+
+
+class BrightestLight(Owner):
+    """Finds how bright the light in views is, of which false colours by themselves take their upper end."""
+
+    def __init__(self, ctx: moderngl.Context) -> None:
+        self.programs, self.target = Programs(ctx), Target(ctx, _LATTICE, (4,))
+        self.found = 0.0  # W/m², weighted as luminance is
+        self._view: View | None = None
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.programs, self.target)
+
+    def look(self, renderer: Renderer, view: View) -> None:
+        """Look at the view, where that is another one than before."""
+        if view is self._view:
+            return
+        self.programs("viewer/light_level")(
+            self.target,
+            position=view.gbuffer.position,
+            sums=view.sums,
+            direct=renderer.direct_irradiance(view),
+            weights=LUMINANCE,
+            lattice=_LATTICE,
+        )
+        light, seen = self.target.read()[..., :2].reshape(-1, 2).T
+        self.found = float(np.percentile(light[seen > 0.0], _PERCENTILE)) if seen.any() else 0.0
+        self._view = view

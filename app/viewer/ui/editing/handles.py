@@ -1,0 +1,111 @@
+"""The handles in the picture by which the picked object or light is moved and turned: ImGuizmo's."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import cast
+
+import numpy as np
+from imgui_bundle import imgui, imguizmo
+
+from irrsplat.app.viewer.actions import Actions
+from irrsplat.app.viewer.editing.lamps import Vector
+from irrsplat.app.viewer.editing.scene_edit import angles, middle, rotation
+
+_gizmo = imguizmo.im_guizmo
+_NEAR, _FAR = 1e-2, 1e4  # metres
+_SIZE = 0.16  # of the handles, share of the picture
+_NOISE = 1e-6  # of the scene's diagonal
+
+
+class Handles:
+    """Draws them over the picture, below all windows, and moves by them what is picked."""
+
+    def __init__(self, actions: Actions) -> None:
+        self.actions = actions
+
+    def draw(self) -> None:
+        """Draw them where something is picked; a drag changes the edit as it goes."""
+        editor = self.actions.editor
+        matrix = self._matrix()
+        if matrix is None or not self.actions.session.views:
+            editor.handles_used = editor.dragging = False
+            return
+        turning = editor.mesh is not None and editor.turning
+        view = imgui.get_main_viewport()
+        camera = self.actions.session.camera
+        _gizmo.begin_frame()
+        _gizmo.set_drawlist(imgui.get_background_draw_list())
+        _gizmo.set_orthographic(False)
+        _gizmo.allow_axis_flip(False)
+        _gizmo.set_gizmo_size_clip_space(_SIZE)
+        _gizmo.set_rect(view.pos.x, view.pos.y, view.size.x, view.size.y)
+        placed = _matrix16(matrix)
+        changed = _gizmo.manipulate(
+            _matrix16(camera.view_from_world),
+            _matrix16(camera.clip_from_view(view.size.x / max(view.size.y, 1.0), _NEAR, _FAR)),
+            _gizmo.OPERATION.rotate if turning else _gizmo.OPERATION.translate,
+            _gizmo.MODE.world,
+            placed,
+        )
+        editor.dragging = _gizmo.is_using()
+        editor.handles_used = editor.dragging or _gizmo.is_over()
+        if changed and editor.dragging:
+            self._place(np.asarray(placed.values, float).reshape(4, 4).T, turning)
+
+    def _matrix(self) -> np.ndarray | None:
+        """(4, 4) where the handles are, and how they are turned; None for nowhere."""
+        editor, matrix = self.actions.editor, np.eye(4)
+        if self.actions.session.options.inspect:  # then a click is for records
+            return None
+        if editor.mesh is not None:
+            edit = editor.object(editor.mesh)
+            matrix[:3, :3] = rotation(edit.turn)
+            matrix[:3, 3] = middle(editor.loaded.meshes[editor.mesh]) + edit.offset
+            return matrix
+        if editor.light is None or not self.actions.panels.lights:
+            return None
+        light = editor.lamps[editor.light].light
+        if light.directional:
+            return None
+        matrix[:3, 3] = light.spot_target if editor.aiming and light.spot_target is not None else light.position
+        return matrix
+
+    def _place(self, matrix: np.ndarray, turning: bool) -> None:
+        """Put what is picked where the handles are now."""
+        actions, editor = self.actions, self.actions.editor
+        place = matrix[:3, 3]
+        if not np.isfinite(matrix).all():
+            return
+        if editor.mesh is not None:
+            number, edit = editor.mesh, editor.object(editor.mesh)
+            if turning:
+                edit = replace(edit, turn=angles(matrix[:3, :3] / np.linalg.norm(matrix[:3, :3], axis=0)))
+            else:
+                offset = place - middle(editor.loaded.meshes[number])
+                edit = replace(edit, offset=_vector(self._without_noise(offset, edit.offset)))
+            actions.attempt(lambda: editor.set_object(number, edit))
+        elif editor.light is not None:
+            light_number, lamp = editor.light, editor.lamps[editor.light]
+            aims = editor.aiming and lamp.light.spot_target is not None
+            if lamp.light.spot_target is not None and np.allclose(place, lamp.light.position if aims else lamp.light.spot_target):
+                return  # a spot does not look at its own place
+            before = lamp.light.spot_target if aims and lamp.light.spot_target is not None else lamp.light.position
+            there = _vector(self._without_noise(place, before))
+            lamp = lamp.aimed(there) if aims else lamp.moved(there)
+            actions.attempt(lambda: editor.set_lamp(light_number, lamp))
+
+    def _without_noise(self, place: np.ndarray, before: Vector) -> np.ndarray:
+        """A place in which coordinates that differ from those before by no more than ImGuizmo's float32 are as before."""
+        least = _NOISE * self.actions.session.scene.diagonal
+        return np.where(np.abs(place - before) < least, before, place)
+
+
+def _matrix16(matrix: np.ndarray) -> _gizmo.Matrix16:
+    """A matrix (4, 4) as ImGuizmo takes it, column by column."""
+    taken: _gizmo.Matrix16 = _gizmo.Matrix16(matrix.T.ravel().tolist())
+    return taken
+
+
+def _vector(values: np.ndarray) -> Vector:
+    return cast(Vector, tuple(values.tolist()))

@@ -1,0 +1,121 @@
+"""The panel of the picked object: where it stands, its colour and its glow, as numbers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import cast
+
+from imgui_bundle import imgui
+
+from irrsplat.app.viewer.actions import Actions
+from irrsplat.app.viewer.editing.lamps import Vector
+from irrsplat.app.viewer.editing.scene_edit import AS_LOADED, ObjectEdit
+from irrsplat.app.viewer.ui.layout import WIDGET_WIDTH, Layout
+from irrsplat.scene.model import Material, Mesh
+
+_DARKEST = 1e-3  # W/(m² sr): the least emission where none would be drawn otherwise
+_BRIGHTEST = 1000.0  # W/(m² sr) that the slider goes to
+
+
+class ObjectPanel:
+    """Draws the panel while an object is picked."""
+
+    def __init__(self, actions: Actions, layout: Layout) -> None:
+        self.actions, self.layout = actions, layout
+
+    def draw(self) -> None:
+        """Draw the panel where an object is picked; closing it lets go of the object."""
+        actions, editor = self.actions, self.actions.editor
+        number = editor.mesh
+        if number is None:
+            return
+        self.layout.place_panel(2 if actions.panels.lights else 1)
+        shown, opened = imgui.begin("object", True, imgui.WindowFlags_.always_auto_resize)
+        if shown:
+            mesh, edit = editor.loaded.meshes[number], editor.object(number)
+            imgui.text(editor.name(number))
+            imgui.text_disabled(f"{len(mesh.faces)} triangles, {describe_material(mesh)}")
+            imgui.separator()
+            if imgui.radio_button("move", not editor.turning):
+                editor.turning = False
+            imgui.same_line()
+            if imgui.radio_button("turn", editor.turning):
+                editor.turning = True
+            imgui.set_item_tooltip("what the handles in the picture do; O switches")
+            after = self._placed(edit)
+            after = self._painted(after, mesh)
+            if imgui.button("hide"):
+                actions.hide_object()
+            else:
+                imgui.same_line()
+                if imgui.button("as loaded"):
+                    after = AS_LOADED
+                if after != edit:
+                    actions.attempt(lambda: editor.set_object(number, after))
+        imgui.end()
+        if not opened:
+            editor.pick_mesh(None)
+
+    def _width(self) -> None:
+        imgui.set_next_item_width(1.4 * WIDGET_WIDTH * self.layout.scale)
+
+    def _placed(self, edit: ObjectEdit) -> ObjectEdit:
+        """The edit, with what the widgets of its place have changed."""
+        self._width()
+        moved, offset = imgui.drag_float3(
+            "moved by", list(edit.offset), self.actions.session.scene.diagonal / 500.0, 0, 0, "%.3f"
+        )
+        imgui.set_item_tooltip("metres from where it was loaded")
+        if moved:
+            edit = replace(edit, offset=_vector(offset))
+        self._width()
+        turned, turn = imgui.drag_float3("turned by", list(edit.turn), 0.5, 0, 0, "%.1f")
+        imgui.set_item_tooltip("degrees about x, then y, then z, through its middle")
+        return replace(edit, turn=_vector(turn)) if turned else edit
+
+    def _painted(self, edit: ObjectEdit, mesh: Mesh) -> ObjectEdit:
+        """The edit, with what the widgets of its material have changed."""
+        material = mesh.material
+        if mesh.colors is None and not material.unlit:
+            self._width()
+            changed, albedo = imgui.color_edit3("reflects", list(edit.albedo or material.albedo), imgui.ColorEditFlags_.float)
+            imgui.set_item_tooltip("diffuse reflectance, linear; times the texture's where there is one")
+            if changed:
+                edit = replace(edit, albedo=_vector([min(max(c, 0.0), 1.0) for c in albedo]))
+        emission = edit.emission if edit.emission is not None else material.emission
+        least = _DARKEST if needs_emission(material) else 0.0
+        brightest = max(emission)
+        self._width()
+        changed, strength = imgui.slider_float("glows", brightest, least, _BRIGHTEST, "%.3g", imgui.SliderFlags_.logarithmic)
+        imgui.set_item_tooltip("emitted radiance, W/(m² sr), of the strongest channel")
+        tint = [c / brightest for c in emission] if brightest > 0.0 else [1.0, 1.0, 1.0]
+        if changed:
+            edit = replace(edit, emission=_vector([c * max(strength, least) for c in tint]))
+        if brightest > 0.0:
+            self._width()
+            changed, tint = imgui.color_edit3("glow's colour", tint, imgui.ColorEditFlags_.float)
+            if changed and max(tint) > 0.0:
+                edit = replace(edit, emission=_vector([max(c, 0.0) * brightest for c in tint]))
+        return edit
+
+
+def needs_emission(material: Material) -> bool:
+    """Whether it would be drawn otherwise without any emission, which cannot change in place: it wears a map of that, or filters
+    and glows."""
+    return any(material.emission) and (material.emission_texture is not None or material.filters)
+
+
+def describe_material(mesh: Mesh) -> str:
+    """A mesh's material in a few words."""
+    material = mesh.material
+    words = ["unlit"] if material.unlit else []
+    words += ["shines"] if any(material.emission) else []
+    words += ["a texture"] if material.albedo_texture is not None else []
+    words += ["a normal map"] if material.normal_texture is not None else []
+    words += ["colours at vertices"] if mesh.colors is not None else []
+    words += ["lets light through"] if material.filters else ["cut out"] if material.alpha_mode == "mask" else []
+    return ", ".join(words) or "plain"
+
+
+def _vector(values: list[float]) -> Vector:
+    return cast(Vector, tuple(map(float, values)))

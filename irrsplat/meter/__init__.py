@@ -1,0 +1,1 @@
+"""Light at points and on planes, as a luxmeter reads it: no camera, nothing interpolated."""

@@ -1,0 +1,164 @@
+"""The light meter: irradiance at any points, with nothing interpolated and no camera.
+
+Each point is gathered as a record is, at that very place. Lamps are added by their shadow maps.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Unpack
+
+import moderngl
+import numpy as np
+import numpy.typing as npt
+
+from irrsplat.core.buffers import Sites
+from irrsplat.core.errors import InputError
+from irrsplat.core.vectors import unit
+from irrsplat.gather.record_frame import OFFSET
+from irrsplat.gpu import context
+from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.time_budget import Budget
+from irrsplat.gpu.timers import Timers
+from irrsplat.gpu.world import World
+from irrsplat.indirect.record_gatherer import RecordGatherer
+from irrsplat.lighting import gl_limits
+from irrsplat.lighting.light_table import light_defines
+from irrsplat.lighting.shadow_maps import ShadowPass
+from irrsplat.lighting.site_light import SiteLightPass
+from irrsplat.meter.readings import Readings, Status
+from irrsplat.meter.solids import inside_solids
+from irrsplat.records.record_cache import RecordCache
+from irrsplat.scene.model import Scene
+from irrsplat.settings import Settings, SettingValues, preset
+
+if TYPE_CHECKING:
+    from irrsplat.core.buffers import ShadowMaps
+
+PRESET = "reference"  # what is measured is to be right rather than fast
+_LIGHT_SAMPLES = 1024  # of a point, unless the settings say otherwise: a window's light is then right to some 0.3 %
+_AT_ONCE = 512  # points between two reports of progress
+_COVERED = 10.0  # offsets of a gather: nearer than that, all around, is a surface that lies on the point
+
+OnPoints = Callable[[float], None]  # called with the share of the points that are done, 0..1
+
+
+@dataclass(frozen=True)
+class _Light:
+    """What all points are lit by."""
+
+    shadows: ShadowMaps
+    lamps: SiteLightPass
+
+
+class LightMeter(Owner):
+    """Measures the light of a scene at any points.
+
+    scene: what `irrsplat.load` returns. preset: a name of settings.PRESETS, and settings of the stages `shadow` and `gather` by
+    name on top of it; no others count. ctx: a moderngl context to use, which its owner makes current (default: a new one).
+    Raises InputError for settings that cannot be and lights that are too many, GLError where there is no OpenGL 3.3.
+    Use it in a `with` block, or call `release`, to free what it holds on the GPU.
+    """
+
+    def __init__(
+        self, scene: Scene, preset: str = PRESET, ctx: moderngl.Context | None = None, **settings: Unpack[SettingValues]
+    ) -> None:
+        self.scene, self.settings = scene, measuring(preset, **settings)
+        self._owns_ctx = ctx is None
+        self.ctx = ctx or context.create()
+        self.about = context.describe(self.ctx)
+        gl_limits.check(self.ctx, (1, 1), scene, self.settings.shadow_size)
+        self.world, self.cache, self.shadow_pass = World(self.ctx, scene), RecordCache(self.ctx), ShadowPass(self.ctx)
+        timers = Timers(self.ctx, bool(self.about["software"]))
+        self.gatherer = RecordGatherer(self.world, self.settings, self.cache, timers)
+        self._light: _Light | None = None
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees; the context is apart."""
+        lamps = None if self._light is None else self._light.lamps
+        return (self.gatherer, self.cache, self.shadow_pass, lamps, self.world)
+
+    def release(self) -> None:
+        """Free everything on the GPU, the context too where this meter made it."""
+        if self._owns_ctx:
+            self.ctx.release()
+        else:
+            super().release()
+
+    def measure(self, points: npt.ArrayLike, normals: npt.ArrayLike, on_progress: OnPoints | None = None) -> Readings:
+        """What sensors read at `points` (N, 3), metres, that face along `normals` (N, 3) or (3,), of any length.
+
+        The result for a point does not depend on the others but for its number, which decides where its rays go. on_progress:
+        called now and then. Raises InputError for arrays of other shapes, and numbers that are not finite.
+        """
+        sites = _sites(points, normals)
+        if self._owns_ctx:
+            context.make_current(self.ctx)
+        count = len(sites)
+        direct, indirect, radius = (np.zeros(shape, np.float32) for shape in ((count, 3), (count, 3), count))
+        light = self._lit()
+        for first in range(0, count, _AT_ONCE):
+            some = slice(first, first + _AT_ONCE)
+            direct[some] = light.lamps(light.shadows, sites[some], np.zeros(len(sites[some]), np.float32))
+            if self.settings.most_bounces:
+                indirect[some], radius[some] = self._gathered(light.shadows, sites[some])
+            if on_progress is not None:
+                on_progress(min(first + _AT_ONCE, count) / count)
+        status = np.full(count, Status.OK)
+        if self.settings.most_bounces:
+            status[radius < _COVERED * OFFSET * self.scene.diagonal] = Status.BEHIND
+        lifted = sites.position.astype(float) + OFFSET * self.scene.diagonal * sites.normal
+        status[inside_solids(self.scene, lifted, sites.normal.astype(float))] = Status.INSIDE
+        return Readings(sites.position, sites.normal, direct, indirect, status)
+
+    def _lit(self) -> _Light:
+        """The shadow maps and the surface cache, made when first wanted."""
+        if self._light is None:
+            shadows = self.shadow_pass(self.world, self.settings.shadow_size)
+            if self.settings.most_bounces:
+                self.gatherer.prepare(shadows, Budget(None))
+            defines = {**light_defines(self.scene), "ANYWHERE": 1}
+            self._light = _Light(shadows, SiteLightPass(self.ctx, defines, _AT_ONCE))
+        return self._light
+
+    def _gathered(self, shadows: ShadowMaps, sites: Sites) -> tuple[np.ndarray, np.ndarray]:
+        """(N, 3) W/m² of all but the lamps at the sites, and (N,) the harmonic mean distance to what they see, metres."""
+        try:
+            self.gatherer.gather(shadows, sites, Budget(None))
+            found = self.cache.read()
+        finally:
+            self.cache.truncate(0)
+        return found["irradiance"], found["radius"]
+
+
+def measuring(name: str = PRESET, **settings: Unpack[SettingValues]) -> Settings:
+    """The settings that a meter uses for these; raises InputError for what does not exist."""
+    settings = {"light_samples": _LIGHT_SAMPLES, **settings}
+    # gradients, and where records lie, are for places between them; emitters sampled at pixels would be missing
+    return replace(preset(name, **settings), gradients=False, placement="tiles", pixel_light_samples=0)
+
+
+def _sites(points: npt.ArrayLike, normals: npt.ArrayLike) -> Sites:
+    try:
+        p, n = np.asarray(points, float), np.asarray(normals, float)
+        n = np.broadcast_to(n, p.shape)
+    except (TypeError, ValueError):
+        p = n = np.zeros(0)
+    if p.ndim != 2 or p.shape[1] != 3:
+        raise InputError("points are an array (N, 3) of numbers, and normals (N, 3) or (3,)")
+    if not (np.isfinite(p).all() and np.isfinite(n).all()):
+        raise InputError("points and normals must be finite numbers")
+    if not (np.abs(n).max(1, initial=0.0) > 0.0).all():
+        raise InputError("a normal is 0 0 0; give the direction that the point faces")
+    direction = unit(n).astype(np.float32)
+    return Sites(p.astype(np.float32), direction, direction, frame_rotation=np.arange(len(p)))
+
+
+def irradiance(
+    scene: Scene, points: npt.ArrayLike, normals: npt.ArrayLike, preset: str = PRESET, **settings: Unpack[SettingValues]
+) -> np.ndarray:
+    """(N, 3) W/m², float32: all light that falls on `points` (N, 3), metres, from the side to which `normals` (N, 3) or (3,)
+    point. Of lamps, emitters and sky, directly and by all bounces; without any camera. Arguments and errors as LightMeter's."""
+    with LightMeter(scene, preset, **settings) as meter:
+        return meter.measure(points, normals).total

@@ -1,0 +1,97 @@
+"""Measuring planes: a parallelogram in space, and the points of a grid on it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from irrsplat.core.errors import InputError
+from irrsplat.scene.model import Scene
+
+MOST_POINTS = 1_000_000
+_ROUNDING = 1e-6  # of a cell: edges that are so much longer than whole cells get no further one
+
+
+@dataclass(frozen=True)
+class Grid:
+    """The points of a grid: `points` (N, 3) metres, row by row along the first edge; `normals` (N, 3) unit; columns and rows."""
+
+    points: np.ndarray
+    normals: np.ndarray
+    columns: int
+    rows: int
+
+
+@dataclass(frozen=True)
+class Plane:
+    """A parallelogram: `corner`, and from there the edges `u` and `v`, (3,) metres, world space. Light is measured from the side
+    to which u × v points. Raises InputError where the edges span no area."""
+
+    corner: tuple[float, float, float]
+    u: tuple[float, float, float]
+    v: tuple[float, float, float]
+
+    def __post_init__(self) -> None:
+        if not np.isfinite((self.corner, self.u, self.v)).all():
+            raise InputError("a plane's corner and edges must be finite numbers")
+        lengths = math.hypot(*self.u) * math.hypot(*self.v)
+        if not np.linalg.norm(np.cross(self.u, self.v)) > 1e-9 * lengths:
+            raise InputError("the plane's two edges span no area; give edges of some length that are not parallel")
+
+    @property
+    def normal(self) -> np.ndarray:
+        """(3,) unit."""
+        normal = np.cross(self.u, self.v)
+        unit: np.ndarray = normal / np.linalg.norm(normal)
+        return unit
+
+    def usual_spacing(self, margin: float = 0.0) -> float:
+        """The spacing in metres that EN 12464-1 has for grids: 0.2·5^log₁₀(d), at most 10, where d is the longer edge, or the
+        shorter one of a plane that is at least twice as long as wide; without the margin."""
+        short, long = sorted(max(math.hypot(*edge) - 2.0 * margin, 0.0) for edge in (self.u, self.v))
+        d = short if long >= 2.0 * short else long
+        return min(0.2 * 5.0 ** math.log10(d), 10.0) if d > 0.0 else 10.0
+
+    def grid(self, spacing: float, margin: float = 0.0) -> Grid:
+        """The centres of cells that share the plane out evenly, with sides as close to `spacing` metres as may be, and no longer.
+
+        margin: metres along the edges that are left out. Raises InputError for a spacing that is not above 0, a margin that
+        leaves nothing, and more than MOST_POINTS points.
+        """
+        if not spacing > 0.0:
+            raise InputError(f"the grid's spacing is {spacing:g}; it takes metres above 0")
+        if not margin >= 0.0:
+            raise InputError(f"the margin is {margin:g}; it takes metres, 0 or more")
+        corner, edges, counts = np.array(self.corner, float), [], []
+        for edge in (np.array(self.u, float), np.array(self.v, float)):
+            length = float(np.linalg.norm(edge))
+            if length <= 2.0 * margin:
+                raise InputError(f"a margin of {margin:g} m leaves nothing of an edge of {length:g} m; give a smaller one")
+            corner = corner + edge * (margin / length)
+            edges.append(edge * (1.0 - 2.0 * margin / length))
+            counts.append(max(1.0, math.ceil((length - 2.0 * margin) / spacing - _ROUNDING)))
+        if counts[0] * counts[1] > MOST_POINTS:
+            raise InputError(f"the grid would have {counts[0] * counts[1]:.3g} points, at most {MOST_POINTS:,} go; widen it")
+        columns, rows = int(counts[0]), int(counts[1])
+        s, t = ((np.arange(n) + 0.5) / n for n in (columns, rows))
+        points = corner + (s[None, :, None] * edges[0] + t[:, None, None] * edges[1]).reshape(-1, 3)
+        return Grid(points, np.tile(self.normal, (len(points), 1)), columns, rows)
+
+
+def horizontal(scene: Scene, height: float) -> Plane:
+    """The level plane `height` metres above the lowest point of the scene, over all of its bounding box, measured from above.
+
+    Raises InputError where the box has no extent.
+    """
+    up = np.asarray(scene.up, float)
+    first = np.eye(3)[np.argmin(np.abs(up))]
+    first = first - up * (first @ up)
+    first /= np.linalg.norm(first)
+    axes = np.stack([first, np.cross(up, first), up])
+    along = scene.corners @ axes.T
+    low, extent = along.min(0), np.ptp(along, axis=0)
+    x, y, z = ((low + np.array([0.0, 0.0, height])) @ axes).tolist()
+    u, v = (axes[0] * extent[0]).tolist(), (axes[1] * extent[1]).tolist()
+    return Plane((x, y, z), (u[0], u[1], u[2]), (v[0], v[1], v[2]))

@@ -1,0 +1,105 @@
+"""Which points lie within solids, where nobody measures light: in closed meshes, and under those that only lack their bottom."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from irrsplat.scene.model import Mesh, Scene
+from irrsplat.scene.seen_by_light import CLOSED, OPEN, sort_of
+
+_AT_ONCE = 1 << 20  # pairs of a point and a triangle
+_DIRECTIONS = 64  # of the whole sphere; a point tries about half of them
+_ENOUGH = 3  # of them, in a closed mesh
+_RISE = 0.1  # cosine to a point's normal that a direction has at least: any flatter one meets what is coplanar
+
+
+def inside_solids(scene: Scene, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """(N,) whether points (N, 3), just above any surface that they lie on, with unit normals (N, 3) lie within a solid.
+
+    That is a mesh whose triangles turn their backs to the point wherever it looks. One that holds a lamp, a camera or something
+    that emits, each by the same test, is taken for a room.
+    """
+    found = np.zeros(len(points), bool)
+    lamps = [light.position for light in scene.lights if not light.directional]
+    glowing = [mesh.positions.mean(0) for mesh in scene.meshes if len(mesh.faces) and any(mesh.material.emission)]
+    free = np.array([*lamps, *(camera.eye for camera in scene.cameras), *glowing], float).reshape(-1, 3)
+    for mesh in scene.meshes:
+        if len(mesh.faces) and sort_of(mesh) in (CLOSED, OPEN):
+            near = np.flatnonzero(~found & _in_box(points, mesh))
+            near = near[enclosed(points[near], normals[near], mesh)]
+            held = free[_in_box(free, mesh)]
+            if len(near) and not enclosed(held, np.broadcast_to(normals[near[0]], held.shape), mesh).any():
+                found[near] = True
+    return found
+
+
+def _in_box(points: np.ndarray, mesh: Mesh) -> np.ndarray:
+    """(N,) whether points lie in the mesh's bounding box."""
+    found: np.ndarray = ((points >= mesh.positions.min(0)) & (points <= mesh.positions.max(0))).all(1)
+    return found
+
+
+def enclosed(points: np.ndarray, normals: np.ndarray, mesh: Mesh) -> np.ndarray:
+    """(N,) whether each ray from points (N, 3), all over the hemispheres about their normals (N, 3), leaves the mesh once more
+    than it enters it."""
+    tried = np.zeros(len(points), np.intp)
+    left = np.arange(len(points))  # those that no ray has freed yet
+    for direction in _directions():
+        asked = normals[left] @ direction > _RISE
+        if mesh.closed:
+            asked &= tried[left] < _ENOUGH
+        some = left[asked]
+        if len(some):
+            tried[some] += 1
+            freed = some[_exits(points[some], direction, mesh) < 1.0]
+            left = np.setdiff1d(left, freed, assume_unique=True)
+    found = np.zeros(len(points), bool)
+    found[left] = True
+    return found
+
+
+def _directions() -> np.ndarray:
+    """(_DIRECTIONS, 3) unit vectors all over the sphere: a Fibonacci lattice, far from one another in turn."""
+    i = np.arange(_DIRECTIONS)
+    z, angle = 1.0 - (2.0 * i + 1.0) / _DIRECTIONS, i * np.pi * (3.0 - np.sqrt(5.0))
+    level = np.sqrt(1.0 - z * z)
+    lattice = np.stack([level * np.cos(angle), level * np.sin(angle), z], 1)
+    found: np.ndarray = lattice[(i * 23) % _DIRECTIONS]
+    return found
+
+
+def _exits(points: np.ndarray, direction: np.ndarray, mesh: Mesh) -> np.ndarray:
+    """(N,) how many times more often a ray from points (N, 3) in a unit direction (3,) leaves the mesh than it enters it."""
+    across = np.cross(direction, np.eye(3)[np.argmin(np.abs(direction))])
+    across /= np.linalg.norm(across)
+    frame = np.stack([across, np.cross(direction, across), direction])  # right-handed; rays go along the last one
+    x, y, z = (points @ frame.T).T
+    order = np.argsort(x)
+    x, y, z = x[order], y[order], z[order]
+    corners = (mesh.positions.astype(float) @ frame.T)[mesh.faces]
+    first = np.searchsorted(x, corners[..., 0].min(1), "right")
+    count = np.searchsorted(x, corners[..., 0].max(1), "left") - first
+    exits = np.zeros(len(points))
+    for part in _parts(count):
+        which = np.repeat(np.arange(part.start, part.stop), count[part])
+        place = np.arange(len(which)) - np.repeat(np.cumsum(count[part]) - count[part], count[part]) + first[which]
+        a, b, c = (corners[which, k] - np.stack([x[place], y[place], z[place]], 1) for k in range(3))
+        shares = np.stack([p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0] for p, q in ((b, c), (c, a), (a, b))])  # twice the areas
+        sign = np.where((shares > 0.0).all(0), 1.0, np.where((shares < 0.0).all(0), -1.0, 0.0))  # +1: it turns its back
+        height = (shares * np.stack([a[:, 2], b[:, 2], c[:, 2]])).sum(0) * sign
+        exits += np.bincount(place, np.where(height > 0.0, sign, 0.0), len(points))
+    found = np.zeros(len(points))
+    found[order] = exits
+    return found
+
+
+def _parts(count: np.ndarray) -> Iterator[slice]:
+    """Slices of triangles with so many (T,) points each, about _AT_ONCE pairs a slice."""
+    ends, start = np.cumsum(count), 0
+    while start < len(count):
+        done = ends[start - 1] if start else 0
+        stop = max(start + 1, int(np.searchsorted(ends, done + _AT_ONCE, "right")))
+        yield slice(start, stop)
+        start = stop

@@ -1,0 +1,224 @@
+"""Reads photometric files of luminaires: ANSI/IES LM-63 of 1986, 1991, 1995, 2002 and 2019."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from irrsplat.core.errors import InputError
+from irrsplat.scene.io.lines import number, quote, text_bytes
+from irrsplat.scene.model import Photometry
+
+_HEADER = re.compile(r"\s*(?:IES(?:NA)?\s*:\s*LM-63-|IESNA)(\d{4}|\d{2})\b", re.IGNORECASE)
+_TILT = re.compile(r"\s*TILT\s*=", re.IGNORECASE)
+_FOOT = 0.3048  # metres
+_SNAP = 0.01  # degrees: an angle that is so near to 0, 90, 180, 270 or 360 is meant to be that
+
+# Of photometry of types C, B and A: the directions of azimuth 0, of azimuth 90° and of the pole in the frame of Photometry.
+# Type C has its pole at the aim. Those of floodlights have it aside. With B it lies to the right of one who looks along the aim
+# with +x up: the vertical angle turns about it, the horizontal one rises to it. With A it is above, and the angles change places.
+_AXES = {
+    1: np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, -1.0]]),
+    2: np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]),
+    3: np.array([[0.0, 0.0, -1.0], [0.0, -1.0, 0.0], [1.0, 0.0, 0.0]]),
+}
+
+
+def load_ies(path: Path, notices: list[str], files: list[Path]) -> Photometry:
+    """The photometry in the file at `path`; raises InputError with file and line for whatever is wrong in it.
+
+    Candela are multiplied by the file's multiplier and by its ballast factor; up to 1991 by the ballast-lamp photometric factor
+    as well, in whose place later files have something else. What the symmetries leave out is filled in. Appends to `notices`
+    where there is a TILT table, for a lamp that is dimmer in other positions, and to `files` the file of that, if it has one.
+    """
+    text = text_bytes(path, strict=False).decode("utf-8", "replace").split("\n")
+    tilt = next((i for i, line in enumerate(text) if _TILT.match(line)), None)
+    if tilt is None:
+        raise InputError("there is no line TILT=; expected a photometric file of luminaires (ANSI/IES LM-63)", path)
+    header = next((found for line in text[:tilt] if (found := _HEADER.match(line))), None)
+    numbers = _Numbers(path, text, tilt + 1)
+    factor = _tilt(text[tilt].partition("=")[2].strip(), numbers, tilt + 1, notices, files)
+    return _photometry(numbers, factor, old=header is None or header[1] in ("86", "91", "1986", "1991"))
+
+
+class _Numbers:
+    """The numbers of a text, parted by blanks, commas and ends of lines, which are asked for one after the other."""
+
+    def __init__(self, path: Path, text: list[str], start: int) -> None:
+        self.path = path
+        found = [(word, i + 1) for i in range(start, len(text)) for word in re.split(r"[\s,\x1a]+", text[i]) if word]
+        self._words, self._lines = [word for word, _ in found], [line for _, line in found]
+        self._end = max((i + 1 for i, line in enumerate(text) if line.strip()), default=1)
+        self._next = 0
+
+    def error(self, message: str, back: int = 1) -> InputError:
+        """`message`, with the place of the number that was taken so many before the next."""
+        return InputError(message, self.path, self._lines[self._next - back])
+
+    def take(self, what: str, count: int = 1) -> np.ndarray:
+        """(count,) the next numbers; raises InputError, which says `what` they are, where one is none or they are too few."""
+        start, stop = self._next, self._next + count
+        if stop > len(self._words):
+            found = f", after {len(self._words) - start} of {count}" if count > 1 else ""
+            raise InputError(
+                f"the file ends in {what}{found}; it is cut off, or one of its counts is wrong", self.path, self._end
+            )
+        values = np.zeros(count)
+        for k in range(start, stop):
+            self._next = k + 1
+            try:
+                values[k - start] = number(self._words[k])
+            except ValueError as error:
+                raise self.error(f"{error}; expected {what}") from None
+        return values
+
+    def finish(self, where: str) -> None:
+        """Raises InputError where there are further numbers."""
+        if self._next < len(self._words):
+            self._next += 1
+            raise self.error(f"{len(self._words) - self._next + 1} words are left {where}; one of the file's counts is wrong")
+
+    def one(self, what: str) -> float:
+        """The next number."""
+        return float(self.take(what)[0])
+
+    def whole(self, what: str, low: int, high: int) -> int:
+        """The next number, a whole one from `low` to `high`."""
+        value = self.one(what)
+        if not (value.is_integer() and low <= value <= high):
+            raise self.error(f"{what} is {value:g}; expected {_range(low, high)}")
+        return int(value)
+
+    def positive(self, what: str) -> float:
+        """The next number, which is above 0."""
+        value = self.one(what)
+        if not value > 0.0:
+            raise self.error(f"{what} is {value:g}; expected a number above 0")
+        return value
+
+    def angles(self, what: str, count: int, low: float, high: float) -> np.ndarray:
+        """(count,) the next numbers: angles in degrees, which rise, from `low` to `high`."""
+        values = self.take(what, count)
+        for wrong, reason in (
+            (np.append(False, np.diff(values) <= 0.0), "expected angles that rise"),
+            ((values < low - _SNAP) | (values > high + _SNAP), f"expected {low:g} to {high:g} degrees"),
+        ):
+            if wrong.any():
+                first = int(wrong.argmax())
+                raise self.error(f"{what}: {values[first]:g} is out of order; {reason}", count - first)
+        right = np.round(values / 90.0) * 90.0
+        return np.where(np.abs(values - right) <= _SNAP, right, values)
+
+
+def _range(low: int, high: int) -> str:
+    return ", ".join(map(str, range(low, high))) + f" or {high}" if high - low < 4 else f"a whole number of at least {low}"
+
+
+def _tilt(word: str, numbers: _Numbers, line: int, notices: list[str], files: list[Path]) -> float:
+    """The factor for the lamp's position, from what stands behind TILT= in this line: NONE, INCLUDE, or the name of a file."""
+    path = numbers.path
+    if word.upper() == "NONE":
+        return 1.0
+    if not word:
+        raise InputError("TILT= says nothing; expected TILT=NONE, TILT=INCLUDE, or TILT= and the name of a file", path, line)
+    if word.upper() != "INCLUDE":
+        file = path.parent / word
+        if not file.is_file():
+            raise InputError(f"there is no TILT file {quote(word)} beside it; put it there, or write TILT=NONE", path, line)
+        files.append(file)
+        text = text_bytes(file, strict=False).decode("utf-8", "replace").split("\n")
+        numbers = _Numbers(file, text, 0)
+    numbers.whole("the lamp-to-luminaire geometry", 1, 3)
+    count = numbers.whole("the number of TILT angles", 1, 10_000)
+    angles = numbers.angles("the TILT angles", count, -180.0, 180.0)
+    factors = numbers.take("the TILT factors", count)
+    if factors.min() < 0.0:
+        raise numbers.error("a TILT factor is negative; expected factors of 0 or more")
+    factor = float(np.interp(0.0, angles, factors))
+    if not factor > 0.0:
+        raise numbers.error("the TILT factor at 0 degrees is 0, and no light would leave it; expected one above 0")
+    notices.append(f"{path}: its TILT table is taken at 0 degrees (a factor of {factor:g}), however the luminaire is aimed")
+    return factor
+
+
+def _photometry(numbers: _Numbers, factor: float, old: bool) -> Photometry:
+    """What stands behind TILT, the candela times `factor`. old: the file is of 1986 or 1991."""
+    numbers.positive("the number of lamps")
+    numbers.one("the lumens per lamp")  # -1: absolute photometry; the candela are those of the luminaire either way
+    factor *= numbers.positive("the candela multiplier")
+    counts = [numbers.whole(f"the number of {which} angles", low, 100_000) for which, low in (("vertical", 2), ("horizontal", 1))]
+    kind = numbers.whole("the photometric type", 1, 3)
+    metres = _FOOT if numbers.whole("the units of lengths", 1, 2) == 1 else 1.0
+    width, length, height = (abs(float(x)) * metres for x in numbers.take("the luminous opening", 3))  # below 0: it is round
+    factor *= numbers.positive("the ballast factor")
+    if old:
+        factor *= numbers.positive("the ballast-lamp photometric factor")
+    else:
+        numbers.one("the field for future use")
+    numbers.one("the input watts")
+    vertical = numbers.angles("the vertical angles", counts[0], *((0.0, 180.0) if kind == 1 else (-90.0, 90.0)))
+    horizontal = numbers.angles("the horizontal angles", counts[1], *((0.0, 360.0) if kind == 1 else (-90.0, 90.0)))
+    try:
+        horizontal, rows = (_all_around if kind == 1 else _both_sides)(horizontal)
+        if kind != 1 and vertical[0] >= 0.0:
+            raise ValueError(
+                f"the vertical angles of type {'B' if kind == 2 else 'A'} begin at {vertical[0]:g}; expected -90 to 90"
+            )
+    except ValueError as error:
+        raise numbers.error(str(error)) from None
+    candela = numbers.take("the candela values", counts[0] * counts[1])
+    if candela.min() < 0.0:
+        first = int((candela < 0.0).argmax())
+        raise numbers.error(f"an intensity is {candela[first]:g} candela; expected values of 0 or more", len(candela) - first)
+    numbers.finish(f"after {counts[1]} times {counts[0]} candela values")
+    table = factor * candela.reshape(counts[1], counts[0])[rows]
+    opening, path = (width, length, height), str(numbers.path)
+    if kind == 1:
+        return Photometry(vertical, horizontal, table, _AXES[1], opening, path)
+    if kind == 2:  # the horizontal angle rises to the pole; the vertical one turns about it
+        return Photometry(90.0 - horizontal[::-1], vertical, table[::-1].T, _AXES[2], opening, path)
+    return Photometry(90.0 - vertical[::-1], horizontal, table[:, ::-1], _AXES[3], opening, path)
+
+
+def _all_around(angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Horizontal angles of type C all around, and for each the number of the row that holds its candela; raises ValueError where
+    it is not said how to go on."""
+    rows = np.arange(len(angles))
+    if len(angles) == 1:
+        return np.zeros(1), rows
+    first, last = angles[0], angles[-1]
+    if (first, last) == (90.0, 270.0):
+        return _mirrored(angles, rows, 90.0)
+    if (first, last) == (0.0, 90.0):
+        angles, rows = _mirrored(angles, rows, 90.0)
+        last = 180.0
+    if (first, last) == (0.0, 180.0):
+        angles, rows = _mirrored(angles, rows, 180.0)
+        last = 360.0
+    if first == 0.0 and 180.0 < last < 360.0 and 360.0 - last <= np.diff(angles).max() + _SNAP:  # the last one is left out
+        angles, rows, last = np.append(angles, 360.0), np.append(rows, 0), 360.0
+    if (first, last) != (0.0, 360.0):
+        raise ValueError(
+            f"the horizontal angles go from {first:g} to {last:g}; expected 0 alone, 0 to 90, 180 or 360, or 90 to 270"
+        )
+    return angles, rows
+
+
+def _both_sides(angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The same for types A and B, whose horizontal angles from 0 on stand for both sides."""
+    rows = np.arange(len(angles))
+    if len(angles) > 1 and angles[0] == 0.0:
+        return _mirrored(angles, rows, 0.0)
+    if len(angles) == 1 or angles[0] > 0.0:
+        raise ValueError(f"the horizontal angles begin at {angles[0]:g}; expected -90 to 90, or 0 to 90")
+    return angles, rows
+
+
+def _mirrored(angles: np.ndarray, rows: np.ndarray, about: float) -> tuple[np.ndarray, np.ndarray]:
+    """The angles and those that mirror them about one of their ends, all of them rising, with their rows."""
+    mirror, others = (2.0 * about - angles)[::-1], rows[::-1]
+    if about == angles[0]:
+        return np.append(mirror[:-1], angles), np.append(others[:-1], rows)
+    return np.append(angles, mirror[1:]), np.append(rows, others[1:])

@@ -1,0 +1,167 @@
+"""Writes a scene as a `.scene` file, with its `.light` and `.obj` files in a folder beside it."""
+
+from __future__ import annotations
+
+import io
+import math
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from irrsplat.core.errors import InputError
+from irrsplat.core.files import write_bytes, write_text
+from irrsplat.scene.io.lights.ies import load_ies
+from irrsplat.scene.io.lines import is_number
+from irrsplat.scene.model import Camera, Light, Mesh, Photometry, Scene
+
+_FOLDER = "-files"  # behind the scene's name: the folder of what belongs to it
+_NEAR, _FAR = 0.01, 1000.0  # metres, which `proj` asks for and nobody reads
+
+
+def parts_folder(path: Path) -> Path:
+    """The folder beside a `.scene` file at `path` that `write_scene` puts its lights and objects into."""
+    return path.with_name(path.stem + _FOLDER)
+
+
+def write_scene(scene: Scene, path: Path, overwrite: bool = False) -> str:
+    """Write the scene to `path`, and return what a `.scene` cannot hold of it, in one line; "" where it holds all.
+
+    Read again, it has the same lights and cameras, and the same triangles in the same float32 numbers, as they stand now. Hidden
+    meshes are left out. Raises InputError where `path` has another ending than .scene, or where it is there and may not be
+    overwritten; IrrsplatError where writing fails.
+    """
+    if path.suffix != ".scene":
+        raise InputError("a scene is saved under a name that ends in .scene", path)
+    folder = parts_folder(path)
+    if not overwrite and (path.exists() or folder.exists()):
+        there = path if path.exists() else folder
+        raise InputError("this is there already; give another name", there)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot make this folder: {error.strerror}", folder) from None
+    writer = _Writer(folder)
+    lines = [*writer.cameras(scene.cameras), *writer.sky(scene)]
+    lines += [writer.light(light) for light in scene.lights]
+    for mesh in scene.meshes:
+        lines += writer.mesh(mesh)
+    write_text(path, "\n".join([f"# {path.stem}, written by irrsplat", *lines]) + "\n")
+    if not writer.lost:
+        return ""
+    return f"{path.name}: a .scene does not hold " + ", ".join(f"{what} ({n})" if n else what for what, n in writer.lost.items())
+
+
+@dataclass
+class _Writer:
+    """Writes what belongs to a scene into a folder. lost: what the format cannot hold, and of how many things; 0: not counted."""
+
+    folder: Path
+    taken: set[str] = field(default_factory=set)
+    lost: dict[str, int] = field(default_factory=dict)
+
+    def _lose(self, what: str, count: int = 1) -> None:
+        self.lost[what] = self.lost.get(what, 0) + count
+
+    def _file(self, name: str, default: str, ending: str) -> Path:
+        """A file of its own for something of this name."""
+        stem = re.sub(r"[^\w-]+", "_", name).strip("_") or default
+        names = (stem if i == 1 else f"{stem}-{i}" for i in range(1, len(self.taken) + 2))
+        free = next(one for one in names if one.lower() + ending not in self.taken)  # some file systems know no case
+        self.taken.add(free.lower() + ending)
+        return self.folder / (free + ending)
+
+    def cameras(self, cameras: Iterable[Camera]) -> list[str]:
+        """The lines of the cameras; the first one comes first when they are read again."""
+        cameras = list(cameras)
+        taken: set[str] = set()
+        lines = []
+        for i, camera in enumerate(cameras):
+            name = re.sub(r"[\s#]+", "_", camera.name)
+            if (not name and i) or (name and is_number(name)) or name in taken:
+                name = next(n for k in range(2, len(cameras) + 3) if (n := f"{name or 'camera'}_{k}") not in taken)
+            taken.add(name)
+            lines.append(" ".join(filter(None, ["cam", name, *(_numbers(v) for v in (camera.eye, camera.target, camera.up))])))
+        if any(camera.fov != cameras[0].fov for camera in cameras):
+            self._lose("a field of view for each camera", 0)
+        fov = cameras[0].fov if cameras else 45.0
+        return [*lines, f"proj {_numbers((fov, 1.0, _NEAR, _FAR))}"]
+
+    def sky(self, scene: Scene) -> list[str]:
+        """The line of the sky, where there is one; one that stands in is left to the reader, where it would come to the same."""
+        if any(scene.sky_gradient):
+            self._lose("a sky that is brighter above", 0)
+        if scene.environment is not None:
+            self._lose("the sky's map (its mean stands in; its suns are kept)", 0)
+        shines = scene.lights or any(any(mesh.material.emission) for mesh in scene.meshes if not mesh.is_point)
+        if not shines and not scene.own_sky and scene.sky == (1.0, 1.0, 1.0) and not any(scene.sky_gradient):
+            return []
+        return [f"sky {_numbers(scene.sky)}"] if any(scene.sky) or not shines else []
+
+    def light(self, light: Light) -> str:
+        """Write a light; the line that names its file."""
+        path = self._file(light.name, "light", ".light")
+        if light.photometry is not None:
+            return self._luminaire(light, light.photometry, path)
+        lines = [f"position {_numbers((*light.position, 0.0 if light.directional else 1.0))}"]
+        if light.physical and not light.directional:
+            lines.append(f"intensity {_numbers(light.color)}")
+        else:
+            color = [c / math.pi for c in light.color] if light.physical else light.color
+            lines.append(f"diffuse {_numbers((*color, 1.0))}")
+            words = ("constantAttenuation", "linearAttenuation", "quadraticAttenuation")
+            lines += [f"{word} {_numbers((k,))}" for word, k in zip(words, light.attenuation, strict=True)]
+        if light.spot_target is not None:
+            if light.spot_cutoff < 90.0:
+                lines += [f"spotDirection {_numbers(light.spot_target)}", f"spotCutoff {_numbers((light.spot_cutoff,))}"]
+                lines += [f"spotInner {_numbers((light.spot_inner,))}", f"spotExponent {_numbers((light.spot_exponent,))}"]
+            else:
+                self._lose("cones of 90 degrees or more")
+        write_text(path, "\n".join(lines) + "\n")
+        return f"light {self.folder.name}/{path.name}"
+
+    def _luminaire(self, light: Light, photometry: Photometry, path: Path) -> str:
+        """Write a luminaire, with a copy of its photometric file beside it."""
+        source, beside = Path(photometry.path), list[Path]()
+        if not np.array_equal(load_ies(source, [], beside).axes, photometry.axes):
+            self._lose("mirrored luminaires")
+        copy = self._file(source.stem, "luminaire", ".ies")
+        write_bytes(copy, source.read_bytes())
+        for tilt in beside:  # which it knows by name
+            write_bytes(self.folder / tilt.name, tilt.read_bytes())
+        x, y, z = light.position
+        lines = [f"ies {copy.name}", f"position {_numbers((*light.position, 1.0))}", f"intensity {_numbers(light.color)}"]
+        lines += [f"spotDirection {_numbers(light.spot_target or (x, y, z - 1.0))}", f"zeroDirection {_numbers(light.across)}"]
+        write_text(path, "\n".join(lines) + "\n")
+        return f"light {self.folder.name}/{path.name}"
+
+    def mesh(self, mesh: Mesh) -> list[str]:
+        """Write a mesh; the lines of its material, and the one that names its file; none for a hidden one."""
+        if mesh.is_point or not len(mesh.faces):
+            return []
+        material = mesh.material
+        for what, there in (
+            ("textures", material.albedo_texture is not None or material.emission_texture is not None),
+            ("normal maps", material.normal_texture is not None),
+            ("opacity", material.alpha_mode != "opaque" or material.transmission > 0.0),
+            ("colours at vertices", mesh.colors is not None),
+            ("surfaces without a back", not material.double_sided),
+        ):
+            if there:
+                self._lose(what)
+        path = self._file(mesh.name, "mesh", ".obj")
+        text = io.StringIO()
+        np.savetxt(text, mesh.positions, fmt="v %.9g %.9g %.9g")
+        np.savetxt(text, mesh.normals, fmt="vn %.9g %.9g %.9g")
+        np.savetxt(text, np.repeat(mesh.faces + 1, 2, axis=1), fmt="f %d//%d %d//%d %d//%d")
+        write_text(path, text.getvalue())
+        albedo = [min(max(c, 0.0), 1.0) for c in material.albedo] if not material.unlit else (0.0, 0.0, 0.0)
+        diffuse, emission = f"brdf diffuse {_numbers((*albedo, 1.0))}", f"brdf emission {_numbers(material.emission)}"
+        return [diffuse, emission, f"obj {self.folder.name}/{path.name}"]
+
+
+def _numbers(values: Iterable[float]) -> str:
+    """Numbers with as many digits as tell them from all others."""
+    return " ".join(repr(float(v)).removesuffix(".0") for v in values)

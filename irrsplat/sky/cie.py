@@ -1,0 +1,122 @@
+"""Skies of the CIE, as Radiance's `gensky` has them: luminance by direction, the zenith's, and the sun's."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from irrsplat.core.color import LUMINOUS_EFFICACY
+from irrsplat.sky.environment import Environment
+from irrsplat.sky.sphere import solid_angles, texel_directions
+from irrsplat.sky.split import sun
+
+CieKind = Literal["uniform", "overcast", "intermediate", "clear"]
+CIE_KINDS: tuple[CieKind, ...] = get_args(CieKind)
+TURBIDITY = 2.45  # gensky's
+GROUND = 0.2  # mean reflectance of the ground, gensky's
+SUN_DIAMETER = 0.533  # degrees
+_HIGHEST = 87.0  # degrees: the zenith luminance of a clear sky has a pole where the sun stands overhead; gensky stops there too
+_HEIGHT, _WIDTH = 1024, 2048  # texels: the sun is three wide
+_FINE = 9  # points along a side of a texel, of which the sun's disc covers some
+
+
+@dataclass(frozen=True)
+class CieSky:
+    """A CIE sky. altitude, azimuth: of the sun, degrees, the azimuth clockwise from north; None for an overcast or uniform one
+    that needs no sun. turbidity: of a clear or intermediate sky. ground: the reflectance below the horizon. lux: the sky's own
+    illuminance of the open horizon, which scales it; None: as altitude and turbidity have it.
+    """
+
+    kind: CieKind
+    altitude: float | None = None
+    azimuth: float | None = None
+    turbidity: float = TURBIDITY
+    ground: float = GROUND
+    lux: float | None = None
+
+    @property
+    def sun_shines(self) -> bool:
+        """Whether there is a sun beside the sky."""
+        return self.kind in ("clear", "intermediate")
+
+    @property
+    def sun_direction(self) -> np.ndarray:
+        """(3,) towards the sun: x east, y up, z south."""
+        altitude, azimuth = np.radians([self.altitude or 0.0, self.azimuth or 0.0])
+        flat = np.cos(altitude)
+        return np.array([flat * np.sin(azimuth), np.sin(altitude), -flat * np.cos(azimuth)])
+
+    def relative(self, directions: np.ndarray) -> np.ndarray:
+        """(…,) the luminance in unit directions (…, 3) above the horizon, relative to that of the zenith.
+
+        Overcast: Moon and Spencer 1942. Clear: Kittler 1967 (CIE 22, 1973), whose horizon is taken at 0.57° as in gensky.
+        Intermediate: Nakamura, Oki and Hayashi 1985 as Matsuura gave it to gensky.
+        """
+        rise = np.clip(directions[..., 1], 0.0, 1.0)
+        if self.kind == "uniform":
+            return np.ones(rise.shape)
+        if self.kind == "overcast":
+            overcast: np.ndarray = (1.0 + 2.0 * rise) / 3.0
+            return overcast
+        toward = self.sun_direction
+        cosine = np.clip(directions @ toward, -1.0, 1.0)
+        gamma, zenith, high = np.arccos(cosine), np.arccos(toward[1]), np.arcsin(min(toward[1], np.sin(np.radians(_HIGHEST))))
+        if self.kind == "clear":
+            fade = np.where(rise > 0.01, 1.0 - np.exp(-0.32 / np.maximum(rise, 0.01)), 1.0)
+            whole = 0.274 * (0.91 + 10.0 * np.exp(-3.0 * (0.5 * np.pi - high)) + 0.45 * np.sin(high) ** 2)
+            clear: np.ndarray = (0.91 + 10.0 * np.exp(-3.0 * gamma) + 0.45 * cosine**2) * fade / whole
+            return clear
+        eta = np.arccos(rise)
+        whole = (2.739 + 0.9891 * np.sin(0.3119 + 2.6 * high)) * np.exp(-(0.5 * np.pi - high) * (0.4441 + 1.48 * high))
+        body = ((1.35 * np.sin(5.631 - 3.59 * eta) + 3.12) * np.sin(4.396 - 2.6 * zenith) + 6.37 - eta) / 2.326
+        hazy: np.ndarray = body * np.exp(-0.563 * gamma * ((2.629 - eta) * (1.562 - zenith) + 0.812)) / whole
+        return hazy
+
+    @property
+    def zenith_luminance(self) -> float:
+        """cd/m²: of a clear sky Krochmann's (1970) with the turbidity of Linke, of an overcast one Krochmann and Seidl's (1974);
+        of an intermediate one the mean of both, as gensky has it."""
+        altitude = np.radians(min(self.altitude or 0.0, _HIGHEST) if self.sun_shines else self.altitude or 0.0)
+        overcast = 8.6 * np.sin(altitude) + 0.123
+        if not self.sun_shines:
+            return float(1000.0 * overcast)
+        clear = (1.376 * self.turbidity - 1.81) * np.tan(altitude) + 0.38
+        return float(1000.0 * max(0.5 * (clear + overcast) if self.kind == "intermediate" else clear, 0.0))
+
+    @property
+    def sun_illuminance(self) -> float:
+        """lx on what faces the sun, gensky's: 1.5·10⁹ cd/m² over 6·10⁻⁵ sr, less through more air; 0 where none shines."""
+        if not self.sun_shines:
+            return 0.0
+        lux = 1.5e9 * 6e-5 * (1.147 - 0.147 / max(float(self.sun_direction[1]), 0.16))
+        return lux * (0.15 if self.kind == "intermediate" else 1.0)
+
+    def environment(self, about: str) -> Environment:
+        """The sky and its ground as a grey map, and its sun as light; W/(m² sr) and W/m² by 179 lm/W."""
+        half, area = _HEIGHT // 2, solid_angles(_HEIGHT, _WIDTH)
+        ways = texel_directions(_HEIGHT, _WIDTH, np.arange(half))
+        relative = self.relative(ways)
+        open_sky = float(np.einsum("ij,ij,i->", relative, ways[..., 1], area[:half]))  # E over the zenith's luminance
+        zenith = self.zenith_luminance if self.lux is None else self.lux / open_sky
+        direct = self.sun_illuminance
+        level = self.ground / np.pi * (zenith * open_sky + direct * self.sun_direction[1])
+        luminance = np.concatenate([zenith * relative, np.full((half, _WIDTH), level)])
+        light = np.repeat((luminance / LUMINOUS_EFFICACY).astype(np.float32)[..., None], 3, axis=-1)
+        if not direct:
+            return Environment(light, light, (), about)
+        shining = sun(self.sun_direction, np.full(3, direct / LUMINOUS_EFFICACY))
+        disc = _disc(self.sun_direction)
+        shown = light + (disc * (direct / LUMINOUS_EFFICACY) / (disc @ np.ones(_WIDTH) @ area)).astype(np.float32)[..., None]
+        return Environment(shown, light, (shining,), about)
+
+
+def _disc(toward: np.ndarray) -> np.ndarray:
+    """(H, W) the share of each texel that the sun's disc covers."""
+    covered, edge = np.zeros((_HEIGHT, _WIDTH)), np.cos(np.radians(0.5 * SUN_DIAMETER))
+    row = int(np.arccos(np.clip(toward[1], -1.0, 1.0)) / np.pi * _HEIGHT)
+    rows = np.arange(max(row - 2, 0), min(row + 3, _HEIGHT))
+    fine = texel_directions(_HEIGHT * _FINE, _WIDTH * _FINE, (rows[:, None] * _FINE + np.arange(_FINE)).ravel()) @ toward >= edge
+    covered[rows] = fine.reshape(len(rows), _FINE, _WIDTH, _FINE).mean((1, 3))
+    return covered

@@ -1,0 +1,107 @@
+"""A sky that is not the same all around: a map of radiance that a camera sees, what of it lights as a whole, and its suns."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+
+from irrsplat.core.glsl import SKY_RAY_TEXELS
+from irrsplat.sky.sphere import equirectangular, from_square, pyramid, square, trilinear
+from irrsplat.sky.split import Sun
+
+_MOST_TEXELS = 512  # along a side of the map that lights: a texel is 0.4° wide, finer than any gather's rays are apart
+_LEAST_TEXELS = 16
+_POINTS = 4  # along a side of such a texel, at which the map is looked up
+
+
+@dataclass(frozen=True, eq=False)  # compared by identity: arrays have no single answer to ==
+class Environment:
+    """A sky from a map. Directions in its own axes have x east, y up and z south; the middle of a map is north.
+
+    shown: (H, W, 3) float32 equirectangular radiance as a camera sees it, top row first. light: the same without what is in
+    `suns`, which the scene has among its lights. frame: (3, 3) rows east, up and south in world space. about: in words.
+    """
+
+    shown: np.ndarray
+    light: np.ndarray
+    suns: tuple[Sun, ...] = ()
+    about: str = "a map"
+    frame: np.ndarray = field(default_factory=lambda: np.eye(3))
+
+    @cached_property
+    def digest(self) -> bytes:
+        """A hash of all that is seen of it."""
+        whole = hashlib.sha256(repr((self.shown.shape, self.suns, (self.frame + 0.0).tolist())).encode())
+        for part in (self.shown, self.light):
+            whole.update(np.ascontiguousarray(part).tobytes())
+        return whole.digest()
+
+    @cached_property
+    def seen_levels(self) -> list[np.ndarray]:
+        """`shown` with its coarser levels."""
+        return pyramid(self.shown)
+
+    @cached_property
+    def light_levels(self) -> list[np.ndarray]:
+        """`light` in the square of equal areas with its coarser levels, (N, N, 3) float32 each, row by row along v."""
+        height, width = self.light.shape[:2]
+        wanted = np.sqrt(4.0 * np.pi) * 2.0 * height / np.pi  # texels half as wide as the map's
+        side = int(np.clip(2 ** np.ceil(np.log2(wanted)), _LEAST_TEXELS, _MOST_TEXELS))
+        source = self.light
+        while source.shape[0] >= 4 * side and source.shape[0] % 2 == source.shape[1] % 2 == 0:
+            height, width = source.shape[:2]
+            source = source.reshape(height // 2, 2, width // 2, 2, 3).mean((1, 3), dtype=np.float32)
+        total = np.zeros((side, side, 3))
+        for dy in range(_POINTS):
+            for dx in range(_POINTS):
+                x, y = ((np.arange(side) + (d + 0.5) / _POINTS) / side for d in (dx, dy))
+                total += _texel(source, from_square(*np.meshgrid(x, y)))
+        mean = total.mean((0, 1))
+        wanted_mean = self.mean
+        return pyramid((total * np.divide(wanted_mean, mean, out=np.zeros(3), where=mean > 0.0)).astype(np.float32))
+
+    @cached_property
+    def mean(self) -> np.ndarray:
+        """(3,) the mean of `light` over the sphere."""
+        height = len(self.light)
+        weight = -0.5 * np.diff(np.cos(np.linspace(0.0, np.pi, height + 1)))
+        mean: np.ndarray = weight @ self.light.mean(1, dtype=float)
+        return mean
+
+    def seen(self, directions: np.ndarray, solid: np.ndarray | float = 0.0) -> np.ndarray:
+        """(…, 3) the radiance that a camera sees in unit directions (…, 3) of world space, each `solid` steradians wide."""
+        u, v = equirectangular(directions @ self.frame.T)
+        texel = np.pi / len(self.shown)
+        level = 0.5 * np.log2(np.maximum(np.broadcast_to(solid, u.shape), texel**2) / texel**2)
+        return trilinear(self.seen_levels, level, u, v, wrap=True)
+
+    def lit_by(self, directions: np.ndarray, solid: np.ndarray | float) -> np.ndarray:
+        """(…, 3) what comes along rays in these directions, each of which stands for `solid` steradians."""
+        u, v = square(directions @ self.frame.T)
+        texel = SKY_RAY_TEXELS * 4.0 * np.pi / len(self.light_levels[0]) ** 2
+        level = 0.5 * np.log2(np.maximum(np.broadcast_to(solid, u.shape), texel) / texel)
+        return trilinear(self.light_levels, level, u, v, wrap=False)
+
+    def toward(self, sun: Sun) -> tuple[float, float, float]:
+        """(3,) the unit direction towards a sun, world space."""
+        x, y, z = (self.frame.T @ np.asarray(sun.direction) + 0.0).tolist()
+        return x, y, z
+
+
+def frame_of(axes: np.ndarray, turn: float) -> np.ndarray:
+    """(3, 3) the rows east, up and south of a sky whose north lies `turn` degrees clockwise, seen from above, of the world's
+    back. axes: (3, 3) rows right, up and front of the world."""
+    right, up, front = axes
+    c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
+    return np.stack([c * right + s * front, up, c * front - s * right])
+
+
+def _texel(image: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """(…, 3) the texels of an equirectangular map that directions lie in."""
+    u, v = equirectangular(directions)
+    height, width = image.shape[:2]
+    found: np.ndarray = image[np.minimum((v * height).astype(np.intp), height - 1), (u * width).astype(np.intp) % width]
+    return found

@@ -1,0 +1,131 @@
+"""Reads images of linear radiance: Radiance's `.hdr` (RGBE) and OpenEXR's `.exr`."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from irrsplat.core.errors import InputError
+
+ENDINGS = (".hdr", ".pic", ".exr")
+MOST_ROWS = 2048  # of a map that is kept: larger ones are halved
+_MOST_PIXELS = 32768 * 16384
+_SLIGHT = 1e-3  # of all light: filters in image programs leave that much below 0
+_REMEDY = "save it again with finite values of 0 or more"
+
+
+def read_map(path: Path) -> tuple[np.ndarray, list[str]]:
+    """(H, W, 3) float32 the radiance in an image, top row first, and notices; of more than 2048 rows, means of 2×2 pixels.
+
+    Raises InputError, one line, for a missing, damaged or unknown file, and for pixels that are not finite or negative.
+    """
+    ending = path.suffix.lower()
+    if ending not in ENDINGS:
+        raise InputError(f"a sky is an image that ends in {' '.join(ENDINGS)}, not in '{path.suffix}'", path)
+    radiance = read_exr(path) if ending == ".exr" else read_hdr(path)
+    height, width = radiance.shape[:2]
+    bad = int(height * width - np.isfinite(radiance).all(-1).sum())
+    if bad:
+        raise InputError(f"{bad} of its pixels are not finite (NaN or infinity); {_REMEDY}", path)
+    notices = []
+    if radiance.min() < 0.0:
+        below, whole = -float(np.minimum(radiance, 0.0).sum(dtype=float)), float(np.abs(radiance).sum(dtype=float))
+        if below > _SLIGHT * whole:
+            raise InputError(f"{int((radiance < 0.0).any(-1).sum())} of its pixels are negative; {_REMEDY}", path)
+        notices.append(f"{path}: some of its pixels are slightly negative, and count as 0")
+        radiance = np.maximum(radiance, np.float32(0.0))
+    if width != 2 * height:
+        notices.append(f"{path}: {width}x{height} pixels are not twice as wide as high; they cover the whole sphere all the same")
+    while len(radiance) > MOST_ROWS and radiance.shape[0] % 2 == radiance.shape[1] % 2 == 0:
+        height, width = radiance.shape[:2]
+        radiance = radiance.reshape(height // 2, 2, width // 2, 2, 3).mean((1, 3), dtype=np.float32)
+    return np.ascontiguousarray(radiance), notices
+
+
+def read_exr(path: Path) -> np.ndarray:
+    """(H, W, 3) float32 of the first part of an EXR: its channels R, G and B, of any layer, or a single one as grey."""
+    import OpenEXR  # takes a while, and few scenes need it
+
+    try:
+        with OpenEXR.File(str(path), separate_channels=True) as file:
+            channels = {name: np.asarray(channel.pixels, np.float32) for name, channel in file.channels().items()}
+    except Exception as error:  # a damaged file may raise anything
+        reason = (str(error).splitlines() or [""])[-1].strip()[:80]
+        raise InputError(f"this is no OpenEXR file, or a damaged one ({reason}); save it again", path) from None
+    for layer in sorted({name.rpartition(".")[0] for name in channels}, key=len):
+        names = [f"{layer}.{c}" if layer else c for c in "RGB"]
+        if all(name in channels for name in names):
+            return np.stack([channels[name] for name in names], axis=-1)
+    if len(channels) == 1 and next(iter(channels.values())).ndim == 2:
+        return np.repeat(next(iter(channels.values()))[..., None], 3, axis=-1)
+    raise InputError(f"it has no channels R, G and B, but {', '.join(channels) or 'none'}; save it as RGB", path)
+
+
+# ---- Radiance ------------------------------------------------------------------------------------------------------------
+
+
+def read_hdr(path: Path) -> np.ndarray:
+    """(H, W, 3) float32 of a Radiance picture: value (mantissa + ½)·2^(exponent − 136), divided by the header's EXPOSURE."""
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"cannot read this file: {error.strerror or error}", path) from None
+    head, found, rest = data.partition(b"\n\n")
+    line, _, pixels = rest.partition(b"\n")
+    size = re.fullmatch(rb"([+-])Y (\d{1,6}) ([+-])X (\d{1,6})\r?", line)
+    if not head.startswith((b"#?RADIANCE", b"#?RGBE")) or not found or size is None:
+        raise InputError("this is no Radiance picture with rows from top to bottom; save it again as .hdr", path)
+    if b"32-bit_rle_xyze" in head:
+        raise InputError("its pixels are XYZ, and RGB is expected; convert it (Radiance: ra_xyze -r)", path)
+    height, width = int(size[2]), int(size[4])
+    if not 0 < height * width <= _MOST_PIXELS:
+        raise InputError(f"{width}x{height} pixels are none, or too many", path)
+    try:
+        coded = _runs(pixels, height, width) if pixels[:2] == b"\2\2" and 8 <= width < 32768 else _old_runs(pixels, height, width)
+    except (IndexError, ValueError):
+        raise InputError("the picture is cut off or damaged; save it again", path) from None
+    exposure = float(np.prod([float(value) for value in re.findall(rb"^EXPOSURE=\s*([\d.eE+-]+)", head, re.M)]))
+    scale = np.where(coded[..., 3] > 0, np.ldexp(1.0, coded[..., 3].astype(np.int32) - 136), 0.0).astype(np.float32)
+    radiance = (coded[..., :3] + np.float32(0.5)) * (scale / np.float32(exposure or 1.0))[..., None]
+    radiance = radiance[:: 1 if size[1] == b"-" else -1, :: 1 if size[3] == b"+" else -1]
+    return radiance
+
+
+def _runs(data: bytes, height: int, width: int) -> np.ndarray:
+    """(H, W, 4) uint8: each row has its four components one after the other, each as runs and literals."""
+    out, at = bytearray(), 0
+    start = bytes((2, 2, width >> 8, width & 255))
+    for row in range(height):
+        if data[at : at + 4] != start:
+            raise ValueError("no row begins here")
+        at += 4
+        end = len(out)
+        for _ in range(4):
+            end += width
+            while len(out) < end:
+                count = data[at]
+                if count > 128:
+                    out += data[at + 1 : at + 2] * (count - 128)
+                    at += 2
+                else:
+                    out += data[at + 1 : at + 1 + count]
+                    at += 1 + count
+                    if not count:
+                        raise ValueError("an empty run")
+        if len(out) != 4 * width * (row + 1):
+            raise ValueError("a run is longer than its row")
+    return np.frombuffer(out, np.uint8).reshape(height, 4, width).swapaxes(1, 2)
+
+
+def _old_runs(data: bytes, height: int, width: int) -> np.ndarray:
+    """(H, W, 4) uint8: pixel by pixel, where 1 1 1 N repeats the one before N times, and each further one 256 times as often."""
+    codes = np.frombuffer(data[: len(data) // 4 * 4], np.uint8).reshape(-1, 4)
+    repeats = (codes[:, :3] == 1).all(1)
+    place = np.arange(len(codes))
+    last = np.maximum.accumulate(np.where(repeats, 0, place))  # the pixel that is meant
+    again = np.where(repeats, codes[:, 3].astype(np.int64) << (8 * np.minimum(place - last - 1, 4)), 1)
+    if again.sum() < height * width:
+        raise ValueError("too few pixels")
+    return np.repeat(codes[last], again, axis=0)[: height * width].reshape(height, width, 4)

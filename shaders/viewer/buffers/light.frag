@@ -1,0 +1,41 @@
+// All light that falls on the surface, in false colours on a linear or a logarithmic scale, with lines between its steps.
+#include "viewer/buffers/picture.glsl"
+
+uniform sampler2D direct;       // irradiance of lamps; `values` holds Σ k·E and Σ k of all other light
+uniform vec3 weights;           // of red, green and blue, to the unit of the scale
+uniform float low;              // ends of the scale; 0: it is linear
+uniform float high;
+uniform float steps;            // that a line runs between; 0: none
+uniform vec3 ground;            // where nothing is seen
+uniform vec3 palette[FALSE_COLOURS];  // from low to high
+
+const float SAME = 0.02;  // relative difference in depth of neighbours on one surface
+const float LINE = 0.35;  // brightness of a line
+
+// Where the light at a pixel stands on the scale: 0 at its lower end, 1 at its upper one.
+float place(ivec2 pixel)
+{
+    vec4 s = texelFetch(values, pixel, 0);
+    float light = dot(texelFetch(direct, pixel, 0).rgb + s.rgb / (s.a > 0.0 ? s.a : 1.0), weights);
+    float t = low > 0.0 ? log(max(light, 1e-30) / low) / log(high / low) : light / high;
+    return clamp(t, 0.0, 1.0);
+}
+
+bool crosses(float t, float depth, ivec2 beside)
+{
+    ivec2 pixel = min(beside, textureSize(values, 0) - 1);
+    float d = texelFetch(position, pixel, 0).w;
+    // the upper end belongs to the last step
+    float last = steps - 1.0;
+    return abs(d - depth) < SAME * depth && min(floor(t * steps), last) != min(floor(place(pixel) * steps), last);
+}
+
+vec3 picture(ivec2 pixel, float depth)
+{
+    if (depth == 0.0) return ground;
+    float t = place(pixel), at = t * float(FALSE_COLOURS - 1);
+    int i = min(int(at), FALSE_COLOURS - 2);
+    vec3 colour = mix(palette[i], palette[i + 1], at - float(i));
+    bool line = steps > 0.0 && (crosses(t, depth, pixel + ivec2(1, 0)) || crosses(t, depth, pixel + ivec2(0, 1)));
+    return line ? LINE * colour : colour;
+}

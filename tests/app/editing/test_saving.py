@@ -1,0 +1,114 @@
+"""A scene that is written and read again: the same lights, cameras and triangles, the same light; and what the format loses."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import irrsplat
+from irrsplat.core.errors import InputError
+from irrsplat.scene.io.text.scene_writer import parts_folder, write_scene
+from irrsplat.scene.model import Camera, Image, Light, Material, Scene, Texture
+from irrsplat.scene.motion import hidden, transformed
+from tests.support.viewing import write_room
+
+FAST: dict[str, Any] = {"bounces": 1, "gather_size": 8, "shadow_size": 64, "radius_min": 2.0, "radius_max": 20.0}
+LIGHTS = (
+    Light((0.1, 0.7, 1.0 / 3.0), (3.0, 2.0, 1.0), physical=True, name="lamp"),
+    Light((0.3, 0.1, 0.2), (0.2, 0.3, math.pi), attenuation=(0.1, 0.2, 0.3), name="old"),
+    Light((0.5, 0.5, 0.1), (4, 4, 4), False, True, spot_target=(0.1, -0.9, 0.3), spot_cutoff=31.7, spot_inner=12.3, name="spot"),
+    Light((0.2, 1.0, 0.7), (0.25, 0.5, 0.75), directional=True, name="sun"),
+)  # fmt: skip
+
+
+@pytest.fixture
+def room(tmp_path: Path) -> Scene:
+    """The room of the viewer's tests with its box moved and repainted, and a light of every kind."""
+    scene = irrsplat.load(write_room(tmp_path))
+    turn = np.eye(4)
+    turn[:3, 3] = 0.123, 0.0456, 1.0 / 7.0
+    box = replace(transformed(scene.meshes[2], turn), material=Material((0.1, 0.2, 1.0 / 3.0), (0.5, 0.25, 0.125)))
+    return replace(scene, meshes=(*scene.meshes[:2], box), lights=LIGHTS)
+
+
+def test_lights_cameras_and_triangles_come_back_exactly(room: Scene, tmp_path: Path) -> None:
+    assert write_scene(room, tmp_path / "saved.scene") == ""
+    found = irrsplat.load(tmp_path / "saved.scene")
+    assert found.lights == room.lights and found.cameras == room.cameras and found.sky == room.sky
+    for mesh, before in zip(found.meshes, room.meshes, strict=True):
+        corners, expected = mesh.positions[mesh.faces], before.positions[before.faces]
+        assert np.array_equal(corners, expected) and mesh.material == before.material
+        assert mesh.normals[mesh.faces] == pytest.approx(before.normals[before.faces], abs=1e-6)
+        assert (mesh.name, mesh.closed) == (before.name, before.closed)
+
+
+def test_it_is_lit_as_before(room: Scene, tmp_path: Path) -> None:
+    """The same triangles under the same numbers: the same rays."""
+    write_scene(room, tmp_path / "saved.scene")
+    before, after = (irrsplat.render(scene, (64, 48), **FAST) for scene in (room, irrsplat.load(tmp_path / "saved.scene")))
+    assert np.nanmean(before.irradiance) > 0.1
+    assert after.irradiance == pytest.approx(before.irradiance, rel=1e-4, abs=1e-5, nan_ok=True)
+
+
+def test_nothing_is_overwritten_unasked(room: Scene, tmp_path: Path) -> None:
+    path = tmp_path / "room.scene"
+    text = path.read_text()
+    with pytest.raises(InputError, match=r"room\.scene: this is there already; give another name"):
+        write_scene(room, path)
+    parts_folder(tmp_path / "other.scene").mkdir()
+    with pytest.raises(InputError, match="other-files: this is there already"):
+        write_scene(room, tmp_path / "other.scene")
+    with pytest.raises(InputError, match=r"ends in \.scene"):
+        write_scene(room, tmp_path / "other.obj")
+    assert path.read_text() == text and not (tmp_path / "other.scene").exists()
+    write_scene(room, path, overwrite=True)
+    assert irrsplat.load(path).lights == room.lights
+
+
+def test_what_the_format_cannot_hold_is_one_line(room: Scene, tmp_path: Path) -> None:
+    image = Texture(Image(np.full((2, 2, 4), 255, np.uint8)))
+    worn = Material((0.5, 0.5, 0.5), albedo_texture=image, normal_texture=image, alpha_mode="mask")
+    left = replace(room.meshes[1], material=Material(double_sided=False), colors=np.ones_like(room.meshes[1].positions))
+    wide = replace(LIGHTS[2], spot_cutoff=90.0, spot_inner=10.0)
+    other = replace(room.cameras[0], fov=20.0, name="tele")
+    rich = replace(
+        room,
+        meshes=(replace(room.meshes[0], material=worn), left, room.meshes[2]),
+        lights=(wide,),
+        cameras=(*room.cameras, other),
+        sky_gradient=(0.1, 0.1, 0.1),
+    )
+    said = write_scene(rich, tmp_path / "rich.scene")
+    assert said.startswith("rich.scene: a .scene does not hold ") and "\n" not in said
+    for what in (
+        "textures (1)", "normal maps (1)", "opacity (1)", "colours at vertices (1)", "surfaces without a back (1)",
+        "cones of 90 degrees or more (1)", "a field of view for each camera", "a sky that is brighter above",
+    ):  # fmt: skip
+        assert what in said
+    irrsplat.load(tmp_path / "rich.scene")
+
+
+def test_names_that_files_cannot_have(room: Scene, tmp_path: Path) -> None:
+    """Each thing gets a file of its own, and each camera a word of its own; the first camera stays the first."""
+    first = Camera((0.0, 0.0, 2.0), (0.0, 0.0, 0.0), fov=50.0)
+    cameras = (first, replace(first, name="at the # door"), replace(first, name="7"), replace(first, name=""))
+    meshes = tuple(replace(mesh, name=name) for mesh, name in zip(room.meshes, ("a/b", "A b", ""), strict=True))
+    lights = tuple(replace(light, name="../lamp") for light in LIGHTS)
+    write_scene(replace(room, cameras=cameras, meshes=meshes, lights=lights), tmp_path / "odd.scene")
+    found = irrsplat.load(tmp_path / "odd.scene")
+    assert [c.name for c in found.cameras] == ["", "at_the_door", "7_2", "camera_2"] and found.cameras[0] == first
+    assert [m.name for m in found.meshes] == ["a_b", "A_b-2", "mesh"]
+    assert [light.position for light in found.lights] == [light.position for light in LIGHTS]
+    assert {path.parent for path in map(Path, found.files[1:])} == {tmp_path / "odd-files"}
+
+
+def test_hidden_objects_are_left_out_and_a_dark_scene_stays_dark(room: Scene, tmp_path: Path) -> None:
+    gone = replace(room, meshes=(*room.meshes[:2], hidden(room.meshes[2], np.zeros(3))), lights=())
+    write_scene(gone, tmp_path / "dark.scene")
+    found = irrsplat.load(tmp_path / "dark.scene")
+    assert [mesh.name for mesh in found.meshes] == ["walls", "left"] and found.sky == (0.0, 0.0, 0.0) and not found.notices

@@ -1,0 +1,331 @@
+"""Maps of skies: files, the sphere on rectangles, which way is which, and suns that are taken out of them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import irrsplat
+from irrsplat.core.color import LUMINANCE
+from irrsplat.core.errors import InputError
+from irrsplat.records import cache_file
+from irrsplat.reference import disk_cache
+from irrsplat.scene.model import Camera
+from irrsplat.settings import Settings
+from irrsplat.sky.environment import Environment, frame_of
+from irrsplat.sky.map_file import MOST_ROWS, read_map
+from irrsplat.sky.sphere import equirectangular, from_square, solid_angles, square, texel_directions
+from irrsplat.sky.split import split
+from tests.support.skies import save_exr
+
+CUBE = "".join(f"v {x} {y} {z}\n" for x in (0, 1) for y in (0, 1) for z in (0, 1)) + "f 1 2 4 3\nf 5 7 8 6\nf 1 5 6 2\n"
+
+
+def noise(height: int, width: int) -> np.ndarray:
+    """A map of random radiance, 0.1 to 1.1."""
+    return (0.1 + np.random.default_rng(2).random((height, width, 3))).astype("f4")
+
+
+# ---- the sphere ------------------------------------------------------------------------------------------------------------
+
+
+def test_both_maps_of_the_sphere_have_inverses() -> None:
+    ways = np.random.default_rng(0).normal(size=(2000, 3))
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    assert np.allclose(from_square(*square(ways)), ways, atol=1e-12)
+    u, v = equirectangular(texel_directions(16, 32))
+    assert np.allclose(u * 32 - 0.5, np.arange(32)) and np.allclose((v * 16 - 0.5).T, np.arange(16))
+    assert solid_angles(16, 32).sum() * 32 == pytest.approx(4.0 * np.pi)
+
+
+def test_equal_areas_of_the_square_are_equal_solid_angles() -> None:
+    """Of directions spread evenly over the sphere, each of 64 squares holds a 64th: within 5 standard deviations."""
+    ways = np.random.default_rng(1).normal(size=(200_000, 3))
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    u, v = square(ways)
+    counts = np.histogram2d(u, v, 8, ((0, 1), (0, 1)))[0]
+    assert np.abs(counts - 3125).max() < 5.0 * np.sqrt(3125)
+
+
+def test_the_middle_is_north_and_its_right_is_east() -> None:
+    """As a camera sees it that looks along -z, with y up: no mirror image. A turn of 90° brings the middle to +x."""
+    u, v = equirectangular(np.array([(0.0, 0.0, -1.0), (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0)]))
+    assert np.allclose(u[:3], (0.5, 0.75, 0.25)) and np.allclose(v, (0.5, 0.5, 0.5, 0.0))
+    assert np.allclose(frame_of(np.eye(3), 90.0).T @ (0.0, 0.0, -1.0), (1.0, 0.0, 0.0))
+    up_is_z = frame_of(np.array([(1.0, 0, 0), (0, 0, 1.0), (0, -1.0, 0)]), 0.0)
+    assert np.allclose(up_is_z.T @ (0.0, 0.0, -1.0), (0.0, 1.0, 0.0)), "north is y where z is up"
+    assert np.linalg.det(up_is_z) == pytest.approx(1.0)
+
+
+def test_rays_find_all_light_of_a_map() -> None:
+    """The mean over the sphere is that of the map, whichever level is looked at; each colour is at its place."""
+    radiance = noise(24, 48)
+    sky = Environment(radiance, radiance)
+    exact = (radiance * solid_angles(24, 48)[:, None, None]).sum((0, 1)) / (4.0 * np.pi)
+    assert np.allclose(sky.mean, exact, rtol=1e-5)
+    for level in sky.light_levels:
+        assert np.allclose(level.mean((0, 1)), exact, rtol=1e-5)
+    assert np.allclose(sky.seen(texel_directions(24, 48)), radiance, atol=1e-5)
+    ways = texel_directions(64, 128)
+    smooth = (1.0 + 0.5 * ways).astype("f4")  # red to the east, green above, blue to the south
+    assert np.allclose(Environment(smooth, smooth).lit_by(ways, 1e-4), smooth, atol=0.02)
+
+
+# ---- suns ------------------------------------------------------------------------------------------------------------------
+
+
+def whole(radiance: np.ndarray) -> np.ndarray:
+    """(3,) all light of a map."""
+    return np.asarray((radiance * solid_angles(*radiance.shape[:2])[:, None, None]).sum((0, 1), dtype=float))
+
+
+def test_a_split_keeps_all_light() -> None:
+    """Two coloured discs of 1.4° over a noisy sky, one across the seam: what is taken out is what is missing, and comes from
+    where it was. What is left is no brighter than 16 times the mean."""
+    radiance = noise(256, 512)
+    ways = texel_directions(256, 512)
+    places = np.array([(0.5, 0.7, -0.2), (0.02, 0.3, 1.0)])
+    places /= np.linalg.norm(places, axis=1, keepdims=True)
+    for place, colour in zip(places, ((3e4, 2e4, 1e4), (2e3, 4e3, 8e3)), strict=True):
+        radiance[ways @ place > np.cos(np.radians(0.7))] = colour
+    rest, suns = split(radiance)
+    assert len(suns) == 2
+    assert np.allclose(whole(rest) + np.sum([sun.irradiance for sun in suns], axis=0), whole(radiance), rtol=1e-6)
+    assert (rest @ LUMINANCE).max() < 17.0 * (rest @ LUMINANCE).mean()
+    for sun, place in zip(suns, places, strict=True):
+        assert np.degrees(np.arccos(np.dot(sun.direction, place))) < 0.2  # of texels of 0.7°, some are in the disc
+    assert np.array_equal(rest[200:], radiance[200:]), "elsewhere nothing has changed"
+
+
+def test_what_is_large_or_weak_is_no_sun() -> None:
+    """A window of 20°, a strip light of 1° by 60°, and a disc that brings half a percent."""
+    ways = texel_directions(256, 512)
+    window, strip, weak = (np.full((256, 512, 3), 0.5, "f4") for _ in range(3))
+    window[ways @ (0.0, 0.6, -0.8) > np.cos(np.radians(10.0))] = 100.0
+    strip[100:102, 200:285] = 60.0
+    weak[ways @ (0.0, 0.6, -0.8) > np.cos(np.radians(1.0))] = 30.0
+    for radiance in (window, strip, weak):
+        rest, suns = split(radiance)
+        assert suns == () and rest is radiance
+
+
+def test_a_single_texel_is_a_sun() -> None:
+    """Before black, of a coarse map: all of it is taken."""
+    radiance = np.zeros((16, 32, 3), "f4")
+    radiance[5, 7] = (1.0, 2.0, 3.0)
+    rest, (sun,) = split(radiance)
+    assert not rest.any()
+    assert np.allclose(sun.irradiance, solid_angles(16, 32)[5] * np.array([1.0, 2.0, 3.0]))
+    assert np.allclose(sun.direction, texel_directions(16, 32)[5, 7])
+
+
+# ---- files -----------------------------------------------------------------------------------------------------------------
+
+
+def coded(radiance: np.ndarray) -> np.ndarray:
+    """(H, W, 4) uint8: as Radiance's setcolr."""
+    most = radiance.max(-1)
+    mantissa, exponent = np.frexp(most)
+    scale = np.where(most > 1e-32, mantissa * 256.0 / np.maximum(most, 1e-32), 0.0)
+    out = np.concatenate([radiance * scale[..., None], np.where(most > 1e-32, exponent + 128, 0)[..., None]], -1)
+    return out.astype(np.uint8)
+
+
+def save_hdr(path: Path, radiance: np.ndarray, kind: str = "runs", head: bytes = b"", line: bytes = b"") -> Path:
+    """Write a Radiance picture: flat, in old runs (each pixel and a repeat), or by components with runs and literals."""
+    pixels, (height, width) = coded(radiance), radiance.shape[:2]
+    data = b""
+    if kind == "flat":
+        data = pixels.tobytes()
+    elif kind == "old":
+        flat = pixels.reshape(-1, 4)
+        first = np.r_[True, (flat[1:] != flat[:-1]).any(1)]
+        starts = np.flatnonzero(first)
+        for start, count in zip(starts, np.diff(np.r_[starts, len(flat)]), strict=True):
+            data += flat[start].tobytes()
+            again = int(count) - 1
+            while again:
+                data += bytes((1, 1, 1, again & 255))
+                again >>= 8
+    else:
+        for row in pixels:
+            data += bytes((2, 2, width >> 8, width & 255))
+            for values in row.T:
+                if (values == values[0]).all() and width <= 127:
+                    data += bytes((128 + width, values[0]))
+                else:
+                    for k in range(0, width, 100):
+                        part = values[k : k + 100]
+                        data += bytes((len(part),)) + part.tobytes()
+    size = line or b"-Y %d +X %d" % (height, width)
+    path.write_bytes(b"#?RADIANCE\n# made by a test\n" + head + b"FORMAT=32-bit_rle_rgbe\n\n" + size + b"\n" + data)
+    return path
+
+
+@pytest.mark.parametrize("kind", ["runs", "flat", "old"])
+def test_a_radiance_picture_is_read(tmp_path: Path, kind: str) -> None:
+    """Within the half step that 8 bits of mantissa leave, of the brightest channel; EXPOSURE counts."""
+    radiance = noise(12, 24) * np.logspace(-3, 5, 24, dtype="f4")[None, :, None]
+    radiance[4] = radiance[4, 3]
+    radiance[7, 5:9] = 0.0
+    found, notices = read_map(save_hdr(tmp_path / "a.hdr", radiance, kind))
+    assert notices == [] and found.dtype == np.float32
+    assert (np.abs(found - radiance) <= radiance.max(-1, keepdims=True) / 255.0).all()
+    assert not found[7, 5:9].any()
+    halved, _ = read_map(save_hdr(tmp_path / "a.hdr", radiance, kind, b"EXPOSURE=2\n"))
+    assert np.allclose(halved, found / 2.0)
+    turned, _ = read_map(save_hdr(tmp_path / "a.hdr", radiance, kind, line=b"+Y 12 -X 24"))
+    assert np.array_equal(turned, found[::-1, ::-1])
+
+
+def test_an_exr_is_read(tmp_path: Path) -> None:
+    radiance = noise(8, 16)
+    assert np.array_equal(read_map(save_exr(tmp_path / "a.exr", radiance))[0], radiance)
+    grey = read_map(save_exr(tmp_path / "b.exr", radiance[..., :1], "Y"))[0]
+    assert np.array_equal(grey, np.repeat(radiance[..., :1], 3, -1))
+
+
+def test_a_large_map_is_halved(tmp_path: Path) -> None:
+    radiance = np.zeros((2 * MOST_ROWS, 4, 3), "f4")
+    radiance[::2] = 2.0
+    found, (notice,) = read_map(save_exr(tmp_path / "a.exr", radiance))
+    assert found.shape == (MOST_ROWS, 2, 3) and (found == 1.0).all()
+    assert "4x4096 pixels are not twice as wide as high" in notice
+
+
+def test_slightly_negative_pixels_are_told(tmp_path: Path) -> None:
+    radiance = noise(8, 16)
+    radiance[3, 3, 0] = -1e-3
+    found, (notice,) = read_map(save_exr(tmp_path / "a.exr", radiance))
+    assert found.min() == 0.0 and "slightly negative" in notice
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -5.0])
+def test_pixels_that_cannot_be_are_refused(tmp_path: Path, value: float) -> None:
+    radiance = noise(8, 16)
+    radiance[3, 3] = value
+    with pytest.raises(InputError, match=r"a\.exr: 1 of its pixels are (not finite|negative)") as raised:
+        read_map(save_exr(tmp_path / "a.exr", radiance))
+    assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize("cut", [10, 60, 100, 200])
+@pytest.mark.parametrize("kind", ["runs", "old"])
+def test_a_picture_that_is_cut_off_is_refused(tmp_path: Path, kind: str, cut: int) -> None:
+    path = save_hdr(tmp_path / "a.hdr", noise(12, 24), kind)
+    path.write_bytes(path.read_bytes()[:-cut] if cut > 10 else path.read_bytes()[:cut])
+    with pytest.raises(InputError, match=r"a\.hdr: (this is no|the picture is cut off)"):
+        read_map(path)
+
+
+def test_other_files_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.png").write_bytes(b"x")
+    with pytest.raises(InputError, match=r"ends in \.hdr"):
+        read_map(tmp_path / "a.png")
+    (tmp_path / "a.exr").write_bytes(b"x" * 100)
+    with pytest.raises(InputError, match="no OpenEXR file"):
+        read_map(tmp_path / "a.exr")
+    with pytest.raises(InputError, match="no channels R, G and B, but W, X, Z"):
+        read_map(save_exr(tmp_path / "a.exr", noise(8, 16), "XZW"))
+
+
+# ---- scenes ----------------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A cube, and a map with a sun."""
+    radiance = noise(32, 64)
+    radiance[8, 40] = 1e4
+    save_exr(tmp_path / "my sky.exr", radiance)
+    (tmp_path / "cube.obj").write_text(CUBE)
+    (tmp_path / "plain.scene").write_text("obj cube.obj\ncam 0 0 5 0 0 0 0 1 0\n")
+    return tmp_path
+
+
+def scene_with(folder: Path, sky: str) -> irrsplat.Scene:
+    """The cube under this sky."""
+    (folder / "a.scene").write_text(f"sky {sky}\nobj cube.obj\ncam 0 0 5 0 0 0 0 1 0\n")
+    return irrsplat.load(folder / "a.scene")
+
+
+def test_a_scene_names_its_map(folder: Path) -> None:
+    """Its file is among those of the scene, its sun among the lights, gain and turn as they are given."""
+    plain, made = scene_with(folder, "my sky.exr"), scene_with(folder, "my sky.exr gain 2 rotate 90")
+    assert (
+        str(folder / "my sky.exr") in made.files
+        and made.own_sky
+        and made.environment is not None
+        and plain.environment is not None
+    )
+    assert np.allclose(made.environment.mean, 2.0 * plain.environment.mean)
+    (sun,), (before,) = made.lights, plain.lights
+    assert sun.name == "sun" and sun.directional and np.allclose(sun.color, np.multiply(before.color, 2.0))
+    assert np.allclose(sun.position, (-before.position[2], before.position[1], before.position[0])), "clockwise from above"
+
+
+def test_any_file_may_be_put_under_a_sky(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In place of what stands in, and of a scene's own; paths are relative to the current folder."""
+    monkeypatch.chdir(folder)
+    for name in ("cube.obj", "plain.scene"):
+        mapped = irrsplat.load(name, sky="my sky.exr")
+        assert mapped.environment is not None and len(mapped.lights) == 1 and not any(mapped.sky)
+        assert not any("stand" in notice and "sky" in notice for notice in mapped.notices)
+        plain = irrsplat.load(name, sky="1 2 3")
+        assert plain.sky == (1.0, 2.0, 3.0) and plain.environment is None and plain.own_sky and not any(plain.sky_gradient)
+    assert irrsplat.load("cornell", sky="my sky.exr").environment is not None
+    standing = irrsplat.load("cube.obj", up_axis="z", sky="cie clear sun 30 90").lights[0]
+    assert np.allclose(standing.position, (np.cos(np.radians(30)), 0.0, 0.5)), "east is x, and up z"
+
+
+def test_caches_know_the_sky(folder: Path) -> None:
+    """Another turn, gain or map is another key; the same ones again are the same."""
+    camera, settings = Camera((0, 0, 5), (0, 0, 0)), Settings()
+    skies = "my sky.exr", "my sky.exr rotate 5", "my sky.exr gain 1.5", "cie overcast lux 1000", "1 1 1"
+    scenes = [scene_with(folder, sky) for sky in skies]
+    assert len({cache_file.key(scene, settings).geometry for scene in scenes}) == len(skies)
+    assert len({disk_cache.key_of(scene, camera) for scene in scenes}) == len(skies)
+    again = scene_with(folder, skies[0])
+    assert cache_file.key(again, settings) == cache_file.key(scenes[0], settings)
+    assert disk_cache.key_of(again, camera) == disk_cache.key_of(scenes[0], camera)
+
+
+@pytest.mark.parametrize(
+    ("sky", "said"),
+    [
+        ("", "nothing is said about it"),
+        ("none.hdr", "there is no file 'none.hdr'"),
+        ("my sky.exr gain -1", "the gain is -1"),
+        ("my sky.exr gain x", "'x' is not a finite number"),
+        ("my sky.exr gain 1 gain 2", "'gain' is given twice"),
+        ("my sky.exr gain 1e12", "brighter than"),
+        ("nan 1 1", "'nan' is not a finite number"),
+        ("cie", "no kind of CIE sky"),
+        ("cie cloudy", "'cloudy' is no kind of CIE sky"),
+        ("cie clear", "needs the sun's place"),
+        ("cie overcast", "or lux E"),
+        ("cie clear sun 40", "'sun' has 1 values and needs 2"),
+        ("cie clear sun -4 100", "4.0° below the horizon"),
+        ("cie clear sun 95 100", "expected -90 to 90"),
+        ("cie clear sun 4 100 at 1 2 3", "both say where the sun stands"),
+        ("cie clear sun 4 100 sun 4 100", "'sun' is given twice"),
+        ("cie clear at 50 10 2026-06-21T12:00", "does not say how far it is from UTC"),
+        ("cie clear at 50 10 noon", "'noon' is no time"),
+        ("cie clear at 95 10 2026-06-21T12:00Z", "no place at 95 10"),
+        ("cie overcast lux 1 turbidity 3", "turbidity is for clear"),
+        ("cie clear sun 40 100 ground 2", "ground is 2; expected 0 to 1"),
+        ("cie clear sun 40 100 glow 2", "unknown word 'glow'"),
+    ],
+)
+def test_what_is_wrong_is_said_in_one_line(folder: Path, sky: str, said: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """With file and line in a scene, and as the option that it is elsewhere."""
+    with pytest.raises(InputError) as raised:
+        scene_with(folder, sky)
+    assert said in str(raised.value) and "\n" not in str(raised.value)
+    assert str(raised.value).startswith(f"{folder / 'a.scene'}:1: ")
+    monkeypatch.chdir(folder)
+    with pytest.raises(InputError) as raised:
+        irrsplat.load(folder / "cube.obj", sky=sky)
+    assert said in str(raised.value) and str(raised.value).startswith("sky: ")

@@ -1,0 +1,50 @@
+"""Skies from arrays and formulas, files that hold them, and sums over the sphere to compare with."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from irrsplat.scene.io.defaults import under
+from irrsplat.scene.model import Scene
+from irrsplat.sky.cie import CieSky
+from irrsplat.sky.environment import Environment
+from irrsplat.sky.sky_text import Sky
+from irrsplat.sky.sphere import solid_angles, texel_directions
+from irrsplat.sky.split import split
+
+
+def mapped(scene: Scene, radiance: np.ndarray, turn: float = 0.0) -> Scene:
+    """The scene under an equirectangular map (H, W, 3), as a file of it would be read; up is y."""
+    light, suns = split(radiance.astype("f4"))
+    return under(Sky(environment=Environment(radiance.astype("f4"), light, suns), turn=turn), scene, np.eye(3))
+
+
+def cie(scene: Scene, sky: CieSky) -> Scene:
+    """The scene under a CIE sky; up is y."""
+    return under(Sky(environment=sky.environment("CIE")), scene, np.eye(3))
+
+
+def without_lights(scene: Scene) -> Scene:
+    """The scene without lamps and suns."""
+    return replace(scene, lights=())
+
+
+def irradiance(radiance: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """(N, 3) E = Σ L·max(n·ω, 0)·dω of an equirectangular map (H, W, 3) on planes of unit normals (N, 3) that see all of it."""
+    height, width = radiance.shape[:2]
+    weight = radiance * solid_angles(height, width)[:, None, None]
+    ways = texel_directions(height, width)
+    return np.stack([np.einsum("ij,ijc->c", np.maximum(ways @ n, 0.0), weight, dtype=float) for n in np.atleast_2d(normal)])
+
+
+def save_exr(path: Path, radiance: np.ndarray, names: str = "RGB") -> Path:
+    """Write (H, W, C) as an EXR with these channels."""
+    import OpenEXR
+
+    channels = {name: OpenEXR.Channel(np.ascontiguousarray(radiance[..., i], "f4")) for i, name in enumerate(names)}
+    with OpenEXR.File({"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}, channels) as file:
+        file.write(str(path))
+    return path
