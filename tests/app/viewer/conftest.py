@@ -15,7 +15,7 @@ from tests.support.viewing import ShownView, shown_view
 def shared_cornell() -> Iterator[ShownView]:
     """The Cornell box after two rounds; the records of the second are splatted, and some pixels still ask."""
     with context.shared():
-        made = shown_view(irrsplat.load("cornell"))
+        made = shown_view(irrsplat.load("cornell"), gather="raster")
     yield made
     with context.shared():
         made.release()
