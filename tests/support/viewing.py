@@ -38,6 +38,7 @@ from irrsplat.image.frame import Frame
 from irrsplat.image.tonemap import exposure_of
 from irrsplat.image.view import read
 from irrsplat.indirect import temporal_filter
+from irrsplat.records.cache_file import CacheState
 from irrsplat.reference import worker
 from irrsplat.renderer import Renderer
 from irrsplat.scene.model import Camera, Scene
@@ -152,6 +153,7 @@ class Driver:
         self.viewer, self.wnd = viewer, viewer.wnd
         self.values, self.source = values, viewer.actions.source  # that `reset` goes back to
         self.size = self.wnd.size
+        self.records: CacheState | None = None  # of the view that `reset` goes back to, once it was at rest
         self.modifiers = KeyModifiers()
         self.widgets: list[Widget] = []  # of the last frame
 
@@ -341,7 +343,16 @@ class Driver:
         actions.editor.apply(SceneEdit.of(actions.editor.loaded))
         actions.editor = Editor(session)
         self.move(self.wnd.width - 20.0, self.wnd.height - 20.0)
-        self.settle()
+        renderer = session.renderers[0]
+        if self.records is None:
+            self.settle()
+            self.records = renderer.scheduler.state()
+        else:  # the same again is not gathered again
+            renderer.forget()
+            renderer.scheduler.follow(renderer.settings, renderer.scene, renderer.shadows)
+            renderer.scheduler.restore(self.records)
+            self.settle()
+            self.frame(8)  # in which the interface forgets what was clicked
 
 
 _WIDGETS = (
