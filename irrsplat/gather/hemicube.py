@@ -5,6 +5,8 @@ A "raster" gather sees all of it by a hemicube, one full face and four half ones
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 from irrsplat.core.glsl import NEIGHBOUR_STRIDE
@@ -43,11 +45,12 @@ def _corners(kind: str, side: int, points: int = 1) -> list[tuple[tuple[slice, s
     return out
 
 
+@lru_cache(maxsize=8)
 def hemisphere_table(kind: str, side: int) -> np.ndarray:
     """(H, W, 4) float64: each texel's mean direction in the record's frame, unit, and the cosθ·dω that it stands for.
 
     With d = F⁻¹(x, y, 1), dω = det(F⁻¹)·dx·dy/|d|³; ∫ω·dω over a texel is summed over a grid of points in it: its direction
-    is the texel's, and its component along the normal is the cosθ·dω.
+    is the texel's, and its component along the normal is the cosθ·dω. Nobody may write to it: it is kept.
     """
     width, height = (int(n) for n in (faces(kind)[1][:, :2] + faces(kind)[1][:, 2:]).max(0) * (side // 2))
     table = np.zeros((height, width, 4))
@@ -62,6 +65,7 @@ def hemisphere_table(kind: str, side: int) -> np.ndarray:
     return table
 
 
+@lru_cache(maxsize=8)
 def edge_table(kind: str, side: int) -> np.ndarray:
     """(H, 2W, 4) float64: at (y, 2x + j), texel (x, y)'s edge to its right (j = 0) or upper (j = 1) neighbour, seams included.
 

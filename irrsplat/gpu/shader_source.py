@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,6 +14,9 @@ from irrsplat.core.paths import folder
 _INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$')
 _UNIFORM = re.compile(r"^\s*uniform\s+(\w+)\s+(\w+)\s*(\[[^\]]*\])?\s*;", re.MULTILINE)
 _PLACE = re.compile(r"\b(\d+)[:(](\d+)\)?")  # Mesa: 2:17(5), NVIDIA: 2(17), Apple and Intel: 2:17
+
+
+_Stamps = dict[Path, tuple[int, int] | None]
 
 
 class ShaderError(IrrsplatError):
@@ -30,24 +33,54 @@ class Source:
     uniforms: dict[str, str]
 
 
+_MOST_LOADED = 500  # some 15 MB
+_loaded: dict[tuple[object, ...], tuple[Source, _Stamps]] = {}  # what `load` gave, and of which states of which files
+
+
 def load(name: str, defines: Mapping[str, object] | None = None, root: Path | None = None) -> Source:
     """The shader file `name` (relative to `root`, default the bundled shaders) with includes and `defines` in place.
 
     `#include "lib/x.glsl"` is replaced by that file's text the first time and by nothing afterwards; what "generated/x.glsl" is
     replaced by is made from Python (core/glsl.py). An include in a block that the compiler skips is left out. Where each line
-    came from is kept here, not in #line directives: Mesa forgets their file numbers. Raises ShaderError for a missing file.
+    came from is kept here, not in #line directives: Mesa forgets their file numbers. Files that have not changed since they were
+    last expanded so are not read again. Raises ShaderError for a missing file.
     """
-    root = root or folder("shaders")
+    root, defines = root or folder("shaders"), defines or {}
+    asked = name, root, tuple((key, str(value)) for key, value in defines.items())
+    if asked not in _loaded or _stamps(_loaded[asked][1]) != _loaded[asked][1]:
+        if len(_loaded) >= _MOST_LOADED:
+            _loaded.clear()
+        _loaded[asked] = _expanded(name, defines, root)
+    return _loaded[asked][0]
+
+
+def _stamps(files: Iterable[Path]) -> _Stamps:
+    """When each file was last written, in ns, and its size; None where there is none."""
+    found: _Stamps = {}
+    for file in files:
+        try:
+            about = file.stat()
+            found[file] = about.st_mtime_ns, about.st_size
+        except OSError:
+            found[file] = None
+    return found
+
+
+def _expanded(name: str, defines: Mapping[str, object], root: Path) -> tuple[Source, _Stamps]:
+    """The shader file `name` with all its includes, and which files that took."""
+    stamps: _Stamps = {}
     seen: set[str] = set()
-    text = ["#version 330 core", *(f"#define {key} {value}" for key, value in (defines or {}).items())]
+    text = ["#version 330 core", *(f"#define {key} {value}" for key, value in defines.items())]
     places = [(name, 0)] * len(text)
-    conditions = _Conditions(defines or {})
+    conditions = _Conditions(defines)
 
     def expand(name: str, included: str) -> None:
         if name in seen:
             return
         seen.add(name)
         try:
+            if name not in glsl.INCLUDES:
+                stamps.update(_stamps([root / name]))  # before it is read: a change in between shows next time
             content = glsl.INCLUDES[name] if name in glsl.INCLUDES else (root / name).read_text(encoding="utf-8")
         except OSError as error:
             raise ShaderError(f"{included}cannot read '{name}': {error.strerror}") from error
@@ -62,7 +95,7 @@ def load(name: str, defines: Mapping[str, object] | None = None, root: Path | No
 
     expand(name, "")
     whole = "\n".join(text) + "\n"
-    return Source(name, whole, tuple(places), _uniforms(whole, defines or {}))
+    return Source(name, whole, tuple(places), _uniforms(whole, defines)), stamps
 
 
 class _Conditions:

@@ -30,7 +30,9 @@ def small(words: list[str]) -> list[str]:
     if "--size" in words:
         i = words.index("--size")
         words = words[:i] + words[i + 3 :]
-    quick = [] if words[0] == "bench" else ["--gather-size", "8", "--warmup", "20", "--shadow-size", "64"]
+    quick = ["--gather-size", "8", "--warmup", "20", "--shadow-size", "64"]
+    if words[0] == "bench":  # tests/app/bench has all presets and flights
+        quick = [*([] if "--preset" in words else ["--preset", "default"]), *([] if "--flight" in words else ["--flight", "off"])]
     return [*words, "--size", "24", "24", *quick]
 
 

@@ -77,7 +77,7 @@ def test_records_longest_out_of_view_go_first_and_of_those_the_farthest(ctx: mod
 
 
 def flight() -> list[Camera]:
-    return [turned(FRONT, angle) for angle in range(0, 360, 15)]
+    return [turned(FRONT, angle) for angle in range(0, 360, 30)]
 
 
 @pytest.mark.parametrize("settings", [{}, {"preset": "paper", "a": 0.4, "warmup": 60}, {"neighbours": True}])
@@ -87,7 +87,7 @@ def test_a_full_turn_with_fewer_records_than_it_takes(settings: dict[str, Any]) 
         counts = [free.render(camera).stats["records"] for camera in flight()]
     least = max(counts[0], 100)
     most = (3 * least + counts[-1]) // 4
-    assert counts[-1] > 1.5 * most, "else there is nothing to be tried here"
+    assert counts[-1] > 1.3 * most, "else there is nothing to be tried here"
     with Renderer(room(), SIZE, **FAST | settings, max_records=most) as bounded:
         seen: list[int] = []
         for camera in flight():

@@ -268,7 +268,7 @@ def test_at_rest_nothing_but_the_interface_is_drawn(driver: Driver, monkeypatch:
 
 
 def test_a_view_that_cannot_be_served_comes_to_rest(driver: Driver) -> None:
-    driver.resize((80, 60))
+    driver.resize((40, 30))
     driver.session.change(0, tolerance=1e6)
     driver.settle()
     assert driver.session.progress[0].coverage < 1.0 and driver.session.ms == {}
