@@ -102,6 +102,16 @@ class Actions:
         self.stop()
         self.session.look_at_all(self.session.scene.bounds)
 
+    def frame_selected(self) -> None:
+        """Go where the picked object, or the whole scene where none is, is just in the picture, in the same direction."""
+        mesh = self.editor.mesh
+        if mesh is None or self.editor.object(mesh).hidden:
+            self.frame_all()
+            return
+        self.stop()
+        positions = self.session.scene.meshes[mesh].positions
+        self.session.look_at_all(np.stack([positions.min(0), positions.max(0)]).astype(float))
+
     def headlamp(self) -> None:
         """Switch a lamp at the eye on, or off."""
         self.session.carry_headlamp(not self.session.headlamp)

@@ -328,6 +328,7 @@ class Driver:
         actions.panels, actions.side, actions.screenshot_wanted = Panels(settings=False, hud=False), 0, ""
         actions.messages.lines.clear()
         actions.hints, actions.appearance = Hints(list(HINTS)), Appearance()
+        self.viewer.interface.layout.restore()
         self.viewer.interface.dialog.typed = self.viewer.interface.save_dialog.typed = ""
         session.options, session.held, session.path_recorder = ViewOptions(), None, PathRecorder()
         session.truths.release()

@@ -85,6 +85,8 @@ class ImguiBackend(Owner):
         self._io.config_input_text_cursor_blink = False  # a window that rests is not drawn
         self._io.config_windows_move_from_title_bar_only = True  # a drag inside a window is for what lies there
         self._io.backend_flags |= imgui.BackendFlags_.renderer_has_textures | imgui.BackendFlags_.renderer_has_vtx_offset
+        self._io.config_flags |= imgui.ConfigFlags_.docking_enable
+        self._io.config_docking_with_shift = False
         platform = imgui.get_platform_io()
         platform.renderer_texture_max_width = platform.renderer_texture_max_height = ctx.info["GL_MAX_TEXTURE_SIZE"]
         for i, name in enumerate(FONTS):  # a glyph comes from the first font that has it

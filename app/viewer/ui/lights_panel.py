@@ -14,6 +14,7 @@ from irrsplat.app.viewer.editing.lamps import Lamp
 from irrsplat.app.viewer.editing.picking import on_screen
 from irrsplat.app.viewer.ui.layout import AMBER, WIDGET_WIDTH, Layout
 
+_SIZE = 300.0, 300.0  # about, of the panel; window coordinates at scale 1
 _OFF, _SHADE = (0.5, 0.5, 0.5, 1.0), (0.0, 0.0, 0.0, 0.7)  # colours of a lamp that is off, and around any
 _WHITE = 6500.0  # kelvin where the slider stands for a colour of its own
 _WIDEST, _NARROWEST = 89.0, 1.0  # degrees: half angles of cones
@@ -30,9 +31,9 @@ class LightsPanel:
         actions, editor = self.actions, self.actions.editor
         if not actions.panels.lights:
             return
-        self.layout.place_panel(1)
+        self.layout.place_panel("lights", *_SIZE, numbers=actions.panels.hud)
         shown, opened = imgui.begin("lights", True, imgui.WindowFlags_.always_auto_resize)
-        self.layout.keep_inside()
+        self.layout.keep_inside("lights")
         actions.panels.lights = bool(opened)
         if shown:
             if not editor.lamps:

@@ -31,7 +31,8 @@ case = CASES.case
 @pytest.fixture(autouse=True)
 def panels_beside_the_picture(monkeypatch: pytest.MonkeyPatch) -> None:
     """Panels stand where they would in a large window: pulled into this small one they would lie over what is clicked."""
-    monkeypatch.setattr(Layout, "keep_inside", lambda layout: None)
+    monkeypatch.setattr(Layout, "keep_inside", lambda layout, name: True)
+    monkeypatch.setattr(Layout, "_free_place", lambda layout, *taken: (360.0, 30.0))
 
 
 def editor(driver: Driver) -> Editor:

@@ -14,6 +14,7 @@ from irrsplat.app.viewer.ui.layout import WIDGET_WIDTH, Layout
 from irrsplat.scene.model import Material, Mesh
 
 _DARKEST = 1e-3  # W/(m² sr): the least emission where none would be drawn otherwise
+_SIZE = 290.0, 250.0  # about, of the panel; window coordinates at scale 1
 _BRIGHTEST = 1000.0  # W/(m² sr) that the slider goes to
 
 
@@ -29,8 +30,9 @@ class ObjectPanel:
         number = editor.mesh
         if number is None:
             return
-        self.layout.place_panel(2 if actions.panels.lights else 1)
+        self.layout.place_panel("object", *_SIZE, numbers=actions.panels.hud)
         shown, opened = imgui.begin("object", True, imgui.WindowFlags_.always_auto_resize)
+        self.layout.keep_inside("object")
         if shown:
             mesh, edit = editor.loaded.meshes[number], editor.object(number)
             imgui.text(editor.name(number))

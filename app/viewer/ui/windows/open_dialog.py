@@ -8,6 +8,7 @@ from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.input.folder_listing import ENDINGS, FolderListing
+from irrsplat.app.viewer.ui.layout import DIALOG
 from irrsplat.scene import bundled
 
 _SHARE = (0.8, 0.5)  # of the window: the dialog's width at most, and the height of its lists
@@ -33,7 +34,7 @@ class OpenDialog:
         view = imgui.get_main_viewport()
         imgui.set_next_window_pos(view.get_center(), imgui.Cond_.always, (0.5, 0.5))
         imgui.set_next_window_bg_alpha(0.97)
-        flags = imgui.WindowFlags_.always_auto_resize | imgui.WindowFlags_.no_collapse | imgui.WindowFlags_.no_saved_settings
+        flags = imgui.WindowFlags_.always_auto_resize | DIALOG | imgui.WindowFlags_.no_saved_settings
         shown, opened = imgui.begin("open a scene", True, flags)
         actions.panels.open = bool(opened)
         if shown:
