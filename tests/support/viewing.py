@@ -479,6 +479,14 @@ class Cases:
 
         return add
 
+    def run(self, driver: Driver, shown: str, moving: tuple[str, ...] = ()) -> None:
+        """Check a key: the camera is where it was, but for those of `moving`, nothing went wrong, and nobody quits."""
+        before = driver.session.camera
+        self.made[shown](driver, shown)
+        assert shown in moving or driver.session.camera == before
+        assert not driver.actions.quitting or shown == "Ctrl+Q"
+        assert not any(m.error for m in driver.actions.messages.lines)
+
     def check(self) -> None:
         """No key without a check, and none of the same name as another."""
         assert sorted(self.made) == sorted(self.keys)

@@ -164,7 +164,7 @@ def _lamp_words(a: Lamp, b: Lamp) -> str:
     if a.stops != b.stops:
         return "brightness"
     if a.light.position != b.light.position:
-        return "move"
+        return "turn" if b.light.directional else "move"
     if a.light.spot_target != b.light.spot_target:
         return "aim"
     return "colour" if a.light.color != b.light.color or a.kelvin != b.kelvin else "cone"

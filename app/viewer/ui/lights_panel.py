@@ -12,6 +12,7 @@ from irrsplat.app.viewer.editing.colour_temperature import COLDEST, HOTTEST
 from irrsplat.app.viewer.editing.editor import KINDS
 from irrsplat.app.viewer.editing.lamps import Lamp
 from irrsplat.app.viewer.editing.picking import on_screen
+from irrsplat.app.viewer.ui.editing.handles import choose_handles
 from irrsplat.app.viewer.ui.layout import AMBER, WIDGET_WIDTH, Layout
 
 _SIZE = 300.0, 300.0  # about, of the panel; window coordinates at scale 1
@@ -99,12 +100,7 @@ class LightsPanel:
         moved, aim = imgui.drag_float3("aims at", list(light.spot_target), step, 0, 0, "%.3f")
         if moved and tuple(aim) != tuple(lamp.light.position):
             lamp = lamp.aimed((aim[0], aim[1], aim[2]))
-        if imgui.radio_button("move", not editor.aiming):
-            editor.aiming = False
-        imgui.same_line()
-        if imgui.radio_button("aim", editor.aiming):
-            editor.aiming = True
-        imgui.set_item_tooltip("what the handles in the picture do; O switches")
+        editor.aiming = choose_handles("aim", editor.aiming)
         if not light.has_cone:
             return lamp
         cutoff, inner = light.spot_cutoff, light.spot_inner

@@ -10,6 +10,7 @@ from imgui_bundle import imgui
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.editing.lamps import Vector
 from irrsplat.app.viewer.editing.scene_edit import AS_LOADED, ObjectEdit
+from irrsplat.app.viewer.ui.editing.handles import choose_handles
 from irrsplat.app.viewer.ui.layout import WIDGET_WIDTH, Layout
 from irrsplat.scene.model import Material, Mesh
 
@@ -38,12 +39,7 @@ class ObjectPanel:
             imgui.text(editor.name(number))
             imgui.text_disabled(f"{len(mesh.faces)} triangles, {describe_material(mesh)}")
             imgui.separator()
-            if imgui.radio_button("move", not editor.turning):
-                editor.turning = False
-            imgui.same_line()
-            if imgui.radio_button("turn", editor.turning):
-                editor.turning = True
-            imgui.set_item_tooltip("what the handles in the picture do; O switches")
+            editor.turning = choose_handles("turn", editor.turning)
             after = self._placed(edit)
             after = self._painted(after, mesh)
             if imgui.button("hide"):
