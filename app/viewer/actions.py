@@ -66,6 +66,7 @@ class Actions:
         self.screenshot_wanted: Literal["", "window", "bare"] = ""
         self.fullscreen_wanted = preferences.fullscreen
         self.quitting = False
+        self.leaving: Callable[[], str | None] = lambda: None  # called before another scene comes; what went wrong
         preferences.opened(source)
 
     def press(self, key: Key) -> None:
@@ -428,6 +429,8 @@ class Actions:
             self.session.path_recorder.path = path
             self.session.path_recorder.play()
             return
+        if problem := self.leaving():
+            self.say(problem, error=True)
         self._load(source, keep_camera=False)
         self.source, self.bookmarks = source, stored.bookmarks(source)
         self.preferences.opened(source)

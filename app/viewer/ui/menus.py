@@ -13,6 +13,7 @@ from irrsplat.app.viewer.input.keys import GROUPS, KEYS
 from irrsplat.app.viewer.show.comparison import flip_is_there
 from irrsplat.app.viewer.ui.layout import Layout
 from irrsplat.app.viewer.ui.windows.about import PAGES
+from irrsplat.app.viewer.ui.windows.scene_pictures import ScenePictures
 from irrsplat.app.viewer.view_options import COMPARES, SCALES, SPLITS
 from irrsplat.reference.worker import INSTALL
 from irrsplat.scene import bundled
@@ -27,8 +28,8 @@ _NAME_WIDTH = 8.0  # of a bookmark's name, in heights of the font: so that the m
 class Menus:
     """Draws the menu bar of the actions."""
 
-    def __init__(self, actions: Actions, layout: Layout) -> None:
-        self.actions, self.layout = actions, layout
+    def __init__(self, actions: Actions, layout: Layout, pictures: ScenePictures) -> None:
+        self.actions, self.layout, self.pictures = actions, layout, pictures
         self._unfolded = ""  # the title in _MORE that is
         self._scale = 0.0  # of the interface, while its slider is dragged
 
@@ -99,12 +100,14 @@ class Menus:
         for name in bundled():
             if imgui.menu_item(name, "", actions.source == name)[0]:
                 actions.attempt(lambda name=name: actions.open(name))  # type: ignore[misc]
+            self.pictures.tooltip(name, self.layout.scale)
         recent = [source for source in actions.preferences.recent if source not in bundled()]
         if recent:
             imgui.separator_text("recent")
             for source in recent:
                 if imgui.menu_item(source, "", actions.source == source)[0]:
                     actions.attempt(lambda source=source: actions.open(source))  # type: ignore[misc]
+                self.pictures.tooltip(source, self.layout.scale)
         imgui.separator()
         self._key("open_dialog")
         self._key("save_dialog")
