@@ -13,6 +13,7 @@ from irrsplat.app.viewer.editing.editor import KINDS
 from irrsplat.app.viewer.editing.lamps import Lamp
 from irrsplat.app.viewer.editing.picking import on_screen
 from irrsplat.app.viewer.ui.editing.handles import choose_handles
+from irrsplat.app.viewer.ui.editing.sky_panel import draw_sky
 from irrsplat.app.viewer.ui.layout import AMBER, WIDGET_WIDTH, Layout
 
 _SIZE = 300.0, 300.0  # about, of the panel; window coordinates at scale 1
@@ -52,6 +53,7 @@ class LightsPanel:
             if editor.light is not None:
                 imgui.separator()
                 self._edit(editor.light)
+            draw_sky(actions, 1.4 * WIDGET_WIDTH * self.layout.scale)
         imgui.end()
 
     def _width(self) -> None:
@@ -77,7 +79,7 @@ class LightsPanel:
                 lamp = lamp.moved(actions.session.camera.eye)
             imgui.same_line()
         if imgui.button("as loaded"):
-            lamp = Lamp.of(lamp.loaded)
+            lamp = Lamp.of(lamp.loaded, lamp.of_sky)
         imgui.same_line()
         if imgui.button("delete"):
             actions.attempt(lambda: editor.delete_light(number))

@@ -18,6 +18,7 @@ from irrsplat.app.viewer.editing.editor import KINDS, Editor
 from irrsplat.app.viewer.editing.lamps import Vector
 from irrsplat.app.viewer.editing.picking import on_screen
 from irrsplat.app.viewer.editing.scene_edit import SceneEdit, middle
+from irrsplat.app.viewer.editing.sun_sky import SunSky
 from irrsplat.app.viewer.view_options import COMPARES
 from irrsplat.settings import SettingValues
 from tests.renderer.test_no_holes import holes
@@ -125,6 +126,13 @@ def delete_lamp(driver: Driver, draw: Draw) -> None:
     made = editor(driver)
     if made.lamps:
         made.delete_light(int(draw.integers(len(made.lamps))))
+
+
+@act(0.7)
+def set_sky(driver: Driver, draw: Draw) -> None:
+    """At any time of the day, and by night."""
+    before = editor(driver).sky or SunSky()
+    editor(driver).set_sky(replace(before, minute=int(draw.integers(24 * 60)), day=int(draw.integers(1, 366))))
 
 
 @act(3.0)
@@ -257,7 +265,7 @@ def test_whatever_a_user_does_leaves_no_hole_and_can_be_undone(driver: Driver) -
     driver.resize(SIZES[0])
     driver.actions.appearance.scale = 0.75
     driver.session.change(0, **QUICK)
-    draw, states, at, done = np.random.default_rng(SEED), [SceneEdit.of(editor(driver).loaded)], 0, list[str]()
+    draw, states, at, edits, done = np.random.default_rng(SEED), [SceneEdit.of(editor(driver).loaded)], 0, 0, list[str]()
     often = np.array([weight for _, weight in ACTS])
     for step in range(EDITS):
         if draw.random() < 0.2:
@@ -271,14 +279,14 @@ def test_whatever_a_user_does_leaves_no_hole_and_can_be_undone(driver: Driver) -
             one(driver, draw)
             driver.frame(2)
             if editor(driver).edit != states[at]:
-                states, at = [*states[: at + 1], editor(driver).edit], at + 1
+                states, at, edits = [*states[: at + 1], editor(driver).edit], at + 1, edits + 1
         driver.frame(int(draw.integers(1, 4)))
         assert not driver.actions.messages.errors, f"{driver.said} after {done}"
         assert editor(driver).edit == states[at] == editor(driver).history.present, f"another edit than expected after {done}"
         if step % CHECKED == CHECKED - 1 or step == EDITS - 1:
             check(driver, done)
             done = done[-2 * CHECKED :]
-    assert len(states) > EDITS // 8
+    assert edits > EDITS // 8
     while editor(driver).undo():
         driver.frame()
     assert editor(driver).edit == states[0] and driver.session.scene.meshes is editor(driver).loaded.meshes
