@@ -13,6 +13,7 @@ MENU_BAR = 30.0  # window coordinates at scale 1 that the menu bar takes
 STATISTICS_WIDTH = 212.0  # at least, of times and numbers
 PANELS = ("settings", "lights", "object", "scale of light")
 PANEL_WIDTH = 338.0  # of the panels, window coordinates at scale 1
+_IN_FRONT = 4.0  # how much worse it is to lie behind the numbers than before another panel
 _FREE = 0.35  # of the window's width that must stay free for what stands clear of the panels
 WIDGET_WIDTH = 128.0  # of a slider, window coordinates at scale 1
 AMBER, RED, WHITE = (0.98, 0.67, 0.30, 1.0), (0.75, 0.2, 0.15, 0.92), (1.0, 1.0, 1.0, 1.0)
@@ -110,16 +111,17 @@ class Layout:
     def _free_place(self, name: str, width: float, height: float, numbers: bool) -> tuple[float, float]:
         """Where a panel covers nothing, or as little as can be."""
         left, top, right, bottom = self.area
-        boxes = [box for other, box in (self._boxes | self._drawn).items() if other != name]
+        boxes = [(1.0, box) for other, box in (self._boxes | self._drawn).items() if other != name]
         if numbers:
             wide, high = self.statistics_size
-            boxes.append((right - wide - MARGIN, top, right, top + high))
+            boxes.append((_IN_FRONT, (right - wide - MARGIN, top, right, top + high)))
         gap = MARGIN * self.scale
         ends = (right - width, max(bottom - self.legend_height - height, top))
-        lefts = [left + gap, *sorted(box[2] + gap for box in boxes), ends[0] - gap]
-        tops = [top, *sorted(box[3] + gap for box in boxes), ends[1]]
+        beside = [x for _, box in boxes for x in (box[2] + gap, box[0] - width - gap)]
+        lefts = [left + gap, *sorted(beside), ends[0] - gap]
+        tops = [top, *sorted(box[3] + gap for _, box in boxes), ends[1]]
         found = [(x, y) for x in lefts for y in tops if left <= x <= ends[0] and y <= ends[1]]
-        boxed = [(sum(_shared((x, y, x + width, y + height), box) for box in boxes), x, y) for x, y in found]
+        boxed = [(sum(cost * _shared((x, y, x + width, y + height), box) for cost, box in boxes), x, y) for x, y in found]
         _, x, y = min(boxed, default=(0.0, max(ends[0], 0.0), top), key=lambda one: one[0])
         return x, y
 

@@ -16,7 +16,7 @@ from irrsplat.app.viewer.ui.editing.handles import choose_handles
 from irrsplat.app.viewer.ui.editing.sky_panel import draw_sky
 from irrsplat.app.viewer.ui.layout import AMBER, WIDGET_WIDTH, Layout
 
-_SIZE = 300.0, 300.0  # about, of the panel; window coordinates at scale 1
+_SIZE = 284.0, 256.0  # about, of the panel; window coordinates at scale 1
 _OFF, _SHADE = (0.5, 0.5, 0.5, 1.0), (0.0, 0.0, 0.0, 0.7)  # colours of a lamp that is off, and around any
 _WHITE = 6500.0  # kelvin where the slider stands for a colour of its own
 _WIDEST, _NARROWEST = 89.0, 1.0  # degrees: half angles of cones

@@ -40,7 +40,8 @@ class StatisticsView:
         imgui.set_next_window_bg_alpha(0.72)
         self._room = self._height(scale)
         imgui.set_next_window_size_constraints((STATISTICS_WIDTH * scale, 0.0), (view.size.x, max(self._room, 1.0)))
-        imgui.begin("numbers", None, PLAIN & ~NO_SCROLLBAR if self._others + self._stages_height > self._room + 1.0 else PLAIN)
+        scrolls = self._others + imgui.get_text_line_height_with_spacing() > self._room  # though all stages but one are left out
+        imgui.begin("numbers", None, PLAIN & ~NO_SCROLLBAR if scrolls else PLAIN)
         self._rate()
         self._buttons()
         self._stages()

@@ -15,7 +15,7 @@ from irrsplat.app.viewer.ui.layout import WIDGET_WIDTH, Layout
 from irrsplat.scene.model import Material, Mesh
 
 _DARKEST = 1e-3  # W/(m² sr): the least emission where none would be drawn otherwise
-_SIZE = 290.0, 250.0  # about, of the panel; window coordinates at scale 1
+_SIZE = 266.0, 240.0  # about, of the panel; window coordinates at scale 1
 _BRIGHTEST = 1000.0  # W/(m² sr) that the slider goes to
 
 

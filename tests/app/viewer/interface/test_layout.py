@@ -107,6 +107,24 @@ def test_everything_fits(driver: Driver, size: tuple[int, int], scale: float) ->
     driver.actions.appearance.scale = 1.0
 
 
+def test_a_legend_that_is_too_long_scrolls(driver: Driver) -> None:
+    """It takes two fifths of the height, and the wheel moves it, not the camera; one that fits lets the mouse through."""
+    driver.session.options.frozen = driver.session.options.points = True
+    driver.resize((640, 400))
+    for scale, scrolls in ((1.0, False), (2.5, True)):
+        driver.actions.appearance.scale = scale
+        driver.actions.show("irradiance")
+        driver.frame(6)
+        layout = driver.viewer.interface.layout
+        driver.move(40.0, 370.0)
+        driver.frame(3)
+        assert driver.viewer.backend.wants_mouse == scrolls and layout.legend_height < 0.45 * 400
+    before, camera = driver.window(), driver.session.camera
+    driver.viewer.controls.wheel(0.0, -3.0)
+    driver.frame(4)
+    assert driver.session.camera == camera and (driver.window() != before)[260:].any(-1).sum() > 500
+
+
 def test_the_size_of_the_interface_is_set_in_the_menu(driver: Driver) -> None:
     driver.resize((640, 400))
     driver.frame(2)
