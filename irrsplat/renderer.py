@@ -357,7 +357,8 @@ class Renderer(Owner):
 
     def _subject(self, camera: Camera) -> tuple[object, ...]:
         """All that a picture is made of but the records."""
-        return camera, self.size, self.scene.lights, self.scene.meshes, self.settings, self.headlamp
+        scene = self.scene
+        return camera, self.size, scene.lights, scene.sky_parts, scene.meshes, self.settings, self.headlamp
 
     def _picture_may_wait(self, camera: Camera) -> bool:
         """Whether the last picture stays for another tick, so that pictures take but a share of the time while they change by
@@ -447,7 +448,7 @@ class Renderer(Owner):
             settings.warmup,
             settings.emitters_apart,
         )
-        return state.size, scene.meshes, scene.lights, criteria
+        return state.size, scene.meshes, scene.lights, scene.sky_parts, criteria
 
     def _look_only(self, state: ViewState, gbuffer: GBuffer, splats: SplatBuffer, gather: bool) -> tuple[ViewState, RoundResult]:
         """How much of the view is covered, while nothing may be gathered for it; where `gather` is False for good, every pixel is
@@ -547,14 +548,15 @@ class Renderer(Owner):
 
     def pose(self, scene: Scene) -> None:
         """Go on with the renderer's scene in another pose: the same meshes elsewhere, of other materials or hidden (see
-        scene.motion.hidden), and other lights. As `move`, `repaint` and `relight` at once; raises InputError for a scene of other
-        meshes, and as these."""
+        scene.motion.hidden), other lights and another sky. As `move`, `repaint` and `relight` at once; raises InputError for a
+        scene of other meshes, and as these."""
         pairs = zip(scene.meshes, self.scene.meshes, strict=False)
         if len(scene.meshes) != len(self.scene.meshes) or any(len(a.faces) != len(b.faces) for a, b in pairs):
             raise InputError("a pose has the same meshes as the renderer's scene, in the same order")
         meshes = tuple(_posed(a, b) for a, b in zip(scene.meshes, self.scene.meshes, strict=True))
         same = all(a is b for a, b in zip(meshes, self.scene.meshes, strict=True))
-        now = replace(self.scene, lights=scene.lights, meshes=self.scene.meshes if same else meshes)
+        around = {name: getattr(scene, name) for name in ("sky", "sky_gradient", "environment", "own_sky")}
+        now = replace(self.scene, lights=scene.lights, meshes=self.scene.meshes if same else meshes, **around)
         self._go_on(replace(self._state, scene=now))
 
     def resize(self, size: tuple[int, int]) -> None:

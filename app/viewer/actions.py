@@ -66,6 +66,7 @@ class Actions:
         self.screenshot_wanted: Literal["", "window", "bare"] = ""
         self.fullscreen_wanted = preferences.fullscreen
         self.quitting = False
+        self.leaving: Callable[[], str | None] = lambda: None  # called before another scene comes; what went wrong
         preferences.opened(source)
 
     def press(self, key: Key) -> None:
@@ -101,6 +102,16 @@ class Actions:
         """Go back until the whole scene is seen, in the direction that one looks in."""
         self.stop()
         self.session.look_at_all(self.session.scene.bounds)
+
+    def frame_selected(self) -> None:
+        """Go where the picked object, or the whole scene where none is, is just in the picture, in the same direction."""
+        mesh = self.editor.mesh
+        if mesh is None or self.editor.object(mesh).hidden:
+            self.frame_all()
+            return
+        self.stop()
+        positions = self.session.scene.meshes[mesh].positions
+        self.session.look_at_all(np.stack([positions.min(0), positions.max(0)]).astype(float))
 
     def headlamp(self) -> None:
         """Switch a lamp at the eye on, or off."""
@@ -418,6 +429,8 @@ class Actions:
             self.session.path_recorder.path = path
             self.session.path_recorder.play()
             return
+        if problem := self.leaving():
+            self.say(problem, error=True)
         self._load(source, keep_camera=False)
         self.source, self.bookmarks = source, stored.bookmarks(source)
         self.preferences.opened(source)

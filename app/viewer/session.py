@@ -390,13 +390,13 @@ class Session(Owner):
         self.pose(replace(self.scene, lights=tuple(lights)))
 
     def pose(self, scene: Scene) -> None:
-        """Show the same scene with other lights, with meshes elsewhere, repainted or hidden: records are gathered again in place,
-        tick by tick. Raises InputError, and changes nothing, for what Renderer.pose or Renderer.relight refuses."""
+        """Show the same scene with other lights, another sky, meshes elsewhere, repainted or hidden: records are gathered again
+        in place, tick by tick. Raises InputError, and changes nothing, for what Renderer.pose or Renderer.relight refuses."""
         before = [renderer.scene for renderer in self.renderers]
         try:
             for renderer in self.renderers:
                 if scene.meshes is self.scene.meshes:  # else a path that has moved some would end where it began
-                    renderer.relight(scene.lights)
+                    renderer.pose(replace(scene, meshes=renderer.scene.meshes))
                 else:
                     renderer.pose(scene)
         except IrrsplatError:
@@ -468,14 +468,15 @@ def _filled(progress: Progress) -> bool:
 
 
 def _brought_up(parked: Renderer, shown: Renderer) -> bool:
-    """Whether a parked renderer now has the size, the lights and the meshes of the one on show; not where other things differ."""
+    """Whether a parked renderer now has the size, the lights, the sky and the meshes of the one on show; not where other things
+    differ."""
     now, then = shown.scene, parked.scene
-    apart = ("lights", "meshes")
+    apart = ("lights", "meshes", "sky", "sky_gradient", "environment", "own_sky")
     if any(getattr(now, f.name) is not getattr(then, f.name) for f in fields(Scene) if f.name not in apart):
         return False
     try:
         parked.resize(shown.size)
-        if now.lights != then.lights or now.meshes is not then.meshes:
+        if now.lights != then.lights or now.meshes is not then.meshes or now.sky_parts != then.sky_parts:
             parked.pose(now)
     except IrrsplatError:
         return False

@@ -10,6 +10,7 @@ import numpy as np
 from moderngl_window.context.base import BaseWindow
 from moderngl_window.timers import Timer
 
+from irrsplat.app.viewer import preferences as stored
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.cache_file import CacheFile
 from irrsplat.app.viewer.input.controls import Controls
@@ -66,6 +67,7 @@ class Viewer(Owner):
         self.controls = Controls(wnd, self.actions, self.display, self.backend)
         self.controls.scale_changed(self.desktop.scale)
         self.backend.windows = self.actions.appearance.windows
+        self.actions.leaving = self._keep_picture
         self.canvas = self._canvas(wnd.buffer_size)  # the picture without the interface
         self.inspected: InspectedRecord | None = None
         self.cache_file: CacheFile | None = None
@@ -83,7 +85,16 @@ class Viewer(Owner):
     def owned(self) -> tuple[Resource, ...]:
         """What this frees: all but the window."""
         drawn_over = self.outline, self.magnifier
-        return (self.session, self.display, *self.canvas.textures, self.canvas, self.copy, *drawn_over, self.backend)
+        return (
+            self.session,
+            self.display,
+            *self.canvas.textures,
+            self.canvas,
+            self.copy,
+            *drawn_over,
+            self.interface.pictures,
+            self.backend,
+        )
 
     def _programs(self) -> list[Program]:
         """The programs that are not the session's."""
@@ -203,6 +214,12 @@ class Viewer(Owner):
                 if self.still:
                     self.desktop.wait(_SLEEP)
 
+    def _keep_picture(self) -> str | None:
+        """Keep what the scene looks like now, for the list of recent ones; None, or why that failed."""
+        if not self.session.views:
+            return None
+        return stored.keep_picture(self.actions.source, _pixels(self.canvas), self.actions.preferences.recent)
+
     def close(self, remember: bool = True) -> str | None:
         """Keep what is to be remembered, and free everything but the window; None, or why it could not be kept."""
         problem = None
@@ -210,6 +227,7 @@ class Viewer(Owner):
             fullscreen = self.wnd.fullscreen
             self.actions.appearance.windows = self.backend.windows
             problem = self.actions.save_preferences(None if fullscreen else self.wnd.size, fullscreen)
+            problem = self._keep_picture() or problem
             problem = (self.cache_file.save() if self.cache_file is not None else None) or problem
         self.release()
         return problem

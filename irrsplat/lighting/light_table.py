@@ -20,6 +20,7 @@ from irrsplat.scene.model import Light, Scene
 _X, _Y, _Z = np.eye(3)
 _CUBE = np.array([[_Z, _Y, _X], [_Y, _Z, -_X], [_X, _Z, _Y], [_Z, _X, -_Y], [_Y, _X, _Z], [_X, _Y, -_Z]])
 _WIDEST_CONE = 80.0  # degrees: the greatest half angle of a cone that one tile covers
+_NARROWEST = 1e-6  # tangent of the least: of a scene that is a point, as one is whose meshes are all hidden
 _GUARD = 2  # texels around a tile, so that dithered samples stay inside it
 _NEAR = 1e-3  # distance of the near plane, as a share of the scene's diagonal
 
@@ -50,7 +51,7 @@ def _single(light: Light, scene: Scene) -> tuple[np.ndarray, float] | None:
     corners = (scene.corners - position) @ axes.T
     if corners[:, 2].min() <= 0.0:
         return None
-    tangent = float((np.abs(corners[:, :2]).max(1) / corners[:, 2]).max())
+    tangent = max(float((np.abs(corners[:, :2]).max(1) / corners[:, 2]).max()), _NARROWEST)
     return (axes[2], 1.01 * tangent) if tangent <= np.tan(np.radians(_WIDEST_CONE)) else None
 
 

@@ -12,7 +12,7 @@ class SceneChange:
     """From `old` to `new`, which have the same meshes in the same order.
 
     moved: the indices of the meshes that are elsewhere. relit: whether any light differs. repainted: the indices of the meshes
-    that have another material.
+    that have another material. other_sky: whether the sky differs, but for its suns, which are lights.
     """
 
     old: Scene
@@ -20,6 +20,7 @@ class SceneChange:
     moved: tuple[int, ...]
     relit: bool
     repainted: tuple[int, ...] = ()
+    other_sky: bool = False
 
     @classmethod
     def between(cls, old: Scene, new: Scene) -> SceneChange:
@@ -27,16 +28,16 @@ class SceneChange:
         pairs = list(zip(old.meshes, new.meshes, strict=True))
         moved = tuple(i for i, (a, b) in enumerate(pairs) if is_elsewhere(a, b))
         repainted = tuple(i for i, (a, b) in enumerate(pairs) if a is not b and a.material != b.material)
-        return cls(old, new, moved, old.lights != new.lights, repainted)
+        return cls(old, new, moved, old.lights != new.lights, repainted, old.sky_parts != new.sky_parts)
 
     def __bool__(self) -> bool:
         """Whether anything differs."""
-        return bool(self.moved or self.repainted) or self.relit
+        return bool(self.moved or self.repainted) or self.relit or self.other_sky
 
     @property
     def looks_otherwise(self) -> bool:
-        """Whether all light may be another, since lights or materials differ."""
-        return self.relit or bool(self.repainted)
+        """Whether all light may be another, since lights, the sky or materials differ."""
+        return self.relit or self.other_sky or bool(self.repainted)
 
     @property
     def hides(self) -> bool:

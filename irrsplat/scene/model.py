@@ -281,6 +281,15 @@ class Light:
         return values if self.photometry is None else (*values, tuple(self.photometry.digest), self.across)
 
 
+def sun_lights(environment: Environment) -> tuple[Light, ...]:
+    """The suns of a sky as the lights that a scene under it has."""
+    found = []
+    for sun in environment.suns:
+        red, green, blue = (value / math.pi for value in sun.irradiance)
+        found.append(Light(environment.toward(sun), (red, green, blue), directional=True, name="sun"))
+    return tuple(found)
+
+
 @dataclass(frozen=True)
 class Camera:
     """A pinhole: `eye`, `target` and `up` as gluLookAt (world space), `fov` vertical in degrees."""
@@ -362,6 +371,11 @@ class Scene:
     up: tuple[float, float, float] = (0.0, 1.0, 0.0)
     own_sky: bool = True
     environment: Environment | None = None
+
+    @property
+    def sky_parts(self) -> tuple[object, ...]:
+        """All that says what comes from the sky; equal where the same does."""
+        return self.sky, self.sky_gradient, self.up if any(self.sky_gradient) else None, self.own_sky, self.environment
 
     @cached_property
     def materials(self) -> dict[Material, int]:

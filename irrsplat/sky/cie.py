@@ -18,7 +18,7 @@ TURBIDITY = 2.45  # gensky's
 GROUND = 0.2  # mean reflectance of the ground, gensky's
 SUN_DIAMETER = 0.533  # degrees
 _HIGHEST = 87.0  # degrees: the zenith luminance of a clear sky has a pole where the sun stands overhead; gensky stops there too
-_HEIGHT, _WIDTH = 1024, 2048  # texels: the sun is three wide
+ROWS = 1024  # of the map: the sun is three texels wide
 _FINE = 9  # points along a side of a texel, of which the sun's disc covers some
 
 
@@ -93,30 +93,32 @@ class CieSky:
         lux = 1.5e9 * 6e-5 * (1.147 - 0.147 / max(float(self.sun_direction[1]), 0.16))
         return lux * (0.15 if self.kind == "intermediate" else 1.0)
 
-    def environment(self, about: str) -> Environment:
-        """The sky and its ground as a grey map, and its sun as light; W/(m² sr) and W/m² by 179 lm/W."""
-        half, area = _HEIGHT // 2, solid_angles(_HEIGHT, _WIDTH)
-        ways = texel_directions(_HEIGHT, _WIDTH, np.arange(half))
+    def environment(self, about: str, line: str = "", rows: int = ROWS) -> Environment:
+        """The sky and its ground as a grey map of so many rows (even), and its sun as light; W/(m² sr) and W/m² by 179 lm/W."""
+        width = 2 * rows
+        half, area = rows // 2, solid_angles(rows, width)
+        ways = texel_directions(rows, width, np.arange(half))
         relative = self.relative(ways)
         open_sky = float(np.einsum("ij,ij,i->", relative, ways[..., 1], area[:half]))  # E over the zenith's luminance
         zenith = self.zenith_luminance if self.lux is None else self.lux / open_sky
         direct = self.sun_illuminance
         level = self.ground / np.pi * (zenith * open_sky + direct * self.sun_direction[1])
-        luminance = np.concatenate([zenith * relative, np.full((half, _WIDTH), level)])
+        luminance = np.concatenate([zenith * relative, np.full((half, width), level)])
         light = np.repeat((luminance / LUMINOUS_EFFICACY).astype(np.float32)[..., None], 3, axis=-1)
         if not direct:
-            return Environment(light, light, (), about)
+            return Environment(light, light, (), about, line=line)
         shining = sun(self.sun_direction, np.full(3, direct / LUMINOUS_EFFICACY))
-        disc = _disc(self.sun_direction)
-        shown = light + (disc * (direct / LUMINOUS_EFFICACY) / (disc @ np.ones(_WIDTH) @ area)).astype(np.float32)[..., None]
-        return Environment(shown, light, (shining,), about)
+        disc = _disc(self.sun_direction, rows)
+        shown = light + (disc * (direct / LUMINOUS_EFFICACY) / (disc @ np.ones(width) @ area)).astype(np.float32)[..., None]
+        return Environment(shown, light, (shining,), about, line=line)
 
 
-def _disc(toward: np.ndarray) -> np.ndarray:
+def _disc(toward: np.ndarray, height: int) -> np.ndarray:
     """(H, W) the share of each texel that the sun's disc covers."""
-    covered, edge = np.zeros((_HEIGHT, _WIDTH)), np.cos(np.radians(0.5 * SUN_DIAMETER))
-    row = int(np.arccos(np.clip(toward[1], -1.0, 1.0)) / np.pi * _HEIGHT)
-    rows = np.arange(max(row - 2, 0), min(row + 3, _HEIGHT))
-    fine = texel_directions(_HEIGHT * _FINE, _WIDTH * _FINE, (rows[:, None] * _FINE + np.arange(_FINE)).ravel()) @ toward >= edge
-    covered[rows] = fine.reshape(len(rows), _FINE, _WIDTH, _FINE).mean((1, 3))
+    width = 2 * height
+    covered, edge = np.zeros((height, width)), np.cos(np.radians(0.5 * SUN_DIAMETER))
+    row = int(np.arccos(np.clip(toward[1], -1.0, 1.0)) / np.pi * height)
+    rows = np.arange(max(row - 2, 0), min(row + 3, height))
+    fine = texel_directions(height * _FINE, width * _FINE, (rows[:, None] * _FINE + np.arange(_FINE)).ravel()) @ toward >= edge
+    covered[rows] = fine.reshape(len(rows), _FINE, width, _FINE).mean((1, 3))
     return covered

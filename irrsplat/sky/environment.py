@@ -22,7 +22,8 @@ class Environment:
     """A sky from a map. Directions in its own axes have x east, y up and z south; the middle of a map is north.
 
     shown: (H, W, 3) float32 equirectangular radiance as a camera sees it, top row first. light: the same without what is in
-    `suns`, which the scene has among its lights. frame: (3, 3) rows east, up and south in world space. about: in words.
+    `suns`, which the scene has among its lights. frame: (3, 3) rows east, up and south in world space. about: in words. line:
+    what stands after `sky` in a `.scene` for it, where that names no file; else empty.
     """
 
     shown: np.ndarray
@@ -30,6 +31,7 @@ class Environment:
     suns: tuple[Sun, ...] = ()
     about: str = "a map"
     frame: np.ndarray = field(default_factory=lambda: np.eye(3))
+    line: str = ""
 
     @cached_property
     def digest(self) -> bytes:

@@ -160,7 +160,8 @@ def _cie(words: list[str], error: Callable[[str], InputError]) -> Sky:
         lux=value("lux", 0.0, 0.0, 1e6) if "lux" in given else None,
     )
     about = f"CIE {kind}" + ("" if altitude is None else f", sun at altitude {altitude:.1f}°, azimuth {azimuth:.1f}°")
-    return Sky(environment=sky.environment(about), turn=value("north", 0.0, -360.0, 360.0))
+    line = " ".join(["cie", *words])
+    return Sky(environment=sky.environment(about, line), turn=value("north", 0.0, -360.0, 360.0))
 
 
 def _sun(given: dict[str, list[str]], error: Callable[[str], InputError], usage: str) -> tuple[float | None, float | None]:

@@ -240,6 +240,9 @@ class SurfaceCache(Owner):
             self._follower.move(old.scene, scene)
         elif moved or not np.array_equal(old.unlit, unlit):  # a lamp went into a closed mesh, or out
             self._drop_sites()
+        if change.other_sky:  # which sites one value does for depends on whether it is the same all around
+            self.transport = self._follower = None
+            self._drop_sites()
         if moved or relit:
             self._changing = _Changing(now=True, moved=self._changing.moved or moved)
         if other_rays:

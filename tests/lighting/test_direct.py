@@ -13,9 +13,10 @@ from irrsplat import Renderer
 from irrsplat.gpu.world import World
 from irrsplat.image.gbuffer import GBufferPass
 from irrsplat.lighting.direct import DirectPass
-from irrsplat.lighting.light_table import light_defines
+from irrsplat.lighting.light_table import light_defines, light_table
 from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.scene.model import Camera, Light, Scene
+from irrsplat.scene.motion import hidden
 from tests.gather.test_analytic import LIGHTS, irradiance, rim_distance
 from tests.support.worlds import ABOVE, assert_pictures, box, floor, lamp, material, on_plane, quad, scene, sphere
 
@@ -297,3 +298,10 @@ def test_many_lights_of_all_kinds_keep_their_own_tiles(ctx: moderngl.Context) ->
     together = directed(ctx, scene(*meshes, lights=lights))["direct"]
     apart = sum(directed(ctx, scene(*meshes, lights=(light,)))["direct"] for light in lights)
     assert_pictures("many_lights", together, np.asarray(apart), 1e-4 * together.max())
+
+
+def test_a_scene_that_is_a_point_can_be_lit() -> None:
+    """As one is whose meshes are all hidden, with a lamp outside."""
+    point = hidden(quad((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)), np.zeros(3))
+    table = light_table(scene(point, lights=(Light((0.0, 2.0, 0.0), (1.0, 1.0, 1.0)),)), 64)
+    assert np.isfinite(table.rows).all() and np.isfinite(table.tiles).all()

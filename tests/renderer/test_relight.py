@@ -19,7 +19,8 @@ from irrsplat.reference import fine_gather
 from irrsplat.scene.model import Camera, Light, Scene
 from tests.renderer.test_live import TICK, dimmed, ticks
 from tests.renderer.test_renderer import FAST, FRONT, SIZE, room
-from tests.support.worlds import lamp
+from tests.support.skies import mapped
+from tests.support.worlds import box, floor, lamp, scene
 
 MOVED = (lamp((-0.5, 0.2, 0.5), 5.0),)
 COLOURED = (replace(room().lights[0], color=(3.0, 1.2, 0.3)),)
@@ -146,3 +147,21 @@ def test_after_other_lights_errors_are_those_of_a_fresh_render() -> None:
     after = replace(before, lights=(new,))
     fresh, relit = errors(before, lambda r: r.relight(after.lights), after, bounces=1, gather_size=32, shadow_size=512)
     assert 0.001 < fresh < 0.1 and relit < 1.4 * fresh
+
+
+@pytest.mark.parametrize("bounces", [1, "all"])
+def test_another_sky_lights_in_proportion_and_a_map_of_one_radiance_as_that(bounces: int | str) -> None:
+    """A box on a floor, and no light but the sky: three times its radiance is three times the irradiance everywhere, and so is a
+    map that is the same all around; the records stay, and at rest nothing is left of the old sky."""
+    plain = scene(floor(), box((-0.5, 0.0, -0.5), (0.5, 0.7, 0.5)), sky=1.0)
+    tripled = replace(plain, sky=(3.0, 3.0, 3.0))
+    around = replace(mapped(plain, np.full((32, 64, 3), 3.0)), sky=(0.0, 0.0, 0.0))
+    with Renderer(plain, SIZE, **{**FAST, "gather": "trace", "bounces": bounces}, radius_max=25.0) as renderer:
+        before = renderer.render().irradiance
+        count = renderer.cache.count
+        for other, times in ((tripled, 3.0), (around, 3.0), (plain, 1.0)):
+            renderer.pose(other)
+            after = renderer.render().irradiance
+            assert after.mean() == pytest.approx(times * before.mean(), rel=0.01) and before.mean() > 0.5
+            assert np.quantile(np.abs(after - times * before), 0.95) < 0.03 * times * before.mean()
+            assert renderer.cache.count <= 1.1 * count

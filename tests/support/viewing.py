@@ -330,6 +330,7 @@ class Driver:
         actions.panels, actions.side, actions.screenshot_wanted = Panels(settings=False, hud=False), 0, ""
         actions.messages.lines.clear()
         actions.hints, actions.appearance = Hints(list(HINTS)), Appearance()
+        self.viewer.interface.layout.restore()
         self.viewer.interface.dialog.typed = self.viewer.interface.save_dialog.typed = ""
         session.options, session.held, session.path_recorder = ViewOptions(), None, PathRecorder()
         session.truths.release()
@@ -488,6 +489,14 @@ class Cases:
             return check
 
         return add
+
+    def run(self, driver: Driver, shown: str, moving: tuple[str, ...] = ()) -> None:
+        """Check a key: the camera is where it was, but for those of `moving`, nothing went wrong, and nobody quits."""
+        before = driver.session.camera
+        self.made[shown](driver, shown)
+        assert shown in moving or driver.session.camera == before
+        assert not driver.actions.quitting or shown == "Ctrl+Q"
+        assert not any(m.error for m in driver.actions.messages.lines)
 
     def check(self) -> None:
         """No key without a check, and none of the same name as another."""

@@ -11,8 +11,10 @@ import numpy as np
 from irrsplat.app.viewer.editing.history import History
 from irrsplat.app.viewer.editing.lamps import Lamp, Vector
 from irrsplat.app.viewer.editing.scene_edit import AS_LOADED, EditedScene, ObjectEdit, SceneEdit, describe, object_name
+from irrsplat.app.viewer.editing.sun_sky import QUICK, SunSky
 from irrsplat.app.viewer.session import Session
 from irrsplat.scene.model import Light
+from irrsplat.sky.cie import ROWS
 
 Kind = Literal["point", "spot", "directional"]
 KINDS: tuple[Kind, ...] = ("point", "spot", "directional")
@@ -35,6 +37,7 @@ class Editor:
         self._scenes = EditedScene(session.scene)
         self.mesh: int | None = None
         self.light: int | None = 0 if session.scene.lights else None
+        self._quick = False  # whether the sky is a coarse map now
         self.turning = self.aiming = self.handles_used = self.dragging = False
 
     # ---- changes ---------------------------------------------------------------------------------------------------
@@ -49,14 +52,18 @@ class Editor:
         scene cannot be so."""
         if edit == self.edit:
             return
-        self.session.pose(self._scenes.scene(edit))
+        self._quick = self._quick and edit.sky == self.edit.sky
+        self.session.pose(self._scenes.scene(edit, QUICK if self._quick else ROWS))
         self.edit = edit
         self.mesh = self.mesh if self.mesh is not None and self.mesh < len(edit.objects) else None
         if self.light is not None and self.light >= len(edit.lamps):
             self.light = len(edit.lamps) - 1 if edit.lamps else None
 
     def settle(self) -> None:
-        """A moment of rest: what has changed since the last one is one step."""
+        """A moment of rest: what has changed since the last one is one step, and a sky that was made quickly is made as it is."""
+        if self._quick:
+            self.session.pose(self._scenes.scene(self.edit))
+            self._quick = False
         self.history = self.history.then(self.edit)
 
     def undo(self) -> str:
@@ -128,6 +135,23 @@ class Editor:
     def delete_light(self, number: int) -> None:
         """Delete a light."""
         self.apply(replace(self.edit, lamps=(*self.lamps[:number], *self.lamps[number + 1 :])))
+
+    # ---- sky -------------------------------------------------------------------------------------------------------
+
+    @property
+    def sky(self) -> SunSky | None:
+        """The sky by place and time, as it was set or as the scene's file has it; None where it is another one."""
+        if self.edit.sky is not None or self.loaded.environment is None:
+            return self.edit.sky
+        return SunSky.of(self.loaded.environment.line)
+
+    def set_sky(self, sky: SunSky) -> None:
+        """Set the sky and its sun; the map is a coarse one until the next moment of rest."""
+        edit = self.edit.with_sky(sky, self._scenes.sky(sky, QUICK))
+        self.session.pose(self._scenes.scene(edit, QUICK))
+        self.edit, self._quick = edit, True
+        if self.light is not None and self.light >= len(edit.lamps):
+            self.light = len(edit.lamps) - 1
 
     # ---- objects ---------------------------------------------------------------------------------------------------
 

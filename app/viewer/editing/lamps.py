@@ -18,7 +18,7 @@ class Lamp:
     """A light of the scene as it is set: `light` with its full colour, brighter by `stops`, or off.
 
     loaded: the light as the scene's files have it, or as it was added. kelvin: the temperature by which it has its colour; None:
-    it has one of its own.
+    it has one of its own. of_sky: whether it is a sun of the scene's sky, which sets it when the time is another.
     """
 
     light: Light
@@ -26,11 +26,12 @@ class Lamp:
     stops: float = 0.0
     on: bool = True
     kelvin: float | None = None
+    of_sky: bool = False
 
     @classmethod
-    def of(cls, light: Light) -> Lamp:
+    def of(cls, light: Light, of_sky: bool = False) -> Lamp:
         """A lamp as its light is."""
-        return cls(light, light)
+        return cls(light, light, of_sky=of_sky)
 
     @property
     def emitted(self) -> Light:

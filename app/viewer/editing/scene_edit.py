@@ -8,9 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from irrsplat.app.viewer.editing.lamps import Lamp, Vector
+from irrsplat.app.viewer.editing.sun_sky import SunSky, is_sun_of, sun_of, with_sky
 from irrsplat.scene.model import Mesh, Scene
 from irrsplat.scene.motion import hidden, transformed
+from irrsplat.sky.cie import ROWS
+from irrsplat.sky.environment import Environment
 
+_SKIES = 4  # that are kept
 _POLE = 1e-6  # cosine of a tilt below which its two other angles turn about one axis
 
 
@@ -46,15 +50,27 @@ AS_LOADED = ObjectEdit()
 
 @dataclass(frozen=True)
 class SceneEdit:
-    """A scene's lights, and what is changed about each of its meshes."""
+    """A scene's lights, what is changed about each of its meshes, and its sky; None: as it was loaded."""
 
     lamps: tuple[Lamp, ...]
     objects: tuple[ObjectEdit, ...]
+    sky: SunSky | None = None
 
     @classmethod
     def of(cls, scene: Scene) -> SceneEdit:
         """Nothing is changed yet."""
-        return cls(tuple(map(Lamp.of, scene.lights)), (AS_LOADED,) * len(scene.meshes))
+        lamps = tuple(Lamp.of(light, is_sun_of(light, scene.environment)) for light in scene.lights)
+        return cls(lamps, (AS_LOADED,) * len(scene.meshes))
+
+    def with_sky(self, sky: SunSky, environment: Environment | None) -> SceneEdit:
+        """Under another sky, which is this environment: its sun is the lamp that the sky had before, or a new one."""
+        before = next((lamp for lamp in self.lamps if lamp.of_sky), None)
+        light = sun_of(environment, None if before is None else before.light)
+        if before is None:
+            return replace(self, sky=sky, lamps=(*self.lamps, Lamp.of(light, of_sky=True)))
+        sun = replace(before, light=light, loaded=light, kelvin=None)
+        lamps = tuple(sun if lamp is before else lamp for lamp in self.lamps if lamp is before or not lamp.of_sky)
+        return replace(self, sky=sky, lamps=lamps)
 
     def with_lamp(self, number: int, lamp: Lamp) -> SceneEdit:
         """With another lamp of this number."""
@@ -99,14 +115,24 @@ class EditedScene:
 
     def __init__(self, loaded: Scene) -> None:
         self.loaded = loaded
+        self._skies: dict[tuple[SunSky, int], Environment | None] = {}  # the last ones, and of how many rows
         self._made: dict[int, tuple[ObjectEdit, Mesh]] = {}
         self._last: tuple[tuple[ObjectEdit, ...], tuple[Mesh, ...]] = (AS_LOADED,) * len(loaded.meshes), loaded.meshes
 
-    def scene(self, edit: SceneEdit) -> Scene:
-        """The scene with all that the edit says. Raises InputError where a mesh would go beyond what 32-bit floats hold."""
+    def sky(self, sky: SunSky, rows: int = ROWS) -> Environment | None:
+        """A sky as a map of so many rows; None at night."""
+        if (sky, rows) not in self._skies:
+            made = sky.environment(self.loaded.up, rows)
+            self._skies = dict([*self._skies.items(), ((sky, rows), made)][-_SKIES:])
+        return self._skies[sky, rows]
+
+    def scene(self, edit: SceneEdit, rows: int = ROWS) -> Scene:
+        """The scene with all that the edit says, a sky of its own as a map of so many rows. Raises InputError where a mesh would
+        go beyond what 32-bit floats hold."""
         if edit.objects != self._last[0]:
             self._last = edit.objects, self._meshes(edit.objects)
-        return replace(self.loaded, lights=tuple(lamp.emitted for lamp in edit.lamps), meshes=self._last[1])
+        scene = replace(self.loaded, lights=tuple(lamp.emitted for lamp in edit.lamps), meshes=self._last[1])
+        return scene if edit.sky is None else with_sky(scene, self.sky(edit.sky, rows))
 
     def _meshes(self, edits: tuple[ObjectEdit, ...]) -> tuple[Mesh, ...]:
         meshes = [self._mesh(i, replace(one, hidden=False)) for i, one in enumerate(edits)]
@@ -147,6 +173,8 @@ class EditedScene:
 
 def describe(before: SceneEdit, after: SceneEdit, scene: Scene) -> str:
     """What a step from one edit to another does, in a few words."""
+    if before.sky != after.sky:
+        return "the sun's place and time" if before.sky is not None and after.sky is not None else "the sky"
     if len(after.lamps) != len(before.lamps):
         return "add a light" if len(after.lamps) > len(before.lamps) else "delete a light"
     for number, (a, b) in enumerate(zip(before.lamps, after.lamps, strict=True)):
@@ -164,7 +192,7 @@ def _lamp_words(a: Lamp, b: Lamp) -> str:
     if a.stops != b.stops:
         return "brightness"
     if a.light.position != b.light.position:
-        return "move"
+        return "turn" if b.light.directional else "move"
     if a.light.spot_target != b.light.spot_target:
         return "aim"
     return "colour" if a.light.color != b.light.color or a.kelvin != b.kelvin else "cone"

@@ -62,6 +62,7 @@ BUFFER_KEYS = tuple(
 CAMERA = (
     Key("HOME", "home", "back to the first camera; of the scene, or what stands in for it"),
     Key("END", "frame_all", "see the whole scene, in the same direction"),
+    Key("F", "frame_selected", "see the picked object, or the whole scene"),
     Key("H", "headlamp", "a lamp at the eye; direct light alone"),
     Key("C", "copy_line", "copy the camera as a line of a .scene"),
     Key("C", "copy_flags", "copy it as flags of irrsplat render", ctrl=True),
@@ -87,7 +88,7 @@ EDITING = (
     Key("S", "save_dialog", "save under a new name", ctrl=True),
 )
 CACHE = (
-    Key("F", "toggle", "freeze the cache, to see it from elsewhere", "frozen"),
+    Key("F", "toggle", "freeze the cache, to see it from elsewhere", "frozen", shift=True),
     Key("N", "step", "freeze, and gather one round"),
     Key("DELETE", "clear", "clear the cache"),
 )

@@ -31,10 +31,10 @@ COLORS = (  # sRGB and opacity, over imgui's own, which are dark
     ((0.58, 0.58, 0.57, 1.0), "text_disabled"),
     ((0.08, 0.085, 0.09, 0.9), "window_bg"),
     ((0.13, 0.135, 0.14, 0.97), "popup_bg title_bg title_bg_active title_bg_collapsed"),
-    ((*WHITE, 0.08), "frame_bg checkbox_selected_bg tab"),
-    ((*WHITE, 0.12), "button header frame_bg_hovered tab_selected separator border resize_grip"),
+    ((*WHITE, 0.08), "frame_bg checkbox_selected_bg tab tab_dimmed"),
+    ((*WHITE, 0.12), "button header frame_bg_hovered tab_selected tab_dimmed_selected separator border resize_grip"),
     ((*WHITE, 0.19), "button_hovered header_hovered header_active frame_bg_active tab_hovered"),
-    ((*ACCENT, 0.4), "text_selected_bg button_active separator_hovered resize_grip_hovered"),
+    ((*ACCENT, 0.4), "docking_preview text_selected_bg button_active separator_hovered resize_grip_hovered"),
     ((*ACCENT, 0.85), "slider_grab plot_histogram plot_lines"),
     ((*ACCENT, 1.0), "slider_grab_active separator_active resize_grip_active check_mark tab_selected_overline nav_cursor"),
 )
@@ -45,10 +45,10 @@ LIGHT_COLORS = (  # the same for a light theme
     ((0.36, 0.36, 0.37, 1.0), "text_disabled"),
     ((0.95, 0.95, 0.94, 0.93), "window_bg"),
     ((0.98, 0.98, 0.97, 0.98), "popup_bg title_bg title_bg_active title_bg_collapsed menu_bar_bg"),
-    ((*BLACK, 0.07), "frame_bg checkbox_selected_bg tab"),
-    ((*BLACK, 0.13), "button header frame_bg_hovered tab_selected separator border resize_grip"),
+    ((*BLACK, 0.07), "frame_bg checkbox_selected_bg tab tab_dimmed"),
+    ((*BLACK, 0.13), "button header frame_bg_hovered tab_selected tab_dimmed_selected separator border resize_grip"),
     ((*BLACK, 0.22), "button_hovered header_hovered header_active frame_bg_active tab_hovered"),
-    ((*OCHRE, 0.35), "text_selected_bg button_active separator_hovered resize_grip_hovered"),
+    ((*OCHRE, 0.35), "docking_preview text_selected_bg button_active separator_hovered resize_grip_hovered"),
     ((*OCHRE, 0.85), "slider_grab plot_histogram plot_lines"),
     ((*OCHRE, 1.0), "slider_grab_active separator_active resize_grip_active check_mark tab_selected_overline nav_cursor"),
 )
@@ -85,6 +85,8 @@ class ImguiBackend(Owner):
         self._io.config_input_text_cursor_blink = False  # a window that rests is not drawn
         self._io.config_windows_move_from_title_bar_only = True  # a drag inside a window is for what lies there
         self._io.backend_flags |= imgui.BackendFlags_.renderer_has_textures | imgui.BackendFlags_.renderer_has_vtx_offset
+        self._io.config_flags |= imgui.ConfigFlags_.docking_enable
+        self._io.config_docking_with_shift = False
         platform = imgui.get_platform_io()
         platform.renderer_texture_max_width = platform.renderer_texture_max_height = ctx.info["GL_MAX_TEXTURE_SIZE"]
         for i, name in enumerate(FONTS):  # a glyph comes from the first font that has it

@@ -26,6 +26,7 @@ from irrsplat.app.viewer.ui.windows.hint_line import draw_hints
 from irrsplat.app.viewer.ui.windows.key_sheet import draw_key_sheet
 from irrsplat.app.viewer.ui.windows.message_log import draw_log
 from irrsplat.app.viewer.ui.windows.open_dialog import OpenDialog
+from irrsplat.app.viewer.ui.windows.scene_pictures import ScenePictures
 
 
 class Interface:
@@ -33,7 +34,8 @@ class Interface:
 
     def __init__(self, actions: Actions, display: Display, backend: ImguiBackend, times: FrameTimes) -> None:
         self.actions, self.display, self.layout = actions, display, Layout()
-        self.menus, self.dialog = Menus(actions), OpenDialog(actions)
+        self.pictures = ScenePictures(backend)
+        self.menus, self.dialog = Menus(actions, self.layout, self.pictures), OpenDialog(actions, self.pictures)
         self.save_dialog = SaveDialog(actions)
         self.settings_panel, self.lights_panel = SettingsPanel(actions, self.layout), LightsPanel(actions, self.layout)
         self.light_scale_panel = LightScalePanel(actions, self.layout)
@@ -53,7 +55,7 @@ class Interface:
         """Draw all windows. scale: of text and widgets. cursor: the pixel under the mouse. own_cursor: show an arrow there.
         magnified: the pixels around it are, so that its value stands there."""
         actions, panels = self.actions, self.actions.panels
-        self.layout.scale = scale
+        self.layout.start(scale, panels.hidden)
         if not panels.hidden:
             self.lights_panel.draw_positions()
             self.handles.draw()
@@ -80,6 +82,6 @@ class Interface:
             self.legends.draw_magnified(cursor)
         actions.messages.expire()
         if not panels.hidden or actions.messages.errors:
-            draw_messages(actions.messages, scale)
+            draw_messages(actions.messages, self.layout)
         if own_cursor:
             imgui.set_mouse_cursor(imgui.MouseCursor_.arrow)

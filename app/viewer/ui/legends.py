@@ -10,11 +10,12 @@ from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.magnifier import place
 from irrsplat.app.viewer.show.markers import By, radius_legend
-from irrsplat.app.viewer.ui.layout import MARGIN, PLAIN, Layout, in_unit
+from irrsplat.app.viewer.ui.layout import MARGIN, NO_SCROLLBAR, PLAIN, Layout, in_unit
 from irrsplat.app.viewer.ui.statistics_view import draw_tracing
 
 _TEXT_WIDTH = 340.0  # at most, window coordinates at scale 1
 _BAR_WIDTH = 160.0  # of a colour scale
+_MOST, _LEAST = 0.4, 3.0  # of the height: a longer one scrolls; and what it has at least, heights of the font
 
 
 class Legends:
@@ -22,28 +23,37 @@ class Legends:
 
     def __init__(self, actions: Actions, display: Display, layout: Layout) -> None:
         self.actions, self.display, self.layout = actions, display, layout
+        self._heights: dict[int, float] = {}  # that they would take, by their sides
 
     def draw(self, cursor: tuple[int, int] | None) -> None:
         """Draw them all. cursor: the pixel under the mouse."""
         session = self.actions.session
         if not session.views:
             return
-        view, height = imgui.get_main_viewport(), 0.0
+        view, taken = imgui.get_main_viewport(), 0.0
         density = session.size[0] / max(view.size.x, 1.0)  # pixels per window coordinate
+        first, top, last, bottom = self.layout.area
         for side, region in session.sides():
-            left, width = (region[0], region[2]) if region else (0, session.size[0])
-            imgui.set_next_window_pos((left / density + MARGIN, view.size.y - MARGIN), imgui.Cond_.always, (0.0, 1.0))
+            x, width = (region[0] / density, region[2] / density) if region else (0.0, view.size.x)
+            left, right = min(max(x, first), last), max(min(x + width, last), first)
+            imgui.set_next_window_pos((left + MARGIN, bottom - MARGIN), imgui.Cond_.always, (0.0, 1.0))
             imgui.set_next_window_bg_alpha(0.72)
-            imgui.begin(f"legend {side}", None, PLAIN | imgui.WindowFlags_.no_inputs)
-            room = max(width / density - 4.0 * MARGIN, 60.0)
+            most = max(_MOST * (bottom - top), _LEAST * imgui.get_font_size())
+            imgui.set_next_window_size_constraints((0.0, 0.0), (view.size.x, most))
+            # one that is too long takes the mouse, so that it can be scrolled; others let it through to the picture
+            scrolls = self._heights.get(side, 0.0) > most + 1.0
+            imgui.begin(f"legend {side}", None, PLAIN & ~NO_SCROLLBAR if scrolls else PLAIN | imgui.WindowFlags_.no_inputs)
+            room = max(right - left - 4.0 * MARGIN, 60.0)
             imgui.push_text_wrap_pos(min(room, _TEXT_WIDTH * self.layout.scale))
             self._legend(side, cursor if cursor and session.side_at(cursor[0]) == side else None)
             imgui.pop_text_wrap_pos()
-            height = max(height, imgui.get_window_height())
+            style = imgui.get_style()
+            self._heights[side] = imgui.get_cursor_pos().y - style.item_spacing.y + style.window_padding.y
+            taken = max(taken, imgui.get_window_height())
             if side == 0:
                 self.layout.legend_right = imgui.get_window_pos().x + imgui.get_window_width()
             imgui.end()
-        self.layout.legend_height = height + 2.0 * MARGIN
+        self.layout.legend_height = taken + 2.0 * MARGIN + view.size.y - bottom
 
     def draw_magnified(self, cursor: tuple[int, int]) -> None:
         """Draw the value of the pixel in the middle of the magnifier below that, or above it where there is no room."""

@@ -16,6 +16,7 @@ from irrsplat.meter.readings import Unit
 _UNITS: tuple[Unit, ...] = ("lux", "W/m2")
 _LEAST, _MOST = 0.01, 1e6  # of the upper end, where the slider goes; others are typed (Ctrl+click)
 _DECADES = 6
+_SIZE = 230.0, 170.0  # about, of the panel; window coordinates at scale 1
 
 
 class LightScalePanel:
@@ -31,8 +32,10 @@ class LightScalePanel:
             isinstance(BUFFERS[session.options.buffers[side]], LightBuffer) for side, _ in session.sides()
         ):
             return
-        self.layout.place_panel(1 + int(self.actions.panels.lights) + int(self.actions.editor.mesh is not None))
-        if imgui.begin("scale of light", None, imgui.WindowFlags_.always_auto_resize)[0]:
+        self.layout.place_panel("scale of light", *_SIZE, numbers=self.actions.panels.hud)
+        shown = imgui.begin("scale of light", None, imgui.WindowFlags_.always_auto_resize)[0]
+        self.layout.keep_inside("scale of light")
+        if shown:
             self._widgets()
         imgui.end()
 

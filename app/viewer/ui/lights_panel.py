@@ -12,8 +12,11 @@ from irrsplat.app.viewer.editing.colour_temperature import COLDEST, HOTTEST
 from irrsplat.app.viewer.editing.editor import KINDS
 from irrsplat.app.viewer.editing.lamps import Lamp
 from irrsplat.app.viewer.editing.picking import on_screen
+from irrsplat.app.viewer.ui.editing.handles import choose_handles
+from irrsplat.app.viewer.ui.editing.sky_panel import draw_sky
 from irrsplat.app.viewer.ui.layout import AMBER, WIDGET_WIDTH, Layout
 
+_SIZE = 284.0, 256.0  # about, of the panel; window coordinates at scale 1
 _OFF, _SHADE = (0.5, 0.5, 0.5, 1.0), (0.0, 0.0, 0.0, 0.7)  # colours of a lamp that is off, and around any
 _WHITE = 6500.0  # kelvin where the slider stands for a colour of its own
 _WIDEST, _NARROWEST = 89.0, 1.0  # degrees: half angles of cones
@@ -30,9 +33,9 @@ class LightsPanel:
         actions, editor = self.actions, self.actions.editor
         if not actions.panels.lights:
             return
-        self.layout.place_panel(1)
+        self.layout.place_panel("lights", *_SIZE, numbers=actions.panels.hud)
         shown, opened = imgui.begin("lights", True, imgui.WindowFlags_.always_auto_resize)
-        self.layout.keep_inside()
+        self.layout.keep_inside("lights")
         actions.panels.lights = bool(opened)
         if shown:
             if not editor.lamps:
@@ -50,6 +53,7 @@ class LightsPanel:
             if editor.light is not None:
                 imgui.separator()
                 self._edit(editor.light)
+            draw_sky(actions, 1.4 * WIDGET_WIDTH * self.layout.scale)
         imgui.end()
 
     def _width(self) -> None:
@@ -75,7 +79,7 @@ class LightsPanel:
                 lamp = lamp.moved(actions.session.camera.eye)
             imgui.same_line()
         if imgui.button("as loaded"):
-            lamp = Lamp.of(lamp.loaded)
+            lamp = Lamp.of(lamp.loaded, lamp.of_sky)
         imgui.same_line()
         if imgui.button("delete"):
             actions.attempt(lambda: editor.delete_light(number))
@@ -98,12 +102,7 @@ class LightsPanel:
         moved, aim = imgui.drag_float3("aims at", list(light.spot_target), step, 0, 0, "%.3f")
         if moved and tuple(aim) != tuple(lamp.light.position):
             lamp = lamp.aimed((aim[0], aim[1], aim[2]))
-        if imgui.radio_button("move", not editor.aiming):
-            editor.aiming = False
-        imgui.same_line()
-        if imgui.radio_button("aim", editor.aiming):
-            editor.aiming = True
-        imgui.set_item_tooltip("what the handles in the picture do; O switches")
+        editor.aiming = choose_handles("aim", editor.aiming)
         if not light.has_cone:
             return lamp
         cutoff, inner = light.spot_cutoff, light.spot_inner

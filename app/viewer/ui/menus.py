@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
@@ -9,20 +11,26 @@ from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.editor import KINDS
 from irrsplat.app.viewer.input.keys import GROUPS, KEYS
 from irrsplat.app.viewer.show.comparison import flip_is_there
+from irrsplat.app.viewer.ui.layout import Layout
 from irrsplat.app.viewer.ui.windows.about import PAGES
+from irrsplat.app.viewer.ui.windows.scene_pictures import ScenePictures
 from irrsplat.app.viewer.view_options import COMPARES, SCALES, SPLITS
 from irrsplat.reference.worker import INSTALL
 from irrsplat.scene import bundled
 from irrsplat.settings import PRESETS
 
+_MORE = "More"
+_CAMERA = ("home", "frame_all", "frame_selected", "headlamp", "bookmark", "copy_line", "copy_flags", "record", "play")
+_TIGHT = 3.0  # window coordinates at least on both sides of a title in the bar
 _NAME_WIDTH = 8.0  # of a bookmark's name, in heights of the font: so that the menu has room beside the other
 
 
 class Menus:
     """Draws the menu bar of the actions."""
 
-    def __init__(self, actions: Actions) -> None:
-        self.actions = actions
+    def __init__(self, actions: Actions, layout: Layout, pictures: ScenePictures) -> None:
+        self.actions, self.layout, self.pictures = actions, layout, pictures
+        self._unfolded = ""  # the title in _MORE that is
         self._scale = 0.0  # of the interface, while its slider is dragged
 
     def draw(self) -> None:
@@ -41,13 +49,20 @@ class Menus:
             ("Window", self._window),
             ("Help", self._help),
         )
-        spacing = imgui.get_style().item_spacing
-        texts = sum(imgui.calc_text_size(title).x for title, _ in menus)
-        between = (imgui.get_main_viewport().size.x - texts) / (2.0 * len(menus)) - 2.0  # imgui leaves it on both sides
+        style = imgui.get_style()
+        spacing, room = style.item_spacing, imgui.get_main_viewport().size.x - style.window_padding.x
+        widths = [imgui.calc_text_size(title).x for title, _ in menus]
+        fit = len(menus)
+        if sum(widths) + 2.0 * len(menus) * _TIGHT > room:  # the last ones go into one menu
+            room -= imgui.calc_text_size(_MORE).x + 2.0 * _TIGHT
+            while fit > 0 and sum(widths[:fit]) + 2.0 * fit * _TIGHT > room:
+                fit -= 1
+        between = max((room - sum(widths[:fit])) / (2.0 * max(fit, 1)) - 2.0, 1.0)  # imgui leaves it on both sides
         narrow = between < spacing.x
-        for title, draw in menus:
+        shown = menus[:fit] if fit == len(menus) else (*menus[:fit], (_MORE, lambda: self._more(menus[fit:])))
+        for title, draw in shown:
             if narrow:
-                imgui.push_style_var(imgui.StyleVar_.item_spacing, (max(between, 1.0), spacing.y))
+                imgui.push_style_var(imgui.StyleVar_.item_spacing, (between, spacing.y))
             opened = imgui.begin_menu(title)
             if narrow:
                 imgui.pop_style_var()
@@ -56,9 +71,22 @@ class Menus:
                     imgui.close_current_popup()
                 draw()
                 imgui.end_menu()
+            elif title == _MORE:
+                self._unfolded = ""
         self.actions.close_menus = False
         imgui.text_disabled(f"  {self.actions.session.scene.name}")
         imgui.end_main_menu_bar()
+
+    def _more(self, menus: Sequence[tuple[str, Callable[[], None]]]) -> None:
+        """Draw the menus that the bar has no room for, to be unfolded: beside this one there would be no room either."""
+        imgui.dummy((imgui.get_main_viewport().size.x - 2.0 * imgui.get_frame_height(), 0.0))  # wide enough for any of them
+        for title, draw in menus:
+            imgui.set_next_item_open(title == self._unfolded)
+            opened = imgui.collapsing_header(title)
+            if opened != (title == self._unfolded):
+                self._unfolded = title if opened else ""
+            if opened:
+                draw()
 
     def _key(self, action: str, argument: str | None = None) -> None:
         """Draw a menu's line for what a key does, with the key beside it."""
@@ -72,12 +100,14 @@ class Menus:
         for name in bundled():
             if imgui.menu_item(name, "", actions.source == name)[0]:
                 actions.attempt(lambda name=name: actions.open(name))  # type: ignore[misc]
+            self.pictures.tooltip(name, self.layout.scale)
         recent = [source for source in actions.preferences.recent if source not in bundled()]
         if recent:
             imgui.separator_text("recent")
             for source in recent:
                 if imgui.menu_item(source, "", actions.source == source)[0]:
                     actions.attempt(lambda source=source: actions.open(source))  # type: ignore[misc]
+                self.pictures.tooltip(source, self.layout.scale)
         imgui.separator()
         self._key("open_dialog")
         self._key("save_dialog")
@@ -121,7 +151,7 @@ class Menus:
                     actions.forget(bookmark)
                 imgui.end_menu()
         imgui.separator()
-        for action in ("home", "frame_all", "headlamp", "bookmark", "copy_line", "copy_flags", "record", "play"):
+        for action in _CAMERA:
             self._key(action)
 
     def _show(self) -> None:
@@ -192,6 +222,9 @@ class Menus:
         for panel in ("settings", "lights", "hud", "hidden"):
             self._key("toggle", panel)
         _, actions.panels.log = imgui.menu_item("messages", "", actions.panels.log)
+        if imgui.menu_item("standard places of panels", "", False)[0]:
+            self.layout.restore()
+        imgui.set_item_tooltip("a panel docks where its title is dragged to: at an edge, or as a tab of another")
         imgui.separator()
         appearance = actions.appearance
         _, appearance.light = imgui.menu_item("light colours", "", appearance.light)

@@ -7,7 +7,7 @@ import time
 from imgui_bundle import imgui
 
 from irrsplat.app.viewer.messages import Messages
-from irrsplat.app.viewer.ui.layout import MENU_BAR, PLAIN, RED, WHITE
+from irrsplat.app.viewer.ui.layout import PLAIN, RED, WHITE, Layout
 
 
 def draw_waiting(text: str) -> None:
@@ -19,12 +19,12 @@ def draw_waiting(text: str) -> None:
     imgui.end()
 
 
-def draw_messages(messages: Messages, scale: float) -> None:
+def draw_messages(messages: Messages, layout: Layout) -> None:
     """Draw the lines on show."""
     if not messages.lines:
         return
-    view = imgui.get_main_viewport()
-    imgui.set_next_window_pos((0.5 * view.size.x, MENU_BAR * scale), imgui.Cond_.always, (0.5, 0.0))
+    view, (left, top, right, _) = imgui.get_main_viewport(), layout.area
+    imgui.set_next_window_pos((0.5 * (left + right), top), imgui.Cond_.always, (0.5, 0.0))
     imgui.set_next_window_size_constraints((0.0, 0.0), (0.9 * view.size.x, view.size.y))
     errors, now = messages.errors, time.monotonic()
     if errors:

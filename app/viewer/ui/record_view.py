@@ -7,7 +7,7 @@ from imgui_bundle import imgui
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord
 from irrsplat.app.viewer.ui.imgui_backend import ImguiBackend
-from irrsplat.app.viewer.ui.layout import MARGIN, MENU_BAR, PLAIN, Layout
+from irrsplat.app.viewer.ui.layout import MARGIN, PLAIN, Layout
 
 _PICTURE_WIDTH = 170.0
 
@@ -23,11 +23,11 @@ class RecordView:
         """Draw it in the lower right corner: below the statistics where there is room, else beside them."""
         if record is None:
             return
-        view, scale = imgui.get_main_viewport(), self.layout.scale
+        scale, (_, top, right, bottom) = self.layout.scale, self.layout.area
         width, height = self.layout.statistics_size if self.actions.panels.hud else (0.0, 0.0)
-        overlaps = MENU_BAR * scale + height + self._height + 2.0 * MARGIN > view.size.y
-        right = view.size.x - MARGIN - (width + MARGIN if overlaps else 0.0)
-        imgui.set_next_window_pos((right, view.size.y - MARGIN), imgui.Cond_.always, (1.0, 1.0))
+        overlaps = top + height + self._height + 2.0 * MARGIN > bottom
+        right = right - MARGIN - (width + MARGIN if overlaps else 0.0)
+        imgui.set_next_window_pos((right, bottom - MARGIN), imgui.Cond_.always, (1.0, 1.0))
         imgui.set_next_window_bg_alpha(0.8)
         imgui.begin("record", None, PLAIN | imgui.WindowFlags_.no_inputs)
         if imgui.begin_table("numbers of the record", 2, imgui.TableFlags_.sizing_fixed_fit):

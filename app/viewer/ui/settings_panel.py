@@ -8,7 +8,7 @@ from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.input.idle_settings import BASIC, why_idle
-from irrsplat.app.viewer.ui.layout import Layout, accent
+from irrsplat.app.viewer.ui.layout import PANEL_WIDTH, Layout, accent
 from irrsplat.settings import PRESETS, SETTINGS, Declaration, SettingValues, preset
 
 Value = float | int | bool | str
@@ -63,10 +63,10 @@ class SettingsPanel:
         actions = self.actions
         if not actions.panels.settings:
             return
-        self.layout.place_panel(0, tall=True, numbers=actions.panels.hud)
+        self.layout.place_panel("settings", PANEL_WIDTH, 0.0, tall=True, numbers=actions.panels.hud)
         shown, opened = imgui.begin("settings", True)
-        self.layout.keep_inside()
-        self.layout.panel_right = imgui.get_window_pos().x + imgui.get_window_width()
+        floats = self.layout.keep_inside("settings")
+        self.layout.panel_right = imgui.get_window_pos().x + imgui.get_window_width() if floats else 0.0
         actions.panels.settings = bool(opened)
         if shown:
             if actions.session.options.split == "presets":

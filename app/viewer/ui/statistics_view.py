@@ -11,7 +11,7 @@ from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.input.keys import KEYS
 from irrsplat.app.viewer.show.remaining_time import in_words
 from irrsplat.app.viewer.ui.frame_times import FrameTimes
-from irrsplat.app.viewer.ui.layout import MARGIN, MENU_BAR, PLAIN, STATISTICS_WIDTH, Layout, accent
+from irrsplat.app.viewer.ui.layout import MARGIN, NO_SCROLLBAR, PLAIN, STATISTICS_WIDTH, Layout, accent
 from irrsplat.image.view import Progress
 
 _INNER = 190.0  # width of plot and table
@@ -35,11 +35,13 @@ class StatisticsView:
         actions, session, scale = self.actions, self.actions.session, self.layout.scale
         if not actions.panels.hud or not session.progress:
             return
-        view = imgui.get_main_viewport()
-        imgui.set_next_window_pos((view.size.x - MARGIN, MENU_BAR * scale), imgui.Cond_.always, (1.0, 0.0))
+        view, (_, top, right, _) = imgui.get_main_viewport(), self.layout.area
+        imgui.set_next_window_pos((right - MARGIN, top), imgui.Cond_.always, (1.0, 0.0))
         imgui.set_next_window_bg_alpha(0.72)
-        imgui.set_next_window_size_constraints((STATISTICS_WIDTH * scale, 0.0), (view.size.x, view.size.y))
-        imgui.begin("numbers", None, PLAIN)
+        self._room = self._height(scale)
+        imgui.set_next_window_size_constraints((STATISTICS_WIDTH * scale, 0.0), (view.size.x, max(self._room, 1.0)))
+        scrolls = self._others + imgui.get_text_line_height_with_spacing() > self._room  # though all stages but one are left out
+        imgui.begin("numbers", None, PLAIN & ~NO_SCROLLBAR if scrolls else PLAIN)
         self._rate()
         self._buttons()
         self._stages()
@@ -50,9 +52,16 @@ class StatisticsView:
             imgui.text_colored(accent(), f"refining, {in_words(session.remaining.seconds)} left")
         took = imgui.get_window_size()
         self._others = imgui.get_cursor_pos().y + imgui.get_style().window_padding.y - self._stages_height
-        self._room = view.size.y - MENU_BAR * scale - MARGIN - self.layout.hints_height
         self.layout.statistics_size = (took.x, took.y)
         imgui.end()
+
+    def _height(self, scale: float) -> float:
+        """The height that the window may take: down to the hints, and in a narrow one to the legend."""
+        _, top, right, bottom = self.layout.area
+        end = bottom - MARGIN - self.layout.hints_height
+        if right - MARGIN - STATISTICS_WIDTH * scale < self.layout.legend_right:
+            end = min(end, imgui.get_main_viewport().size.y - self.layout.legend_height)
+        return end - top
 
     def _rate(self) -> None:
         frames, work, scale = self.times.frames, self.times.work, self.layout.scale

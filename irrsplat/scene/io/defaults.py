@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from irrsplat.core.errors import InputError
-from irrsplat.scene.model import Camera, Light, Mesh, Scene
+from irrsplat.scene.model import Camera, Light, Mesh, Scene, sun_lights
 from irrsplat.scene.seen_by_light import face_counts
 from irrsplat.scene.stand_ins import camera, light
 from irrsplat.scene.stand_ins.subject import subject
@@ -91,11 +91,7 @@ def under(sky: Sky, scene: Scene, world: np.ndarray) -> Scene:
     if sky.environment is None:
         return replace(scene, sky=sky.radiance)
     environment = replace(sky.environment, frame=frame_of(world, sky.turn))
-    suns = [
-        Light(environment.toward(sun), _vector(np.asarray(sun.irradiance) / np.pi), directional=True, name="sun")
-        for sun in environment.suns
-    ]
-    return replace(scene, environment=environment, lights=(*scene.lights, *suns))
+    return replace(scene, environment=environment, lights=(*scene.lights, *sun_lights(environment)))
 
 
 def _vector(values: np.ndarray) -> Vector:

@@ -11,6 +11,8 @@ import pytest
 from irrsplat.app.flags import parse
 from irrsplat.app.viewer import preferences
 from irrsplat.app.viewer.buffers.table import BUFFERS
+from irrsplat.app.viewer.editing.picking import on_screen
+from irrsplat.app.viewer.editing.scene_edit import ObjectEdit
 from irrsplat.app.viewer.input.keys import BUFFER_KEYS, GROUPS, Key
 from irrsplat.app.viewer.session import overrides
 from irrsplat.app.viewer.show.comparison import flip_is_there
@@ -32,10 +34,7 @@ def test_every_key_has_its_case() -> None:
 
 @pytest.mark.parametrize("shown", CASES.keys)
 def test_a_key_does_what_it_says(driver: Driver, shown: str) -> None:
-    before = driver.session.camera
-    CASES.made[shown](driver, shown)
-    assert shown in ("Home", "P", "R") or driver.session.camera == before
-    assert not driver.actions.quitting and not any(m.error for m in driver.actions.messages.lines)
+    CASES.run(driver, shown, moving=("Home", "P", "R"))
 
 
 # ---- buffers -------------------------------------------------------------------------------------------------------------
@@ -94,6 +93,26 @@ def frame_all(driver: Driver, shown: str) -> None:
     before = driver.session.camera
     push(driver, shown)
     assert driver.session.camera.eye[2] > before.eye[2] and np.allclose(driver.session.camera.axes, before.axes)
+    driver.actions.home()
+
+
+@case("F")
+def frame_selected(driver: Driver, shown: str) -> None:
+    """The picked box, as it stands now, just fits into the picture; with nothing picked it is the key End."""
+    first, (width, height) = driver.session.camera, driver.session.size
+    editor = driver.actions.editor
+    editor.set_object(2, ObjectEdit(offset=(-0.3, 0.1, 0.2)))
+    editor.pick_mesh(2)
+    push(driver, shown)
+    camera, corners = driver.session.camera, driver.session.scene.meshes[2].positions.tolist()
+    places = np.array([on_screen(camera, (width, height), (x, y, z)) for x, y, z in corners])
+    least, most = places.min(0) / (width, height), places.max(0) / (width, height)
+    assert np.allclose(camera.axes, first.axes) and (least > 0.0).all() and (most < 1.0).all() and (most - least).max() > 0.9
+    editor.pick_mesh(None)
+    push(driver, shown)
+    alone = driver.session.camera
+    push(driver, "End")
+    assert driver.session.camera == alone != camera
     driver.actions.home()
 
 
@@ -259,7 +278,7 @@ def inspect(driver: Driver, shown: str) -> None:
     assert np.array_equal(driver.canvas(), before)
 
 
-@case("F")
+@case("Shift+F")
 def freeze(driver: Driver, shown: str) -> None:
     """From elsewhere, the cache stays as it is until it thaws."""
     count = driver.session.renderers[0].cache.count

@@ -9,12 +9,16 @@ import numpy as np
 from imgui_bundle import imgui, imguizmo
 
 from irrsplat.app.viewer.actions import Actions
-from irrsplat.app.viewer.editing.lamps import Vector
+from irrsplat.app.viewer.editing.lamps import Lamp, Vector
+from irrsplat.app.viewer.editing.picking import on_screen
 from irrsplat.app.viewer.editing.scene_edit import angles, middle, rotation
+from irrsplat.app.viewer.ui.layout import AMBER
+from irrsplat.scene.model import Light
 
 _gizmo = imguizmo.im_guizmo
 _NEAR, _FAR = 1e-2, 1e4  # metres
 _SIZE = 0.16  # of the handles, share of the picture
+_ARROW = 0.25  # length of a directional light's, share of the distance to its handles
 _NOISE = 1e-6  # of the scene's diagonal
 
 
@@ -31,7 +35,7 @@ class Handles:
         if matrix is None or not self.actions.session.views:
             editor.handles_used = editor.dragging = False
             return
-        turning = editor.mesh is not None and editor.turning
+        turning = editor.turning if editor.mesh is not None else self._sun is not None
         view = imgui.get_main_viewport()
         camera = self.actions.session.camera
         _gizmo.begin_frame()
@@ -41,6 +45,8 @@ class Handles:
         _gizmo.set_gizmo_size_clip_space(_SIZE)
         _gizmo.set_rect(view.pos.x, view.pos.y, view.size.x, view.size.y)
         placed = _matrix16(matrix)
+        if (sun := self._sun) is not None:
+            self._draw_arrow(sun.light)
         changed = _gizmo.manipulate(
             _matrix16(camera.view_from_world),
             _matrix16(camera.clip_from_view(view.size.x / max(view.size.y, 1.0), _NEAR, _FAR)),
@@ -67,9 +73,40 @@ class Handles:
             return None
         light = editor.lamps[editor.light].light
         if light.directional:
-            return None
+            matrix[:3, :3], matrix[:3, 3] = _axes_of(light.position), self._middle()
+            return matrix
         matrix[:3, 3] = light.spot_target if editor.aiming and light.spot_target is not None else light.position
         return matrix
+
+    @property
+    def _sun(self) -> Lamp | None:
+        """The directional light that is picked, and no object; None for none."""
+        editor = self.actions.editor
+        lamp = None if editor.light is None or editor.mesh is not None else editor.lamps[editor.light]
+        return lamp if lamp is not None and lamp.light.directional else None
+
+    def _middle(self) -> Vector:
+        """Where the handles of a light without a place are: in the middle of the scene, or, where that is not in the picture, at
+        what the camera looks at."""
+        camera, size = self.actions.session.camera, self.actions.session.size
+        middle = _vector(self.actions.session.scene.bounds.mean(0))
+        at = on_screen(camera, size, middle)
+        inside = at is not None and all(0.0 < a < s for a, s in zip(at, size, strict=True))
+        return middle if inside else _vector(np.asarray(camera.target, float))
+
+    def _draw_arrow(self, light: Light) -> None:
+        """Draw an arrow from where a directional light comes to its handles."""
+        view, session = imgui.get_main_viewport(), self.actions.session
+        size, end = (view.size.x, view.size.y), np.asarray(self._middle())
+        depth = float(session.camera.axes[2] @ (np.asarray(session.camera.eye) - end))
+        towards = np.asarray(light.position) / np.linalg.norm(light.position)
+        tip, start = (on_screen(session.camera, size, _vector(p)) for p in (end, end + _ARROW * depth * towards))
+        if tip is None or start is None:
+            return
+        draw = imgui.get_background_draw_list()
+        for colour, width in (((0.0, 0.0, 0.0, 0.7), 4.0), (AMBER, 2.0)):
+            draw.add_line(start, tip, imgui.get_color_u32(colour), width)
+            draw.add_circle_filled(start, 3.0 + width, imgui.get_color_u32(colour))
 
     def _place(self, matrix: np.ndarray, turning: bool) -> None:
         """Put what is picked where the handles are now."""
@@ -87,11 +124,15 @@ class Handles:
             actions.attempt(lambda: editor.set_object(number, edit))
         elif editor.light is not None:
             light_number, lamp = editor.light, editor.lamps[editor.light]
+            if lamp.light.directional:
+                turned = _turned(lamp, matrix[:3, 2])
+                actions.attempt(lambda: editor.set_lamp(light_number, turned))
+                return
             aims = editor.aiming and lamp.light.spot_target is not None
             if lamp.light.spot_target is not None and np.allclose(place, lamp.light.position if aims else lamp.light.spot_target):
                 return  # a spot does not look at its own place
-            before = lamp.light.spot_target if aims and lamp.light.spot_target is not None else lamp.light.position
-            there = _vector(self._without_noise(place, before))
+            was = lamp.light.spot_target if aims and lamp.light.spot_target is not None else lamp.light.position
+            there = _vector(self._without_noise(place, was))
             lamp = lamp.aimed(there) if aims else lamp.moved(there)
             actions.attempt(lambda: editor.set_lamp(light_number, lamp))
 
@@ -99,6 +140,33 @@ class Handles:
         """A place in which coordinates that differ from those before by no more than ImGuizmo's float32 are as before."""
         least = _NOISE * self.actions.session.scene.diagonal
         return np.where(np.abs(place - before) < least, before, place)
+
+
+def choose_handles(other: str, chosen: bool) -> bool:
+    """Draw the two buttons that say what the handles do: move, or the `other`; whether that is chosen now."""
+    for what, value in (("move", False), (other, True)):
+        if imgui.radio_button(what, chosen == value):
+            chosen = value
+        if not value:
+            imgui.same_line()
+    imgui.set_item_tooltip("what the handles in the picture do; O switches")
+    return chosen
+
+
+def _turned(lamp: Lamp, towards: np.ndarray) -> Lamp:
+    """A directional light that comes from another direction; the same where that is another one by float32's noise alone."""
+    before = np.asarray(lamp.light.position)
+    towards = towards / np.linalg.norm(towards) * np.linalg.norm(before)
+    return lamp if np.abs(towards - before).max() < _NOISE * np.linalg.norm(before) else lamp.moved(_vector(towards))
+
+
+def _axes_of(towards: Vector) -> np.ndarray:
+    """(3, 3) columns at right angles, the last one of which is a direction."""
+    z = np.asarray(towards, float) / np.linalg.norm(towards)
+    x = np.cross(np.eye(3)[np.argmin(np.abs(z))], z)
+    x /= np.linalg.norm(x)
+    axes: np.ndarray = np.stack([x, np.cross(z, x), z], axis=1)
+    return axes
 
 
 def _matrix16(matrix: np.ndarray) -> _gizmo.Matrix16:

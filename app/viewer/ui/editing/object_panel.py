@@ -10,10 +10,12 @@ from imgui_bundle import imgui
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.editing.lamps import Vector
 from irrsplat.app.viewer.editing.scene_edit import AS_LOADED, ObjectEdit
+from irrsplat.app.viewer.ui.editing.handles import choose_handles
 from irrsplat.app.viewer.ui.layout import WIDGET_WIDTH, Layout
 from irrsplat.scene.model import Material, Mesh
 
 _DARKEST = 1e-3  # W/(m² sr): the least emission where none would be drawn otherwise
+_SIZE = 266.0, 240.0  # about, of the panel; window coordinates at scale 1
 _BRIGHTEST = 1000.0  # W/(m² sr) that the slider goes to
 
 
@@ -29,19 +31,15 @@ class ObjectPanel:
         number = editor.mesh
         if number is None:
             return
-        self.layout.place_panel(2 if actions.panels.lights else 1)
+        self.layout.place_panel("object", *_SIZE, numbers=actions.panels.hud)
         shown, opened = imgui.begin("object", True, imgui.WindowFlags_.always_auto_resize)
+        self.layout.keep_inside("object")
         if shown:
             mesh, edit = editor.loaded.meshes[number], editor.object(number)
             imgui.text(editor.name(number))
             imgui.text_disabled(f"{len(mesh.faces)} triangles, {describe_material(mesh)}")
             imgui.separator()
-            if imgui.radio_button("move", not editor.turning):
-                editor.turning = False
-            imgui.same_line()
-            if imgui.radio_button("turn", editor.turning):
-                editor.turning = True
-            imgui.set_item_tooltip("what the handles in the picture do; O switches")
+            editor.turning = choose_handles("turn", editor.turning)
             after = self._placed(edit)
             after = self._painted(after, mesh)
             if imgui.button("hide"):

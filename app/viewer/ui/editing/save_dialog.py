@@ -7,6 +7,7 @@ from pathlib import Path
 from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
+from irrsplat.app.viewer.ui.layout import DIALOG
 
 
 class SaveDialog:
@@ -23,7 +24,7 @@ class SaveDialog:
             return
         view = imgui.get_main_viewport()
         imgui.set_next_window_pos(view.get_center(), imgui.Cond_.appearing, (0.5, 0.5))
-        flags = imgui.WindowFlags_.always_auto_resize | imgui.WindowFlags_.no_collapse
+        flags = imgui.WindowFlags_.always_auto_resize | DIALOG
         shown, opened = imgui.begin("save the scene", True, flags)
         actions.panels.save = bool(opened)
         if shown:

@@ -6,6 +6,7 @@ from imgui_bundle import imgui
 
 from irrsplat.app.common.version import version
 from irrsplat.app.viewer.actions import Actions
+from irrsplat.app.viewer.ui.layout import DIALOG
 
 PAGES = {  # of docs/, and what they are about
     "viewer.md": "this window",
@@ -25,7 +26,7 @@ def draw_about(actions: Actions) -> None:
         return
     view, about = imgui.get_main_viewport(), actions.session.renderers[0].about
     imgui.set_next_window_pos(view.get_center(), imgui.Cond_.always, (0.5, 0.5))
-    flags = imgui.WindowFlags_.always_auto_resize | imgui.WindowFlags_.no_collapse | imgui.WindowFlags_.no_saved_settings
+    flags = imgui.WindowFlags_.always_auto_resize | DIALOG | imgui.WindowFlags_.no_saved_settings
     shown, opened = imgui.begin("about irrsplat", True, flags)
     actions.panels.about = bool(opened)
     if shown:

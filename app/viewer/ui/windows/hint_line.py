@@ -17,15 +17,15 @@ def draw_hints(actions: Actions, layout: Layout, lost: bool) -> None:
     layout.hints_height = 0.0
     if not hints and not lost:
         return
-    view = imgui.get_main_viewport()
-    padding, bottom = imgui.get_style().window_padding.x, view.size.y - MARGIN
+    view, (first, _, last, lowest) = imgui.get_main_viewport(), layout.area
+    padding, bottom = imgui.get_style().window_padding.x, lowest - MARGIN
     left = layout.legend_right + MARGIN
-    if actions.session.options.split != "off" or view.size.x - MARGIN - left < _NARROW * layout.scale:
-        left, bottom = MARGIN, view.size.y - layout.legend_height
-    room = view.size.x - MARGIN - left
+    if actions.session.options.split != "off" or last - MARGIN - left < _NARROW * layout.scale:
+        left, bottom = first + MARGIN, view.size.y - layout.legend_height
+    room = max(last - MARGIN - left, 0.0)
     longest = max(imgui.calc_text_size(text).x for text in (hints, _LOST if lost else ""))
     width = min(longest + 2.0 * padding, room)
-    place = min(max(0.5 * (view.size.x - width), left), view.size.x - MARGIN - width)
+    place = min(max(0.5 * (first + last - width), left), last - MARGIN - width)
     imgui.set_next_window_pos((place, bottom), imgui.Cond_.always, (0.0, 1.0))
     imgui.set_next_window_bg_alpha(0.72)
     imgui.begin("hints", None, PLAIN | imgui.WindowFlags_.no_inputs)
@@ -37,6 +37,6 @@ def draw_hints(actions: Actions, layout: Layout, lost: bool) -> None:
     if hints:
         imgui.text_wrapped(hints)
     imgui.pop_text_wrap_pos()
-    if place + width > view.size.x - layout.statistics_size[0] - 2.0 * MARGIN:
+    if place + width > last - layout.statistics_size[0] - 2.0 * MARGIN:
         layout.hints_height = view.size.y - imgui.get_window_pos().y
     imgui.end()

@@ -6,7 +6,7 @@ from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.input.keys import FLYING, GROUPS
-from irrsplat.app.viewer.ui.layout import accent
+from irrsplat.app.viewer.ui.layout import DIALOG, accent
 
 _FONT = 13.5  # so that the sheet fits 800x600
 _COLUMNS: tuple[tuple[str, ...], ...] = (
@@ -25,7 +25,7 @@ def draw_key_sheet(actions: Actions, scale: float) -> None:
     imgui.set_next_window_pos(view.get_center(), imgui.Cond_.always, (0.5, 0.5))
     imgui.set_next_window_size_constraints((0.0, 0.0), (view.size.x - _AROUND, view.size.y - _AROUND))
     imgui.set_next_window_bg_alpha(0.97)
-    flags = imgui.WindowFlags_.always_auto_resize | imgui.WindowFlags_.no_collapse | imgui.WindowFlags_.no_saved_settings
+    flags = imgui.WindowFlags_.always_auto_resize | DIALOG | imgui.WindowFlags_.no_saved_settings
     shown, opened = imgui.begin("keys", True, flags)
     actions.panels.help = bool(opened)
     if shown:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
-from irrsplat.app.viewer.ui.layout import accent
+from irrsplat.app.viewer.ui.layout import DIALOG, accent
 
 _SIZE = (420.0, 220.0)  # at first, window coordinates
 
@@ -18,7 +18,7 @@ def draw_log(actions: Actions) -> None:
     size = (min(_SIZE[0], 0.9 * view.size.x), min(_SIZE[1], 0.7 * view.size.y))
     imgui.set_next_window_size(size, imgui.Cond_.appearing)
     imgui.set_next_window_pos(view.get_center(), imgui.Cond_.appearing, (0.5, 0.5))
-    shown, opened = imgui.begin("messages so far", True, imgui.WindowFlags_.no_collapse | imgui.WindowFlags_.no_saved_settings)
+    shown, opened = imgui.begin("messages so far", True, DIALOG | imgui.WindowFlags_.no_saved_settings)
     actions.panels.log = bool(opened)
     if shown:
         for time, message in actions.messages.log:

@@ -8,6 +8,8 @@ from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.input.folder_listing import ENDINGS, FolderListing
+from irrsplat.app.viewer.ui.layout import DIALOG
+from irrsplat.app.viewer.ui.windows.scene_pictures import ScenePictures
 from irrsplat.scene import bundled
 
 _SHARE = (0.8, 0.5)  # of the window: the dialog's width at most, and the height of its lists
@@ -18,8 +20,8 @@ _HELP = "Tab completes, ↑ ↓ choose, Enter opens, Esc closes; files can be dr
 class OpenDialog:
     """Asks for a scene's file. typed: what stands in its line. folder: what that is relative to."""
 
-    def __init__(self, actions: Actions) -> None:
-        self.actions = actions
+    def __init__(self, actions: Actions, pictures: ScenePictures) -> None:
+        self.actions, self.pictures = actions, pictures
         self.typed, self.folder = "", os.getcwd()
         self._listing = FolderListing()
         self._chosen = -1  # number of the list's entry that the arrow keys have come to
@@ -33,7 +35,7 @@ class OpenDialog:
         view = imgui.get_main_viewport()
         imgui.set_next_window_pos(view.get_center(), imgui.Cond_.always, (0.5, 0.5))
         imgui.set_next_window_bg_alpha(0.97)
-        flags = imgui.WindowFlags_.always_auto_resize | imgui.WindowFlags_.no_collapse | imgui.WindowFlags_.no_saved_settings
+        flags = imgui.WindowFlags_.always_auto_resize | DIALOG | imgui.WindowFlags_.no_saved_settings
         shown, opened = imgui.begin("open a scene", True, flags)
         actions.panels.open = bool(opened)
         if shown:
@@ -45,7 +47,7 @@ class OpenDialog:
             gap = imgui.get_style().item_spacing.x
             self._files((0.62 * width - gap, height))
             imgui.same_line()
-            self._known((0.38 * width, height))
+            self._known((0.38 * width, height), scale)
             imgui.push_text_wrap_pos(imgui.get_cursor_pos().x + width)
             imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(imgui.Col_.text_disabled))
             imgui.text_wrapped(f"{' '.join(ENDINGS)}, or a bundled scene's name")
@@ -125,8 +127,8 @@ class OpenDialog:
                 imgui.set_scroll_here_y()
         imgui.end_child()
 
-    def _known(self, size: tuple[float, float]) -> None:
-        """Draw the recent and the bundled scenes."""
+    def _known(self, size: tuple[float, float], scale: float) -> None:
+        """Draw the recent and the bundled scenes, with what they looked like last."""
         recent = [source for source in self.actions.preferences.recent if source not in bundled()]
         imgui.begin_child("known", size, imgui.ChildFlags_.borders)
         for title, sources in (("recent", recent), ("bundled", list(bundled()))):
@@ -135,5 +137,5 @@ class OpenDialog:
             for source in sources:
                 if imgui.selectable(f"{os.path.basename(source)}##{source}", source == self.actions.source)[0]:
                     self._go(source)
-                imgui.set_item_tooltip(source)
+                self.pictures.tooltip(source, scale)
         imgui.end_child()

@@ -15,7 +15,7 @@ from irrsplat.core.errors import InputError
 from irrsplat.core.files import write_bytes, write_text
 from irrsplat.scene.io.lights.ies import load_ies
 from irrsplat.scene.io.lines import is_number
-from irrsplat.scene.model import Camera, Light, Mesh, Photometry, Scene
+from irrsplat.scene.model import Camera, Light, Mesh, Photometry, Scene, sun_lights
 
 _FOLDER = "-files"  # behind the scene's name: the folder of what belongs to it
 _NEAR, _FAR = 0.01, 1000.0  # metres, which `proj` asks for and nobody reads
@@ -45,7 +45,7 @@ def write_scene(scene: Scene, path: Path, overwrite: bool = False) -> str:
         raise InputError(f"cannot make this folder: {error.strerror}", folder) from None
     writer = _Writer(folder)
     lines = [*writer.cameras(scene.cameras), *writer.sky(scene)]
-    lines += [writer.light(light) for light in scene.lights]
+    lines += [writer.light(light) for light in scene.lights if not writer.comes_with_sky(light, scene)]
     for mesh in scene.meshes:
         lines += writer.mesh(mesh)
     write_text(path, "\n".join([f"# {path.stem}, written by irrsplat", *lines]) + "\n")
@@ -93,12 +93,26 @@ class _Writer:
         """The line of the sky, where there is one; one that stands in is left to the reader, where it would come to the same."""
         if any(scene.sky_gradient):
             self._lose("a sky that is brighter above", 0)
+        if scene.environment is not None and self._keeps(scene):
+            return [f"sky {scene.environment.line}"]
         if scene.environment is not None:
             self._lose("the sky's map (its mean stands in; its suns are kept)", 0)
         shines = scene.lights or any(any(mesh.material.emission) for mesh in scene.meshes if not mesh.is_point)
         if not shines and not scene.own_sky and scene.sky == (1.0, 1.0, 1.0) and not any(scene.sky_gradient):
             return []
         return [f"sky {_numbers(scene.sky)}"] if any(scene.sky) or not shines else []
+
+    def _keeps(self, scene: Scene) -> bool:
+        """Whether the scene's sky can be written as a line, its suns with it: these are as it has them."""
+        sky = scene.environment
+        if sky is None or not sky.line:
+            return False
+        return all(sun in scene.lights for sun in sun_lights(sky))
+
+    def comes_with_sky(self, light: Light, scene: Scene) -> bool:
+        """Whether a light is a sun that the line of the sky brings along."""
+        sky = scene.environment
+        return sky is not None and self._keeps(scene) and light in sun_lights(sky)
 
     def light(self, light: Light) -> str:
         """Write a light; the line that names its file."""

@@ -7,7 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
+from irrsplat.app.viewer import preferences
 from irrsplat.app.viewer.input.folder_listing import ENDINGS, FolderListing
 from irrsplat.app.viewer.input.free_camera import FreeCamera
 from irrsplat.core.errors import InputError
@@ -181,3 +183,45 @@ def test_bookmarks_are_renamed(driver: Driver) -> None:
             driver.actions.rename(driver.actions.bookmarks[1], wrong)
     driver.actions.rename(driver.actions.bookmarks[1], "bookmark 2")
     assert [b.eye for b in driver.actions.bookmarks] == [first.eye, second.eye]
+
+
+# ---- pictures of recent scenes ---------------------------------------------------------------------------------------------
+
+
+def test_a_scene_s_picture_is_kept_and_shown(driver: Driver, tmp_path: Path) -> None:
+    """Small, when another scene comes; on the recent one's name in menu and dialog; a damaged one shows nothing."""
+    other = write_room(tmp_path)
+    first, shown = driver.actions.source, driver.canvas()
+    driver.actions.open(str(other))
+    kept = preferences.picture_path(first)
+    small = np.asarray(Image.open(kept).convert("RGB"), float)
+    assert max(small.shape[:2]) <= preferences.PICTURE_SIDE
+    assert small.mean((0, 1)) == pytest.approx(shown.mean((0, 1)), abs=2.0)
+    driver.session.options.frozen = True
+    driver.resize((640, 400))
+    driver.frame(3)
+    driver.choose("Scene")
+    name = next(w for w in driver.widgets if w.kind == "menu_item" and w.label == first)
+    areas = []
+    for text in (kept.read_bytes(), b"no picture"):
+        kept.write_bytes(text)
+        driver.move(600.0, 390.0)
+        driver.frame(3)
+        before = driver.window()
+        driver.move(*name.at())
+        driver.frame(30, dt=0.1)
+        areas.append((driver.window() != before).any(-1).sum())
+    assert areas[0] > areas[1] + 10_000
+    push(driver, "Esc")
+
+
+def test_pictures_of_scenes_that_are_no_longer_recent_go(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("IRRSPLAT_CONFIG", str(tmp_path))
+    for name in ("/a", "/b", "/c"):
+        assert preferences.keep_picture(name, np.full((333, 500, 3), 0.5, "f4"), ["/a", "/c"]) is None
+    assert {p.name for p in (tmp_path / "pictures").iterdir()} == {preferences.picture_path(n).name for n in ("/a", "/c")}
+    assert np.asarray(Image.open(preferences.picture_path("/c"))).shape == (111, 166, 3)
+    assert preferences.keep_picture("/d", np.zeros((1, 1, 3), "f4"), []) is None
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("IRRSPLAT_CONFIG", str(tmp_path / "file"))
+    assert "file" in str(preferences.keep_picture("/d", np.zeros((1, 1, 3), "f4"), []))
