@@ -11,7 +11,7 @@ from typing import Unpack, cast
 import moderngl
 import numpy as np
 
-from irrsplat.app.viewer.buffers.background_truth import Truth, Truths
+from irrsplat.app.viewer.buffers.background_truth import Subject, Truth, Truths
 from irrsplat.app.viewer.buffers.shown_buffer import ViewSource
 from irrsplat.app.viewer.input.free_camera import FreeCamera
 from irrsplat.app.viewer.input.path_recorder import PathRecorder
@@ -248,7 +248,11 @@ class Session(Owner):
 
     def truth(self, camera: Camera, settings: Settings) -> Truth | None:
         """The traced truth of what `camera` sees by as many bounces as the settings say; None where there is none."""
-        return self.truths.of(self.scene, camera, self.size, settings.bounces)
+        return self.truths.of(self.subject(camera, settings))
+
+    def subject(self, camera: Camera, settings: Settings) -> Subject:
+        """What the truth of a view by such settings is of."""
+        return Subject(self.scene, camera, self.size, settings.bounces)
 
     def frame(self) -> Frame:
         """Every buffer of the left side's view as it is now."""

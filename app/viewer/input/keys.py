@@ -100,7 +100,7 @@ PICTURE = (
     Key("K", "snapshot", "keep this picture as a snapshot, to compare with later"),
     Key("SPACE", "flip", "the other side in place of the one on show"),
     Key("M", "swap_preset", "from this preset to paper and back"),
-    Key("Y", "trace", "path-trace the truth of this view; again: stop"),
+    Key("Y", "trace", "path-trace the truth of what is on show, ever finer; again: stop"),
 )
 WINDOW = (
     Key("F1", "toggle", "all keys", "help"),

@@ -413,7 +413,7 @@ def snapshot(driver: Driver, shown: str) -> None:
 
 @case("Y")
 def trace(driver: Driver, shown: str) -> None:
-    """Again while it traces: it stops. Else, a while later, the truth of this view is there, and is not traced again."""
+    """Again: it stops. Else, a while later, the truth of this view is there, and is not traced again."""
     with pytest.MonkeyPatch.context() as monkeypatch:
         tracer, truths = Tracer(monkeypatch), driver.session.truths
         push(driver, shown)
@@ -423,7 +423,8 @@ def trace(driver: Driver, shown: str) -> None:
         push(driver, shown)
         tracer.finish(driver)
         (truth,) = truths.kept
-        assert truth.camera == driver.session.camera and truth.size == driver.wnd.buffer_size
+        assert truth.subject.camera == driver.session.camera and truth.size == driver.wnd.buffer_size
         count = len(tracer.calls)
+        push(driver, shown)
         push(driver, shown)
         assert truths.traced is None and len(tracer.calls) == count and truths.kept == [truth] and "already" in driver.said
