@@ -173,15 +173,21 @@ def _add_measure(commands: Any) -> None:
     )
     _add_scene(parser)
     add = parser.add_argument
-    where = parser.add_argument_group("where", "one of --plane, --height and --point")
+    where = parser.add_argument_group("where", "one of --plane, --height, --line and --point")
     axes = ("X0", "Y0", "Z0", "UX", "UY", "UZ", "VX", "VY", "VZ")
     words = "a corner and two edges, metres; measured from the side to which u × v points"
     where.add_argument("--plane", nargs=9, type=number, metavar=axes, help=words)
     words = "level, so many metres above the lowest point of the scene, over all of it; measured from above"
     where.add_argument("--height", type=number, metavar="M", help=words)
+    words = "points along a line between two places, both among them; metres"
+    where.add_argument("--line", nargs=6, type=number, metavar=("X0", "Y0", "Z0", "X1", "Y1", "Z1"), help=words)
+    words = "the direction that the points of a line face (default: up)"
+    where.add_argument("--facing", nargs=3, type=number, metavar=("NX", "NY", "NZ"), help=words)
     words = "a point and the direction that it faces; may be repeated"
     where.add_argument("--point", nargs=6, type=number, action="append", metavar=("X", "Y", "Z", "NX", "NY", "NZ"), help=words)
-    words = "side of the plane's cells, at most, with a point in the middle of each (default: as EN 12464-1 has it)"
+    words = (
+        "side of the plane's cells, with a point in the middle of each, or step along the line; at most (default: EN 12464-1's)"
+    )
     where.add_argument("--grid", type=number, metavar="M", help=words)
     where.add_argument("--margin", type=number, metavar="M", help="leave out that much along the plane's edges (default: 0)")
     add(
