@@ -123,10 +123,10 @@ class Actions:
         self._copy(camera_flags(self.session.camera))
         self.say("the camera is in the clipboard, as flags of irrsplat render")
 
-    def copy(self, text: str) -> None:
-        """Copy a text to the clipboard."""
+    def copy(self, text: str, called: str = "") -> None:
+        """Copy a text to the clipboard, and say so of it, or of what it is called."""
         self._copy(text)
-        self.say(f"{text} is in the clipboard")
+        self.say(f"{called or text} is in the clipboard")
 
     def bookmark(self) -> None:
         """Keep the camera as a bookmark of this scene."""

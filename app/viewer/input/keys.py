@@ -77,6 +77,7 @@ OVERLAYS = (
     Key("L", "toggle", "points of the surface cache", "sites"),
     Key("T", "toggle", "wireframe", "wire"),
     Key("I", "toggle", "the record under the cursor; a click holds it", "inspect"),
+    Key("L", "toggle", "measure along a line; drag it, or click both ends", "profile", ctrl=True),
 )
 EDITING = (
     Key("O", "turn_handles", "handles move, or turn; or aim a spot"),

@@ -14,12 +14,13 @@ from irrsplat.app.viewer.buffers.shadow_maps import shadow_range
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.buffers.texture_buffers import depth_range
 from irrsplat.app.viewer.buffers.weight import weight_range
-from irrsplat.app.viewer.show.light_scale import STEPS, BrightestLight, LightScale, false_colours, round_above
+from irrsplat.app.viewer.show.light.brightest import BrightestLight
 from irrsplat.app.viewer.show.screen import Screen, clear
 from irrsplat.core.buffers import CHANNELS, Atlas
 from irrsplat.core.color import photometric
 from irrsplat.gpu.target import Target, pixels, table_texture
 from irrsplat.image.tonemap import show, tonemap, viridis
+from irrsplat.meter.light_scale import STEPS, LightScale, false_colours, round_above
 from irrsplat.scene.model import Light
 from tests.support import worlds
 from tests.support.viewing import ShownView, shown_view

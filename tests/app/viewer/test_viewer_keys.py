@@ -18,7 +18,7 @@ from irrsplat.app.viewer.view_options import COMPARES
 from irrsplat.indirect.temporal_filter import PICTURES
 from irrsplat.scene import load
 from irrsplat.scene.camera_path import load_path
-from tests.support.viewing import FAST, Cases, Driver, Tracer, push
+from tests.support.viewing import FAST, LEFT, Cases, Driver, Tracer, push
 
 CASES = Cases("camera", "overlays", "cache", "picture")
 case = CASES.case
@@ -235,6 +235,21 @@ def by_age(driver: Driver, shown: str) -> None:
     push(driver, shown)
     aged = driver.canvas()
     assert (aged != dots).any() and np.array_equal((aged != bare).any(-1), (dots != bare).any(-1))
+
+
+@case("Ctrl+L")
+def profile(driver: Driver, shown: str) -> None:
+    """A drag draws a line instead of turning the view, and the plot's window tells how; again: it turns the view."""
+    home = driver.session.camera
+    for on in (True, False):
+        push(driver, shown)
+        driver.move(160, 100)
+        driver.frame()
+        driver.button(True, LEFT)
+        driver.move(180, 110, 20, 10)
+        driver.button(False, LEFT)
+        assert driver.session.options.profile == on and (driver.session.camera == home) == on
+    assert driver.session.line.ends is not None
 
 
 @case("I")
