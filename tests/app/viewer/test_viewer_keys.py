@@ -250,6 +250,7 @@ def profile(driver: Driver, shown: str) -> None:
         driver.button(False, LEFT)
         assert driver.session.options.profile == on and (driver.session.camera == home) == on
     assert driver.session.line.ends is not None
+    driver.actions.go(home)
 
 
 @case("I")
