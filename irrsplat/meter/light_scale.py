@@ -57,6 +57,18 @@ class LightScale:
             return self
         return replace(self, highest=round_above(brightest * (LUMINOUS_EFFICACY if self.unit == "lux" else 1.0)))
 
+    def place(self, light: np.ndarray) -> np.ndarray:
+        """Where light in `unit` stands on the scale, 0..1 from its lower to its upper end; of any shape."""
+        low, high = self.ends
+        place = np.log(np.maximum(light, 1e-30) / low) / np.log(high / low) if self.logarithmic else light / high
+        clipped: np.ndarray = np.clip(place, 0.0, 1.0)
+        return clipped
+
+    def at(self, place: np.ndarray) -> np.ndarray:
+        """The light in `unit` at places 0..1 of the scale, of any shape."""
+        low, high = self.ends
+        return low * (high / low) ** place if self.logarithmic else high * place
+
 
 def round_above(value: float) -> float:
     """The least number, 1, 2 or 5 times a power of ten, that is not below `value`; 1 for none above 0."""
