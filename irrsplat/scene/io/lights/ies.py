@@ -32,7 +32,8 @@ def load_ies(path: Path, notices: list[str], files: list[Path]) -> Photometry:
 
     Candela are multiplied by the file's multiplier and by its ballast factor; up to 1991 by the ballast-lamp photometric factor
     as well, in whose place later files have something else. What the symmetries leave out is filled in. Appends to `notices`
-    where there is a TILT table that is not the same at all angles, for a lamp that is dimmer in other positions, and to `files` the file of that, if it has one.
+    where there is a TILT table that is not the same at all angles, for a lamp that is dimmer in other positions, and to `files`
+    the file of that, if it has one.
     """
     text = text_bytes(path, strict=False).decode("utf-8", "replace").split("\n")
     tilt = next((i for i, line in enumerate(text) if _TILT.match(line)), None)
@@ -142,8 +143,8 @@ def _tilt(word: str, numbers: _Numbers, line: int, notices: list[str], files: li
         raise numbers.error("the TILT factor at 0 degrees is 0, and no light would leave it; expected one above 0")
     if factors.min() < factors.max():  # of how a luminaire is tilted, and about which axis, a scene says too little
         notices.append(
-            f"{path}: its TILT table ({_LAMPS[geometry]}) is taken at 0 degrees, a factor of {factor:g}: right where the luminaire "
-            f"is not tilted from the position of its test; otherwise it has {factors.min():g} to {factors.max():g}"
+            f"{path}: its TILT table ({_LAMPS[geometry]}) is taken at 0 degrees, a factor of {factor:g}: right where the "
+            f"luminaire is not tilted from the position of its test; otherwise it has {factors.min():g} to {factors.max():g}"
         )
     return factor
 
