@@ -99,10 +99,11 @@ def view(args: argparse.Namespace) -> int:
 def render(args: argparse.Namespace) -> int:
     """`irrsplat render`: a scene, or a path through it, to files. All that can be checked is checked before the work."""
     from irrsplat import settings
-    from irrsplat.app import render_path
+    from irrsplat.app import false_colours, render_path
 
     settings.preset(args.preset, **args.values)
     buffers, with_figures = _buffers(args), _has_folder(args)
+    coloured = false_colours.checked(args)
 
     import irrsplat
 
@@ -116,14 +117,14 @@ def render(args: argparse.Namespace) -> int:
             say(f"notice: {notice}")
         with _round_progress(args) as on_round:
             if flight is not None:
-                done, complete = render_path.render(renderer, flight, buffers, with_figures, on_round)
+                done, complete = render_path.render(renderer, flight, buffers, with_figures, on_round, coloured)
             else:
                 frame = renderer.render(camera, progress=on_round, figures=with_figures)
         if flight is None and frame.stats.get("interrupted") and not frame.stats.get("rounds"):
             return _fail("interrupted before the first round was complete; nothing was written", INTERRUPTED)
         for path in args.output if flight is None else ():
             doing(f"writing {path}")
-            frame.save(path, buffers)
+            render_path.save(path, frame, buffers, coloured, renderer, camera)
             wrote(path)
         if args.cache is not None and renderer.cache.count:
             renderer.save_cache(args.cache)

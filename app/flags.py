@@ -14,6 +14,8 @@ from irrsplat.core.load_options import CREASE_ANGLE, UP_AXES, LoadOptions
 from irrsplat.settings import PRESETS, SETTINGS, Declaration
 
 DEFAULT_SCENE = "cornell"
+FALSE_COLOURED = ("light", "irradiance", "image", "direct", "indirect", "emission")
+MOST_DECADES = 9
 SHELLS = ("bash", "zsh", "fish")
 _OF_CAMERAS = {"camera", "eye", "target", "up", "fov", "path", "frames"}
 _STAGES = ("shadow", "gbuffer", "gather", "splat", "examine", "composite", "view")  # the order of the frame
@@ -41,6 +43,13 @@ def samples(text: str) -> int:
     """A number of samples, for argparse."""
     if not re.fullmatch(r"\d{1,9}", text, re.ASCII) or int(text) < 2:
         raise argparse.ArgumentTypeError(f"expected a whole number of samples, at least 2, not '{text}'")
+    return int(text)
+
+
+def decades(text: str) -> int:
+    """A number of powers of ten, for argparse."""
+    if not re.fullmatch(r"\d{1,2}", text, re.ASCII) or not 1 <= int(text) <= MOST_DECADES:
+        raise argparse.ArgumentTypeError(f"expected a whole number from 1 to {MOST_DECADES}, not '{text}'")
     return int(text)
 
 
@@ -137,10 +146,25 @@ def _add_render(commands: Any) -> None:
     add("--cache", metavar="FILE", help="the records are kept in this file: taken from it where it is there, and written to it")
     add("--stats", metavar="FILE.json", help="write records, rounds, times and settings to this file")
     _add_camera(parser)
+    _add_false_colours(parser)
     group = parser.add_argument_group("path", "a flight instead of one picture; records and the first frame's exposure are kept")
     group.add_argument("--path", metavar="FILE", help="its cameras: a text file, looked for here, then in the scene's folder")
     group.add_argument("--frames", type=frames, metavar="A:B", help="frames A to B - 1; either may be left out (default: all)")
     _add_settings(parser)
+
+
+def _add_false_colours(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group(
+        "false colours", "of a .png, with isolines and a legend; all but the first with --falsecolor"
+    )
+    words = f"{', '.join(FALSE_COLOURED)} (default: light, all that falls on surfaces)"
+    group.add_argument("--falsecolor", nargs="?", const="light", choices=FALSE_COLOURED, metavar="BUFFER", help=words)
+    words = "upper end of the scale (default: a round number above nearly all that is seen)"
+    group.add_argument("--scale", type=number, metavar="X", help=words)
+    group.add_argument("--log", type=decades, metavar="DECADES", help="logarithmic, over so many powers of ten (default: linear)")
+    words = "lux (of radiance: cd/m²), or W/m² (W/(m² sr)) weighted as luminance is (default: lux)"
+    group.add_argument("--unit", choices=("lux", "W/m2"), help=words)
+    group.add_argument("--lines", choices=("on", "off"), help="isolines between the ten steps of the scale (default: on)")
 
 
 def _add_view(commands: Any) -> None:
@@ -173,15 +197,21 @@ def _add_measure(commands: Any) -> None:
     )
     _add_scene(parser)
     add = parser.add_argument
-    where = parser.add_argument_group("where", "one of --plane, --height and --point")
+    where = parser.add_argument_group("where", "one of --plane, --height, --line and --point")
     axes = ("X0", "Y0", "Z0", "UX", "UY", "UZ", "VX", "VY", "VZ")
     words = "a corner and two edges, metres; measured from the side to which u × v points"
     where.add_argument("--plane", nargs=9, type=number, metavar=axes, help=words)
     words = "level, so many metres above the lowest point of the scene, over all of it; measured from above"
     where.add_argument("--height", type=number, metavar="M", help=words)
+    words = "points along a line between two places, both among them; metres"
+    where.add_argument("--line", nargs=6, type=number, metavar=("X0", "Y0", "Z0", "X1", "Y1", "Z1"), help=words)
+    words = "the direction that the points of a line face (default: up)"
+    where.add_argument("--facing", nargs=3, type=number, metavar=("NX", "NY", "NZ"), help=words)
     words = "a point and the direction that it faces; may be repeated"
     where.add_argument("--point", nargs=6, type=number, action="append", metavar=("X", "Y", "Z", "NX", "NY", "NZ"), help=words)
-    words = "side of the plane's cells, at most, with a point in the middle of each (default: as EN 12464-1 has it)"
+    words = (
+        "side of the plane's cells, with a point in the middle of each, or step along the line; at most (default: EN 12464-1's)"
+    )
     where.add_argument("--grid", type=number, metavar="M", help=words)
     where.add_argument("--margin", type=number, metavar="M", help="leave out that much along the plane's edges (default: 0)")
     add(

@@ -1,4 +1,4 @@
-"""`irrsplat measure`: the light on a plane or at points, as a table, in files, and summed up."""
+"""`irrsplat measure`: the light on a plane, along a line or at points, as a table, in files, and summed up."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import json
 import os
 import sys
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +18,7 @@ from irrsplat.app.common.terminal import columns, progress, say
 from irrsplat.core import files
 from irrsplat.core.errors import InputError
 from irrsplat.meter.light_meter import LightMeter
+from irrsplat.meter.line import Line
 from irrsplat.meter.plane import Grid, Plane, horizontal
 from irrsplat.meter.readings import Readings, Status, Summary, Unit
 from irrsplat.scene.model import Scene
@@ -28,16 +30,21 @@ _ENDINGS = (".csv", ".npz")
 def check(args: argparse.Namespace) -> None:
     """Raises InputError for what is wrong with the command line, as far as that can be said before the scene is there."""
     settings.preset(args.preset, **args.values)
-    given = [flag for flag in ("plane", "height", "point") if getattr(args, flag) is not None]
+    given = [flag for flag in ("plane", "height", "line", "point") if getattr(args, flag) is not None]
     if not given:
-        raise InputError("there is nothing to measure; give --plane, --height or --point")
+        raise InputError("there is nothing to measure; give --plane, --height, --line or --point")
     if len(given) > 1:
         raise InputError(f"--{given[0]} and --{given[1]} say two different places; give one of them")
-    for flag in ("grid", "margin"):
-        if args.point is not None and getattr(args, flag) is not None:
-            raise InputError(f"--{flag} is for a plane; leave it out, or give --plane or --height")
+    for flag, places in (("grid", ("plane", "height", "line")), ("margin", ("plane", "height")), ("facing", ("line",))):
+        if getattr(args, flag) is not None and given[0] not in places:
+            words = " or ".join(f"--{place}" for place in places)
+            raise InputError(f"--{flag} does not go with --{given[0]}; leave it out, or give {words}")
+    if args.facing is not None and not any(args.facing):
+        raise InputError("--facing is 0 0 0; give the direction that the points face")
     if args.plane is not None:
         _grid(_plane(args.plane), args)
+    if args.line is not None:
+        _along(args)
     if args.output is not None and args.output != _STDOUT:
         if Path(args.output).suffix.lower() not in _ENDINGS:
             raise InputError(f"unknown ending; expected {' or '.join(_ENDINGS)}, or - for CSV on stdout", args.output or "''")
@@ -51,10 +58,13 @@ def check(args: argparse.Namespace) -> None:
 def run(scene: Scene, args: argparse.Namespace) -> int:
     """Measure, and write what is asked for; the exit status. Raises InputError where the scene has no extent for a plane."""
     unit: Unit = args.unit
-    grid = None
+    grid = along = None
     if args.point is not None:
         places = np.array(args.point, float)
         points, normals = places[:, :3], places[:, 3:]
+    elif args.line is not None:
+        points, along = _along(args)
+        normals = np.tile(np.asarray(args.facing or scene.up, float), (len(points), 1))
     else:
         grid = _grid(horizontal(scene, args.height) if args.plane is None else _plane(args.plane), args)
         points, normals = grid.points, grid.normals
@@ -68,10 +78,10 @@ def run(scene: Scene, args: argparse.Namespace) -> int:
     summary = readings.summary(unit)
     shape = None if grid is None else [grid.columns, grid.rows]
     stats = {"scene": scene.name, "grid": shape, **summary, **how, "preset": args.preset, "settings": vars(meter.settings)}
-    _write(args.output, readings, unit, grid, json.dumps(stats))
+    _write(args.output, _Table(readings, unit, grid, along), json.dumps(stats))
     if args.stats is not None:
         files.write_text(args.stats, json.dumps(stats, indent=1) + "\n")
-    for told in _told(summary, grid):
+    for told in _told(summary, grid, along):
         print(told, file=sys.stderr if args.output == _STDOUT else sys.stdout)
     return 0
 
@@ -88,46 +98,85 @@ def _grid(plane: Plane, args: argparse.Namespace) -> Grid:
     return plane.grid(plane.usual_spacing(margin) if args.grid is None else args.grid, margin)
 
 
+def _along(args: argparse.Namespace) -> tuple[np.ndarray, np.ndarray]:
+    """The points of --line, and their metres along it."""
+    x, y, z, *end = args.line
+    line = Line((x, y, z), (end[0], end[1], end[2]))
+    return line.points(line.usual_spacing() if args.grid is None else args.grid)
+
+
 # ---- what is written ---------------------------------------------------------------------------------------------------
 
 
-def _write(output: str | None, readings: Readings, unit: Unit, grid: Grid | None, stats: str) -> None:
+@dataclass(frozen=True)
+class _Table:
+    """Readings, the unit that they are written in, the grid that they are of, and (N,) their metres along a line."""
+
+    readings: Readings
+    unit: Unit
+    grid: Grid | None
+    along: np.ndarray | None
+
+
+def _write(output: str | None, table: _Table, stats: str) -> None:
     """Write the readings to a file, or print them."""
     if output is None:
-        for line in columns(list(_rows(readings, unit, "{:.4g}")), 0):
+        for line in columns(list(_rows(table, "{:.4g}")), 0):
             print(line)
     elif output == _STDOUT or output.lower().endswith(".csv"):
-        text = "".join(",".join(row) + "\n" for row in _rows(readings, unit, "{:.7g}"))
+        text = "".join(",".join(row) + "\n" for row in _rows(table, "{:.7g}"))
         if output == _STDOUT:
             sys.stdout.write(text)
         else:
             files.write_text(output, text)
     else:
-        arrays: dict[str, np.ndarray] = {"position": readings.position, "normal": readings.normal, **readings.values(unit)}
-        arrays |= {"status": readings.status.astype(np.uint8), "stats": np.array(stats)}
-        if grid is not None:
-            arrays["grid"] = np.array([grid.columns, grid.rows])
+        readings = table.readings
+        arrays: dict[str, np.ndarray] = {
+            "position": readings.position,
+            "normal": readings.normal,
+            **readings.values(table.unit),
+            "status": readings.status.astype(np.uint8),
+            "stats": np.array(stats),
+        }
+        if table.grid is not None:
+            arrays["grid"] = np.array([table.grid.columns, table.grid.rows])
+        if table.along is not None:
+            arrays["along"] = table.along
         data = io.BytesIO()
         np.savez_compressed(data, **arrays)  # type: ignore[arg-type]  # numpy's stub takes a further keyword for an array
         files.write_bytes(output, data.getvalue())
 
 
-def _rows(readings: Readings, unit: Unit, form: str) -> Iterator[list[str]]:
-    """The rows of the table, its head first: place, direct, indirect and total light, none where it does not count, status."""
-    parts = readings.values(unit)
-    colours = ("",) if unit == "lux" else ("_r", "_g", "_b")
-    yield ["x", "y", "z", *(name + colour for name in parts for colour in colours), "status"]
+def _rows(table: _Table, form: str) -> Iterator[list[str]]:
+    """The rows of the table, its head first: metres along a line, place, direct, indirect and total light, none where it does not
+    count, status."""
+    readings, along = table.readings, table.along
+    parts = readings.values(table.unit)
+    colours = ("",) if table.unit == "lux" else ("_r", "_g", "_b")
+    places = readings.position.tolist()
+    if along is not None:
+        places = np.column_stack([along, readings.position]).tolist()
+    yield [
+        *([] if along is None else ["along"]),
+        "x",
+        "y",
+        "z",
+        *(name + colour for name in parts for colour in colours),
+        "status",
+    ]
     light = np.concatenate([values.reshape(len(values), -1) for values in parts.values()], axis=1)
-    for place, values, status in zip(readings.position.tolist(), light.tolist(), readings.status.tolist(), strict=True):
+    for place, values, status in zip(places, light.tolist(), readings.status.tolist(), strict=True):
         shown = [form.format(v) if status == Status.OK else "" for v in values]
         yield [*(form.format(v) for v in place), *shown, Status(status).word]
 
 
-def _told(summary: Summary, grid: Grid | None) -> Iterator[str]:
+def _told(summary: Summary, grid: Grid | None, along: np.ndarray | None) -> Iterator[str]:
     """The lines that sum it up."""
     unit = "lux" if summary["unit"] == "lux" else "W/m²"
     if grid is not None:
         yield f"points      {grid.columns} x {grid.rows}, {summary['points']} of them count"
+    if along is not None:
+        yield f"points      {len(along)} along {along[-1]:.4g} m, {summary['points']} of them count"
     for status, why in ((Status.INSIDE, "within solids"), (Status.BEHIND, "with a surface on them")):
         left_out = summary["inside"] if status == Status.INSIDE else summary["behind"]
         if left_out:

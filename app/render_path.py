@@ -10,15 +10,17 @@ from pathlib import Path as File
 from typing import TYPE_CHECKING, Protocol
 
 from irrsplat.app.common.terminal import wrote
+from irrsplat.app.false_colours import FalseColours
 from irrsplat.core.errors import InputError
 from irrsplat.image import frame as output
 from irrsplat.image.statistics import Statistics
 from irrsplat.scene.camera_path import Path, load_path
 
 if TYPE_CHECKING:
+    from irrsplat.image.frame import Frame
     from irrsplat.image.view import Progress
     from irrsplat.renderer import Renderer
-    from irrsplat.scene.model import Scene
+    from irrsplat.scene.model import Camera, Scene
 
 
 class OnRound(Protocol):
@@ -64,11 +66,13 @@ def render(
     buffers: list[str] | None,
     figures: bool,
     on_round: OnRound | None,
+    coloured: FalseColours | None = None,
 ) -> tuple[list[Statistics], bool]:
     """Render and write every frame; returns the statistics of those written, and whether that is all of them (False: Ctrl-C).
 
     Records stay from frame to frame. All frames have the first one's exposure: metered one by one, they would flicker.
-    on_round: as for Renderer.render, called with the frame and how far the path is as well.
+    on_round: as for Renderer.render, called with the frame and how far the path is as well. coloured: the false colours of
+    pictures, if any.
     """
     done: list[Statistics] = []
     motions = flight.path.motions
@@ -79,7 +83,8 @@ def render(
             show = None if on_round is None else partial(on_round, frame=words, before=i * share, share=share)
             if loaded is not None:
                 renderer.pose(motions.at(loaded, number))
-            frame = renderer.render(flight.path.camera(number), progress=show, figures=figures)
+            camera = flight.path.camera(number)
+            frame = renderer.render(camera, progress=show, figures=figures)
             if frame.stats.get("interrupted"):
                 return done, False
             stats = Statistics(frame=number)
@@ -88,12 +93,22 @@ def render(
             frame = replace(frame, stats=stats)
             for pattern in flight.outputs:
                 name = output.numbered(pattern, number)
-                frame.save(name, buffers)
+                save(name, frame, buffers, coloured, renderer, camera)
                 wrote(name)
             done.append(stats)
     except KeyboardInterrupt:  # between two renders, or while a file was written
         return done, False
     return done, True
+
+
+def save(
+    name: str, frame: Frame, buffers: list[str] | None, coloured: FalseColours | None, renderer: Renderer, camera: Camera
+) -> None:
+    """Write a frame that `renderer` has just made from `camera` to a file; a .png in false colours where these are asked for."""
+    if coloured is not None and name.lower().endswith(".png"):
+        coloured.save(name, frame, renderer, camera)
+    else:
+        frame.save(name, buffers)
 
 
 def _span(args: argparse.Namespace) -> tuple[int, int | None]:

@@ -21,6 +21,7 @@ from irrsplat.core.errors import InputError
 from irrsplat.core.memo import Memo
 from irrsplat.gpu import context, program
 from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.gpu.target import pixels
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
@@ -236,13 +237,23 @@ class Renderer(Owner):
         defines = light_defines(self.scene)
         return self._passes.get("direct", (self.size, defines), lambda: DirectPass(self.ctx, self.size, defines))
 
+    def lamp_irradiance(self, camera: Camera | str | None = None) -> np.ndarray:
+        """(H, W, 3) W/m², top row first: the irradiance of the scene's lamps at pixels' centres, without the headlamp, whatever
+        the surface reflects; 0 where none is seen. camera: as for `render`."""
+        seen = camera if isinstance(camera, Camera) else self.scene.camera(camera)
+        found: np.ndarray = pixels(self._lamp_irradiance(self.draw_gbuffer(seen)))[..., :3].copy()
+        return found
+
     def direct_irradiance(self, view: View) -> moderngl.Texture:
         """The irradiance of the scene's lamps at every pixel of the present `view`, W/m², without the headlamp: a texture."""
-        size, defines, shadows = view.gbuffer.position.size, light_defines(self.scene), self.draw_shadows()
+        return self._lamp_irradiance(view.gbuffer)
+
+    def _lamp_irradiance(self, gbuffer: GBuffer) -> moderngl.Texture:
+        size, defines, shadows = gbuffer.position.size, light_defines(self.scene), self.draw_shadows()
         lamps = self._passes.get(
             "direct irradiance", (size, defines), lambda: DirectPass(self.ctx, size, defines, irradiance=True)
         )
-        return self._memo.get("direct irradiance", (view.gbuffer, shadows, lamps), lambda: lamps(view.gbuffer, shadows))
+        return self._memo.get("direct irradiance", (gbuffer, shadows, lamps), lambda: lamps(gbuffer, shadows))
 
     @property
     def emitter_pass(self) -> EmitterLightPass | None:

@@ -13,6 +13,7 @@ import numpy as np
 
 import irrsplat
 from irrsplat.app.viewer import preferences as stored
+from irrsplat.app.viewer.buffers.background_truth import Subject
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.editor import Editor, Kind
 from irrsplat.app.viewer.editing.picking import nearest_on_screen
@@ -133,10 +134,10 @@ class Actions:
         self._copy(camera_flags(self.session.camera))
         self.say("the camera is in the clipboard, as flags of irrsplat render")
 
-    def copy(self, text: str) -> None:
-        """Copy a text to the clipboard."""
+    def copy(self, text: str, called: str = "") -> None:
+        """Copy a text to the clipboard, and say so of it, or of what it is called."""
         self._copy(text)
-        self.say(f"{text} is in the clipboard")
+        self.say(f"{called or text} is in the clipboard")
 
     def bookmark(self) -> None:
         """Keep the camera as a bookmark of this scene."""
@@ -248,14 +249,17 @@ class Actions:
         self.say(f"preset {name}", topic="preset")
 
     def trace(self) -> None:
-        """Trace the truth of the view in the background, or stop that."""
-        session = self.session
-        bounces = session.settings(self.side)[1].bounces
-        self.say(session.truths.toggle(session.scene, session.camera, session.size, bounces), topic="truth")
+        """Trace the truth of what is on show in the background, or leave that."""
+        self.say(self.session.truths.toggle(self._subject), topic="truth")
 
     def collect_truth(self) -> None:
-        """Take the truth that was traced meanwhile."""
-        self.attempt(lambda: self.session.truths.collect(self.session.scene, self.say))
+        """Take what was traced meanwhile, and trace the view on show where that is wanted."""
+        self.attempt(lambda: self.session.truths.update(self._subject, self.say))
+
+    @property
+    def _subject(self) -> Subject:
+        """What a truth is traced of."""
+        return self.session.subject(self.session.camera, self.session.settings(self.side)[1])
 
     def darker(self) -> None:
         """Expose by half a stop less."""

@@ -11,12 +11,13 @@ from typing import Unpack, cast
 import moderngl
 import numpy as np
 
-from irrsplat.app.viewer.buffers.background_truth import Truth, Truths
+from irrsplat.app.viewer.buffers.background_truth import Subject, Truth, Truths
 from irrsplat.app.viewer.buffers.shown_buffer import ViewSource
 from irrsplat.app.viewer.input.free_camera import FreeCamera
+from irrsplat.app.viewer.input.measuring_line import MeasuringLine
 from irrsplat.app.viewer.input.path_recorder import PathRecorder
 from irrsplat.app.viewer.show.auto_exposure import AutoExposure
-from irrsplat.app.viewer.show.light_scale import BrightestLight, LightScale
+from irrsplat.app.viewer.show.light.brightest import BrightestLight
 from irrsplat.app.viewer.show.remaining_time import RemainingTime, Work
 from irrsplat.app.viewer.show.screen import Region
 from irrsplat.app.viewer.show.snapshots import MOST, Snapshot
@@ -28,6 +29,7 @@ from irrsplat.gpu.target import pixels
 from irrsplat.image.frame import Frame
 from irrsplat.image.statistics import Statistics
 from irrsplat.image.view import Progress, View, read
+from irrsplat.meter.light_scale import LightScale
 from irrsplat.renderer import Renderer
 from irrsplat.scene.model import Camera, Light, Scene
 from irrsplat.settings import SETTINGS, Settings, SettingValues, preset
@@ -67,6 +69,7 @@ class Session(Owner):
         self.brightest_light = BrightestLight(ctx)
         self.remaining = RemainingTime()
         self.path_recorder, self.truths = PathRecorder(), Truths(ctx)
+        self.line = MeasuringLine()
         self.held: tuple[int, int] | None = None  # the side and the name of the record that a click holds
         self._centres: list[View] = []  # the views of one sample a pixel, before further samples were added
         self.snapshots: list[Snapshot] = []
@@ -248,7 +251,11 @@ class Session(Owner):
 
     def truth(self, camera: Camera, settings: Settings) -> Truth | None:
         """The traced truth of what `camera` sees by as many bounces as the settings say; None where there is none."""
-        return self.truths.of(self.scene, camera, self.size, settings.bounces)
+        return self.truths.of(self.subject(camera, settings))
+
+    def subject(self, camera: Camera, settings: Settings) -> Subject:
+        """What the truth of a view by such settings is of."""
+        return Subject(self.scene, camera, self.size, settings.bounces)
 
     def frame(self) -> Frame:
         """Every buffer of the left side's view as it is now."""
@@ -442,7 +449,7 @@ class Session(Owner):
         if not keep_camera or not self.path_recorder.fits(scene):
             self.path_recorder = PathRecorder()
         if not keep_camera:
-            self.auto_exposure = AutoExposure()
+            self.auto_exposure, self.line = AutoExposure(), MeasuringLine()
         self.views, self.progress, self.held = [], [], None
 
     def reload_shaders(self, *others: program.Program) -> None:

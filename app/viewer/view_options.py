@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field, fields
 from typing import Literal
 
-from irrsplat.app.viewer.show.light_scale import LightScale
+from irrsplat.meter.light_scale import LightScale
 
 Split = Literal["off", "buffers", "presets", "snapshot"]
 SPLITS: dict[Split, str] = {  # and their titles
@@ -45,6 +45,7 @@ class ViewOptions:
     sites: bool = False
     wire: bool = False
     inspect: bool = False
+    profile: bool = False  # whether lines are measured along
     frozen: bool = False
     light_scale: LightScale = LightScale()  # it is frozen
 

@@ -192,8 +192,9 @@ class Viewer(Owner):
         self.actions.collect_truth()
         messages = self.actions.messages
         messages.expire()
-        traced = self.session.truths.traced
-        shown = messages.version, traced if traced is None else round(100.0 * traced), self.wnd.buffer_size
+        truths = self.session.truths
+        traced = truths.version, None if truths.traced is None else round(100.0 * truths.traced)
+        shown = messages.version, traced, self.wnd.buffer_size
         before, self._shown = self._shown, shown
         return shown == before and messages.rests > 0.0 and self.session.at_rest
 

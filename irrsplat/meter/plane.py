@@ -48,11 +48,10 @@ class Plane:
         return unit
 
     def usual_spacing(self, margin: float = 0.0) -> float:
-        """The spacing in metres that EN 12464-1 has for grids: 0.2·5^log₁₀(d), at most 10, where d is the longer edge, or the
-        shorter one of a plane that is at least twice as long as wide; without the margin."""
+        """The `usual_spacing` of the longer edge, or the shorter one of a plane that is at least twice as long as wide; without
+        the margin."""
         short, long = sorted(max(math.hypot(*edge) - 2.0 * margin, 0.0) for edge in (self.u, self.v))
-        d = short if long >= 2.0 * short else long
-        return min(0.2 * 5.0 ** math.log10(d), 10.0) if d > 0.0 else 10.0
+        return usual_spacing(short if long >= 2.0 * short else long)
 
     def grid(self, spacing: float, margin: float = 0.0) -> Grid:
         """The centres of cells that share the plane out evenly, with sides as close to `spacing` metres as may be, and no longer.
@@ -78,6 +77,12 @@ class Plane:
         s, t = ((np.arange(n) + 0.5) / n for n in (columns, rows))
         points = corner + (s[None, :, None] * edges[0] + t[:, None, None] * edges[1]).reshape(-1, 3)
         return Grid(points, np.tile(self.normal, (len(points), 1)), columns, rows)
+
+
+def usual_spacing(d: float) -> float:
+    """The spacing in metres that EN 12464-1 has for grids over an area of the dimension `d`, metres: 0.2·5^log₁₀(d), at most
+    10."""
+    return min(0.2 * 5.0 ** math.log10(d), 10.0) if d > 0.0 else 10.0
 
 
 def horizontal(scene: Scene, height: float) -> Plane:

@@ -285,7 +285,7 @@ class Tracer:
         point = lane // count
         p, n, g = (dr.gather(mi.Vector3f, x, point) for x in (p, n, g))
         generator: Any = mi.PCG32
-        random: Lanes = generator(size=dr.width(lane), initstate=seed)
+        random: Lanes = generator(size=dr.width(lane), initstate=dr.opaque(mi.UInt64, seed))  # or each seed would be compiled
         stratum = mi.Point2u((lane % count) % side, (lane % count) // side)
 
         def uniform() -> Lanes:  # a point in the unit square per lane, of the first vertex a stratified one

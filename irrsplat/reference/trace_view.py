@@ -5,8 +5,9 @@ Importing this needs the extra `reference`. `main` is the process that `irrsplat
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 
 import mitsuba as mi
 import numpy as np
@@ -15,7 +16,7 @@ from irrsplat.reference.camera_view import Visible
 from irrsplat.reference.caster import camera_rays
 from irrsplat.reference.lanes import lights
 from irrsplat.reference.path_tracer import Hit, Tracer, image, look, surface, view
-from irrsplat.reference.worker import serve
+from irrsplat.reference.worker import Pass, Report, serve
 from irrsplat.scene.model import Camera, Scene
 
 ANGLE = 18.0  # degrees between a pixel's normal and its neighbours'
@@ -23,6 +24,7 @@ PLANE = 0.01  # distance of its neighbours from its tangent plane, in diagonals
 FAR_FROM_EDGES = 3  # pixels: direct light is compared where a shadow's edge is farther than this
 _FINE = 4  # textures are looked up in side² points of every pixel
 _PART = 1 << 22  # samples between two reports of progress
+_SEEDS = 1 << 20  # more than one pass draws by
 
 
 def trace(
@@ -44,17 +46,7 @@ def trace(
     else:
         albedo, normal = centre.albedo, centre.normal
 
-    p, n, g = (a[seen] for a in (centre.position, normal, centre.geometric))
-    halves = np.zeros((2, height, width, 3), np.float32)
-    step = min(max(_PART // (side * side), 1), 65536)  # below the distance of two seeds in Tracer.irradiance
-    parts = [slice(k, k + step) for k in range(0, len(p), step)]
-    found: list[list[np.ndarray]] = [[], []]
-    for k, part in enumerate(parts):
-        for half in range(2):
-            found[half].append(tracer.irradiance(p[part], n[part], g[part], side, 2 * k + half + 1, bounces))
-        report((k + 1) / len(parts))
-    for half in range(2):
-        halves[half][seen] = np.concatenate(found[half]) if parts else 0.0
+    halves = _halves(tracer, _Places(seen, centre.position, normal, centre.geometric), side, bounces, 0, report)
     sky = scene.sky_radiance(camera_rays(camera, size)).reshape(height, width, 3) if scene.own_sky else 0.0
     return {
         "halves": halves,
@@ -69,6 +61,65 @@ def trace(
         "valid": valid,
         "clear": valid & (distance_to(changes | ~smooth) > FAR_FROM_EDGES),
     }
+
+
+@dataclass(frozen=True)
+class _Places:
+    """Where irradiance is wanted, (H, W, …): the pixels that are `seen`, with positions, shading and geometric normals."""
+
+    seen: np.ndarray
+    position: np.ndarray
+    normal: np.ndarray
+    geometric: np.ndarray
+
+
+def _halves(tracer: Tracer, places: _Places, side: int, bounces: int, seed: int, report: Callable[[float], object]) -> np.ndarray:
+    """(2, H, W, 3) irradiance of so many `bounces`, side² samples of each kind per pixel and half, drawn by the seeds
+    after `seed`."""
+    seen = places.seen
+    halves = np.zeros((2, *seen.shape, 3), np.float32)
+    p, n, g = (a[seen] for a in (places.position, places.normal, places.geometric))
+    step = min(max(_PART // (side * side), 1), 65536)  # below the distance of two seeds in Tracer.irradiance
+    parts = [slice(k, k + step) for k in range(0, len(p), step)]
+    found: list[list[np.ndarray]] = [[], []]
+    for k, part in enumerate(parts):
+        for half in range(2):
+            found[half].append(tracer.irradiance(p[part], n[part], g[part], side, seed + 2 * k + half + 1, bounces))
+        report((k + 1) / len(parts))
+    for half in range(2):
+        halves[half][seen] = np.concatenate(found[half]) if parts else 0.0
+    return halves
+
+
+def refine(scene: Scene, passes: Sequence[Pass], bounces: int, report: Report) -> None:
+    """Trace irradiance of so many `bounces` pass by pass; report: called with the share of all samples that is done, and at the
+    end of each pass with its arrays `halves`, `seen` and `valid`, as a `Traced` view has them."""
+    tracer, done, whole = Tracer(scene), 0.0, sum(one.samples * one.pixels for one in passes)
+    before, places, valid = None, None, np.zeros(0, bool)
+    for one in passes:
+        if places is None or before != (one.camera, one.size):
+            before = one.camera, one.size
+            places, valid = _places(tracer, one.camera, one.size)
+        share = one.samples * one.pixels / whole
+        halves = _halves(tracer, places, one.side, bounces, one.number * _SEEDS, partial(_report_part, report, done, share))
+        done += share
+        report(done, {"halves": halves, "seen": places.seen, "valid": valid})
+
+
+def _report_part(report: Report, done: float, share: float, part: float) -> None:
+    """Report `done` and so much of the `share` that comes next."""
+    report(done + share * part)
+
+
+def _places(tracer: Tracer, camera: Camera, size: tuple[int, int]) -> tuple[_Places, np.ndarray]:
+    """What the pixels' centres see, and (H, W) the pixels in which irradiance may be compared."""
+    middle = view(tracer, camera, size)
+    centre, hit = middle.image(size), surface(middle, camera)
+    normal = centre.normal
+    if any(mesh.material.textures for mesh in tracer.scene.meshes):
+        _, normal = over_pixels(tracer, camera, size, centre)
+    valid = valid_pixels(centre.position, centre.smooth, centre.seen, tracer.scene.diagonal) & ~image(hit.ambiguous, size)
+    return _Places(centre.seen, centre.position, normal, centre.geometric), valid
 
 
 def over_pixels(tracer: Tracer, camera: Camera, size: tuple[int, int], centre: Visible) -> tuple[np.ndarray, np.ndarray]:
@@ -159,3 +210,8 @@ def distance_to(marked: np.ndarray, most: int = 255) -> np.ndarray:
 def main() -> None:
     """Answer the process that started this one with `trace`."""
     serve(trace)
+
+
+def main_refine() -> None:
+    """Answer the process that started this one with `refine`."""
+    serve(refine)

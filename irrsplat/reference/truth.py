@@ -65,9 +65,15 @@ class Traced:
     @property
     def noise(self) -> float | None:
         """The standard error of `irradiance` over its mean, RMS over the valid pixels, as its halves tell."""
-        # the halves are independent and alike, so their mean has half the variance of one: that of half their difference
-        E, difference = self.irradiance[self.valid].astype(float), np.diff(self.halves[:, self.valid].astype(float), axis=0)
-        return float(np.sqrt(np.mean(difference**2)) / 2.0 / E.mean()) if E.any() else None
+        return noise(self.halves, self.valid)
+
+
+def noise(halves: np.ndarray, where: np.ndarray) -> float | None:
+    """The standard error of the mean of `halves` (2, H, W, 3) over that mean, RMS over the pixels `where` (H, W); None in the
+    dark."""
+    # the halves are independent and alike, so their mean has half the variance of one: that of half their difference
+    E = halves[:, where].astype(float)
+    return float(np.sqrt(np.mean((E[1] - E[0]) ** 2)) / 2.0 / E.mean()) if E.any() else None
 
 
 def errors(E: np.ndarray, E_ref: np.ndarray) -> dict[str, float | None]:

@@ -11,9 +11,10 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from typing import IO, cast
+from dataclasses import dataclass
+from typing import IO, Protocol, cast
 
 import numpy as np
 
@@ -21,8 +22,42 @@ from irrsplat.core.errors import IrrsplatError
 from irrsplat.scene.model import Camera, Scene
 
 _MAIN = "from irrsplat.reference.trace_view import main; main()"
+_REFINE = "from irrsplat.reference.trace_view import main_refine; main_refine()"
 _BEAT = 0.1  # seconds between two calls of `progress`, at most
 INSTALL = "pip install 'irrsplat[reference]'"
+_ON_THE_WAY = ("progress", "part")  # messages after which others come
+
+OnShare = Callable[[float], object]  # called with the share done, 0..1
+
+
+class Report(Protocol):
+    """What work in another process tells on its way."""
+
+    def __call__(self, share: float, part: dict[str, np.ndarray] | None = None) -> object:
+        """The share of it that is done, 0..1, and a part of the answer where one is ready."""
+
+
+@dataclass(frozen=True)
+class Pass:
+    """Samples of irradiance for every pixel of a camera's picture of `size` (W, H): side² of each kind, twice.
+
+    number: what no other pass of the same view has; it decides which samples are drawn.
+    """
+
+    camera: Camera
+    size: tuple[int, int]
+    side: int
+    number: int
+
+    @property
+    def samples(self) -> int:
+        """Of each kind per pixel, by both halves."""
+        return 2 * self.side * self.side
+
+    @property
+    def pixels(self) -> int:
+        """How many the picture has."""
+        return self.size[0] * self.size[1]
 
 
 def require() -> None:
@@ -37,16 +72,32 @@ def trace(
     size: tuple[int, int],
     side: int,
     bounces: int,
-    progress: Callable[[float], object] | None = None,
+    progress: OnShare | None = None,
 ) -> dict[str, np.ndarray]:
     """What `irrsplat.reference.trace_view.trace` returns, from another process; see `call`."""
     return cast("dict[str, np.ndarray]", call(_MAIN, (scene, camera, size, side, bounces), progress))
 
 
-def call(code: str, arguments: tuple[object, ...], progress: Callable[[float], object] | None = None) -> object:
+def refine(
+    scene: Scene, passes: Sequence[Pass], bounces: int, take: Callable[[dict[str, np.ndarray]], object], progress: OnShare
+) -> None:
+    """Trace a view pass by pass in another process, as `irrsplat.reference.trace_view.refine` does; see `call`.
+
+    take: called with the arrays of each pass, one after the other.
+    """
+    call(_REFINE, (scene, list(passes), bounces), progress, take)
+
+
+def call(
+    code: str,
+    arguments: tuple[object, ...],
+    progress: OnShare | None = None,
+    take: Callable[[dict[str, np.ndarray]], object] | None = None,
+) -> object:
     """The answer of another process that runs Python `code` which ends in `serve`, and gets these arguments.
 
-    progress: called with the share done, 0..1, several times a second; an exception from it ends the process and is raised here.
+    progress: called with the share done, 0..1, several times a second; take: with each part of the answer that comes before the
+    end. An exception from them ends the process and is raised here.
     Raises IrrsplatError, one line, where Mitsuba or LLVM is missing, and where the process fails.
     """
     require()
@@ -61,7 +112,7 @@ def call(code: str, arguments: tuple[object, ...], progress: Callable[[float], o
             with suppress(BrokenPipeError):  # it ended before it had read all: that shows in its answer
                 pickle.dump(arguments, process.stdin)
                 process.stdin.close()
-            kind, value = _answer(process.stdout, progress)
+            kind, value = _answer(process.stdout, progress, take)
             if kind is None:
                 with suppress(subprocess.TimeoutExpired):
                     process.wait(10.0)  # its own exit status tells why
@@ -78,14 +129,16 @@ def call(code: str, arguments: tuple[object, ...], progress: Callable[[float], o
     return value
 
 
-def _answer(stream: IO[bytes], progress: Callable[[float], object] | None) -> tuple[str | None, object]:
+def _answer(
+    stream: IO[bytes], progress: OnShare | None, take: Callable[[dict[str, np.ndarray]], object] | None
+) -> tuple[str | None, object]:
     """The last message of the process; (None, None) where it ended without one."""
     messages: queue.SimpleQueue[tuple[str | None, object]] = queue.SimpleQueue()
 
     def read() -> None:
         with suppress(EOFError, pickle.UnpicklingError, ValueError):  # ValueError: who waited has closed the stream
             kind = "progress"
-            while kind == "progress":
+            while kind in _ON_THE_WAY:
                 kind, value = pickle.load(stream)
                 messages.put((kind, value))
         messages.put((None, None))
@@ -95,9 +148,12 @@ def _answer(stream: IO[bytes], progress: Callable[[float], object] | None) -> tu
     while True:
         with suppress(queue.Empty):
             kind, value = messages.get(timeout=_BEAT)
-            if kind != "progress":
+            if kind not in _ON_THE_WAY:
                 return kind, value
-            share = cast(float, value)
+            if kind == "progress":
+                share = cast(float, value)
+            elif take is not None:
+                take(cast("dict[str, np.ndarray]", value))
         if progress is not None:
             progress(share)
 
@@ -120,7 +176,8 @@ def _why_it_failed(status: int, said: IO[bytes]) -> str:
 def serve(work: Callable[..., object]) -> None:
     """Call `work` with the pickled arguments on stdin and a function for the share done; its result goes to stdout.
 
-    There are pickled messages (kind, value): ("progress", share), and at last ("done", result) or ("error", why it cannot be).
+    There are pickled messages (kind, value): ("progress", share) and ("part", a part of the answer), and at last ("done", result)
+    or ("error", why it cannot be).
     """
     from irrsplat.reference.path_tracer import choose_variant
 
@@ -131,9 +188,14 @@ def serve(work: Callable[..., object]) -> None:
             pickle.dump((kind, value), answers)
             answers.flush()
 
+        def report(share: float, part: dict[str, np.ndarray] | None = None) -> None:
+            say("progress", share)
+            if part is not None:
+                say("part", part)
+
         try:
             arguments = pickle.load(sys.stdin.buffer)
             choose_variant()
-            say("done", work(*arguments, lambda share: say("progress", share)))
+            say("done", work(*arguments, report))
         except IrrsplatError as error:
             say("error", str(error))

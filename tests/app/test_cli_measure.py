@@ -95,13 +95,32 @@ def test_points_on_the_terminal_and_csv_in_a_pipe(lit: Path, capsys: pytest.Capt
     assert "mean" in err and "mean" not in out
 
 
+def test_a_line_goes_from_end_to_end(lit: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Under the lamp the light falls off as I·h/d³; its points are even, with both ends, and their metres go before them."""
+    line = ["--line", "-1.5", "0", "-0.5", "1.5", "0", "-0.5", "--grid", "0.4", "--lux"]
+    assert cli.main([*MEASURE, *line, "-o", "line.csv"]) == 0
+    rows = list(csv.DictReader((lit / "line.csv").open()))
+    assert list(rows[0])[:4] == ["along", "x", "y", "z"] and {row["status"] for row in rows} == {"ok"}
+    along, x, z, total = (np.array([float(row[name]) for row in rows]) for name in ("along", "x", "z", "total"))
+    assert along == pytest.approx(np.linspace(0.0, 3.0, 9)) and x == pytest.approx(along - 1.5) and (z == -0.5).all()
+    assert total == pytest.approx(expected(x, z), rel=1e-3)
+    assert "points      9 along 3 m, 9 of them count" in capsys.readouterr().out
+
+    # beside the lamp, facing it, at the distances 1 to 3: I/d², the normal towards it
+    assert cli.main([*MEASURE, "--line", "1", "2", "0", "3", "2", "0", "--facing", "-2", "0", "0", "--lux", "-o", "a.npz"]) == 0
+    with np.load(lit / "a.npz") as data:
+        step = 0.2 * 5.0 ** np.log10(2.0)
+        assert len(data["along"]) == np.ceil(2.0 / step) + 1
+        assert data["total"] == pytest.approx(1790.0 / (1.0 + data["along"]) ** 2, rel=1e-3)
+
+
 PLANE = ["--plane", "0", "0", "0", "1", "0", "0", "0", "0", "-1"]
 
 
 @pytest.mark.parametrize(
     ("argv", "words"),
     [
-        ([], "nothing to measure; give --plane, --height or --point"),
+        ([], "nothing to measure; give --plane, --height, --line or --point"),
         (["--plane", "0", "0", "0"], "expected 9 arguments"),
         ([*PLANE[:-1], "x"], "'x'"),
         ([*PLANE[:-3], "1", "0", "0"], "span no area"),
@@ -109,7 +128,10 @@ PLANE = ["--plane", "0", "0", "0", "1", "0", "0", "0", "0", "-1"]
         ([*PLANE, "--grid", "0"], "spacing is 0"),
         ([*PLANE, "--grid", "1e-6"], "at most 1,000,000"),
         ([*PLANE, "--margin", "0.5"], "leaves nothing"),
-        (["--point", "0", "0", "0", "0", "1", "0", "--grid", "1"], "--grid is for a plane"),
+        (["--point", "0", "0", "0", "0", "1", "0", "--grid", "1"], "--grid does not go with --point"),
+        (["--line", "0", "0", "0", "1", "0", "0", "--margin", "1"], "--margin does not go with --line"),
+        (["--line", "0", "0", "0", "0", "0", "0"], "one point"),
+        (["--line", "0", "0", "0", "1", "0", "0", "--facing", "0", "0", "0"], "--facing is 0 0 0"),
         (["--point", "0", "0", "0", "0", "0", "0"], "a normal is 0 0 0"),
         ([*PLANE, "-o", "a.exr"], "expected .csv or .npz"),
         ([*PLANE, "-o", "missing/a.csv"], "does not exist"),

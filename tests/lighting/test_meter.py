@@ -272,6 +272,9 @@ def test_the_spacing_of_the_standard() -> None:
     """EN 12464-1: 0.2·5^log₁₀(d): 0.2 m at 1 m, 1 m at 10 m; d is the shorter edge of a long plane; 10 m at most."""
     assert Plane((0, 0, 0), (1, 0, 0), (0, 0, -0.6)).usual_spacing() == pytest.approx(0.2)
     assert Plane((0, 0, 0), (10, 0, 0), (0, 0, -6)).usual_spacing() == pytest.approx(1.0)
+    for side, shown in ((0.6, 0.15), (2, 0.3), (5, 0.6), (25, 2.0), (50, 3.0), (100, 5.0)):  # rounded, as tables of it have it
+        assert Plane((0, 0, 0), (side, 0, 0), (0, 0, -0.7 * side)).usual_spacing() == pytest.approx(shown, abs=0.1 * shown)
+    assert Plane((0, 0, 0), (5, 0, 0), (0, 0, -4)).usual_spacing() == pytest.approx(0.61601, abs=1e-5)
     assert Plane((0, 0, 0), (50, 0, 0), (0, 0, -10)).usual_spacing() == pytest.approx(1.0)
     assert Plane((0, 0, 0), (11, 0, 0), (0, 0, -7)).usual_spacing(margin=0.5) == pytest.approx(1.0)
     assert Plane((0, 0, 0), (900, 0, 0), (0, 0, -900)).usual_spacing() == 10.0

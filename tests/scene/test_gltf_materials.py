@@ -309,3 +309,84 @@ def test_a_file_without_packed_parts_needs_no_extra(file, tmp_path, monkeypatch)
     file.node(mesh=file.mesh(base(baseColorTexture={"index": file.texture(PIXELS)}), POSITION=POINTS))
     scene = load(file.glb(tmp_path / "a.glb"))
     assert scene.meshes[0].material.albedo_texture is not None
+
+
+# ---- image-based light ---------------------------------------------------------------------------------------------------
+
+# the middle of each face of OpenGL's cube maps, and the axes along which its columns and rows go (table 3.19 of OpenGL 2.0)
+CUBE = [
+    ((1, 0, 0), (0, 0, -1), (0, -1, 0)),
+    ((-1, 0, 0), (0, 0, 1), (0, -1, 0)),
+    ((0, 1, 0), (1, 0, 0), (0, 0, 1)),
+    ((0, -1, 0), (1, 0, 0), (0, 0, -1)),
+    ((0, 0, 1), (1, 0, 0), (0, -1, 0)),
+    ((0, 0, -1), (-1, 0, 0), (0, -1, 0)),
+]
+SIDE = 16
+
+
+def faces() -> np.ndarray:
+    """(6, SIDE, SIDE, 4) uint8 in RGBD: each face another colour, that changes to the right and downward."""
+    step = np.linspace(0.0, 1.0, SIDE)
+    pixels = np.zeros((6, SIDE, SIDE, 4), np.uint8)
+    for k in range(6):
+        pixels[k, ..., 0] = 60 + 100 * step
+        pixels[k, ..., 1] = (60 + 100 * step)[:, None]
+        pixels[k, ..., 2] = 80 + 20 * k
+        pixels[k, ..., 3] = 255 if k % 2 else 128
+    return pixels
+
+
+def image_light(file: GltfFile, pixels: np.ndarray, **entry: Any) -> None:
+    images = [file.add("images", {"bufferView": file.view(encoded(p)), "mimeType": "image/png"}) for p in pixels]
+    entry = {"specularImages": [images], "specularImageSize": SIDE, **entry}
+    file.tree["extensions"] = {"EXT_lights_image_based": {"lights": [entry]}}
+    nodes = [file.node(mesh=file.mesh())]
+    file.add("scenes", {"nodes": nodes, "extensions": {"EXT_lights_image_based": {"light": 0}}})
+    file.used("EXT_lights_image_based")
+
+
+def test_an_image_based_light_is_a_sky_of_its_sharpest_images(file, show):
+    """Mirrored about their vertical axes, its images are the faces of OpenGL's cube map: rgb are sRGB, divided by alpha. A turn
+    by 90° about y takes what was along x to −z; the intensity is a factor."""
+    pixels = faces()
+    image_light(file, pixels, intensity=2.0, rotation=[0, HALF, 0, HALF], irradianceCoefficients=[[1, 1, 1]] * 9)
+    scene = show()
+    assert scene.own_sky and scene.environment is not None and not scene.lights
+    assert any("images of its image-based light shine" in notice for notice in scene.notices)
+    encoded_rgb = pixels[..., :3] / 255.0
+    radiance = 2.0 * ((encoded_rgb + 0.055) / 1.055) ** 2.4 / (pixels[..., 3:] / 255.0)
+    for k, (middle, right, down) in enumerate(np.array(CUBE, float)):
+        for column, row in ((3, 2), (8, 8), (12, 5)):
+            s, t = 2.0 * (column + 0.5) / SIDE - 1.0, 2.0 * (row + 0.5) / SIDE - 1.0
+            x, y, z = middle + s * right + t * down
+            direction = np.array([z, y, -x]) / math.sqrt(x * x + y * y + z * z)
+            found = scene.environment.seen(direction)
+            assert found == pytest.approx(radiance[k, row, SIDE - 1 - column], rel=0.03), (k, column, row)
+
+
+def test_where_no_image_can_be_read_the_irradiance_coefficients_shine(file, show):
+    """E(n) = Σ c·Y(n) again, gathered over the hemispheres about normals; the file says so."""
+    c = np.zeros((9, 3))
+    c[:, 0] = [3.0, 0.5, -0.3, 0.4, 0.1, 0.0, 0.05, -0.1, 0.1]
+    c[:, 1:] = c[:, :1] * [0.5, 0.25]
+    image_light(file, faces(), irradianceCoefficients=c.tolist())
+    file.tree["images"] = []
+    scene = show()
+    assert scene.environment is not None and any("no images that can be read" in notice for notice in scene.notices)
+    rng = np.random.default_rng(3)
+    ways = rng.normal(size=(40_000, 3))
+    ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+    L = scene.environment.seen(ways)
+    for x, y, z in np.eye(3).tolist() + (-np.eye(3)).tolist():
+        E = 4.0 * np.pi * np.mean(np.maximum(ways @ [x, y, z], 0.0)[:, None] * L, axis=0)
+        basis = [0.282095, 0.488603 * y, 0.488603 * z, 0.488603 * x, 1.092548 * x * y, 1.092548 * y * z]
+        basis += [0.315392 * (3.0 * z * z - 1.0), 1.092548 * x * z, 0.546274 * (x * x - y * y)]
+        assert pytest.approx(basis @ c, rel=0.03) == E
+
+
+def test_a_damaged_image_based_light_costs_only_itself(file, show):
+    image_light(file, faces()[:5])
+    scene = show()
+    assert scene.environment is None and scene.triangles == 4
+    assert any("its image-based light is left out: its specularImages are damaged" in notice for notice in scene.notices)

@@ -159,7 +159,11 @@ def test_a_tilt_table_counts_as_it_is_at_0(read: Callable[..., Photometry], tmp_
     assert read(ies_text([0, 90], [0], isotropic, tilt="TILT=INCLUDE\n" + table), notices).peak == pytest.approx(90.0)
     (tmp_path / "lamp tilt.tlt").write_text(table)
     assert read(ies_text([0, 90], [0], isotropic, tilt="TILT=lamp tilt.tlt"), notices, files).peak == pytest.approx(90.0)
-    assert len(notices) == 2 and all("TILT" in n and "0.9" in n for n in notices)
+    assert len(notices) == 2 and all("TILT table (of a lamp that is upright)" in n and "a factor of 0.9" in n for n in notices)
+    assert all("0.5 to 1" in n for n in notices), "how far it may be off"
+    same = "3\n2\n-90 90\n0.8 0.8\n"
+    assert read(ies_text([0, 90], [0], isotropic, tilt="TILT=INCLUDE\n" + same), notices).peak == pytest.approx(80.0)
+    assert len(notices) == 2, "where every angle has one factor, nothing is left out"
     assert files == [tmp_path / "lamp tilt.tlt"]
 
 
@@ -279,7 +283,7 @@ def test_a_light_file_says_where_and_how_bright(write: Callable[..., Scene]) -> 
 def test_the_files_and_notices_of_luminaires_are_the_scene_s(write: Callable[..., Scene], tmp_path: Path) -> None:
     tilted = ies_text([0, 90], [0], isotropic, tilt="TILT=t.tlt")
     scene = write("obj t.obj\n" + CAM + "light a.light\n", a_light="ies b.ies\nposition 0 3 0 1\nspotDirection 0 0 0\n",
-                  b_ies=tilted, t_tlt="1 1 0 1")  # fmt: skip
+                  b_ies=tilted, t_tlt="1 2 0 90 1 0.8")  # fmt: skip
     assert {Path(file).name for file in scene.files} == {"a.scene", "t.obj", "a.light", "b.ies", "t.tlt"}
     assert len(scene.notices) == 1 and "b.ies" in scene.notices[0]
 

@@ -17,6 +17,8 @@ from moderngl_window.context.base import KeyModifiers
 
 import irrsplat
 from irrsplat.app.viewer.actions import Actions
+from irrsplat.app.viewer.buffers import background_truth
+from irrsplat.app.viewer.buffers.background_truth import Truth
 from irrsplat.app.viewer.buffers.buffer_view import BufferView
 from irrsplat.app.viewer.buffers.shown_buffer import ViewSource
 from irrsplat.app.viewer.editing.editor import Editor
@@ -40,6 +42,7 @@ from irrsplat.image.view import read
 from irrsplat.indirect import temporal_filter
 from irrsplat.records.cache_file import CacheState
 from irrsplat.reference import worker
+from irrsplat.reference.truth import Traced
 from irrsplat.renderer import Renderer
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import SettingValues, preset
@@ -423,38 +426,68 @@ def fresh(driver: Driver, folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iter
 class Tracer:
     """Stands in for the path tracer while it lasts: at work until `go` is set, then of a made-up irradiance.
 
-    calls: the cameras, sizes and bounces that it was asked for, in order.
+    early: so many passes are made before that, of two over coarse pixels and two over all. calls: the cameras, sizes and bounces
+    that it was asked for, in order.
     """
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.go = Event()
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, early: int = 0) -> None:
+        self.go, self.early = Event(), early
         self.calls: list[tuple[Camera, tuple[int, int], int]] = []
-        monkeypatch.setattr(worker, "trace", self.trace)
+        monkeypatch.setattr(worker, "refine", self.refine)
+        monkeypatch.setattr(background_truth, "COARSE", (30, 50))
+        monkeypatch.setattr(background_truth, "SIDES", (2, 2))
 
-    def trace(
-        self, scene: Scene, camera: Camera, size: tuple[int, int], side: int, bounces: int, progress: Callable[[float], object]
-    ) -> dict[str, np.ndarray]:
-        self.calls.append((camera, size, bounces))
+    def refine(
+        self,
+        scene: Scene,
+        passes: list[worker.Pass],
+        bounces: int,
+        take: Callable[[dict[str, np.ndarray]], object],
+        progress: Callable[[float], object],
+    ) -> None:
+        self.calls.append((passes[-1].camera, passes[-1].size, bounces))
+        for one in passes[: self.early]:
+            take(self.make(one.size))
         while not self.go.wait(0.01):
             progress(0.25)
-        return self.make(size)
+        for one in passes[self.early :]:
+            take(self.make(one.size))
 
     @staticmethod
     def make(size: tuple[int, int]) -> dict[str, np.ndarray]:
         """Every pixel another irradiance, up to 2 W/m²; every fifth is no surface."""
         chance = np.random.default_rng(5)
         shape = size[1], size[0]
-        grey, seen = np.full((*shape, 3), 0.5, "f4"), chance.random(shape) < 0.8
+        seen = chance.random(shape) < 0.8
         halves = (chance.uniform(0.0, 2.0, (2, *shape, 3)) * seen[..., None]).astype("f4")
-        surface = {"albedo": grey, "normal": grey, "tint": grey, "glow": grey, "opacity": grey[..., 0]}
-        return {"halves": halves, "direct": grey, "emission": grey, **surface, "seen": seen, "valid": seen, "clear": seen}
+        return {"halves": halves, "seen": seen, "valid": seen}
+
+    @classmethod
+    def traced(cls, size: tuple[int, int]) -> Traced:
+        """The same with all else that a truth has, in grey."""
+        found = cls.make(size)
+        grey = np.full((*found["seen"].shape, 3), 0.5, "f4")
+        kinds = dict.fromkeys(("direct", "emission", "albedo", "normal", "tint", "glow"), grey)
+        return Traced(**found, **kinds, opacity=grey[..., 0], clear=found["seen"])
+
+    def wait(self, driver: Driver) -> Truth:
+        """Wait until the viewer shows the early passes; the truth of these."""
+        for _ in range(400):
+            driver.frame()
+            found = driver.session.source(0).truth
+            if found is not None and found.estimate.passes == self.early:
+                driver.frame()
+                return found
+            time.sleep(0.01)
+        pytest.fail("no truth after 400 frames")
 
     def finish(self, driver: Driver) -> None:
         """Let it end, and wait until the viewer has taken the truth."""
         self.go.set()
         for _ in range(400):
             driver.frame()
-            if driver.session.truths.traced is None:
+            found = driver.session.source(0).truth
+            if found is not None and found.complete and driver.session.truths.traced is None:
                 return driver.frame()
             time.sleep(0.01)
         pytest.fail("no truth after 400 frames")

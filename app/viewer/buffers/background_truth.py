@@ -1,4 +1,4 @@
-"""The path-traced truth of the view on show: traced in a thread, coarser than the window, and kept for the last few views."""
+"""The path-traced truth of the view on show: coarse at first, refined in the background, and kept for the last few views."""
 
 from __future__ import annotations
 
@@ -11,13 +11,16 @@ import moderngl
 import numpy as np
 
 from irrsplat.app.common.error_colours import FULL
+from irrsplat.core.errors import InputError
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import table_texture
-from irrsplat.reference.truth import Traced, in_words, traced
+from irrsplat.reference import worker
+from irrsplat.reference.truth import in_words, noise, vertices
+from irrsplat.reference.worker import Pass
 from irrsplat.scene.model import Camera, Scene
 
-SAMPLES = 512  # of each kind per pixel
-HEIGHT = 200  # rows that are traced at most, about
+COARSE = (50, 200)  # rows of the pictures that come first, a pass each, about; then all pixels are traced
+SIDES = (*(2,) * 4, *(4,) * 15, *(8,) * 12)  # of the passes over all pixels: side² samples of each kind, twice; 2048 in all
 KEPT = 4  # views
 _JOIN = 2.0  # seconds that closing waits for a thread that was told to stop
 
@@ -34,9 +37,9 @@ class Lattice:
     margin: tuple[int, int]
 
     @staticmethod
-    def of(size: tuple[int, int]) -> Lattice:
-        """The lattice of a view of size (W, H)."""
-        stride = -(-size[1] // HEIGHT)
+    def of(size: tuple[int, int], rows: int) -> Lattice:
+        """The lattice of a view of size (W, H) that has about so many rows, at most."""
+        stride = -(-size[1] // rows)
         stride += 1 - stride % 2  # odd, so that a pixel is in the middle
         least = [-(-pixels // stride) for pixels in size]
         # both margins are whole pixels where the squares' pixels are even or odd as the view's are
@@ -62,29 +65,97 @@ class Lattice:
 
 
 @dataclass(frozen=True)
-class Truth:
-    """The truth of one view on the GPU.
-
-    values: RGBA32F texture of a texel per square of the lattice, bottom row first: rgb indirect irradiance of so many `bounces`
-    in W/m², a 1 where there is a surface, else 0. full: the error shown in full colour, W/m². about: how it was traced.
-    """
+class Subject:
+    """What a truth is of: what `camera` sees of `scene` as it is lit, by so many bounces, in a picture of `size` (W, H)."""
 
     scene: Scene
     camera: Camera
     size: tuple[int, int]
     bounces: int | str
+
+    def same(self, other: Subject) -> bool:
+        """Whether both have one truth; names do not count."""
+        mine, others = ((c.eye, c.target, c.up, c.fov) for c in (self.camera, other.camera))
+        lit, others_lit = ((s.lights, s.sky, s.sky_gradient, s.up, s.environment) for s in (self.scene, other.scene))
+        view = (self.size, self.bounces) == (other.size, other.bounces) and mine == others
+        return self.scene.meshes is other.scene.meshes and view and lit == others_lit
+
+    def plan(self) -> list[tuple[Lattice, Pass]]:
+        """The passes that are made of it, in order, and the pixels that each one traces."""
+        every = Lattice.of(self.size, self.size[1])
+        coarse = [found for rows in COARSE if (found := Lattice.of(self.size, rows)) != every]
+        lattices = [*((one, SIDES[0]) for one in dict.fromkeys(coarse)), *((every, side) for side in SIDES)]
+        return [
+            (one, Pass(one.camera(self.camera, self.size), one.count, side, number))
+            for number, (one, side) in enumerate(lattices)
+        ]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What passes over one lattice have found, top row first.
+
+    halves: (2, rows, columns, 3) float32 W/m², by two independent halves of the `samples`. seen, valid: (rows, columns) bool, as
+    `irrsplat.reference.truth.Traced` has them. noise: the standard error of `irradiance` over its mean; None in the
+    dark. passes: those of the plan that are made, the ones over other lattices too.
+    """
+
     lattice: Lattice
+    halves: np.ndarray
+    seen: np.ndarray
+    valid: np.ndarray
+    samples: int
+    noise: float | None
+    passes: int
+
+    @property
+    def irradiance(self) -> np.ndarray:
+        """(rows, columns, 3) W/m², by all samples."""
+        mean: np.ndarray = self.halves.mean(axis=0)
+        return mean
+
+    @staticmethod
+    def after(before: Estimate | None, lattice: Lattice, made: Pass, found: dict[str, np.ndarray]) -> Estimate:
+        """What is known after a pass: the mean of all samples of its lattice. before: what was known."""
+        halves, samples = found["halves"], made.samples
+        if before is not None and before.lattice == lattice:
+            samples += before.samples
+            halves = before.halves + (halves - before.halves) * np.float32(made.samples / samples)
+        seen, valid = found["seen"], found["valid"]
+        return Estimate(lattice, halves, seen, valid, samples, noise(halves, valid), made.number + 1)
+
+    @property
+    def progress(self) -> str:
+        """Samples and noise in words."""
+        n = self.lattice.stride
+        where = "" if n == 1 else f" in the middle of every {n} x {n} pixels"
+        return f"{self.samples} samples{where}" + ("" if self.noise is None else f", noise about {100.0 * self.noise:.2g} %")
+
+
+@dataclass(frozen=True)
+class Truth:
+    """The truth of one view on the GPU, as far as it is traced.
+
+    values: RGBA32F texture of a texel per square of the lattice, bottom row first: rgb indirect irradiance in W/m², a 1 where
+    there is a surface, else 0. full: the error shown in full colour, W/m². complete: whether no further pass is made.
+    """
+
+    subject: Subject
+    estimate: Estimate
     values: moderngl.Texture
     full: float
     about: str
+    complete: bool
 
-    def is_of(self, scene: Scene, camera: Camera, size: tuple[int, int], bounces: int | str) -> bool:
-        """Whether this is what `camera` sees of `scene` as it is lit now, by so many bounces, in a picture of `size`; names do
-        not count."""
-        mine, other = ((c.eye, c.target, c.up, c.fov) for c in (self.camera, camera))
-        mine_lit, other_lit = ((s.lights, s.sky, s.sky_gradient, s.up, s.environment) for s in (self.scene, scene))
-        lit = mine_lit == other_lit
-        return self.scene.meshes is scene.meshes and lit and (self.size, self.bounces) == (size, bounces) and mine == other
+    @property
+    def lattice(self) -> Lattice:
+        """The pixels that are traced."""
+        return self.estimate.lattice
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(W, H) of the view."""
+        return self.subject.size
 
 
 class _Stopped(Exception):
@@ -92,24 +163,35 @@ class _Stopped(Exception):
 
 
 class _Tracing(Thread):
-    """Traces one view. When it has ended, `found` or `error` is set; neither, if it was stopped."""
+    """Traces one view pass by pass, beginning after what is known of it. `latest` is what all passes so far have found.
 
-    def __init__(self, scene: Scene, camera: Camera, size: tuple[int, int], bounces: int | str) -> None:
+    When it has ended, `error` is set where it failed.
+    """
+
+    def __init__(self, subject: Subject, known: Estimate | None) -> None:
         super().__init__(name="truth", daemon=True)
-        self.scene, self.camera, self.size, self.bounces = scene, camera, size, bounces
-        self.lattice = Lattice.of(size)
-        self.traced = 0.0  # the fraction that is traced
-        self.notices: list[str] = []
-        self.found: Traced | None = None
+        self.subject, self.latest = subject, known
+        self.ready: tuple[Estimate, np.ndarray] | None = None  # that, and the texels to show it by
+        self.traced = 0.0  # the fraction of the passes here that is made
         self.error: Exception | None = None
         self.stopped = Event()
 
     def run(self) -> None:
-        """Trace; `collect` raises in the main thread what goes wrong here."""
+        """Trace; `Truths.update` raises in the main thread what goes wrong here."""
         try:
-            camera = self.lattice.camera(self.camera, self.size)
-            count, say = self.lattice.count, self.notices.append
-            self.found = traced(self.scene, camera, count, self.bounces, SAMPLES, self._progress, say)
+            subject = self.subject
+            if not subject.scene.triangles:
+                raise InputError("the scene has no surfaces, so there is nothing to trace")
+            plan = subject.plan()[0 if self.latest is None else self.latest.passes :]
+            left = iter(plan)
+
+            def take(found: dict[str, np.ndarray]) -> None:
+                lattice, made = next(left)
+                latest = Estimate.after(self.latest, lattice, made, found)
+                texels = np.concatenate([latest.irradiance, latest.seen[..., None]], axis=-1, dtype=np.float32)[::-1]
+                self.latest, self.ready = latest, (latest, np.ascontiguousarray(texels))
+
+            worker.refine(subject.scene, [one for _, one in plan], vertices(subject.bounces), take, self._progress)
         except _Stopped:
             pass
         except Exception as error:
@@ -122,13 +204,18 @@ class _Tracing(Thread):
 
 
 class Truths(Owner):
-    """The truths of the last KEPT views, and the one that is being traced; nothing waits for it."""
+    """The truths of the last KEPT views, and the one that is being traced; nothing waits for it.
+
+    on: whether the view on show is traced wherever it rests. version: another number with every pass that is shown.
+    """
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
         self.kept: list[Truth] = []
+        self.on, self.version = False, 0
         self._tracing: _Tracing | None = None
         self._threads: list[_Tracing] = []  # the present one, and those that were stopped and have not ended yet
+        self._last: Subject | None = None  # of the last update
 
     def owned(self) -> tuple[Resource, ...]:
         """What this frees."""
@@ -139,21 +226,36 @@ class Truths(Owner):
         """The fraction of the present truth that is traced, 0..1; None while none is being traced."""
         return None if self._tracing is None else self._tracing.traced
 
-    def of(self, scene: Scene, camera: Camera, size: tuple[int, int], bounces: int | str) -> Truth | None:
-        """The truth of this view; None where it has not been traced."""
-        return next((truth for truth in self.kept if truth.is_of(scene, camera, size, bounces)), None)
+    @property
+    def progress(self) -> str:
+        """How far the present truth has come, in words; empty where none is traced."""
+        if not self.on:
+            return ""
+        tracing = self._tracing
+        if tracing is None:
+            complete = self._last is not None and self.complete(self._last)
+            return "" if complete else "truth: waits until the view rests"
+        latest = tracing.latest
+        return "truth: " + ("the first samples" if latest is None else latest.progress)
 
-    def toggle(self, scene: Scene, camera: Camera, size: tuple[int, int], bounces: int | str) -> str:
-        """Begin to trace this view, or stop tracing; a line that says which."""
-        if self._tracing is not None:
+    def of(self, subject: Subject) -> Truth | None:
+        """The truth of this view as far as it is traced; None where it is not."""
+        return next((truth for truth in self.kept if truth.subject.same(subject)), None)
+
+    def complete(self, subject: Subject) -> bool:
+        """Whether the truth of this view is there, and gets no better."""
+        truth = self.of(subject)
+        return truth is not None and truth.complete
+
+    def toggle(self, subject: Subject) -> str:
+        """Trace what is on show, or leave that; a line that says which."""
+        self.on = not self.on
+        if not self.on:
             self.stop()
-            return "tracing is stopped"
-        if self.of(scene, camera, size, bounces) is not None:
-            return "the truth of this view is here already"
-        self._tracing = _Tracing(scene, camera, size, bounces)
-        self._threads = [thread for thread in self._threads if thread.is_alive()] + [self._tracing]
-        self._tracing.start()
-        return "tracing the truth of this view"
+            return "tracing is stopped; what is traced stays"
+        self._last = subject
+        self._begin(subject)
+        return "the truth of this view is here already" if self._tracing is None else "tracing the truth of this view"
 
     def stop(self) -> None:
         """Stop tracing; the path tracer's process ends a moment later."""
@@ -161,24 +263,50 @@ class Truths(Owner):
             self._tracing.stopped.set()
             self._tracing = None
 
-    def collect(self, scene: Scene, say: Callable[[str], object]) -> None:
-        """Take the truth that has been traced meanwhile, and drop those of other scenes.
+    def update(self, subject: Subject, say: Callable[[str], object]) -> None:
+        """Take what has been traced meanwhile, drop the truths of other scenes, and trace `subject`, the view on show, where it
+        is not the one that is traced. While it changes from call to call, nothing is begun.
 
         say: called with lines for the user. Raises IrrsplatError where tracing failed.
         """
-        self._keep([truth for truth in self.kept if truth.scene.meshes is scene.meshes])
+        self._keep([truth for truth in self.kept if truth.subject.scene.meshes is subject.scene.meshes])
+        rests, self._last = self._last is not None and self._last.same(subject), subject
         tracing = self._tracing
-        if tracing is not None and tracing.scene.meshes is not scene.meshes:
+        if tracing is not None and not tracing.subject.same(subject):
             self.stop()
-        elif tracing is not None and not tracing.is_alive():
-            self._tracing = None
-            for notice in tracing.notices:
-                say(notice)
-            if tracing.error is not None:
-                raise tracing.error
-            assert tracing.found is not None
-            self._keep([*self.kept, self._upload(tracing, tracing.found)][-KEPT:])
-            say("the truth is traced: see the buffers reference and error")
+        elif tracing is not None:
+            ended = not tracing.is_alive()  # asked for first: what it found before it ended is there then
+            self._take(tracing)
+            if ended:
+                self._end(tracing, say)
+        elif self.on and rests:
+            self._begin(subject)
+
+    def _begin(self, subject: Subject) -> None:
+        """Trace a view on from what is known of it, where anything is left to be done."""
+        if self.complete(subject):
+            return
+        known = self.of(subject)
+        self._tracing = _Tracing(subject, None if known is None else known.estimate)
+        self._threads = [thread for thread in self._threads if thread.is_alive()] + [self._tracing]
+        self._tracing.start()
+
+    def _end(self, tracing: _Tracing, say: Callable[[str], object]) -> None:
+        """A thread has ended: say what has come of it."""
+        self._tracing = None
+        if tracing.error is not None:
+            self.on = False
+            raise tracing.error
+        assert tracing.latest is not None
+        say(f"the truth is traced: {tracing.latest.progress}; see the buffers reference and error")
+
+    def _take(self, tracing: _Tracing) -> None:
+        """Show what a thread has found since the last time."""
+        ready, shown = tracing.ready, self.of(tracing.subject)
+        if ready is not None and (shown is None or shown.estimate is not ready[0]):
+            self.version += 1
+            others = [truth for truth in self.kept if not truth.subject.same(tracing.subject)]
+            self._keep([*others, self._upload(tracing.subject, *ready)][-KEPT:])
 
     def _keep(self, truths: list[Truth]) -> None:
         """Keep these, and free the others."""
@@ -187,22 +315,16 @@ class Truths(Owner):
                 gone.values.release()
         self.kept = truths
 
-    def _upload(self, tracing: _Tracing, found: Traced) -> Truth:
-        E, seen = found.irradiance, found.seen
-        values = table_texture(self.ctx, np.concatenate([E, seen[..., None]], axis=-1)[::-1])
-        compared = found.valid if found.valid.any() else seen
-        mean = float(E[compared].mean()) if compared.any() else 0.0
-        n = tracing.lattice.stride
-        about = f"{SAMPLES} samples a pixel" if n == 1 else f"{SAMPLES} samples in the middle of every {n} x {n} pixels"
-        about = f"{in_words(tracing.bounces)}, {about}"
-        if found.valid.any() and found.noise is not None:
-            about += f", noise {100.0 * found.noise:.2g} %"
-        return Truth(
-            tracing.scene, tracing.camera, tracing.size, tracing.bounces, tracing.lattice, values, FULL * (mean or 1.0), about
-        )
+    def _upload(self, subject: Subject, found: Estimate, texels: np.ndarray) -> Truth:
+        compared = found.valid if found.valid.any() else found.seen
+        mean = float(found.irradiance[compared].mean()) if compared.any() else 0.0
+        complete = found.passes == len(subject.plan())
+        about = f"{in_words(subject.bounces)}, {found.progress}"
+        return Truth(subject, found, table_texture(self.ctx, texels), FULL * (mean or 1.0), about, complete)
 
     def release(self) -> None:
         """Stop tracing, and free all that is kept."""
+        self.on = False
         self.stop()
         for thread in self._threads:
             thread.stopped.set()

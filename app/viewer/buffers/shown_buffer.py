@@ -12,10 +12,10 @@ import numpy as np
 from irrsplat.app.viewer.buffers.background_truth import Truth
 from irrsplat.app.viewer.buffers.legend import Legend
 from irrsplat.app.viewer.buffers.tiles import Margins
-from irrsplat.app.viewer.show.light_scale import LightScale
 from irrsplat.app.viewer.show.screen import Programs, Region, Texels, clear, scale
 from irrsplat.gpu.target import Target
 from irrsplat.image.view import View
+from irrsplat.meter.light_scale import LightScale
 from irrsplat.renderer import Renderer
 from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings

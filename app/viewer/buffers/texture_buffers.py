@@ -129,7 +129,7 @@ class IrradianceBuffer(TextureBuffer):
 
     def values(self, source: ViewSource) -> Values | None:
         """The quotients of its texels."""
-        return Values(self.texture(source.view), 2, np.pi * _GREAT / source.gain)
+        return Values(self.texture(source.view), 2, great_irradiance(source))
 
     def legend(self, source: ViewSource) -> Legend:
         """Unit and exposure."""
@@ -248,6 +248,11 @@ def draw_irradiance(
 ) -> None:
     """Draw irradiance (Σ k·E, Σ k) as a white surface reflects it. stride, margin: of cells of pixels, as Lattice has them."""
     canvas.picture(source, "irradiance", sums, gain=source.gain, stride=stride, margin=margin)
+
+
+def great_irradiance(source: ViewSource) -> float:
+    """A great difference of two irradiances, W/m²."""
+    return float(np.pi * _GREAT / source.gain)
 
 
 def irradiance_at(texels: Texels, view: View, x: int, y: int) -> np.ndarray:

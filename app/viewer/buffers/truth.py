@@ -6,8 +6,8 @@ import numpy as np
 
 from irrsplat.app.common.error_colours import BRIGHT, DARK, FULL, GREY, error_colours
 from irrsplat.app.viewer.buffers.legend import Legend
-from irrsplat.app.viewer.buffers.shown_buffer import Canvas, Identity, ShownBuffer, ViewSource, depth_at
-from irrsplat.app.viewer.buffers.texture_buffers import draw_irradiance, exposed_white, irradiance_at
+from irrsplat.app.viewer.buffers.shown_buffer import Canvas, Identity, ShownBuffer, Values, ViewSource, depth_at
+from irrsplat.app.viewer.buffers.texture_buffers import draw_irradiance, exposed_white, great_irradiance, irradiance_at
 from irrsplat.app.viewer.buffers.weight import draw_dim_picture
 from irrsplat.app.viewer.show.screen import Texels
 
@@ -31,6 +31,11 @@ class ReferenceBuffer(ShownBuffer):
         else:
             draw_irradiance(canvas, source, truth.values, truth.lattice.stride, truth.lattice.margin)
 
+    def values(self, source: ViewSource) -> Values | None:
+        """Its texels, once every pixel is traced."""
+        truth = source.truth
+        return Values(truth.values, 0, great_irradiance(source)) if truth is not None and truth.lattice.stride == 1 else None
+
     def value(self, texels: Texels, source: ViewSource, x: int, y: int) -> np.ndarray | None:
         """W/m², three channels: of the cell that the pixel lies in."""
         if source.truth is None or depth_at(texels, source, x, y) is None:
@@ -47,6 +52,10 @@ class ReferenceBuffer(ShownBuffer):
 
 class ErrorBuffer(ReferenceBuffer):
     """Irradiance minus its truth, the mean of the channels, in the middle of each cell of pixels."""
+
+    def values(self, source: ViewSource) -> Values | None:
+        """None: no texture holds them."""
+        return None
 
     def draw(self, canvas: Canvas, source: ViewSource) -> None:
         """Draw the error; the dim picture until the truth is traced."""

@@ -29,6 +29,7 @@ class Controls:
         self.mouse = (-1.0, -1.0)  # nowhere yet
         self.monitor_scale = 1.0  # of text and widgets, by the monitor
         self.looking = False  # with the right mouse button down: the mouse is captured
+        self.drawing = False  # while the line to measure along is dragged
         self.dividing = False  # while the divider is dragged
         self.pivot: tuple[float, float, float] | None = None  # of an orbit under way
         self.travelled = 0.0  # window coordinates that the mouse has moved since a button went down
@@ -136,6 +137,8 @@ class Controls:
         self.travelled += abs(dx) + abs(dy)
         if self.dividing:
             self.session.options.divider = float(np.clip(x / max(self.wnd.width, 1), 0.02, 0.98))
+        elif self.drawing and self.travelled > _CLICK:
+            self._draw_line(begin=False)
         elif self.pivot is not None and self.actions.editor.dragging:
             self.pivot = None  # the handles have it
         elif self.pivot is not None and self.travelled > _CLICK:
@@ -159,6 +162,8 @@ class Controls:
             self._capture(True)
         elif button == LEFT and self._on_divider(x):
             self.dividing = True
+        elif button == LEFT and self.session.options.profile and not self.actions.editor.handles_used:
+            self._draw_line(begin=True)
         elif button == LEFT:
             self.actions.stop()
             found = self.display.point_at(self.pointer) if self.pointer is not None else None
@@ -177,6 +182,21 @@ class Controls:
                 else:
                     self.actions.pick(self.pointer, self.display.mesh_at(self.pointer), self.wnd.pixel_ratio)
             self.pivot, self.dividing = None, False
+            if self.drawing:
+                self.session.line.release()
+            self.drawing = False
+
+    def _draw_line(self, begin: bool) -> None:
+        """Put an end of the line to measure along where the mouse is: the first one, or where it is dragged to."""
+        point = self.display.point_at(self.pointer) if self.pointer is not None else None
+        if point is None:
+            if begin:
+                self.actions.say("no surface is there to measure on", topic="line")
+        elif begin:
+            self.session.line.press(point)
+            self.drawing = True
+        else:
+            self.session.line.drag(point)
 
     def wheel(self, x_offset: float, y_offset: float) -> None:
         """The wheel turned."""
@@ -200,7 +220,7 @@ class Controls:
     def focus_changed(self, focused: bool) -> None:
         """The window gained or lost the keyboard: no key or button counts as down any more, for its release is never seen."""
         self.pressed.clear()
-        self.pace, self.pivot, self.dividing = 1.0, None, False
+        self.pace, self.pivot, self.dividing, self.drawing = 1.0, None, False, False
         self.backend.focus(focused)
         if not focused:
             self._capture(False)

@@ -78,6 +78,7 @@ OVERLAYS = (
     Key("L", "toggle", "points of the surface cache", "sites"),
     Key("T", "toggle", "wireframe", "wire"),
     Key("I", "toggle", "the record under the cursor; a click holds it", "inspect"),
+    Key("L", "toggle", "measure along a line; drag it, or click both ends", "profile", ctrl=True),
 )
 EDITING = (
     Key("O", "turn_handles", "handles move, or turn; or aim a spot"),
@@ -101,7 +102,7 @@ PICTURE = (
     Key("K", "snapshot", "keep this picture as a snapshot, to compare with later"),
     Key("SPACE", "flip", "the other side in place of the one on show"),
     Key("M", "swap_preset", "from this preset to paper and back"),
-    Key("Y", "trace", "path-trace the truth of this view; again: stop"),
+    Key("Y", "trace", "path-trace the truth of what is on show, ever finer; again: stop"),
 )
 WINDOW = (
     Key("F1", "toggle", "all keys", "help"),

@@ -67,6 +67,12 @@ class Comparison(Owner):
         session = self.session
         return any(BUFFERS[session.buffer(side)].needs_truth and session.source(side).truth is None for side in (0, 1))
 
+    @property
+    def _truth_is_coarse(self) -> bool:
+        """Whether a side shows a truth of some pixels alone."""
+        shown = ((BUFFERS[self.session.buffer(side)], self.session.source(side).truth) for side in (0, 1))
+        return any(buffer.needs_truth and truth is not None and truth.lattice.stride > 1 for buffer, truth in shown)
+
     def draw(self, target: Target) -> None:
         """Draw it over the whole target."""
         if self.session.options.compare == "FLIP":
@@ -99,6 +105,8 @@ class Comparison(Owner):
         if self.session.options.compare == "FLIP":
             return self.flip.legend()
         values, _ = self._values()
+        if values is None and self._truth_is_coarse:
+            return Legend("no difference yet: every pixel has its truth in a while; FLIP compares those that have")
         if values is None:
             return Legend("no difference: these two buffers are not numbers of one kind; FLIP compares their pictures")
         buffer = BUFFERS[self.session.buffer(0)]

@@ -13,6 +13,7 @@ from irrsplat.app.viewer.buffers.tiles import Margins
 from irrsplat.app.viewer.editing.picking import mesh_of
 from irrsplat.app.viewer.session import Session
 from irrsplat.app.viewer.show.comparison import Comparison
+from irrsplat.app.viewer.show.light.line_profile import LineProfile, Profile
 from irrsplat.app.viewer.show.markers import By, Markers
 from irrsplat.app.viewer.show.record_inspector import InspectedRecord, RecordInspector
 from irrsplat.app.viewer.show.screen import Region, clear
@@ -33,12 +34,13 @@ class Display(Owner):
         self.inspector = RecordInspector(session.ctx, self.buffer_view)
         self.whereabouts = Whereabouts(session.ctx)
         self.comparison = Comparison(session, self.buffer_view)
+        self.line_profile = LineProfile(session.ctx)
         self._memo = Memo()
         self.margins = Margins()  # that tiles leave free for the interface
 
     def owned(self) -> tuple[Resource, ...]:
         """What this frees."""
-        return (self.buffer_view, self.markers, self.inspector, self.whereabouts, self.comparison)
+        return (self.buffer_view, self.markers, self.inspector, self.whereabouts, self.comparison, self.line_profile)
 
     def update(self, screen: Target, cursor: tuple[int, int] | None = None) -> InspectedRecord | None:
         """As `draw`, where the screen does not hold that very picture already."""
@@ -139,6 +141,14 @@ class Display(Owner):
             return self._memo.get("difference", both, lambda: self.comparison.value(*cursor))
         inputs, place = (self._inputs(side), cursor), self.session.place(source.view, *cursor)
         return self._memo.get(f"value of side {side}", inputs, lambda: self.buffer_view.value(name, source, *place))
+
+    def profile(self, side: int) -> Profile | None:
+        """What a side's buffer shows along the line that is measured along; None where there is none."""
+        ends = self.session.line.ends
+        if ends is None or self.session.snapshot(side) is not None:
+            return None
+        name, source = self.session.buffer(side), self.session.source(side)
+        return self._memo.get("profile", (self._inputs(side), ends), lambda: self.line_profile.measure(name, source, *ends))
 
     def mesh_at(self, cursor: tuple[int, int]) -> int | None:
         """The number of the mesh that is seen at the cursor; None where there is none."""

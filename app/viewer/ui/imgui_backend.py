@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, cast
 
 import moderngl
 import numpy as np
-from imgui_bundle import imgui
+from imgui_bundle import imgui, implot
 from moderngl_window.context.base.keys import BaseKeys
 
 from irrsplat.gpu.program import Program
@@ -78,7 +78,7 @@ class ImguiBackend(Owner):
         self._pixels = (0, 0)
         self._pressed: set[imgui.Key] = set()
 
-        self._context = imgui.create_context()
+        self._context, self._plots = imgui.create_context(), implot.create_context()
         imgui.set_current_context(self._context)
         self._io = imgui.get_io()  # its methods work on its own context, whichever is current
         self._io.set_ini_filename(None)
@@ -146,6 +146,7 @@ class ImguiBackend(Owner):
     def begin(self, size: tuple[int, int], framebuffer: tuple[int, int], dt: float) -> None:
         """Start a frame for a window of `size` (window coordinates) on `framebuffer` (pixels), `dt` seconds after the last."""
         imgui.set_current_context(self._context)
+        implot.set_current_context(self._plots)
         self._pixels = framebuffer
         self._io.display_size = imgui.ImVec2(*size)
         if all(size) and all(framebuffer):  # not minimised
@@ -254,6 +255,7 @@ class ImguiBackend(Owner):
     def release(self) -> None:
         """Free the imgui context and every OpenGL object; nothing may be called after it."""
         super().release()
+        implot.destroy_context(self._plots)
         imgui.destroy_context(self._context)
 
     def _serve_textures(self) -> None:

@@ -24,6 +24,7 @@ from irrsplat.app.viewer.ui.statistics_view import StatisticsView
 from irrsplat.app.viewer.ui.windows.about import draw_about
 from irrsplat.app.viewer.ui.windows.hint_line import draw_hints
 from irrsplat.app.viewer.ui.windows.key_sheet import draw_key_sheet
+from irrsplat.app.viewer.ui.windows.line_plot import LinePlot
 from irrsplat.app.viewer.ui.windows.message_log import draw_log
 from irrsplat.app.viewer.ui.windows.open_dialog import OpenDialog
 from irrsplat.app.viewer.ui.windows.scene_pictures import ScenePictures
@@ -42,6 +43,7 @@ class Interface:
         self.handles, self.object_panel = Handles(actions), ObjectPanel(actions, self.layout)
         self.statistics = StatisticsView(actions, times, self.layout)
         self.legends = Legends(actions, display, self.layout)
+        self.line_plot = LinePlot(actions, display, self.layout)
         self.record = RecordView(actions, backend, self.layout)
 
     def draw(
@@ -67,6 +69,7 @@ class Interface:
             self.statistics.draw()
             self.legends.draw(cursor)
             self.record.draw(inspected)
+            self.line_plot.draw()
             draw_hints(actions, self.layout, self.display.lost)
             draw_key_sheet(actions, scale)
             draw_about(actions)

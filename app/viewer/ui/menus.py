@@ -200,7 +200,7 @@ class Menus:
         for overlay in ("points", "discs", "normals", "by_age"):
             self._key("toggle", overlay)
         imgui.separator()
-        for overlay in ("sites", "wire", "inspect"):
+        for overlay in ("sites", "wire", "inspect", "profile"):
             self._key("toggle", overlay)
 
     def _cache(self) -> None:

@@ -137,6 +137,7 @@ def coverage_in_words(progress: Progress, filled: bool) -> str:
 
 def draw_tracing(actions: Actions) -> None:
     """Draw a line that says how much of a truth is traced, while one is."""
-    done = actions.session.truths.traced
-    if done is not None:
-        imgui.text_colored(accent(), f"tracing, {100.0 * done:.0f} % (Y stops it)")
+    truths = actions.session.truths
+    if truths.progress:
+        share = "" if truths.traced is None else f"{100.0 * truths.traced:.0f} % done, "
+        imgui.text_colored(accent(), f"{truths.progress} ({share}Y stops it)")

@@ -136,13 +136,12 @@ def test_flip_is_that_of_the_pictures(driver: Driver) -> None:
 
 def test_flip_against_the_truth_is_by_the_pixels_that_are_traced(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("flip_evaluator")
-    tracer = Tracer(monkeypatch)
+    tracer = Tracer(monkeypatch, early=2)
     buffers(driver, "irradiance", "reference", "FLIP")
     driver.settle()
     assert driver.display.comparison.legend().text == NO_TRUTH and not driver.display.comparison.flip.working
     driver.actions.trace()
-    tracer.finish(driver)
-    driver.settle()
+    tracer.wait(driver)
     found = wait_for_flip(driver)
     (truth,) = driver.session.truths.kept
     assert found.shape[::-1] == truth.lattice.count and truth.lattice.stride > 1
@@ -158,12 +157,27 @@ def test_flip_against_the_truth_is_by_the_pixels_that_are_traced(driver: Driver,
     _, mean, _ = flip_evaluator.evaluate(*(np.ascontiguousarray(p) for p in pictures[::-1]), "LDR", parameters=size)
     assert float(found.mean()) == pytest.approx(float(mean), abs=2e-3)
 
+    buffers(driver, "irradiance", "reference", "difference")
+    driver.frame()
+    assert "no difference yet" in driver.display.comparison.legend().text
+    assert driver.display.comparison.value(160, 120) is None
+    tracer.finish(driver)
+    buffers(driver, "irradiance", "reference", "FLIP")
+    driver.settle()
+    driver.frame(2)
+    assert wait_for_flip(driver).shape == driver.session.size[::-1], "of the latest pass, which is over all pixels"
+    buffers(driver, "irradiance", "reference", "difference")
+    driver.frame(2)
+    E, E_ref = driver.session.frame().irradiance, driver.session.truths.kept[0].estimate.irradiance
+    value = driver.display.value(0, (160, 120))
+    assert value is not None and value[0] == pytest.approx(np.abs(E - E_ref)[120, 160].mean(), rel=1e-4)
+
 
 def test_without_the_package_flip_is_left_out(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(comparisons, "find_spec", lambda name: None)
     buffers(driver, "image", "direct", "FLIP")
     assert "pip install" in driver.display.comparison.legend().text and not driver.display.comparison.flip.working
-    driver.actions.compare_by("difference")
+    buffers(driver, "irradiance", "reference", "difference")
     driver.actions.compare()
     assert driver.session.options.compare == "divided"
     driver.resize((480, 400))  # so that the menu is all there

@@ -20,7 +20,7 @@ from irrsplat.app.viewer.view_options import COMPARES
 from irrsplat.indirect.temporal_filter import PICTURES
 from irrsplat.scene import load
 from irrsplat.scene.camera_path import load_path
-from tests.support.viewing import FAST, Cases, Driver, Tracer, push
+from tests.support.viewing import FAST, LEFT, Cases, Driver, Tracer, push
 
 CASES = Cases("camera", "overlays", "cache", "picture")
 case = CASES.case
@@ -256,6 +256,22 @@ def by_age(driver: Driver, shown: str) -> None:
     assert (aged != dots).any() and np.array_equal((aged != bare).any(-1), (dots != bare).any(-1))
 
 
+@case("Ctrl+L")
+def profile(driver: Driver, shown: str) -> None:
+    """A drag draws a line instead of turning the view, and the plot's window tells how; again: it turns the view."""
+    home = driver.session.camera
+    for on in (True, False):
+        push(driver, shown)
+        driver.move(160, 100)
+        driver.frame()
+        driver.button(True, LEFT)
+        driver.move(180, 110, 20, 10)
+        driver.button(False, LEFT)
+        assert driver.session.options.profile == on and (driver.session.camera == home) == on
+    assert driver.session.line.ends is not None
+    driver.actions.go(home)
+
+
 @case("I")
 def inspect(driver: Driver, shown: str) -> None:
     """The pixels that the record under the cursor serves are tinted, as many as it says."""
@@ -432,7 +448,7 @@ def snapshot(driver: Driver, shown: str) -> None:
 
 @case("Y")
 def trace(driver: Driver, shown: str) -> None:
-    """Again while it traces: it stops. Else, a while later, the truth of this view is there, and is not traced again."""
+    """Again: it stops. Else, a while later, the truth of this view is there, and is not traced again."""
     with pytest.MonkeyPatch.context() as monkeypatch:
         tracer, truths = Tracer(monkeypatch), driver.session.truths
         push(driver, shown)
@@ -442,7 +458,8 @@ def trace(driver: Driver, shown: str) -> None:
         push(driver, shown)
         tracer.finish(driver)
         (truth,) = truths.kept
-        assert truth.camera == driver.session.camera and truth.size == driver.wnd.buffer_size
+        assert truth.subject.camera == driver.session.camera and truth.size == driver.wnd.buffer_size
         count = len(tracer.calls)
+        push(driver, shown)
         push(driver, shown)
         assert truths.traced is None and len(tracer.calls) == count and truths.kept == [truth] and "already" in driver.said

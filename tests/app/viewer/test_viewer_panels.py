@@ -14,7 +14,7 @@ from imgui_bundle import imgui
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.lamps import Lamp
 from irrsplat.app.viewer.session import overrides
-from irrsplat.app.viewer.show.light_scale import LightScale
+from irrsplat.meter.light_scale import LightScale
 from irrsplat.renderer import Renderer
 from irrsplat.scene.model import Camera, Light
 from irrsplat.settings import PRESETS, SETTINGS, preset

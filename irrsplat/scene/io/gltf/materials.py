@@ -66,7 +66,7 @@ class Materials:
         found: dict[object, tuple[bytes, str]] = {}
         for source in sources:
             with suppress(*WRONG):
-                found[source] = self._encoded(source)
+                found[source] = self.encoded(source)
         for source, image in zip(found, read_images(list(found.values())), strict=True):
             if isinstance(image, Image):
                 self._images[source] = image
@@ -188,7 +188,7 @@ class Materials:
         for index in sources:
             if index not in self._images:
                 try:
-                    self._images[index] = read_image(*self._encoded(index))
+                    self._images[index] = read_image(*self.encoded(index))
                 except (Damaged, InputError, MemoryError) as error:
                     failures[index] = error
                     continue
@@ -205,7 +205,7 @@ class Materials:
             raise Damaged("it has no image")
         return None
 
-    def _encoded(self, index: object) -> tuple[bytes, str]:
+    def encoded(self, index: object) -> tuple[bytes, str]:
         """The bytes of an image's file, and its name for messages; raises Damaged."""
         entry = self.document.entry("images", index)
         if "bufferView" in entry:

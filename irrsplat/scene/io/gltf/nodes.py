@@ -52,14 +52,19 @@ def worlds(document: Document, pose: Pose) -> list[np.ndarray | None]:
     return found
 
 
+def default_scene(document: Document) -> dict[str, Any]:
+    """The scene that is shown: the default one, else the first; empty where there is none, or it is damaged."""
+    scenes = document.entries("scenes")
+    default = document.tree.get("scene")
+    chosen = scenes[default] if isinstance(default, int) and 0 <= default < len(scenes) else next(iter(scenes), None)
+    return chosen if isinstance(chosen, dict) else {}
+
+
 def visible(document: Document, world: list[np.ndarray | None]) -> list[Node]:
     """The nodes of the default scene, else of the first, else all; parents before children."""
     entries = document.entries("nodes")
-    scenes = document.entries("scenes")
-    if scenes:
-        default = document.tree.get("scene")
-        chosen = scenes[default] if isinstance(default, int) and 0 <= default < len(scenes) else scenes[0]
-        waiting = list(document.entries("nodes", chosen if isinstance(chosen, dict) else {}))
+    if document.entries("scenes"):
+        waiting = list(document.entries("nodes", default_scene(document)))
     else:
         children = {child for entry in entries for child in document.entries("children", entry) if isinstance(child, int)}
         waiting = [i for i in range(len(entries)) if i not in children]

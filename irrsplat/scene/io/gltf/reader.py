@@ -20,15 +20,17 @@ from irrsplat.scene.io.gltf.accessors import values
 from irrsplat.scene.io.gltf.animation import Pose, pose
 from irrsplat.scene.io.gltf.cameras_lights import cameras, lights
 from irrsplat.scene.io.gltf.document import GREATEST, WRONG, Damaged, Document, read, shown
+from irrsplat.scene.io.gltf.environment import image_based_light
 from irrsplat.scene.io.gltf.geometry import Attributes, Geometry, cofactors
 from irrsplat.scene.io.gltf.materials import Materials, Surface
 from irrsplat.scene.io.gltf.nodes import Node, instances, name, visible, worlds
 from irrsplat.scene.io.mesh_builder import build_mesh
 from irrsplat.scene.model import Mesh, Scene
-from irrsplat.scene.stand_ins.up_axis import up_vector
+from irrsplat.scene.stand_ins.up_axis import axes, up_vector
 from irrsplat.sky.sky_text import sky_of
 
 _READ = {  # extensions that are heeded, or that change nothing that could be seen
+    "EXT_lights_image_based",
     "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
     "EXT_texture_avif",
@@ -75,6 +77,8 @@ def load_gltf(path: Path, options: LoadOptions) -> Scene:
         bounds = Scene(tuple(meshes), (), ()).bounds
         found_cameras = cameras(document, reader.nodes, bounds)
         found_lights = lights(document, reader.nodes)
+        up = up_vector(path, options.up_axis)
+        sky = sky or image_based_light(document, axes(up), reader.encoded)
     for used in document.entries("extensionsUsed"):
         if used not in _READ:
             document.unshown[shown(used)] = None
@@ -89,7 +93,7 @@ def load_gltf(path: Path, options: LoadOptions) -> Scene:
         {str(path): reader.degenerate},
         document.notices(),
         document.files,
-        up_vector(path, options.up_axis),
+        up,
     )
 
 
@@ -136,6 +140,10 @@ class _Reader:
                         if len(mesh.faces):
                             found.append(mesh)
         return found
+
+    def encoded(self, index: object) -> tuple[bytes, str]:
+        """The bytes of the image at an index, and its name for messages; raises Damaged."""
+        return self._materials.encoded(index)
 
     def _worn(self) -> Iterator[object]:
         """The indices of the materials that triangles of the nodes wear."""

@@ -14,6 +14,7 @@ from irrsplat.scene.model import Photometry
 _HEADER = re.compile(r"\s*(?:IES(?:NA)?\s*:\s*LM-63-|IESNA)(\d{4}|\d{2})\b", re.IGNORECASE)
 _TILT = re.compile(r"\s*TILT\s*=", re.IGNORECASE)
 _FOOT = 0.3048  # metres
+_LAMPS = {1: "of a lamp that is upright", 2: "of a lamp that stays level", 3: "of a level lamp that tilts with the luminaire"}
 _SNAP = 0.01  # degrees: an angle that is so near to 0, 90, 180, 270 or 360 is meant to be that
 
 # Of photometry of types C, B and A: the directions of azimuth 0, of azimuth 90° and of the pole in the frame of Photometry.
@@ -31,7 +32,8 @@ def load_ies(path: Path, notices: list[str], files: list[Path]) -> Photometry:
 
     Candela are multiplied by the file's multiplier and by its ballast factor; up to 1991 by the ballast-lamp photometric factor
     as well, in whose place later files have something else. What the symmetries leave out is filled in. Appends to `notices`
-    where there is a TILT table, for a lamp that is dimmer in other positions, and to `files` the file of that, if it has one.
+    where there is a TILT table that is not the same at all angles, for a lamp that is dimmer in other positions, and to `files`
+    the file of that, if it has one.
     """
     text = text_bytes(path, strict=False).decode("utf-8", "replace").split("\n")
     tilt = next((i for i, line in enumerate(text) if _TILT.match(line)), None)
@@ -130,7 +132,7 @@ def _tilt(word: str, numbers: _Numbers, line: int, notices: list[str], files: li
         files.append(file)
         text = text_bytes(file, strict=False).decode("utf-8", "replace").split("\n")
         numbers = _Numbers(file, text, 0)
-    numbers.whole("the lamp-to-luminaire geometry", 1, 3)
+    geometry = numbers.whole("the lamp-to-luminaire geometry", 1, 3)
     count = numbers.whole("the number of TILT angles", 1, 10_000)
     angles = numbers.angles("the TILT angles", count, -180.0, 180.0)
     factors = numbers.take("the TILT factors", count)
@@ -139,7 +141,11 @@ def _tilt(word: str, numbers: _Numbers, line: int, notices: list[str], files: li
     factor = float(np.interp(0.0, angles, factors))
     if not factor > 0.0:
         raise numbers.error("the TILT factor at 0 degrees is 0, and no light would leave it; expected one above 0")
-    notices.append(f"{path}: its TILT table is taken at 0 degrees (a factor of {factor:g}), however the luminaire is aimed")
+    if factors.min() < factors.max():  # of how a luminaire is tilted, and about which axis, a scene says too little
+        notices.append(
+            f"{path}: its TILT table ({_LAMPS[geometry]}) is taken at 0 degrees, a factor of {factor:g}: right where the "
+            f"luminaire is not tilted from the position of its test; otherwise it has {factors.min():g} to {factors.max():g}"
+        )
     return factor
 
 

@@ -5,21 +5,14 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-import moderngl
 import numpy as np
 
-from irrsplat.app.viewer.show.screen import Programs
 from irrsplat.core.color import LUMINANCE, LUMINOUS_EFFICACY
 from irrsplat.core.glsl import FALSE_COLOURS
-from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import Target
-from irrsplat.image.view import View
 from irrsplat.meter.readings import Unit
-from irrsplat.renderer import Renderer
 
 STEPS = 10  # that the scale is divided into; a line runs between them
-_LATTICE = (96, 60)  # pixels that are looked at for the brightest
-_PERCENTILE = 99.0  # of them: spots close to a lamp do not count
+PERCENTILE = 99.0  # of the pixels, which the scale by itself ends above: spots close to a lamp do not count
 _ROUND = (1.0, 2.0, 5.0, 10.0)  # times a power of ten
 # display colours from low to high, in the order of hues that Radiance's falsecolor has
 _ANCHORS = np.array(
@@ -64,6 +57,18 @@ class LightScale:
             return self
         return replace(self, highest=round_above(brightest * (LUMINOUS_EFFICACY if self.unit == "lux" else 1.0)))
 
+    def place(self, light: np.ndarray) -> np.ndarray:
+        """Where light in `unit` stands on the scale, 0..1 from its lower to its upper end; of any shape."""
+        low, high = self.ends
+        place = np.log(np.maximum(light, 1e-30) / low) / np.log(high / low) if self.logarithmic else light / high
+        clipped: np.ndarray = np.clip(place, 0.0, 1.0)
+        return clipped
+
+    def at(self, place: np.ndarray) -> np.ndarray:
+        """The light in `unit` at places 0..1 of the scale, of any shape."""
+        low, high = self.ends
+        return low * (high / low) ** place if self.logarithmic else high * place
+
 
 def round_above(value: float) -> float:
     """The least number, 1, 2 or 5 times a power of ten, that is not below `value`; 1 for none above 0."""
@@ -77,32 +82,3 @@ def false_colours(count: int = FALSE_COLOURS) -> np.ndarray:
     """(count, 3) display colours 0..1 from low to high."""
     at = np.linspace(0.0, len(_ANCHORS) - 1.0, count)
     return np.stack([np.interp(at, np.arange(len(_ANCHORS)), channel) for channel in _ANCHORS.T], axis=1).astype(np.float32)
-
-
-class BrightestLight(Owner):
-    """Finds how bright the light in views is, of which false colours by themselves take their upper end."""
-
-    def __init__(self, ctx: moderngl.Context) -> None:
-        self.programs, self.target = Programs(ctx), Target(ctx, _LATTICE, (4,))
-        self.found = 0.0  # W/m², weighted as luminance is
-        self._view: View | None = None
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
-        return (self.programs, self.target)
-
-    def look(self, renderer: Renderer, view: View) -> None:
-        """Look at the view, where that is another one than before."""
-        if view is self._view:
-            return
-        self.programs("viewer/light_level")(
-            self.target,
-            position=view.gbuffer.position,
-            sums=view.sums,
-            direct=renderer.direct_irradiance(view),
-            weights=LUMINANCE,
-            lattice=_LATTICE,
-        )
-        light, seen = self.target.read()[..., :2].reshape(-1, 2).T
-        self.found = float(np.percentile(light[seen > 0.0], _PERCENTILE)) if seen.any() else 0.0
-        self._view = view

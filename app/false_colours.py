@@ -1,0 +1,77 @@
+"""`irrsplat render --falsecolor`: the pictures of a render in false colours, in photometric or radiometric units."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from irrsplat.core import files
+from irrsplat.core.errors import InputError
+from irrsplat.core.files import Pathlike
+from irrsplat.meter.light_scale import LightScale, round_above
+
+if TYPE_CHECKING:
+    from irrsplat.image.frame import Frame
+    from irrsplat.renderer import Renderer
+    from irrsplat.scene.model import Camera
+
+WORDS = {  # of what can be shown, flags.FALSE_COLOURED
+    "light": "light on surfaces",
+    "irradiance": "indirect light on surfaces",
+    "image": "luminance",
+    "direct": "direct light, reflected",
+    "indirect": "indirect light, reflected",
+    "emission": "emitted light",
+}
+_ON_SURFACES = ("light", "irradiance")  # lux or W/m²; of the others cd/m² or W/(m² sr)
+_FLAGS = ("scale", "log", "unit", "lines")
+
+
+def checked(args: argparse.Namespace) -> FalseColours | None:
+    """The false colours that the flags ask for; None for none. Raises InputError for flags that do not go together."""
+    if args.falsecolor is None:
+        given = next((flag for flag in _FLAGS if getattr(args, flag) is not None), None)
+        if given is not None:
+            raise InputError(f"--{given} is for --falsecolor; give that as well")
+        return None
+    if not any(output.lower().endswith(".png") for output in args.output):
+        raise InputError("--falsecolor is for a .png, and no output is one; give -o NAME.png")
+    if args.scale is not None and not args.scale > 0.0:
+        raise InputError(f"--scale is {args.scale:g}; give a number above 0, or leave it out for one by itself")
+    decades = 2 if args.log is None else args.log
+    scale = LightScale(args.unit or "lux", args.scale, args.log is not None, decades, args.lines != "off")
+    return FalseColours(args.falsecolor, scale)
+
+
+@dataclass
+class FalseColours:
+    """Pictures of `buffer` by `scale`; where that ends by itself, the first picture decides, and the others of a path follow."""
+
+    buffer: str
+    scale: LightScale
+
+    def save(self, path: Pathlike, frame: Frame, renderer: Renderer, camera: Camera) -> None:
+        """Write a frame that `renderer` has just made from `camera` as a PNG; raises IrrsplatError where that fails."""
+        from irrsplat.image import false_colours
+
+        lamps = renderer.lamp_irradiance(camera) if self.buffer == "light" else 0.0
+        values: np.ndarray = getattr(frame, "irradiance" if self.buffer == "light" else self.buffer)
+        light = (lamps + values) @ self.scale.weights
+        depth = frame.depth
+        if self.buffer in ("image", "emission"):  # where a sky is seen, that has light as well
+            depth = np.where(np.isfinite(depth) | (light > 0.0), np.minimum(depth, np.float32(1e9)), depth)
+        if self.scale.highest is None:
+            self.scale = replace(self.scale, highest=round_above(false_colours.brightest(light, depth)))
+        picture = false_colours.coloured(light, depth, self.scale)
+        picture = false_colours.with_legend(picture, self.scale, WORDS[self.buffer], self._unit)
+        files.write_bytes(path, false_colours.png(picture))
+
+    @property
+    def _unit(self) -> str:
+        """The unit as people read it."""
+        if self.buffer in _ON_SURFACES:
+            return self.scale.shown_unit
+        return "cd/m²" if self.scale.unit == "lux" else "W/(m² sr)"

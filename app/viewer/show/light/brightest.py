@@ -1,0 +1,45 @@
+"""How bright the light in a view is."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+
+from irrsplat.app.viewer.show.screen import Programs
+from irrsplat.core.color import LUMINANCE
+from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.target import Target
+from irrsplat.image.view import View
+from irrsplat.meter.light_scale import PERCENTILE
+from irrsplat.renderer import Renderer
+
+_LATTICE = (96, 60)  # pixels that are looked at for the brightest
+
+
+class BrightestLight(Owner):
+    """Finds how bright the light in views is, of which false colours by themselves take their upper end."""
+
+    def __init__(self, ctx: moderngl.Context) -> None:
+        self.programs, self.target = Programs(ctx), Target(ctx, _LATTICE, (4,))
+        self.found = 0.0  # W/m², weighted as luminance is
+        self._view: View | None = None
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.programs, self.target)
+
+    def look(self, renderer: Renderer, view: View) -> None:
+        """Look at the view, where that is another one than before."""
+        if view is self._view:
+            return
+        self.programs("viewer/light_level")(
+            self.target,
+            position=view.gbuffer.position,
+            sums=view.sums,
+            direct=renderer.direct_irradiance(view),
+            weights=LUMINANCE,
+            lattice=_LATTICE,
+        )
+        light, seen = self.target.read()[..., :2].reshape(-1, 2).T
+        self.found = float(np.percentile(light[seen > 0.0], PERCENTILE)) if seen.any() else 0.0
+        self._view = view

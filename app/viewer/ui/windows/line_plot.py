@@ -1,0 +1,119 @@
+"""The line that is measured along, over the picture, and the plot of what the buffer shows along it."""
+
+from __future__ import annotations
+
+from math import dist
+
+import numpy as np
+from imgui_bundle import imgui, implot
+
+from irrsplat.app.viewer.actions import Actions
+from irrsplat.app.viewer.buffers.table import BUFFERS
+from irrsplat.app.viewer.editing.picking import on_screen
+from irrsplat.app.viewer.input.measuring_line import Point
+from irrsplat.app.viewer.show.display import Display
+from irrsplat.app.viewer.show.light.line_profile import Profile
+from irrsplat.app.viewer.ui.layout import AMBER, MARGIN, WHITE, Layout, in_unit
+
+_SIZE = (420.0, 170.0)  # of the plot, window coordinates at scale 1
+_SHADE = (0.0, 0.0, 0.0, 0.55)
+_COLOURS = {
+    "": AMBER,
+    **dict.fromkeys("rx", (0.93, 0.36, 0.30, 1.0)),
+    **dict.fromkeys("gy", (0.38, 0.76, 0.38, 1.0)),
+    **dict.fromkeys("bz", (0.42, 0.60, 0.98, 1.0)),
+}
+_HOW = "drag a line over surfaces, or click its two ends"
+
+
+class LinePlot:
+    """Draws both while a line is measured along."""
+
+    def __init__(self, actions: Actions, display: Display, layout: Layout) -> None:
+        self.actions, self.display, self.layout = actions, display, layout
+        self._marked: Point | None = None  # the point of the line that the cursor is at in the plot
+
+    def draw(self) -> None:
+        """Draw the line and the window."""
+        session = self.actions.session
+        if not session.options.profile or not session.views:
+            return
+        self._line()
+        self._marked = None
+        side, view = self.actions.side, imgui.get_main_viewport()
+        imgui.set_next_window_pos((view.size.x - MARGIN, view.size.y - MARGIN), imgui.Cond_.first_use_ever, (1.0, 1.0))
+        shown, opened = imgui.begin("along a line", True, imgui.WindowFlags_.always_auto_resize)
+        session.options.profile = bool(opened)
+        if shown:
+            self.layout.keep_inside()
+            found = self.display.profile(side)
+            if found is None:
+                imgui.text_disabled(_HOW)
+            else:
+                self._plot(BUFFERS[session.buffer(side)].title, found)
+        imgui.end()
+
+    def _line(self) -> None:
+        """Draw the line over the picture, its ends, and the point under the cursor in the plot."""
+        session, view = self.actions.session, imgui.get_main_viewport().size
+        draw, line = imgui.get_background_draw_list(), session.line
+        ends = [point for point in (line.start, line.end) if point is not None]
+        marks = [*ends, *([] if self._marked is None else [self._marked])]
+        places = [on_screen(session.camera, (view.x, view.y), point) for point in marks]
+        first = places[: len(ends)]
+        if len(first) == 2 and first[0] is not None and first[1] is not None:
+            draw.add_line(first[0], first[1], imgui.get_color_u32(_SHADE), 4.0)
+            draw.add_line(first[0], first[1], imgui.get_color_u32(AMBER), 2.0)
+        for i, place in enumerate(places):
+            if place is not None:
+                draw.add_circle_filled(place, 6.0, imgui.get_color_u32(_SHADE))
+                draw.add_circle_filled(place, 4.0, imgui.get_color_u32(AMBER if i < len(ends) else WHITE))
+
+    def _plot(self, title: str, found: Profile) -> None:
+        """Draw the values over metres, and sum them up."""
+        summary = found.summary
+        if summary is None:
+            return imgui.text_disabled(f"{title} has no values along this line")
+        scale = self.layout.scale
+        flags = (
+            implot.Flags_.no_menus | implot.Flags_.no_box_select | (implot.Flags_.no_legend if len(found.channels) == 1 else 0)
+        )
+        if implot.begin_plot("##along", (_SIZE[0] * scale, _SIZE[1] * scale), flags):
+            implot.setup_axes("metres", "" if found.unit == "1" else found.unit)
+            low, high = float(min(summary[0].min(), 0.0)), float(summary[2].max())
+            implot.setup_axes_limits(0.0, float(found.metres[-1]), low, high + 0.05 * ((high - low) or 1.0), implot.Cond_.always)
+            for channel, values in zip(found.channels, found.values.T, strict=True):
+                spec = implot.Spec()
+                spec.line_color, spec.line_weight = imgui.ImVec4(*_COLOURS[channel]), 1.5 * scale
+                implot.plot_line(channel or title, found.metres, np.ascontiguousarray(values), spec)
+            if implot.is_plot_hovered():
+                self._mark(found, implot.get_plot_mouse_pos().x)
+            implot.end_plot()
+        self._words(found, summary)
+
+    def _mark(self, found: Profile, metres: float) -> None:
+        """Show the value at the cursor, and where that is in the picture."""
+        number = int(np.abs(found.metres - metres).argmin())
+        values = found.values[number]
+        ends = self.actions.session.line.ends
+        if ends is None or not np.isfinite(values).all():
+            return
+        words = ", ".join(f"{value:.4g}" for value in values)
+        imgui.set_tooltip(f"{found.metres[number]:.3g} m: {in_unit(words, found.unit)}")
+        start, end = (np.array(point) for point in ends)
+        x, y, z = (start + found.metres[number] / dist(*ends) * (end - start)).tolist()
+        self._marked = x, y, z
+
+    def _words(self, found: Profile, summary: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
+        for name, values in zip(("min", "mean", "max"), summary, strict=True):
+            words = ", ".join(f"{value:.4g}" for value in values)
+            imgui.text(f"{name} {in_unit(words, found.unit)}")
+            imgui.same_line()
+        imgui.text(f"over {found.metres[-1]:.4g} m")
+        if imgui.button("copy as CSV"):
+            self.actions.copy(found.csv, "the table")
+        imgui.same_line()
+        ends = self.actions.session.line.ends
+        if ends is not None and imgui.button("copy for measure"):
+            self.actions.copy("--line " + " ".join(f"{x:.6g}" for point in ends for x in point))
+        imgui.set_item_tooltip("flags of irrsplat measure, which gathers at the points themselves")
