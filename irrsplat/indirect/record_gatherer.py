@@ -22,6 +22,7 @@ from irrsplat.gpu.world import World
 from irrsplat.indirect.change_probe import LIGHT_SAMPLES, MAX_RECORDS, SIDE, ChangeProbe, follow_surface, take_in
 from irrsplat.lighting.emitter_table import emitter_table
 from irrsplat.lighting.light_table import light_defines
+from irrsplat.records.dimming import dim
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.change import SceneChange
 from irrsplat.scene.model import Scene
@@ -196,7 +197,7 @@ class RecordGatherer(Owner):
             return None
         new = replace(old, scene=scene, settings=settings, kind=autotune.kind(self.ctx, scene, settings))
         # first what may fail
-        if change and shadows is not None:  # a last look at what was there before
+        if change and change.dimming is None and shadows is not None:  # a last look at what was there before
             unknown = np.flatnonzero(cache.probes[:, 3] == 0.0)
             cache.probes[unknown] = self._probe(shadows, unknown)
         try:
@@ -222,7 +223,9 @@ class RecordGatherer(Owner):
         if change.moved:
             kept = cache.move_with_meshes(old.scene, new.scene)
             cache.keep_only(kept)
-        if change:
+        if change.dimming is not None:
+            dim(cache, change.dimming)
+        elif change:
             new = replace(new, moved=True, relit=old.relit or change.looks_otherwise, resumed=None)
         surface = self._made.find("surface", SurfaceCache)
         if surface is not None:
@@ -234,7 +237,7 @@ class RecordGatherer(Owner):
         if gathered or more or was.shadow_size != settings.shadow_size:
             cache.invalidate()
             new = replace(new, resumed=None)
-        elif change.looks_otherwise:
+        elif change.looks_otherwise and change.dimming is None:
             cache.due[:] += 1.0
             cache.invalidate(np.arange(cache.count))
         self._basis = new

@@ -24,6 +24,7 @@ from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.lighting.emitter_table import emitter_table
 from irrsplat.lighting.light_table import light_defines
+from irrsplat.records.dimming import dim
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.change import SceneChange
 from irrsplat.scene.model import Scene
@@ -229,7 +230,7 @@ class SurfaceCache(Owner):
         """
         old, scene = self._basis, self.world.scene
         change = SceneChange.between(old.scene, scene)
-        relit, moved = change.looks_otherwise, bool(change.moved)
+        relit, moved = change.looks_otherwise and change.dimming is None, bool(change.moved)
         unlit = unlit_interiors(scene) if change else old.unlit
         other_rays = old.settings.seed != settings.seed
         if moved:
@@ -240,6 +241,8 @@ class SurfaceCache(Owner):
             self._follower.move(old.scene, scene)
         elif moved or not np.array_equal(old.unlit, unlit):  # a lamp went into a closed mesh, or out
             self._drop_sites()
+        if change.dimming is not None:
+            self._dim(change.dimming)
         if moved or relit:
             self._changing = _Changing(now=True, moved=self._changing.moved or moved)
         if other_rays:
@@ -250,6 +253,22 @@ class SurfaceCache(Owner):
         if old.settings.bounces != settings.bounces:
             self._bounce_again()
         self._basis = _Basis(scene, settings, unlit)
+
+    def _dim(self, factor: np.ndarray) -> None:
+        """Let all values be those of light that is `factor` times as strong, (3,), however far they are made."""
+        held, refined, f = self._held, self._refined, np.asarray(factor, np.float32)
+        self._bouncing = None
+        caches = [laid_out.records for laid_out in {self._laid_out, held.laid_out} if laid_out is not None]
+        for records in [*caches, *([] if refined is None else [refined.records])]:
+            dim(records, f)
+        if self._follower is not None:
+            self._follower.dim(f)
+        if held.light is not None:
+            light = replace(held.light, irradiance=held.light.irradiance * f)
+            held.table.write(light.irradiance)
+            self._held = replace(held, light=light)
+            if refined is not None and refined.light is held.light:
+                self._refined = replace(refined, light=light)
 
     def expire(self) -> None:
         """Gather all again."""

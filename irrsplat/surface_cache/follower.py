@@ -56,6 +56,12 @@ class Follower:
         if self._beyond is None:
             self._beyond = self._E_1 - self.transport(self.light(shadows))
 
+    def dim(self, factor: np.ndarray) -> None:
+        """Take all light, the lamps' and what comes of it, for `factor` times as strong, (3,)."""
+        self._E_1, self.irradiance = self._E_1 * factor, self.irradiance * factor
+        if self._beyond is not None:
+            self._beyond = self._beyond * factor
+
     def move(self, before: Scene, after: Scene) -> None:
         """Let the sites on moved meshes move along; which those near them see has to be found out again."""
         self.records.move_with_meshes(before, after)

@@ -559,6 +559,20 @@ CORE = (
         ("tests/renderer/test_relight.py::test_what_is_seen_most_and_longest_comes_first",),
     ),
     Mutant(
+        "dimmed records keep their vectors",
+        "irrsplat/records/dimming.py",
+        '("irradiance", "vectors", "gradient")',
+        '("irradiance", "gradient")',
+        ("tests/renderer/test_dimming.py::test_recoloured_records_are_those_of_a_fresh_gather[1]",),
+    ),
+    Mutant(
+        "a glowing wall is dimmed with the lamps",
+        "irrsplat/scene/change.py",
+        "(shines(self.new) & (factor != 1.0)).any()",
+        "False",
+        ("tests/renderer/test_dimming.py::test_which_changes_are_a_factor_on_all_light",),
+    ),
+    Mutant(
         "vectors do not turn with a moved mesh",
         "irrsplat/records/record_cache.py",
         "texels |= self._rotated(moved.numbers, moved.linear_map)",
