@@ -245,6 +245,8 @@ class SurfaceCache(Owner):
             self._dim(change.dimming)
         if moved or relit:
             self._changing = _Changing(now=True, moved=self._changing.moved or moved)
+        if relit and self._follower is not None:
+            self._follower.relight()
         if other_rays:
             self.transport = self._follower = None
         other_samples = old.settings.light_samples != settings.light_samples

@@ -573,6 +573,20 @@ CORE = (
         ("tests/renderer/test_dimming.py::test_which_changes_are_a_factor_on_all_light",),
     ),
     Mutant(
+        "a moved lamp's bright spot stays behind",
+        "irrsplat/surface_cache/follower.py",
+        "return max(2.0 * both / either - 1.0, 0.0)",
+        "return max(2.0 * both / both - 1.0, 0.0)",
+        ("tests/surface_cache/test_following.py::test_what_was_known_of_a_lamp_goes_with_it",),
+    ),
+    Mutant(
+        "the same sites are gathered again in every tick",
+        "irrsplat/surface_cache/follower.py",
+        "np.lexsort((-records.age(np.arange(records.count)), -records.due))",
+        'np.argsort(-records.due, kind="stable")',
+        ("tests/surface_cache/test_following.py::test_sites_are_gathered_again_in_turn",),
+    ),
+    Mutant(
         "vectors do not turn with a moved mesh",
         "irrsplat/records/record_cache.py",
         "texels |= self._rotated(moved.numbers, moved.linear_map)",
