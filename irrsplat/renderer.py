@@ -401,7 +401,11 @@ class Renderer(Owner):
             state, requests = scheduler.gather_missing(state, gbuffer, splats, shadows, camera, budget.part(1.0, later))
         self._state = replace(self._state, view=state, costs=costs)
 
-        stale, made = (self.cache.waiting, scheduler.gatherer.surface_share) if bounces else (0, 1.0)
+        waiting = self.cache.waiting
+        if ready and budget.limited and not requests.new and not renewed:
+            scheduler.gatherer.learn(shadows, budget.part(1.0, later))
+            waiting += scheduler.gatherer.to_learn
+        stale, made = (waiting, scheduler.gatherer.surface_share) if bounces else (0, 1.0)
         progress = Progress(
             state.rounds, self.cache.count, requests.new, state.coverage, renewed, stale, requests.complete, made, state.full
         )
@@ -570,16 +574,19 @@ class Renderer(Owner):
             self._leave_refinement()
             state = replace(state, refinement=None)
         dimming = SceneChange.between(self.scene, state.scene).dimming
+        answered = state.settings == self.settings and self.scheduler.gatherer.answers(state.scene)
         self.scheduler.follow(state.settings, state.scene, self.shadows)
-        if dimming is not None:
+        if dimming is not None or answered:
             state = replace(state, view=self._dimmed_view(state))
             temporal_filter = self._passes.find("temporal", TemporalFilter)
-            if temporal_filter is not None:
+            if temporal_filter is not None and dimming is not None:
                 temporal_filter.dim(dimming)
+            elif temporal_filter is not None:
+                temporal_filter.forget()
         self._state = state
 
     def _dimmed_view(self, after: State) -> ViewState:
-        """The progress of the present view, which goes on where all light changes by a factor, as far as that is all there is."""
+        """The progress of the present view, which goes on where lamps are dimmed and light follows at once, if that is all."""
         view = self._state.view
         if view.subject != self._view_subject(self._state):
             return view

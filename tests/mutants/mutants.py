@@ -573,6 +573,20 @@ CORE = (
         ("tests/renderer/test_dimming.py::test_which_changes_are_a_factor_on_all_light",),
     ),
     Mutant(
+        "a lamp's part is that of all lamps",
+        "irrsplat/surface_cache/lamp_parts.py",
+        "    table[LightRow.COLOR :: LIGHT_ROWS, :3] = 0.0\n",
+        "    table[LightRow.COLOR :: LIGHT_ROWS, :3] *= SCALE\n",
+        ("tests/renderer/test_dimming.py::test_one_lamp_of_three_is_dimmed_at_once[1]",),
+    ),
+    Mutant(
+        "the surface cache does not follow one of several lamps",
+        "irrsplat/surface_cache/cache.py",
+        "held.light.irradiance + colour * sites.E,",
+        "held.light.irradiance + 0.0 * colour * sites.E,",
+        ("tests/renderer/test_dimming.py::test_what_is_known_of_a_lamp_ends_with_its_place_and_grows_with_the_view",),
+    ),
+    Mutant(
         "a moved lamp's bright spot stays behind",
         "irrsplat/surface_cache/follower.py",
         "return max(2.0 * both / either - 1.0, 0.0)",

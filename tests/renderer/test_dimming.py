@@ -135,6 +135,77 @@ def test_the_fading_picture_is_dimmed_too() -> None:
     assert np.allclose(shown[0], 0.25 * shown[1], rtol=1e-3, atol=1e-3 * shown[0].max())
 
 
+THIRD = lamp((0.6, -0.4, 0.5), 1.0)
+
+
+@pytest.mark.parametrize("bounces", [1, 3, "all"])
+def test_one_lamp_of_three_is_dimmed_at_once(bounces: Any) -> None:
+    """After its first change, what it brings is gathered apart; from then on it follows, below a sky and beside a glowing wall.
+
+    The sums of bounces are those of a lamp alone, so that they may end at another number: a hair's difference.
+    """
+    settings = SETTINGS | {"bounces": bounces}
+    with Renderer(lit_by(LAMP, OTHER, THIRD, glow=(0.5, 0.2, 0.1), sky=0.2), SIZE, **settings) as renderer:
+        renderer.render()
+        renderer.relight([LAMP, coloured(OTHER, 0.5, 0.5, 0.5), THIRD])
+        assert len(renderer.cache.stale) == renderer.cache.count
+        assert ticks(renderer, 10.0)[-1].done
+        for factor in ((0.2, 0.5, 3.0), (0.0, 0.0, 0.0), (1.0, 0.0, 1.0), (0.5, 0.5, 0.5)):
+            renderer.relight([LAMP, coloured(OTHER, *factor), THIRD])
+            assert not len(renderer.cache.stale)
+            view, progress = renderer.frame(seconds=TICK, gather=False)
+            assert not progress.fading
+            shown = read(view, renderer.cache.read(), {}).irradiance
+            renderer.forget(records=False)
+            again = read(renderer.frame(gather=False)[0], renderer.cache.read(), {}).irradiance
+            assert np.allclose(shown, again, rtol=1e-5)
+            check(renderer, settings, 1e-2)
+            assert ticks(renderer, 10.0)[-1].done
+
+
+def test_what_is_known_of_a_lamp_ends_with_its_place_and_grows_with_the_view() -> None:
+    settings = SETTINGS | {"bounces": "all"}
+    with Renderer(lit_by(LAMP, OTHER), SIZE, **settings) as renderer:
+        renderer.render()
+        renderer.relight([LAMP, coloured(OTHER, 0.5, 0.5, 0.5)])
+        ticks(renderer, 10.0)
+        aside = replace(FRONT, eye=(0.3, 0.2, 0.95))
+        count = renderer.cache.count
+        renderer.render(aside)
+        assert renderer.cache.count > count
+        renderer.relight([LAMP, OTHER])
+        assert renderer.cache.stale.tolist() == list(range(count, renderer.cache.count)), "those that are new since"
+        ticks(renderer, 10.0)
+        renderer.relight([LAMP, coloured(OTHER, 2.0, 1.0, 1.0)])
+        assert not len(renderer.cache.stale)
+        check(renderer, settings, 1e-3)
+        renderer.relight([coloured(LAMP, 2.0, 1.0, 1.0), coloured(OTHER, 2.0, 1.0, 1.0)])
+        assert len(renderer.cache.stale) == renderer.cache.count, "nothing is known of the first lamp"
+        ticks(renderer, 10.0)
+        renderer.relight([replace(LAMP, position=(0.2, 0.6, 0.2)), OTHER])
+        assert ticks(renderer, 10.0)[-1].done
+        check(renderer, settings, 1e-3)
+        renderer.relight([replace(LAMP, position=(0.2, 0.6, 0.2)), coloured(OTHER, 0.1, 0.1, 0.1)])
+        assert len(renderer.cache.stale) == renderer.cache.count
+        assert ticks(renderer, 10.0)[-1].done
+        check(renderer, settings, 1e-3)
+
+
+def test_a_lamp_that_goes_out_leaves_no_noise_of_finer_looks() -> None:
+    """A refined view's records come from more rays than what is known of a lamp: those that lose most are gathered again."""
+    settings = SETTINGS | {"bounces": "all", "gather_size": 16}
+    with Renderer(lit_by(LAMP, coloured(OTHER, 20.0, 20.0, 20.0)), SIZE, **settings) as renderer:
+        renderer.render()
+        renderer.relight([LAMP, coloured(OTHER, 10.0, 10.0, 10.0)])
+        ticks(renderer, 10.0)
+        renderer.refine(None, 0.005, seconds=1.0)
+        renderer.relight([LAMP, coloured(OTHER, 0.0, 0.0, 0.0)])
+        assert 0 < len(renderer.cache.stale) <= renderer.cache.count
+        assert ticks(renderer, 10.0)[-1].done
+        found, truth = renderer.cache.gathered("irradiance")["irradiance"], gathered_afresh(renderer, settings)["irradiance"]
+        assert np.sqrt(((found - truth) ** 2).mean()) < 0.02 * truth.mean()
+
+
 CASES: list[tuple[Scene, Scene, tuple[float, float, float] | None]] = [
     (lit_by(LAMP), lit_by(coloured(LAMP, 0.5, 0.5, 0.5)), (0.5, 0.5, 0.5)),
     (lit_by(LAMP), lit_by(replace(coloured(LAMP, 0.0, 2.0, 1.0), name="hall")), (0.0, 2.0, 1.0)),
