@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from irrsplat.scene.change import SceneChange
+from tests.renderer.test_live import dimmed
 from tests.support.viewing import Driver
 
 
@@ -16,7 +17,7 @@ def test_a_dragged_intensity_leaves_nothing_to_gather(driver: Driver) -> None:
     scene, (renderer,) = session.scene, session.active
     epoch, refreshed = renderer.cache.invalidation_epoch, renderer.cache.read()["irradiance"]
     for factor in (0.8, 0.6, 0.5):
-        lights = [replace(lamp, color=tuple(factor * c for c in lamp.color)) for lamp in scene.lights]
+        lights = [dimmed(lamp, factor) for lamp in scene.lights]
         assert SceneChange.between(session.scene, replace(scene, lights=tuple(lights))).dimming is not None
         session.relight(lights)
         driver.frame()
