@@ -48,7 +48,7 @@ from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.lighting.sky import sky_maps
 from irrsplat.records import cache_file
 from irrsplat.records.record_cache import RecordCache
-from irrsplat.scene.change import is_elsewhere
+from irrsplat.scene.change import SceneChange, is_elsewhere
 from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
 from irrsplat.scene.motion import moved, repainted
 from irrsplat.settings import Settings, SettingValues
@@ -413,7 +413,11 @@ class Renderer(Owner):
             state, requests = scheduler.gather_missing(state, gbuffer, splats, shadows, camera, budget.part(1.0, later))
         self._state = replace(self._state, view=state, costs=costs)
 
-        stale, made = (self.cache.waiting, scheduler.gatherer.surface_share) if bounces else (0, 1.0)
+        waiting = self.cache.waiting
+        if ready and budget.limited and not requests.new and not renewed:
+            scheduler.gatherer.learn(shadows, budget.part(1.0, later))
+            waiting += scheduler.gatherer.to_learn
+        stale, made = (waiting, scheduler.gatherer.surface_share) if bounces else (0, 1.0)
         progress = Progress(
             state.rounds, self.cache.count, requests.new, state.coverage, renewed, stale, requests.complete, made, state.full
         )
@@ -536,7 +540,8 @@ class Renderer(Owner):
         self._state = replace(self._state, headlamp=intensity)
 
     def relight(self, lights: Sequence[Light]) -> None:
-        """Go on with other lights; records are gathered again in place. Raises InputError for too many of them."""
+        """Go on with other lights. Where all light changes by a factor in each channel, as where a lone lamp is dimmed, records
+        hold at once what they are to; else they are gathered again in place. Raises InputError for too many lights."""
         self._go_on(replace(self._state, scene=replace(self.scene, lights=tuple(lights))))
 
     def move(self, mesh: int | str, transform: npt.ArrayLike) -> None:
@@ -581,8 +586,25 @@ class Renderer(Owner):
         if self._view_subject(state) != self._view_subject(self._state):
             self._leave_refinement()
             state = replace(state, refinement=None)
+        dimming = SceneChange.between(self.scene, state.scene).dimming
+        answered = state.settings == self.settings and self.scheduler.gatherer.answers(state.scene)
         self.scheduler.follow(state.settings, state.scene, self.shadows)
+        if dimming is not None or answered:
+            state = replace(state, view=self._dimmed_view(state))
+            temporal_filter = self._passes.find("temporal", TemporalFilter)
+            if temporal_filter is not None and dimming is not None:
+                temporal_filter.dim(dimming)
+            elif temporal_filter is not None:
+                temporal_filter.forget()
         self._state = state
+
+    def _dimmed_view(self, after: State) -> ViewState:
+        """The progress of the present view, which goes on where lamps are dimmed and light follows at once, if that is all."""
+        view = self._state.view
+        if view.subject != self._view_subject(self._state):
+            return view
+        subject = self._view_subject(replace(self._state, scene=after.scene))
+        return replace(view, subject=subject, limited=False, settled=None, looked_at=None)
 
     def reload(self) -> None:
         """Read the shaders' files again and draw with them; raises ShaderError, and goes on as before, where one is wrong."""

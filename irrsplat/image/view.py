@@ -51,7 +51,8 @@ class Progress:
 
     round: complete rounds so far. records: in the cache; new: those made in this tick. coverage: the share of the seen pixels,
     0..1, that asked for nothing when the round began. renewed: old records gathered again in this tick; stale: those that still
-    wait. complete: False while the round has sites left, or the view has only every other pixel splatted. surface: how much of
+    wait, or whose light by a single lamp is still to be gathered. complete: False while the round has sites left, or the view
+    has only every other pixel splatted. surface: how much of
     the surface cache is made, 0..1. full: the view needs more records than `max_records`. sampled: the share of a render's
     samples that are taken, 0..1. error: the estimated relative RMSE of the indirect irradiance, None where it is not known.
     refined: whether the view is refined as far as it is to be, or can be. fading: the picture is not yet what the records say,

@@ -22,11 +22,13 @@ from irrsplat.gpu.world import World
 from irrsplat.indirect.change_probe import LIGHT_SAMPLES, MAX_RECORDS, SIDE, ChangeProbe, follow_surface, take_in
 from irrsplat.lighting.emitter_table import emitter_table
 from irrsplat.lighting.light_table import light_defines
+from irrsplat.records.dimming import dim
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.change import SceneChange
-from irrsplat.scene.model import Scene
+from irrsplat.scene.model import Light, Scene
 from irrsplat.settings import SETTINGS, Settings
 from irrsplat.surface_cache.cache import SurfaceCache
+from irrsplat.surface_cache.lamp_parts import MOST, LampPart, alone, recoloured
 
 _FEWEST = 16  # side of a gather: where it is less, noise is not told well by its own rays
 _LOOKS = 0.35  # of a tick: looking at what has changed may take that much in any case
@@ -96,10 +98,11 @@ class RecordGatherer(Owner):
         self._basis = Basis(world.scene, settings, autotune.kind(world.ctx, world.scene, settings))
         self._made = Workshop()
         self._memo = Memo()
+        self._parts: dict[Light, LampPart] = {}  # of lamps whose colours have changed, the last ones; what is known of them
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self._made,)
+        return (self._made, *self._parts.values())
 
     # ---- what gathers ----------------------------------------------------------------------------------------------
 
@@ -196,7 +199,9 @@ class RecordGatherer(Owner):
             return None
         new = replace(old, scene=scene, settings=settings, kind=autotune.kind(self.ctx, scene, settings))
         # first what may fail
-        if change and shadows is not None:  # a last look at what was there before
+        if (
+            change and change.dimming is None and self._answered(change) is None and shadows is not None
+        ):  # a last look at what was there before
             unknown = np.flatnonzero(cache.probes[:, 3] == 0.0)
             cache.probes[unknown] = self._probe(shadows, unknown)
         try:
@@ -210,6 +215,7 @@ class RecordGatherer(Owner):
         except BaseException:
             cache.truncate(0)
             self._made.clear()
+            self._forget_parts()
             self._basis = new
             raise
         return kept
@@ -217,16 +223,21 @@ class RecordGatherer(Owner):
     def _follow_records(self, old: Basis, new: Basis, change: SceneChange) -> np.ndarray | None:
         """Change the records and the surface cache as the scene and the settings do; the numbers of those kept, None for all."""
         cache, kept, was, settings = self.cache, None, old.settings, new.settings
+        brighter = self._answered(change) if was == settings else None
         if _places(was) != _places(settings):
             cache.truncate(0)
         if change.moved:
             kept = cache.move_with_meshes(old.scene, new.scene)
             cache.keep_only(kept)
-        if change:
+        if change.dimming is not None:
+            dim(cache, change.dimming)
+        elif brighter is not None:
+            self._add(brighter)
+        elif change:
             new = replace(new, moved=True, relit=old.relit or change.looks_otherwise, resumed=None)
         surface = self._made.find("surface", SurfaceCache)
         if surface is not None:
-            surface.change(settings)
+            surface.change(settings, brighter)
         gathered = old.way != new.way
         if gathered or old.lights != new.lights or was.placement != settings.placement:
             self.atlas = None  # its gather is gone
@@ -234,19 +245,102 @@ class RecordGatherer(Owner):
         if gathered or more or was.shadow_size != settings.shadow_size:
             cache.invalidate()
             new = replace(new, resumed=None)
-        elif change.looks_otherwise:
+        elif change.looks_otherwise and change.dimming is None and brighter is None:
             cache.due[:] += 1.0
             cache.invalidate(np.arange(cache.count))
+        self._keep_parts(change, was == settings)
         self._basis = new
         return kept
 
     def expire(self) -> None:
         """Gather everything again."""
+        self._forget_parts()
         self._basis = replace(self._basis, resumed=None)
         self.cache.invalidate()
         surface = self._made.find("surface", SurfaceCache)
         if surface is not None:
             surface.expire()
+
+    # ---- single lamps ----------------------------------------------------------------------------------------------
+
+    def _answered(self, change: SceneChange) -> dict[LampPart, np.ndarray] | None:
+        """By how much the colours of which lamps have changed, where nothing else has and all that they bring is known."""
+        found, surface, basis = recoloured(change), self._made.find("surface", SurfaceCache), self._basis
+        if (
+            found is None
+            or change.dimming is not None
+            or (basis.relit and basis.wants_surface)
+            or basis.moved
+            or basis.resumed is not None
+        ):
+            return None
+        if any(lamp not in self._parts for lamp in found) or (basis.wants_surface and (surface is None or not surface.complete)):
+            return None
+        parts = {self._parts[lamp]: colour for lamp, colour in found.items()}
+        return parts if all(part.ids.size and (part.sites is not None) >= basis.wants_surface for part in parts) else None
+
+    def _add(self, brighter: dict[LampPart, np.ndarray]) -> None:
+        """Let all records hold so much more of these lamps, and make those stale of which it is not known how much that is."""
+        cache = self.cache
+        rows = {part: part.rows(cache) for part in brighter}
+        known = np.all([found >= 0 for found in rows.values()], axis=0)
+        surface = self.surface_now
+        alike, stale = surface is None or not surface.refined, ~known
+        for part, colour in brighter.items():
+            stale[part.add(cache, np.where(known, rows[part], -1), colour, alike)] = True
+        if stale.any():
+            cache.due[stale] += 1.0
+            cache.invalidate(np.flatnonzero(stale))
+
+    def _keep_parts(self, change: SceneChange, same_settings: bool) -> None:
+        """Keep the parts while only colours change, and begin those of lamps that have been recoloured."""
+        lately = recoloured(change)
+        if not same_settings or (change and lately is None):
+            keep: list[Light] = []
+        else:
+            keep = list(dict.fromkeys([*(lately or {} if change.dimming is None else {}), *self._parts]))[:MOST]
+        for lamp in set(self._parts) - set(keep):
+            self._parts.pop(lamp).release()
+        self._parts = {lamp: self._parts.get(lamp) or LampPart(self.ctx) for lamp in keep}
+
+    def _forget_parts(self) -> None:
+        while self._parts:
+            self._parts.popitem()[1].release()
+
+    def answers(self, scene: Scene) -> bool:
+        """Whether what records hold by the lamps of another state of the scene is known at once, but for a few of them."""
+        return self._answered(SceneChange.between(self._basis.scene, scene)) is not None
+
+    @property
+    def to_learn(self) -> int:
+        """Of how many records the part of some lamp is still to be gathered, whose colour may change again."""
+        return sum(int(np.count_nonzero(part.rows(self.cache) < 0)) for part in self._parts.values())
+
+    def learn(self, shadows: ShadowMaps, budget: Budget) -> None:
+        """Go on with the parts of lamps whose colours have changed, while nothing else is to be gathered."""
+        surface, basis, cache = self.surface_now, self._basis, self.cache
+        if len(cache.stale) or basis.moved or (basis.relit and basis.wants_surface) or basis.resumed is not None:
+            return
+        if basis.wants_surface and (surface is None or not surface.complete):
+            return
+        for lamp, part in self._parts.items():
+            part.records.truncate(len(part.ids))  # Ctrl-C may have left more
+            lit = alone(shadows, basis.scene.lights, lamp)
+            if surface is not None and not surface.learn(part, lit, budget):
+                return
+            light = HitLight(lit, None if surface is None else surface.uniforms(part.table))
+            (missing,) = np.nonzero(part.rows(cache) < 0)
+            for size in np.unique(cache.gather_sizes[missing]).tolist():
+                numbers, done = missing[cache.gather_sizes[missing] == size], 0
+                look = self._gather_at(size)
+                for count in self._pace(size).batches(len(numbers), look.capacity, budget):
+                    chosen = numbers[done : done + count]
+                    rows = part.records.append(cache.sites(chosen)) + np.arange(count)
+                    gather_records(look, self.reduce_pass, light, part.records, rows, self.settings.seed, self.timers)
+                    part.note(cache.ids[chosen], cache.gather_sizes[chosen])
+                    done += count
+            if (part.rows(cache) < 0).any():
+                return
 
     # ---- the surface cache -----------------------------------------------------------------------------------------
 
@@ -396,6 +490,7 @@ class RecordGatherer(Owner):
     def go_on_with(self, bounces: BounceStatistics) -> None:
         """The cache has records from a file now, which were gathered with these `bounces`; their surface cache is made when
         further records are wanted."""
+        self._forget_parts()
         surface = self.surface
         complete = surface is None or surface.complete or not self._basis.wants_surface
         self._basis = replace(self._basis, moved=False, resumed=None if complete else bounces)

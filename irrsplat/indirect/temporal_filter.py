@@ -21,13 +21,14 @@ PICTURES = 8  # after the last change, over which all of it follows
 @dataclass(frozen=True)
 class _Shown:
     """The last picture: its irradiance, by which camera, of what and of which scene, and how many more of the same follow until
-    it is what the records say."""
+    it is what the records say. dimming: the factors by which all light has changed since, of red, green and blue."""
 
     texture: moderngl.Texture
     camera: Camera
     subject: object
     scene: object
     left: int
+    dimming: tuple[float, ...] = (1.0, 1.0, 1.0)
 
 
 class TemporalFilter(Owner):
@@ -48,6 +49,11 @@ class TemporalFilter(Owner):
     def forget(self) -> None:
         """The next picture is what the records say."""
         self._shown = None
+
+    def dim(self, factor: np.ndarray) -> None:
+        """Take what the last picture showed for what it would if all light were `factor` times as strong, (3,)."""
+        if self._shown is not None:
+            self._shown = replace(self._shown, dimming=tuple((np.array(self._shown.dimming) * factor).tolist()))
 
     def left(self, subject: object) -> int:
         """How many more pictures follow the next one until they are what the records say. subject: all that they depend on."""
@@ -110,7 +116,8 @@ class TemporalFilter(Owner):
     def _before(self, shown: _Shown | None, nothing: moderngl.Texture) -> Uniforms:
         """The uniforms of the last picture; `nothing` is a texture to bind where there was none."""
         if shown is None:
-            return {"fading": False, "shown": nothing, "clip_from_world": np.eye(4), "shown_place": (0.0, 0.0, 0.0, 0.0)}
+            nowhere: Uniforms = {"clip_from_world": np.eye(4), "shown_place": (0.0, 0.0, 0.0, 0.0)}
+            return {"fading": False, "shown": nothing, "dimming": (1.0, 1.0, 1.0), **nowhere}
         camera, (width, height), texels = shown.camera, self.size, np.array(shown.texture.size)
         stride = -(-width // shown.texture.width)
         # the texel of pixel x is x/stride: its centre is at x/stride + 1/2, and x + 1/2 = width·(clip + 1)/2
@@ -119,6 +126,7 @@ class TemporalFilter(Owner):
         return {
             "fading": True,
             "shown": SampledTexture(shown.texture, self.linear),
+            "dimming": shown.dimming,
             "clip_from_world": camera.clip_from_view(width / height, 1e-3, 1e3) @ camera.view_from_world,
             "shown_place": (*scale.tolist(), *offset.tolist()),
         }

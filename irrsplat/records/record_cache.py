@@ -197,6 +197,11 @@ class RecordCache(Owner):
         number = int(np.searchsorted(ids, id))
         return number if number < self.count and ids[number] == id else None
 
+    @property
+    def ids(self) -> np.ndarray:
+        """(N,) the ids of the records, ascending."""
+        return self._columns["id"][: self.count]
+
     def id_of(self, number: int) -> int:
         """The id of a record, which it keeps when records before it go."""
         return int(self._columns["id"][number])

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
 
 from irrsplat.scene.model import Mesh, Scene
+
+_ALIKE = 1e-6  # relative: lamps that are dimmed by factors as near as this are dimmed by the same one
 
 
 @dataclass(frozen=True)
@@ -39,10 +44,39 @@ class SceneChange:
         """Whether all light may be another, since lights, the sky or materials differ."""
         return self.relit or self.other_sky or bool(self.repainted)
 
+    @cached_property
+    def dimming(self) -> np.ndarray | None:
+        """(3,) the factors by which all light of red, green and blue has changed, where nothing else has: light is linear in its
+        sources, so whatever was lit by these is known at once. None where there is no such factor, or it would lead from 0."""
+        old, new = self.old.lights, self.new.lights
+        if self.moved or self.repainted or self.other_sky or not self.relit or len(old) != len(new):
+            return None
+        if any(replace(a, color=b.color, name=b.name) != b for a, b in zip(old, new, strict=True)):
+            return None
+        before, after = (np.array([light.color for light in lights], float) for lights in (old, new))
+        lit = before > 0.0
+        if (before < 0.0).any() or after[~lit].any():
+            return None
+        ratio = np.divide(after, before, out=np.full_like(before, np.nan), where=lit)
+        least, most = (reduce(ratio, axis=0, initial=limit, where=lit) for reduce, limit in ((np.min, np.inf), (np.max, -np.inf)))
+        factor: np.ndarray = np.where(lit.any(0), most, 1.0)
+        if (np.where(lit.any(0), most - least, 0.0) > _ALIKE * factor).any() or (shines(self.new) & (factor != 1.0)).any():
+            return None
+        return factor
+
     @property
     def hides(self) -> bool:
         """Whether a mesh has vanished, or is there again (see motion.hidden)."""
         return any(self.old.meshes[i].is_point != self.new.meshes[i].is_point for i in self.moved)
+
+
+def shines(scene: Scene) -> np.ndarray:
+    """(3,) whether anything but its lamps sends out red, green and blue: a sky, or a surface."""
+    if scene.environment is not None:
+        return np.ones(3, bool)
+    sources = [scene.sky, scene.sky_gradient, *(mesh.material.emission for mesh in scene.meshes)]
+    found: np.ndarray = np.any(np.array(sources, float) != 0.0, axis=0)
+    return found
 
 
 def is_elsewhere(before: Mesh, after: Mesh) -> bool:

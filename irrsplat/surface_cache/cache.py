@@ -6,7 +6,7 @@ light comes to it first and which other sites they meet, and from then on all bo
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import moderngl
@@ -24,12 +24,14 @@ from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.lighting.emitter_table import emitter_table
 from irrsplat.lighting.light_table import light_defines
+from irrsplat.records.dimming import dim
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.change import SceneChange
 from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.clustering import unlit_interiors
 from irrsplat.surface_cache.follower import Follower
+from irrsplat.surface_cache.lamp_parts import SCALE, LampPart, SitePart
 from irrsplat.surface_cache.lookup_table import LookupTable, unknown
 from irrsplat.surface_cache.site_layout import DARK_VALUE, FIRST_SITE, MAX_SITES, SKY_VALUE, SiteChooser, SiteLayout
 from irrsplat.surface_cache.transport import BouncedLight, Transport, sum_bounces
@@ -165,6 +167,11 @@ class SurfaceCache(Owner):
         return self._follower is not None and not self.complete
 
     @property
+    def refined(self) -> bool:
+        """Whether its values come from more rays than it is made by."""
+        return self._refined is not None and self._refined.light is self._held.light
+
+    @property
     def complete(self) -> bool:
         """Whether that is what scene and settings ask for."""
         return self._held.complete
@@ -221,15 +228,16 @@ class SurfaceCache(Owner):
 
     # ---- what changes ----------------------------------------------------------------------------------------------
 
-    def change(self, settings: Settings) -> None:
+    def change(self, settings: Settings, brighter: Mapping[LampPart, np.ndarray] | None = None) -> None:
         """Go on with other settings, and with the world's scene as it is now; what depends on what has changed is made again by
-        `advance`. Until then the values are those from before, on what has moved too.
+        `advance`. Until then the values are those from before, on what has moved too. brighter: where nothing but the colours of
+        lamps has changed, whose parts are all known, by how much, (3,) each.
 
         Interrupted, it does no harm to be called again: the basis is replaced last.
         """
         old, scene = self._basis, self.world.scene
         change = SceneChange.between(old.scene, scene)
-        relit, moved = change.looks_otherwise, bool(change.moved)
+        relit, moved = change.looks_otherwise and change.dimming is None and brighter is None, bool(change.moved)
         unlit = unlit_interiors(scene) if change else old.unlit
         other_rays = old.settings.seed != settings.seed
         if moved:
@@ -243,8 +251,14 @@ class SurfaceCache(Owner):
         if change.other_sky:  # which sites one value does for depends on whether it is the same all around
             self.transport = self._follower = None
             self._drop_sites()
+        if change.dimming is not None:
+            self._dim(change.dimming)
+        for part, colour in (brighter or {}).items():
+            self._add(part, colour.astype(np.float32))
         if moved or relit:
             self._changing = _Changing(now=True, moved=self._changing.moved or moved)
+        if relit and self._follower is not None:
+            self._follower.relight()
         if other_rays:
             self.transport = self._follower = None
         other_samples = old.settings.light_samples != settings.light_samples
@@ -253,6 +267,73 @@ class SurfaceCache(Owner):
         if old.settings.bounces != settings.bounces:
             self._bounce_again()
         self._basis = _Basis(scene, settings, unlit)
+
+    def _dim(self, factor: np.ndarray) -> None:
+        """Let all values be those of light that is `factor` times as strong, (3,), however far they are made."""
+        held, refined, f = self._held, self._refined, np.asarray(factor, np.float32)
+        self._bouncing = None
+        caches = [laid_out.records for laid_out in {self._laid_out, held.laid_out} if laid_out is not None]
+        for records in [*caches, *([] if refined is None else [refined.records])]:
+            dim(records, f)
+        if self._follower is not None:
+            self._follower.dim(f)
+        if held.light is not None:
+            light = replace(held.light, irradiance=held.light.irradiance * f)
+            held.table.write(light.irradiance)
+            self._held = replace(held, light=light)
+            if refined is not None and refined.light is held.light:
+                self._refined = replace(refined, light=light)
+
+    def _add(self, part: LampPart, colour: np.ndarray) -> None:
+        """Let all values, which are complete, hold so much more of a lamp, (3,)."""
+        sites, held = part.sites, self._held
+        assert sites is not None and held.light is not None and held.laid_out is not None
+        numbers = np.arange(held.laid_out.records.count)
+        E_1 = np.maximum(held.laid_out.records.values[:, :3] + colour * sites.E_1, 0.0)
+        normal = held.laid_out.records.sites(numbers).normal
+        held.laid_out.records.correct({"irradiance": E_1, "vectors": normal[:, None] * E_1[:, :, None]}, numbers)
+        if self.refined:  # by other rays than the part
+            settings, area = self._basis.settings, held.laid_out.layout.area
+            transport = self.transport if settings.most_bounces > 2 else None
+            first = self._first(held.laid_out.records)
+            light = list(sum_bounces(first, transport, area, settings.most_bounces, settings.bounces == "all"))[-1]
+        else:
+            light = replace(held.light, irradiance=np.maximum(held.light.irradiance + colour * sites.E, 0.0))
+        held.table.write(light.irradiance)
+        self._held, self._bouncing = replace(held, light=light), None
+        if self._follower is not None and sites.beyond is not None and sites.D is not None:
+            self._follower.add(*(colour * one for one in (sites.E_1, sites.E, sites.beyond, sites.D)))
+
+    def learn(self, part: LampPart, shadows: ShadowMaps, budget: Budget) -> bool:
+        """Go on with the part of a lamp, which shines alone in `shadows` (see lamp_parts.alone); whether it is known."""
+        laid_out, settings = self._held.laid_out, self._basis.settings
+        if part.sites is not None or laid_out is None:
+            return part.sites is not None
+        count, light = laid_out.records.count, HitLight(shadows, self.uniforms())
+        if not part.site_records.count:
+            part.site_records.append(laid_out.records.sites(slice(0, count)))
+            part.sites_done = FIRST_SITE
+        gather = self._gather_for(count)
+        with self.timers("surface"):
+            for batch in self._pace.batches(count - part.sites_done, gather.capacity, budget):
+                numbers = part.sites_done + np.arange(batch)
+                gather_records(gather, self._reduce, light, part.site_records, numbers, settings.seed)
+                part.sites_done += batch
+            if part.sites_done < count:
+                return False
+            E_1 = part.site_records.read()["irradiance"] / np.float32(SCALE)
+            E_1[:FIRST_SITE] = 0.0
+            transport = self.transport if settings.most_bounces > 2 else None
+            E = list(sum_bounces(E_1, transport, laid_out.layout.area, settings.most_bounces, settings.bounces == "all"))[
+                -1
+            ].irradiance
+            beyond, D = (None, None) if self._follower is None else self._follower.parts(E_1, shadows, SCALE)
+            table = LookupTable(
+                self.ctx, laid_out.layout.tessellation.table, laid_out.layout.cells, MAX_SITES, self.world.tree.order
+            )
+            table.write(SCALE * E)
+            part.table, part.sites = table, SitePart(E_1, E, D, beyond)
+        return True
 
     def expire(self) -> None:
         """Gather all again."""

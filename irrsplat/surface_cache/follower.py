@@ -2,7 +2,8 @@
 
 Light of one bounce at the sites is about E_1 = c + F·D, where D is the lamps' direct light there, of this moment, and c what
 gathering a site once found beyond that: light of the sky and of emitters, and all that F·D is too coarse for. All bounces
-are E = E_1 + F·E, of which a tick does one step from the E of the tick before.
+are E = E_1 + F·E, of which a tick does one step from the E of the tick before. The latter part of c is of where the lamps were:
+it fades as they move, the faster the less their light now overlaps with that before.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from irrsplat.gpu.world import World
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.site_light import SiteLightPass
 from irrsplat.records.record_cache import RecordCache
+from irrsplat.scene.change import shines
 from irrsplat.scene.model import Scene
 from irrsplat.surface_cache.transport import Transport
 
@@ -44,6 +46,8 @@ class Follower:
         self._E_1 = E_1
         self.change = 0.0  # of E by the last step, relative to it
         self._beyond: np.ndarray | None = None  # c, once D is known
+        self._lamps: np.ndarray | None = None  # D of the last step
+        self._relit = False  # whether lamps have changed since
 
     def light(self, shadows: ShadowMaps) -> np.ndarray:
         """(S, 3) D, W/m²."""
@@ -54,7 +58,30 @@ class Follower:
     def begin(self, shadows: ShadowMaps) -> None:
         """Take the lamps of now for those of E_1."""
         if self._beyond is None:
-            self._beyond = self._E_1 - self.transport(self.light(shadows))
+            self._lamps = self.light(shadows)
+            self._beyond = self._E_1 - self.transport(self._lamps)
+
+    def relight(self) -> None:
+        """Lamps have changed."""
+        self._relit = True
+
+    def dim(self, factor: np.ndarray) -> None:
+        """Take all light, the lamps' and what comes of it, for `factor` times as strong, (3,)."""
+        self._E_1, self.irradiance = self._E_1 * factor, self.irradiance * factor
+        if self._beyond is not None and self._lamps is not None:
+            self._beyond, self._lamps = self._beyond * factor, self._lamps * factor
+
+    def parts(self, E_1: np.ndarray, shadows: ShadowMaps, scale: float) -> tuple[np.ndarray, np.ndarray]:
+        """(S, 3) c and D of light alone that comes to the sites as E_1, by the lamps of `shadows`, which are `scale` times as
+        bright."""
+        D = self.light(shadows) / np.float32(scale)
+        return E_1 - self.transport(D), D
+
+    def add(self, E_1: np.ndarray, E: np.ndarray, beyond: np.ndarray, D: np.ndarray) -> None:
+        """Take all light for so much more, (S, 3) each."""
+        assert self._beyond is not None and self._lamps is not None
+        self._E_1, self.irradiance = self._E_1 + E_1, np.maximum(self.irradiance + E, 0.0)
+        self._beyond, self._lamps = self._beyond + beyond, np.maximum(self._lamps + D, 0.0)
 
     def move(self, before: Scene, after: Scene) -> None:
         """Let the sites on moved meshes move along; which those near them see has to be found out again."""
@@ -63,15 +90,30 @@ class Follower:
 
     @property
     def order(self) -> np.ndarray:
-        """(S,) the sites in the order in which they are to be gathered again: first those around which most has changed."""
-        return np.argsort(-self.records.due, kind="stable")
+        """(S,) the sites in the order in which they are to be gathered again: those around which most has changed, then those
+        that have waited longest."""
+        records = self.records
+        return np.lexsort((-records.age(np.arange(records.count)), -records.due))
 
     def step(self, shadows: ShadowMaps, gathered: np.ndarray) -> np.ndarray:
         """(S, 3) the irradiance E of this moment, W/m²; `gathered`: the sites that were gathered by the lamps of now."""
         assert self._beyond is not None
         D = self.light(shadows)
+        if self._relit and self._lamps is not None:
+            self._beyond *= np.where(shines(self.world.scene), 1.0, overlap(self._lamps, D, self._area)).astype(np.float32)
+        self._lamps, self._relit = D, False
         if len(gathered):
             self._beyond[gathered] = self.records.values[gathered, :3] - self.transport(D, gathered)
         before, self.irradiance = self.irradiance, np.maximum(self._beyond + self.transport(D + self.irradiance), 0.0)
         self.change = float(np.abs(self.irradiance - before).mean() / max(float(before.mean()), 1e-20))
         return self.irradiance
+
+
+def overlap(before: np.ndarray, after: np.ndarray, area: np.ndarray) -> float:
+    """How much of what is known of lamps in detail still holds, 0..1, by their light at sites (S, 3) before and after.
+
+    1 where all is as it was; 0 where less than half of all that is lit by either is lit alike by both, as measured with a lamp
+    that moves through a box.
+    """
+    both, either = (float(area @ light(before, after).sum(1)) for light in (np.minimum, np.maximum))
+    return max(2.0 * both / either - 1.0, 0.0) if either > 0.0 else 1.0

@@ -5,6 +5,7 @@
 uniform sampler2D position;    // g-buffer
 uniform sampler2D sums;        // Σ k·E, Σ k
 uniform sampler2D shown;       // the last picture's: E/depth, 1/depth; 0 where it knew nothing; linearly filtered
+uniform vec3 dimming;          // factors on its irradiance: all light has changed by these since
 uniform mat4 clip_from_world;  // of the last picture
 uniform vec4 shown_place;      // scale and offset from clip space to `shown`
 uniform int pixel_stride;      // pixels of the g-buffer per pixel of the sums, in x and y
@@ -25,7 +26,7 @@ void main()
     vec2 place = clip.xy / clip.w * shown_place.xy + shown_place.zw;
     vec4 before = textureLod(shown, place, 0.0);
     bool known = fading && p.w > 0.0 && abs(before.a * clip.w - 1.0) <= OTHER_DEPTH && place == clamp(place, 0.0, 1.0);
-    vec3 E = s.rgb / max(s.a, 1e-20), E_before = before.rgb / max(before.a, 1e-20);
+    vec3 E = s.rgb / max(s.a, 1e-20), E_before = dimming * before.rgb / max(before.a, 1e-20);
     E = s.a > 0.0 ? mix(E_before, E, known ? share : 1.0) : E_before;
     bool shows = p.w > 0.0 && (s.a > 0.0 || filling && known);
     out_sums = shows ? vec4(E, 1.0) / p.w : vec4(0.0);

@@ -75,7 +75,8 @@ def test_without_the_setting_all_records_have_all_rays() -> None:
 
 def test_a_change_of_light_gathers_them_again_along_as_few_rays(renderer: Renderer) -> None:
     before, lights = few(renderer), renderer.scene.lights
-    renderer.relight([replace(light, color=(3.0, 3.0, 3.0)) for light in lights])
+    x, y, z = lights[0].position
+    renderer.relight([replace(lights[0], position=(x + 0.05, y, z), color=(3.0, 3.0, 3.0)), *lights[1:]])
     renderer.render()
     after = few(renderer)
     assert len(np.intersect1d(before, after)) > 0.9 * len(before), "other lamps, but about as even"

@@ -232,9 +232,8 @@ def test_a_dimmed_light_is_the_same_picture_darker(renderer: Renderer) -> None:
     with Renderer(plain, SIZE, **FAST) as renderer:
         frame = renderer.render()
         renderer.relight([dimmed(plain.lights[0], 0.5)])
-        assert renderer.frame(seconds=TICK)[1].stale > 0, "one tick is not enough for all"
         told = ticks(renderer, TICK)
-        assert told[0].renewed >= 1 and told[-1].records == frame.stats["records"]
+        assert not told[0].stale and told[-1].records == frame.stats["records"]
         half = renderer.render()
     assert half.stats["records"] == frame.stats["records"]
     assert np.allclose(half.records_irradiance, 0.5 * frame.records_irradiance, rtol=0.01, atol=1e-4 * frame.irradiance.mean())
