@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypedDict
@@ -16,7 +15,7 @@ from irrsplat.gather import autotune
 from irrsplat.gather.look import Gather, gather_records
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gpu.resource import Owner, Resource, Workshop
-from irrsplat.gpu.time_budget import Budget, Pace
+from irrsplat.gpu.time_budget import Budget, Pace, now
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.indirect.change_probe import LIGHT_SAMPLES, MAX_RECORDS, SIDE, ChangeProbe, follow_surface, take_in
@@ -285,12 +284,12 @@ class RecordGatherer(Owner):
             return True
         first, basis = surface.result is None, self._basis
         early = budget.limited and basis.resumed is None and basis.waited > _PATIENCE
-        start = time.perf_counter()
+        start = now()
         sites = self.cache.sites(slice(0, self.cache.count))
         before = surface.at(sites) if surface.following and budget.limited and len(sites) and sites.triangle is not None else None
         made = surface.advance(shadows, budget if first and not early else budget.part(0.5, 0.0))
         if first:
-            self._basis = replace(basis, waited=basis.waited + time.perf_counter() - start)
+            self._basis = replace(basis, waited=basis.waited + now() - start)
         if made:
             if first and basis.resumed is None:
                 self.cache.invalidate()
@@ -315,7 +314,7 @@ class RecordGatherer(Owner):
         cache = self.cache
         (numbers,) = np.nonzero(cache.due)
         numbers, done = numbers[np.argsort(-cache.due[numbers], kind="stable")], 0
-        for count in self._probe_pace.batches(len(numbers), MAX_RECORDS, budget):
+        for count in self._probe_pace.batches(len(numbers), MAX_RECORDS, budget, self.probes.gather.share.size):
             chosen = numbers[done : done + count]
             cache.invalidate(take_in(cache, chosen, self._probe(shadows, chosen), self.gather_pass.radii))
             done += count
@@ -333,7 +332,7 @@ class RecordGatherer(Owner):
         """Add records at `sites` to the cache, as many as the budget has time for, and at least one; how many. size: the side of
         their gather; 0: as the settings say. near: they are to serve only what is near, and may do with fewer rays."""
         done, look = 0, self._gather_at(size)
-        for count in self._pace(size).batches(len(sites), look.capacity, budget):
+        for count in self._pace(size).batches(len(sites), look.capacity, budget, look.share.size):
             first = self.cache.append(sites[done : done + count])
             numbers = first + np.arange(count)
             try:
@@ -349,7 +348,7 @@ class RecordGatherer(Owner):
         """Gather the records of these numbers again in place, as many as the budget has time for; how many. size: as in
         `gather`."""
         done, look = 0, self._gather_at(size)
-        for count in self._pace(size).batches(len(numbers), look.capacity, budget):
+        for count in self._pace(size).batches(len(numbers), look.capacity, budget, look.share.size):
             chosen = numbers[done : done + count]
             near = self.cache.gather_sizes[chosen] == self._fewer
             self.cache.mark_refreshed(chosen, self._gather(shadows, chosen, size, near))
