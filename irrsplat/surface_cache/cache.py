@@ -253,8 +253,8 @@ class SurfaceCache(Owner):
 
     def expire(self) -> None:
         """Gather all again."""
-        if self._laid_out is not None:
-            self._laid_out.records.invalidate()
+        if self._laid_out is not None:  # one by one: which of them a move concerns most is still to be known
+            self._laid_out.records.invalidate(np.arange(self._laid_out.records.count))
         self._bounce_again()
 
     def _bounce_again(self) -> None:
@@ -317,7 +317,7 @@ class SurfaceCache(Owner):
         gather, light = self._gather_for(records.count), HitLight(shadows, self.uniforms(laid_out.table))
         order = follower.order
         order = order[order >= FIRST_SITE]
-        for count in self._pace.batches(len(order), gather.capacity, budget):
+        for count in self._pace.batches(len(order), gather.capacity, budget, gather.share.size):
             numbers = order[done : done + count]
             gather_records(gather, self._reduce, light, records, numbers, seed)
             if not follower.transport.known[numbers].all():
@@ -359,7 +359,7 @@ class SurfaceCache(Owner):
         records.mark_refreshed(stale[stale < FIRST_SITE])
         stale, done = stale[stale >= FIRST_SITE], 0
         light = HitLight(shadows, self.uniforms(laid_out.table))
-        for count in self._pace.batches(len(stale), gather.capacity, budget):
+        for count in self._pace.batches(len(stale), gather.capacity, budget, gather.share.size):
             numbers = stale[done : done + count]
             gather_records(gather, self._reduce, light, records, numbers, settings.seed)
             if self.transport is not None and not self.transport.known[numbers].all():
@@ -389,7 +389,7 @@ class SurfaceCache(Owner):
         refined, gather = self._refined, self._finer_gather(records.count)
         numbers = np.arange(refined.done, records.count)
         with self.timers("surface"):
-            for count in self._finer_pace.batches(len(numbers), gather.capacity, budget):
+            for count in self._finer_pace.batches(len(numbers), gather.capacity, budget, gather.share.size):
                 chosen = np.arange(refined.done, refined.done + count)
                 gather_records(gather, self._reduce, HitLight(shadows), refined.records, chosen, settings.seed)
                 refined = self._refined = replace(refined, done=refined.done + count)
