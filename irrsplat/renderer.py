@@ -399,6 +399,8 @@ class Renderer(Owner):
             state, requests = self._look_only(state, gbuffer, splats, gather)
         elif not state.stalled and state.settled != (splats, settings.asking):
             state, requests = scheduler.gather_missing(state, gbuffer, splats, shadows, camera, budget.part(1.0, later))
+        if requests.new and picture and budget.limited and len(self.cache.stale):  # a frame later, what moves has moved on
+            splats = self.splats.update(self.cache, gbuffer, camera, settings, state.pixel_stride)
         self._state = replace(self._state, view=state, costs=costs)
 
         stale, made = (self.cache.waiting, scheduler.gatherer.surface_share) if bounces else (0, 1.0)
