@@ -48,8 +48,8 @@ class Basis:
     """What the records of the cache are gathered by: the one value that changes as scene and settings do.
 
     kind: how a record sees the world, "trace", "embree", "raster" or "plane". moved: whether something has changed, and which
-    records that concerns is still to be found out. relit: whether lights or materials have, and the surface cache is not made by
-    these yet.
+    records that concerns is still to be found out. changing: whether something has since records were last renewed.
+    relit: whether lights or materials have, and the surface cache is not made by these yet.
     resumed: the statistics of records from a file, as long as their surface cache is not made. waited: seconds that the first
     surface cache has taken so far.
     """
@@ -58,6 +58,7 @@ class Basis:
     settings: Settings
     kind: str
     moved: bool = False
+    changing: bool = False
     relit: bool = False
     resumed: BounceStatistics | None = None
     waited: float = 0.0
@@ -222,7 +223,7 @@ class RecordGatherer(Owner):
             kept = cache.move_with_meshes(old.scene, new.scene)
             cache.keep_only(kept)
         if change:
-            new = replace(new, moved=True, relit=old.relit or change.looks_otherwise, resumed=None)
+            new = replace(new, moved=True, changing=True, relit=old.relit or change.looks_otherwise, resumed=None)
         surface = self._made.find("surface", SurfaceCache)
         if surface is not None:
             surface.change(settings)
@@ -355,6 +356,29 @@ class RecordGatherer(Owner):
             done += count
         return done
 
+    def renew(self, shadows: ShadowMaps, numbers: np.ndarray, budget: Budget) -> int:
+        """Gather the stale records of these numbers again in place, as many as the budget has time for; how many. While the scene
+        goes on changing from tick to tick, along a quarter of the rays: then more of them are of the scene as it is."""
+        if not self.rushes(budget):
+            return self.regather(shadows, numbers, budget)
+        self._basis, done, look = replace(self._basis, changing=False), 0, self._gather_at(self._fewer)
+        for count in self._pace(self._fewer).batches(len(numbers), look.capacity, budget, look.share.size):
+            chosen = numbers[done : done + count]
+            self._look(shadows, chosen, self._fewer)
+            self.cache.mark_refreshed(chosen, self.cache.gather_sizes[chosen], rough=True)
+            done += count
+        return done
+
+    def rushes(self, budget: Budget) -> bool:
+        """Whether records are renewed along few rays, since the scene has changed in this tick."""
+        return budget.limited and self._basis.changing and self._fewer > 0
+
+    def end_rush(self) -> None:
+        """Make those stale that were gathered along few rays."""
+        self._basis = replace(self._basis, changing=False)
+        if len(self.cache.rough):
+            self.cache.invalidate(self.cache.rough)
+
     def _gather(self, shadows: ShadowMaps, numbers: np.ndarray, size: int, near: np.ndarray) -> np.ndarray:
         """Gather the records of these numbers, at most a batch, where the cache has them: `near` ones (N,) of the settings' size
         first along a quarter of the rays, and along all of them where these differ too much.
@@ -390,7 +414,7 @@ class RecordGatherer(Owner):
     @property
     def unsettled(self) -> bool:
         """Whether all records will be stale once what has changed is looked after."""
-        return self._basis.moved or (self._basis.resumed is None and self.surface_share < 1.0)
+        return self._basis.moved or len(self.cache.rough) > 0 or (self._basis.resumed is None and self.surface_share < 1.0)
 
     def go_on_with(self, bounces: BounceStatistics) -> None:
         """The cache has records from a file now, which were gathered with these `bounces`; their surface cache is made when

@@ -374,6 +374,27 @@ def test_a_moved_box_leaves_no_ghost() -> None:
     assert 0.001 < fresh < 0.1 and later < 1.3 * fresh
 
 
+def test_what_was_renewed_along_few_rays_is_gathered_again_at_rest() -> None:
+    """While a box goes on moving records are renewed along few rays; at rest, and in a render, none of these is left."""
+    settings = {**FAST, "gather_size": 32, "gather": "trace"}
+    with going_by(RayClock(1e6)), Renderer(room(), SIZE, **settings) as renderer:
+        renderer.render()
+        for finish in (lambda: ticks(renderer, 0.05), renderer.render):
+            for x in (0.1, 0.2):
+                renderer.move(BOX, shift(x))
+                _, progress = renderer.frame(seconds=0.05)
+            rough = renderer.cache.rough
+            assert len(rough) and progress.stale and not progress.still
+            finish()
+            assert not len(renderer.cache.rough) and not renderer.cache.waiting
+            held = renderer.cache.values[rough].copy()
+            assert renderer.shadows is not None
+            renderer.scheduler.gatherer.regather(renderer.shadows, rough, Budget(None))
+            assert np.array_equal(held, renderer.cache.values[rough])
+            renderer.move(BOX, np.eye(4))
+            renderer.render()
+
+
 def test_every_frame_of_a_carried_box_is_near_its_truth() -> None:
     """A step of 6 cm a frame, each a tick of so many rays: frames against fresh renders of their scenes, whatever the machine."""
     settings = {**FAST, "gather_size": 32, "bounces": "all"}
