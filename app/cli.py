@@ -176,6 +176,8 @@ def bench(args: argparse.Namespace) -> int:
         check_file(args.json)
     if args.quick and not args.growth:
         raise InputError("--quick is for --growth; give that as well")
+    if args.counted and not args.moving:
+        raise InputError("--counted is for --moving; give that as well")
     status = _bench_of(args)(args)
     for path in (args.json, args.output):
         if path is not None:

@@ -286,6 +286,11 @@ def _add_bench(commands: Any) -> None:
     add("--peers", action="store_true", help=f"time against error instead, beside {_peers()}")
     add("--growth", action="store_true", help="time and memory against triangles and pixels instead, some minutes long")
     add("--moving", action="store_true", help="errors while meshes and lamps are carried through cornell and atrium instead")
+    add(
+        "--counted",
+        action="store_true",
+        help="with --moving: ticks of so many rays, not of so many seconds, on any machine",
+    )
     add("--quick", action="store_true", help="with --growth: a short series of small ones")
     add("-o", "--output", metavar="FILE.png", help="with --peers or --growth: the plot")
 

@@ -22,7 +22,7 @@ from irrsplat.core.memo import Memo
 from irrsplat.gpu import context, program
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import pixels
-from irrsplat.gpu.time_budget import Budget
+from irrsplat.gpu.time_budget import Budget, now
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.image.antialias import Antialiaser, FrameInputs, FramePasses, OnProgress
@@ -296,20 +296,20 @@ class Renderer(Owner):
             if self._rests(camera):
                 return self._refined_view(camera)
             self._leave_refinement()
-        start = time.perf_counter()
+        start = now()
         shown = self._state.shown if gather and budget.limited and self._picture_may_wait(camera) else None
         done = self._refine(camera, budget, gather, picture=shown is None)
         if budget.limited:
             self.ctx.finish()
         if shown is not None and not done.progress.still:
-            older = replace(shown, age=shown.age + time.perf_counter() - start)
+            older = replace(shown, age=shown.age + now() - start)
             self._state = replace(self._state, shown=older)
             return shown.view, done.progress
-        start = time.perf_counter()
+        start = now()
         view = self._picture(done, fading=budget.limited and self.settings.fade)
         if budget.limited and (self._state.shown is None or view is not self._state.shown.view):
             self.ctx.finish()
-            self._state = replace(self._state, costs=replace(self._state.costs, picture=time.perf_counter() - start))
+            self._state = replace(self._state, costs=replace(self._state.costs, picture=now() - start))
         self._state = replace(self._state, shown=Shown(view, self._subject(camera)))
         return view, replace(done.progress, fading=view.fading)
 
@@ -397,12 +397,12 @@ class Renderer(Owner):
             renewed = scheduler.renew(shadows, gbuffer, camera, budget.part(share, costs.splat + later))
         if renewed or len(self.cache.stale):
             state = replace(state, stalled_rounds=0)  # what stalled by the old light may be served by the new
-        start = time.perf_counter()
+        start = now()
         state, _ = scheduler.limit_radii(state)
         if state.stalled and state.pixel_stride > 1:
             state = replace(state, pixel_stride=1, stalled_rounds=0)
         splats = self.splats.update(self.cache, gbuffer, camera, settings, state.pixel_stride)
-        costs = replace(costs, splat=time.perf_counter() - start)
+        costs = replace(costs, splat=now() - start)
 
         requests = NOTHING_ASKED
         if not bounces:
@@ -411,6 +411,8 @@ class Renderer(Owner):
             state, requests = self._look_only(state, gbuffer, splats, gather)
         elif not state.stalled and state.settled != (splats, settings.asking):
             state, requests = scheduler.gather_missing(state, gbuffer, splats, shadows, camera, budget.part(1.0, later))
+        if requests.new and picture and budget.limited and len(self.cache.stale):  # a frame later, what moves has moved on
+            splats = self.splats.update(self.cache, gbuffer, camera, settings, state.pixel_stride)
         self._state = replace(self._state, view=state, costs=costs)
 
         waiting = self.cache.waiting

@@ -14,6 +14,8 @@ import irrsplat
 from irrsplat.app.common.terminal import columns, doing
 from irrsplat.core import files
 from irrsplat.core.errors import InputError
+from irrsplat.gpu.target import pixels
+from irrsplat.gpu.time_budget import Clock, RayClock, going_by
 from irrsplat.image.frame import Frame
 from irrsplat.image.view import Progress, View
 from irrsplat.image.view import read as read_view
@@ -22,17 +24,20 @@ from irrsplat.renderer import Renderer
 from irrsplat.scene.model import Light, Scene
 from irrsplat.scene.motion import moved
 
-SPEED = 1.2  # metres a second, a walk
+SPEED = 1.4  # metres a second, a walk
 RATE = 15  # frames a second
 TICK = 0.08  # seconds that each frame may take
-FRAMES = 30
-EVERY = 5  # of the frames, one is held against a render of its own
+FRAMES = 28
+EVERY = 4  # of the frames, one is held against a render of its own
 NEAR = 0.5  # metres: how far the surroundings of a mesh or of a lamp reach, from its bounding box or from its place
 SIZE = (200, 150)
+PACE = 2e6  # rays a second of the ticks that are counted: about what two processors without a GPU trace
 LEGEND = f"""\
 something is carried at {SPEED:g} m/s, {RATE} frames a second, each one tick of {1e3 * TICK:.0f} ms
+with --counted a tick is {1e-3 * TICK * PACE:.0f} thousand rays instead, so that results do not hang on the machine
 off: RMSE of irradiance against a fresh render of that frame's scene, relative to its mean, in % all over the picture
 near: the same within {NEAR:g} m of where the mesh is or was a frame before, relative to the mean there
+bare: share of the pixels that no record speaks for, in %; they show what the surface cache says
 stale: records that wait to be gathered again at the end of the frame; ms: wall clock of a frame, the move included\
 """
 
@@ -68,11 +73,14 @@ CASES = (
 
 @dataclass(frozen=True)
 class Step:
-    """One frame that was held against its truth; off and near: relative RMSE, None where there is nothing near."""
+    """One frame that was held against its truth; off and near: relative RMSE, None where there is nothing near.
+
+    bare: the share of the seen pixels without a record."""
 
     frame: int
     off: float
     near: float | None
+    bare: float
     stale: int
     new: int
     renewed: int
@@ -115,15 +123,15 @@ def carry(renderer: Renderer, case: Case, frames: int = FRAMES) -> Iterator[tupl
         yield frame, view, progress, 1e3 * (time.perf_counter() - start)
 
 
-def measure(case: Case, scene: Scene, tell: Callable[[str], object] = lambda words: None) -> Iterator[Step]:
-    """The frames of a case that are held against their truths; tell: called with words on what goes on."""
+def measure(case: Case, scene: Scene, clock: Clock, tell: Callable[[str], object] = lambda words: None) -> Iterator[Step]:
+    """The frames of a case that are held against their truths, with ticks by this clock; tell: called with words."""
     truths: dict[int, Frame] = {}
     for frame in range(EVERY, FRAMES + 1, EVERY):
         tell(f"{case.name}: truth of frame {frame}")
         with Renderer(at(scene, case, frame / FRAMES), SIZE) as fresh:
             truths[frame] = fresh.render()
     tell(f"{case.name}: carrying")
-    with Renderer(scene, SIZE) as renderer:
+    with going_by(clock), Renderer(scene, SIZE) as renderer:
         renderer.render()
         for frame, view, progress, milliseconds in carry(renderer, case):
             if frame not in truths:
@@ -134,7 +142,8 @@ def measure(case: Case, scene: Scene, tell: Callable[[str], object] = lambda wor
             off = errors(found.irradiance[seen], truth.irradiance[seen])["rmse"]
             close = errors(found.irradiance[near], truth.irradiance[near])["rmse"] if near.any() else None
             counts = progress.stale, progress.new, progress.renewed
-            yield Step(frame, off or 0.0, close, *counts, progress.surface, milliseconds)
+            bare = float((pixels(view.splats.weight)[..., 0][seen] <= 0.0).mean())
+            yield Step(frame, off or 0.0, close, bare, *counts, progress.surface, milliseconds)
 
 
 def _near(case: Case, scene: Scene, frame: int, position: np.ndarray) -> np.ndarray:
@@ -161,13 +170,14 @@ def run(args: Namespace) -> int:
     known = list(dict.fromkeys(case.scene for case in CASES))
     if unknown := [name for name in args.scenes if name not in known]:
         raise InputError(f"--moving has nothing to carry through '{unknown[0]}'; its scenes are {', '.join(known)}")
-    rows = [("carried", "frame", "off %", "near %", "stale", "new", "renewed", "ms")]
+    rows: list[tuple[str, ...]] = [("carried", "frame", "off %", "near %", "bare %", "stale", "new", "renewed", "ms")]
     found: list[dict[str, object]] = []
     for case in CASES:
         if args.scenes and case.scene not in args.scenes:
             continue
-        for step in measure(case, irrsplat.load(case.scene), doing):
-            errors_of = (f"{100.0 * step.off:.1f}", "-" if step.near is None else f"{100.0 * step.near:.1f}")
+        for step in measure(case, irrsplat.load(case.scene), RayClock(PACE) if args.counted else Clock(), doing):
+            shares = (step.off, 1), (step.near, 1), (step.bare, 2)
+            errors_of = [f"{100.0 * share:.{digits}f}" if share is not None else "-" for share, digits in shares]
             counts = (str(step.stale), str(step.new), str(step.renewed), f"{step.milliseconds:.0f}")
             rows.append((case.name, str(step.frame), *errors_of, *counts))
             found.append({"case": case.name} | asdict(step))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 
 import moderngl
 import numpy as np
@@ -16,6 +17,51 @@ _LEAST_MARGINAL_COST = 0.1  # of an item's mean cost: the least that one more it
 _EXPLORE = 0.1  # relative growth of the estimated overhead while all batches have the same size
 
 
+class Clock:
+    """The wall clock."""
+
+    def now(self) -> float:
+        """Seconds since some moment."""
+        return time.perf_counter()
+
+    def traced(self, rays: float) -> None:
+        """So many rays have been traced since the last call."""
+
+
+class RayClock(Clock):
+    """A clock that goes by the rays that are traced and nothing else, so many a `second`: what is done in a tick does not
+    depend on the machine, nor on what else it does."""
+
+    def __init__(self, second: float) -> None:
+        self._second, self._now = second, 0.0
+
+    def now(self) -> float:
+        """Seconds since it was made."""
+        return self._now
+
+    def traced(self, rays: float) -> None:
+        """So many rays have been traced since the last call."""
+        self._now += rays / self._second
+
+
+_clocks = [Clock()]  # the last one counts
+
+
+def now() -> float:
+    """Seconds since some moment, by the clock that budgets go by."""
+    return _clocks[-1].now()
+
+
+@contextmanager
+def going_by(clock: Clock) -> Iterator[None]:
+    """Let budgets go by this clock."""
+    _clocks.append(clock)
+    try:
+        yield
+    finally:
+        _clocks.pop()
+
+
 class Budget:
     """The time of one tick: `Budget(0.09)` ends 90 ms from now; `Budget(None)` never does. tick: seconds of the whole tick, of
     which this is a part (default: this is all of it)."""
@@ -23,7 +69,7 @@ class Budget:
     def __init__(self, seconds: float | None, tick: float | None = None) -> None:
         self.seconds = seconds
         self.tick = seconds if tick is None else tick
-        self.end = float("inf") if seconds is None else time.perf_counter() + seconds
+        self.end = float("inf") if seconds is None else now() + seconds
 
     @property
     def limited(self) -> bool:
@@ -33,7 +79,7 @@ class Budget:
     @property
     def left(self) -> float:
         """Seconds to the end; negative after it."""
-        return self.end - time.perf_counter()
+        return self.end - now()
 
     def part(self, share: float, reserve: float, least: float = 0.0) -> Budget:
         """A budget of `share` of what is left after keeping `reserve` seconds back, but at least 20 % of it all; or at least the
@@ -78,10 +124,11 @@ class Pace:
         if stuck and spread < prior:
             self._overhead += _EXPLORE * (1.0 + self._overhead)
 
-    def batches(self, wanted: int, capacity: int, budget: Budget) -> Iterator[int]:
+    def batches(self, wanted: int, capacity: int, budget: Budget, rays: int = 0) -> Iterator[int]:
         """Sizes of batches, each at most `capacity`, for up to `wanted` items until the budget ends; at least one item.
 
         The caller does each batch before it takes the next size: the time in between is what a batch costs.
+        rays: of an item, for a clock that goes by these.
         """
         done, last = 0, 0
         while done < wanted:
@@ -92,9 +139,10 @@ class Pace:
                     return  # the next tick does more in that time
                 count = min(most, int(max(affordable, efficient)))
                 self.ctx.finish()  # so that earlier draws are not measured as part of this batch
-            start = time.perf_counter()
+            start = now()
             yield count
+            _clocks[-1].traced(count * rays)
             if budget.limited:
                 self.ctx.finish()
-                self._learn(count, time.perf_counter() - start, affordable < 2.0 * efficient < most)
+                self._learn(count, now() - start, affordable < 2.0 * efficient < most)
             done, last = done + count, count

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TypedDict
@@ -16,7 +15,7 @@ from irrsplat.gather import autotune
 from irrsplat.gather.look import Gather, gather_records
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gpu.resource import Owner, Resource, Workshop
-from irrsplat.gpu.time_budget import Budget, Pace
+from irrsplat.gpu.time_budget import Budget, Pace, now
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.indirect.change_probe import LIGHT_SAMPLES, MAX_RECORDS, SIDE, ChangeProbe, follow_surface, take_in
@@ -51,8 +50,8 @@ class Basis:
     """What the records of the cache are gathered by: the one value that changes as scene and settings do.
 
     kind: how a record sees the world, "trace", "embree", "raster" or "plane". moved: whether something has changed, and which
-    records that concerns is still to be found out. relit: whether lights or materials have, and the surface cache is not made by
-    these yet.
+    records that concerns is still to be found out. changing: whether something has since records were last renewed.
+    relit: whether lights or materials have, and the surface cache is not made by these yet.
     resumed: the statistics of records from a file, as long as their surface cache is not made. waited: seconds that the first
     surface cache has taken so far.
     """
@@ -61,6 +60,7 @@ class Basis:
     settings: Settings
     kind: str
     moved: bool = False
+    changing: bool = False
     relit: bool = False
     resumed: BounceStatistics | None = None
     waited: float = 0.0
@@ -234,7 +234,7 @@ class RecordGatherer(Owner):
         elif brighter is not None:
             self._add(brighter)
         elif change:
-            new = replace(new, moved=True, relit=old.relit or change.looks_otherwise, resumed=None)
+            new = replace(new, moved=True, changing=True, relit=old.relit or change.looks_otherwise, resumed=None)
         surface = self._made.find("surface", SurfaceCache)
         if surface is not None:
             surface.change(settings, brighter)
@@ -379,12 +379,12 @@ class RecordGatherer(Owner):
             return True
         first, basis = surface.result is None, self._basis
         early = budget.limited and basis.resumed is None and basis.waited > _PATIENCE
-        start = time.perf_counter()
+        start = now()
         sites = self.cache.sites(slice(0, self.cache.count))
         before = surface.at(sites) if surface.following and budget.limited and len(sites) and sites.triangle is not None else None
         made = surface.advance(shadows, budget if first and not early else budget.part(0.5, 0.0))
         if first:
-            self._basis = replace(basis, waited=basis.waited + time.perf_counter() - start)
+            self._basis = replace(basis, waited=basis.waited + now() - start)
         if made:
             if first and basis.resumed is None:
                 self.cache.invalidate()
@@ -409,7 +409,7 @@ class RecordGatherer(Owner):
         cache = self.cache
         (numbers,) = np.nonzero(cache.due)
         numbers, done = numbers[np.argsort(-cache.due[numbers], kind="stable")], 0
-        for count in self._probe_pace.batches(len(numbers), MAX_RECORDS, budget):
+        for count in self._probe_pace.batches(len(numbers), MAX_RECORDS, budget, self.probes.gather.share.size):
             chosen = numbers[done : done + count]
             cache.invalidate(take_in(cache, chosen, self._probe(shadows, chosen), self.gather_pass.radii))
             done += count
@@ -427,7 +427,7 @@ class RecordGatherer(Owner):
         """Add records at `sites` to the cache, as many as the budget has time for, and at least one; how many. size: the side of
         their gather; 0: as the settings say. near: they are to serve only what is near, and may do with fewer rays."""
         done, look = 0, self._gather_at(size)
-        for count in self._pace(size).batches(len(sites), look.capacity, budget):
+        for count in self._pace(size).batches(len(sites), look.capacity, budget, look.share.size):
             first = self.cache.append(sites[done : done + count])
             numbers = first + np.arange(count)
             try:
@@ -443,12 +443,35 @@ class RecordGatherer(Owner):
         """Gather the records of these numbers again in place, as many as the budget has time for; how many. size: as in
         `gather`."""
         done, look = 0, self._gather_at(size)
-        for count in self._pace(size).batches(len(numbers), look.capacity, budget):
+        for count in self._pace(size).batches(len(numbers), look.capacity, budget, look.share.size):
             chosen = numbers[done : done + count]
             near = self.cache.gather_sizes[chosen] == self._fewer
             self.cache.mark_refreshed(chosen, self._gather(shadows, chosen, size, near))
             done += count
         return done
+
+    def renew(self, shadows: ShadowMaps, numbers: np.ndarray, budget: Budget) -> int:
+        """Gather the stale records of these numbers again in place, as many as the budget has time for; how many. While the scene
+        goes on changing from tick to tick, along a quarter of the rays: then more of them are of the scene as it is."""
+        if not self.rushes(budget):
+            return self.regather(shadows, numbers, budget)
+        self._basis, done, look = replace(self._basis, changing=False), 0, self._gather_at(self._fewer)
+        for count in self._pace(self._fewer).batches(len(numbers), look.capacity, budget, look.share.size):
+            chosen = numbers[done : done + count]
+            self._look(shadows, chosen, self._fewer)
+            self.cache.mark_refreshed(chosen, self.cache.gather_sizes[chosen], rough=True)
+            done += count
+        return done
+
+    def rushes(self, budget: Budget) -> bool:
+        """Whether records are renewed along few rays, since the scene has changed in this tick."""
+        return budget.limited and self._basis.changing and self._fewer > 0
+
+    def end_rush(self) -> None:
+        """Make those stale that were gathered along few rays."""
+        self._basis = replace(self._basis, changing=False)
+        if len(self.cache.rough):
+            self.cache.invalidate(self.cache.rough)
 
     def _gather(self, shadows: ShadowMaps, numbers: np.ndarray, size: int, near: np.ndarray) -> np.ndarray:
         """Gather the records of these numbers, at most a batch, where the cache has them: `near` ones (N,) of the settings' size
@@ -485,7 +508,7 @@ class RecordGatherer(Owner):
     @property
     def unsettled(self) -> bool:
         """Whether all records will be stale once what has changed is looked after."""
-        return self._basis.moved or (self._basis.resumed is None and self.surface_share < 1.0)
+        return self._basis.moved or len(self.cache.rough) > 0 or (self._basis.resumed is None and self.surface_share < 1.0)
 
     def go_on_with(self, bounces: BounceStatistics) -> None:
         """The cache has records from a file now, which were gathered with these `bounces`; their surface cache is made when

@@ -95,8 +95,10 @@ class RecordScheduler(Owner):
 
     def renew(self, shadows: ShadowMaps, gbuffer: GBuffer, camera: Camera, budget: Budget) -> int:
         """Gather stale records again in place, those that this view shows most of first; how many."""
+        if not self.gatherer.rushes(budget):
+            self.gatherer.end_rush()
         numbers = self.renewal.order(self.cache, gbuffer, camera, self.settings)
-        return self.gatherer.regather(shadows, numbers, budget)
+        return self.gatherer.renew(shadows, numbers, budget)
 
     def limit_radii(self, state: ViewState, last: bool = False) -> tuple[ViewState, bool]:
         """Hold new records against all others, as AdaptiveRadius does, and the old ones too where a view begins or, `last`, ends;

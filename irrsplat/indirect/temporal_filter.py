@@ -14,7 +14,7 @@ from irrsplat.gpu.target import Target
 from irrsplat.scene.model import Camera
 
 SHARE = 0.2  # of a picture's irradiance that follows the records at once, while they or the view change
-CHANGING = 0.6  # the same while lamps or meshes move: what was shown before is no longer true
+CHANGING = 0.8  # the same while lamps or meshes move: what was shown before is no longer true
 PICTURES = 8  # after the last change, over which all of it follows
 
 

@@ -15,6 +15,7 @@ from irrsplat.scene.model import Mesh, Scene
 _INSIDE = 0.3  # a point about which a mesh winds more often than that is taken to be within
 _LIFT = 1e-3  # of a mesh's diagonal: how far above its surface a point is held against the mesh
 _AT_ONCE = 1 << 18  # pairs of a point and a triangle
+_ON_IT = 0.3  # for points on what has moved: all around them is elsewhere, though most of it is far away
 _LEAST_CONCERN = 0.01  # for points that see nothing of what has moved, but perhaps its shadow
 _RIGID = 1e-3  # how far, by rounding of its triangles, the map of a rigid motion may be from a rotation
 
@@ -73,10 +74,10 @@ def winding(position: np.ndarray, mesh: Mesh) -> np.ndarray:
 
 def concerned(position: np.ndarray, normal: np.ndarray, triangle: np.ndarray, before: Scene, after: Scene) -> np.ndarray:
     """(N,) about how much of what points with these normals (N, 3) see has changed: the shares of their hemispheres, weighted by
-    the cosine, that the bounding spheres of moved meshes covered and cover. At least _LEAST_CONCERN; 1 more on a moved mesh."""
+    the cosine, that the bounding spheres of moved meshes covered and cover; on these _ON_IT. _LEAST_CONCERN more everywhere."""
     found = np.full(len(position), _LEAST_CONCERN)
     for old, new, own, _ in _of_moved(triangle, before, after):
-        found += np.where(own, 1.0, _covered(position, normal, old) + _covered(position, normal, new))
+        found += np.where(own, _ON_IT, _covered(position, normal, old) + _covered(position, normal, new))
     return found
 
 

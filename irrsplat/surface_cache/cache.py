@@ -115,7 +115,7 @@ class SurfaceCache(Owner):
         self._view_pass = SurfaceViewPass(self.ctx)
         self._point_pass = SurfaceViewPass(self.ctx)
         self._made = Workshop()
-        self._pace, self._finer_pace = Pace(self.ctx), Pace(self.ctx)
+        self._pace, self._quick_pace, self._finer_pace = Pace(self.ctx), Pace(self.ctx), Pace(self.ctx)
         self._choosing: Generator[float, None, SiteLayout] | None = None
         self._chosen = 0.0  # the share of the choice of sites that is done
         self._laid_out: _LaidOut | None = None  # the sites of the scene as it is; None while they are still to be chosen
@@ -133,13 +133,13 @@ class SurfaceCache(Owner):
         refined = None if self._refined is None else self._refined.records
         return (*passes, self._made, self._held.table, self._held.laid_out, self._laid_out, refined)
 
-    def _gather_for(self, sites: int) -> TraceGather:
-        """Rays from so many sites, compiled for the kinds of lights that there are."""
-        side = int(np.clip(np.sqrt(RAYS / max(sites, 1)), *SIDES))
+    def _gather_for(self, sites: int, quick: bool = False) -> TraceGather:
+        """Rays from so many sites, compiled for the kinds of lights that there are. quick: as few as may be."""
+        side = SIDES[0] if quick else int(np.clip(np.sqrt(RAYS / max(sites, 1)), *SIDES))
         lights, samples = light_defines(self.world.scene), min(self._basis.settings.light_samples, int(_LIGHT_SAMPLES * side**2))
         embree, emitters = self._embree, samples > 0 and emitter_table(self.world) is not None
         return self._made.get(
-            "gather",
+            "quick gather" if quick else "gather",
             (side, lights, samples, embree, emitters),
             lambda: TraceGather(self.world, side, _BATCH, surface=True, hits=True, light_samples=samples, embree=embree),
         )
@@ -337,8 +337,8 @@ class SurfaceCache(Owner):
 
     def expire(self) -> None:
         """Gather all again."""
-        if self._laid_out is not None:
-            self._laid_out.records.invalidate()
+        if self._laid_out is not None:  # one by one: which of them a move concerns most is still to be known
+            self._laid_out.records.invalidate(np.arange(self._laid_out.records.count))
         self._bounce_again()
 
     def _bounce_again(self) -> None:
@@ -398,10 +398,10 @@ class SurfaceCache(Owner):
     def _gather_some(self, laid_out: _LaidOut, follower: Follower, shadows: ShadowMaps, budget: Budget) -> np.ndarray:
         """Gather those sites again around which most has changed, as many as the budget has time for; their numbers."""
         records, seed, done = laid_out.records, self._basis.settings.seed, 0
-        gather, light = self._gather_for(records.count), HitLight(shadows, self.uniforms(laid_out.table))
+        gather, light = self._gather_for(records.count, quick=True), HitLight(shadows, self.uniforms(laid_out.table))
         order = follower.order
         order = order[order >= FIRST_SITE]
-        for count in self._pace.batches(len(order), gather.capacity, budget):
+        for count in self._quick_pace.batches(len(order), gather.capacity, budget, gather.share.size):
             numbers = order[done : done + count]
             gather_records(gather, self._reduce, light, records, numbers, seed)
             if not follower.transport.known[numbers].all():
@@ -443,7 +443,7 @@ class SurfaceCache(Owner):
         records.mark_refreshed(stale[stale < FIRST_SITE])
         stale, done = stale[stale >= FIRST_SITE], 0
         light = HitLight(shadows, self.uniforms(laid_out.table))
-        for count in self._pace.batches(len(stale), gather.capacity, budget):
+        for count in self._pace.batches(len(stale), gather.capacity, budget, gather.share.size):
             numbers = stale[done : done + count]
             gather_records(gather, self._reduce, light, records, numbers, settings.seed)
             if self.transport is not None and not self.transport.known[numbers].all():
@@ -473,7 +473,7 @@ class SurfaceCache(Owner):
         refined, gather = self._refined, self._finer_gather(records.count)
         numbers = np.arange(refined.done, records.count)
         with self.timers("surface"):
-            for count in self._finer_pace.batches(len(numbers), gather.capacity, budget):
+            for count in self._finer_pace.batches(len(numbers), gather.capacity, budget, gather.share.size):
                 chosen = np.arange(refined.done, refined.done + count)
                 gather_records(gather, self._reduce, HitLight(shadows), refined.records, chosen, settings.seed)
                 refined = self._refined = replace(refined, done=refined.done + count)

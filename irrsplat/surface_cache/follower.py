@@ -90,10 +90,11 @@ class Follower:
 
     @property
     def order(self) -> np.ndarray:
-        """(S,) the sites in the order in which they are to be gathered again: those around which most has changed, then those
-        that have waited longest."""
-        records = self.records
-        return np.lexsort((-records.age(np.arange(records.count)), -records.due))
+        """The sites around which something has moved since they were gathered, in the order in which they are to be gathered
+        again: those around which most has changed come first."""
+        due = self.records.due
+        order = np.argsort(-due, kind="stable")
+        return order[: np.count_nonzero(due > 0.0)]
 
     def step(self, shadows: ShadowMaps, gathered: np.ndarray) -> np.ndarray:
         """(S, 3) the irradiance E of this moment, W/m²; `gathered`: the sites that were gathered by the lamps of now."""

@@ -35,13 +35,15 @@ class Transport:
     def fill(self, rows: np.ndarray, share: np.ndarray, hits: tuple[np.ndarray, np.ndarray, np.ndarray]) -> None:
         """Fill `rows` (N,) by what their rays hit, as TraceGather.hits has it: (N, R, 3) each of sites, weights and reflectance.
 
-        share: (N, R) cosθ·dω of each ray; a hit that receives E sends out ρ/π·E.
+        share: (N, R) cosθ·dω of each ray, of which there may be fewer than the most; a hit that receives E sends out ρ/π·E.
         """
         sites, weights, albedo = hits
-        self._columns[rows] = sites.reshape(len(rows), -1)
+        count = 3 * sites.shape[1]
+        self._columns[rows, :count] = sites.reshape(len(rows), -1)
         weights = weights * (share / np.pi)[..., None]
         for channel, values in enumerate(self._values):
-            values[rows] = (weights * albedo[..., channel, None]).reshape(len(rows), -1)
+            values[rows, :count] = (weights * albedo[..., channel, None]).reshape(len(rows), -1)
+            values[rows, count:] = 0.0
         self.known[rows] = True
 
     def __call__(self, E: np.ndarray, rows: np.ndarray | None = None) -> np.ndarray:

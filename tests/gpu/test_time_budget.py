@@ -141,3 +141,16 @@ def test_without_an_end_everything_is_done_at_once(machine: Callable[..., Machin
 def test_a_part_keeps_the_reserve_but_has_a_fifth_of_the_tick(share: float, reserve: float, seconds: float) -> None:
     assert Budget(100.0).part(share, reserve).left == pytest.approx(seconds, abs=1.0)
     assert not Budget(None).part(share, reserve).limited
+
+
+def test_ticks_that_go_by_rays_do_the_same_on_every_machine() -> None:
+    """A thousand rays a tick are ten items of a hundred, however long these take."""
+    found = []
+    for each in (1e-3, 1e-1):
+        machine = Machine(overhead=0.01, each=each)
+        with time_budget.going_by(time_budget.RayClock(1e4)):
+            for _ in range(20):
+                for count in machine.pace.batches(MANY, 1000, Budget(0.1), rays=100):
+                    machine.sizes.append(count)
+        found.append(machine.sizes)
+    assert found[0] == found[1] and 0.7 < sum(found[0]) / 200.0 < 1.3
