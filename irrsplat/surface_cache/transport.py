@@ -107,6 +107,7 @@ def _rest(before: np.ndarray, last: np.ndarray, area: np.ndarray) -> np.ndarray:
     rest = np.zeros_like(last)
     for channel, r in enumerate(own.T):
         one, two = before[:, channel].astype(float), last[:, channel].astype(float)
+        one = np.where(two > 0.0, one, 0.0)  # the light of sites that see none, such as a roof's in the sun, is not passed on
         most = max(area @ two / max(area @ one, 1e-300), np.sqrt(area @ two**2 / max(area @ one**2, 1e-300)))
         order = np.argsort(r, kind="stable")
         median = r[order][np.searchsorted(np.cumsum(area[order]), 0.5 * area.sum()) :][:1]  # none of no sites
@@ -116,15 +117,15 @@ def _rest(before: np.ndarray, last: np.ndarray, area: np.ndarray) -> np.ndarray:
 
 
 def _share(rest: np.ndarray, total: np.ndarray, area: np.ndarray) -> float:
-    """The share of `total` (S, 3) that `rest` (S, 3) is, in the channel where it is greatest.
+    """The mean over the area of the share of `total` (S, 3) that `rest` (S, 3) is, in the channel where it is greatest.
 
-    The POCKETS of the area where it is greatest are left out: in a closed white frame light goes on for hundreds of bounces, and
-    nobody sees it.
+    Each site counts by its own light, so that a room does not end before its time because the sun shines on its roof. The POCKETS of
+    the area where it is greatest are left out: in a closed white frame light goes on for hundreds of bounces, and nobody sees it.
     """
     found = []
     for one, all_of_it in zip(rest.T, total.T, strict=True):
-        order = np.argsort(np.divide(one, all_of_it, out=np.zeros(len(one)), where=all_of_it > 0.0), kind="stable")
+        share = np.minimum(np.divide(one, all_of_it, out=np.zeros(len(one)), where=all_of_it > 0.0), 1.0)
+        order = np.argsort(share, kind="stable")
         kept = order[np.cumsum(area[order]) <= (1.0 - POCKETS) * area.sum()]
-        whole = float(area[kept] @ all_of_it[kept])
-        found.append(float(area[kept] @ one[kept]) / whole if whole > 0.0 else 0.0)
+        found.append(float(area[kept] @ share[kept] / area[kept].sum()) if len(kept) else 0.0)
     return max(found)

@@ -88,9 +88,11 @@ void main()
         vec3 sum = vec3(0.0);
         for (int i = 0; i < PARTS; ++i)
         {
-            footprint = vec3[](left[i], right[i], right[i + 1], left[i + 1]);
+            // each part by the light at its own middle: a lamp may be near to one part and far from the others
+            vec3 middle = 0.25 * (left[i] + right[i] + right[i + 1] + left[i + 1]);
+            footprint = vec3[](left[i] - middle, right[i] - middle, right[i + 1] - middle, left[i + 1] - middle);
             footprint_area = 0.5 * length(cross(right[i + 1] - left[i], left[i + 1] - right[i])) + 1e-30;
-            sum += light_irradiance(light, receiver);
+            sum += light_irradiance(light, Receiver(receiver.p + middle, receiver.n, g));
         }
         if (sum.r + sum.g + sum.b > 0.0) E += sum / float(PARTS) * visibility(light, receiver, 1, vec2(1.0, 0.0));
     }
