@@ -71,7 +71,9 @@ def test_rounds_while_records_are_stale_are_no_reason_to_give_up(monkeypatch: py
     with Renderer(room(), (96, 64), **FAST) as renderer:
         renderer.render()
         renderer.relight([lamp((-0.8, -0.6, 0.7), 5.0)])
-        monkeypatch.setattr(Pace, "batches", lambda self, wanted, capacity, budget: iter([min(wanted, 4)] if wanted else []))
+        monkeypatch.setattr(
+            Pace, "batches", lambda self, wanted, capacity, budget, rays=0: iter([min(wanted, 4)] if wanted else [])
+        )
         view, told = rest(renderer, None, 1e-4)
         assert sum(p.renewed > 0 for p in told) > 50
         before = renderer.cache.count

@@ -55,20 +55,6 @@ def test_what_was_known_of_a_lamp_goes_with_it(ctx: moderngl.Context) -> None:
 
 
 @pytest.mark.usefixtures("few")
-def test_sites_are_gathered_again_in_turn(ctx: moderngl.Context) -> None:
-    """While a lamp moves nothing says where most has changed: those come first that have waited longest."""
-    with made(ctx, ROOM) as renderer:
-        surface = renderer.scheduler.gatherer.surface
-        assert surface is not None and surface.records is not None
-        fresh = []
-        for step in range(1, 4):
-            renderer.relight(lit(step / STEPS))
-            surface.advance(renderer.draw_shadows(), Budget(TICK))
-            stale = np.isin(np.arange(surface.records.count), surface.records.stale)
-            fresh.append(set(np.flatnonzero(~stale).tolist()))
-        assert all(fresh) and not fresh[0] & fresh[1] and not fresh[1] & fresh[2]
-
-
 def test_how_much_of_a_lamp_s_light_still_holds() -> None:
     area, D = np.array([1.0, 3.0]), np.array([[1.0, 2.0, 3.0], [4.0, 4.0, 4.0]])
     assert overlap(D, D, area) == 1.0 and overlap(0 * D, 0 * D, area) == 1.0

@@ -11,7 +11,7 @@ from irrsplat.app.viewer.buffers.tiles import Margins
 MARGIN = 8.0  # window coordinates around what stands over the picture
 MENU_BAR = 30.0  # window coordinates at scale 1 that the menu bar takes
 STATISTICS_WIDTH = 212.0  # at least, of times and numbers
-PANELS = ("settings", "lights", "object", "scale of light", "along a line")
+PANELS = ("settings", "lights", "object", "scale of light")
 PANEL_WIDTH = 338.0  # of the panels, window coordinates at scale 1
 _IN_FRONT = 4.0  # how much worse it is to lie behind the numbers than before another panel
 _FREE = 0.35  # of the window's width that must stay free for what stands clear of the panels

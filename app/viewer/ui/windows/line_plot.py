@@ -13,10 +13,9 @@ from irrsplat.app.viewer.editing.picking import on_screen
 from irrsplat.app.viewer.input.measuring_line import Point
 from irrsplat.app.viewer.show.display import Display
 from irrsplat.app.viewer.show.light.line_profile import Profile
-from irrsplat.app.viewer.ui.layout import AMBER, WHITE, Layout, in_unit
+from irrsplat.app.viewer.ui.layout import AMBER, MARGIN, WHITE, Layout, in_unit
 
 _SIZE = (420.0, 170.0)  # of the plot, window coordinates at scale 1
-_WINDOW = (440.0, 270.0)  # about, of all of it
 _SHADE = (0.0, 0.0, 0.0, 0.55)
 _COLOURS = {
     "": AMBER,
@@ -42,7 +41,8 @@ class LinePlot:
         self._line()
         self._marked = None
         side = self.actions.side
-        self.layout.place_panel("along a line", *_WINDOW, numbers=self.actions.panels.hud)
+        view = imgui.get_main_viewport()
+        imgui.set_next_window_pos((view.size.x - MARGIN, view.size.y - MARGIN), imgui.Cond_.first_use_ever, (1.0, 1.0))
         shown, opened = imgui.begin("along a line", True, imgui.WindowFlags_.always_auto_resize)
         session.options.profile = bool(opened)
         if shown:

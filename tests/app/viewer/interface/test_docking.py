@@ -68,7 +68,8 @@ def test_a_panel_docks_stays_so_and_goes_back(tmp_path: Path, monkeypatch: pytes
 
 
 def overlap(one: Box, other: Box) -> bool:
-    return all(max(one[i], other[i]) < min(one[i + 2], other[i + 2]) for i in (0, 1))
+    """Whether two panels cover each other by more than their frames."""
+    return all(max(one[i], other[i]) + 8.0 < min(one[i + 2], other[i + 2]) for i in (0, 1))
 
 
 @pytest.mark.parametrize("lights", [False, True])
