@@ -119,8 +119,9 @@ def _rest(before: np.ndarray, last: np.ndarray, area: np.ndarray) -> np.ndarray:
 def _share(rest: np.ndarray, total: np.ndarray, area: np.ndarray) -> float:
     """The mean over the area of the share of `total` (S, 3) that `rest` (S, 3) is, in the channel where it is greatest.
 
-    Each site counts by its own light, so that a room does not end before its time because the sun shines on its roof. The POCKETS of
-    the area where it is greatest are left out: in a closed white frame light goes on for hundreds of bounces, and nobody sees it.
+    Each site counts by its own light, so that a room does not end before its time because the sun shines on its roof. The
+    POCKETS of the area where it is greatest are left out: in a closed white frame light goes on for hundreds of bounces, and
+    nobody sees it.
     """
     found = []
     for one, all_of_it in zip(rest.T, total.T, strict=True):

@@ -474,6 +474,13 @@ CORE = (
         ("tests/surface_cache/test_bounces.py::test_a_closed_white_box_holds_nobody_up",),
     ),
     Mutant(
+        "a roof in the sun ends the bounces within",
+        "irrsplat/surface_cache/transport.py",
+        "one = np.where(two > 0.0, one, 0.0)",
+        "one = one + 0.0",
+        ("tests/surface_cache/test_bounces.py::test_a_bright_sky_around_a_room_does_not_end_its_bounces",),
+    ),
+    Mutant(
         "one bounce too many",
         "irrsplat/surface_cache/transport.py",
         "for made in range(2, most + 1):",

@@ -17,6 +17,7 @@ from irrsplat.core.buffers import Sites
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.indirect import record_gatherer
 from irrsplat.scene.model import Mesh, Scene
+from irrsplat.sky.environment import Environment
 from irrsplat.surface_cache import cache as surface
 from irrsplat.surface_cache import site_layout
 from irrsplat.surface_cache.transport import CONVERGED, BouncedLight, Transport, sum_bounces
@@ -94,6 +95,19 @@ def test_a_white_room_never_ends(ctx: moderngl.Context) -> None:
         # the lamp's 4π·3 W fall on 24 m² again and again: E_direct, and as much with each bounce
         assert mean == pytest.approx(63 * 4 * np.pi * 3.0 / 24.0, rel=0.05)
         assert values(renderer)[2:].mean() == pytest.approx(2 * 4 * np.pi * 3.0 / 24.0, rel=0.1)
+
+
+def test_a_bright_sky_around_a_room_does_not_end_its_bounces(ctx: moderngl.Context) -> None:
+    """Of a closed room that glows a little inside, all bounces are the same under a black sky, and under a map far brighter than
+    anything inside, which shines on the walls' outer sides alone."""
+    dark, bright = replace(room(), lights=()), np.full((32, 64, 3), 10.0, np.float32)
+    found = []
+    for world in (dark, replace(dark, environment=Environment(bright, bright))):
+        with Renderer(world, (24, 20), ctx=ctx, **ALL) as renderer:
+            found.append(renderer.render())
+    black, shone_on = found
+    assert black.stats["bounces"] > 8 and abs(shone_on.stats["bounces"] - black.stats["bounces"]) <= 2
+    assert shone_on.irradiance.mean() == pytest.approx(black.irradiance.mean(), rel=0.01)
 
 
 FACES = (  # of a box of 1 m that is open above: corner, edges, reflectance, emission
@@ -230,7 +244,7 @@ def test_all_bounces_are_the_solution_of_the_equation(reflectance: float) -> Non
     assert np.abs(found.irradiance - E).max() < 0.005 * E.mean()
     upto = last(E_1, transport, area, found.bounces, False)
     gathered = E_1 + transport(upto.irradiance)  # as a record adds the last bounce
-    assert found.remaining == pytest.approx(float((area @ (E - gathered) / (area @ E)).max()), rel=0.2)
+    assert found.remaining == pytest.approx(float((area @ ((E - gathered) / E) / area.sum()).max()), rel=0.2)
 
 
 def test_as_many_bounces_as_are_asked_for() -> None:

@@ -1,0 +1,340 @@
+"""Ten things that people do in the viewer, by real keys and mouse in a real window, counted: docs/walk.md and its pictures.
+
+It needs a virtual display's tools: `apt-get install xvfb xdotool`. What is clicked is found by its label, as an eye finds it.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from imgui_bundle import imgui
+from PIL import Image
+
+import irrsplat
+from irrsplat.app.viewer.editing.picking import on_screen
+from irrsplat.app.viewer.preferences import Preferences
+from irrsplat.app.viewer.viewer import Viewer
+from irrsplat.app.viewer.window import open_window
+
+DOCS = Path(__file__).resolve().parent
+IMAGES = DOCS / "images" / "walk"
+SIZE = (1000, 640)
+LIMIT = 200_000  # bytes a picture
+PATIENCE = 240.0  # seconds
+LABELLED = (
+    *("begin_menu", "menu_item", "button", "small_button", "checkbox", "combo", "begin_combo", "selectable", "radio_button"),
+    *("slider_float", "slider_int", "drag_float3", "color_edit3", "input_text", "collapsing_header"),
+)
+TASKS: list[tuple[str, Callable[[Walker], None]]] = []
+PAGE = """# Ten tasks in the viewer
+
+What people do with a scene, and how many actions each thing takes. A key, a click, a drag and a typed text are an action each;
+moving the mouse over something is one where that is the point. `python docs/walk.py` does all of it by xdotool in a real window
+of {width}×{height} pixels on a virtual display, checks that it had its effect, and writes this page.
+
+{rows}
+"""
+
+
+def task(title: str) -> Callable[[Callable[[Walker], None]], Callable[[Walker], None]]:
+    """Add a task to the walk."""
+
+    def add(do: Callable[[Walker], None]) -> Callable[[Walker], None]:
+        TASKS.append((title, do))
+        return do
+
+    return add
+
+
+@contextmanager
+def display() -> Iterator[None]:
+    """A virtual screen, on which windows open meanwhile."""
+    reader, writer = os.pipe()
+    words = ["Xvfb", "-displayfd", str(writer), "-screen", "0", f"{SIZE[0]}x{SIZE[1]}x24", "-nolisten", "tcp"]
+    server = subprocess.Popen(words, pass_fds=[writer], stderr=subprocess.DEVNULL)
+    os.close(writer)
+    with os.fdopen(reader) as pipe:
+        os.environ["DISPLAY"] = f":{pipe.readline().strip()}"
+    os.environ.pop("WAYLAND_DISPLAY", None)
+    try:
+        yield
+    finally:
+        server.terminate()
+        server.wait()
+
+
+@dataclass
+class Labels:
+    """Where the widgets of the last frame are: label → (left, top, right, bottom), window coordinates."""
+
+    now: dict[str, tuple[float, float, float, float]]
+
+    def follow(self) -> None:
+        """From now on, note where imgui puts every widget that has a label."""
+        for name in LABELLED:
+            setattr(imgui, name, self._watched(getattr(imgui, name), name in ("begin_menu", "begin_combo")))
+
+    def _watched(self, make: Callable[..., Any], opens: bool) -> Callable[..., Any]:
+        def widget(label: str, *args: Any, **options: Any) -> Any:
+            result = make(label, *args, **options)
+            if not (opens and result):  # then the last item is another window's
+                low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
+                self.now[label.split("##")[0]] = (low.x, low.y, high.x, high.y)
+            return result
+
+        return widget
+
+
+class Walker:
+    """A person at the viewer. done: what was done so far, in the words of the page. kept: the name of the last picture."""
+
+    def __init__(self, viewer: Viewer, labels: Labels) -> None:
+        self.viewer, self.labels, self.done = viewer, labels, list[str]()
+        self.kept = ""
+
+    # ---- time ------------------------------------------------------------------------------------------------------
+
+    def wait(self, frames: int = 4) -> None:
+        """So many frames go by, as in the viewer's own loop."""
+        for _ in range(frames):
+            self.labels.now.clear()
+            self.viewer.wnd.render(time.monotonic(), 1.0 / 30.0)
+            self.viewer.wnd.swap_buffers()
+
+    def until(self, true: Callable[[], object], what: str) -> None:
+        """Frames go by until something is `true`."""
+        end = time.monotonic() + PATIENCE
+        while not true():
+            assert time.monotonic() < end, f"{what}: not within {PATIENCE:g} s"
+            self.wait(1)
+
+    def rest(self) -> None:
+        """Frames go by until the picture is done; nobody waits for its finest touches."""
+        session = self.viewer.actions.session
+        self.until(lambda: session.progress and all(p.still or p.error is not None for p in session.progress), "a picture")
+        self.wait(3)
+
+    # ---- hands -----------------------------------------------------------------------------------------------------
+
+    def _hand(self, *words: object, frames: int = 3) -> None:
+        subprocess.run(["xdotool", *map(str, words)], check=True, capture_output=True)
+        self.wait(frames)
+
+    def key(self, *keys: str) -> None:
+        """Press keys; each is an action."""
+        for name in keys:
+            self.done.append(f"`{name.replace('ctrl', 'Ctrl').replace('Escape', 'Esc')}`")
+            self._hand("key", name)
+
+    def hold(self, key: str, seconds: float) -> None:
+        """Hold a key down: one action."""
+        self.done.append(f"hold `{key.upper()}`")
+        self._hand("keydown", key)
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            self.wait(1)
+        self._hand("keyup", key)
+
+    def type(self, text: str) -> None:
+        """Type a text: one action."""
+        self.done.append(f"type `{text}`")
+        self._hand("type", "--delay", "60", text)
+
+    def place(self, label: str) -> tuple[float, float]:
+        """The middle of what is labelled so."""
+        self.wait(2)
+        assert label in self.labels.now, f"no {label!r} among {sorted(self.labels.now)}"
+        x0, y0, x1, y1 = self.labels.now[label]
+        return 0.5 * (x0 + x1), 0.5 * (y0 + y1)
+
+    def click(self, *labels: str) -> None:
+        """Click on one labelled thing after the other."""
+        for label in labels:
+            self.done.append(f"*{label}*")
+            self._click(self.place(label))
+
+    def click_at(self, point: tuple[float, float, float], words: str) -> None:
+        """Click on a point of the scene."""
+        self.done.append(f"click on {words}")
+        self._click(self.seen(point))
+
+    def _click(self, at: tuple[float, float]) -> None:
+        self._hand("mousemove", round(at[0]), round(at[1]))
+        self._hand("mousedown", 1)
+        self._hand("mouseup", 1, frames=5)
+
+    def drag(self, start: tuple[float, float], end: tuple[float, float], words: str, button: int = 1) -> None:
+        """Drag with a mouse button: one action."""
+        self.done.append(words)
+        self._hand("mousemove", round(start[0]), round(start[1]))
+        self._hand("mousedown", button)
+        for i in range(1, 9):
+            x, y = (a + (b - a) * i / 8 for a, b in zip(start, end, strict=True))
+            self._hand("mousemove", round(x), round(y), frames=2)
+        self._hand("mouseup", button)
+
+    def point_at(self, point: tuple[float, float, float], words: str) -> None:
+        """Bring the mouse over a point of the scene."""
+        self.done.append(f"point at {words}")
+        x, y = self.seen(point)
+        self._hand("mousemove", round(x), round(y))
+
+    def seen(self, point: tuple[float, float, float]) -> tuple[float, float]:
+        """Where in the window a point of the scene is."""
+        found = on_screen(self.viewer.actions.session.camera, SIZE, point)
+        assert found is not None, f"{point} is not in view"
+        return found
+
+    # ---- what is left of it ----------------------------------------------------------------------------------------
+
+    def keep(self, name: str) -> None:
+        """Store what the window shows as docs/images/walk/`name`.png."""
+        self.wait(2)
+        width, height = self.viewer.wnd.buffer_size
+        pixels = np.frombuffer(self.viewer.wnd.fbo.read(components=3), "u1").reshape(height, width, 3)[::-1]
+        target, picture = IMAGES / f"{name}.png", Image.fromarray(pixels.copy())
+        picture.save(target, optimize=True)
+        for colours in (256, 128, 64):
+            if target.stat().st_size > LIMIT:
+                picture.quantize(colours, dither=Image.Dither.FLOYDSTEINBERG).save(target, optimize=True)
+        assert target.stat().st_size <= LIMIT, f"{target} has {target.stat().st_size} bytes"
+        self.kept = name
+
+
+@task("Open another scene")
+def open_scene(walker: Walker) -> None:
+    walker.key("ctrl+o")
+    walker.type("door")
+    walker.key("Return")
+    walker.until(lambda: walker.viewer.actions.source == "door", "the scene")
+    walker.rest()
+
+
+@task("Fly through it")
+def fly(walker: Walker) -> None:
+    walker.click("Scene", "cornell")
+    walker.until(lambda: walker.viewer.actions.source == "cornell", "the scene")
+    before = walker.viewer.actions.session.camera
+    walker.hold("w", 0.8)
+    x, y = SIZE[0] / 2, SIZE[1] / 2
+    walker.drag((x, y), (x + 60.0, y + 20.0), "drag with the right button: look", button=3)
+    assert walker.viewer.actions.session.camera != before
+    walker.key("Home")
+    walker.rest()
+    assert walker.viewer.actions.session.camera == before
+
+
+@task("Find why a corner is dark")
+def dark_corner(walker: Walker) -> None:
+    walker.key("i")
+    walker.click_at((0.9, 0.02, 4.6), "the floor behind the tall box")
+    walker.rest()
+    assert walker.viewer.inspected is not None
+
+
+@task("Give a wall another colour, and take it back")
+def repaint(walker: Walker) -> None:
+    walker.key("i")
+    walker.click_at((0.0, 3.5, 2.8), "the wall")
+    editor = walker.viewer.actions.editor
+    assert editor.mesh is not None
+    x0, y0, _, y1 = walker.labels.now["reflects"]
+    walker.drag((x0 + 20.0, 0.5 * (y0 + y1)), (x0 + 90.0, 0.5 * (y0 + y1)), "drag its red")
+    walker.rest()
+    walker.keep("repaint")
+    assert editor.undoes
+    walker.key("ctrl+z")
+    walker.rest()
+
+
+@task("Dim the lamp and make it warmer")
+def dim(walker: Walker) -> None:
+    walker.key("F4")
+    walker.click(next(label for label in walker.labels.now if "(" in label and ")" in label))
+    x, y = walker.place("stops")
+    walker.drag((x - 40.0, y), (x - 55.0, y), "drag *stops*")
+    x, y = walker.place("kelvin")
+    walker.drag((x - 20.0, y), (x - 60.0, y), "drag *kelvin*")
+    walker.rest()
+
+
+@task("Move the lamp")
+def move(walker: Walker) -> None:
+    (lamp,) = walker.viewer.actions.editor.lamps
+    before = lamp.light.position
+    x, y = walker.seen(before)
+    walker.drag((x - 60.0, y), (x - 130.0, y), "drag its red arrow")
+    walker.rest()
+    assert walker.viewer.actions.editor.lamps[0].light.position != before
+
+
+@task("Measure light on the floor, in lux")
+def measure(walker: Walker) -> None:
+    walker.key("F4")
+    walker.click("Show", "light")
+    walker.point_at((2.8, 0.0, 1.0), "the floor")
+    walker.rest()
+
+
+@task("Compare with the published method")
+def compare(walker: Walker) -> None:
+    walker.key("1", "Tab", "Tab", "j", "j")
+    walker.rest()
+
+
+@task("Compare with the truth")
+def truth(walker: Walker) -> None:
+    walker.key("j", "j", "Tab", "Tab", "y")
+    truths = walker.viewer.actions.session.truths
+    walker.until(lambda: truths.traced is None or walker.wait(1), "the truth")
+    walker.click("Show", "error")
+    walker.rest()
+
+
+@task("Save what was made of the scene")
+def save(walker: Walker) -> None:
+    walker.key("1", "ctrl+s")
+    walker.click("save")
+    walker.wait(3)
+    assert list(Path().glob("*.scene")), walker.viewer.actions.messages.lines
+
+
+def main() -> None:
+    """Walk, and write the page."""
+    IMAGES.mkdir(parents=True, exist_ok=True)
+    rows = []
+    with tempfile.TemporaryDirectory() as folder, display():
+        os.environ["IRRSPLAT_CONFIG"] = folder
+        os.chdir(folder)
+        labels = Labels({})
+        labels.follow()
+        wnd = open_window(SIZE)
+        wnd.position = (0, 0)
+        viewer = Viewer(wnd, irrsplat.load("cornell"), "cornell", Preferences())
+        walker = Walker(viewer, labels)
+        walker.rest()
+        for number, (title, do) in enumerate(TASKS, start=1):
+            walker.done.clear()
+            do(walker)
+            if walker.kept != do.__name__:
+                walker.keep(do.__name__)
+            count, how = len(walker.done), ", ".join(walker.done)
+            rows.append(f"## {number}. {title}: {count} actions\n\n{how}\n\n![{title}](images/walk/{do.__name__}.png)\n")
+            print(f"{number}. {title}: {count} actions", flush=True)
+        viewer.close(remember=False)
+        wnd.destroy()
+    width, height = SIZE
+    (DOCS / "walk.md").write_text(PAGE.format(width=width, height=height, rows="\n".join(rows).rstrip()), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
