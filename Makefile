@@ -20,6 +20,7 @@ figures: .venv/.ready
 	.venv/bin/python docs/tables.py
 	.venv/bin/python docs/figures.py
 	.venv/bin/python docs/screens.py
+	.venv/bin/python docs/walk.py
 
 .venv/.ready: pyproject.toml .ci/setup
 	sh .ci/setup

@@ -132,7 +132,7 @@ class Walker:
     def key(self, *keys: str) -> None:
         """Press keys; each is an action."""
         for name in keys:
-            self.done.append(f"`{name.replace('ctrl', 'Ctrl').replace('Escape', 'Esc')}`")
+            self.done.append(f"`{name.title() if '+' in name or len(name) == 1 else name}`")
             self._hand("key", name)
 
     def hold(self, key: str, seconds: float) -> None:
@@ -280,24 +280,28 @@ def move(walker: Walker) -> None:
 @task("Measure light on the floor, in lux")
 def measure(walker: Walker) -> None:
     walker.key("F4")
-    walker.click("Show", "light")
-    walker.point_at((2.8, 0.0, 1.0), "the floor")
+    walker.click("Show", "light (false colours)")
+    walker.key("ctrl+l")
+    walker.drag(walker.seen((2.4, 0.0, 0.5)), walker.seen((0.3, 0.0, 0.5)), "drag a line over the floor")
     walker.rest()
+    assert walker.viewer.display.profile(0) is not None
 
 
 @task("Compare with the published method")
 def compare(walker: Walker) -> None:
-    walker.key("1", "Tab", "Tab", "j", "j")
+    walker.key("ctrl+l", "1", "Tab", "Tab", "j", "j")
     walker.rest()
 
 
 @task("Compare with the truth")
 def truth(walker: Walker) -> None:
-    walker.key("j", "j", "Tab", "Tab", "y")
+    walker.key("Tab", "y")
     truths = walker.viewer.actions.session.truths
-    walker.until(lambda: truths.traced is None or walker.wait(1), "the truth")
+    walker.until(lambda: truths.traced is None or truths.traced > 0.1, "a truth of some samples")
     walker.click("Show", "error")
-    walker.rest()
+    walker.wait(6)
+    walker.keep("truth")
+    walker.key("y")
 
 
 @task("Save what was made of the scene")
@@ -306,6 +310,11 @@ def save(walker: Walker) -> None:
     walker.click("save")
     walker.wait(3)
     assert list(Path().glob("*.scene")), walker.viewer.actions.messages.lines
+
+
+def in_words(count: int) -> str:
+    """So many actions."""
+    return f"{count} action{'s' * (count != 1)}"
 
 
 def main() -> None:
@@ -328,8 +337,8 @@ def main() -> None:
             if walker.kept != do.__name__:
                 walker.keep(do.__name__)
             count, how = len(walker.done), ", ".join(walker.done)
-            rows.append(f"## {number}. {title}: {count} actions\n\n{how}\n\n![{title}](images/walk/{do.__name__}.png)\n")
-            print(f"{number}. {title}: {count} actions", flush=True)
+            rows.append(f"## {number}. {title}: {in_words(count)}\n\n{how}\n\n![{title}](images/walk/{do.__name__}.png)\n")
+            print(f"{number}. {title}: {in_words(count)}", flush=True)
         viewer.close(remember=False)
         wnd.destroy()
     width, height = SIZE
