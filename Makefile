@@ -19,8 +19,8 @@ test: .venv/.ready-dev
 figures: .venv/.ready
 	.venv/bin/python docs/tables.py
 	.venv/bin/python docs/figures.py
-	.venv/bin/python docs/screens.py
-	.venv/bin/python docs/walk.py
+	.venv/bin/python docs/window/screens.py
+	.venv/bin/python docs/window/walk.py
 
 .venv/.ready: pyproject.toml .ci/setup
 	sh .ci/setup

@@ -240,7 +240,8 @@ class Renderer(Owner):
     def lamp_irradiance(self, camera: Camera | str | None = None) -> np.ndarray:
         """(H, W, 3) W/m², top row first: the irradiance of the scene's lamps at pixels' centres, without the headlamp, whatever
         the surface reflects; 0 where none is seen. camera: as for `render`."""
-        seen = camera if isinstance(camera, Camera) else self.scene.camera(camera)
+        self._use()
+        seen = self.scene.camera(camera)
         found: np.ndarray = pixels(self._lamp_irradiance(self.draw_gbuffer(seen)))[..., :3].copy()
         return found
 
@@ -574,8 +575,8 @@ class Renderer(Owner):
         meshes = tuple(_posed(a, b) for a, b in zip(scene.meshes, self.scene.meshes, strict=True))
         same = all(a is b for a, b in zip(meshes, self.scene.meshes, strict=True))
         around = {name: getattr(scene, name) for name in ("sky", "sky_gradient", "environment", "own_sky")}
-        now = replace(self.scene, lights=scene.lights, meshes=self.scene.meshes if same else meshes, **around)
-        self._go_on(replace(self._state, scene=now))
+        posed = replace(self.scene, lights=scene.lights, meshes=self.scene.meshes if same else meshes, **around)
+        self._go_on(replace(self._state, scene=posed))
 
     def resize(self, size: tuple[int, int]) -> None:
         """Views are of another size (width, height) from now on; the records stay. Raises InputError for one that cannot be."""

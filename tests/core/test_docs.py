@@ -11,7 +11,7 @@ import pytest
 from irrsplat.app import flags
 
 ROOT = Path(__file__).resolve().parents[2]
-PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")] + sorted((ROOT / "docs").glob("*.md"))
+PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")] + sorted((ROOT / "docs").rglob("*.md"))
 FOLDERS = r"(?:\.ci|app|docs|irrsplat|scenes|shaders|tests)/"
 
 pages = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)

@@ -1,4 +1,4 @@
-"""Ten things that people do in the viewer, by real keys and mouse in a real window, counted: docs/walk.md and its pictures.
+"""Ten things that people do in the viewer, by real keys and mouse in a real window, counted: walk.md beside this, and its pictures.
 
 It needs a virtual display's tools: `apt-get install xvfb xdotool`. What is clicked is found by its label, as an eye finds it.
 """
@@ -25,8 +25,8 @@ from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.viewer import Viewer
 from irrsplat.app.viewer.window import open_window
 
-DOCS = Path(__file__).resolve().parent
-IMAGES = DOCS / "images" / "walk"
+HERE = Path(__file__).resolve().parent
+IMAGES = HERE.parent / "images" / "walk"
 SIZE = (1000, 640)
 LIMIT = 200_000  # bytes a picture
 PATIENCE = 240.0  # seconds
@@ -38,7 +38,7 @@ TASKS: list[tuple[str, Callable[[Walker], None]]] = []
 PAGE = """# Ten tasks in the viewer
 
 What people do with a scene, and how many actions each thing takes. A key, a click, a drag and a typed text are an action each;
-moving the mouse over something is one where that is the point. `python docs/walk.py` does all of it by xdotool in a real window
+moving the mouse over something is one where that is the point. `python docs/window/walk.py` does all of it by xdotool in a real window
 of {width}×{height} pixels on a virtual display, checks that it had its effect, and writes this page.
 
 {rows}
@@ -339,12 +339,12 @@ def main() -> None:
             if walker.kept != do.__name__:
                 walker.keep(do.__name__)
             count, how = len(walker.done), ", ".join(walker.done)
-            rows.append(f"## {number}. {title}: {in_words(count)}\n\n{how}\n\n![{title}](images/walk/{do.__name__}.png)\n")
+            rows.append(f"## {number}. {title}: {in_words(count)}\n\n{how}\n\n![{title}](../images/walk/{do.__name__}.png)\n")
             print(f"{number}. {title}: {in_words(count)}", flush=True)
         viewer.close(remember=False)
         wnd.destroy()
     width, height = SIZE
-    (DOCS / "walk.md").write_text(PAGE.format(width=width, height=height, rows="\n".join(rows).rstrip()), encoding="utf-8")
+    (HERE / "walk.md").write_text(PAGE.format(width=width, height=height, rows="\n".join(rows).rstrip()), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from irrsplat.app.viewer.viewer import Viewer
 from irrsplat.app.viewer.window import open_window
 from irrsplat.scene.model import Camera
 
-IMAGES = Path(__file__).resolve().parent / "images"
+IMAGES = Path(__file__).resolve().parents[1] / "images"
 LARGE, SMALL = (960, 600), (400, 300)  # pixels
 LIMIT = 200_000  # bytes a picture
 DT = 1.0 / 30.0
