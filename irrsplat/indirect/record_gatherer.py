@@ -32,6 +32,7 @@ from irrsplat.surface_cache.lamp_parts import MOST, LampPart, alone, recoloured
 _FEWEST = 16  # side of a gather: where it is less, noise is not told well by its own rays
 _LOOKS = 0.35  # of a tick: looking at what has changed may take that much in any case
 _PATIENCE = 1.0  # seconds that ticks work at a first surface cache before records are gathered without, holding one bounce
+_WORTHWHILE = 2.0  # times as long must it still take then, since all of these records are gathered again when it is there
 
 
 class BounceStatistics(TypedDict):
@@ -378,7 +379,7 @@ class RecordGatherer(Owner):
             self.settle(shadows, budget.part(0.5, 0.0, _LOOKS))
             return True
         first, basis = surface.result is None, self._basis
-        early = budget.limited and basis.resumed is None and basis.waited > _PATIENCE
+        early = budget.limited and basis.resumed is None and self._waits_long
         start = now()
         sites = self.cache.sites(slice(0, self.cache.count))
         before = surface.at(sites) if surface.following and budget.limited and len(sites) and sites.triangle is not None else None
@@ -400,6 +401,13 @@ class RecordGatherer(Owner):
             self._basis = replace(self._basis, resumed=None)  # they were gathered by such values, too
         self.settle(shadows, budget.part(0.5, 0.0, _LOOKS))
         return early or surface.result is not None
+
+    @property
+    def _waits_long(self) -> bool:
+        """Whether ticks have worked at the first surface cache for long, and will, as far as one can tell."""
+        waited, made = self._basis.waited, self.surface_share
+        left = waited * (1.0 - made) / made if made > 0.0 else np.inf
+        return min(waited, left / _WORTHWHILE) > _PATIENCE
 
     def settle(self, shadows: ShadowMaps, budget: Budget) -> None:
         """Hold records against what has changed, those first that it may concern most: correct what they hold, and make those
