@@ -42,7 +42,7 @@ def keep(viewer: Viewer, name: str) -> None:
     pixels = np.frombuffer(viewer.wnd.fbo.read(components=3), "u1").reshape(height, width, 3)[::-1]
     target, picture = IMAGES / f"{name}.png", Image.fromarray(pixels.copy())
     picture.save(target, optimize=True)
-    for colours in (256, 128):
+    for colours in (256, 128, 64):
         if target.stat().st_size > LIMIT:
             picture.quantize(colours, dither=Image.Dither.FLOYDSTEINBERG).save(target, optimize=True)
     assert target.stat().st_size <= LIMIT, f"{target} has {target.stat().st_size} bytes"

@@ -128,5 +128,6 @@ def _share(rest: np.ndarray, total: np.ndarray, area: np.ndarray) -> float:
         share = np.minimum(np.divide(one, all_of_it, out=np.zeros(len(one)), where=all_of_it > 0.0), 1.0)
         order = np.argsort(share, kind="stable")
         kept = order[np.cumsum(area[order]) <= (1.0 - POCKETS) * area.sum()]
-        found.append(float(area[kept] @ share[kept] / area[kept].sum()) if len(kept) else 0.0)
+        counted = float(area[kept].sum())
+        found.append(float(area[kept] @ share[kept]) / counted if counted > 0.0 else 0.0)
     return max(found)

@@ -15,6 +15,7 @@ from irrsplat.app.viewer.buffers.tiles import Margins
 from irrsplat.app.viewer.show.screen import Programs, Region, Texels, clear, scale
 from irrsplat.gpu.target import Target
 from irrsplat.image.view import View
+from irrsplat.lighting.sky import sky_defines
 from irrsplat.meter.light_scale import LightScale
 from irrsplat.renderer import Renderer
 from irrsplat.scene.model import Scene
@@ -92,7 +93,7 @@ class Canvas:
 
     def picture(self, source: ViewSource, fragment: str, values: moderngl.Texture, **uniforms: Uniform) -> None:
         """Draw with shaders/viewer/buffers/`fragment`.frag, which colours each pixel of the view by its texel of `values`."""
-        program = self.programs(f"viewer/buffers/{fragment}")
+        program = self.programs(f"viewer/buffers/{fragment}", defines=sky_defines(uniforms))
         gbuffer = source.view.gbuffer
         given: dict[str, Any] = {
             "position": gbuffer.position,

@@ -23,6 +23,7 @@ from irrsplat.image.false_colours import coloured
 from irrsplat.image.tonemap import show, tonemap, viridis
 from irrsplat.meter.light_scale import STEPS, LightScale, false_colours, round_above
 from irrsplat.scene.model import Light
+from irrsplat.sky.environment import Environment
 from tests.support import worlds
 from tests.support.viewing import ShownView, shown_view
 
@@ -66,6 +67,17 @@ def test_the_sky_is_in_the_image_and_in_the_emission_alone(ctx: moderngl.Context
             sky = tonemap(np.array([0.2, 0.5, 0.8]), made.source.exposure)
             expected = sky if name in ("image", "emission") else 0.0
             assert np.abs(made.draw(target, name)[unseen] - expected).max() < 1.0 / 255.0, name
+
+
+def test_every_buffer_is_shown_under_a_map_of_the_sky(ctx: moderngl.Context, target: Target) -> None:
+    """Where nothing stands the emission is the map's; the same programs go on where there is none."""
+    bright = np.full((16, 32, 3), (0.1, 0.5, 0.9), np.float32)
+    world = replace(worlds.scene(worlds.floor()), environment=Environment(bright, bright), own_sky=True)
+    with shown_view(world) as made:
+        for name in set(BUFFERS) - set(TRUTHS):
+            made.draw(target, name)
+        sky = made.draw(target, "emission")[~made.seen]
+        assert len(sky) and np.abs(sky - tonemap(bright[0, 0], made.source.exposure)).max() < 1.0 / 255.0
 
 
 def test_positions_run_through_the_scene_s_bounds(cornell: ShownView, target: Target) -> None:
