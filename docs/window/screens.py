@@ -66,6 +66,7 @@ def whole(viewer: Viewer) -> None:
     for hint in HINTS:
         actions.hints.follow(hint)
     actions.panels.settings = False
+    actions.session.change(0, viewer_quality=0.0)  # so few records that each can be seen
     options.buffers[0], options.discs, options.points, options.inspect = "irradiance", True, True, True
     viewer.controls.mouse = (0.36 * LARGE[0], 0.3 * LARGE[1])
     viewer.backend.mouse_position(*viewer.controls.mouse)
@@ -85,6 +86,7 @@ def whole(viewer: Viewer) -> None:
 def buffers(viewer: Viewer) -> None:
     """Every buffer, by itself with its legend; but for those that need a path tracer."""
     actions = viewer.actions
+    actions.session.change(0, viewer_quality=0.0)
     actions.panels.settings = actions.panels.hud = False
     settled(viewer)
     for name in (name for name, buffer in BUFFERS.items() if not buffer.needs_truth):
