@@ -14,6 +14,7 @@ from irrsplat.image.view import read
 from irrsplat.scene.change import SceneChange
 from irrsplat.scene.model import Light, Scene
 from irrsplat.scene.motion import repainted
+from irrsplat.surface_cache.lamp_parts import recoloured
 from tests.renderer.test_live import TICK, ticks
 from tests.renderer.test_renderer import FAST, FRONT, SIZE, room
 from tests.support.worlds import lamp, material
@@ -227,3 +228,11 @@ def test_which_changes_are_a_factor_on_all_light(before: Scene, after: Scene, fa
     found = SceneChange.between(before, replace(after, meshes=before.meshes)).dimming
     assert (found is None) == (factor is None)
     assert found is None or factor is None or np.allclose(found, factor)
+
+
+def test_another_sky_beside_a_recoloured_lamp_is_no_matter_of_the_lamp_alone() -> None:
+    """As where the turbidity of a sky with a sun changes."""
+    for after in (lit_by(coloured(LAMP, 0.5), sky=2.0), lit_by(coloured(LAMP, 0.5), OTHER, sky=2.0)):
+        before = replace(after, lights=(LAMP, *after.lights[1:]), sky=(1.0, 1.0, 1.0))
+        change = SceneChange.between(before, after)
+        assert change.other_sky and change.dimming is None and recoloured(change) is None
