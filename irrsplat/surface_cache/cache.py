@@ -293,10 +293,7 @@ class SurfaceCache(Owner):
         normal = held.laid_out.records.sites(numbers).normal
         held.laid_out.records.correct({"irradiance": E_1, "vectors": normal[:, None] * E_1[:, :, None]}, numbers)
         if self.refined:  # by other rays than the part
-            settings, area = self._basis.settings, held.laid_out.layout.area
-            transport = self.transport if settings.most_bounces > 2 else None
-            first = self._first(held.laid_out.records)
-            light = list(sum_bounces(first, transport, area, settings.most_bounces, settings.bounces == "all"))[-1]
+            *_, light = self._bounces(self._first(held.laid_out.records), held.laid_out)
         else:
             light = replace(held.light, irradiance=np.maximum(held.light.irradiance + colour * sites.E, 0.0))
         held.table.write(light.irradiance)
@@ -323,10 +320,8 @@ class SurfaceCache(Owner):
                 return False
             E_1 = part.site_records.read()["irradiance"] / np.float32(SCALE)
             E_1[:FIRST_SITE] = 0.0
-            transport = self.transport if settings.most_bounces > 2 else None
-            E = list(sum_bounces(E_1, transport, laid_out.layout.area, settings.most_bounces, settings.bounces == "all"))[
-                -1
-            ].irradiance
+            *_, light_of_all = self._bounces(E_1, laid_out)
+            E = light_of_all.irradiance
             beyond, D = (None, None) if self._follower is None else self._follower.parts(E_1, shadows, SCALE)
             table = LookupTable(
                 self.ctx, laid_out.layout.tessellation.table, laid_out.layout.cells, MAX_SITES, self.world.tree.order
@@ -481,9 +476,7 @@ class SurfaceCache(Owner):
                 return True
             if refined.done < records.count:
                 return False
-            transport = self.transport if settings.most_bounces > 2 else None
-            area, most, everything = held.laid_out.layout.area, settings.most_bounces, settings.bounces == "all"
-            made = list(sum_bounces(self._first(refined.records), transport, area, most, everything))[-1]
+            *_, made = self._bounces(self._first(refined.records), held.laid_out)
             held.table.write(made.irradiance)
             self._held, self._refined = replace(held, light=made), replace(refined, light=made)
         return True
@@ -510,14 +503,16 @@ class SurfaceCache(Owner):
         E_1[DARK_VALUE : DARK_VALUE + 1] = 0.0
         return E_1
 
+    def _bounces(self, E_1: np.ndarray, laid_out: _LaidOut) -> Iterator[BouncedLight]:
+        """Light of E_1 (S, 3) at the sites, by one bounce more from each to the next, to the last that the settings ask for."""
+        settings = self._basis.settings
+        transport = self.transport if settings.most_bounces > 2 else None
+        return sum_bounces(E_1, transport, laid_out.layout.area, settings.most_bounces, settings.bounces == "all")
+
     def _bounce(self, laid_out: _LaidOut, budget: Budget) -> BouncedLight | None:
         """All bounces from E_1, one after the other; None where the budget ends before."""
-        settings = self._basis.settings
         if self._bouncing is None:
-            E_1 = self._first(laid_out.records)
-            transport = self.transport if settings.most_bounces > 2 else None
-            everything = settings.bounces == "all"
-            self._bouncing = sum_bounces(E_1, transport, laid_out.layout.area, settings.most_bounces, everything)
+            self._bouncing = self._bounces(self._first(laid_out.records), laid_out)
         made = next(self._bouncing)
         while not made.complete:
             if budget.left <= 0.0:

@@ -35,7 +35,7 @@ def uncoloured(light: Light) -> Light:
 def recoloured(change: SceneChange) -> dict[Light, np.ndarray] | None:
     """By how much the colours (3,) of which lamps have changed, where nothing else has; None where something has."""
     old, new = change.old.lights, change.new.lights
-    if change.moved or change.repainted or change.other_sky or not change.relit or len(old) != len(new):
+    if not change.by_lamps_alone:
         return None
     found: dict[Light, np.ndarray] = {}
     for a, b in zip(old, new, strict=True):
