@@ -17,8 +17,8 @@ test: .venv/.ready-dev
 	.venv/bin/python -m pytest -q -n auto --dist worksteal
 
 figures: .venv/.ready
-	.venv/bin/python docs/tables.py
-	.venv/bin/python docs/figures.py
+	.venv/bin/python docs/programs/tables.py
+	.venv/bin/python docs/programs/figures.py
 	.venv/bin/python docs/window/screens.py
 	.venv/bin/python docs/window/walk.py
 

@@ -28,7 +28,7 @@ def module(path: Path) -> ModuleType:
 
 def test_the_tables_of_the_reference_are_current() -> None:
     text = (ROOT / "docs/reference.md").read_text(encoding="utf-8")
-    assert module(ROOT / "docs/tables.py").filled(text) == text, "run: python docs/tables.py"
+    assert module(ROOT / "docs/programs/tables.py").filled(text) == text, "run: python docs/programs/tables.py"
 
 
 def test_the_fixed_names_are_there() -> None:

@@ -14,7 +14,7 @@ import irrsplat
 from irrsplat.core.color import LUMINANCE, srgb
 from irrsplat.image.frame import Frame
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 IMAGES = ROOT / "docs" / "images"
 PAPER = "cornell-paper"  # the scene of the paper's figures
 SIDE = 400  # pixels, as shown

@@ -1,4 +1,4 @@
-"""Measures how a view at rest converges, for docs/METHOD.md: `python docs/rest.py [SCENE …]` (an hour for all on two cores).
+"""Measures how a view at rest converges, for docs/METHOD.md: `python docs/programs/rest.py [SCENE …]` (an hour on two cores).
 
 Five bundled scenes, with one bounce and with all, for SECONDS of processor time each: after every step the error against the
 truth in tests/reference, and the estimate. What is measured stays in out/rest.json; the picture and the tables are made of that.
@@ -19,7 +19,7 @@ from irrsplat.app.common.plot import Line, loglog, palette
 from irrsplat.core.files import write_picture
 from irrsplat.image.view import Progress
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT))
 from tests.support.truth import SIZE, load_reference  # noqa: E402
 
@@ -86,7 +86,7 @@ def main() -> None:
     write_picture(ROOT / "docs" / "images" / "rest.png", loglog(lines, title, "seconds of processor time", "error, %"))
     page = ROOT / "docs" / "METHOD.md"
     text = page.read_text(encoding="utf-8")
-    marks = "<!-- rest: made by docs/rest.py -->\n", "<!-- end of rest -->"
+    marks = "<!-- rest: made by docs/programs/rest.py -->\n", "<!-- end of rest -->"
     inner = re.compile(re.escape(marks[0]) + ".*?" + re.escape(marks[1]), re.S)
     page.write_text(inner.sub(lambda _: marks[0] + table({k: found[k] for k in keys}) + marks[1], text), encoding="utf-8")
 

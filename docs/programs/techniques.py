@@ -1,4 +1,4 @@
-"""Measures the tables and the plot of docs/techniques.md: `python docs/techniques.py` (needs the extra `reference`)."""
+"""Measures the tables and the plot of docs/techniques.md: `python docs/programs/techniques.py` (needs the extra `reference`)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from irrsplat.app.verify.measure import percent
 from irrsplat.app.verify.verify import heading
 from irrsplat.core.files import write_picture
 
-PAGE = Path(__file__).resolve().parent / "techniques.md"
+PAGE = Path(__file__).resolve().parents[1] / "techniques.md"
 FULL = ("cornell", "door")  # with a row per technique
 SCENES = ("cornell", "cornell-paper", "curved", "door", "atrium")
 WORDS = ("--size", "400", "400", "--samples", "512", "--bounces", "1")
@@ -48,7 +48,7 @@ def main() -> None:
     made["paper"] = "\n" + table(against)
     text = PAGE.read_text(encoding="utf-8")
     for key, value in made.items():
-        start = f"<!-- {key}: made by docs/techniques.py -->\n"
+        start = f"<!-- {key}: made by docs/programs/techniques.py -->\n"
         text = re.sub(f"({re.escape(start)}).*?(<!-- end -->)", lambda m, value=value: m[1] + value + m[2], text, flags=re.S)
     PAGE.write_text(text, encoding="utf-8")
 

@@ -1,6 +1,6 @@
 """Proves that the tests find faults: puts each fault of mutants.py into a copy of the source, and runs the tests that must fail.
 
-    python tests/mutants/run.py [NAME …] [--list] [--jobs N]
+    python tests/trust/mutants/run.py [NAME …] [--list] [--jobs N]
 
 NAME: a mutant's name, or a part of it; default: all. The copy is laid out as the package is installed: app, shaders and scenes
 inside irrsplat/. First the tests run without a fault, and must pass. Exit status: 0 if each mutant is found; 1 if one is not, or
@@ -27,7 +27,7 @@ from queue import SimpleQueue
 
 from mutants import MUTANTS, Mutant
 
-REPOSITORY = Path(__file__).resolve().parent.parent.parent
+REPOSITORY = Path(__file__).resolve().parents[3]
 INSIDE = ("app", "shaders", "scenes")  # folders beside irrsplat/ that install inside it
 BESIDE = ("tests", "docs", "README.md", "pyproject.toml")  # what the tests read from where they are
 TIME_LIMIT = 300.0  # seconds for the tests of one mutant: a fault may make a loop endless

@@ -1,4 +1,4 @@
-"""Fills the tables of docs/reference.md from settings.py, buffers.py and keys.py: `python docs/tables.py`."""
+"""Fills the tables of docs/reference.md from settings.py, buffers.py and keys.py: `python docs/programs/tables.py`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from irrsplat.app.viewer.input.keys import FLYING, GROUPS
 from irrsplat.core.buffers import CHANNELS
 from irrsplat.settings import PRESETS, SETTINGS
 
-PAGE = Path(__file__).resolve().parent / "reference.md"
+PAGE = Path(__file__).resolve().parents[1] / "reference.md"
 
 
 def word(value: object) -> str:
@@ -58,7 +58,7 @@ def keys() -> str:
 def filled(text: str) -> str:
     """`text` with each marked table made anew."""
     for name, make in (("buffers", buffers), ("settings", settings), ("presets", presets), ("keys", keys)):
-        start = f"<!-- {name}: made by docs/tables.py -->\n"
+        start = f"<!-- {name}: made by docs/programs/tables.py -->\n"
         text, count = re.subn(
             f"({re.escape(start)}).*?(<!-- end -->)", lambda m, make=make: m[1] + make() + m[2], text, flags=re.S
         )
