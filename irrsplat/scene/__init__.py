@@ -8,7 +8,7 @@ from pathlib import Path
 from irrsplat.core import paths
 from irrsplat.core.errors import InputError, did_you_mean
 from irrsplat.core.load_options import CREASE_ANGLE, LoadOptions, UpAxis
-from irrsplat.scene.io.lines import quote
+from irrsplat.core.words import quote
 from irrsplat.scene.io.text.scene_text import load_text
 from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from irrsplat.core.color import srgb
 from irrsplat.core.errors import InputError
-from irrsplat.scene.io.lines import quote
+from irrsplat.core.words import quote
 from irrsplat.scene.model import Image
 
 if TYPE_CHECKING:

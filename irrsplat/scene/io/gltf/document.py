@@ -16,12 +16,12 @@ from urllib.parse import unquote, unquote_to_bytes
 import numpy as np
 
 from irrsplat.core.errors import InputError
+from irrsplat.core.words import GREATEST
 from irrsplat.scene.io.images import find_file
 from irrsplat.scene.io.lines import read_bytes
 
 _JSON, _BIN = 0x4E4F534A, 0x004E4942
 _MISSING = object()
-GREATEST = 1e15  # of a number, as in the other formats: its square is still a float32
 
 
 class Damaged(ValueError):

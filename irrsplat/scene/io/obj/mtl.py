@@ -12,8 +12,9 @@ import numpy as np
 
 from irrsplat.core.color import LUMINANCE, clip_color
 from irrsplat.core.errors import InputError
+from irrsplat.core.words import number, quote
 from irrsplat.scene.io.images import find_file, read_image, read_images
-from irrsplat.scene.io.lines import number, quote, read_bytes, text_bytes
+from irrsplat.scene.io.lines import read_bytes, text_bytes
 from irrsplat.scene.io.obj.text import decoded
 from irrsplat.scene.model import AlphaMode, Image, Material, Texture, Wrap
 
