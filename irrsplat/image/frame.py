@@ -6,7 +6,7 @@ import os
 import re
 import string
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -56,6 +56,16 @@ class Frame:
     stats: Statistics = field(default_factory=Statistics)
     figures: dict[str, np.ndarray] = field(default_factory=dict)
     backdrop: BackdropKind = "sky"
+
+    def placed(self, origin: tuple[float, float, float]) -> Frame:
+        """The frame with the positions of pixels and records in world space, which were relative to `origin`, as far as float32
+        can tell them apart there."""
+        if not any(origin):
+            return self
+        seen = np.isfinite(self.depth)[..., None]
+        position = np.where(seen, (self.position + np.asarray(origin)).astype(np.float32), self.position)
+        records = (self.records_position + np.asarray(origin)).astype(np.float32)
+        return replace(self, position=position, records_position=records)
 
     @property
     def exposure(self) -> float:

@@ -20,6 +20,7 @@ from irrsplat.scene.model import Camera
 class View:
     """One round's picture as GPU handles, valid until the next round: what the viewer shows and `render` reads back.
 
+    camera: relative to the scene's origin, as the g-buffer's positions are.
     sums: (Σ k·E, Σ k), whose quotient E the picture is made of: the splat buffer's own, or smoothed.
     samples: of a pixel. Of more than one, the first at its centre, `image`, `direct`, `indirect`, `emission` (the sky's
     too) and `alpha` are the means; of one alone, indirect and emission follow from the rest. All others are of the centre.

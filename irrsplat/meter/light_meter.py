@@ -64,7 +64,9 @@ class LightMeter(Owner):
     def __init__(
         self, scene: Scene, preset: str = PRESET, ctx: moderngl.Context | None = None, **settings: Unpack[SettingValues]
     ) -> None:
-        self.scene, self.settings = scene, measuring(preset, **settings)
+        scene = scene.recentred
+        self._origin, self.scene = scene.origin, scene.local  # from here on all is relative to it but points and readings
+        scene, self.settings = self.scene, measuring(preset, **settings)
         self._owns_ctx = ctx is None
         self.ctx = ctx or context.create()
         self.about = context.describe(self.ctx)
@@ -92,7 +94,7 @@ class LightMeter(Owner):
         The result for a point does not depend on the others but for its number, which decides where its rays go. on_progress:
         called now and then. Raises InputError for arrays of other shapes, and numbers that are not finite.
         """
-        sites = _sites(points, normals)
+        places, sites = _sites(points, normals, self._origin)
         if self._owns_ctx:
             context.make_current(self.ctx)
         count = len(sites)
@@ -110,7 +112,7 @@ class LightMeter(Owner):
             status[radius < _COVERED * OFFSET * self.scene.diagonal] = Status.BEHIND
         lifted = sites.position.astype(float) + OFFSET * self.scene.diagonal * sites.normal
         status[inside_solids(self.scene, lifted, sites.normal.astype(float))] = Status.INSIDE
-        return Readings(sites.position, sites.normal, direct, indirect, status)
+        return Readings(places, sites.normal, direct, indirect, status)
 
     def _lit(self) -> _Light:
         """The shadow maps and the surface cache, made when first wanted."""
@@ -139,7 +141,8 @@ def measuring(name: str = PRESET, **settings: Unpack[SettingValues]) -> Settings
     return replace(preset(name, **settings), gradients=False, placement="tiles", pixel_light_samples=0)
 
 
-def _sites(points: npt.ArrayLike, normals: npt.ArrayLike) -> Sites:
+def _sites(points: npt.ArrayLike, normals: npt.ArrayLike, origin: tuple[float, float, float]) -> tuple[np.ndarray, Sites]:
+    """The points (N, 3), and the sites there, relative to an origin; all in float32, but points far from 0 0 0."""
     try:
         p, n = np.asarray(points, float), np.asarray(normals, float)
         n = np.broadcast_to(n, p.shape)
@@ -152,7 +155,8 @@ def _sites(points: npt.ArrayLike, normals: npt.ArrayLike) -> Sites:
     if not (np.abs(n).max(1, initial=0.0) > 0.0).all():
         raise InputError("a normal is 0 0 0; give the direction that the point faces")
     direction = unit(n).astype(np.float32)
-    return Sites(p.astype(np.float32), direction, direction, frame_rotation=np.arange(len(p)))
+    near = (p - origin if any(origin) else p).astype(np.float32)
+    return p if any(origin) else near, Sites(near, direction, direction, frame_rotation=np.arange(len(p)))
 
 
 def irradiance(

@@ -55,6 +55,8 @@ class Renderer(Owner):
     scene: what `irrsplat.load` returns. size: (width, height) in pixels. preset: a name of settings.PRESETS, and any
     setting by name on top of it. ctx: a moderngl context to use, which its owner makes current (default: a new one without a
     window, current after every call).
+    A scene that lies far from 0 0 0 is drawn relative to an origin near by (Scene.origin): buffers of a View and the cache's
+    records are relative to that; cameras, lights, moves and the Frame of `render` are in world space.
     Raises InputError for a size or setting that cannot be, GLError where there is no OpenGL 3.3.
     Use it in a `with` block, or call `release`, to free what it holds on the GPU.
     """
@@ -69,6 +71,8 @@ class Renderer(Owner):
     ) -> None:
         if not isinstance(scene, Scene):
             raise InputError(f"a Renderer takes a Scene, as irrsplat.load returns it, not {type(scene).__name__}")
+        scene = scene.recentred
+        self._origin, scene = scene.origin, scene.local  # from here on all is relative to it but what callers give and get
         self._state = State(scene, settings_of(preset, **settings), preset, gl_limits.checked(size))
         self._loaded = scene.meshes  # as they were before any of them moved
         self._owns_ctx = ctx is None
@@ -99,7 +103,7 @@ class Renderer(Owner):
     @property
     def scene(self) -> Scene:
         """The scene as it is now: its lights and meshes may have changed since it was loaded."""
-        return self._state.scene
+        return self._state.scene.placed(self._origin)
 
     @property
     def settings(self) -> Settings:
@@ -158,13 +162,18 @@ class Renderer(Owner):
         """(H, W, 3) W/m², top row first: the irradiance of the scene's lamps at pixels' centres, without the headlamp, whatever
         the surface reflects; 0 where none is seen. camera: as for `render`."""
         self._use()
-        seen = self.scene.camera(camera)
+        seen = self._seen_by(camera)
         found: np.ndarray = pixels(self.stages.lamp_irradiance(self._state, self.draw_gbuffer(seen)))[..., :3].copy()
         return found
 
     def direct_irradiance(self, view: View) -> moderngl.Texture:
         """The irradiance of the scene's lamps at every pixel of the present `view`, W/m², without the headlamp: a texture."""
         return self.stages.lamp_irradiance(self._state, view.gbuffer)
+
+    def _seen_by(self, camera: Camera | str | None) -> Camera:
+        """A caller's camera, relative to the origin."""
+        found = self.scene.camera(camera)
+        return found.shifted(np.negative(self._origin)) if any(self._origin) else found
 
     def _use(self) -> None:
         """Make this renderer's own OpenGL context the current one; a given one is its owner's to make current."""
@@ -183,8 +192,12 @@ class Renderer(Owner):
         are all that changes, and pictures take much of the `seconds`, some ticks only gather and return the last view.
         """
         self._use()
+        return self._frame(self._seen_by(camera), seconds, gather)
+
+    def _frame(self, camera: Camera, seconds: float | None, gather: bool = True) -> tuple[View, Progress]:
+        """The same for a camera relative to the origin."""
         self.timers.clear()
-        budget, camera = Budget(seconds), self.scene.camera(camera)
+        budget = Budget(seconds)
         if self._resting.begun:
             if self._resting.rests(self._state, camera):
                 return self._refined_view(camera)
@@ -214,11 +227,15 @@ class Renderer(Owner):
         are added go when anything else is shown. A view by the paper's placement, or without bounces, is left as it is.
         """
         self._use()
-        budget, camera = Budget(seconds), self.scene.camera(camera)
+        return self._refine(self._seen_by(camera), target, seconds)
+
+    def _refine(self, camera: Camera, target: float, seconds: float | None) -> tuple[View, Progress]:
+        """The same for a camera relative to the origin."""
+        budget = Budget(seconds)
         if not self._resting.begun or not self._resting.rests(self._state, camera):
             state = self._state
             if self._round.view_state(state, camera) is not state.view or state.view.pixel_stride > 1 or not self.can_refine:
-                return self.frame(camera, seconds)
+                return self._frame(camera, seconds)
             self._resting.begin(state, camera)
         self._resting.advance(self._state, camera, target, budget)
         return self._refined_view(camera)
@@ -268,7 +285,7 @@ class Renderer(Owner):
     def relight(self, lights: Sequence[Light]) -> None:
         """Go on with other lights. Where all light changes by a factor in each channel, as where a lone lamp is dimmed, records
         hold at once what they are to; else they are gathered again in place. Raises InputError for too many lights."""
-        self._go_on(replace(self._state, scene=replace(self.scene, lights=tuple(lights))))
+        self._go_on(replace(self._state, scene=replace(self.scene, lights=tuple(lights)).local))
 
     def move(self, mesh: int | str, transform: npt.ArrayLike) -> None:
         """Go on with a mesh (its index in scene.meshes, or its name) where a 4×4 or 3×4 matrix takes it from where it was loaded,
@@ -277,7 +294,7 @@ class Renderer(Owner):
         Records on it move along, those within it go, and of the others those that it concerns are gathered again in place. Raises
         InputError for a mesh that is not there, and a matrix that is not affine, or singular.
         """
-        self._go_on(replace(self._state, scene=moved(self.scene, self._loaded, mesh, transform)))
+        self._go_on(replace(self._state, scene=moved(self.scene, self._loaded, mesh, transform).local))
 
     def repaint(self, mesh: int | str, material: Material) -> None:
         """Go on with another material on a mesh (its index in scene.meshes, or its name): other colours, another emission.
@@ -286,13 +303,13 @@ class Renderer(Owner):
         InputError for a mesh that is not there, and for a material by which the mesh would wear other textures, let light through
         otherwise, or be drawn otherwise: for these the scene is loaded anew.
         """
-        self._go_on(replace(self._state, scene=repainted(self.scene, mesh, material)))
+        self._go_on(replace(self._state, scene=repainted(self._state.scene, mesh, material)))
 
     def pose(self, scene: Scene) -> None:
         """Go on with the renderer's scene in another pose: the same meshes elsewhere, of other materials or hidden (see
         scene.motion.hidden), other lights and another sky. As `move`, `repaint` and `relight` at once; raises InputError for a
         scene of other meshes, and as these."""
-        self._go_on(replace(self._state, scene=posed(self.scene, scene)))
+        self._go_on(replace(self._state, scene=posed(self.scene, scene.relative_to(self._origin)).local))
 
     def resize(self, size: tuple[int, int]) -> None:
         """Views are of another size (width, height) from now on; the records stay. Raises InputError for one that cannot be."""
@@ -354,7 +371,7 @@ class Renderer(Owner):
         """
         self._use()
         files.check_file(path)
-        cache_file.write(path, cache_file.key(self.scene, self.scheduler.settings), self.scheduler.state())
+        cache_file.write(path, cache_file.key(self._state.scene, self.scheduler.settings), self.scheduler.state())
 
     def load_cache(self, path: files.Pathlike) -> None:
         """Take the records of a file in place of those that there are.
@@ -364,7 +381,7 @@ class Renderer(Owner):
         """
         self._use()
         self._resting.leave()
-        self.scheduler.restore(cache_file.read(path, cache_file.key(self.scene, self.scheduler.settings)))
+        self.scheduler.restore(cache_file.read(path, cache_file.key(self._state.scene, self.scheduler.settings)))
         self.forget(records=False)
 
     # ---- whole renders ---------------------------------------------------------------------------------------------
@@ -379,7 +396,7 @@ class Renderer(Owner):
         """
         self._use()
         self._resting.leave()
-        camera = self.scene.camera(camera)
+        camera = self._seen_by(camera)
         self.timers.clear()
         self._state = replace(self._state, view=replace(self._state.view, stalled_rounds=0))
         start, budget, done = time.perf_counter(), Budget(None), None
@@ -429,7 +446,9 @@ class Renderer(Owner):
         if view.samples < self.settings.samples:  # Ctrl-C
             stats |= {"interrupted": True, "converged": False}
         frame = read(view, self.cache.read(), stats | self.stats(view))
-        return replace(frame, figures=album.figures(frame, view.camera, self.settings)) if figures else frame
+        if figures:
+            frame = replace(frame, figures=album.figures(frame, view.camera, self.settings))
+        return frame.placed(self._origin)
 
     def _improved(self, view: View, stats: Statistics, on_progress: Callable[[Progress], None] | None) -> tuple[View, Statistics]:
         """A converged view refined to the settings' `quality`, and its statistics. Ctrl-C ends it with the picture that there
@@ -437,7 +456,7 @@ class Renderer(Owner):
         start, progress = time.perf_counter(), None
         try:
             while progress is None or not progress.refined:
-                view, progress = self.refine(view.camera, 0.01 * self.settings.quality, seconds=_TOLD)
+                view, progress = self._refine(view.camera, 0.01 * self.settings.quality, seconds=_TOLD)
                 if on_progress is not None:
                     on_progress(progress)
                 if not self._resting.begun:  # none that can be refined

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 from irrsplat.core import paths
 from irrsplat.core.errors import InputError, did_you_mean
 from irrsplat.core.load_options import CREASE_ANGLE, LoadOptions, UpAxis
 from irrsplat.core.words import quote
+from irrsplat.scene.io.defaults import WORLD, FarAway
 from irrsplat.scene.io.text.scene_text import load_text
 from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
 
@@ -53,20 +55,29 @@ def load(
     """The scene at a path, or the bundled scene of that name, such as ``"cornell"``; a file that exists wins.
 
     Reads `.scene` text, `.glb` and `.gltf` and, as geometry with diffuse colours, `.obj`, `.ply` and `.stl`. World space is
-    right-handed, in metres. `LoadOptions` says what the keywords mean; a `.scene` needs none of them, but may have another `sky`.
+    right-handed, in metres; of a scene that lies far from 0 0 0 the meshes are relative to Scene.origin. `LoadOptions` says what
+    the keywords mean; a `.scene` needs none of them, but may have another `sky`.
     Raises InputError, one line, for whatever is wrong with the file, the name or a keyword.
     """
     options = LoadOptions(up_axis, crease_angle, time, sky)
     if not isinstance(source, (str, os.PathLike)):
         raise InputError(f"load takes a path or the name of a bundled scene, not {type(source).__name__}")
     path = located(source)
-    ending = path.suffix.lower()
+    read = _reader(path.suffix.lower())
+    try:
+        return read(path, options, WORLD)
+    except FarAway as far:
+        return read(path, options, far.origin)
+
+
+def _reader(ending: str) -> Callable[[Path, LoadOptions, tuple[float, float, float]], Scene]:
+    """What reads the files of this ending."""
     if ending == ".scene":
-        return load_text(path, options)
+        return load_text
     if ending in (".glb", ".gltf"):
         from irrsplat.scene.io.gltf.reader import load_gltf
 
-        return load_gltf(path, options)
+        return load_gltf
     from irrsplat.scene.io.assets import load_asset
 
-    return load_asset(path, options)
+    return load_asset

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal
 
@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from irrsplat.core.color import LUMINANCE
 from irrsplat.core.errors import InputError, did_you_mean
+from irrsplat.core.vectors import near_origin
 from irrsplat.sky.environment import Environment
 
 
@@ -107,7 +108,7 @@ class Material:
 
 @dataclass(frozen=True, eq=False)  # compared by identity: arrays have no single answer to ==, and a moved mesh is a new one
 class Mesh:
-    """Triangles in world space; each mesh is equal only to itself.
+    """Triangles in world space, or relative to their scene's origin; each mesh is equal only to itself.
 
     positions: (V, 3) float32, metres. normals: (V, 3) float32, unit shading normals. faces: (F, 3) int32.
     colors: (V, 3) float32 linear reflectance that replaces material.albedo, or the factor on the emission of an unlit one, or
@@ -246,6 +247,13 @@ class Light:
             return "luminaire"
         return "directional" if self.directional else "spot" if self.has_cone else "point"
 
+    def shifted(self, by: npt.ArrayLike) -> Light:
+        """The light `by` (3,) metres from here; a directional one shines as before."""
+        if self.directional:
+            return self
+        target = None if self.spot_target is None else _sum(self.spot_target, by)
+        return replace(self, position=_sum(self.position, by), spot_target=target)
+
     @property
     def has_cone(self) -> bool:
         """Whether it is a spot: spot_target, spot_cutoff, spot_inner and spot_exponent say where it shines."""
@@ -281,6 +289,11 @@ class Light:
         return values if self.photometry is None else (*values, tuple(self.photometry.digest), self.across)
 
 
+def _sum(place: tuple[float, float, float], by: npt.ArrayLike) -> tuple[float, float, float]:
+    x, y, z = np.add(place, np.asarray(by, float)).tolist()
+    return x, y, z
+
+
 def sun_lights(environment: Environment) -> tuple[Light, ...]:
     """The suns of a sky as the lights that a scene under it has."""
     found = []
@@ -311,6 +324,10 @@ class Camera:
         sine = np.linalg.norm(np.cross(forward / np.linalg.norm(forward), self.up))
         if not sine > 1e-9 * max(float(np.linalg.norm(self.up)), 1e-300):
             raise InputError("the camera's up vector is parallel to its view; give another up")
+
+    def shifted(self, by: npt.ArrayLike) -> Camera:
+        """The camera `by` (3,) metres from here, with the same view."""
+        return replace(self, eye=_sum(self.eye, by), target=_sum(self.target, by))
 
     @property
     def screen(self) -> float:
@@ -357,6 +374,8 @@ class Scene:
     things.
     notices: one-line remarks of the loader (degenerate triangles dropped, a sky invented, …), for a user to read.
     files: the paths of all files that it was read from.
+    origin: (3,) world space, float64: what the positions of the meshes are relative to. It is near the scene where that lies far
+    from 0 0 0, since float32 would be too coarse there; all else is in world space.
     """
 
     meshes: tuple[Mesh, ...]
@@ -371,6 +390,34 @@ class Scene:
     up: tuple[float, float, float] = (0.0, 1.0, 0.0)
     own_sky: bool = True
     environment: Environment | None = None
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    @cached_property
+    def local(self) -> Scene:
+        """The scene with all of it relative to its origin, lights and cameras too: as renderers have it."""
+        return self._shifted(np.negative(self.origin), (0.0, 0.0, 0.0)) if any(self.origin) else self
+
+    def placed(self, origin: tuple[float, float, float]) -> Scene:
+        """The scene whose `local` state this is, of that origin."""
+        return self._shifted(origin, origin) if any(origin) else self
+
+    def _shifted(self, by: npt.ArrayLike, origin: tuple[float, float, float]) -> Scene:
+        lights = tuple(light.shifted(by) for light in self.lights)
+        return replace(self, lights=lights, cameras=tuple(camera.shifted(by) for camera in self.cameras), origin=origin)
+
+    def relative_to(self, origin: tuple[float, float, float]) -> Scene:
+        """The same scene, of another origin."""
+        if tuple(origin) == tuple(self.origin):
+            return self
+        by = np.subtract(self.origin, origin)
+        meshes = (replace(mesh, positions=(mesh.positions + by).astype(np.float32)) for mesh in self.meshes)
+        return replace(self, meshes=tuple(meshes), origin=origin)
+
+    @property
+    def recentred(self) -> Scene:
+        """The same scene, of an origin near by where it lies far from 0 0 0 and has none; else this one."""
+        origin = self.origin if any(self.origin) else near_origin(*self.bounds)
+        return self.relative_to(origin)
 
     @property
     def sky_parts(self) -> tuple[object, ...]:
@@ -392,9 +439,12 @@ class Scene:
 
     @cached_property
     def bounds(self) -> np.ndarray:
-        """(2, 3) float64: the least and greatest corner of the geometry; zeros where there is none."""
+        """(2, 3) float64, world space: the least and greatest corner of the geometry; zeros where there is none."""
         corners = [c for m in self.meshes if len(m.positions) for c in (m.positions.min(0), m.positions.max(0))]
-        return np.array([np.min(corners, 0), np.max(corners, 0)], float) if corners else np.zeros((2, 3))
+        if not corners:
+            return np.zeros((2, 3))
+        found = np.array([np.min(corners, 0), np.max(corners, 0)], float)
+        return found + self.origin if any(self.origin) else found
 
     @property
     def corners(self) -> np.ndarray:

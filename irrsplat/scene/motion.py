@@ -26,6 +26,8 @@ def moved(scene: Scene, loaded: Sequence[Mesh], mesh: int | str, transform: npt.
     """
     number, matrix = find(scene, mesh), affine(transform)
     meshes = list(scene.meshes)
+    if any(scene.origin):  # which the mesh's positions are relative to
+        matrix[:3, 3] += matrix[:3, :3] @ scene.origin - scene.origin
     meshes[number] = transformed(replace(loaded[number], material=meshes[number].material), matrix)
     return replace(scene, meshes=tuple(meshes))
 

@@ -9,23 +9,24 @@ from pathlib import Path
 
 from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import LoadOptions
-from irrsplat.scene.io.defaults import finish
+from irrsplat.scene.io.defaults import WORLD, finish
 from irrsplat.scene.io.obj.asset import read_obj
 from irrsplat.scene.io.part import Part
 from irrsplat.scene.io.ply import read_ply
 from irrsplat.scene.io.stl import read_stl
 from irrsplat.scene.model import Scene
-from irrsplat.scene.stand_ins.up_axis import up_vector
+from irrsplat.scene.stand_ins.up_axis import Vector, up_vector
 from irrsplat.sky.sky_text import sky_of
 
 _READERS: dict[str, Callable[[Path, list[str], LoadOptions], list[Part]]] = {".obj": read_obj, ".ply": read_ply, ".stl": read_stl}
 
 
-def load_asset(path: Path, options: LoadOptions) -> Scene:
+def load_asset(path: Path, options: LoadOptions, origin: Vector = WORLD) -> Scene:
     """The geometry of a `.obj`, `.ply` or `.stl` file, with its materials and colours, in metres.
 
     Vertex normals are the file's; where it has none, they are made by options.crease_angle. Scene.notices say what was dropped or
-    invented. Raises InputError, one line with the file's path, for a file that is missing, empty, truncated or garbage.
+    invented. origin: of the scene. Raises FarAway for another one, and InputError, one line with the file's path, for a file that
+    is missing, empty, truncated or garbage.
     """
     notices: list[str] = []
     sky = sky_of(options.sky)
@@ -42,8 +43,9 @@ def load_asset(path: Path, options: LoadOptions) -> Scene:
         raise InputError(f"this is no {kind} file, or a damaged one{said}; export it again", path) from None
     meshes, dropped = [], 0
     for part in parts:
-        mesh, lost = part.mesh(path)
+        mesh, lost = part.mesh(path, origin)
         meshes.append(mesh)
         dropped += lost
     files = [file for part in parts for file in part.files]
-    return finish(path, meshes, (), (), sky, Counter({str(path): dropped}), notices, files, up_vector(path, options.up_axis))
+    up = up_vector(path, options.up_axis)
+    return finish(path, meshes, (), (), sky, Counter({str(path): dropped}), notices, files, up, origin)

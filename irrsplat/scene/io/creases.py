@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from irrsplat.core.vectors import unit
+from irrsplat.core.vectors import as_float32, unit
 from irrsplat.scene.io.mesh_builder import welded
 
 _PAIRS = 1 << 21  # of corners that are compared at once
@@ -17,7 +17,7 @@ def crease_normals(positions: np.ndarray, corners: np.ndarray, angle: float) -> 
     A corner's normal is the mean of the normals of those triangles at its place that deviate from its own triangle by less than
     `angle`, in degrees, weighted by their angle there (Thürmer & Wüthrich 1998). Vertices at the same place count as one.
     """
-    _, place = welded(positions.astype(np.float32))
+    _, place = welded(as_float32(positions))
     at = place[corners]
     points = positions[corners]
     with np.errstate(all="ignore"):

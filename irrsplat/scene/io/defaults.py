@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from irrsplat.core.errors import InputError
+from irrsplat.core.vectors import near_origin
 from irrsplat.scene.model import Camera, Light, Mesh, Scene, sun_lights
 from irrsplat.scene.seen_by_light import face_counts
 from irrsplat.scene.stand_ins import camera, light
@@ -17,6 +18,16 @@ from irrsplat.scene.stand_ins.surroundings import surface_points
 from irrsplat.scene.stand_ins.up_axis import Vector, axes, nearest_axis
 from irrsplat.sky.environment import frame_of
 from irrsplat.sky.sky_text import Sky
+
+WORLD: Vector = (0.0, 0.0, 0.0)  # the origin of a scene that lies near enough to it
+
+
+class FarAway(Exception):
+    """A scene lies too far from its origin for float32; it is read again with this one, in which nothing is lost."""
+
+    def __init__(self, origin: Vector) -> None:
+        super().__init__(f"it lies far from the origin of coordinates, near {origin}")
+        self.origin = origin
 
 
 def finish(
@@ -29,13 +40,15 @@ def finish(
     remarks: Sequence[str] = (),
     files: Sequence[Path] = (),
     up: Vector | None = None,
+    origin: Vector = WORLD,
 ) -> Scene:
-    """The Scene of these parts. `sky` None: none was asked for.
+    """The Scene of these parts, the meshes relative to `origin`. `sky` None: none was asked for.
 
     dropped: degenerate triangles left out, by file. remarks: notices so far. files: what was read apart
     from `path`. up: what points up; None: as the first camera has it, and where there is no light at all a plain sky stands in,
     as `.scene` promises. Otherwise a sky that is brighter above and a key light do, also where what the file has is too weak;
-    beside directional light alone the sky does. Raises InputError for a file with an `up` that has no triangle with an area.
+    beside directional light alone the sky does. Raises FarAway where the meshes lie far from 0 0 0 without another origin, and
+    InputError for a file with an `up` that has no triangle with an area.
     """
     notices = [*remarks]
     notices += [f"{file}: {count} degenerate triangle{'s' * (count > 1)} dropped" for file, count in dropped.items() if count]
@@ -46,7 +59,10 @@ def finish(
             raise InputError(f"{why}; nothing is left to show", path)
         notices.append(f"{path}: {why}; its sky alone is shown")
     radiance, sky_files = ((0.0, 0.0, 0.0), ()) if sky is None else (sky.radiance, sky.files)
-    scene = Scene(meshes, tuple(lights), tuple(cameras), radiance, path.stem, str(path))
+    scene = Scene(meshes, tuple(lights), tuple(cameras), radiance, path.stem, str(path), origin=origin)
+    if origin == WORLD and (nearer := near_origin(*scene.bounds)) != WORLD:
+        raise FarAway(nearer)
+    scene = scene.local
     scene = replace(scene, files=tuple(dict.fromkeys(str(file) for file in (path, *files, *sky_files))))
     world = axes(up or (nearest_axis(cameras[0]) if cameras else scene.up))
     scene = replace(scene, up=_vector(world[1]), own_sky=sky is not None or up is None)
@@ -83,7 +99,7 @@ def finish(
         notices += sky.notices
     if meshes and not face_counts(scene).lit:
         notices.append(f"{path}: all materials let most of the light pass; only their tints are shown")
-    return replace(scene, notices=tuple(notices))
+    return replace(scene, notices=tuple(notices)).placed(origin)
 
 
 def under(sky: Sky, scene: Scene, world: np.ndarray) -> Scene:

@@ -25,8 +25,9 @@ def build_mesh(
     uvs: np.ndarray | None = None,
     corner_uvs: np.ndarray | None = None,
     opacities: np.ndarray | None = None,
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> tuple[Mesh, int]:
-    """A world-space Mesh, and how many degenerate triangles were dropped on the way.
+    """A Mesh in world space, relative to `origin`, and how many degenerate triangles were dropped on the way.
 
     positions: (V, 3) object space. corners: (F, 3) into positions. normals: (N, 3) object space, of any length.
     corner_normals: (F, 3) into normals, -1 for none; a triangle with a corner of none (or a zero normal) gets its face
@@ -36,7 +37,7 @@ def build_mesh(
     Raises InputError (without a place) where the transform can't be inverted or leaves the range of float32.
     """
     with np.errstate(all="ignore"):
-        world = times(positions, matrix[:3, :3]) + matrix[:3, 3]
+        world = times(positions, matrix[:3, :3]) + (matrix[:3, 3] - origin)
         determinant = np.linalg.det(matrix[:3, :3])
         usable = np.isfinite(determinant) and determinant != 0.0 and np.isfinite(world.astype(np.float32)).all()
     if not usable:

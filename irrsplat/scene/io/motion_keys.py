@@ -88,7 +88,7 @@ class Motions:
         for mesh in dict.fromkeys(_number(scene, key) for key in self.meshes):
             keys = sorted((key for key in self.meshes if _number(scene, key) == mesh), key=lambda key: key.frame)
             positions = scene.meshes[mesh].positions.astype(float)
-            centre = 0.5 * (positions.min(0) + positions.max(0))
+            centre = 0.5 * (positions.min(0) + positions.max(0)) + scene.origin
             matrices = np.array([key.affine(centre) for key in keys])
             scene = moved(scene, scene.meshes, mesh, _pose([key.frame for key in keys], matrices, centre, frame))
         lights = list(scene.lights)

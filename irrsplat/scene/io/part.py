@@ -29,8 +29,9 @@ class Part:
     corner_uvs: np.ndarray | None = None
     opacities: np.ndarray | None = None
 
-    def mesh(self, path: Path) -> tuple[Mesh, int]:
-        """The mesh, and how many degenerate triangles were dropped; raises InputError for what cannot be drawn."""
+    def mesh(self, path: Path, origin: tuple[float, float, float]) -> tuple[Mesh, int]:
+        """The mesh, relative to `origin`, and how many degenerate triangles were dropped; raises InputError for what cannot be
+        drawn."""
         corners, count = self.corners.astype(np.int64), len(self.positions)
         if len(corners) and not 0 <= corners.min() <= corners.max() < count:
             bad = corners.min() if corners.min() < 0 else corners.max()
@@ -54,6 +55,7 @@ class Part:
                 uvs=self.uvs,
                 corner_uvs=self.corner_uvs,
                 opacities=self.opacities,
+                origin=origin,
             )
         except InputError as error:
             raise InputError(str(error), path) from None

@@ -11,6 +11,7 @@ import numpy as np
 
 from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import LoadOptions
+from irrsplat.core.vectors import as_float32
 from irrsplat.core.words import GREATEST
 from irrsplat.scene.io.creases import crease_normals
 from irrsplat.scene.io.lines import read_bytes
@@ -47,7 +48,7 @@ def read_stl(path: Path, notices: list[str], options: LoadOptions) -> list[Part]
         good = usable[corners].all(axis=1)
         lost += int((~good).sum())
         corners, positions = corners[good], np.where(usable[:, None], positions, 0.0)
-        first, weld = welded(positions.astype(np.float32))
+        first, weld = welded(as_float32(positions))
         positions, corners = positions[first], weld[corners]
         if options.crease_angle > 0.0:
             normals, corner_normals = crease_normals(positions, corners, options.crease_angle)

@@ -15,7 +15,7 @@ from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.core.vectors import times
 from irrsplat.core.words import GREATEST
-from irrsplat.scene.io.defaults import finish
+from irrsplat.scene.io.defaults import WORLD, finish
 from irrsplat.scene.io.gltf import geometry
 from irrsplat.scene.io.gltf.accessors import values
 from irrsplat.scene.io.gltf.animation import Pose, pose
@@ -27,7 +27,7 @@ from irrsplat.scene.io.gltf.materials import Materials, Surface
 from irrsplat.scene.io.gltf.nodes import Node, instances, name, visible, worlds
 from irrsplat.scene.io.mesh_builder import build_mesh
 from irrsplat.scene.model import Mesh, Scene
-from irrsplat.scene.stand_ins.up_axis import axes, up_vector
+from irrsplat.scene.stand_ins.up_axis import Vector, axes, up_vector
 from irrsplat.sky.sky_text import sky_of
 
 _READ = {  # extensions that are heeded, or that change nothing that could be seen
@@ -61,21 +61,21 @@ _READ = {  # extensions that are heeded, or that change nothing that could be se
 _MOST_VERTICES = 1 << 26  # that the instances of one mesh may have together
 
 
-def load_gltf(path: Path, options: LoadOptions) -> Scene:
+def load_gltf(path: Path, options: LoadOptions, origin: Vector = WORLD) -> Scene:
     """The default scene of a `.gltf` or `.glb` file, in metres, y up unless the options have it otherwise.
 
     Animations pose it at the options' time; None: their first frame. A part that is damaged, or of a kind that is
-    not shown, is left out, and Scene.notices tell of it. Raises InputError, one line with the file's path, where the file is no
-    glTF 2.0, is truncated, or has no triangles that can be shown.
+    not shown, is left out, and Scene.notices tell of it. origin: of the scene. Raises FarAway for another one, and InputError,
+    one line with the file's path, where the file is no glTF 2.0, is truncated, or has no triangles that can be shown.
     """
     sky = sky_of(options.sky)
     document, time = read(path), options.time
     with np.errstate(all="ignore"):
-        reader = _Reader(document, pose(document, 0.0 if time is None else time))
+        reader = _Reader(document, pose(document, 0.0 if time is None else time), origin)
         meshes = reader.meshes()
         if not meshes:
             raise InputError(f"{reader.instead()}; nothing is left to show", path)
-        bounds = Scene(tuple(meshes), (), ()).bounds
+        bounds = Scene(tuple(meshes), (), (), origin=origin).bounds
         found_cameras = cameras(document, reader.nodes, bounds)
         found_lights = lights(document, reader.nodes)
         up = up_vector(path, options.up_axis)
@@ -95,15 +95,17 @@ def load_gltf(path: Path, options: LoadOptions) -> Scene:
         document.notices(),
         document.files,
         up,
+        origin,
     )
 
 
 @dataclass
 class _Reader:
-    """What a document's meshes become. degenerate: how many triangles without an area were dropped."""
+    """What a document's meshes become. origin: of the scene. degenerate: how many triangles without an area were dropped."""
 
     document: Document
     pose: Pose
+    origin: Vector
     degenerate: int = 0
     nodes: list[Node] = field(init=False)
     _world: list[np.ndarray | None] = field(init=False)
@@ -198,6 +200,7 @@ class _Reader:
             label,
             uvs=uvs,
             opacities=opacities if material.alpha_mode != "opaque" else None,
+            origin=self.origin,
         )
         if np.abs(mesh.positions).max(initial=0.0) > GREATEST:
             raise Damaged("it lies farther away than 32-bit floats can reckon with")

@@ -12,12 +12,13 @@ from irrsplat.core.color import LUMINOUS_EFFICACY
 from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.core.words import is_number, quote
-from irrsplat.scene.io.defaults import finish
+from irrsplat.scene.io.defaults import WORLD, finish
 from irrsplat.scene.io.lights.light_text import LightReader, placed
 from irrsplat.scene.io.lines import Line, lines
 from irrsplat.scene.io.mesh_builder import build_mesh
 from irrsplat.scene.io.obj.reader import Shape, load_obj
 from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
+from irrsplat.scene.stand_ins.up_axis import Vector
 from irrsplat.sky import sky_text
 
 USAGE = {
@@ -37,14 +38,14 @@ USAGE = {
 _NAMED = "cam NAME EX EY EZ TX TY TZ UX UY UZ"
 
 
-def load_text(path: Path, options: LoadOptions = LoadOptions()) -> Scene:  # noqa: B008  # it is frozen
+def load_text(path: Path, options: LoadOptions = LoadOptions(), origin: Vector = WORLD) -> Scene:  # noqa: B008  # it is frozen
     """The scene in the `.scene` file at `path`; raises InputError with file and line for whatever is wrong in it.
 
     Matrices multiply on the right, as glTranslate, glRotate and glScale do, in float64. Scene.cameras[0] is the unnamed
     `cam`, else the first named one, else a camera that sees everything. Notices say what was dropped or invented.
-    options: of these only the sky counts, which replaces the file's.
+    options: of these only the sky counts, which replaces the file's. origin: of the scene; raises FarAway for another one.
     """
-    reader = _Reader(other_sky=sky_text.sky_of(options.sky))
+    reader = _Reader(other_sky=sky_text.sky_of(options.sky), origin=origin)
     for line in lines(path):
         command = getattr(reader, f"_{line.word}", None) if line.word in USAGE else None
         if command is None:
@@ -57,9 +58,10 @@ def load_text(path: Path, options: LoadOptions = LoadOptions()) -> Scene:  # noq
 class _Reader:
     """What has been read so far: OpenGL's state, and the scene that grows from it. One method per command.
 
-    other_sky: in place of the file's."""
+    other_sky: in place of the file's. origin: of the scene."""
 
     other_sky: sky_text.Sky | None = None
+    origin: Vector = WORLD
     matrix: np.ndarray = field(default_factory=lambda: np.eye(4))  # world_from_object
     stack: list[tuple[Line, np.ndarray]] = field(default_factory=list)
     material: Material = field(default_factory=Material)
@@ -87,7 +89,7 @@ class _Reader:
             except InputError as error:
                 raise line.error(str(error)) from None
         files, sky = [*self.files, *self.lamps.files], self.other_sky or self.sky
-        return finish(path, self.meshes, self.lights, cameras, sky, self.dropped, self.lamps.notices, files)
+        return finish(path, self.meshes, self.lights, cameras, sky, self.dropped, self.lamps.notices, files, None, self.origin)
 
     def _first(self, key: str, line: Line) -> None:
         if key in self.once:
@@ -194,7 +196,14 @@ class _Reader:
         shape = self.shapes[path]
         try:
             mesh, dropped = build_mesh(
-                shape.positions, shape.corners, shape.normals, shape.corner_normals, self.matrix, self.material, name=path.stem
+                shape.positions,
+                shape.corners,
+                shape.normals,
+                shape.corner_normals,
+                self.matrix,
+                self.material,
+                name=path.stem,
+                origin=self.origin,
             )
         except InputError as error:
             raise line.error(str(error)) from None

@@ -47,7 +47,7 @@ def write_scene(scene: Scene, path: Path, overwrite: bool = False) -> str:
     lines = [*writer.cameras(scene.cameras), *writer.sky(scene)]
     lines += [writer.light(light) for light in scene.lights if not writer.comes_with_sky(light, scene)]
     for mesh in scene.meshes:
-        lines += writer.mesh(mesh)
+        lines += writer.mesh(mesh, scene.origin)
     write_text(path, "\n".join([f"# {path.stem}, written by irrsplat", *lines]) + "\n")
     if not writer.lost:
         return ""
@@ -151,8 +151,9 @@ class _Writer:
         write_text(path, "\n".join(lines) + "\n")
         return f"light {self.folder.name}/{path.name}"
 
-    def mesh(self, mesh: Mesh) -> list[str]:
-        """Write a mesh; the lines of its material, and the one that names its file; none for a hidden one."""
+    def mesh(self, mesh: Mesh, origin: tuple[float, float, float]) -> list[str]:
+        """Write a mesh; the lines of its material, of the `origin` that it is relative to, and the one that names its file; none
+        for a hidden one."""
         if mesh.is_point or not len(mesh.faces):
             return []
         material = mesh.material
@@ -173,7 +174,9 @@ class _Writer:
         write_text(path, text.getvalue())
         albedo = [min(max(c, 0.0), 1.0) for c in material.albedo] if not material.unlit else (0.0, 0.0, 0.0)
         diffuse, emission = f"brdf diffuse {_numbers((*albedo, 1.0))}", f"brdf emission {_numbers(material.emission)}"
-        return [diffuse, emission, f"obj {self.folder.name}/{path.name}"]
+        obj = f"obj {self.folder.name}/{path.name}"
+        placed = ["push", f"trans {_numbers(origin)}", obj, "pop"] if any(origin) else [obj]
+        return [diffuse, emission, *placed]
 
 
 def _numbers(values: Iterable[float]) -> str:

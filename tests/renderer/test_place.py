@@ -1,0 +1,189 @@
+"""Where a scene lies and how large it is changes nothing but its positions: far from 0 0 0 it is drawn relative to an origin."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import irrsplat
+from irrsplat import LightMeter, Renderer
+from irrsplat.image.frame import Frame
+from irrsplat.scene.io.text.scene_writer import write_scene
+from irrsplat.scene.model import Camera, Scene
+from tests.renderer.test_renderer import FAST, FRONT, SIZE, room
+from tests.support.gltf_files import GltfFile
+
+# Multiples of a power of two that is greater than the room, so that its numbers are the same again relative to the origin
+FAR = [(1e4, -1e4, 2e4), (-1e6, 1e6, 3e6)]
+Place = tuple[float, float, float]
+
+
+def rendered(scene: Scene, camera: Camera | None = None) -> Frame:
+    """The view of a fresh renderer."""
+    with Renderer(scene, SIZE, **FAST) as renderer:
+        return renderer.render(camera)
+
+
+def at(place: Place) -> Scene:
+    """The room with its meshes relative to a place."""
+    return room().placed(place)
+
+
+def same(far: Frame, near: Frame, place: Place) -> None:
+    """Asserts that one view is the other, but for positions, which float32 holds to some 1e-7 of their distance."""
+    seen = np.isfinite(near.depth)
+    assert seen.any() and np.array_equal(seen, np.isfinite(far.depth))
+    slack = 1e-7 * np.abs(place).max()
+    assert np.abs(far.position[seen].astype(float) - place - near.position[seen]).max() < slack
+    assert far.records_position.shape == near.records_position.shape
+    assert np.abs(far.records_position.astype(float) - place - near.records_position).max() < slack
+    for name in ("irradiance", "direct", "image", "records_irradiance", "records_radius"):
+        a, b = getattr(far, name), getattr(near, name)
+        assert np.abs(a - b).max() <= 1e-4 * np.abs(b).max(), name
+    assert near.irradiance.mean() > 0.0 and near.direct.max() > 0.0
+
+
+# ---- files -----------------------------------------------------------------------------------------------------------------
+
+
+def wavefront(folder: Path, place: Place) -> Path:
+    """The room as one .obj, of absolute numbers; camera and light stand in."""
+    lines, first = [], 1
+    for mesh in room().meshes:
+        lines += ["v {:.9f} {:.9f} {:.9f}".format(*row) for row in mesh.positions + np.array(place)]
+        lines += ["f {} {} {}".format(*face) for face in mesh.faces + first]
+        first += len(mesh.positions)
+    path = folder / "room.obj"
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def text(folder: Path, place: Place) -> Path:
+    """The same .obj in a .scene, with a camera and a lamp."""
+    wavefront(folder, place)
+    x, y, z = np.add(room().lights[0].position, place)
+    (folder / "lamp.light").write_text(f"position {x:.9f} {y:.9f} {z:.9f} 1\nintensity 5 4 3\n")
+    places = " ".join(f"{v:.9f}" for v in (*np.add(FRONT.eye, place), *np.add(FRONT.target, place)))
+    path = folder / "room.scene"
+    path.write_text(f"cam {places} 0 1 0\nlight lamp.light\nobj room.obj\n")
+    return path
+
+
+def gltf(folder: Path, place: Place) -> Path:
+    """Meshes under a node that moves them; camera and light stand in."""
+    file = GltfFile()
+    meshes = [file.mesh(indices=m.faces.astype(np.uint32), POSITION=m.positions, NORMAL=m.normals) for m in room().meshes]
+    children = [file.node(mesh=mesh) for mesh in meshes]
+    top = file.node(children=children, translation=list(place))
+    file.tree["scenes"], file.tree["scene"] = [{"nodes": [top]}], 0
+    return file.glb(folder / "room.glb")
+
+
+def saved(folder: Path, place: Place) -> Path:
+    """A scene that was loaded and written again."""
+    scene = irrsplat.load(text(folder, place))
+    path = folder / "again.scene"
+    assert write_scene(scene, path) == ""
+    again = irrsplat.load(path)
+    assert again.cameras[0].eye == scene.cameras[0].eye and again.lights[0].position == scene.lights[0].position
+    return path
+
+
+@pytest.mark.parametrize(
+    ("written", "place"), [(wavefront, FAR[0]), (text, FAR[0]), (text, FAR[1]), (gltf, FAR[1]), (saved, FAR[1])]
+)
+def test_a_file_far_away_is_the_file_near_by(written: Callable[[Path, Place], Path], place: Place, tmp_path: Path) -> None:
+    frames = []
+    for name, there in (("near", (0.0, 0.0, 0.0)), ("far", place)):
+        folder = tmp_path / name
+        folder.mkdir()
+        scene = irrsplat.load(written(folder, there))
+        assert np.abs(scene.bounds - there - room().bounds).max() < 1e-6
+        assert np.abs(np.subtract(scene.cameras[0].eye, there)).max() < 10.0 * room().diagonal, "in world space"
+        frames.append(rendered(scene))
+    same(frames[1], frames[0], place)
+
+
+# ---- callers ---------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("place", FAR)
+def test_what_callers_give_and_get_is_in_world_space(place: Place) -> None:
+    """Cameras, lights, moves about a point, poses, and the scene that comes back."""
+    about = np.array([0.3, 0.2, -0.1])
+    turn = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+    frames, meshes = [], []
+    for there in ((0.0, 0.0, 0.0), place):
+        scene = at(there)
+        with Renderer(scene, SIZE, **FAST) as renderer:
+            assert renderer.scene.lights == scene.lights and renderer.scene.cameras == scene.cameras
+            lamp = renderer.scene.lights[0]
+            renderer.relight([replace(lamp, position=tuple(np.add(lamp.position, (0.2, -0.1, 0.1))))])
+            centre = about + there
+            renderer.move(1, np.column_stack([turn, centre - turn @ centre + (0.1, 0.0, 0.0)]))
+            frames.append(renderer.render(FRONT.shifted(there)))
+            meshes.append(renderer.scene.meshes[1].positions.astype(float) + renderer.scene.origin)
+            renderer.pose(scene)
+            frames.append(renderer.render(FRONT.shifted(there)))
+    same(frames[2], frames[0], place)
+    same(frames[3], frames[1], place)
+    assert np.abs(meshes[1] - place - meshes[0]).max() < 1e-6
+    assert np.abs(frames[0].direct - frames[1].direct).max() > 0.1 * frames[0].direct.max(), "the changes are seen"
+
+
+def test_meshes_far_away_without_an_origin_get_one() -> None:
+    """As a caller may build them: float32 has lost some 1e-3 of each position then, and no more light than that."""
+    place, near = FAR[0], rendered(room(), FRONT)
+    meshes = (replace(mesh, positions=(mesh.positions + np.array(place)).astype(np.float32)) for mesh in room().meshes)
+    far = rendered(replace(at(place), meshes=tuple(meshes), origin=(0.0, 0.0, 0.0)), FRONT.shifted(place))
+    assert abs(far.irradiance.mean() / near.irradiance.mean() - 1.0) < 0.02
+
+
+@pytest.mark.parametrize("place", FAR)
+def test_a_meter_far_away_reads_the_same(place: Place) -> None:
+    points = np.array([[0.3, 0.0, 0.4], [-0.5, 0.0, 0.2], [0.1, 0.6, 0.3]])
+    found = []
+    for there in ((0.0, 0.0, 0.0), place):
+        with LightMeter(at(there), gather_size=16, bounces=1, shadow_size=64) as meter:
+            found.append(meter.measure(points + there, (0.0, 1.0, 0.0)))
+    assert np.abs(found[1].position - (points + place)).max() < 1e-9
+    assert found[0].total.min() > 0.0
+    assert np.abs(found[1].total - found[0].total).max() < 1e-4 * found[0].total.max()
+
+
+# ---- size ------------------------------------------------------------------------------------------------------------------
+
+
+def times(factor: float, place: Place) -> Place:
+    """A vector that much longer."""
+    x, y, z = (factor * v for v in place)
+    return x, y, z
+
+
+def scaled(scene: Scene, factor: float) -> Scene:
+    """The scene `factor` times as large, its lamps stronger by the square of that: so that all light is the same."""
+    lamps = (
+        replace(lamp, position=times(factor, lamp.position), color=times(factor**2, lamp.color))  # W/sr
+        for lamp in scene.lights
+    )
+    meshes = (replace(mesh, positions=mesh.positions * np.float32(factor)) for mesh in scene.meshes)
+    return replace(scene, meshes=tuple(meshes), lights=tuple(lamps))
+
+
+@pytest.mark.parametrize("factor", [2.0**-10, 2.0**10])
+@pytest.mark.parametrize("gather", ["trace", "raster"])
+def test_no_threshold_is_absolute(gather: str, factor: float) -> None:
+    """A factor that is a power of two rounds nothing: all bits of light are the same, with all bounces too."""
+    frames = []
+    for by in (1.0, factor):
+        camera = replace(FRONT, eye=times(by, FRONT.eye), target=times(by, FRONT.target))
+        settings = {**FAST, "bounces": "all", "gather": gather}
+        with Renderer(scaled(room(), by), SIZE, **settings) as renderer:
+            frames.append(renderer.render(camera))
+    for name in ("image", "irradiance", "weight", "records_irradiance"):
+        assert np.array_equal(*(getattr(frame, name) for frame in frames)), name
+    assert np.array_equal(frames[1].records_radius, frames[0].records_radius * np.float32(factor))
