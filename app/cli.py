@@ -301,7 +301,7 @@ def _check_cache(path: str, scene: Scene, preset: str, values: SettingValues) ->
 
     files.check_file(path)
     if os.path.exists(path):
-        cache_file.read(path, cache_file.key(scene, settings.preset(preset, **values)))
+        cache_file.read(path, cache_file.key(scene.recentred.local, settings.preset(preset, **values)))
 
 
 # ---- after the work ----------------------------------------------------------------------------------------------------

@@ -39,7 +39,7 @@ def run(args: Namespace) -> int:
     elif args.output is not None:
         raise InputError("-o is for the plots of --peers and --growth; give one of them, or --json for the numbers")
     names = args.scenes or (DEFAULT_SCENES if not args.peers else race.DEFAULT_SCENES)
-    loaded = [(name, irrsplat.load(name, **vars(args.loading))) for name in dict.fromkeys(names)]
+    loaded = [(name, irrsplat.load(name, **vars(args.loading)).local) for name in dict.fromkeys(names)]
     if args.peers:
         written: dict[str, object] = {"machine": {}, "runs": []} | race.run([scene for _, scene in loaded], args, bounces)
     elif args.flicker:

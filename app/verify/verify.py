@@ -32,6 +32,8 @@ def run(scene: Scene, camera: Camera, args: Namespace) -> int:
     Raises InputError and IrrsplatError, one line, for what cannot be; KeyboardInterrupt where the user ended it.
     """
     check(args)
+    scene = scene.recentred
+    camera, scene = camera.shifted([-v for v in scene.origin]), scene.local
     for notice in scene.notices:
         say(f"notice: {notice}")
     if args.curve or args.techniques:

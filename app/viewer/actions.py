@@ -120,18 +120,18 @@ class Actions:
         self.say("headlamp on: direct light alone, no shadows" if self.session.headlamp else "headlamp off", topic="headlamp")
 
     def go(self, camera: Camera) -> None:
-        """Jump to a camera."""
+        """Jump to a camera, which is in world space."""
         self.stop()
-        self.session.free_camera.go(camera)
+        self.session.free_camera.go(camera.shifted(np.negative(self.session.origin)) if any(self.session.origin) else camera)
 
     def copy_line(self) -> None:
         """Copy the camera as a line of a .scene to the clipboard."""
-        self._copy(camera_line(self.session.camera))
+        self._copy(camera_line(self.session.world_camera))
         self.say("the camera is in the clipboard, as a line of a .scene")
 
     def copy_flags(self) -> None:
         """Copy the camera as flags of the command line to the clipboard."""
-        self._copy(camera_flags(self.session.camera))
+        self._copy(camera_flags(self.session.world_camera))
         self.say("the camera is in the clipboard, as flags of irrsplat render")
 
     def copy(self, text: str, called: str = "") -> None:
@@ -143,7 +143,7 @@ class Actions:
         """Keep the camera as a bookmark of this scene."""
         taken = {b.name for b in self.bookmarks}
         name = next(n for n in (f"bookmark {i}" for i in range(1, len(taken) + 2)) if n not in taken)
-        self._keep_bookmarks([*self.bookmarks, replace(self.session.camera, name=name)], f"{name} is kept")
+        self._keep_bookmarks([*self.bookmarks, replace(self.session.world_camera, name=name)], f"{name} is kept")
 
     def rename(self, bookmark: Camera, name: str) -> None:
         """Call a bookmark otherwise; raises InputError for no name, or another one's."""
@@ -169,7 +169,7 @@ class Actions:
             self.say("recording the flight; R ends it")
             return
         name = _stamped("flight", self.session.scene.name, ".path")
-        write_text(name, path_text(path))
+        write_text(name, path_text(path.shifted(self.session.origin)))
         self.say(f"{name}: {path.frames} frames; P plays it")
 
     def play(self) -> None:
@@ -366,7 +366,7 @@ class Actions:
     def save(self, name: str, overwrite: bool = False) -> None:
         """Save the scene as it is now under a name, a `.scene` with its lights and objects beside it. Raises InputError where
         there is such a file, and it may not be overwritten."""
-        path, scene = Path(self.scene_path(name)), self.session.scene
+        path, scene = Path(self.scene_path(name)), self.session.scene.placed(self.session.origin)
         lost = write_scene(scene, path, overwrite)
         self.panels.save = False
         self.say(f"{path} is written, with {parts_folder(path).name}")
@@ -430,7 +430,7 @@ class Actions:
         if Path(source).suffix == ".path":
             path = load_path(source, self.session.camera.fov)
             path.motions.check(self.session.scene, path.frames)
-            self.session.path_recorder.path = path
+            self.session.path_recorder.path = path.shifted(np.negative(self.session.origin))
             self.session.path_recorder.play()
             return
         if problem := self.leaving():

@@ -40,7 +40,9 @@ _MOST_PARKED = 2_000_000  # triangles of a scene that is kept on the GPU once mo
 
 
 class Session(Owner):
-    """One scene on show in a context of the caller's. size: pixels. values: settings on top of the preset.
+    """One scene on show in a context of the caller's. size: pixels. values: settings on top of the preset. camera: world space.
+
+    All that is on show is relative to `origin`, the scene's: what people give and get has it added.
 
     A side (0 left, 1 right) is a part of the window; in a split by presets each side has a renderer of its own.
     Raises what Renderer raises; whatever fails later leaves everything as it was.
@@ -55,13 +57,15 @@ class Session(Owner):
         values: SettingValues | None = None,
         camera: Camera | None = None,
     ) -> None:
+        scene = scene.recentred
+        self.origin, scene = scene.origin, scene.local
         self.ctx, self.size, self.scene = ctx, size, scene
         self.options = ViewOptions()
         self.renderers = [Renderer(scene, size, preset, ctx=ctx, **(values or {}))]  # of the left side; of the right one too
         self.parked: Renderer | None = None  # of the preset that was left last, with its records
         self.free_camera = FreeCamera(scene.camera(), scene.diagonal, scene.up)
         if camera is not None:
-            self.free_camera.go(camera)
+            self.free_camera.go(camera.shifted(np.negative(self.origin)))
         self.views: list[View] = []
         self.progress: list[Progress] = []
         self.ms: dict[str, float] = {}  # milliseconds of the last tick by stage
@@ -94,6 +98,11 @@ class Session(Owner):
     def camera(self) -> Camera:
         """What is looked through now: the path's camera while it plays, else the free camera."""
         return self.path_recorder.camera or self.free_camera.camera
+
+    @property
+    def world_camera(self) -> Camera:
+        """The same in world space."""
+        return self.camera.shifted(self.origin) if any(self.origin) else self.camera
 
     @property
     def at_rest(self) -> bool:
@@ -239,10 +248,11 @@ class Session(Owner):
     def source(self, side: int) -> ViewSource:
         """What a side's buffers are shown of: the last tick's view."""
         if (snapshot := self.snapshot(side)) is not None:
-            return ViewSource(self.renderers[0], snapshot.view, self.exposure)
+            return ViewSource(self.renderers[0], snapshot.view, self.exposure, origin=self.origin)
         i = side if len(self.views) == 2 and self.options.split == "presets" else 0
         renderer, view = self.renderers[i], self.views[i]
-        return ViewSource(renderer, view, self.exposure, self.truth(view.camera, renderer.settings), self.light_scale)
+        truth = self.truth(view.camera, renderer.settings)
+        return ViewSource(renderer, view, self.exposure, truth, self.light_scale, self.origin)
 
     @property
     def light_scale(self) -> LightScale:
@@ -264,7 +274,7 @@ class Session(Owner):
         stats["error"] = progress.error
         stats |= source.renderer.stats(source.view)
         stats["exposure"] = self.exposure
-        return read(source.view, source.renderer.cache.read(), stats)
+        return read(source.view, source.renderer.cache.read(), stats).placed(self.origin)
 
     # ---- what changes ----------------------------------------------------------------------------------------------
 
@@ -377,7 +387,7 @@ class Session(Owner):
         path = self.path_recorder.path
         frame = path.frames - 1.0 if path is not None and ended else self.path_recorder.frame
         if path is not None and frame is not None and path.motions:
-            scene = path.motions.at(self.scene, frame)
+            scene = path.motions.at(self.scene.placed(self.origin), frame).local
             for renderer in self.renderers:
                 renderer.pose(scene)
 
@@ -430,6 +440,8 @@ class Session(Owner):
 
     def open(self, scene: Scene, keep_camera: bool = False) -> None:
         """Show another scene with the same settings, from its own first camera; or from where one is, with path and speed."""
+        scene = scene.recentred
+        origin, scene = scene.origin, scene.local
         made: list[Renderer] = []
         try:
             for r in self.renderers:
@@ -443,9 +455,13 @@ class Session(Owner):
         self.unpark()
         self.renderers, self.scene = made, scene
         before, self.free_camera = self.free_camera, FreeCamera(scene.camera(), scene.diagonal, scene.up)
+        moved, self.origin = np.subtract(self.origin, origin), origin
         if keep_camera:
-            self.free_camera.go(before.camera)
+            self.free_camera.go(before.camera.shifted(moved) if moved.any() else before.camera)
             self.free_camera.speed = before.speed
+        if moved.any():
+            self.path_recorder.shift(moved)
+            self.line = MeasuringLine()
         if not keep_camera or not self.path_recorder.fits(scene):
             self.path_recorder = PathRecorder()
         if not keep_camera:

@@ -7,9 +7,10 @@ import os
 import pathlib
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+import numpy.typing as npt
 
 from irrsplat.core.errors import InputError
 from irrsplat.core.words import number, quote
@@ -45,6 +46,10 @@ class Path:
     def __iter__(self) -> Iterator[Camera]:
         """The cameras of all frames, in order."""
         return map(self.camera, range(self.frames))
+
+    def shifted(self, by: npt.ArrayLike) -> Path:
+        """The path with its keys `by` (3,) metres from here, as they are relative to an origin; motions stay in world space."""
+        return replace(self, keys=tuple(key.shifted(by) for key in self.keys)) if np.any(by) else self
 
     def camera(self, frame: float) -> Camera:
         """The camera at `frame`, which may lie between two frames: 0 is the first key, frames - 1 the last one.
@@ -101,12 +106,13 @@ def path_text(path: Path) -> str:
 
 
 def camera_line(camera: Camera) -> str:
-    """The `cam` line of one camera, as a `.scene` or a path has it, in numbers of six digits; without name and end of line."""
+    """The `cam` line of one camera, as a `.scene` or a path has it, in numbers of six digits or to the millimetre; without name
+    and end of line."""
     return f"cam {'  '.join(_words(camera, _short)[:3])}"
 
 
 def camera_flags(camera: Camera) -> str:
-    """One camera as flags of the command line: --eye, --target, --up and --fov, in numbers of six digits."""
+    """One camera as flags of the command line: --eye, --target, --up and --fov, in such numbers."""
     eye, target, up, fov = _words(camera, _short)
     return f"--eye {eye} --target {target} --up {up} --fov {fov}"
 
@@ -210,4 +216,4 @@ def _read(words: str) -> tuple[float, float, float]:
 
 
 def _short(x: float) -> str:
-    return f"{x:.6g}"
+    return f"{x:.6g}" if abs(x) < 1e3 else f"{round(x, 3):.15g}"  # far away to the millimetre

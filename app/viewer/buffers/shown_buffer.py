@@ -44,6 +44,7 @@ class ViewSource:
     """One side of the window, which buffers are shown of: a renderer's view, exposed by `exposure` stops.
 
     truth: the path-traced truth of this very view, where there is one. light_scale: of false colours, its upper end known.
+    origin: world space, what the view's positions are relative to.
     """
 
     renderer: Renderer
@@ -51,6 +52,7 @@ class ViewSource:
     exposure: float
     truth: Truth | None = None
     light_scale: LightScale = LightScale()  # it is frozen
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @property
     def settings(self) -> Settings:

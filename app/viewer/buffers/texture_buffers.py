@@ -206,7 +206,9 @@ class VectorBuffer(TextureBuffer):
     def legend(self, source: ViewSource) -> Legend:
         """The ends; of unit vectors they are the same on all axes."""
         axes, unit = (1, "") if self.unit == "1" else (3, self.unit)
-        low, high = (" ".join(f"{v:.3g}" for v in end[:axes]) for end in self.ends(source.scene))
+        far = any(source.origin) and axes == 3
+        ends = self.ends(source.scene) + source.origin if far else self.ends(source.scene)
+        low, high = (" ".join(f"{v:.2f}" if far else f"{v:.3g}" for v in end[:axes]) for end in ends)
         return Legend("x y z as red, green, blue" + self.note, low, high, unit)
 
     def great(self, source: ViewSource) -> float:

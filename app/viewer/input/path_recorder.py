@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from irrsplat.core.errors import InputError
 from irrsplat.scene.camera_path import Path
 from irrsplat.scene.model import Camera, Scene
@@ -67,6 +69,11 @@ class PathRecorder:
         keys, self.recording = self.recording, None
         self.path = Path(tuple(keys), 1 + round((len(keys) - 1) * KEY_EVERY * FPS))
         return self.path
+
+    def shift(self, by: np.ndarray) -> None:
+        """Take all keys (3,) metres from where they are."""
+        self.path = None if self.path is None else self.path.shifted(by)
+        self.recording = None if self.recording is None else [camera.shifted(by) for camera in self.recording]
 
     def play(self) -> None:
         """Play the path from its start, where there is one."""

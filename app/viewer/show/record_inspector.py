@@ -55,7 +55,7 @@ class RecordInspector(Owner):
         picture = self.hemisphere(number, source)
         if picture is None:
             return None
-        lines = self.table(side, source).describe(number, source.view, source.settings)
+        lines = self.table(side, source).describe(number, source.view, source.settings, source.origin)
         return InspectedRecord(number, side, lines, picture, served)
 
     def hemisphere(self, number: int, source: ViewSource) -> moderngl.Texture | None:

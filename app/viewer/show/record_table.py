@@ -81,13 +81,15 @@ class RecordTable:
         best = int(np.argmax(w))
         return best if w[best] > 0.0 else None
 
-    def describe(self, number: int, view: View, settings: Settings) -> list[tuple[str, str]]:
-        """What record `number` holds, a label and a text each, with units."""
+    def describe(
+        self, number: int, view: View, settings: Settings, origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    ) -> list[tuple[str, str]]:
+        """What record `number` holds, a label and a text each, with units. origin: world space, of the records' positions."""
         E, R = self.irradiance[number], float(self.radius[number])
         along, across = self.reach(view.camera, settings)[number]
         lines = [
             ("record", f"{number} of {len(self)}"),
-            ("position", " ".join(f"{v:.3f}" for v in self.position[number]) + " m"),
+            ("position", " ".join(f"{v:.3f}" for v in self.position[number].astype(float) + origin) + " m"),
             ("normal", " ".join(f"{v:.3f}" for v in self.normal[number])),
             ("irradiance", " ".join(f"{v:.3g}" for v in E) + " W/m²"),
             ("luminance", f"{float(E @ LUMINANCE):.3g} W/m²"),

@@ -75,6 +75,8 @@ class Legends:
         session, value = self.actions.session, self.display.value(side, cursor)
         buffer, flip = BUFFERS[session.buffer(side)], session.compared and session.options.compare == "FLIP"
         unit = "1" if flip else buffer.unit_shown(session.source(side))
+        if value is not None and buffer.name == "position" and any(session.origin) and not session.compared:
+            return in_unit(" ".join(f"{v:.3f}" for v in value.astype(float) + session.origin), unit)
         return "" if value is None else in_unit(" ".join(f"{v:.4g}" for v in value), unit)
 
     def _legend(self, side: int, cursor: tuple[int, int] | None) -> None:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 from imgui_bundle import imgui
 
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.editing.colour_temperature import COLDEST, HOTTEST
 from irrsplat.app.viewer.editing.editor import KINDS
-from irrsplat.app.viewer.editing.lamps import Lamp
+from irrsplat.app.viewer.editing.lamps import Lamp, Vector
 from irrsplat.app.viewer.editing.picking import on_screen
 from irrsplat.app.viewer.ui.editing.handles import choose_handles
 from irrsplat.app.viewer.ui.editing.sky_panel import draw_sky
@@ -92,16 +93,15 @@ class LightsPanel:
         step = session.scene.diagonal / 500.0 if not light.directional else 0.01
         self._width()
         label = "towards" if light.directional else "position"
-        moved, place = imgui.drag_float3(label, list(light.position), step, 0, 0, "%.3f")
-        x, y, z = place
-        if moved and (any(place) or not light.directional) and tuple(place) != light.spot_target:
-            lamp = lamp.moved((x, y, z))
+        moved, place = self._dragged(label, light.position, step, light.directional)
+        if moved and (any(place) or not light.directional) and place != light.spot_target:
+            lamp = lamp.moved(place)
         if light.spot_target is None:
             return lamp
         self._width()
-        moved, aim = imgui.drag_float3("aims at", list(light.spot_target), step, 0, 0, "%.3f")
-        if moved and tuple(aim) != tuple(lamp.light.position):
-            lamp = lamp.aimed((aim[0], aim[1], aim[2]))
+        moved, aim = self._dragged("aims at", light.spot_target, step)
+        if moved and aim != tuple(lamp.light.position):
+            lamp = lamp.aimed(aim)
         editor.aiming = choose_handles("aim", editor.aiming)
         if not light.has_cone:
             return lamp
@@ -113,6 +113,17 @@ class LightsPanel:
         softer, inner = imgui.slider_float("full inside", inner, 0.0, cutoff, "%.1f°")
         imgui.set_item_tooltip("half the angle inside which it is as bright as in the middle")
         return lamp.coned(cutoff, inner) if wider or softer else lamp
+
+    def _dragged(self, label: str, place: Vector, step: float, direction: bool = False) -> tuple[bool, Vector]:
+        """Draw the widget of a place, in world space, or of a direction; whether it has changed, and the place as it is now."""
+        origin = self.actions.session.origin
+        if direction or not any(origin):
+            moved, (x, y, z) = imgui.drag_float3(label, list(place), step, 0, 0, "%.3f")
+            return moved, (x, y, z)
+        shown = np.add(place, origin).astype(np.float32).tolist()  # as the widget has it
+        moved, now = imgui.drag_float3(label, list(shown), step, 0, 0, "%.3f")
+        x, y, z = np.add(place, np.subtract(now, shown)).tolist()
+        return moved, (x, y, z)
 
     def _coloured(self, lamp: Lamp) -> Lamp:
         """The lamp, with what the widgets of its colour have changed."""

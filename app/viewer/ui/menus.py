@@ -133,7 +133,7 @@ class Menus:
 
     def _cameras(self) -> None:
         actions = self.actions
-        for i, camera in enumerate(actions.session.scene.cameras):
+        for i, camera in enumerate(actions.session.scene.placed(actions.session.origin).cameras):
             if imgui.menu_item(f"{camera.name or ('first' if i == 0 else f'camera {i + 1}')}##{i}", "", False)[0]:
                 actions.go(camera)
         if actions.bookmarks:

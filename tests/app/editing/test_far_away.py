@@ -1,0 +1,95 @@
+"""A scene far from 0 0 0 in the window: what one reads, types, copies and saves is in world space."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import irrsplat
+from irrsplat.app.viewer.buffers.table import BUFFERS
+from irrsplat.scene.camera_path import load_path
+from tests.support.viewing import Driver, push, viewing, write_room
+
+PLACE = (2e6, -1e6, 5e5)
+
+
+def carry(path: Path) -> None:
+    """Move a room to PLACE: its cameras, its lamp, and all objects by a matrix."""
+    lines = []
+    for line in path.read_text().splitlines():
+        words = line.split()
+        if words and words[0] == "cam":
+            first = len(words) - 9  # behind a camera's name
+            words[first : first + 6] = [repr(float(v) + PLACE[i % 3]) for i, v in enumerate(words[first : first + 6])]
+        lines.append(" ".join(words))
+        if words and words[0] == "proj":
+            lines.append("trans {} {} {}".format(*PLACE))
+    path.write_text("\n".join(lines) + "\n")
+    lamp = path.with_name("lamp.light")
+    word, *place, last = lamp.read_text().splitlines()[0].split()
+    moved = [repr(float(v) + by) for v, by in zip(place, PLACE, strict=True)]
+    lamp.write_text(" ".join([word, *moved, last]) + "\n" + lamp.read_text().split("\n", 1)[1])
+
+
+@pytest.fixture(scope="module")
+def driver(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Driver]:
+    """A viewer of the room that lies far away."""
+    path = write_room(tmp_path_factory.mktemp("far"))
+    carry(path)
+    with viewing(path) as made:
+        yield made
+
+
+def test_what_people_give_and_get_is_in_world_space(driver: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("IRRSPLAT_CONFIG", str(tmp_path / "config"))
+    session, actions = driver.session, driver.actions
+    driver.settle()
+    assert session.origin != (0.0, 0.0, 0.0) and np.abs(session.camera.eye).max() < 10.0
+    scene = irrsplat.load(driver.actions.source)
+    assert session.world_camera.eye == pytest.approx(scene.cameras[0].eye, abs=1e-6)
+    assert session.progress[0].coverage == 1.0 and session.frame().irradiance.mean() > 0.0
+
+    seen = np.isfinite(session.frame().depth)
+    position = session.frame().position[seen].astype(float)
+    assert (position > scene.bounds[0] - 0.5).all() and (position < scene.bounds[1] + 0.5).all()
+    source = session.source(0)
+    low, high = (
+        np.array([float(v) for v in end.split()])
+        for end in (BUFFERS["position"].legend(source).low, BUFFERS["position"].legend(source).high)
+    )
+    assert np.abs(np.stack([low, high]) - scene.bounds).max() < 0.01
+    driver.actions.show("position")
+
+    copied: list[str] = []
+    monkeypatch.setattr(actions, "_copy", copied.append)
+    actions.copy_flags()
+    eye = [float(v) for v in copied[0].split("--eye ")[1].split(" --")[0].split()]
+    assert eye == pytest.approx(scene.cameras[0].eye, abs=1e-3)
+
+    push(driver, "R")
+    driver.frame(3, dt=0.3)
+    push(driver, "R")
+    (flight,) = tmp_path.glob("*.path")
+    assert load_path(flight).keys[0].eye == pytest.approx(session.world_camera.eye, abs=1e-6)
+    before = session.camera
+    actions.open(str(flight))
+    driver.frame(1)
+    assert session.camera.eye == pytest.approx(before.eye, abs=1e-6)
+    actions.stop()
+
+    actions.bookmark()
+    assert actions.bookmarks[-1].eye == pytest.approx(scene.cameras[0].eye, abs=1e-6)
+    actions.go(actions.bookmarks[-1])
+    assert session.camera.eye == pytest.approx(before.eye, abs=1e-6)
+
+    actions.save("again")
+    again = irrsplat.load("again.scene")
+    assert np.abs(again.bounds - scene.bounds).max() < 1e-6
+    assert again.lights[0].position == pytest.approx(scene.lights[0].position, abs=1e-6)
+    actions.reload()
+    driver.settle()
+    assert session.camera.eye == pytest.approx(before.eye, abs=1e-6) and session.frame().irradiance.mean() > 0.0
