@@ -183,7 +183,7 @@ def _luminaire(light: Light) -> str:
 
 
 def _point(values: Iterable[float]) -> str:
-    return "(" + " ".join(f"{float(v):.4g}" for v in values) + ")"
+    return "(" + " ".join(f"{float(v):.4g}" if abs(v) < 1e4 else f"{round(float(v), 2):.15g}" for v in values) + ")"
 
 
 def _count(n: int, one: str, many: str) -> str:

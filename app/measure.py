@@ -164,10 +164,11 @@ def _rows(table: _Table, form: str) -> Iterator[list[str]]:
         *(name + colour for name in parts for colour in colours),
         "status",
     ]
+    exact = form if readings.position.dtype == np.float32 else "{:.12g}"  # far from 0 0 0
     light = np.concatenate([values.reshape(len(values), -1) for values in parts.values()], axis=1)
     for place, values, status in zip(places, light.tolist(), readings.status.tolist(), strict=True):
         shown = [form.format(v) if status == Status.OK else "" for v in values]
-        yield [*(form.format(v) for v in place), *shown, Status(status).word]
+        yield [*(exact.format(v) for v in place), *shown, Status(status).word]
 
 
 def _told(summary: Summary, grid: Grid | None, along: np.ndarray | None) -> Iterator[str]:

@@ -216,8 +216,8 @@ def test_a_path_is_read_back_bit_by_bit(read: Callable[..., Path]) -> None:
 
 def test_a_camera_as_a_line_and_as_flags(read: Callable[..., Path]) -> None:
     camera = Camera((1 / 3, -2e-7, 1234567.0), (np.float64(0.5), 0, -1), (0, 1, 0), 39.3077, name="side")
-    assert camera_line(camera) == "cam 0.333333 -2e-07 1.23457e+06  0.5 0 -1  0 1 0"
-    assert camera_flags(camera) == "--eye 0.333333 -2e-07 1.23457e+06 --target 0.5 0 -1 --up 0 1 0 --fov 39.3077"
+    assert camera_line(camera) == "cam 0.333333 -2e-07 1234567  0.5 0 -1  0 1 0"
+    assert camera_flags(camera) == "--eye 0.333333 -2e-07 1234567 --target 0.5 0 -1 --up 0 1 0 --fov 39.3077"
     read(camera_line(camera))
 
 

@@ -886,6 +886,20 @@ SCENES = (
         ("tests/scene/test_text.py::test_normals_follow_the_inverse_transpose",),
     ),
     Mutant(
+        "rotation about the wrong point far away",
+        "irrsplat/scene/motion.py",
+        "matrix[:3, :3] @ scene.origin - scene.origin",
+        "scene.origin - matrix[:3, :3] @ scene.origin",
+        ("tests/renderer/test_place.py::test_what_callers_give_and_get_is_in_world_space[place0]",),
+    ),
+    Mutant(
+        "origin taken off after rounding",
+        "irrsplat/scene/io/mesh_builder.py",
+        "+ (matrix[:3, 3] - origin)",
+        "+ matrix[:3, 3]; world = world.astype(np.float32) - np.float32(origin)",
+        ("tests/renderer/test_place.py::test_a_file_far_away_is_the_file_near_by[text-place2]",),
+    ),
+    Mutant(
         "emission taken for the reflectance",
         "irrsplat/scene/io/obj/mtl.py",
         'entry.values.get("kd", (1.0,)',
