@@ -15,8 +15,9 @@ from irrsplat.gpu.bvh_table import BvhTable
 from irrsplat.gpu.target import pixels
 from irrsplat.indirect.change_probe import ChangeProbe
 from irrsplat.records.record_cache import RecordCache
-from irrsplat.scene import ray_caster
+from irrsplat.scene import change, ray_caster
 from irrsplat.scene.flatten import flatten
+from irrsplat.scene.model import Mesh
 from tests.renderer.test_move import BOX, shift
 from tests.renderer.test_renderer import FAST, SIZE, room
 from tests.support.viewing import Driver, push
@@ -142,3 +143,28 @@ def test_without_bounces_what_a_record_sees_is_shown_as_it_was_gathered(driver: 
     push(driver, "I")
     driver.frame(2)
     assert driver.viewer.inspected is not None
+
+
+def test_meshes_are_compared_once_for_a_change(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However many follow it: lights, records, triangles, the surface cache; and not at all where nothing has changed."""
+    compared: list[str] = []
+    real = change.is_elsewhere
+
+    def counted(before: Mesh, after: Mesh) -> bool:
+        compared.append(after.name)
+        return real(before, after)
+
+    monkeypatch.setattr(change, "is_elsewhere", counted)
+    with Renderer(room(), SIZE, **{**FAST, "bounces": "all"}) as renderer:
+        renderer.render()
+        assert not compared
+        meshes = len(renderer.scene.meshes)
+        for act in (
+            lambda: renderer.move(BOX, WAY),
+            lambda: renderer.relight(TWO),
+            lambda: renderer.repaint(BOX, replace(renderer.scene.meshes[BOX].material, albedo=(0.1, 0.2, 0.3))),
+        ):
+            compared.clear()
+            act()
+            renderer.frame()
+            assert len(compared) == meshes
