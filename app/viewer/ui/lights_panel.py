@@ -115,14 +115,11 @@ class LightsPanel:
         return lamp.coned(cutoff, inner) if wider or softer else lamp
 
     def _dragged(self, label: str, place: Vector, step: float, direction: bool = False) -> tuple[bool, Vector]:
-        """Draw the widget of a place, in world space, or of a direction; whether it has changed, and the place as it is now."""
-        origin = self.actions.session.origin
-        if direction or not any(origin):
-            moved, (x, y, z) = imgui.drag_float3(label, list(place), step, 0, 0, "%.3f")
-            return moved, (x, y, z)
-        shown = np.add(place, origin).astype(np.float32).tolist()  # as the widget has it
-        moved, now = imgui.drag_float3(label, list(shown), step, 0, 0, "%.3f")
-        x, y, z = np.add(place, np.subtract(now, shown)).tolist()
+        """Draw the widget of a place or a direction; whether it has changed, and what it is now. Far from 0 0 0, where a widget's
+        float32 is too coarse, a place is relative to the scene's origin, and world space stands below it."""
+        moved, (x, y, z) = imgui.drag_float3(label, list(place), step, 0, 0, "%.3f")
+        if any(self.actions.session.origin) and not direction:
+            imgui.text_disabled("in the file: " + " ".join(f"{v:.3f}" for v in np.add((x, y, z), self.actions.session.origin)))
         return moved, (x, y, z)
 
     def _coloured(self, lamp: Lamp) -> Lamp:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from imgui_bundle import imgui
 
 import irrsplat
 from irrsplat.app.viewer.buffers.table import BUFFERS
@@ -63,6 +64,18 @@ def test_what_people_give_and_get_is_in_world_space(driver: Driver, tmp_path: Pa
     )
     assert np.abs(np.stack([low, high]) - scene.bounds).max() < 0.01
     driver.actions.show("position")
+
+    said: list[str] = []
+    monkeypatch.setattr(imgui, "text_disabled", said.append)
+    driver.actions.show("image")
+    driver.actions.panels.lights = True
+    driver.frame(3)
+    x = scene.lights[0].position[0]
+    driver.drag(driver.find("position").at(0.15), driver.find("position").at(0.3))
+    now = session.scene.lights[0].position[0] + session.origin[0]
+    assert x + 0.01 < now < x + 2.0 and any(one.startswith(f"in the file: {now:.3f} ") for one in said)
+    driver.actions.undo()
+    driver.actions.panels.lights = False
 
     copied: list[str] = []
     monkeypatch.setattr(actions, "_copy", copied.append)
