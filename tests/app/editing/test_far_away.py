@@ -106,3 +106,9 @@ def test_what_people_give_and_get_is_in_world_space(driver: Driver, tmp_path: Pa
     actions.reload()
     driver.settle()
     assert session.camera.eye == pytest.approx(before.eye, abs=1e-6) and session.frame().irradiance.mean() > 0.0
+
+
+def test_a_profile_of_positions_is_in_world_space(driver: Driver) -> None:
+    driver.settle()
+    profile = driver.display.line_profile.measure("position", driver.session.source(0), (-0.5, -0.999, 0.2), (0.5, -0.999, 0.2))
+    assert np.nanmax(np.abs(profile.values[:, 1] - (PLACE[1] - 1.0))) < 0.05, "the floor"

@@ -66,6 +66,8 @@ class LineProfile(Owner):
         ]
         channels = max((len(value) for value in found if value is not None), default=1)
         values = np.array([np.full(channels, np.nan) if value is None else value for value in found], float)
+        if name == "position":
+            values = values + source.origin
         names = ("",) if channels == 1 else ("x", "y", "z") if name in ("position", "normal") else ("r", "g", "b")
         return Profile(share * dist(start, end), values, buffer.unit_shown(source), names)
 
