@@ -46,6 +46,7 @@ def trace(
     else:
         albedo, normal = centre.albedo, centre.normal
 
+    valid &= reflects(albedo)
     halves = _halves(tracer, _Places(seen, centre.position, normal, centre.geometric), side, bounces, 0, report)
     sky = scene.sky_radiance(camera_rays(camera, size)).reshape(height, width, 3) if scene.own_sky else 0.0
     return {
@@ -115,10 +116,11 @@ def _places(tracer: Tracer, camera: Camera, size: tuple[int, int]) -> tuple[_Pla
     """What the pixels' centres see, and (H, W) the pixels in which irradiance may be compared."""
     middle = view(tracer, camera, size)
     centre, hit = middle.image(size), surface(middle, camera)
-    normal = centre.normal
+    albedo, normal = centre.albedo, centre.normal
     if any(mesh.material.textures for mesh in tracer.scene.meshes):
-        _, normal = over_pixels(tracer, camera, size, centre)
+        albedo, normal = over_pixels(tracer, camera, size, centre)
     valid = valid_pixels(centre.position, centre.smooth, centre.seen, tracer.scene.diagonal) & ~image(hit.ambiguous, size)
+    valid &= reflects(albedo)
     return _Places(centre.seen, centre.position, normal, centre.geometric), valid
 
 
@@ -156,6 +158,12 @@ def valid_pixels(position: np.ndarray, normal: np.ndarray, seen: np.ndarray, dia
     valid: np.ndarray = np.logical_and.reduce(turned & flat & neighbours(seen), axis=0)
     valid[[0, -1]] = valid[:, [0, -1]] = False
     return valid
+
+
+def reflects(albedo: np.ndarray) -> np.ndarray:
+    """(H, W) pixels in which irradiance makes a difference: a black lamp shows its own light, whatever falls on it."""
+    some: np.ndarray = (albedo > 0.0).any(axis=-1)
+    return some
 
 
 def direct_light(tracer: Tracer, camera: Camera, hit: Hit, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:

@@ -16,7 +16,7 @@ from irrsplat.reference.disk_cache import folder
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import preset
 
-VERSION = 4  # of what is traced and how; older files in the cache are not read
+VERSION = 5  # of what is traced and how; older files in the cache are not read
 MOST_BOUNCES = preset(bounces="all").most_bounces  # what a surface of reflectance ρ adds after N is ρ^N of the first one's
 MOST_SAMPLES = 131_072  # what is in flight at once fits into memory
 NOTHING = "the camera sees no smooth surface, so there is nothing to compare; give another camera or a larger size"
@@ -33,7 +33,7 @@ class Traced:
     (H, W, 3) bent by the normal map, turned to the camera; irradiance is about it. tint: (H, W, 3) what filters in front leave
     of all that; glow: (H, W, 3) the radiance that they add.
     opacity: (H, W) of the nearest filter, or 1 of a surface. The rest are (H, W) bool:
-    seen: there is a surface. valid: and the surface is smooth in the 3×3 pixels around: irradiance is compared there.
+    seen: there is a surface. valid: and it reflects light, and is smooth in the 3×3 pixels around: irradiance is compared there.
     clear: and no shadow's edge is near: direct light is compared there.
     """
 

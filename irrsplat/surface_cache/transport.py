@@ -9,6 +9,7 @@ import numpy as np
 
 CONVERGED = 0.01  # of E: with all bounces wanted, no more are summed where less than this share is still to come
 POCKETS = 0.05  # of the area: what lacks most does not decide whether that is so
+_CLOSELY = 8  # bounces: what remains is asked for after each of these, then after every fourth: asking costs more than a bounce
 
 
 class Transport:
@@ -57,7 +58,7 @@ class BouncedLight:
     """The irradiance E (S, 3) at sites, W/m², after all of `bounces` but the last, which a gather from the sites adds.
 
     remaining: about the share of E that further bounces would add, in the channel that lacks most, on all surfaces but those
-    POCKETS that lack most; None where that is not known.
+    POCKETS that lack most; None where that is not known. It is what was found when it was asked for last.
     Where all bounces are wanted and less than CONVERGED remains, E includes it, as if bounces went on fading as they did.
     complete: no more bounces follow.
     """
@@ -81,16 +82,18 @@ def sum_bounces(
     E_1: (S, 3) W/m². area: (S,) of the surface that each site stands for. transport: not needed for two bounces.
     """
     total = term = E_1.astype(np.float32)
+    remaining = None
     if transport is None:
         yield BouncedLight(total, 2, None, True)
         return
     for made in range(2, most + 1):
         after = transport(term)  # the bounce that a gather from `total` adds
-        rest = _rest(term, after, area)
-        remaining = _share(rest, total + after, area)
-        if everything and remaining < CONVERGED:
-            yield BouncedLight(total + after + rest, made, remaining, True)
-            return
+        if made <= _CLOSELY or made % 4 == 0 or made == most:
+            rest = _rest(term, after, area)
+            remaining = _share(rest, total + after, area)
+            if everything and remaining < CONVERGED:
+                yield BouncedLight(total + after + rest, made, remaining, True)
+                return
         yield BouncedLight(total, made, remaining, made == most)
         total, term = total + after, after
 
