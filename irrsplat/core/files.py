@@ -1,4 +1,7 @@
-"""Files that are written completely or not at all: under a temporary name beside their place first, then renamed."""
+"""Files that are written completely or not at all: under a temporary name beside their place first, then renamed.
+
+What a process that was killed left under such a name goes when the next one writes there: whoever fills it holds a lock on it.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,14 @@ import numpy as np
 
 from irrsplat.core.errors import InputError, IrrsplatError
 
+try:
+    import fcntl
+except ImportError:  # Windows has no such locks: nothing is swept there
+    fcntl = None  # type: ignore[assignment]
+
 Pathlike = str | os.PathLike[str]
+
+_PARTS = ".irrsplat-*.part*"
 
 
 def check_file(path: Pathlike) -> None:
@@ -64,6 +74,38 @@ def _part(folder: Path, ending: str = "") -> Path:
 
 
 @contextmanager
+def _held(part: Path) -> Iterator[None]:
+    """Holds the lock of a temporary file or folder that this process has just made, as long as it lives or until this ends."""
+    if fcntl is None:
+        yield
+        return
+    handle = os.open(part, os.O_RDONLY)
+    try:
+        with suppress(OSError):  # a file system without locks: the file is written all the same
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+    finally:
+        os.close(handle)
+
+
+def _sweep(folder: Path) -> None:
+    """Remove temporary files and folders in `folder` whose process is dead: those that nobody holds."""
+    if fcntl is None:
+        return
+    for part in folder.glob(_PARTS):
+        with suppress(OSError):  # it has gone meanwhile, belongs to somebody else, or is held
+            handle = os.open(part, os.O_RDONLY | os.O_NOFOLLOW)
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                if part.is_dir():
+                    shutil.rmtree(part, ignore_errors=True)
+                else:
+                    part.unlink()
+            finally:
+                os.close(handle)
+
+
+@contextmanager
 def _naming(path: Pathlike) -> Iterator[None]:
     """Turns errors of the system, numpy or OpenEXR while writing into one IrrsplatError that names `path`."""
     try:
@@ -79,8 +121,11 @@ def _write_file(path: Pathlike, write: Callable[[Path], object]) -> None:
     part = _part(target.parent, target.suffix)
     try:
         with _naming(path):
-            write(part)
-            os.replace(part, target)
+            _sweep(target.parent)
+            part.touch(exist_ok=False)
+            with _held(part):
+                write(part)
+                os.replace(part, target)
     finally:
         part.unlink(missing_ok=True)
 
@@ -91,16 +136,18 @@ def _write_folder(folder: Path, pictures: Iterator[tuple[str, np.ndarray]]) -> N
     part = _part(folder if exists else folder.parent)
     try:
         with _naming(folder):
+            _sweep(part.parent)
             part.mkdir()
-            names = []
-            for name, display in pictures:
-                _png(part / name, display)
-                names.append(name)
-            if not exists:
-                os.replace(part, folder)
-                return
-            for name in names:
-                os.replace(part / name, folder / name)
+            with _held(part):
+                names = []
+                for name, display in pictures:
+                    _png(part / name, display)
+                    names.append(name)
+                if not exists:
+                    os.replace(part, folder)
+                    return
+                for name in names:
+                    os.replace(part / name, folder / name)
     finally:
         shutil.rmtree(part, ignore_errors=True)
 
