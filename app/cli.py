@@ -7,6 +7,7 @@ import argparse
 import io
 import logging
 import os
+import signal
 import sys
 import traceback
 import warnings
@@ -39,7 +40,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             stream.reconfigure(errors="backslashreplace")  # a terminal without UTF-8 is no reason to fail
     debug = bool(os.environ.get("IRRSPLAT_DEBUG"))
     try:
-        with _quiet_libraries(debug):
+        with _quiet_libraries(debug), _ended_as_by_ctrl_c():
             if "_ARGCOMPLETE" in os.environ:  # a shell asks what may come next
                 from irrsplat.app import completion as tab
 
@@ -387,6 +388,24 @@ def _quiet_libraries(debug: bool) -> Iterator[None]:
             warnings.simplefilter("ignore")
             logging.getLogger("trimesh").addHandler(logging.NullHandler())
         yield
+
+
+@contextmanager
+def _ended_as_by_ctrl_c() -> Iterator[None]:
+    """While this lasts, a request to end (SIGTERM) does what Ctrl-C does, which writes the last whole round."""
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    try:
+        before = signal.signal(signal.SIGTERM, interrupt)
+    except ValueError:  # not in the main thread, which is the only one that may
+        yield
+        return
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 if __name__ == "__main__":
