@@ -71,7 +71,7 @@ class Frame:
         """Write this frame in the format that `path`'s ending names; a file there is replaced whole, or not at all.
 
         .png: the picture, exposed, tone-mapped, sRGB, 8 bit, before its backdrop; with alpha where that is clear. .exr: a float32
-        layer per buffer; image has A where the backdrop is clear, multiplied in. .npz: every buffer, the records
+        layer per buffer, and the stats without times; image has A where the backdrop is clear, multiplied in. .npz: every buffer, the records
         and the stats (JSON text). A path without an ending, with a slash at its end, or of an existing folder: a PNG per
         buffer, and the paper's figures. buffers: the names of those that go into EXR, NPZ or folder (default: all).
         Raises InputError for a path or name that cannot be right, IrrsplatError where writing fails.
@@ -93,7 +93,8 @@ class Frame:
         layers = {name: np.ascontiguousarray(getattr(self, name), np.float32) for name in names if name in CHANNELS}
         if self.backdrop == "clear" and "image" in layers:
             layers["image"] = np.ascontiguousarray(np.dstack([layers["image"], self.alpha]), np.float32)
-        header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, "stats": statistics.to_json(self.stats)}
+        stats = statistics.to_json(statistics.repeatable(self.stats))
+        header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, "stats": stats}
         with OpenEXR.File(header, layers) as file:
             file.write(str(part))
 
