@@ -71,9 +71,9 @@ class Frame:
         """Write this frame in the format that `path`'s ending names; a file there is replaced whole, or not at all.
 
         .png: the picture, exposed, tone-mapped, sRGB, 8 bit, before its backdrop; with alpha where that is clear. .exr: a float32
-        layer per buffer, and the stats without times; image has A where the backdrop is clear, multiplied in. .npz: every buffer, the records
-        and the stats (JSON text). A path without an ending, with a slash at its end, or of an existing folder: a PNG per
-        buffer, and the paper's figures. buffers: the names of those that go into EXR, NPZ or folder (default: all).
+        layer per buffer, and the stats without times; image has A where the backdrop is clear, multiplied in. .npz: every buffer,
+        the records and the stats (JSON text). A path without an ending, with a slash at its end, or of an existing folder: a PNG
+        per buffer, and the paper's figures. buffers: the names of those that go into EXR, NPZ or folder (default: all).
         Raises InputError for a path or name that cannot be right, IrrsplatError where writing fails.
         """
         ending = check_writable(path, buffers)

@@ -13,7 +13,6 @@ import numpy as np
 from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
 
-
 _TIMES = ("seconds", "stages_ms", "clock")
 
 

@@ -1,8 +1,8 @@
 """Equal runs give equal bytes: PNG, EXR, records and every array, by one thread or several, under other versions of OpenGL; and a
 slow and a fast flight along one path end with the same light.
 
-IRRSPLAT_RUNS=full: all bundled scenes, two presets, and every circumstance (else one small render in a few of them). With -s, what
-was compared is told.
+IRRSPLAT_RUNS=full: all bundled scenes, two presets, and every circumstance (else one small render in a few of them). With -s,
+what was compared is told.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ CIRCUMSTANCES: dict[str, dict[str, str]] = {
     "other hashes": {"PYTHONHASHSEED": "7"},
     "another place and time": {"TZ": "Pacific/Kiritimati", "LC_ALL": "C"},
 }
-SHORT = "again", "one thread", "OpenGL 3.3"
+SHORT = "one thread", "OpenGL 3.3"
 SCENES = tuple(bundled()) if FULL else ("cornell",)
 PRESETS = ("default", "preview") if FULL else ("preview",)
 SIZE = ["200", "200"] if FULL else ["48", "40"]
