@@ -1,7 +1,7 @@
 """Equal runs give equal bytes: PNG, EXR, records and every array, by one thread or several, under other versions of OpenGL; and a
 slow and a fast flight along one path end with the same light.
 
-IRRSPLAT_RUNS=full: all bundled scenes, two presets, and every circumstance (else one small render in a few of them). With -s,
+IRRSPLAT_RUNS=full: all bundled scenes in every circumstance (else one small render in a few of them). With -s,
 what was compared is told.
 """
 
@@ -37,8 +37,8 @@ CIRCUMSTANCES: dict[str, dict[str, str]] = {
 }
 SHORT = "one thread", "OpenGL 3.3"
 SCENES = tuple(bundled()) if FULL else ("cornell",)
-PRESETS = ("default", "preview") if FULL else ("preview",)
-SIZE = ["200", "200"] if FULL else ["48", "40"]
+PRESETS = ("default",) if FULL else ("preview",)
+SIZE = ["120", "90"] if FULL else ["48", "40"]
 LIMIT = 0.01  # of the mean: as near as a slow flight's and a fast flight's irradiance end
 
 
