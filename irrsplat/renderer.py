@@ -316,7 +316,8 @@ class Renderer(Owner):
 
     def refine(self, camera: Camera | str | None, target: float, seconds: float | None = None) -> tuple[View, Progress]:
         """Go on with a view that `frame` or `converge` found complete: records are added and gathered more finely until its
-        estimated error, the relative RMSE of indirect irradiance, is at most `target`; the view, and how far it has come.
+        estimated error, the relative RMSE of indirect irradiance, is at most `target`; the view, and how far it has come. A view
+        that is not complete gets its next `frame`.
 
         seconds: the wall time that this may take; None: until it is done. The picture changes a step at a time. The records that
         are added go when anything else is shown. A view by the paper's placement, or without bounces, is left as it is.
@@ -324,7 +325,8 @@ class Renderer(Owner):
         self._use()
         budget, camera = Budget(seconds), self.scene.camera(camera)
         if self._state.refinement is None or not self._rests(camera):
-            if self._view_state(camera) is not self._state.view or self._state.view.pixel_stride > 1 or not self.can_refine:
+            view = self._state.view
+            if self._view_state(camera) is not view or not view.ended or view.pixel_stride > 1 or not self.can_refine:
                 return self.frame(camera, seconds)
             splats = self.splats.update(self.cache, self.draw_gbuffer(camera), camera, self.settings, 1)
             self._state = replace(self._state, refinement=self.refiner.begin(splats, camera))
