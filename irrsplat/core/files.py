@@ -5,6 +5,7 @@ What a process that was killed left under such a name goes when the next one wri
 
 from __future__ import annotations
 
+import errno
 import os
 import secrets
 import shutil
@@ -24,6 +25,8 @@ except ImportError:  # Windows has no such locks: nothing is swept there
 
 Pathlike = str | os.PathLike[str]
 
+_HEADER = 1 << 20  # bytes that an EXR's header takes at most
+_CHUNK = 16  # rows of an EXR that ZIP packs together
 _PARTS = ".irrsplat-*.part*"
 
 
@@ -66,6 +69,25 @@ def _png(path: Path, display: np.ndarray) -> None:
     from PIL import Image
 
     Image.fromarray(np.round(np.clip(display, 0.0, 1.0) * 255.0).astype(np.uint8)).save(path, "PNG")
+
+
+def check_exr(path: Path, rows: int) -> None:
+    """Raises OSError where an EXR of so many `rows`, packed by ZIP, ends before the last of them: OpenEXR says nothing where the
+    disk is full."""
+    with open(path, "rb") as file:
+        text, at = file.read(_HEADER), 8
+        try:
+            while text[at]:  # an attribute: name and type, each up to a 0, its size, and so many bytes
+                value = text.index(0, text.index(0, at) + 1) + 1
+                at = value + 4 + int.from_bytes(text[value : value + 4], "little")
+            file.seek(at + 1)
+            last = int(np.frombuffer(file.read(8 * -(-rows // _CHUNK)), "<u8")[-1])
+            file.seek(last)
+            end = last + 8 + int.from_bytes(file.read(8)[4:], "little") if last else 0
+        except (IndexError, ValueError):
+            end = 0
+    if not 0 < end <= path.stat().st_size:
+        raise OSError(errno.ENOSPC, "the file was cut short; is there room for it?")
 
 
 def _part(folder: Path, ending: str = "") -> Path:

@@ -14,7 +14,7 @@ import numpy as np
 
 from irrsplat.core.buffers import CHANNELS
 from irrsplat.core.errors import InputError, did_you_mean
-from irrsplat.core.files import Pathlike, _png, _try_folder, _write_file, _write_folder, check_file
+from irrsplat.core.files import Pathlike, _png, _try_folder, _write_file, _write_folder, check_exr, check_file
 from irrsplat.image import statistics
 from irrsplat.image.backdrop import BackdropKind, display_picture
 from irrsplat.image.statistics import Statistics
@@ -97,6 +97,7 @@ class Frame:
         header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, "stats": stats}
         with OpenEXR.File(header, layers) as file:
             file.write(str(part))
+        check_exr(part, len(self.image))
 
     def _write_npz(self, part: Path, names: Sequence[str]) -> None:
         arrays: dict[str, Any] = {name: np.asarray(getattr(self, name), np.float32) for name in names}  # numpy's stub: Any

@@ -5,6 +5,7 @@ They are forked from a server that has all modules but no OpenGL, so that hundre
 
 from __future__ import annotations
 
+import faulthandler
 import multiprocessing
 import os
 import signal
@@ -51,6 +52,7 @@ def _child(folder: str, said: Connection, argv: list[str], harm: Any, values: tu
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     os.dup2(said.fileno(), 2)
     sys.stdout, sys.stderr = (open(number, "w", closefd=False) for number in (1, 2))  # noqa: SIM115
+    faulthandler.enable()
     signal.signal(signal.SIGINT, signal.default_int_handler)
     status = ESCAPED
     try:

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from irrsplat import IrrsplatError
@@ -156,6 +157,25 @@ def test_what_a_killed_process_left_is_swept(kind: str, tmp_path: Path) -> None:
     files._write_file(tmp_path / "a.txt", fill)
     assert not left.exists() and len(seen) == 1 and seen != [left.name]
     assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"a.txt": "new", "b.txt": "other"}
+
+
+@pytest.mark.parametrize("rows", [1, 16, 33])
+def test_an_exr_that_is_cut_short_is_noticed(rows: int, tmp_path: Path) -> None:
+    """OpenEXR's writer does not tell of a disk that is full; whatever is missing at the end, or has become 0, is found."""
+    import OpenEXR
+
+    path = tmp_path / "a.exr"
+    pixels = np.random.default_rng(1).random((rows, 8, 3), dtype="f4")
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, "stats": "{}"}
+    with OpenEXR.File(header, {"image": pixels}) as file:
+        file.write(str(path))
+    files.check_exr(path, rows)
+    whole = path.read_bytes()
+    for length in (0, 5, 100, len(whole) // 2, len(whole) - 1):
+        for padded in (b"", b"\0" * (len(whole) - length)) if length < len(whole) // 2 else (b"",):
+            path.write_bytes(whole[:length] + padded)
+            with pytest.raises(OSError):
+                files.check_exr(path, rows)
 
 
 def test_others_files_stay(tmp_path: Path) -> None:
