@@ -23,8 +23,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 LOCK = ROOT / ".ci/constraints.txt"
 TESTED = (
-    *("tests/core", "tests/scene/test_scenes.py", "tests/scene/test_gltf.py", "tests/scene/test_obj.py"),
-    *("tests/image/test_output.py", "tests/app/test_cli.py", "tests/app/test_cli_cache.py", "tests/trust/test_outputs.py"),
+    *("tests/core/test_settings.py", "tests/scene/test_scenes.py", "tests/scene/test_gltf.py", "tests/scene/test_obj.py"),
+    *("tests/image/test_output.py", "tests/app/test_cli_cache.py", "tests/trust/test_outputs.py"),
     *("tests/gather/test_embree.py", "tests/lighting/test_cie.py", "tests/app/viewer/interface/test_window.py"),
 )
 ALLOWED = ("MIT", "BSD", "Apache", "ISC", "PSF", "Python Software Foundation", "HPND", "Zlib", "Unlicense", "CC0", "0BSD", "MPL")
@@ -118,7 +118,7 @@ def environment(folder: Path, constraints: str) -> Path:
     python, file = folder / "venv/bin/python", folder / "constraints.txt"
     file.write_text(constraints)
     install = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
-    subprocess.run([*install, "--constraint", str(file), f"{ROOT}[{','.join(EXTRAS)}]"], check=True)
+    subprocess.run([*install, "--constraint", str(file), "--editable", f"{ROOT}[{','.join(EXTRAS)}]"], check=True)
     return python
 
 
