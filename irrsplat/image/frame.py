@@ -102,7 +102,7 @@ class Frame:
     def _write_npz(self, part: Path, names: Sequence[str]) -> None:
         arrays: dict[str, Any] = {name: np.asarray(getattr(self, name), np.float32) for name in names}  # numpy's stub: Any
         with open(part, "wb") as file:  # by handle: given a name, numpy would append .npz to it
-            np.savez(file, allow_pickle=False, stats=np.array(statistics.to_json(self.stats)), **arrays)
+            np.savez(file, stats=np.array(statistics.to_json(self.stats)), **arrays)
 
     def _pictures(self, names: Sequence[str]) -> Iterator[tuple[str, np.ndarray]]:
         """The file names and (H, W, 3) display images, 0..1, of a folder: the buffers `names`, then the paper's figures."""
