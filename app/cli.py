@@ -7,16 +7,19 @@ import argparse
 import io
 import logging
 import os
+import signal
 import sys
 import traceback
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from irrsplat.app import flags
-from irrsplat.app.common.terminal import doing, progress, say, wrote
+from irrsplat.app.common.outputs import Outputs, missing, twins
+from irrsplat.app.common.terminal import progress, say, wrote
 from irrsplat.core.errors import InputError, IrrsplatError
 
 if TYPE_CHECKING:
@@ -37,7 +40,7 @@ def main(argv: Sequence[str] | None = None) -> int:
             stream.reconfigure(errors="backslashreplace")  # a terminal without UTF-8 is no reason to fail
     debug = bool(os.environ.get("IRRSPLAT_DEBUG"))
     try:
-        with _quiet_libraries(debug):
+        with _quiet_libraries(debug), _ended_as_by_ctrl_c():
             if "_ARGCOMPLETE" in os.environ:  # a shell asks what may come next
                 from irrsplat.app import completion as tab
 
@@ -63,7 +66,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except ModuleNotFoundError as error:
         if debug:
             traceback.print_exc()
-        return _fail(f"this needs the Python module '{error.name}', which is missing; irrsplat doctor lists what is there", 1)
+        return _fail(missing(error), 1)
     except Exception as error:
         if debug:
             traceback.print_exc()
@@ -97,7 +100,8 @@ def view(args: argparse.Namespace) -> int:
 
 
 def render(args: argparse.Namespace) -> int:
-    """`irrsplat render`: a scene, or a path through it, to files. All that can be checked is checked before the work."""
+    """`irrsplat render`: a scene, or a path through it, to files. All that can be checked is checked before the work; where one
+    cannot be written in the end, the others are."""
     from irrsplat import settings
     from irrsplat.app import false_colours, render_path
 
@@ -115,23 +119,22 @@ def render(args: argparse.Namespace) -> int:
             renderer.load_cache(args.cache)
         for notice in (*scene.notices, *renderer.notices):
             say(f"notice: {notice}")
+        outputs = Outputs()
         with _round_progress(args) as on_round:
             if flight is not None:
-                done, complete = render_path.render(renderer, flight, buffers, with_figures, on_round, coloured)
+                done, complete = render_path.render(renderer, flight, buffers, with_figures, on_round, outputs, coloured)
             else:
                 frame = renderer.render(camera, progress=on_round, figures=with_figures)
         if flight is None and frame.stats.get("interrupted") and not frame.stats.get("rounds"):
             return _fail("interrupted before the first round was complete; nothing was written", INTERRUPTED)
         for path in args.output if flight is None else ():
-            doing(f"writing {path}")
-            render_path.save(path, frame, buffers, coloured, renderer, camera)
-            wrote(path)
+            outputs.write(path, partial(render_path.save, path, frame, buffers, coloured, renderer, camera))
         if args.cache is not None and renderer.cache.count:
-            renderer.save_cache(args.cache)
-            wrote(args.cache)
+            outputs.write(args.cache, partial(renderer.save_cache, args.cache))
     if flight is None:
-        return _end_of_render(args, frame.stats)
-    return _end_of_path(args, done, None if complete else f"{len(done)} of {len(flight.numbers)} frames were written")
+        return _end_of_render(args, frame.stats, outputs)
+    unfinished = None if complete else f"{len(done)} of {len(flight.numbers)} frames were written"
+    return _end_of_path(args, done, unfinished, outputs)
 
 
 def measure(args: argparse.Namespace) -> int:
@@ -274,8 +277,8 @@ def _check_outputs(args: argparse.Namespace, mistakes: Mistakes) -> None:
         if path is not None:
             with mistakes.gathered():
                 files.check_file(path)
-    if args.cache is not None and os.path.realpath(args.cache) in map(os.path.realpath, (*names, args.stats or "")):
-        mistakes.add(f"{args.cache}: --cache and an output are one file; give another name")
+    for twin in twins(names, (("--stats", args.stats), ("--cache", args.cache))):
+        mistakes.add(twin)
 
 
 def _buffers(args: argparse.Namespace) -> list[str] | None:
@@ -307,9 +310,11 @@ def _check_cache(path: str, scene: Scene, preset: str, values: SettingValues) ->
 # ---- after the work ----------------------------------------------------------------------------------------------------
 
 
-def _end_of_render(args: argparse.Namespace, stats: Statistics) -> int:
-    """Write the statistics of a picture where they are asked for, say what is missing in it; the exit status."""
-    _write_stats(args, stats)
+def _end_of_render(args: argparse.Namespace, stats: Statistics, outputs: Outputs) -> int:
+    """Write the statistics of a picture where they are asked for, say what is missing in it; the exit status. Raises
+    IrrsplatError where one of the `outputs` could not be written."""
+    _write_stats(args, stats, outputs)
+    outputs.tell()
     if stats.get("interrupted"):
         return _fail(f"interrupted; the files hold what {stats.get('rounds', 0)} whole rounds gave", INTERRUPTED)
     if not stats.get("converged", True):
@@ -317,9 +322,10 @@ def _end_of_render(args: argparse.Namespace, stats: Statistics) -> int:
     return 0
 
 
-def _end_of_path(args: argparse.Namespace, done: list[Statistics], interrupted: str | None) -> int:
+def _end_of_path(args: argparse.Namespace, done: list[Statistics], interrupted: str | None, outputs: Outputs) -> int:
     """The same for the frames of a path that are `done`. interrupted: how far it came; None: to its end."""
-    _write_stats(args, {"frames": done})
+    _write_stats(args, {"frames": done}, outputs)
+    outputs.tell()
     if interrupted is not None:
         return _fail(f"interrupted; {interrupted}", INTERRUPTED)
     if short := sum(not stats.get("converged", True) for stats in done):
@@ -327,13 +333,12 @@ def _end_of_path(args: argparse.Namespace, done: list[Statistics], interrupted: 
     return 0
 
 
-def _write_stats(args: argparse.Namespace, stats: Mapping[str, object]) -> None:
+def _write_stats(args: argparse.Namespace, stats: Mapping[str, object], outputs: Outputs) -> None:
     if args.stats is not None:
         from irrsplat.core import files
         from irrsplat.image import statistics
 
-        files.write_text(args.stats, statistics.to_json(stats) + "\n")
-        wrote(args.stats)
+        outputs.write(args.stats, lambda: files.write_text(args.stats, statistics.to_json(stats) + "\n"))
 
 
 def _unserved(stats: Sequence[Statistics]) -> str:
@@ -383,6 +388,24 @@ def _quiet_libraries(debug: bool) -> Iterator[None]:
             warnings.simplefilter("ignore")
             logging.getLogger("trimesh").addHandler(logging.NullHandler())
         yield
+
+
+@contextmanager
+def _ended_as_by_ctrl_c() -> Iterator[None]:
+    """While this lasts, a request to end (SIGTERM) does what Ctrl-C does, which writes the last whole round."""
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    try:
+        before = signal.signal(signal.SIGTERM, interrupt)
+    except ValueError:  # not in the main thread, which is the only one that may
+        yield
+        return
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)
 
 
 if __name__ == "__main__":

@@ -5,15 +5,16 @@ from __future__ import annotations
 import argparse
 import io
 import json
-import os
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from irrsplat import settings
+from irrsplat.app.common.outputs import Outputs, twins
 from irrsplat.app.common.terminal import columns, progress, say
 from irrsplat.core import files
 from irrsplat.core.errors import InputError
@@ -51,8 +52,8 @@ def check(args: argparse.Namespace) -> None:
         files.check_file(args.output)
     if args.stats is not None:
         files.check_file(args.stats)
-        if args.output is not None and os.path.realpath(args.stats) == os.path.realpath(args.output):
-            raise InputError("--stats and the output are one file; give another name", args.stats)
+    for twin in twins([] if args.output in (None, _STDOUT) else [args.output], [("--stats", args.stats)]):
+        raise InputError(twin)
 
 
 def run(scene: Scene, args: argparse.Namespace) -> int:
@@ -78,11 +79,16 @@ def run(scene: Scene, args: argparse.Namespace) -> int:
     summary = readings.summary(unit)
     shape = None if grid is None else [grid.columns, grid.rows]
     stats = {"scene": scene.name, "grid": shape, **summary, **how, "preset": args.preset, "settings": vars(meter.settings)}
-    _write(args.output, _Table(readings, unit, grid, along), json.dumps(stats))
+    outputs, write = Outputs(), partial(_write, args.output, _Table(readings, unit, grid, along), json.dumps(stats))
+    if args.output in (None, _STDOUT):
+        write()
+    else:
+        outputs.write(args.output, write)
     if args.stats is not None:
-        files.write_text(args.stats, json.dumps(stats, indent=1) + "\n")
+        outputs.write(args.stats, partial(files.write_text, args.stats, json.dumps(stats, indent=1) + "\n"))
     for told in _told(summary, grid, along):
         print(told, file=sys.stderr if args.output == _STDOUT else sys.stdout)
+    outputs.tell()
     return 0
 
 

@@ -9,7 +9,6 @@ from functools import partial
 from pathlib import Path as File
 from typing import TYPE_CHECKING, Protocol
 
-from irrsplat.app.common.terminal import wrote
 from irrsplat.app.false_colours import FalseColours
 from irrsplat.core.errors import InputError
 from irrsplat.image import frame as output
@@ -17,6 +16,7 @@ from irrsplat.image.statistics import Statistics
 from irrsplat.scene.camera_path import Path, load_path
 
 if TYPE_CHECKING:
+    from irrsplat.app.common.outputs import Outputs
     from irrsplat.image.frame import Frame
     from irrsplat.image.view import Progress
     from irrsplat.renderer import Renderer
@@ -53,10 +53,15 @@ def plan(args: argparse.Namespace, scene: Scene) -> Flight:
         raise InputError(f"--frames {wanted}: the path '{args.path}' has {path.frames} frames; give A:B within 0:{path.frames}")
     path.motions.check(scene, path.frames)
     numbers = range(start, path.frames if stop is None else stop)
+    taken: dict[str, str] = {}  # names of files, and by which output
     for pattern in args.output:
         if len(numbers) > 1 and output.numbered(pattern, 0) == output.numbered(pattern, 1):
             reason = f"{len(numbers)} frames would go to one name; put {{frame}} into it, as in frame{{frame:04d}}.png"
             raise InputError(f"{reason}, or choose one with --frames", pattern)
+        for number in numbers:
+            name = output.numbered(pattern, number)
+            if (other := taken.setdefault(os.path.realpath(name), pattern)) != pattern:
+                raise InputError(f"frame {number} would go to a file of '{other}'; give it a name of its own", pattern)
     return Flight(path, numbers, tuple(args.output))
 
 
@@ -66,9 +71,11 @@ def render(
     buffers: list[str] | None,
     figures: bool,
     on_round: OnRound | None,
+    outputs: Outputs,
     coloured: FalseColours | None = None,
 ) -> tuple[list[Statistics], bool]:
-    """Render and write every frame; returns the statistics of those written, and whether that is all of them (False: Ctrl-C).
+    """Render and write every frame; returns the statistics of those written, and whether that is all of them (False: Ctrl-C, or
+    none of the `outputs` can be written any more).
 
     Records stay from frame to frame. All frames have the first one's exposure: metered one by one, they would flicker.
     on_round: as for Renderer.render, called with the frame and how far the path is as well. coloured: the false colours of
@@ -91,10 +98,12 @@ def render(
             stats |= frame.stats
             stats["exposure"] = done[0]["exposure"] if done else frame.exposure
             frame = replace(frame, stats=stats)
+            written = []
             for pattern in flight.outputs:
                 name = output.numbered(pattern, number)
-                save(name, frame, buffers, coloured, renderer, camera)
-                wrote(name)
+                written.append(outputs.write(name, partial(save, name, frame, buffers, coloured, renderer, camera), pattern))
+            if not any(written):
+                return done, False
             done.append(stats)
     except KeyboardInterrupt:  # between two renders, or while a file was written
         return done, False

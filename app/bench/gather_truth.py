@@ -54,8 +54,8 @@ def truth(renderer: Renderer, camera: Camera) -> fine_gather.Truth | None:
     if path is not None:
         try:
             disk_cache.write(path, {"pixels": found.pixels, "irradiance": found.irradiance})
-        except OSError as error:
-            say(f"notice: {path}: cannot keep the truth for the next time: {error.strerror or error}")
+        except IrrsplatError as error:
+            say(f"notice: {error}; the truth is not kept for the next time")
     return found
 
 

@@ -15,7 +15,7 @@ class FileWatch:
 
     def __init__(self, files: Sequence[str]) -> None:
         self._files = tuple(files)
-        self._known = self._state()
+        self._known = self._last = self._state()
         self._next = time.monotonic() + _EVERY
 
     def _state(self) -> tuple[tuple[int, int] | None, ...]:
@@ -36,8 +36,12 @@ class FileWatch:
             return False
         self._next = time.monotonic() + _EVERY
         state = self._state()
+        before, self._last = self._last, state
         fresh = [f for f, k in zip(state, self._known, strict=True) if f != k]
-        if not fresh or any(f is None or time.time() - f[0] * 1e-9 < _STILL for f in fresh):
-            return False  # nothing has changed, or a file is being written
+        if not fresh or None in fresh:
+            return False  # nothing has changed, or a file is being replaced
+        # by the clock it was left alone, or, whatever the clock is set to, since the last look
+        if state != before and any(f is not None and time.time() - f[0] * 1e-9 < _STILL for f in fresh):
+            return False
         self._known = state
         return True

@@ -1,7 +1,11 @@
-"""Files that are written completely or not at all: under a temporary name beside their place first, then renamed."""
+"""Files that are written completely or not at all: under a temporary name beside their place first, then renamed.
+
+What a process that was killed left under such a name goes when the next one writes there: whoever fills it holds a lock on it.
+"""
 
 from __future__ import annotations
 
+import errno
 import os
 import secrets
 import shutil
@@ -14,7 +18,16 @@ import numpy as np
 
 from irrsplat.core.errors import InputError, IrrsplatError
 
+try:
+    import fcntl
+except ImportError:  # Windows has no such locks: nothing is swept there
+    fcntl = None  # type: ignore[assignment]
+
 Pathlike = str | os.PathLike[str]
+
+_HEADER = 1 << 20  # bytes that an EXR's header takes at most
+_CHUNK = 16  # rows of an EXR that ZIP packs together
+_PARTS = ".irrsplat-*.part*"
 
 
 def check_file(path: Pathlike) -> None:
@@ -58,9 +71,60 @@ def _png(path: Path, display: np.ndarray) -> None:
     Image.fromarray(np.round(np.clip(display, 0.0, 1.0) * 255.0).astype(np.uint8)).save(path, "PNG")
 
 
+def check_exr(path: Path, rows: int) -> None:
+    """Raises OSError where an EXR of so many `rows`, packed by ZIP, ends before the last of them: OpenEXR says nothing where the
+    disk is full."""
+    with open(path, "rb") as file:
+        text, at = file.read(_HEADER), 8
+        try:
+            while text[at]:  # an attribute: name and type, each up to a 0, its size, and so many bytes
+                value = text.index(0, text.index(0, at) + 1) + 1
+                at = value + 4 + int.from_bytes(text[value : value + 4], "little")
+            file.seek(at + 1)
+            last = int(np.frombuffer(file.read(8 * -(-rows // _CHUNK)), "<u8")[-1])
+            file.seek(last)
+            end = last + 8 + int.from_bytes(file.read(8)[4:], "little") if last else 0
+        except (IndexError, ValueError):
+            end = 0
+    if not 0 < end <= path.stat().st_size:
+        raise OSError(errno.ENOSPC, "the file was cut short; is there room for it?")
+
+
 def _part(folder: Path, ending: str = "") -> Path:
     """A temporary name in `folder` that no file has."""
     return folder / f".irrsplat-{secrets.token_hex(6)}.part{ending}"
+
+
+@contextmanager
+def _held(part: Path) -> Iterator[None]:
+    """Holds the lock of a temporary file or folder that this process has just made, as long as it lives or until this ends."""
+    if fcntl is None:
+        yield
+        return
+    handle = os.open(part, os.O_RDONLY)
+    try:
+        with suppress(OSError):  # a file system without locks: the file is written all the same
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        yield
+    finally:
+        os.close(handle)
+
+
+def _sweep(folder: Path) -> None:
+    """Remove temporary files and folders in `folder` whose process is dead: those that nobody holds."""
+    if fcntl is None:
+        return
+    for part in folder.glob(_PARTS):
+        with suppress(OSError):  # it has gone meanwhile, belongs to somebody else, or is held
+            handle = os.open(part, os.O_RDONLY | os.O_NOFOLLOW)
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                if part.is_dir():
+                    shutil.rmtree(part, ignore_errors=True)
+                else:
+                    part.unlink()
+            finally:
+                os.close(handle)
 
 
 @contextmanager
@@ -79,8 +143,11 @@ def _write_file(path: Pathlike, write: Callable[[Path], object]) -> None:
     part = _part(target.parent, target.suffix)
     try:
         with _naming(path):
-            write(part)
-            os.replace(part, target)
+            _sweep(target.parent)
+            part.touch(exist_ok=False)
+            with _held(part):
+                write(part)
+                os.replace(part, target)
     finally:
         part.unlink(missing_ok=True)
 
@@ -91,16 +158,18 @@ def _write_folder(folder: Path, pictures: Iterator[tuple[str, np.ndarray]]) -> N
     part = _part(folder if exists else folder.parent)
     try:
         with _naming(folder):
+            _sweep(part.parent)
             part.mkdir()
-            names = []
-            for name, display in pictures:
-                _png(part / name, display)
-                names.append(name)
-            if not exists:
-                os.replace(part, folder)
-                return
-            for name in names:
-                os.replace(part / name, folder / name)
+            with _held(part):
+                names = []
+                for name, display in pictures:
+                    _png(part / name, display)
+                    names.append(name)
+                if not exists:
+                    os.replace(part, folder)
+                    return
+                for name in names:
+                    os.replace(part / name, folder / name)
     finally:
         shutil.rmtree(part, ignore_errors=True)
 

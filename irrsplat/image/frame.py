@@ -14,7 +14,7 @@ import numpy as np
 
 from irrsplat.core.buffers import CHANNELS
 from irrsplat.core.errors import InputError, did_you_mean
-from irrsplat.core.files import Pathlike, _png, _try_folder, _write_file, _write_folder, check_file
+from irrsplat.core.files import Pathlike, _png, _try_folder, _write_file, _write_folder, check_exr, check_file
 from irrsplat.image import statistics
 from irrsplat.image.backdrop import BackdropKind, display_picture
 from irrsplat.image.statistics import Statistics
@@ -81,9 +81,9 @@ class Frame:
         """Write this frame in the format that `path`'s ending names; a file there is replaced whole, or not at all.
 
         .png: the picture, exposed, tone-mapped, sRGB, 8 bit, before its backdrop; with alpha where that is clear. .exr: a float32
-        layer per buffer; image has A where the backdrop is clear, multiplied in. .npz: every buffer, the records
-        and the stats (JSON text). A path without an ending, with a slash at its end, or of an existing folder: a PNG per
-        buffer, and the paper's figures. buffers: the names of those that go into EXR, NPZ or folder (default: all).
+        layer per buffer, and the stats without times; image has A where the backdrop is clear, multiplied in. .npz: every buffer,
+        the records and the stats (JSON text). A path without an ending, with a slash at its end, or of an existing folder: a PNG
+        per buffer, and the paper's figures. buffers: the names of those that go into EXR, NPZ or folder (default: all).
         Raises InputError for a path or name that cannot be right, IrrsplatError where writing fails.
         """
         ending = check_writable(path, buffers)
@@ -103,14 +103,16 @@ class Frame:
         layers = {name: np.ascontiguousarray(getattr(self, name), np.float32) for name in names if name in CHANNELS}
         if self.backdrop == "clear" and "image" in layers:
             layers["image"] = np.ascontiguousarray(np.dstack([layers["image"], self.alpha]), np.float32)
-        header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, "stats": statistics.to_json(self.stats)}
+        stats = statistics.to_json(statistics.repeatable(self.stats))
+        header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, "stats": stats}
         with OpenEXR.File(header, layers) as file:
             file.write(str(part))
+        check_exr(part, len(self.image))
 
     def _write_npz(self, part: Path, names: Sequence[str]) -> None:
         arrays: dict[str, Any] = {name: np.asarray(getattr(self, name), np.float32) for name in names}  # numpy's stub: Any
         with open(part, "wb") as file:  # by handle: given a name, numpy would append .npz to it
-            np.savez(file, allow_pickle=False, stats=np.array(statistics.to_json(self.stats)), **arrays)
+            np.savez(file, stats=np.array(statistics.to_json(self.stats)), **arrays)
 
     def _pictures(self, names: Sequence[str]) -> Iterator[tuple[str, np.ndarray]]:
         """The file names and (H, W, 3) display images, 0..1, of a folder: the buffers `names`, then the paper's figures."""

@@ -13,6 +13,8 @@ import numpy as np
 from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
 
+_TIMES = ("seconds", "stages_ms", "clock")
+
 
 class Statistics(TypedDict, total=False):
     """What is known of a frame; a frame that did not come from a render may lack any of these."""
@@ -65,6 +67,11 @@ def describe(
 def to_json(stats: Mapping[str, object]) -> str:
     """Statistics as strict JSON: numpy values become plain ones, and what is not finite becomes null."""
     return json.dumps(_plain(stats), indent=2, allow_nan=False, ensure_ascii=False)
+
+
+def repeatable(stats: Statistics) -> Mapping[str, object]:
+    """Statistics without how long anything took: equal runs have equal ones."""
+    return {name: value for name, value in stats.items() if name not in _TIMES}
 
 
 def _plain(value: object) -> object:

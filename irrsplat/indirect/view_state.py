@@ -38,6 +38,11 @@ class ViewState:
     scan: paper_scan.View | None = None  # the view as the paper's algorithm goes through it
 
     @property
+    def ended(self) -> bool:
+        """Whether its rounds have come to their end: nothing was asked for any more, or what still asks cannot be served."""
+        return self.settled is not None or self.stalled
+
+    @property
     def stalled(self) -> bool:
         """Whether rounds go on without gain in coverage: what still asks cannot be served."""
         return self.stalled_rounds >= GIVE_UP

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import os
-import secrets
 import zipfile
 import zlib
 from dataclasses import fields
@@ -15,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from irrsplat.core import paths
 from irrsplat.core.errors import IrrsplatError
+from irrsplat.core.files import _naming, _write_file
 from irrsplat.scene.model import Camera, Material, Scene, Texture
 
 # what reading a damaged file raises
@@ -81,12 +80,12 @@ def read(path: Path) -> dict[str, np.ndarray] | None:
 
 
 def write(path: Path, arrays: dict[str, np.ndarray]) -> None:
-    """Keep `arrays`, whole or not at all; raises OSError where that fails."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    part = path.with_name(f".{path.name}-{secrets.token_hex(6)}.part")
-    try:
-        with open(part, "xb") as file:
+    """Keep `arrays`, whole or not at all; raises IrrsplatError where that fails."""
+
+    def fill(part: Path) -> None:
+        with open(part, "wb") as file:
             np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
-        os.replace(part, path)
-    finally:
-        part.unlink(missing_ok=True)
+
+    with _naming(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+    _write_file(path, fill)

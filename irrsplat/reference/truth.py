@@ -182,8 +182,8 @@ def traced(
     try:
         if path is not None:
             disk_cache.write(path, {field.name: getattr(truth, field.name) for field in fields(Traced)})
-    except OSError as error:
-        notice(f"{path}: cannot keep the truth for the next time: {error.strerror or error}")
+    except IrrsplatError as error:
+        notice(f"{error}; the truth is not kept for the next time")
     return truth
 
 

@@ -221,7 +221,8 @@ class Renderer(Owner):
 
     def refine(self, camera: Camera | str | None, target: float, seconds: float | None = None) -> tuple[View, Progress]:
         """Go on with a view that `frame` or `converge` found complete: records are added and gathered more finely until its
-        estimated error, the relative RMSE of indirect irradiance, is at most `target`; the view, and how far it has come.
+        estimated error, the relative RMSE of indirect irradiance, is at most `target`; the view, and how far it has come. A view
+        that is not complete gets its next `frame`.
 
         seconds: the wall time that this may take; None: until it is done. The picture changes a step at a time. The records that
         are added go when anything else is shown. A view by the paper's placement, or without bounces, is left as it is.
@@ -233,8 +234,9 @@ class Renderer(Owner):
         """The same for a camera relative to the origin."""
         budget = Budget(seconds)
         if not self._resting.begun or not self._resting.rests(self._state, camera):
-            state = self._state
-            if self._round.view_state(state, camera) is not state.view or state.view.pixel_stride > 1 or not self.can_refine:
+            state, view = self._state, self._state.view
+            shown = self._round.view_state(state, camera) is view and view.ended and view.pixel_stride == 1
+            if not shown or not self.can_refine:
                 return self._frame(camera, seconds)
             self._resting.begin(state, camera)
         self._resting.advance(self._state, camera, target, budget)

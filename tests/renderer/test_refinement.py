@@ -55,6 +55,19 @@ def test_a_refined_view_comes_near_the_truth_and_tells_how_near(renderer: Render
     assert refined.stats["records"] > first.stats["records"]
 
 
+def test_a_view_that_is_not_complete_is_completed_first(renderer: Renderer) -> None:
+    """Asked for too early, refinement is the next frame; it does not keep the view from being filled."""
+    renderer.forget()
+    _, progress = renderer.frame(seconds=1e-4)
+    assert not progress.complete
+    renderer.refine(None, 0.05, 1e-4)
+    for _ in range(500):
+        _, progress = renderer.frame(seconds=0.02)
+        if progress.done:
+            break
+    assert progress.done and progress.coverage == 1.0
+
+
 def test_small_ticks_refine_as_a_render_does_and_motion_ends_it(renderer: Renderer) -> None:
     """Ticks of a millisecond come to the same bits as one call. A view of another side and back has the records that it had
     before, gathered more finely where they were."""

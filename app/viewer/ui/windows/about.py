@@ -15,6 +15,7 @@ PAGES = {  # of docs/, and what they are about
     "command-line.md": "the other commands",
     "techniques.md": "what each technique is worth",
     "measurements.md": "measured errors and times",
+    "trust.md": "what can be relied on",
     "METHOD.md": "the mathematics",
     "ARCHITECTURE.md": "the code",
 }

@@ -1,0 +1,152 @@
+"""What irrsplat needs from others: does it work with the oldest and the newest of each, under which licences are they, which
+exact versions does CI use.
+
+    python tests/trust/dependencies.py oldest      some tests run with the least version of each in pyproject.toml
+    python tests/trust/dependencies.py newest      the same with the newest ones, in a new environment, too
+    python tests/trust/dependencies.py licences    of what is installed here and irrsplat needs, all the way down
+    python tests/trust/dependencies.py lock        write .ci/constraints.txt: the versions that are installed here
+
+Exit status: 0 if all is well; 1 if tests fail, or a licence is none of ALLOWED.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import tempfile
+import tomllib
+from collections.abc import Iterator, Sequence
+from importlib import metadata
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+LOCK = ROOT / ".ci/constraints.txt"
+TESTED = (
+    *("tests/core/test_settings.py", "tests/scene/test_scenes.py", "tests/scene/test_gltf.py", "tests/scene/test_obj.py"),
+    *("tests/image/test_output.py", "tests/app/test_cli_cache.py", "tests/trust/test_outputs.py"),
+    *("tests/gather/test_embree.py", "tests/lighting/test_cie.py", "tests/app/viewer/interface/test_window.py"),
+)
+ALLOWED = ("MIT", "BSD", "Apache", "ISC", "PSF", "Python Software Foundation", "HPND", "Zlib", "Unlicense", "CC0", "0BSD", "MPL")
+SILENT = {"alktx2": "names none; optional, for KTX2 images"}
+SENTENCES = {  # of licences, in files of packages that do not name theirs
+    "Permission is hereby granted, free of charge": "MIT",
+    "Redistribution and use in source and binary forms": "BSD",
+    "Apache License": "Apache",
+}
+EXTRAS = ("gltf", "dev")
+_NAME = re.compile(r"[A-Za-z0-9._-]+")
+
+
+def declared(extras: Sequence[str] = EXTRAS) -> list[str]:
+    """The requirements of pyproject.toml, with those of some extras; by default, of those that CI has."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    return [*project["dependencies"], *(one for extra in extras for one in project["optional-dependencies"][extra])]
+
+
+def named(requirement: str) -> str:
+    """The name of a requirement's package, as registries spell it."""
+    found = _NAME.match(requirement)
+    assert found is not None, requirement
+    return re.sub(r"[-_.]+", "-", found[0]).lower()
+
+
+def least(requirement: str) -> str:
+    """The least version that a requirement takes."""
+    found = re.search(r">=\s*([\w.]+)", requirement.split(";")[0])
+    assert found is not None, f"{requirement}: no least version is given"
+    return found[1]
+
+
+def needed(name: str = "irrsplat", extras: Sequence[str] = EXTRAS) -> Iterator[str]:
+    """The names of the installed packages that a package needs, directly and through others, each once."""
+    waiting: list[tuple[str, Sequence[str]]] = [(name, extras)]
+    seen: set[str] = set()
+    while waiting:
+        package, wanted = waiting.pop()
+        for requirement in metadata.requires(package) or ():
+            text, _, condition = requirement.partition(";")
+            extra = re.search(r"extra\s*==\s*['\"]([\w-]+)['\"]", condition)
+            other = named(text)
+            if (extra is None or extra[1] in wanted) and other not in seen and installed(other):
+                seen.add(other)
+                further = re.search(r"\[([\w, -]+)\]", text)
+                waiting.append((other, further[1].replace(" ", "").split(",") if further else ()))
+    yield from sorted(seen)
+
+
+def installed(name: str) -> str:
+    """The version of a package that is installed; empty where none is."""
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return ""
+
+
+def licence(name: str) -> str:
+    """What a package says of its licence, in a few words."""
+    about = metadata.metadata(name)
+    kinds = [value.split(" :: ")[-1] for value in about.get_all("Classifier") or () if value.startswith("License ::")]
+    stated = [value for field in ("License-Expression", "License") for value in about.get_all(field) or ()]
+    named_by_kind = ", ".join(kind for kind in kinds if kind != "OSI Approved")
+    text = named_by_kind if named_by_kind and "License-Expression" not in about else (stated or [""])[0]
+    words = (text.strip().splitlines() or [""])[0]
+    return words if allowed(words) else " and ".join(found_in_files(name)) or words
+
+
+def found_in_files(name: str) -> list[str]:
+    """The licences whose sentences the package's files of that name have."""
+    files = [file for file in metadata.files(name) or () if re.match(r"(?i)(licen[cs]e|copying)", file.name)]
+    texts = [" ".join(Path(str(file.locate())).read_text(encoding="utf-8", errors="replace").split()) for file in files]
+    return [short for sentence, short in SENTENCES.items() if any(sentence in text for text in texts)]
+
+
+def allowed(words: str) -> bool:
+    """Whether a licence is one by which the package may be used beside an MIT-licensed one without further duties."""
+    return any(word.lower() in words.lower() for word in ALLOWED)
+
+
+def lock() -> str:
+    """The text of constraints: the exact versions of all that is installed here and needed."""
+    lines = (f"{name}=={installed(name)}\n" for name in needed() if name != "irrsplat")
+    return f"# Versions that CI uses, written by {Path(__file__).relative_to(ROOT)} lock\n" + "".join(lines)
+
+
+def environment(folder: Path, constraints: str) -> Path:
+    """The Python of a new environment with irrsplat in it, its packages restricted by `constraints`."""
+    subprocess.run([sys.executable, "-m", "venv", folder / "venv"], check=True)
+    python, file = folder / "venv/bin/python", folder / "constraints.txt"
+    file.write_text(constraints)
+    install = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
+    subprocess.run([*install, "--constraint", str(file), "--editable", f"{ROOT}[{','.join(EXTRAS)}]"], check=True)
+    return python
+
+
+def tried(constraints: str) -> int:
+    """The exit status of some tests in a new environment."""
+    with tempfile.TemporaryDirectory() as folder:
+        python = environment(Path(folder), constraints)
+        subprocess.run([python, "-m", "pip", "list", "--disable-pip-version-check"], check=True)
+        return subprocess.run([python, "-m", "pytest", "-q", "-m", "not slow", *TESTED], cwd=ROOT, check=False).returncode
+
+
+def main(arguments: Sequence[str]) -> int:
+    """Run the command line; the exit status."""
+    if arguments == ["oldest"]:
+        return tried("".join(f"{named(one)}=={least(one)}\n" for one in declared(["gltf"])))
+    if arguments == ["newest"]:
+        return tried("")
+    if arguments == ["lock"]:
+        LOCK.write_text(lock(), encoding="utf-8")
+        return 0
+    if arguments == ["licences"]:
+        found = {name: licence(name) for name in needed()}
+        for name, words in found.items():
+            print(f"{name} {installed(name)}: {words or SILENT.get(name, 'says nothing')}{'' if allowed(words) else '  (!)'}")
+        return 0 if all(allowed(words) or name in SILENT for name, words in found.items()) else 1
+    print(__doc__, file=sys.stderr)
+    return 2
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

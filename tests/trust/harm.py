@@ -1,0 +1,161 @@
+"""Processes that render by the command line and are harmed meanwhile: killed, interrupted, or left without room.
+
+They are forked from a server that has all modules but no OpenGL, so that hundreds of them take minutes.
+"""
+
+from __future__ import annotations
+
+import faulthandler
+import multiprocessing
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+from pathlib import Path
+from types import FrameType
+from typing import Any
+
+import irrsplat
+
+CORE = str(Path(irrsplat.__file__).parent)
+ESCAPED = 77  # the status where an interruption came out of main
+LIMIT = 120.0  # seconds, after which a process hangs
+OURS = ".irrsplat-"  # how temporary files begin
+
+
+def rendered(
+    folder: Path, argv: list[str], harm: Callable[..., Callable[[], int]] | None = None, *values: Any
+) -> tuple[int, str]:
+    """The status of `irrsplat` with `argv` in `folder`, in a process of its own, and what it wrote to stderr; a negative status
+    is a signal's number. harm: called there with `argv` and `values`, it returns what is done in place of the command."""
+    forks = multiprocessing.get_context("forkserver")
+    forks.set_forkserver_preload(["irrsplat.app.cli", "irrsplat.renderer", "irrsplat.app.render_path", "OpenEXR", __name__])
+    told, said = forks.Pipe(duplex=False)
+    process = forks.Process(target=_child, args=(str(folder), said, argv, harm, values))
+    process.start()
+    said.close()
+    process.join(LIMIT)  # a line or two do not fill the pipe
+    if process.exitcode is None:
+        process.kill()
+        raise AssertionError(f"{argv} hangs, with {harm} {values}")
+    with open(told.fileno(), errors="replace", closefd=False) as stream:
+        return process.exitcode, stream.read()
+
+
+def _child(folder: str, said: Connection, argv: list[str], harm: Any, values: tuple[Any, ...]) -> None:
+    from irrsplat.app import cli
+
+    os.chdir(folder)
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    os.dup2(said.fileno(), 2)
+    sys.stdout, sys.stderr = (open(number, "w", closefd=False) for number in (1, 2))  # noqa: SIM115
+    faulthandler.enable()
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    status = ESCAPED
+    try:
+        act = (lambda: cli.main(argv)) if harm is None else harm(argv, *values)
+        status = act()
+    except KeyboardInterrupt:
+        pass
+    finally:
+        sys.stderr.flush()
+        os._exit(status)
+
+
+# ---- harms -------------------------------------------------------------------------------------------------------------------
+
+
+def killed(argv: list[str], event: int, seconds: float) -> Callable[[], int]:
+    """By SIGKILL, so many seconds after the n-th opening, renaming or removal of a temporary file."""
+    from irrsplat.app import cli
+
+    left = event
+
+    def die() -> None:
+        time.sleep(seconds)
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    def hook(name: str, args: tuple[Any, ...]) -> None:
+        nonlocal left
+        if name in ("open", "os.rename", "os.remove", "os.mkdir", "os.rmdir") and OURS in str(args[0]):
+            left -= 1
+            if left == 0 and seconds:
+                threading.Thread(target=die, daemon=True).start()
+            elif left == 0:
+                os.kill(os.getpid(), signal.SIGKILL)
+
+    sys.addaudithook(hook)
+    return lambda: cli.main(argv)
+
+
+def limited(argv: list[str], most: int) -> Callable[[], int]:
+    """No file may be longer than so many bytes."""
+    import resource
+
+    from irrsplat.app import cli
+
+    resource.setrlimit(resource.RLIMIT_FSIZE, (most, resource.getrlimit(resource.RLIMIT_FSIZE)[1]))
+    return lambda: cli.main(argv)
+
+
+def interrupted(act: Callable[[], object], line: int) -> bool:
+    """Whether Ctrl-C came out of `act`: it came before the line of this number that is executed in irrsplat, if there are so
+    many."""
+    left = line
+
+    def trace(frame: FrameType, event: str, _: Any) -> Any:
+        nonlocal left
+        if not frame.f_code.co_filename.startswith(CORE):
+            return None
+        if event == "line":
+            left -= 1
+            if left < 0:
+                sys.settrace(None)
+                raise KeyboardInterrupt
+        return trace
+
+    before = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        act()
+    except KeyboardInterrupt:
+        return True
+    finally:
+        sys.settrace(before)
+    return False
+
+
+def at_line(argv: list[str], line: int) -> Callable[[], int]:
+    """By Ctrl-C, before the line of this number that irrsplat executes."""
+    from irrsplat.app import cli
+
+    status = ESCAPED
+
+    def main() -> None:
+        nonlocal status
+        status = cli.main(argv)
+
+    return lambda: ESCAPED if interrupted(main, line) else status
+
+
+def signalled(argv: list[str], number: int, seconds: float) -> Callable[[], int]:
+    """By a signal, after so many seconds."""
+    from irrsplat.app import cli
+
+    def send() -> None:
+        time.sleep(seconds)
+        if not ended:
+            os.kill(os.getpid(), number)
+
+    ended: list[bool] = []
+
+    def act() -> int:
+        threading.Thread(target=send, daemon=True).start()
+        status = cli.main(argv)
+        ended.append(True)
+        return status
+
+    return act

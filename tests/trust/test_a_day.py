@@ -1,0 +1,109 @@
+"""A day's use in minutes: through all bundled scenes, lap after lap, with anything that a user may do thrown at random.
+
+No OpenGL error, no message of one, no hole at rest, no more records than may be kept, and memory that does not grow: after each
+lap, brought into the same state, it is within GROWTH of what it was after the first.
+
+IRRSPLAT_LAPS: through all scenes; without it, two through a few. IRRSPLAT_ACTIONS: in each scene of a lap (4). IRRSPLAT_SEED:
+which (1). With -s, memory is told.
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from irrsplat.app.viewer.input.keys import KEYS
+from irrsplat.scene import bundled
+from tests.app.editing.test_at_random import ACTS, QUICK
+from tests.app.viewer.test_viewer_leaks import LEFT_OUT, Watch, resident
+from tests.renderer.test_no_holes import holes
+from tests.support.viewing import Driver, viewing, write_room
+
+LAPS = int(os.environ.get("IRRSPLAT_LAPS", "2"))
+SCENES = tuple(bundled()) if "IRRSPLAT_LAPS" in os.environ else ("cornell", "furnace")
+ACTIONS = int(os.environ.get("IRRSPLAT_ACTIONS", "4"))
+SEED = int(os.environ.get("IRRSPLAT_SEED", "1"))
+DT = 0.1  # seconds of a frame
+KEPT = 2500  # records at most
+GROWTH = 1.05
+OBJECTS = 12  # of OpenGL may come after the first lap: programs of overlays at first use, the interface's letters
+EDITED = 3  # meshes that edits need
+
+
+def anything(driver: Driver, draw: np.random.Generator, often: np.ndarray) -> str:
+    """One thing that a user may do, by its name."""
+    if draw.random() < 0.25:
+        key = KEYS[draw.integers(len(KEYS))]
+        if key.action not in LEFT_OUT:
+            driver.press(key.name, key.ctrl, key.shift)
+            return key.shown
+    if draw.random() < 0.1:
+        actions, session = driver.actions, driver.session
+        acts = {
+            "reload": actions.reload,
+            "screenshot": actions.screenshot,
+            "record": actions.record,
+            "play": actions.play,
+            "snapshot": lambda: session.forget_snapshot(session.keep_snapshot(0)),
+        }
+        name = str(draw.choice(list(acts)))
+        acts[name]()
+        return name
+    one, _ = ACTS[draw.choice(len(ACTS), p=often / often.sum())]
+    if len(driver.session.scene.meshes) >= EDITED or one.__module__ != ACTS[0][0].__module__:
+        one(driver, draw)
+    return one.__name__
+
+
+def check(driver: Driver, done: list[str]) -> None:
+    """At rest, each pixel that sees anything has a record, where no more are wanted than may be kept; and there are not more."""
+    session = driver.session
+    session.options.frozen = False
+    if session.path_recorder.recording is not None:
+        driver.actions.record()  # which ends the recording
+    session.path_recorder.stop()
+    driver.settle(4000)
+    for view, progress, renderer in zip(session.views, session.progress, session.active, strict=True):
+        assert renderer.cache.count <= renderer.settings.max_records, f"{renderer.cache.count} records after {done}"
+        left = holes(view)
+        assert progress.full or (left == 0 and progress.coverage == 1.0), f"{left} holes with {renderer.preset} after {done}"
+
+
+@pytest.mark.slow
+def test_a_day(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("IRRSPLAT_CONFIG", str(tmp_path / "config"))
+    monkeypatch.chdir(tmp_path)
+    draw, often = np.random.default_rng(SEED), np.array([weight for _, weight in ACTS])
+    watch = Watch(monkeypatch)
+    room, frames, done = str(write_room(tmp_path)), 0, list[str]()
+    memory, objects = list[float](), list[int]()
+    with viewing(room, (96, 64), budget=20.0) as driver:
+        driver.values |= {**QUICK, "max_records": KEPT}
+        for _ in range(LAPS):
+            for scene in (*SCENES, room):
+                driver.reset()
+                driver.session.change(0, **driver.values)
+                driver.actions.open(scene)
+                done = [scene]
+                for _ in range(ACTIONS):
+                    done.append(anything(driver, draw, often))
+                    more = int(draw.integers(1, 6))
+                    driver.frame(more, dt=DT)
+                    frames += more
+                    assert not driver.actions.messages.errors, f"{driver.said} after {done}"
+                check(driver, done)
+                assert driver.wnd.ctx.error == "GL_NO_ERROR", f"after {done}"
+            driver.reset()
+            driver.actions.reload()
+            driver.settle(4000)
+            memory.append(resident())
+            objects.append(watch.alive().total())
+            for file in tmp_path.glob("*-*-*"):
+                file.unlink()
+    told = ", ".join(f"{one:.0f}" for one in memory)
+    print(f"\n{LAPS * ACTIONS * (len(SCENES) + 1)} actions, {frames} frames; MiB after each lap: {told}; objects: {objects}")
+    assert max(memory[1:]) <= GROWTH * memory[0], f"MiB after each lap: {told}"
+    assert max(objects[1:]) <= objects[0] + OBJECTS, f"objects of OpenGL after each lap: {objects}"

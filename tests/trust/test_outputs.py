@@ -1,0 +1,195 @@
+"""Outputs stand alone: one that cannot be written loses no other, all failures are told, none is given twice, and what a killed
+process left under a temporary name goes."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from irrsplat import IrrsplatError
+from irrsplat.app import cli
+from irrsplat.core import files
+from tests.app.conftest import fake as fake
+from tests.app.conftest import place as place
+from tests.app.conftest import refused as refused
+from tests.app.test_cli_path import FLIGHT
+from tests.app.test_cli_path import flight as flight
+
+RENDER = ["render", "plain.scene", "--size", "3", "2"]
+NAMES = {"a.png", "b.exr", "c.npz", "folder", "s.json"}
+
+
+@pytest.fixture
+def broken(monkeypatch: pytest.MonkeyPatch) -> set[str]:
+    """Names of files that cannot be put in place: the disk is full."""
+    names: set[str] = set()
+    replace = os.replace
+
+    def full(source: Any, target: Any) -> None:
+        if Path(target).name in names:
+            raise OSError(28, "No space left on device")
+        replace(source, target)
+
+    monkeypatch.setattr(os, "replace", full)
+    return names
+
+
+def written(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()} - {"plain.scene", "triangle.obj"}
+
+
+@pytest.mark.parametrize("bad", [{"a.png"}, {"b.exr", "c.npz"}, {"folder"}, {"s.json"}, NAMES])
+def test_each_output_stands_alone(
+    bad: set[str], broken: set[str], fake: Any, place: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """All others are written, and one line names each that could not be."""
+    broken |= bad
+    outputs = ["-o", "a.png", "-o", "b.exr", "-o", "c.npz", "-o", "folder/", "--stats", "s.json"]
+    assert cli.main([*RENDER, *outputs]) == 1
+    out, err = capsys.readouterr()
+    assert out == "" and err.count("\n") == 1
+    assert err.count("No space left on device") == len(bad) and all(f"{name}" in err for name in bad)
+    assert written(place) == NAMES - bad
+
+
+def test_a_failed_output_does_not_lose_the_cache(broken: set[str], place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    broken |= {"a.png"}
+    quick = ["--gather-size", "8", "--shadow-size", "64", "--bounces", "1"]
+    assert cli.main([*RENDER, *quick, "-o", "a.png", "--cache", "a.cache", "--stats", "s.json"]) == 1
+    assert capsys.readouterr().err == "irrsplat: a.png: cannot write: No space left on device\n"
+    assert written(place) == {"a.cache", "s.json"}
+
+
+def test_a_missing_library_loses_its_own_output(
+    fake: Any, place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "OpenEXR", None)
+    assert cli.main([*RENDER, "-o", "a.exr", "-o", "b.png"]) == 1
+    assert "a.exr: this needs the Python module 'OpenEXR'" in capsys.readouterr().err
+    assert written(place) == {"b.png"}
+
+
+def test_a_path_goes_on_with_the_outputs_that_are_left(
+    broken: set[str], fake: Any, flight: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One that failed is not tried again; where none is left, the path ends, with the statistics of what was written."""
+    broken |= {"a1.png"}
+    assert cli.main([*FLIGHT, "-o", "a{frame}.png", "-o", "b{frame}.png", "--stats", "s.json"]) == 1
+    assert capsys.readouterr().err == "irrsplat: a1.png: cannot write: No space left on device\n"
+    assert {path.name for path in flight.glob("[ab]*.png")} == {"a0.png", "b0.png", "b1.png", "b2.png", "b3.png"}
+    assert len(json.loads((flight / "s.json").read_text())["frames"]) == 4
+    broken |= {"c2.png"}
+    assert cli.main([*FLIGHT, "-o", "c{frame}.png", "--stats", "t.json"]) == 1
+    assert len(json.loads((flight / "t.json").read_text())["frames"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("argv", "words"),
+    [
+        (["-o", "a.png", "-o", "a.png"], "-o a.png and -o a.png are one file"),
+        (["-o", "a.png", "-o", "b.exr", "-o", "./a.png"], "-o a.png and -o ./a.png are one file"),
+        (["-o", "link.png", "-o", "real.png"], "-o link.png and -o real.png are one file"),
+        (["-o", "folder", "-o", "folder/"], "-o folder and -o folder/ are one file"),
+        (["-o", "a.npz", "--stats", "a.npz"], "-o a.npz and --stats a.npz are one file"),
+        (["-o", "a.png", "--stats", "s", "--cache", "s"], "--stats s and --cache s are one file"),
+    ],
+)
+def test_the_same_file_twice_is_refused(argv: list[str], words: str, refused: Callable[..., str], place: Path) -> None:
+    (place / "link.png").symlink_to("real.png")
+    assert words in refused([*RENDER, *argv])
+
+
+def test_frames_of_one_name_are_refused(refused: Callable[..., str], fake: Any, flight: Path) -> None:
+    """Patterns that differ, and give the same name from some frame on."""
+    path = flight / "a.path"
+    path.write_text(path.read_text().replace("frames 4", "frames 12"))
+    line = refused([*FLIGHT, "-o", "f{frame}.png", "-o", "f{frame:02d}.png"])
+    assert "f{frame:02d}.png: frame 10 would go to a file of 'f{frame}.png'" in line
+
+
+def test_measure_s_outputs_stand_alone(broken: set[str], place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    broken |= {"m.csv"}
+    point = ["--point", "0.2", "0.2", "0.1", "0", "0", "1", "--gather-size", "8", "--shadow-size", "64"]
+    assert cli.main(["measure", "plain.scene", *point, "-o", "m.csv", "--stats", "s.json"]) == 1
+    assert "m.csv: cannot write: No space left" in capsys.readouterr().err
+    assert written(place) == {"s.json"}
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from irrsplat.core import files
+def fill(part):
+    part.write_bytes(b"half")
+    os.kill(os.getpid(), signal.SIGKILL)
+def pictures():
+    import numpy as np
+    yield "a.png", np.zeros((2, 2, 3))
+    os.kill(os.getpid(), signal.SIGKILL)
+files._write_folder(Path("folder"), pictures()) if sys.argv[1] == "folder" else files._write_file("a.txt", fill)
+"""
+
+
+@pytest.mark.parametrize("kind", ["file", "folder"])
+def test_what_a_killed_process_left_is_swept(kind: str, tmp_path: Path) -> None:
+    """By whoever writes there next; what a living process is about to write stays."""
+    (tmp_path / "a.txt").write_text("old")
+    subprocess.run([sys.executable, "-c", KILLED, kind], cwd=tmp_path, check=False)
+    (left,) = tmp_path.glob(".irrsplat-*")
+    assert (tmp_path / "a.txt").read_text() == "old"
+    seen: list[str] = []
+
+    def fill(part: Path) -> None:
+        """Meanwhile another file is written here, by another process."""
+        part.write_text("new")
+        write = "from irrsplat.core import files; files.write_text('b.txt', 'other')"
+        subprocess.run([sys.executable, "-c", write], cwd=tmp_path, check=True)
+        seen.extend(path.name for path in tmp_path.glob(".irrsplat-*"))
+
+    files._write_file(tmp_path / "a.txt", fill)
+    assert not left.exists() and len(seen) == 1 and seen != [left.name]
+    assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"a.txt": "new", "b.txt": "other"}
+
+
+@pytest.mark.parametrize("rows", [1, 16, 33])
+def test_an_exr_that_is_cut_short_is_noticed(rows: int, tmp_path: Path) -> None:
+    """OpenEXR's writer does not tell of a disk that is full; whatever is missing at the end, or has become 0, is found."""
+    import OpenEXR
+
+    path = tmp_path / "a.exr"
+    pixels = np.random.default_rng(1).random((rows, 8, 3), dtype="f4")
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, "stats": "{}"}
+    with OpenEXR.File(header, {"image": pixels}) as file:
+        file.write(str(path))
+    files.check_exr(path, rows)
+    whole = path.read_bytes()
+    for length in (0, 5, 100, len(whole) // 2, len(whole) - 1):
+        for padded in (b"", b"\0" * (len(whole) - length)) if length < len(whole) // 2 else (b"",):
+            path.write_bytes(whole[:length] + padded)
+            with pytest.raises(OSError):
+                files.check_exr(path, rows)
+
+
+def test_others_files_stay(tmp_path: Path) -> None:
+    """Names that are not ours, and links."""
+    (tmp_path / "precious").mkdir()
+    (tmp_path / "precious/file").touch()
+    (tmp_path / ".irrsplat-0123456789ab.part").symlink_to(tmp_path / "precious")
+    for name in ("a.part", ".irrsplat-notes", "irrsplat-1.part"):
+        (tmp_path / name).touch()
+    files.write_text(tmp_path / "a.txt", "new")
+    assert (tmp_path / "precious/file").exists()
+    assert {"a.part", ".irrsplat-notes", "irrsplat-1.part", "precious", "a.txt"} <= {path.name for path in tmp_path.iterdir()}
+
+
+def test_where_nothing_can_be_written(tmp_path: Path) -> None:
+    with pytest.raises(IrrsplatError, match="cannot write"):
+        files.write_text(tmp_path / "missing/a.txt", "")
