@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 from irrsplat.core import paths
 from irrsplat.core.errors import InputError, did_you_mean
 from irrsplat.core.load_options import CREASE_ANGLE, LoadOptions, UpAxis
+from irrsplat.core.paths import within
 from irrsplat.scene.io.lines import quote
 from irrsplat.scene.io.text.scene_text import load_text
 from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
@@ -49,17 +51,24 @@ def load(
     crease_angle: float = CREASE_ANGLE,
     time: float | None = None,
     sky: str | None = None,
+    allow: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
 ) -> Scene:
     """The scene at a path, or the bundled scene of that name, such as ``"cornell"``; a file that exists wins.
 
     Reads `.scene` text, `.glb` and `.gltf` and, as geometry with diffuse colours, `.obj`, `.ply` and `.stl`. World space is
     right-handed, in metres. `LoadOptions` says what the keywords mean; a `.scene` needs none of them, but may have another `sky`.
+    A scene reads files that it names from its own folder and those below, and from the folders in `allow`, nowhere else.
     Raises InputError, one line, for whatever is wrong with the file, the name or a keyword.
     """
-    options = LoadOptions(up_axis, crease_angle, time, sky)
+    options = LoadOptions(up_axis, crease_angle, time, sky, tuple(allow) if isinstance(allow, (list, tuple)) else (allow,))  # type: ignore[arg-type]
     if not isinstance(source, (str, os.PathLike)):
         raise InputError(f"load takes a path or the name of a bundled scene, not {type(source).__name__}")
     path = located(source)
+    with within(path, options.allow):
+        return _read(path, options)
+
+
+def _read(path: Path, options: LoadOptions) -> Scene:
     ending = path.suffix.lower()
     if ending == ".scene":
         return load_text(path, options)

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from irrsplat.core.errors import InputError
+from irrsplat.core.paths import MOST_IMAGE, check_readable, read_bytes
 
 ENDINGS = (".hdr", ".pic", ".exr")
 MOST_ROWS = 2048  # of a map that is kept: larger ones are halved
-_MOST_PIXELS = 32768 * 16384
+_MOST_PIXELS = 16384 * 8192
 _SLIGHT = 1e-3  # of all light: filters in image programs leave that much below 0
 _REMEDY = "save it again with finite values of 0 or more"
 
@@ -48,7 +50,12 @@ def read_exr(path: Path) -> np.ndarray:
     """(H, W, 3) float32 of the first part of an EXR: its channels R, G and B, of any layer, or a single one as grey."""
     import OpenEXR  # takes a while, and few scenes need it
 
+    check_readable(path, MOST_IMAGE)
     try:
+        with OpenEXR.File(str(path), header_only=True) as file:
+            numbers = sum(_values(part.header) for part in file.parts)
+        if numbers > 3 * _MOST_PIXELS:
+            raise ValueError(f"{numbers} values are more than {3 * _MOST_PIXELS}")
         with OpenEXR.File(str(path), separate_channels=True) as file:
             channels = {name: np.asarray(channel.pixels, np.float32) for name, channel in file.channels().items()}
     except Exception as error:  # a damaged file may raise anything
@@ -63,15 +70,18 @@ def read_exr(path: Path) -> np.ndarray:
     raise InputError(f"it has no channels R, G and B, but {', '.join(channels) or 'none'}; save it as RGB", path)
 
 
+def _values(header: dict[str, Any]) -> int:
+    """How many numbers a part of an EXR holds."""
+    first, last = np.asarray(header["dataWindow"], np.int64)
+    return int(np.prod(last - first + 1)) * len(header["channels"])
+
+
 # ---- Radiance ------------------------------------------------------------------------------------------------------------
 
 
 def read_hdr(path: Path) -> np.ndarray:
     """(H, W, 3) float32 of a Radiance picture: value (mantissa + ½)·2^(exponent − 136), divided by the header's EXPOSURE."""
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"cannot read this file: {error.strerror or error}", path) from None
+    data = read_bytes(path, MOST_IMAGE)
     head, found, rest = data.partition(b"\n\n")
     line, _, pixels = rest.partition(b"\n")
     size = re.fullmatch(rb"([+-])Y (\d{1,6}) ([+-])X (\d{1,6})\r?", line)
@@ -126,6 +136,9 @@ def _old_runs(data: bytes, height: int, width: int) -> np.ndarray:
     place = np.arange(len(codes))
     last = np.maximum.accumulate(np.where(repeats, 0, place))  # the pixel that is meant
     again = np.where(repeats, codes[:, 3].astype(np.int64) << (8 * np.minimum(place - last - 1, 4)), 1)
-    if again.sum() < height * width:
+    again = np.minimum(again, height * width)
+    ends = np.cumsum(again)
+    if not len(ends) or ends[-1] < height * width:
         raise ValueError("too few pixels")
-    return np.repeat(codes[last], again, axis=0)[: height * width].reshape(height, width, 4)
+    needed = int(np.searchsorted(ends, height * width)) + 1
+    return np.repeat(codes[last[:needed]], again[:needed], axis=0)[: height * width].reshape(height, width, 4)
