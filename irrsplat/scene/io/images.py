@@ -28,9 +28,26 @@ if TYPE_CHECKING:
     from PIL.Image import Image as Picture
 
 GREATEST_PIXELS = 16384**2
-_FORMATS = (  # of Pillow's those that surfaces wear; among the others is PostScript, which is a program
-    ["AVIF", "BMP", "DDS", "DIB", "GIF", "ICO", "JPEG", "JPEG2000", "MPO", "PCX", "PNG", "PPM", "PSD", "SGI", "TGA", "TIFF", "WEBP"]
+# Those of Pillow's formats that surfaces wear; among the others is PostScript, which is a program.
+_FORMATS = (
+    "AVIF",
+    "BMP",
+    "DDS",
+    "DIB",
+    "GIF",
+    "ICO",
+    "JPEG",
+    "JPEG2000",
+    "MPO",
+    "PCX",
+    "PNG",
+    "PPM",
+    "PSD",
+    "SGI",
+    "TGA",
+    "TIFF",
 )
+_FORMATS += ("WEBP",)
 _KTX2 = b"\xabKTX 20\xbb\r\n\x1a\n"
 
 

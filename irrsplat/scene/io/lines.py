@@ -10,6 +10,7 @@ from pathlib import Path
 
 from irrsplat.core.errors import InputError
 from irrsplat.core.paths import MOST_TEXT, may_read, read_bytes, refusal
+from irrsplat.core.vectors import GREATEST
 
 
 def quote(text: str) -> str:
@@ -50,9 +51,6 @@ def _without_zeros(path: Path, data: bytes, strict: bool) -> bytes:
     if strict or even + odd > 8 + 0.01 * len(data):
         raise InputError("this is binary data; expected a text file in UTF-8", path)
     return data.replace(b"\0", b" ")
-
-
-GREATEST = 1e15  # its square, and light summed up from it, is still a float32
 
 
 def number(word: str) -> float:

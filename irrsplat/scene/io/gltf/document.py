@@ -17,11 +17,11 @@ import numpy as np
 
 from irrsplat.core.errors import InputError
 from irrsplat.core.paths import MOST_GEOMETRY, read_bytes
+from irrsplat.core.vectors import GREATEST
 from irrsplat.scene.io.images import find_file
 
 _JSON, _BIN = 0x4E4F534A, 0x004E4942
 _MISSING = object()
-GREATEST = 1e15  # of a number, as in the other formats: its square is still a float32
 
 
 class Damaged(ValueError):

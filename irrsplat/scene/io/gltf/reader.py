@@ -13,13 +13,13 @@ import numpy as np
 
 from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import LoadOptions
-from irrsplat.core.vectors import times
+from irrsplat.core.vectors import GREATEST, times
 from irrsplat.scene.io.defaults import finish
 from irrsplat.scene.io.gltf import geometry
 from irrsplat.scene.io.gltf.accessors import values
 from irrsplat.scene.io.gltf.animation import Pose, pose
 from irrsplat.scene.io.gltf.cameras_lights import cameras, lights
-from irrsplat.scene.io.gltf.document import GREATEST, WRONG, Damaged, Document, read, shown
+from irrsplat.scene.io.gltf.document import WRONG, Damaged, Document, read, shown
 from irrsplat.scene.io.gltf.environment import image_based_light
 from irrsplat.scene.io.gltf.geometry import Attributes, Geometry, cofactors
 from irrsplat.scene.io.gltf.materials import Materials, Surface
