@@ -34,22 +34,22 @@ def number(text: str) -> float:
 
 def pixels(text: str) -> int:
     """A side of an image, for argparse."""
-    if not re.fullmatch(r"\d{1,9}", text, re.ASCII) or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"expected a whole number of pixels, at least 1, not '{text}'")
-    return int(text)
+    return _whole(text, 1, 999_999_999, "a whole number of pixels, at least 1")
 
 
 def samples(text: str) -> int:
     """A number of samples, for argparse."""
-    if not re.fullmatch(r"\d{1,9}", text, re.ASCII) or int(text) < 2:
-        raise argparse.ArgumentTypeError(f"expected a whole number of samples, at least 2, not '{text}'")
-    return int(text)
+    return _whole(text, 2, 999_999_999, "a whole number of samples, at least 2")
 
 
 def decades(text: str) -> int:
     """A number of powers of ten, for argparse."""
-    if not re.fullmatch(r"\d{1,2}", text, re.ASCII) or not 1 <= int(text) <= MOST_DECADES:
-        raise argparse.ArgumentTypeError(f"expected a whole number from 1 to {MOST_DECADES}, not '{text}'")
+    return _whole(text, 1, MOST_DECADES, f"a whole number from 1 to {MOST_DECADES}")
+
+
+def _whole(text: str, low: int, high: int, expected: str) -> int:
+    if not re.fullmatch(r"\d{1,9}", text, re.ASCII) or not low <= int(text) <= high:
+        raise argparse.ArgumentTypeError(f"expected {expected}, not '{text}'")
     return int(text)
 
 
@@ -140,10 +140,10 @@ def _add_render(commands: Any) -> None:
         help="may be repeated: .png (the picture), .exr (a float32 layer per buffer), .npz (all buffers, records and stats), "
         "or a folder (a PNG per buffer, and the paper's figures); with --path, {frame} or {frame:04d} in it is the number",
     )  # fmt: skip
-    _add_size(parser)
-    add("--preset", metavar="NAME", choices=tuple(PRESETS), default="default", help=f"{', '.join(PRESETS)} (default: default)")
+    _add_size(parser, 800)
+    _add_preset(parser, "default")
     add("--buffers", metavar="NAME,…", help="only these buffers in .exr, .npz and folders (default: all)")
-    add("--cache", metavar="FILE", help="the records are kept in this file: taken from it where it is there, and written to it")
+    _add_cache(parser)
     add("--stats", metavar="FILE.json", help="write records, rounds, times and settings to this file")
     _add_camera(parser)
     _add_false_colours(parser)
@@ -175,12 +175,9 @@ def _add_view(commands: Any) -> None:
         epilog="Window size, preset and settings are remembered from the last time; a flag wins, and --preset begins anew.",
     )
     _add_scene(parser)
-    parser.add_argument(
-        "--size", nargs=2, type=pixels, metavar=("W", "H"), help="window size (default: the last one, at first 1280 720)"
-    )
-    parser.add_argument("--preset", metavar="NAME", choices=tuple(PRESETS), help=f"{', '.join(PRESETS)} (default: the last one)")
-    words = "the records are kept in this file: taken from it where it is there, and written to it when the window closes"
-    parser.add_argument("--cache", metavar="FILE", help=words)
+    _add_size(parser, None, "window size (default: the last one, at first 1280 720)")
+    _add_preset(parser, None)
+    _add_cache(parser, " when the window closes")
     _add_camera(parser)
     _add_settings(parser)
     parser.set_defaults(path=None, frames=None)
@@ -226,8 +223,7 @@ def _add_measure(commands: Any) -> None:
     )
     add("--lux", dest="unit", action="store_const", const="lux", help="the same as --unit lux")
     add("--stats", metavar="FILE.json", help="write mean, minimum, maximum, uniformity and settings to this file")
-    names = ", ".join(PRESETS)
-    add("--preset", metavar="NAME", choices=tuple(PRESETS), default="reference", help=f"{names} (default: reference)")
+    _add_preset(parser, "reference")
     _add_settings(parser, stages=("shadow", "gather"))
 
 
@@ -249,7 +245,7 @@ def _add_verify(commands: Any) -> None:
     )  # fmt: skip
     add("--curve", action="store_true", help="error against the number of records, for several a, beside paper's")
     add("--techniques", action="store_true", help="error with each technique switched off, and as published")
-    add("--preset", metavar="NAME", choices=tuple(PRESETS), default="default", help=f"{', '.join(PRESETS)} (default: default)")
+    _add_preset(parser, "default")
     add(
         "-o", "--output", metavar="OUT",
         help="truth, picture and error: side by side in a .png, or one file each in a folder (no ending); with --curve, its plot",
@@ -269,14 +265,10 @@ def _add_bench(commands: Any) -> None:
     )
     add = parser.add_argument
     add("scenes", nargs="*", metavar="SCENE", help="paths, or names of bundled scenes (default: cornell-paper; --peers: cornell)")
-    add(
-        "--size", nargs=2, type=pixels, action="append", metavar=("W", "H"),
-        help="image size in pixels, may be repeated (default: 800 800; --peers: 400 400)",
-    )  # fmt: skip
-    add(
-        "--preset", metavar="NAME", choices=tuple(PRESETS), action="append",
-        help="may be repeated (default: default; for cornell-paper, paper as well)",
-    )  # fmt: skip
+    words = "image size in pixels, may be repeated (default: 800 800; --peers: 400 400)"
+    _add_size(parser, None, words, action="append")
+    words = "may be repeated (default: default; for cornell-paper, paper as well)"
+    _add_preset(parser, None, words, action="append")
     _add_loading(parser)
     add("--bounces", metavar="N|all", default="1", help="indirect bounces (default: 1, as the paper has it)")
     add("--flight", choices=("on", "off"), default="on", help="fly through the viewer's window as well (default: on)")
@@ -353,9 +345,20 @@ def _add_settings(parser: argparse.ArgumentParser, besides: tuple[str, ...] = ()
                 _add_setting(group, declaration)
 
 
-def _add_size(parser: argparse.ArgumentParser, side: int = 800) -> None:
-    words = f"image size in pixels (default: {side} {side})"
-    parser.add_argument("--size", nargs=2, type=pixels, default=[side, side], metavar=("W", "H"), help=words)
+def _add_size(parser: argparse.ArgumentParser, side: int | None, words: str = "", action: str = "store") -> None:
+    default = None if side is None else [side, side]
+    words = words or f"image size in pixels (default: {side} {side})"
+    parser.add_argument("--size", nargs=2, type=pixels, default=default, metavar=("W", "H"), help=words, action=action)
+
+
+def _add_preset(parser: argparse.ArgumentParser, default: str | None, words: str = "", action: str = "store") -> None:
+    words = words or f"{', '.join(PRESETS)} (default: {default or 'the last one'})"
+    parser.add_argument("--preset", metavar="NAME", choices=tuple(PRESETS), default=default, help=words, action=action)
+
+
+def _add_cache(parser: argparse.ArgumentParser, when: str = "") -> None:
+    words = f"the records are kept in this file: taken from it where it is there, and written to it{when}"
+    parser.add_argument("--cache", metavar="FILE", help=words)
 
 
 def _add_setting(group: Any, declaration: Declaration) -> None:

@@ -19,8 +19,8 @@ import platformdirs
 from irrsplat.core import paths
 from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.core.files import write_picture, write_text
+from irrsplat.core.words import GREATEST, quote
 from irrsplat.scene import Camera, bundled
-from irrsplat.scene.io.lines import GREATEST, quote
 from irrsplat.settings import PRESETS, SETTINGS, SettingValues, present_name
 
 VERSION = 1  # of both files

@@ -5,8 +5,6 @@ from __future__ import annotations
 
 import numpy as np
 
-GREATEST = 1e15  # its square, and light summed up from it, is still a float32
-
 
 def times(vectors: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     """Each row of vectors (N, 3) multiplied by the transpose of matrix (3, 3): (N, 3).

@@ -121,12 +121,12 @@ class World(Owner):
             return False
         return not caster or bool(wait([self._casting()], max(end - time.perf_counter(), 0.0)).done)
 
-    def set_scene(self, scene: Scene) -> None:
+    def follow(self, change: SceneChange) -> None:
         """Go on with the same meshes, lit otherwise, elsewhere or repainted; where they have moved, the triangles are uploaded
-        again and the tree is built anew. Raises InputError, and stays as it was, for materials by which triangles would be
-        numbered otherwise, or that wear other textures."""
+        again and the tree is built anew. change: between the present scene and another. Raises InputError, and stays as it was,
+        for materials by which triangles would be numbered otherwise, or that wear other textures."""
+        scene = change.new
         if self._uploaded is not scene.meshes:
-            change = SceneChange.between(self._scene, scene)
             if change.repainted and not numbered_alike(self._scene, scene):
                 raise InputError(
                     "a mesh cannot get a material by which light passes it otherwise, or by which it is drawn otherwise; load "

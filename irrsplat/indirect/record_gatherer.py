@@ -187,15 +187,18 @@ class RecordGatherer(Owner):
 
     # ---- what changes ----------------------------------------------------------------------------------------------
 
-    def follow(self, settings: Settings, scene: Scene, shadows: ShadowMaps | None) -> np.ndarray | None:
+    def change_to(self, scene: Scene) -> SceneChange:
+        """What is different in another state of the scene from the one that records are gathered by now."""
+        return SceneChange.between(self._basis.scene, scene)
+
+    def follow(self, settings: Settings, change: SceneChange, shadows: ShadowMaps | None) -> np.ndarray | None:
         """Go on with other settings and another state of the scene, as RecordScheduler.follow has it.
 
         Returns the numbers of the records that are kept, None for all. A change that fails, for want of memory say, leaves all as
         it was; one that is interrupted while records are being changed forgets them all.
         """
-        old, cache = self._basis, self.cache
+        old, cache, scene = self._basis, self.cache, change.new
         settings = settings if settings.most_bounces else replace(settings, bounces=old.settings.bounces)
-        change = SceneChange.between(old.scene, scene)
         if settings == old.settings and not change and self.world.shows(scene):
             return None
         new = replace(old, scene=scene, settings=settings, kind=autotune.kind(self.ctx, scene, settings))
@@ -206,10 +209,10 @@ class RecordGatherer(Owner):
             unknown = np.flatnonzero(cache.probes[:, 3] == 0.0)
             cache.probes[unknown] = self._probe(shadows, unknown)
         try:
-            self.world.set_scene(scene)
+            self.world.follow(change)
             self._gather_of(new)
         except BaseException:
-            self.world.set_scene(old.scene)
+            self.world.follow(change.back)
             raise
         try:
             kept = self._follow_records(old, new, change)
@@ -228,7 +231,7 @@ class RecordGatherer(Owner):
         if _places(was) != _places(settings):
             cache.truncate(0)
         if change.moved:
-            kept = cache.move_with_meshes(old.scene, new.scene)
+            kept = cache.move_with_meshes(change)
             cache.keep_only(kept)
         if change.dimming is not None:
             dim(cache, change.dimming)
@@ -238,7 +241,7 @@ class RecordGatherer(Owner):
             new = replace(new, moved=True, changing=True, relit=old.relit or change.looks_otherwise, resumed=None)
         surface = self._made.find("surface", SurfaceCache)
         if surface is not None:
-            surface.change(settings, brighter)
+            surface.change(settings, change, brighter)
         gathered = old.way != new.way
         if gathered or old.lights != new.lights or was.placement != settings.placement:
             self.atlas = None  # its gather is gone
@@ -308,9 +311,9 @@ class RecordGatherer(Owner):
         while self._parts:
             self._parts.popitem()[1].release()
 
-    def answers(self, scene: Scene) -> bool:
+    def answers(self, change: SceneChange) -> bool:
         """Whether what records hold by the lamps of another state of the scene is known at once, but for a few of them."""
-        return self._answered(SceneChange.between(self._basis.scene, scene)) is not None
+        return self._answered(change) is not None
 
     @property
     def to_learn(self) -> int:

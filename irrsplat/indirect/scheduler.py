@@ -25,6 +25,7 @@ from irrsplat.records.culling import within
 from irrsplat.records.eviction import kept
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.records.refresh_order import RefreshOrder
+from irrsplat.scene.change import SceneChange
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import Settings
 
@@ -75,10 +76,15 @@ class RecordScheduler(Owner):
 
     # ---- what changes ----------------------------------------------------------------------------------------------
 
-    def follow(self, settings: Settings, scene: Scene, shadows: ShadowMaps | None) -> None:
+    def change_to(self, scene: Scene) -> SceneChange:
+        """What is different in another state of the scene from the one that records are gathered by now."""
+        return self.gatherer.change_to(scene)
+
+    def follow(self, settings: Settings, change: SceneChange, shadows: ShadowMaps | None) -> None:
         """Go on with other settings and another state of the scene: records that these concern become stale, those close to
-        where something has moved from or to are forgotten. shadows: those of the scene before, None where they are not drawn."""
-        kept = self.gatherer.follow(settings, scene, shadows)
+        where something has moved from or to are forgotten. change: from `change_to`. shadows: those of the scene before, None
+        where they are not drawn."""
+        kept = self.gatherer.follow(settings, change, shadows)
         if kept is not None:
             self.adaptation.keep(kept)
         self.adaptation.change(self.settings)

@@ -8,9 +8,9 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from irrsplat.core.vectors import unit
-from irrsplat.scene.change import is_elsewhere
+from irrsplat.scene.change import SceneChange
 from irrsplat.scene.looks import in_order
-from irrsplat.scene.model import Mesh, Scene
+from irrsplat.scene.model import Mesh
 
 _INSIDE = 0.3  # a point about which a mesh winds more often than that is taken to be within
 _LIFT = 1e-3  # of a mesh's diagonal: how far above its surface a point is held against the mesh
@@ -20,20 +20,20 @@ _LEAST_CONCERN = 0.01  # for points that see nothing of what has moved, but perh
 _RIGID = 1e-3  # how far, by rounding of its triangles, the map of a rigid motion may be from a rotation
 
 
-def _of_moved(triangle: np.ndarray, before: Scene, after: Scene) -> Iterator[tuple[Mesh, Mesh, np.ndarray, np.ndarray]]:
+def _of_moved(triangle: np.ndarray, change: SceneChange) -> Iterator[tuple[Mesh, Mesh, np.ndarray, np.ndarray]]:
     """Of each mesh that has moved: the mesh before and after, a mask (N,) of the `triangle` numbers that are its own, and these
     numbers counted within the mesh."""
     start, first = 0, {}
-    for mesh in in_order(before):
+    for mesh in in_order(change.old):
         first[id(mesh)] = start
         start += len(mesh.faces)
-    for old, new in zip(before.meshes, after.meshes, strict=True):
-        if is_elsewhere(old, new) and len(old.faces):
+    for old, new in change.moved_pairs:
+        if len(old.faces):
             inside = triangle - first[id(old)]
             yield old, new, (inside >= 0) & (inside < len(old.faces)), inside
 
 
-def swallowed(position: np.ndarray, normal: np.ndarray, triangle: np.ndarray, before: Scene, after: Scene) -> np.ndarray:
+def swallowed(position: np.ndarray, normal: np.ndarray, triangle: np.ndarray, change: SceneChange) -> np.ndarray:
     """(N,) True for points, with these normals (N, 3), that lie within a moved mesh where it is now, but not on it, and for those
     on one that has vanished.
 
@@ -41,7 +41,7 @@ def swallowed(position: np.ndarray, normal: np.ndarray, triangle: np.ndarray, be
     a moved mesh was.
     """
     found = np.zeros(len(position), bool)
-    for old, new, own, _ in _of_moved(triangle, before, after):
+    for old, new, own, _ in _of_moved(triangle, change):
         found |= (triangle < 0) & _within(position, old)
         lift = _LIFT * float(np.linalg.norm(np.ptp(new.positions, axis=0)))
         found |= own & new.is_point
@@ -72,11 +72,11 @@ def winding(position: np.ndarray, mesh: Mesh) -> np.ndarray:
     return sums / (2.0 * np.pi)
 
 
-def concerned(position: np.ndarray, normal: np.ndarray, triangle: np.ndarray, before: Scene, after: Scene) -> np.ndarray:
+def concerned(position: np.ndarray, normal: np.ndarray, triangle: np.ndarray, change: SceneChange) -> np.ndarray:
     """(N,) about how much of what points with these normals (N, 3) see has changed: the shares of their hemispheres, weighted by
     the cosine, that the bounding spheres of moved meshes covered and cover; on these _ON_IT. _LEAST_CONCERN more everywhere."""
     found = np.full(len(position), _LEAST_CONCERN)
-    for old, new, own, _ in _of_moved(triangle, before, after):
+    for old, new, own, _ in _of_moved(triangle, change):
         found += np.where(own, _ON_IT, _covered(position, normal, old) + _covered(position, normal, new))
     return found
 
@@ -108,10 +108,10 @@ class Carried:
         return unit(np.einsum("nji,nj->ni", inverse, normals))
 
 
-def carried(position: np.ndarray, triangle: np.ndarray, before: Scene, after: Scene) -> Carried:
+def carried(position: np.ndarray, triangle: np.ndarray, change: SceneChange) -> Carried:
     """Those of the points (N, 3), on triangles of these numbers (N,), that move with a mesh, as their triangles' corners do."""
     parts = [Carried(np.zeros(0, np.intp), np.zeros((0, 3)), np.zeros((0, 3, 3)), np.zeros(0, bool))]
-    for old, new, own, inside in _of_moved(triangle, before, after):
+    for old, new, own, inside in _of_moved(triangle, change):
         numbers = np.flatnonzero(own)
         triangles, which = np.unique(inside[numbers], return_inverse=True)  # many points lie on one
         faces = old.faces[triangles]

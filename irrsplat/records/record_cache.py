@@ -19,7 +19,7 @@ from irrsplat.gpu import texel_table
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import float_texture
 from irrsplat.records.motion import carried, concerned, swallowed
-from irrsplat.scene.model import Scene
+from irrsplat.scene.change import SceneChange
 
 _FLOOR = 0.02  # of the records' mean luminance: see RecordCache.update_luminance_floor
 _ROWS = 4  # of the textures at first; doubled whenever they are full
@@ -353,16 +353,16 @@ class RecordCache(Owner):
         self.revision += 1
         self._replace(textures)
 
-    def move_with_meshes(self, before: Scene, after: Scene) -> np.ndarray:
+    def move_with_meshes(self, change: SceneChange) -> np.ndarray:
         """Let records on meshes that have moved move along with what they hold, and raise `due` by what others see of that.
         Returns the numbers of the records to keep: those that are not within what has moved now."""
         columns = {name: self._columns[name].copy() for name in ("position", "normal", "geometric", "probe", "due")}
         there = {name: array[: self.count] for name, array in columns.items()}
         triangle = self._columns["triangle"][: self.count]
         geometric = there["geometric"][:, :3]
-        kept = ~swallowed(self.positions, geometric, triangle, before, after)
-        there["due"] += concerned(self.positions, geometric, triangle, before, after)
-        moved = carried(self.positions, triangle, before, after)
+        kept = ~swallowed(self.positions, geometric, triangle, change)
+        there["due"] += concerned(self.positions, geometric, triangle, change)
+        moved = carried(self.positions, triangle, change)
         if len(moved.numbers):
             there["position"][moved.numbers, :3] = moved.position
             for name in ("normal", "geometric"):

@@ -10,7 +10,7 @@ from irrsplat.core import paths
 from irrsplat.core.errors import InputError, did_you_mean
 from irrsplat.core.load_options import CREASE_ANGLE, LoadOptions, UpAxis
 from irrsplat.core.paths import within
-from irrsplat.scene.io.lines import quote
+from irrsplat.core.words import quote
 from irrsplat.scene.io.text.scene_text import load_text
 from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
 

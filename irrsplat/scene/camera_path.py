@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from irrsplat.core.errors import InputError
-from irrsplat.scene.io.lines import Line, lines, number, quote
+from irrsplat.core.words import number, quote
+from irrsplat.scene.io.lines import Line, lines
 from irrsplat.scene.io.motion_keys import LightKey, MeshKey, Motions, light_key, mesh_key
 from irrsplat.scene.io.text.scene_text import USAGE
 from irrsplat.scene.model import Camera

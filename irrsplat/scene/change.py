@@ -30,10 +30,22 @@ class SceneChange:
     @classmethod
     def between(cls, old: Scene, new: Scene) -> SceneChange:
         """What a renderer of `old` has to make anew for `new`."""
+        if old is new:
+            return cls(old, new, (), relit=False)
         pairs = list(zip(old.meshes, new.meshes, strict=True))
         moved = tuple(i for i, (a, b) in enumerate(pairs) if is_elsewhere(a, b))
         repainted = tuple(i for i, (a, b) in enumerate(pairs) if a is not b and a.material != b.material)
         return cls(old, new, moved, old.lights != new.lights, repainted, old.sky_parts != new.sky_parts)
+
+    @property
+    def back(self) -> SceneChange:
+        """The change from `new` to `old`."""
+        return replace(self, old=self.new, new=self.old)
+
+    @property
+    def moved_pairs(self) -> list[tuple[Mesh, Mesh]]:
+        """The meshes that are elsewhere: each as it was, and as it is."""
+        return [(self.old.meshes[i], self.new.meshes[i]) for i in self.moved]
 
     def __bool__(self) -> bool:
         """Whether anything differs."""

@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from irrsplat.core.errors import InputError
 from irrsplat.core.vectors import times, unit
-from irrsplat.scene.io.lines import quote
+from irrsplat.core.words import quote
+from irrsplat.scene.change import is_elsewhere
 from irrsplat.scene.model import Material, Mesh, Scene
 
 _FLAT = 1e-12  # least determinant of a transform, relative to the cube of its largest element: less would flatten a mesh
@@ -36,6 +37,29 @@ def repainted(scene: Scene, mesh: int | str, material: Material) -> Scene:
         return scene
     meshes[number] = replace(meshes[number], material=material)
     return replace(scene, meshes=tuple(meshes))
+
+
+def posed(present: Scene, pose: Scene) -> Scene:
+    """The `present` scene with the lights, the sky, and the places and materials of meshes of a `pose` of it. Meshes that are
+    alike in both stay the present ones. Raises InputError for a pose of other meshes."""
+    pairs = zip(pose.meshes, present.meshes, strict=False)
+    if len(pose.meshes) != len(present.meshes) or any(len(a.faces) != len(b.faces) for a, b in pairs):
+        raise InputError("a pose has the same meshes as the renderer's scene, in the same order")
+    meshes = tuple(_posed(a, b) for a, b in zip(pose.meshes, present.meshes, strict=True))
+    same = all(a is b for a, b in zip(meshes, present.meshes, strict=True))
+    around = {name: getattr(pose, name) for name in ("sky", "sky_gradient", "environment", "own_sky")}
+    return replace(present, lights=pose.lights, meshes=present.meshes if same else meshes, **around)
+
+
+def _posed(mesh: Mesh, present: Mesh) -> Mesh:
+    """The `mesh`, as far as it differs from the `present` state of the same mesh: that itself where it does not."""
+    if mesh is present:
+        return present
+    if is_elsewhere(mesh, present) and not (
+        np.array_equal(mesh.positions, present.positions) and np.array_equal(mesh.faces, present.faces)
+    ):
+        return mesh
+    return present if mesh.material == present.material else replace(present, material=mesh.material)
 
 
 def hidden(mesh: Mesh, at: np.ndarray) -> Mesh:

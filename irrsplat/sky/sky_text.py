@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -13,6 +12,7 @@ import numpy as np
 
 from irrsplat.core import paths
 from irrsplat.core.errors import InputError
+from irrsplat.core.words import GREATEST, number, quote
 from irrsplat.sky.cie import CIE_KINDS, CieSky
 from irrsplat.sky.environment import Environment
 from irrsplat.sky.map_file import read_map
@@ -24,7 +24,6 @@ MAP = "FILE.hdr|FILE.exr [gain X] [rotate DEG]"
 _SUN = "sun ALTITUDE AZIMUTH | at LAT LON TIME"
 CIE = f"cie {'|'.join(CIE_KINDS)} [{_SUN}] [turbidity T] [ground R] [lux E] [north DEG]"
 USAGE = f"{PLAIN}, or: FILE.hdr|FILE.exr …, or: cie {'|'.join(CIE_KINDS)} …"
-_GREATEST = 1e15
 _WORDS = {"sun": 2, "at": 3, "turbidity": 1, "ground": 1, "lux": 1, "north": 1}  # and how many values each has
 
 
@@ -81,12 +80,9 @@ def _spells_number(word: str) -> bool:
 
 def _number(word: str, error: Callable[[str], InputError], usage: str) -> float:
     try:
-        value = float(word)
-    except ValueError:
-        value = math.nan
-    if not abs(value) <= _GREATEST or "_" in word:  # NaN is not
-        raise error(f"'{word[:40]}' is not a finite number; expected: {usage}")
-    return value
+        return number(word)
+    except ValueError as reason:
+        raise error(f"{reason}; expected: {usage}") from None
 
 
 def _plain(words: list[str], error: Callable[[str], InputError]) -> Sky:
@@ -113,12 +109,11 @@ def _map(text: str, folder: Path, error: Callable[[str], InputError]) -> Sky:
     if not paths.may_read(path):
         raise error(f"this map is not read: {paths.refusal(path)}")
     if not _is_file(path):
-        shown = name if name.isprintable() else ascii(name)
-        raise error(f"there is no file '{shown[:60]}'; expected: sky {USAGE}")
+        raise error(f"there is no file {quote(name)}; expected: sky {USAGE}")
     radiance, notices = read_map(path)
     radiance = radiance * np.float32(gain)
-    if not np.isfinite(radiance).all() or radiance.max() > _GREATEST:
-        raise error(f"the gain {gain:g} makes the sky brighter than {_GREATEST:g}; give a smaller one")
+    if not np.isfinite(radiance).all() or radiance.max() > GREATEST:
+        raise error(f"the gain {gain:g} makes the sky brighter than {GREATEST:g}; give a smaller one")
     light, suns = split(radiance)
     height, width = radiance.shape[:2]
     about = f"{path.name}, {width}x{height}" + (f", gain {gain:g}" if gain != 1.0 else "")
@@ -136,7 +131,7 @@ def _cie(words: list[str], error: Callable[[str], InputError]) -> Sky:
     while rest:
         word, count = rest[0], _WORDS.get(rest[0], -1)
         if count < 0:
-            raise error(f"unknown word '{word[:40]}'; expected: {usage}")
+            raise error(f"unknown word {quote(word)}; expected: {usage}")
         if word in given:
             raise error(f"'{word}' is given twice")
         if len(rest) <= count:
@@ -185,10 +180,11 @@ def _sun(given: dict[str, list[str]], error: Callable[[str], InputError], usage:
     latitude, longitude = (_number(word, error, usage) for word in given["at"][:2])
     if not (-90.0 <= latitude <= 90.0 and -180.0 <= longitude <= 180.0):
         raise error(f"there is no place at {latitude:g} {longitude:g}; expected degrees north (-90 to 90) and east (-180 to 180)")
+    time = given["at"][2]
     try:
-        when = datetime.fromisoformat(given["at"][2])
+        when = datetime.fromisoformat(time)
     except ValueError:
-        raise error(f"'{given['at'][2][:40]}' is no time; expected one such as 2026-06-21T12:00+02:00") from None
+        raise error(f"{quote(time)} is no time; expected one such as 2026-06-21T12:00+02:00") from None
     if when.tzinfo is None:
-        raise error(f"'{given['at'][2]}' does not say how far it is from UTC; expected one such as 2026-06-21T12:00+02:00, or …Z")
+        raise error(f"{quote(time)} does not say how far it is from UTC; expected one such as 2026-06-21T12:00+02:00, or …Z")
     return sun_position(latitude, longitude, when)

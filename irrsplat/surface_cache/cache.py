@@ -228,15 +228,14 @@ class SurfaceCache(Owner):
 
     # ---- what changes ----------------------------------------------------------------------------------------------
 
-    def change(self, settings: Settings, brighter: Mapping[LampPart, np.ndarray] | None = None) -> None:
-        """Go on with other settings, and with the world's scene as it is now; what depends on what has changed is made again by
+    def change(self, settings: Settings, change: SceneChange, brighter: Mapping[LampPart, np.ndarray] | None = None) -> None:
+        """Go on with other settings, and with the world's scene as it is after a `change`; what depends on that is made again by
         `advance`. Until then the values are those from before, on what has moved too. brighter: where nothing but the colours of
         lamps has changed, whose parts are all known, by how much, (3,) each.
 
         Interrupted, it does no harm to be called again: the basis is replaced last.
         """
-        old, scene = self._basis, self.world.scene
-        change = SceneChange.between(old.scene, scene)
+        old, scene = self._basis, change.new
         relit, moved = change.looks_otherwise and change.dimming is None and brighter is None, bool(change.moved)
         unlit = unlit_interiors(scene) if change else old.unlit
         other_rays = old.settings.seed != settings.seed
@@ -245,7 +244,7 @@ class SurfaceCache(Owner):
         if change.hides or change.repainted:  # sites without a place, or other reflectances in the transport
             self.transport = self._follower = None
         if moved and self._follower is not None:
-            self._follower.move(old.scene, scene)
+            self._follower.move(change)
         elif moved or not np.array_equal(old.unlit, unlit):  # a lamp went into a closed mesh, or out
             self._drop_sites()
         if change.other_sky:  # which sites one value does for depends on whether it is the same all around

@@ -16,8 +16,7 @@ from irrsplat.gpu.world import World
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.site_light import SiteLightPass
 from irrsplat.records.record_cache import RecordCache
-from irrsplat.scene.change import shines
-from irrsplat.scene.model import Scene
+from irrsplat.scene.change import SceneChange, shines
 from irrsplat.surface_cache.transport import Transport
 
 _OTHER_HITS = 0.05  # of a site's hemisphere: where moved meshes covered or cover that much, its rays meet other sites
@@ -83,9 +82,9 @@ class Follower:
         self._E_1, self.irradiance = self._E_1 + E_1, np.maximum(self.irradiance + E, 0.0)
         self._beyond, self._lamps = self._beyond + beyond, np.maximum(self._lamps + D, 0.0)
 
-    def move(self, before: Scene, after: Scene) -> None:
+    def move(self, change: SceneChange) -> None:
         """Let the sites on moved meshes move along; which those near them see has to be found out again."""
-        self.records.move_with_meshes(before, after)
+        self.records.move_with_meshes(change)
         self.transport.known[self.records.due > _OTHER_HITS] = False
 
     @property

@@ -13,6 +13,7 @@ from irrsplat.gather import autotune
 from irrsplat.gpu import context
 from irrsplat.renderer import Renderer
 from irrsplat.scene import ray_caster
+from irrsplat.scene.change import SceneChange
 from irrsplat.scene.model import Texture
 from irrsplat.settings import Settings
 from tests.gather.test_analytic import room
@@ -34,7 +35,7 @@ def test_it_sees_what_the_shader_s_rays_see(ctx: moderngl.Context) -> None:
     E = []
     with Lit(ctx, before) as lit:
         for world in (before, moved):
-            lit.world.set_scene(world)
+            lit.world.follow(SceneChange.between(lit.world.scene, world))
             truth, found, again = (lit.gather(where, 32, kind, capacity=7) for kind in ("trace", "embree", "embree"))
             for a, b, c in zip(*(vars(one).values() for one in (truth, found, again)), strict=True):
                 assert np.array_equal(b, c, equal_nan=True)

@@ -101,7 +101,7 @@ def test_what_is_hidden_would_add_nothing(name: str, monkeypatch: pytest.MonkeyP
         for camera in cameras(30, 8):
             eye = rng.uniform((-2.9, 0.05, -2.9), (2.9, 1.45, 2.9))
             camera = replace(camera, eye=tuple(eye), target=tuple(eye + np.subtract(camera.target, camera.eye)))
-            gbuffer = renderer.gbuffer_pass(renderer.world, camera)
+            gbuffer = renderer.draw_gbuffer(camera)
             found = []
             sight = partial(splats.farthest, gbuffer, camera)
             for numbers in (np.arange(COUNT), reaching(renderer.cache, 0, camera, size, settings, sight)):

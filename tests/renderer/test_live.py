@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from irrsplat import InputError, Renderer
-from irrsplat import renderer as renderer_module
 from irrsplat.core import paths
 from irrsplat.gpu import shader_source
 from irrsplat.gpu.target import pixels
 from irrsplat.image.view import Progress, View
+from irrsplat.renderer import renderer as renderer_module
 from irrsplat.scene.model import Camera, Light
 from irrsplat.settings import SETTINGS
 from tests.renderer.test_renderer import FAST, FRONT, SIZE, room

@@ -18,6 +18,7 @@ from irrsplat.image.view import read
 from irrsplat.indirect.change_probe import change, correction, take_in
 from irrsplat.records.motion import carried, concerned, swallowed, winding
 from irrsplat.records.record_cache import PROBED, RecordCache
+from irrsplat.scene.change import SceneChange
 from irrsplat.scene.io.mesh_builder import is_closed
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.scene.motion import find, moved, transformed
@@ -116,14 +117,15 @@ def test_what_is_within_goes_and_what_sees_much_is_looked_at_first() -> None:
     after = moved(world, world.meshes, 1, shift(2.0))
     p = np.array([(0.0, 1.0, 0.0), (0.0, 0.0, 0.0), (0.6, 0.0, 0.0), (2.0, 0.0, 0.0), (2.6, 0.0, 0.0), (-3.0, 0.0, 0.0)])
     n = np.tile([0.0, 1.0, 0.0], (len(p), 1))
+    change = SceneChange.between(world, after)
     triangle = np.array([4, 12, 12, 12, 12, 12])
     gone = np.array([False, False, False, True, False, False])
-    assert np.array_equal(swallowed(p, n, triangle, world, after), gone)
-    known = concerned(p, n, triangle, world, after)
+    assert np.array_equal(swallowed(p, n, triangle, change), gone)
+    known = concerned(p, n, triangle, change)
     assert known[0] > 0.3 and known[1] > 0.9 and 0.0 < known[5] < 0.3 < known[4]
     gone[:2] = True
-    assert np.array_equal(swallowed(p, n, np.full(len(p), -1), world, after), gone)
-    assert not swallowed(p, n, triangle, world, world).any()
+    assert np.array_equal(swallowed(p, n, np.full(len(p), -1), change), gone)
+    assert not swallowed(p, n, triangle, SceneChange.between(world, world)).any()
 
 
 @pytest.mark.parametrize("rigid", [True, False], ids=["rigid", "mirrored and stretched"])
@@ -140,7 +142,7 @@ def test_points_move_with_their_mesh(rigid: bool) -> None:
     p = np.einsum("nk,nkx->nx", np.random.default_rng(4).dirichlet(np.ones(3), 200), corners)
     n = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     n /= np.linalg.norm(n, axis=1, keepdims=True)
-    found = carried(p, triangle, world, after)
+    found = carried(p, triangle, SceneChange.between(world, after))
     assert np.array_equal(found.numbers, np.flatnonzero(own)) and found.rigid.all() == rigid and found.rigid.any() == rigid
     assert np.allclose(found.position, p[own] @ matrix[:3, :3].T + matrix[:3, 3], atol=1e-5)
     across = n[own] @ np.linalg.inv(matrix[:3, :3])

@@ -353,7 +353,7 @@ class Driver:
             self.records = renderer.scheduler.state()
         else:  # the same again is not gathered again
             renderer.forget()
-            renderer.scheduler.follow(renderer.settings, renderer.scene, renderer.shadows)
+            renderer.scheduler.follow(renderer.settings, renderer.scheduler.change_to(renderer.scene), renderer.shadows)
             renderer.scheduler.restore(self.records)
             self.settle()
             self.frame(8)  # in which the interface forgets what was clicked

@@ -21,7 +21,7 @@ import numpy as np
 from irrsplat.core.color import srgb
 from irrsplat.core.errors import InputError
 from irrsplat.core.paths import FREE_PIXELS, PIXELS_PER_BYTE, may_read, take_pixels
-from irrsplat.scene.io.lines import quote
+from irrsplat.core.words import quote
 from irrsplat.scene.model import Image
 
 if TYPE_CHECKING:
@@ -29,25 +29,7 @@ if TYPE_CHECKING:
 
 GREATEST_PIXELS = 16384**2
 # Those of Pillow's formats that surfaces wear; among the others is PostScript, which is a program.
-_FORMATS = (
-    "AVIF",
-    "BMP",
-    "DDS",
-    "DIB",
-    "GIF",
-    "ICO",
-    "JPEG",
-    "JPEG2000",
-    "MPO",
-    "PCX",
-    "PNG",
-    "PPM",
-    "PSD",
-    "SGI",
-    "TGA",
-    "TIFF",
-)
-_FORMATS += ("WEBP",)
+_FORMATS = tuple("AVIF BMP DDS DIB GIF ICO JPEG JPEG2000 MPO PCX PNG PPM PSD SGI TGA TIFF WEBP".split())  # noqa: SIM905
 _KTX2 = b"\xabKTX 20\xbb\r\n\x1a\n"
 
 

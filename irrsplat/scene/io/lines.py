@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,12 +9,7 @@ from pathlib import Path
 
 from irrsplat.core.errors import InputError
 from irrsplat.core.paths import MOST_TEXT, may_read, read_bytes, refusal
-from irrsplat.core.vectors import GREATEST
-
-
-def quote(text: str) -> str:
-    """`text` in quotes, at most 40 characters of it, fit to stand in a one-line message."""
-    return ascii(text if len(text) <= 40 else text[:39] + "…") if not text.isprintable() else f"'{text[:40]}'"
+from irrsplat.core.words import number, quote
 
 
 def text_bytes(path: Path, strict: bool = True, most: int = MOST_TEXT) -> bytes:
@@ -51,30 +45,6 @@ def _without_zeros(path: Path, data: bytes, strict: bool) -> bytes:
     if strict or even + odd > 8 + 0.01 * len(data):
         raise InputError("this is binary data; expected a text file in UTF-8", path)
     return data.replace(b"\0", b" ")
-
-
-def number(word: str) -> float:
-    """The finite number that `word` spells; raises ValueError with the reason where it is none."""
-    try:
-        value = float(word)
-    except ValueError:
-        value = None
-    if value is None or "_" in word:
-        raise ValueError(f"{quote(word)} is not a number")
-    if not math.isfinite(value):
-        raise ValueError(f"{quote(word)} is not a finite number")
-    if abs(value) > GREATEST:
-        raise ValueError(f"{quote(word)} is beyond {GREATEST:g}, the greatest number that 32-bit floats can reckon with here")
-    return value
-
-
-def is_number(word: str) -> bool:
-    """Whether `number` takes `word`."""
-    try:
-        number(word)
-    except ValueError:
-        return False
-    return True
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,8 @@ from typing import Literal
 import numpy as np
 
 from irrsplat.core.errors import InputError
-from irrsplat.scene.io.lines import Line, number, quote
+from irrsplat.core.words import number, quote
+from irrsplat.scene.io.lines import Line
 from irrsplat.scene.model import Light, Scene
 from irrsplat.scene.motion import affine, find, moved
 

@@ -13,9 +13,9 @@ from irrsplat.core.color import linear_from_srgb
 from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.core.paths import MOST_GEOMETRY, MOST_IMAGE, read_bytes
+from irrsplat.core.words import GREATEST, quote
 from irrsplat.scene.io.creases import crease_normals
 from irrsplat.scene.io.images import find_file, read_image
-from irrsplat.scene.io.lines import quote
 from irrsplat.scene.io.obj.polygons import triangulate
 from irrsplat.scene.io.obj.text import decoded, floats
 from irrsplat.scene.io.part import Part
@@ -245,7 +245,7 @@ def _triangles(positions: np.ndarray, tables: dict[str, Columns]) -> tuple[np.nd
     """(F, 3) into positions, (F,) their faces (-1: of a strip), (F, 3) into the faces' lists, and how many faces were lost."""
     none = np.zeros((0, 3), np.int64)
     corners, face, where, lost = none, np.zeros(0, np.int64), none, 0
-    usable = np.isfinite(positions).all(1) & (np.abs(positions) < 1e15).all(1)
+    usable = np.isfinite(positions).all(1) & (np.abs(positions) < GREATEST).all(1)
     columns = tables.get("face", {})
     lists = next((columns[name] for name in _INDICES if name in columns), None)
     if isinstance(lists, _List) and len(lists.values):

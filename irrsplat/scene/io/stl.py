@@ -12,6 +12,7 @@ import numpy as np
 from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.core.paths import MOST_GEOMETRY, read_bytes
+from irrsplat.core.words import GREATEST
 from irrsplat.scene.io.creases import crease_normals
 from irrsplat.scene.io.mesh_builder import welded
 from irrsplat.scene.io.part import Part
@@ -42,7 +43,7 @@ def read_stl(path: Path, notices: list[str], options: LoadOptions) -> list[Part]
     parts, lost = [], 0
     for positions, corners in solids:
         with np.errstate(invalid="ignore"):
-            usable: np.ndarray = np.max(np.abs(positions), axis=1, initial=0.0) < 1e15
+            usable: np.ndarray = np.max(np.abs(positions), axis=1, initial=0.0) < GREATEST
         good = usable[corners].all(axis=1)
         lost += int((~good).sum())
         corners, positions = corners[good], np.where(usable[:, None], positions, 0.0)

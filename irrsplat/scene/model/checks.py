@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from irrsplat.core.errors import InputError
-from irrsplat.core.vectors import GREATEST
+from irrsplat.core.words import GREATEST
 
 
 def put(thing: object, **values: object) -> None:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from irrsplat.core.color import LUMINANCE
 from irrsplat.core.errors import InputError
-from irrsplat.core.vectors import GREATEST
+from irrsplat.core.words import GREATEST
 from irrsplat.scene.model.checks import check_type, checked, checked_number, put
 from irrsplat.sky.environment import Environment
 

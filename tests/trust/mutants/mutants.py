@@ -645,9 +645,9 @@ CORE = (
     ),
     Mutant(
         "view's progress outlives its camera",
-        "irrsplat/renderer.py",
-        "if state.camera == camera and state.subject == subject:",
-        "if state.subject == subject:",
+        "irrsplat/renderer/rounds.py",
+        "if view.camera == camera and view.subject == subject:",
+        "if view.subject == subject:",
         ("tests/renderer/test_persistence.py::test_turning_the_camera_gathers_few[5.0]",),
     ),
     Mutant(
@@ -694,9 +694,9 @@ CORE = (
     ),
     Mutant(
         "shadow maps outlive the lights",
-        "irrsplat/renderer.py",
-        "return self.scene.lights, self.scene.meshes, self.settings.shadow_size",
-        "return self.scene.meshes, self.settings.shadow_size",
+        "irrsplat/renderer/stages.py",
+        "return state.scene.lights, state.scene.meshes, state.settings.shadow_size",
+        "return state.scene.meshes, state.settings.shadow_size",
         ("tests/renderer/test_live.py::test_a_moved_light_is_a_fresh_render_s",),
     ),
     Mutant(

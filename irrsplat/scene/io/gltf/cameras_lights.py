@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from irrsplat.core.vectors import GREATEST
+from irrsplat.core.words import GREATEST
 from irrsplat.scene.io.gltf.document import Damaged, Document, extension, number, numbers, shown
 from irrsplat.scene.io.gltf.nodes import Node
 from irrsplat.scene.io.gltf.nodes import name as node_name

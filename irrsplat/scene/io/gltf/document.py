@@ -17,7 +17,7 @@ import numpy as np
 
 from irrsplat.core.errors import InputError
 from irrsplat.core.paths import MOST_GEOMETRY, read_bytes
-from irrsplat.core.vectors import GREATEST
+from irrsplat.core.words import GREATEST
 from irrsplat.scene.io.images import find_file
 
 _JSON, _BIN = 0x4E4F534A, 0x004E4942

@@ -9,7 +9,7 @@ import numpy as np
 
 from irrsplat.core.color import linear_from_srgb
 from irrsplat.core.errors import InputError
-from irrsplat.core.vectors import GREATEST
+from irrsplat.core.words import GREATEST
 from irrsplat.scene.io.gltf.document import Damaged, Document, extension, number, numbers
 from irrsplat.scene.io.gltf.nodes import default_scene, transforms
 from irrsplat.scene.io.images import read_image

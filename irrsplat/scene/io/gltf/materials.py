@@ -12,7 +12,7 @@ import numpy as np
 
 from irrsplat.core.color import clip_color, linear_from_srgb, srgb
 from irrsplat.core.errors import InputError
-from irrsplat.core.vectors import GREATEST
+from irrsplat.core.words import GREATEST
 from irrsplat.scene.io.gltf.document import WRONG, Damaged, Document, Missing, extension, number, numbers, shown
 from irrsplat.scene.io.gltf.packed import plain_view
 from irrsplat.scene.io.images import read_image, read_images

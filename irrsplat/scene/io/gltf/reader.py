@@ -13,7 +13,8 @@ import numpy as np
 
 from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import LoadOptions
-from irrsplat.core.vectors import GREATEST, times
+from irrsplat.core.vectors import times
+from irrsplat.core.words import GREATEST
 from irrsplat.scene.io.defaults import finish
 from irrsplat.scene.io.gltf import geometry
 from irrsplat.scene.io.gltf.accessors import values

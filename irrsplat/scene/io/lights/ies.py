@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from irrsplat.core.errors import InputError
-from irrsplat.scene.io.lines import number, quote, text_bytes
+from irrsplat.core.words import number, quote
+from irrsplat.scene.io.lines import text_bytes
 from irrsplat.scene.model import Photometry
 
 _HEADER = re.compile(r"\s*(?:IES(?:NA)?\s*:\s*LM-63-|IESNA)(\d{4}|\d{2})\b", re.IGNORECASE)

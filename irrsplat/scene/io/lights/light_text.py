@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from irrsplat.core.errors import InputError
+from irrsplat.core.words import quote
 from irrsplat.scene.io.lights.ies import load_ies
-from irrsplat.scene.io.lines import Line, lines, quote
+from irrsplat.scene.io.lines import Line, lines
 from irrsplat.scene.model import Light, Photometry
 
 USAGE = {

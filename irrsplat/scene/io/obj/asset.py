@@ -8,9 +8,9 @@ import numpy as np
 
 from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import LoadOptions
+from irrsplat.core.words import quote
 from irrsplat.scene.io.creases import crease_normals
 from irrsplat.scene.io.images import find_file
-from irrsplat.scene.io.lines import quote
 from irrsplat.scene.io.obj.mtl import MaterialFiles, find_libraries, without_comment
 from irrsplat.scene.io.obj.reader import Shape, load_obj
 from irrsplat.scene.io.part import Part
@@ -87,8 +87,8 @@ def _materials(path: Path, shape: Shape, notices: list[str]) -> tuple[dict[int, 
     if beside is not None:
         found |= reader.read(beside, shape.names)
     if missing:
-        first, *others = dict.fromkeys(missing)
-        more = f" and {len(others)} more" * bool(others)
+        first, *rest = dict.fromkeys(missing)
+        more = f" and {len(rest)} more" * bool(rest)
         instead = f"'{beside.name}' is read instead" if beside else "its colours are 0.5"
         notices.append(f"{path}: there is no material file {quote(first)}{more}; {instead}")
     notices += reader.notices

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from irrsplat.scene.io.lines import quote
+from irrsplat.core.words import quote
 from irrsplat.scene.io.obj.text import COORDINATE, FACE, NORMAL, VERTEX, Block, Lines, block, integers
 
 _CORNER = re.compile(r"[+-]?[0-9]{1,18}(?:/[+-]?[0-9]{1,18}|//[+-]?[0-9]{1,18}|(?:/[+-]?[0-9]{1,18}){2})?")

@@ -13,8 +13,9 @@ import numpy as np
 from irrsplat.core.color import LUMINANCE, clip_color
 from irrsplat.core.errors import InputError
 from irrsplat.core.paths import MOST_IMAGE, read_bytes
+from irrsplat.core.words import number, quote
 from irrsplat.scene.io.images import find_file, read_image, read_images
-from irrsplat.scene.io.lines import number, quote, text_bytes
+from irrsplat.scene.io.lines import text_bytes
 from irrsplat.scene.io.obj.text import decoded
 from irrsplat.scene.model import AlphaMode, Image, Material, Texture, Wrap
 

@@ -11,8 +11,8 @@ import numpy as np
 from irrsplat.core.color import linear_from_srgb
 from irrsplat.core.errors import InputError
 from irrsplat.core.paths import MOST_GEOMETRY
-from irrsplat.core.vectors import GREATEST
-from irrsplat.scene.io.lines import number, text_bytes
+from irrsplat.core.words import GREATEST, number
+from irrsplat.scene.io.lines import text_bytes
 from irrsplat.scene.io.obj.faces import Faces, explain_face, read_faces
 from irrsplat.scene.io.obj.polygons import triangulate
 from irrsplat.scene.io.obj.text import COORDINATE, NORMAL, OTHER, VERTEX, Lines, block, decoded, find_lines, floats

@@ -11,9 +11,10 @@ import numpy as np
 from irrsplat.core.color import LUMINOUS_EFFICACY
 from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import LoadOptions
+from irrsplat.core.words import is_number, quote
 from irrsplat.scene.io.defaults import finish
 from irrsplat.scene.io.lights.light_text import LightReader, placed
-from irrsplat.scene.io.lines import Line, is_number, lines, quote
+from irrsplat.scene.io.lines import Line, lines
 from irrsplat.scene.io.mesh_builder import build_mesh
 from irrsplat.scene.io.obj.reader import Shape, load_obj
 from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene

@@ -14,8 +14,8 @@ import numpy as np
 from irrsplat.core.errors import InputError
 from irrsplat.core.files import write_bytes, write_text
 from irrsplat.core.paths import read_bytes
+from irrsplat.core.words import is_number
 from irrsplat.scene.io.lights.ies import load_ies
-from irrsplat.scene.io.lines import is_number
 from irrsplat.scene.model import Camera, Light, Mesh, Photometry, Scene, sun_lights
 
 _FOLDER = "-files"  # behind the scene's name: the folder of what belongs to it

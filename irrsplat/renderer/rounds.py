@@ -1,0 +1,94 @@
+"""One round of a view: shadows, g-buffer, then splat, examine and gather where no record speaks for a pixel yet."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from irrsplat.core.buffers import GBuffer, SplatBuffer
+from irrsplat.gpu.time_budget import Budget, now
+from irrsplat.image.view import Progress
+from irrsplat.indirect.scheduler import NOTHING_ASKED, RecordScheduler, RoundResult
+from irrsplat.indirect.splat_buffer import first_stride
+from irrsplat.indirect.view_state import ViewState
+from irrsplat.renderer.stages import Stages
+from irrsplat.renderer.state import Round, State
+from irrsplat.scene.model import Camera
+
+_RENEWAL = 0.6  # of the time for gathering that stale records may take while pixels without a record wait too
+
+
+class Rounds:
+    """The rounds of a renderer's views, all of them but the pictures."""
+
+    def __init__(self, stages: Stages, scheduler: RecordScheduler) -> None:
+        self.stages, self.scheduler, self.cache = stages, scheduler, scheduler.cache
+
+    def view_state(self, state: State, camera: Camera) -> ViewState:
+        """How far this view has come; a new one begins where anything differs that decides which records it asks for."""
+        view, subject = state.view, state.view_subject
+        if view.camera == camera and view.subject == subject:
+            return view
+        # coarse splats are interpolated between pixels, which would lose what normal maps add
+        whole = any(run.look.normal is not None for run in self.stages.world.runs)
+        return ViewState(camera, subject, 1 if whole else first_stride(state.settings, state.size))
+
+    def __call__(
+        self, state: State, camera: Camera, budget: Budget, gather: bool = True, picture: bool = True
+    ) -> tuple[State, Round]:
+        """Every stage with what it depends on, in the paper's order; how far the renderer has come with it, and what it leaves.
+
+        gather: False leaves the cache as it is. picture: time is kept back for one.
+        """
+        stages, scheduler, settings, costs = self.stages, self.scheduler, state.settings, state.costs
+        later = costs.picture if picture else 0.0  # seconds
+        scheduler.follow(settings, scheduler.change_to(state.scene), stages.shadows(state))
+        shadows = stages.draw_shadows(state)
+        gbuffer = stages.draw_gbuffer(state, camera)
+        view = self.view_state(state, camera)
+
+        bounces = settings.most_bounces > 0
+        ready = gather and bounces and scheduler.prepare(shadows, budget.part(1.0, costs.splat + later))
+        renewed = 0
+        if ready:
+            share = 1.0 if view.coverage == 1.0 else _RENEWAL
+            renewed = scheduler.renew(shadows, gbuffer, camera, budget.part(share, costs.splat + later))
+        if renewed or len(self.cache.stale):
+            view = replace(view, stalled_rounds=0)  # what stalled by the old light may be served by the new
+        start = now()
+        view, _ = scheduler.limit_radii(view)
+        if view.stalled and view.pixel_stride > 1:
+            view = replace(view, pixel_stride=1, stalled_rounds=0)
+        splats = stages.splats(state).update(self.cache, gbuffer, camera, settings, view.pixel_stride)
+        costs = replace(costs, splat=now() - start)
+
+        requests = NOTHING_ASKED
+        if not bounces:
+            view = replace(view, coverage=1.0)
+        elif not ready:
+            view, requests = self._look_only(state, view, gbuffer, splats, gather)
+        elif not view.stalled and view.settled != (splats, settings.asking):
+            view, requests = scheduler.gather_missing(view, gbuffer, splats, shadows, camera, budget.part(1.0, later))
+        if requests.new and picture and budget.limited and len(self.cache.stale):  # a frame later, what moves has moved on
+            splats = stages.splats(state).update(self.cache, gbuffer, camera, settings, view.pixel_stride)
+
+        waiting = self.cache.waiting
+        if ready and budget.limited and not requests.new and not renewed:
+            scheduler.gatherer.learn(shadows, budget.part(1.0, later))
+            waiting += scheduler.gatherer.to_learn
+        stale, made = (waiting, scheduler.gatherer.surface_share) if bounces else (0, 1.0)
+        progress = Progress(
+            view.rounds, self.cache.count, requests.new, view.coverage, renewed, stale, requests.complete, made, view.full
+        )
+        return replace(state, view=view, costs=costs), Round(camera, shadows, gbuffer, splats, progress)
+
+    def _look_only(
+        self, state: State, view: ViewState, gbuffer: GBuffer, splats: SplatBuffer, gather: bool
+    ) -> tuple[ViewState, RoundResult]:
+        """How much of the view is covered, while nothing may be gathered for it; where `gather` is False for good, every pixel is
+        splatted next."""
+        looked_at = splats, state.settings.asking
+        if view.looked_at != looked_at:
+            view = replace(view, looked_at=looked_at, coverage=1.0 - self.scheduler.missing(gbuffer, splats))
+        if gather or view.pixel_stride == 1:
+            return view, NOTHING_ASKED
+        return replace(view, pixel_stride=1), replace(NOTHING_ASKED, complete=False)

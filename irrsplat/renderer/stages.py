@@ -1,0 +1,203 @@
+"""The stages of a picture, each drawn when what it depends on has changed: shadows, g-buffer, direct light, composite."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import moderngl
+import numpy as np
+
+from irrsplat.core.buffers import GBuffer, ShadowMaps
+from irrsplat.core.memo import Memo
+from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.gpu.time_budget import Budget
+from irrsplat.gpu.timers import Timers
+from irrsplat.gpu.world import World
+from irrsplat.image.antialias import Antialiaser, FrameInputs, FramePasses, OnProgress
+from irrsplat.image.backdrop import backdrop_of
+from irrsplat.image.composite import CompositePass
+from irrsplat.image.emitter_light import EmitterLightPass
+from irrsplat.image.gbuffer import GBufferPass
+from irrsplat.image.texture_maps import TextureMaps
+from irrsplat.image.view import View
+from irrsplat.indirect.scheduler import RecordScheduler
+from irrsplat.indirect.splat_buffer import ViewSplats
+from irrsplat.indirect.temporal_filter import TemporalFilter
+from irrsplat.lighting.direct import DirectPass
+from irrsplat.lighting.emitter_table import emitter_table
+from irrsplat.lighting.light_table import light_defines
+from irrsplat.lighting.shadow_maps import ShadowPass
+from irrsplat.lighting.sky import sky_maps
+from irrsplat.renderer.state import Round, State
+from irrsplat.scene.model import Camera
+
+
+class Stages(Owner):
+    """Draws the stages of the `world`'s pictures as a State has them, and keeps each result while it holds."""
+
+    def __init__(self, world: World, scheduler: RecordScheduler, timers: Timers) -> None:
+        self.ctx, self.world, self.scheduler, self.timers = world.ctx, world, scheduler, timers
+        self.antialiaser = Antialiaser(self.ctx, timers)
+        self._passes = Workshop()  # those that depend on size, lights or settings
+        self._memo = Memo()  # the results of the stages that are drawn whole
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.antialiaser, self._passes)
+
+    # ---- what draws ------------------------------------------------------------------------------------------------
+
+    def texture_maps(self, state: State) -> TextureMaps:
+        """The images that the g-buffer's surfaces wear, within the settings' memory."""
+        memory = state.settings.texture_memory
+        return self._passes.get("textures", memory, lambda: TextureMaps(self.ctx, memory))
+
+    def _gbuffer_pass(self, state: State) -> GBufferPass:
+        size, maps = state.size, self.texture_maps(state)
+        return self._passes.get("gbuffer", (size, maps), lambda: GBufferPass(self.ctx, size, maps))
+
+    def _direct_pass(self, state: State) -> DirectPass:
+        size, defines = state.size, light_defines(state.scene)
+        return self._passes.get("direct", (size, defines), lambda: DirectPass(self.ctx, size, defines))
+
+    def _emitter_pass(self, state: State) -> EmitterLightPass | None:
+        """Samples the light of emitters at pixels; None where the records hold it, or there are none."""
+        if not state.settings.emitters_apart or not state.settings.most_bounces or emitter_table(self.world) is None:
+            return None
+        size, defines = state.size, self.world.material_defines
+        return self._passes.get("emitters", size, lambda: EmitterLightPass(self.ctx, size, defines))
+
+    def splats(self, state: State) -> ViewSplats:
+        """Keeps the splat buffer of the present view."""
+        made_of = state.size, state.settings.gradients
+        return self._passes.get("splats", made_of, lambda: ViewSplats(self.ctx, *made_of, self.timers))
+
+    def composite_pass(self, state: State) -> CompositePass:
+        """Makes pictures."""
+        size = state.size
+        return self._passes.get("composite", size, lambda: CompositePass(self.ctx, size))
+
+    @property
+    def temporal_filter(self) -> TemporalFilter | None:
+        """Blends the irradiance of pictures with that of those before; None before the first picture."""
+        return self._passes.find("temporal", TemporalFilter)
+
+    # ---- what is drawn ---------------------------------------------------------------------------------------------
+
+    def draw_shadows(self, state: State) -> ShadowMaps:
+        """The shadow maps: by the lights, the meshes and the maps' size."""
+
+        def draw() -> ShadowMaps:
+            with self.timers("shadow"):
+                shadow_pass = self._passes.get("shadows", (), lambda: ShadowPass(self.ctx))
+                return shadow_pass(self.world, state.settings.shadow_size)
+
+        return self._memo.get("shadows", _shadow_inputs(state), draw)
+
+    def shadows(self, state: State) -> ShadowMaps | None:
+        """The shadow maps of the scene as it is in `state`; None before they are drawn."""
+        current = self._memo.holds("shadows", _shadow_inputs(state))
+        return self._memo.current("shadows", ShadowMaps) if current else None
+
+    def draw_gbuffer(self, state: State, camera: Camera) -> GBuffer:
+        """What `camera` sees: by the camera, the meshes, the size and the textures."""
+
+        def draw() -> GBuffer:
+            with self.timers("gbuffer"):
+                return self._gbuffer_pass(state)(self.world, camera)
+
+        inputs = camera, state.scene.meshes, state.size, *state.settings.of("gbuffer")
+        return self._memo.get("gbuffer", inputs, draw)
+
+    @property
+    def gbuffer(self) -> GBuffer | None:
+        """The g-buffer of the present view; None before it is drawn."""
+        return self._memo.current("gbuffer", GBuffer)
+
+    @property
+    def picture(self) -> View | None:
+        """The present picture; None before it is drawn."""
+        return self._memo.current("picture", View)
+
+    def lamp_irradiance(self, state: State, gbuffer: GBuffer) -> moderngl.Texture:
+        """The irradiance of the scene's lamps at every pixel of a g-buffer, W/m², without the headlamp."""
+        size, defines, shadows = gbuffer.position.size, light_defines(state.scene), self.draw_shadows(state)
+        lamps = self._passes.get(
+            "direct irradiance", (size, defines), lambda: DirectPass(self.ctx, size, defines, irradiance=True)
+        )
+        return self._memo.get("direct irradiance", (gbuffer, shadows, lamps), lambda: lamps(gbuffer, shadows))
+
+    def draw_picture(self, state: State, done: Round, fading: bool = False) -> View:
+        """The picture of a round: direct light, normalised indirect light, and their blend.
+
+        fading: what the records say comes in over several pictures."""
+        settings, gbuffer, shadows, camera = state.settings, done.gbuffer, done.shadows, done.camera
+        filling = settings.fill_holes and done.progress.coverage < 1.0 and settings.most_bounces > 0
+        surface = self.scheduler.gatherer.surface_now if filling and not settings.emitters_apart else None
+        backdrop, headlamp = backdrop_of(state.scene, settings, sky_maps(self.world)), state.headlamp_of(camera)
+        emitter_pass, sampled_by = self._emitter_pass(state), (settings.pixel_light_samples, settings.seed)
+        held = None if surface is None else surface.result
+        subject = gbuffer, shadows, done.splats, settings.blend, settings.smooth, filling, held, backdrop, headlamp, sampled_by
+        temporal_filter = self._passes.get("temporal", state.size, lambda: TemporalFilter(self.ctx, state.size))
+        if not fading:
+            temporal_filter.forget()
+        left = temporal_filter.left(subject)
+
+        def light() -> moderngl.Texture:
+            with self.timers("direct"):
+                return self._direct_pass(state)(gbuffer, shadows, headlamp=headlamp)
+
+        def sample_emitters() -> moderngl.Texture:
+            assert emitter_pass is not None
+            with self.timers("emitters"):
+                return emitter_pass(gbuffer, self.world, settings)
+
+        def compose() -> View:
+            direct = self._memo.get("direct", (gbuffer, shadows, headlamp), light)
+            emitters = None if emitter_pass is None else self._memo.get("emitters", (gbuffer, *sampled_by), sample_emitters)
+            splats = done.splats
+            if fading or surface is not None:
+                with self.timers("composite"):
+                    found = None if surface is None else surface.uniforms()["scene"]
+                    splats = temporal_filter(splats, gbuffer, camera, subject, shadows, found)
+            splats = self.splats(state).at_every_pixel(splats, gbuffer, camera)
+            sums, composite_pass = splats.sums, self.composite_pass(state)
+            with self.timers("composite"):
+                if filling and surface is None:
+                    sums = composite_pass.filled(sums, direct, gbuffer, backdrop)
+                image, alpha, sums = composite_pass(sums, direct, gbuffer, backdrop, camera, settings, emitters)
+            return View(camera, gbuffer, direct, splats, sums, image, alpha, backdrop=backdrop, fading=left > 0)
+
+        return self._memo.get("picture", (subject, left), compose)
+
+    def accumulate(self, state: State, view: View, samples: int, budget: Budget, on_progress: OnProgress | None) -> View:
+        """The picture that was drawn last with more `samples` a pixel, as Renderer.accumulate has it."""
+        passes = FramePasses(
+            self._gbuffer_pass(state),
+            self.splats(state).splat_pass,
+            self._direct_pass(state),
+            self.composite_pass(state),
+            self._emitter_pass(state),
+        )
+        headlamp = state.headlamp_of(view.camera)
+        inputs = FrameInputs(self.world, self.draw_shadows(state), self.scheduler.cache, state.settings, headlamp)
+        return self.antialiaser(view, samples, budget, passes, inputs, on_progress)
+
+    def splatted(self, state: State, camera: Camera, count: int) -> np.ndarray:
+        """(H, W, 4) the sums of the first `count` records at every pixel of a view."""
+        records = replace(self.scheduler.cache.records, count=count)
+        return self.splats(state).read(records, self.draw_gbuffer(state, camera), camera, state.settings)
+
+    # ---- what changes ----------------------------------------------------------------------------------------------
+
+    def forget(self, shadows: bool) -> None:
+        """Draw everything again next time; the `shadows` only if they are meant too."""
+        self._memo.forget(but=() if shadows else ("shadows",))
+        splats = self._passes.find("splats", ViewSplats)
+        for kept in (splats, self.temporal_filter):
+            if kept is not None:
+                kept.forget()
+
+
+def _shadow_inputs(state: State) -> tuple[object, ...]:
+    return state.scene.lights, state.scene.meshes, state.settings.shadow_size

@@ -1,0 +1,79 @@
+"""What a renderer shows, and how far it has come: values that are replaced whole from frame to frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from irrsplat.core.buffers import GBuffer, ShadowMaps, SplatBuffer
+from irrsplat.image.view import Progress, View
+from irrsplat.indirect.view_state import ViewState
+from irrsplat.lighting.direct import Headlamp
+from irrsplat.scene.model import Camera, Scene
+from irrsplat.settings import Settings
+
+
+@dataclass(frozen=True)
+class Costs:
+    """Seconds that parts of a limited tick took when they were last done: splatting, and the picture with direct light."""
+
+    splat: float = 0.0
+    picture: float = 0.0
+
+
+@dataclass(frozen=True)
+class Shown:
+    """The last picture: of what it is, apart from the records, and how many seconds of ticks ago it was made."""
+
+    view: View
+    subject: tuple[object, ...]
+    age: float = 0.0
+
+
+@dataclass(frozen=True)
+class State:
+    """The one value of a renderer that changes from frame to frame.
+
+    view: the progress of the present view. shown: None before the first picture. headlamp: W/sr of the lamp at the eye.
+    """
+
+    scene: Scene
+    settings: Settings
+    preset: str
+    size: tuple[int, int]
+    view: ViewState = ViewState()
+    costs: Costs = Costs()
+    shown: Shown | None = None
+    headlamp: float = 0.0
+
+    @property
+    def view_subject(self) -> tuple[object, ...]:
+        """What decides which records a view asks for, apart from its camera."""
+        scene, settings = self.scene, self.settings
+        criteria = (
+            *settings.of("shadow", "gather", "splat"),
+            settings.asking,
+            settings.placement,
+            settings.warmup,
+            settings.emitters_apart,
+        )
+        return self.size, scene.meshes, scene.lights, scene.sky_parts, criteria
+
+    def picture_subject(self, camera: Camera) -> tuple[object, ...]:
+        """All that a picture is made of but the records."""
+        scene = self.scene
+        return camera, self.size, scene.lights, scene.sky_parts, scene.meshes, self.settings, self.headlamp
+
+    def headlamp_of(self, camera: Camera) -> Headlamp | None:
+        """The lamp at the eye; None where there is none."""
+        return Headlamp(camera.eye, self.headlamp) if self.headlamp else None
+
+
+@dataclass(frozen=True)
+class Round:
+    """What one round of a view leaves for its picture."""
+
+    camera: Camera
+    shadows: ShadowMaps
+    gbuffer: GBuffer
+    splats: SplatBuffer
+    progress: Progress
