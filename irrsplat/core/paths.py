@@ -146,6 +146,19 @@ def take_pixels(pixels: int, size: int) -> bool:
     return left >= 0
 
 
+def named(path: object) -> str:
+    """A path that a caller gave, as text; raises InputError for what is none."""
+    if not isinstance(path, (str, os.PathLike)) or not isinstance(text := os.fspath(path), str):
+        raise InputError(f"a path is a text or a pathlib.Path, not {type(path).__name__}")
+    try:
+        fits = b"\0" not in os.fsencode(text)
+    except UnicodeEncodeError:  # a surrogate that stands for no byte
+        fits = False
+    if not fits:
+        raise InputError(f"no file can be called {text!a:.60}")
+    return text
+
+
 def _without_waiting(path: str, flags: int) -> int:
     return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))  # a pipe that has taken the file's place
 
