@@ -73,8 +73,9 @@ def make_current(ctx: moderngl.Context) -> None:
     """Make `ctx`, which `create` made, the context of all further OpenGL calls of this thread; raises GLError where that is
     not the thread, or not the process, that made it."""
     if ctx.extra != _here():
-        what = "process" if ctx.extra[0] != os.getpid() else "thread"
-        raise GLError(f"a Renderer or LightMeter works only in the {what} that made it; make one of its own in this {what}")
+        if ctx.extra[0] != os.getpid():
+            raise GLError("a Renderer or LightMeter works only in the process that made it; spawn others, and make one there")
+        raise GLError("a Renderer or LightMeter works only in the thread that made it; make one of its own in this thread")
     ctx.__enter__()  # type: ignore[no-untyped-call]
 
 

@@ -29,6 +29,7 @@ layout(location = 4) out vec4 out_mapped_normal;  // shading normal bent by the 
 void main()
 {
     float depth = dot(v_position - eye, forward);
+    if (depth < AT_THE_EYE * far) discard;  // an eye on a surface would see nothing but the rounding of its place
     int triangle = first_triangle + gl_PrimitiveID;
     vec3 g = face_plane(triangle).xyz;
     g = gl_FrontFacing ? g : -g;  // turned to the eye by the rasteriser's judgement: at a silhouette a dot product is noise
