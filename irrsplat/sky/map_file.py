@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +13,7 @@ import numpy as np
 
 from irrsplat.core.errors import InputError
 from irrsplat.core.paths import MOST_IMAGE, check_readable, read_bytes
+from irrsplat.core.words import is_number, number, quote
 
 ENDINGS = (".hdr", ".pic", ".exr")
 MOST_ROWS = 2048  # of a map that is kept: larger ones are halved
@@ -52,11 +56,11 @@ def read_exr(path: Path) -> np.ndarray:
 
     check_readable(path, MOST_IMAGE)
     try:
-        with OpenEXR.File(str(path), header_only=True) as file:
+        with _silent(), OpenEXR.File(str(path), header_only=True) as file:
             numbers = sum(_values(part.header) for part in file.parts)
         if numbers > 3 * _MOST_PIXELS:
             raise ValueError(f"{numbers} values are more than {3 * _MOST_PIXELS}")
-        with OpenEXR.File(str(path), separate_channels=True) as file:
+        with _silent(), OpenEXR.File(str(path), separate_channels=True) as file:
             channels = {name: np.asarray(channel.pixels, np.float32) for name, channel in file.channels().items()}
     except Exception as error:  # a damaged file may raise anything
         reason = (str(error).splitlines() or [""])[-1].strip()[:80]
@@ -67,7 +71,26 @@ def read_exr(path: Path) -> np.ndarray:
             return np.stack([channels[name] for name in names], axis=-1)
     if len(channels) == 1 and next(iter(channels.values())).ndim == 2:
         return np.repeat(next(iter(channels.values()))[..., None], 3, axis=-1)
-    raise InputError(f"it has no channels R, G and B, but {', '.join(channels) or 'none'}; save it as RGB", path)
+    others = f"but {len(channels)} others, {quote(next(iter(channels)))} first" if channels else "and no others"
+    raise InputError(f"it has no channels R, G and B, {others}; save it as RGB", path)
+
+
+@contextmanager
+def _silent() -> Iterator[None]:
+    """A `with` block in which the C library's own messages do not reach stderr, where an error is one line of ours."""
+    try:
+        kept = os.dup(2)
+    except OSError:  # there is no stderr
+        yield
+        return
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)
 
 
 def _values(header: dict[str, Any]) -> int:
@@ -96,9 +119,12 @@ def read_hdr(path: Path) -> np.ndarray:
         coded = _runs(pixels, height, width) if pixels[:2] == b"\2\2" and 8 <= width < 32768 else _old_runs(pixels, height, width)
     except (IndexError, ValueError):
         raise InputError("the picture is cut off or damaged; save it again", path) from None
-    exposure = float(np.prod([float(value) for value in re.findall(rb"^EXPOSURE=\s*([\d.eE+-]+)", head, re.M)]))
+    exposures = [number(value) for value in re.findall(r"^EXPOSURE=\s*(\S+)", head.decode("latin-1"), re.M) if is_number(value)]
+    exposure = float(np.prod(exposures)) or 1.0
+    if not 1e-30 <= exposure <= 1e30:
+        raise InputError(f"its EXPOSURE is {exposure:g}; expected a number above 0; save it again", path)
     scale = np.where(coded[..., 3] > 0, np.ldexp(1.0, coded[..., 3].astype(np.int32) - 136), 0.0).astype(np.float32)
-    radiance = (coded[..., :3] + np.float32(0.5)) * (scale / np.float32(exposure or 1.0))[..., None]
+    radiance = (coded[..., :3] + np.float32(0.5)) * (scale / np.float32(exposure))[..., None]
     radiance = radiance[:: 1 if size[1] == b"-" else -1, :: 1 if size[3] == b"+" else -1]
     return radiance
 
