@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import io
 import os
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
 from typing import Any
 
@@ -77,7 +78,14 @@ def read_exr(path: Path) -> np.ndarray:
 
 @contextmanager
 def _silent() -> Iterator[None]:
-    """A `with` block in which the C library's own messages do not reach stderr, where an error is one line of ours."""
+    """A `with` block in which OpenEXR's own messages reach neither stdout nor stderr, where an error is one line of ours."""
+    with redirect_stdout(io.StringIO()), _without_stderr():
+        yield
+
+
+@contextmanager
+def _without_stderr() -> Iterator[None]:
+    """A `with` block in which nothing written to stderr, by C libraries too, is seen."""
     try:
         kept = os.dup(2)
     except OSError:  # there is no stderr
