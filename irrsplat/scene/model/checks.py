@@ -48,16 +48,16 @@ def checked_number(what: str, value: object, low: float = -GREATEST, high: float
     return found
 
 
-def check_rows(what: str, array: object, columns: int, rows: int | None = None) -> None:
+def check_rows(what: str, array: object, columns: int, rows: int | None = None, most: float = GREATEST) -> None:
     """Raises InputError, which calls them `what`, where a caller's `array` is no array (rows, columns) of finite numbers within
-    GREATEST; (rows,) where columns is 0."""
+    `most`; (rows,) where columns is 0."""
     shape = f"({'N' if rows is None else rows},{f' {columns}' if columns else ''})"
     if not isinstance(array, np.ndarray) or array.dtype.kind not in "fiu" or array.ndim != 1 + (columns > 0):
         raise InputError(f"{what} are an array {shape} of numbers, not {_kind(array)}")
     if (columns and array.shape[1] != columns) or (rows is not None and len(array) != rows):
         raise InputError(f"{what} are an array {shape} of numbers, not {_kind(array)}")
-    if array.size and not (array.min() >= -GREATEST and array.max() <= GREATEST):  # false for NaN
-        raise InputError(f"{what} must be finite numbers, at most {GREATEST:g}")
+    if array.size and not (array.min() >= -most and array.max() <= most):  # false for NaN
+        raise InputError(f"{what} must be finite numbers, at most {most:g}")
 
 
 def _kind(array: object) -> str:

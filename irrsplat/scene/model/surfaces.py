@@ -9,7 +9,10 @@ from typing import Literal, get_args
 import numpy as np
 
 from irrsplat.core.errors import InputError
+from irrsplat.core.words import GREATEST
 from irrsplat.scene.model.checks import check_rows, check_type, checked, checked_number, put
+
+_FARTHEST = 3e38  # of texture coordinates, which no one squares
 
 
 @dataclass(frozen=True, eq=False)  # compared by identity: two textures share an image where it is the same object
@@ -144,9 +147,9 @@ class Mesh:
         check_rows(f"the positions {mesh}", self.positions, 3)
         count = len(self.positions)
         check_rows(f"the normals {mesh}", self.normals, 3, count)
-        for name, columns in (("colors", 3), ("uvs", 4), ("opacities", 0)):
+        for name, columns, most in (("colors", 3, GREATEST), ("uvs", 4, _FARTHEST), ("opacities", 0, GREATEST)):
             if getattr(self, name) is not None:
-                check_rows(f"the {name} {mesh}", getattr(self, name), columns, count)
+                check_rows(f"the {name} {mesh}", getattr(self, name), columns, count, most)
         check_rows(f"the faces {mesh}", self.faces, 3)
         if self.faces.dtype.kind not in "iu":
             raise InputError(f"the faces {mesh} are whole numbers, not of {self.faces.dtype}")

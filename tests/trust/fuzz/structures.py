@@ -66,7 +66,7 @@ def _lines(name: str, usages: dict[str, str]) -> st.SearchStrategy[bytes]:
             if what == 0:
                 lines[place:] = lines[place + 1 :]
             elif what == 1:
-                lines[place : place + 1] = lines[place : place + 1][::-1] + [draw(odd)]
+                lines.insert(place, draw(odd))
             elif what == 2 and place < len(lines):
                 words = lines[place].split(" ")
                 words[draw(st.integers(0, len(words) - 1))] = draw(WORDS)
@@ -163,9 +163,9 @@ def _changed(draw: st.DrawFn, tree: Any, times: int) -> Any:
         elif what == 2 and isinstance(above, dict):
             above[
                 draw(st.sampled_from(["byteOffset", "byteStride", "sparse", "normalized", "extensions", "targets", "weights"]))
-            ] = draw(_ODD)
+            ] = copy.deepcopy(draw(_ODD))
         else:
-            above[key] = draw(_ODD)
+            above[key] = copy.deepcopy(draw(_ODD))
     return tree
 
 
