@@ -80,10 +80,10 @@ class GBufferPass(Owner):
         return (self.nothing, *self._programs.values(), self.target, None if self._borrowed else self.maps)
 
     def _program(self, fragment: str, defines: Mapping[str, int]) -> Program:
-        defines = {**defines, "MAP_TAPS": self.maps.taps, "EDGE_ON": _EDGE_ON}
-        key = fragment, *defines.items()
+        values: dict[str, object] = {**defines, "MAP_TAPS": self.maps.taps, "EDGE_ON": _EDGE_ON}
+        key = fragment, *values.items()
         if key not in self._programs:
-            self._programs[key] = Program(self.ctx, fragment, "image/gbuffer", defines)
+            self._programs[key] = Program(self.ctx, fragment, "image/gbuffer", values)
         return self._programs[key]
 
     def _batches(self, runs: Sequence[Run]) -> tuple[_Batch, ...]:

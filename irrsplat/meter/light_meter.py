@@ -61,6 +61,7 @@ class LightMeter(Owner):
     scene: what `irrsplat.load` returns. preset: a name of settings.PRESETS, and settings of the stages `shadow` and `gather` by
     name on top of it; no others count. ctx: a moderngl context to use, which its owner makes current (default: a new one).
     Raises InputError for settings that cannot be and lights that are too many, GLError where there is no OpenGL 3.3.
+    As a Renderer, it works in the thread and the process that made it.
     Use it in a `with` block, or call `release`, to free what it holds on the GPU.
     """
 

@@ -59,6 +59,8 @@ class Renderer(Owner):
     setting by name on top of it. ctx: a moderngl context to use, which its owner makes current (default: a new one without a
     window, current after every call).
     Raises InputError for a size or setting that cannot be, GLError where there is no OpenGL 3.3.
+    It works in the thread and the process that made it; elsewhere, and in a process forked from one that uses OpenGL, calls raise
+    GLError. Each thread, and each process that was spawned, may make its own.
     Use it in a `with` block, or call `release`, to free what it holds on the GPU.
     """
 

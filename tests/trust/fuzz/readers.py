@@ -150,9 +150,10 @@ def _settings(folder: Path, data: bytes) -> None:
     known = list(SETTINGS)
     name = known[int(name) % len(known)] if name.isdecimal() and len(name) < 9 else name
     if name in SETTINGS:
-        Settings().with_values({name: SETTINGS[name].parse(value)})  # type: ignore[misc]  # any name
+        Settings().with_values({name: SETTINGS[name].parse(value)})
     else:
-        irrsplat.preset("default", **{name: value})  # type: ignore[misc]
+        given: dict[str, Any] = {name: value}
+        irrsplat.preset("default", **given)
 
 
 def _preferences(folder: Path, data: bytes) -> None:

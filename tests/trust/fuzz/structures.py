@@ -94,7 +94,7 @@ _PATH = {
     "frames": "frames N", "cam": "cam X Y Z X Y Z X Y Z", "mesh": "mesh NAME N X Y Z", "mesh 0 1": "mesh X Y Z D X Y Z",
     "light 0 1 color": "light R G B", "light 0 2 position": "light X Y Z", "mesh a 1": "mesh " + "X " * 12,
 }  # fmt: skip
-_ODD = st.one_of(
+_ODD: st.SearchStrategy[Any] = st.one_of(
     st.sampled_from(
         [
             None,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
 from tests.trust.fuzz import readers
@@ -17,14 +18,12 @@ FOUND = [
     ("gltf", b'{"asset": {"version": "2.0"}, "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "material": [0]}]}]}'),
     ("settings", b"placement=\x85"),
     ("command-line", b"render\n\x85\x1c\n\n"),
-    ("cache", readers.npz({**readers.cache_arrays(), "about": readers.np.array("[" * 9999)})),
+    ("cache", readers.npz({**readers.cache_arrays(), "about": np.array("[" * 9999)})),
     (
         "cache",
-        readers.npz(
-            {**readers.cache_arrays(), "about": readers.np.array('{"key": {"geometry": 1, "lights": 1, "settings": 3}}')}
-        ),
+        readers.npz({**readers.cache_arrays(), "about": np.array('{"key": {"geometry": 1, "lights": 1, "settings": 3}}')}),
     ),
-    ("cache", readers.npz({**readers.cache_arrays(), "position": readers.np.array(["x"] * 3)})),
+    ("cache", readers.npz({**readers.cache_arrays(), "position": np.array(["x"] * 3)})),
 ]
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from irrsplat import Camera, InputError, Light, Material, Mesh, Scene, Settings
 
 NAN, HUGE = float("nan"), 1e300
 POSITIONS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
-MESH = Mesh(POSITIONS, np.tile(np.float32([0, 0, 1]), (3, 1)), np.array([[0, 1, 2]], np.int32), name="tri")
+MESH = Mesh(POSITIONS, np.tile(np.array([0, 0, 1], np.float32), (3, 1)), np.array([[0, 1, 2]], np.int32), name="tri")
 LIGHT = Light((0, 0, 2), (1, 1, 1), name="lamp")
 CAMERA = Camera((0, 0, 3), (0, 0, 0))
 SCENE = Scene((MESH,), (LIGHT,), (CAMERA,))
@@ -88,9 +89,9 @@ def test_a_directional_light_comes_from_somewhere():
 
 
 def test_numbers_of_any_kind_are_the_same_numbers():
-    light = Light(np.array([0, 0, 2]), [1, np.float32(1), 1.0])
+    light = Light(np.array([0, 0, 2]), [1, np.float32(1), 1.0])  # type: ignore[arg-type]
     assert light.key == replace(LIGHT, name="").key and light == replace(LIGHT, name="")
-    assert Scene([MESH], [LIGHT], [CAMERA]).meshes == (MESH,)
+    assert Scene([MESH], [LIGHT], [CAMERA]).meshes == (MESH,)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -127,10 +128,11 @@ def renderer():
 
 
 def test_other_entries_check_what_they_are_given():
+    odd: Any = 3
     for wrong in (
-        lambda: irrsplat.render(None),
-        lambda: irrsplat.irradiance(3, [[0, 0, 1]], [0, 0, -1]),
-        lambda: irrsplat.preset(3),
+        lambda: irrsplat.render(odd),
+        lambda: irrsplat.irradiance(odd, [[0, 0, 1]], [0, 0, -1]),
+        lambda: irrsplat.preset(odd),
     ):
         with pytest.raises(InputError):
             wrong()

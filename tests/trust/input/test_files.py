@@ -7,6 +7,7 @@ import json
 import os
 import sys
 import zipfile
+from functools import partial
 
 import numpy as np
 import PIL.Image
@@ -31,12 +32,23 @@ def gltf(folder, images, name="a.gltf"):
     tree = readers.gltf_tree() | {"images": images, "textures": [{"source": i} for i in range(len(images))]}
     tree["nodes"] = [{"mesh": 0}]
     tree["scenes"], tree["animations"] = [{"nodes": [0]}], []
-    material = {"pbrMetallicRoughness": {}}
-    tree["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": i}}} for i in range(len(images))] or [material]
+    tree["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": i}}} for i in range(len(images))]
     primitive = tree["meshes"][0]["primitives"][0]
     tree["meshes"][0]["primitives"] = [primitive | {"material": i} for i in range(len(images))]
     (folder / name).write_text(json.dumps(tree))
     return folder / name
+
+
+def watched(monkeypatch):
+    """The sizes of the images that are decoded from now on."""
+    decoded, plain = [], images._rgba
+
+    def rgba(picture):
+        decoded.append(picture.size)
+        return plain(picture)
+
+    monkeypatch.setattr(images, "_rgba", rgba)
+    return decoded
 
 
 def solid(folder, name, side, mode="1"):
@@ -142,10 +154,7 @@ def test_an_image_of_few_bytes_and_many_pixels_is_not_decoded(tmp_path, monkeypa
 
 
 def test_all_images_of_a_scene_count_together(tmp_path, monkeypatch):
-    monkeypatch.setattr(paths, "FREE_PIXELS", 3 * 64**2)
-    monkeypatch.setattr(
-        paths._Bounds, "__init__", lambda self, file, folders: vars(self).update(file=file, folders=folders, pixels=3 * 64**2)
-    )
+    monkeypatch.setattr(paths, "_Bounds", partial(paths._Bounds, pixels=3 * 64**2))
     monkeypatch.setattr(paths, "PIXELS_PER_BYTE", 0)
     for i in range(5):
         PIL.Image.new("RGB", (64, 64), (i, 0, 0)).save(tmp_path / f"{i}.png")
@@ -154,19 +163,15 @@ def test_all_images_of_a_scene_count_together(tmp_path, monkeypatch):
 
 
 def test_the_same_image_is_decoded_once_however_often_it_is_named(tmp_path, monkeypatch):
-    decoded = []
-    plain = images._rgba
-    monkeypatch.setattr(images, "_rgba", lambda picture: decoded.append(1) or plain(picture))
+    decoded = watched(monkeypatch)
     for i in range(20):
         (tmp_path / f"{i}.png").write_bytes(readers.png())
     scene = irrsplat.load(gltf(tmp_path, [{"uri": f"{i // 2}.png"} for i in range(40)]))
-    assert len(decoded) == 1 and len({id(mesh.material.albedo_texture.image) for mesh in scene.meshes}) == 1
+    assert len(decoded) == 1 and len({id(mesh.material.textures[0].image) for mesh in scene.meshes}) == 1
 
 
 def test_images_that_nothing_wears_are_not_decoded(tmp_path, monkeypatch):
-    decoded = []
-    plain = images._rgba
-    monkeypatch.setattr(images, "_rgba", lambda picture: decoded.append(picture.size) or plain(picture))
+    decoded = watched(monkeypatch)
     (tmp_path / "worn.png").write_bytes(readers.png())
     solid(tmp_path, "unused.png", 64)
     (tmp_path / "a.mtl").write_text("newmtl a\nmap_Kd unused.png\nnewmtl b\nmap_Kd worn.png\n")

@@ -13,6 +13,7 @@ import pytest
 import irrsplat
 from irrsplat.core.errors import GLError, InputError
 from irrsplat.gpu import context
+from irrsplat.gpu.world import World
 from irrsplat.renderer import renderer as module
 from irrsplat.scene.model import Camera, Light, Scene
 
@@ -74,8 +75,17 @@ def test_a_forked_process_is_told_instead_of_hanging():
 def test_a_renderer_that_cannot_be_made_frees_its_context(monkeypatch):
     made, freed = [], []
     plain, release = context.create, moderngl.Context.release
-    monkeypatch.setattr(context, "create", lambda: made.append(plain()) or made[-1])
-    monkeypatch.setattr(moderngl.Context, "release", lambda ctx: freed.append(ctx) or release(ctx))
+
+    def create():
+        made.append(plain())
+        return made[-1]
+
+    def free(ctx):
+        freed.append(ctx)
+        release(ctx)
+
+    monkeypatch.setattr(context, "create", create)
+    monkeypatch.setattr(moderngl.Context, "release", free)
     many = Scene((), (LIGHT,) * 5000, EMPTY.cameras)
     with pytest.raises(InputError, match="5000 lights"):
         irrsplat.Renderer(many, (8, 8))
@@ -86,8 +96,13 @@ def test_a_renderer_that_cannot_be_made_frees_its_context(monkeypatch):
 
 def test_in_a_given_context_what_was_made_before_the_failure_is_freed(ctx, monkeypatch):
     freed = []
-    release = module.World.release
-    monkeypatch.setattr(module.World, "release", lambda world: freed.append(world) or release(world))
+    release = World.release
+
+    def free(world):
+        freed.append(world)
+        release(world)
+
+    monkeypatch.setattr(World, "release", free)
 
     def fail(*_):
         raise MemoryError
