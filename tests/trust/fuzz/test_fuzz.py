@@ -16,6 +16,7 @@ FOUND = [
     ("scene", b"sky 1 1 " + b"9" * 400 + b"\nobj t.obj\n"),
     ("scene", "obj a\ud800.obj\n".encode("utf-8", "surrogatepass")),
     ("gltf", b'{"asset": {"version": "2.0"}, "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "material": [0]}]}]}'),
+    ("ies", b"IESNA91\nTILT=" + b"x" * 300 + b"\n"),  # a name that no file system takes
     ("settings", b"placement=\x85"),
     ("command-line", b"render\n\x85\x1c\n\n"),
     ("cache", readers.npz({**readers.cache_arrays(), "about": np.array("[" * 9999)})),
