@@ -86,7 +86,7 @@ def read(argv: Sequence[str]) -> tuple[argparse.Namespace, Mistakes]:
         mistakes.add(f"unexpected '{word}'", page)
     if hasattr(args, "up_axis") and not mistakes.arguments & {"up_axis", "crease_angle", "time"}:
         with mistakes.gathered():
-            args.loading = LoadOptions(args.up_axis, args.crease_angle, args.time, args.sky)
+            args.loading = LoadOptions(args.up_axis, args.crease_angle, args.time, args.sky, tuple(args.allow))
     if args.command in ("render", "view", "verify", "measure"):
         args.values = {}
         for name, declaration in SETTINGS.items():
@@ -313,12 +313,16 @@ def _add_scene(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_loading(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("reading the scene", "of files that say nothing about it; a .scene heeds --sky alone")
+    group = parser.add_argument_group(
+        "reading the scene", "of files that say nothing about it; a .scene heeds --sky and --allow alone"
+    )
     add = group.add_argument
     add("--up-axis", choices=UP_AXES, default="auto", help="which axis points up (default: auto, by format and exporter)")
     words = "edges between triangles that meet at less are smooth, where a file has no normals"
     add("--crease-angle", type=number, default=CREASE_ANGLE, metavar="DEG", help=f"{words} (0..180; default: {CREASE_ANGLE:g})")
     add("--time", type=number, metavar="S", help="pose the animation at so many seconds (default: the stored pose)")
+    words = "a folder from which the scene may read files, beside its own and those in it; may be repeated"
+    add("--allow", metavar="FOLDER", action="append", default=[], help=words)
     add(
         "--sky", metavar="TEXT",
         help="what lights it from all around, as in a .scene, in quotes: 'R G B', 'FILE.hdr rotate 90', 'cie clear sun 40 180'",

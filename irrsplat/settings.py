@@ -426,6 +426,8 @@ PRESETS: dict[str, SettingValues] = {
 
 def preset(name: str = "default", **overrides: Unpack[SettingValues]) -> Settings:
     """The settings of the preset `name` with `overrides` on top; raises InputError for what does not exist."""
+    if not isinstance(name, str):
+        raise InputError(f"a preset is given by its name, not by {type(name).__name__}; the presets are {', '.join(PRESETS)}")
     if name not in PRESETS:
         raise InputError(f"unknown preset '{name}'{did_you_mean(name, PRESETS)}; the presets are {', '.join(PRESETS)}")
     plain = _plain_preset(name)

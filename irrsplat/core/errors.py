@@ -16,12 +16,14 @@ class IrrsplatError(Exception):
 class InputError(IrrsplatError):
     """The command line, a setting or a file is wrong; the command line exits with 2.
 
-    `path` and `line` (1-based) say where, and stand in front of the message as ``file:line: message``.
+    `path` and `line` (1-based) say where, and stand in front of the message as ``file:line: message``. What a terminal would not
+    show as it is, ends of lines above all, is spelled out.
     """
 
     def __init__(self, message: str, path: str | os.PathLike[str] | None = None, line: int | None = None) -> None:
         where = "" if path is None else f"{os.fspath(path)}: " if line is None else f"{os.fspath(path)}:{line}: "
-        super().__init__(where + message)
+        said = where + message
+        super().__init__(said if said.isprintable() else "".join(c if c.isprintable() else ascii(c)[1:-1] for c in said))
 
 
 class GLError(IrrsplatError):

@@ -1,12 +1,28 @@
-"""Where files are: the bundled shaders and scenes, and the folder for what is kept between runs."""
+"""Where files are, which of them a scene may read, and how large they may be: every file of a scene is read by `read_bytes`."""
 
 from __future__ import annotations
 
 import os
+import stat
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+from irrsplat.core.errors import InputError
+
 _PACKAGE = Path(__file__).resolve().parent.parent  # irrsplat/
+
+# The greatest sizes of files, in bytes; docs/scene-format.md states them.
+MOST_TEXT = 64 << 20  # scenes, lights, materials, photometry, paths
+MOST_IMAGE = 1 << 30  # images and maps of skies, as they lie on the disk
+MOST_GEOMETRY = 4 << 30  # OBJ, PLY, STL, glTF and its buffers; record caches
+
+# Of all images of a scene together: so many pixels in any case, and so many more for each byte of their files.
+FREE_PIXELS = 1 << 26
+PIXELS_PER_BYTE = 256
 
 
 @cache
@@ -26,3 +42,134 @@ def cache_folder() -> Path | None:
 
     found = platformdirs.user_cache_path("irrsplat", appauthor=False)
     return found if found.is_absolute() else None
+
+
+# ---- what a scene may read -------------------------------------------------------------------------------------------------
+
+
+@dataclass
+class _Bounds:
+    """What the scene that is read at present may read: its own file, what lies in these folders, links resolved, and images of
+    so many pixels more."""
+
+    file: Path
+    folders: tuple[Path, ...]
+    pixels: int = FREE_PIXELS
+
+
+_bounds: ContextVar[_Bounds | None] = ContextVar("bounds", default=None)
+
+
+@contextmanager
+def within(file: Path, others: Sequence[str | os.PathLike[str]] = ()) -> Iterator[None]:
+    """A `with` block that reads the scene in `file`, and nothing outside of its folder and the `others`."""
+    folders = (file.absolute().parent, *map(Path, others))
+    token = _bounds.set(_Bounds(_resolved(file), tuple(map(_resolved, folders))))
+    try:
+        yield
+    finally:
+        _bounds.reset(token)
+
+
+@contextmanager
+def anywhere() -> Iterator[None]:
+    """A `with` block for files that the user has named, not the scene: they may lie anywhere."""
+    token = _bounds.set(None)
+    try:
+        yield
+    finally:
+        _bounds.reset(token)
+
+
+def may_read(path: Path) -> bool:
+    """Whether the scene that is read at present may read this file, be it there or not; not where no file can be called so."""
+    bounds = _bounds.get()
+    try:
+        place = _resolved(path)
+    except (OSError, ValueError):  # NUL, surrogates
+        return False
+    return bounds is None or place == bounds.file or any(place.is_relative_to(folder) for folder in bounds.folders)
+
+
+def refusal(path: Path) -> str:
+    """Why `may_read` forbids `path`, and what to do."""
+    try:
+        place = _resolved(path).parent
+    except (OSError, ValueError):
+        return "no file can be called that"
+    shown = str(place) if str(place).isprintable() else ascii(str(place))
+    return f"it lies outside the scene's folder; --allow '{shown}' lets the scene read it"
+
+
+def read_bytes(path: Path, most: int = MOST_TEXT) -> bytes:
+    """The bytes of a regular file that the scene may read; raises InputError for a missing, unreadable, empty or other one, and
+    for one of more than `most` bytes."""
+    check_readable(path, most)
+    try:
+        with open(path, "rb", opener=_without_waiting) as file:
+            data = file.read(most + 1)  # it may have grown, or tell no size, as those in /proc
+    except (OSError, ValueError, MemoryError) as error:
+        raise InputError(f"cannot read this file: {_reason(error)}", path) from None
+    if len(data) > most:
+        raise InputError(_too_large(most), path)
+    if not data.strip():
+        raise InputError("the file is empty", path)
+    return data
+
+
+def check_readable(path: Path, most: int = MOST_TEXT) -> None:
+    """Raises InputError, as `read_bytes`, for a file that is to be read otherwise."""
+    if not may_read(path):
+        raise InputError(refusal(path), path)
+    try:
+        found = os.stat(path)
+    except FileNotFoundError:
+        raise InputError("there is no such file", path) from None
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot read this file: {_reason(error)}", path) from None
+    if stat.S_ISDIR(found.st_mode):
+        raise InputError("this is a directory; give a file in it", path)
+    if not stat.S_ISREG(found.st_mode):
+        raise InputError("this is no regular file (a pipe or a device); give one", path)
+    if found.st_size > most:
+        raise InputError(_too_large(most), path)
+
+
+def take_pixels(pixels: int, size: int) -> bool:
+    """Whether the scene that is read at present may have an image of so many pixels, from `size` bytes, beside its others."""
+    bounds = _bounds.get()
+    if bounds is None:
+        return pixels <= FREE_PIXELS + PIXELS_PER_BYTE * size
+    left = bounds.pixels + PIXELS_PER_BYTE * size - pixels
+    if left >= 0:
+        bounds.pixels = left
+    return left >= 0
+
+
+def named(path: object) -> str:
+    """A path that a caller gave, as text; raises InputError for what is none."""
+    if not isinstance(path, (str, os.PathLike)) or not isinstance(text := os.fspath(path), str):
+        raise InputError(f"a path is a text or a pathlib.Path, not {type(path).__name__}")
+    try:
+        fits = b"\0" not in os.fsencode(text)
+    except UnicodeEncodeError:  # a surrogate that stands for no byte
+        fits = False
+    if not fits:
+        raise InputError(f"no file can be called {text!a:.60}")
+    return text
+
+
+def _without_waiting(path: str, flags: int) -> int:
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))  # a pipe that has taken the file's place
+
+
+def _too_large(most: int) -> str:
+    return f"the file is larger than {most >> 20} MiB, the most that is read of such files"
+
+
+def _reason(error: Exception) -> str:
+    return getattr(error, "strerror", None) or str(error) or type(error).__name__
+
+
+def _resolved(path: Path) -> Path:
+    return Path(os.path.realpath(path))

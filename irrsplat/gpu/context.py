@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
 from functools import cache
 from typing import Any, TypedDict
 
@@ -12,6 +13,7 @@ import moderngl
 from irrsplat.core.errors import GLError
 
 REQUIRED = 330  # OpenGL 3.3 core: macOS (4.1) and old laptops stay in
+_made_in: set[int] = set()  # the processes that made contexts, of which a forked one finds its parent's
 _DEVICES = 8  # EGL devices that are tried before giving up
 
 # Part of moderngl's message -> what is wrong, and the one command that helps. moderngl 5.13 raises bare Exceptions.
@@ -31,8 +33,14 @@ _ADVICE = (
 def create(require: int = REQUIRED) -> moderngl.Context:
     """A new standalone context of at least version `require`, made current; EGL on Linux, else the system's own.
 
-    Raises GLError, one line with the command that helps, where there is none.
+    It works in the thread and the process that made it, and nowhere else. Raises GLError, one line with the command that helps,
+    where there is none, and in a process that was forked from one with a context.
     """
+    if _made_in and _made_in != {os.getpid()}:
+        raise GLError(
+            "this process was forked from one that uses OpenGL, and its driver would hang; start processes by spawn: "
+            "multiprocessing.get_context('spawn')"
+        )
     options: list[dict[str, Any]] = [{}]
     if sys.platform.startswith("linux"):
         os.environ.setdefault("EGL_LOG_LEVEL", "fatal")  # without Mesa's own warnings: an error is one line, ours
@@ -43,17 +51,31 @@ def create(require: int = REQUIRED) -> moderngl.Context:
     first = ""
     for option in options:
         try:
-            return moderngl.create_context(standalone=True, require=require, **option)
+            ctx = moderngl.create_context(standalone=True, require=require, **option)
         except Exception as error:  # a bare Exception is all that moderngl raises
             message = " ".join(str(error).split())
             first = first or message
             if "not loaded" in message or ("requested device index" in message and "but found" in message):
                 break
+        else:
+            _made_in.add(os.getpid())
+            ctx.extra = _here()
+            return ctx
     raise GLError(advice(first)) from None
 
 
+def _here() -> tuple[int, int]:
+    """The process and the thread."""
+    return os.getpid(), threading.get_ident()
+
+
 def make_current(ctx: moderngl.Context) -> None:
-    """Make `ctx` the context of all further OpenGL calls of this thread."""
+    """Make `ctx`, which `create` made, the context of all further OpenGL calls of this thread; raises GLError where that is
+    not the thread, or not the process, that made it."""
+    if ctx.extra != _here():
+        if ctx.extra[0] != os.getpid():
+            raise GLError("a Renderer or LightMeter works only in the process that made it; spawn others, and make one there")
+        raise GLError("a Renderer or LightMeter works only in the thread that made it; make one of its own in this thread")
     ctx.__enter__()  # type: ignore[no-untyped-call]
 
 

@@ -9,6 +9,8 @@ from contextlib import contextmanager
 import moderngl
 import numpy as np
 
+from irrsplat.core.errors import InputError
+
 _GATHER_SHARE = 0.2  # of a tick: gathering may take that much in any case, so that the picture refines however slow the rest is
 _FIRST_STEP = 64  # items: the largest first batch of a tick; each further one may be this plus four times the one before
 _DECAY = 0.7  # weight of a measured batch relative to the one after it
@@ -64,9 +66,11 @@ def going_by(clock: Clock) -> Iterator[None]:
 
 class Budget:
     """The time of one tick: `Budget(0.09)` ends 90 ms from now; `Budget(None)` never does. tick: seconds of the whole tick, of
-    which this is a part (default: this is all of it)."""
+    which this is a part (default: this is all of it). Raises InputError for what is no number of seconds."""
 
     def __init__(self, seconds: float | None, tick: float | None = None) -> None:
+        if seconds is not None and not (isinstance(seconds, (int, float, np.number)) and seconds == seconds):
+            raise InputError(f"seconds is a number, or None for no limit, not {seconds!r:.60}")
         self.seconds = seconds
         self.tick = seconds if tick is None else tick
         self.end = float("inf") if seconds is None else now() + seconds

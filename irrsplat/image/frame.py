@@ -15,6 +15,7 @@ import numpy as np
 from irrsplat.core.buffers import CHANNELS
 from irrsplat.core.errors import InputError, did_you_mean
 from irrsplat.core.files import Pathlike, _png, _try_folder, _write_file, _write_folder, check_exr, check_file
+from irrsplat.core.paths import named
 from irrsplat.image import statistics
 from irrsplat.image.backdrop import BackdropKind, display_picture
 from irrsplat.image.statistics import Statistics
@@ -142,7 +143,7 @@ def check_writable(path: Pathlike, buffers: Sequence[str] | None = None) -> str:
     unknown = [f"'{name}'{did_you_mean(name, BUFFERS)}" for name in buffers or () if name not in BUFFERS]
     if unknown:
         raise InputError(f"unknown buffer {', '.join(unknown)}; the buffers are {', '.join(BUFFERS)}")
-    text = os.fspath(path)
+    text = named(path)
     ending = os.path.splitext(text)[1].lower()
     if "{frame" in text:
         raise InputError("{frame} is for the frames of a path; give --path as well, or a plain name", text)

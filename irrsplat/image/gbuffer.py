@@ -21,6 +21,7 @@ from irrsplat.scene.looks import Look, Run
 from irrsplat.scene.model import Camera, Mesh, Scene
 
 _NEAR = 1e-6  # of the far distance: only the matrix has it, nothing is clipped there
+_EDGE_ON = 5e-7  # of the eye's coordinates: an eye that is so near to a triangle's plane lies in it
 _SURFACES = DrawState(depth="<", depth_clamp=True)
 _TINTS = DrawState(depth="<", depth_write=False, depth_clamp=True, blend="multiply")
 _GLOWS = replace(_TINTS, blend="add")
@@ -79,10 +80,10 @@ class GBufferPass(Owner):
         return (self.nothing, *self._programs.values(), self.target, None if self._borrowed else self.maps)
 
     def _program(self, fragment: str, defines: Mapping[str, int]) -> Program:
-        defines = {**defines, "MAP_TAPS": self.maps.taps}
-        key = fragment, *defines.items()
+        values: dict[str, object] = {**defines, "MAP_TAPS": self.maps.taps, "EDGE_ON": _EDGE_ON}
+        key = fragment, *values.items()
         if key not in self._programs:
-            self._programs[key] = Program(self.ctx, fragment, "image/gbuffer", defines)
+            self._programs[key] = Program(self.ctx, fragment, "image/gbuffer", values)
         return self._programs[key]
 
     def _batches(self, runs: Sequence[Run]) -> tuple[_Batch, ...]:

@@ -6,6 +6,7 @@ Each point is gathered as a record is, at that very place. Lamps are added by th
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Unpack
 
@@ -16,6 +17,7 @@ import numpy.typing as npt
 from irrsplat.core.buffers import Sites
 from irrsplat.core.errors import InputError
 from irrsplat.core.vectors import unit
+from irrsplat.core.words import GREATEST
 from irrsplat.gather.record_frame import OFFSET
 from irrsplat.gpu import context
 from irrsplat.gpu.resource import Owner, Resource
@@ -31,6 +33,7 @@ from irrsplat.meter.readings import Readings, Status
 from irrsplat.meter.solids import inside_solids
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.model import Scene
+from irrsplat.scene.model.checks import check_type
 from irrsplat.settings import Settings, SettingValues, preset
 
 if TYPE_CHECKING:
@@ -58,22 +61,30 @@ class LightMeter(Owner):
     scene: what `irrsplat.load` returns. preset: a name of settings.PRESETS, and settings of the stages `shadow` and `gather` by
     name on top of it; no others count. ctx: a moderngl context to use, which its owner makes current (default: a new one).
     Raises InputError for settings that cannot be and lights that are too many, GLError where there is no OpenGL 3.3.
+    As a Renderer, it works in the thread and the process that made it.
     Use it in a `with` block, or call `release`, to free what it holds on the GPU.
     """
 
     def __init__(
         self, scene: Scene, preset: str = PRESET, ctx: moderngl.Context | None = None, **settings: Unpack[SettingValues]
     ) -> None:
+        check_type("what a LightMeter measures", scene, Scene)
         scene = scene.recentred
         self._origin, self.scene = scene.origin, scene.local  # from here on all is relative to it but points and readings
         scene, self.settings = self.scene, measuring(preset, **settings)
         self._owns_ctx = ctx is None
         self.ctx = ctx or context.create()
-        self.about = context.describe(self.ctx)
-        gl_limits.check(self.ctx, (1, 1), scene, self.settings.shadow_size)
-        self.world, self.cache, self.shadow_pass = World(self.ctx, scene), RecordCache(self.ctx), ShadowPass(self.ctx)
-        timers = Timers(self.ctx, bool(self.about["software"]))
-        self.gatherer = RecordGatherer(self.world, self.settings, self.cache, timers)
+        with ExitStack() as made:  # which is freed where what follows fails
+            if self._owns_ctx:
+                made.callback(self.ctx.release)
+            self.about = context.describe(self.ctx)
+            gl_limits.check(self.ctx, (1, 1), scene, self.settings.shadow_size)
+            self.world = made.enter_context(World(self.ctx, scene))
+            self.cache = made.enter_context(RecordCache(self.ctx))
+            self.shadow_pass = made.enter_context(ShadowPass(self.ctx))
+            timers = Timers(self.ctx, bool(self.about["software"]))
+            self.gatherer = made.enter_context(RecordGatherer(self.world, self.settings, self.cache, timers))
+            made.pop_all()
         self._light: _Light | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
@@ -84,6 +95,7 @@ class LightMeter(Owner):
     def release(self) -> None:
         """Free everything on the GPU, the context too where this meter made it."""
         if self._owns_ctx:
+            context.make_current(self.ctx)
             self.ctx.release()
         else:
             super().release()
@@ -150,8 +162,8 @@ def _sites(points: npt.ArrayLike, normals: npt.ArrayLike, origin: tuple[float, f
         p = n = np.zeros(0)
     if p.ndim != 2 or p.shape[1] != 3:
         raise InputError("points are an array (N, 3) of numbers, and normals (N, 3) or (3,)")
-    if not (np.isfinite(p).all() and np.isfinite(n).all()):
-        raise InputError("points and normals must be finite numbers")
+    if not ((np.abs(p) <= GREATEST).all() and (np.abs(n) <= GREATEST).all()):  # false for NaN
+        raise InputError(f"points and normals must be finite numbers, at most {GREATEST:g}")
     if not (np.abs(n).max(1, initial=0.0) > 0.0).all():
         raise InputError("a normal is 0 0 0; give the direction that the point faces")
     direction = unit(n).astype(np.float32)

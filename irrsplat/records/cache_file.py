@@ -9,15 +9,19 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import math
+import struct
 import zipfile
+import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from irrsplat.core import files
+from irrsplat.core import files, paths
 from irrsplat.core.errors import InputError
 from irrsplat.records import record_cache
 from irrsplat.records.adaptive_radius import AdaptiveRadiusState
@@ -28,6 +32,18 @@ from irrsplat.settings import SETTINGS, Settings
 FORMAT = 5  # to be raised whenever the content of files changes, or what records are gathered from
 _NAME = b"irrsplat record cache "
 _DIGEST = hashlib.sha256().digest_size
+_DAMAGED: tuple[type[Exception], ...] = (
+    ValueError,
+    KeyError,
+    TypeError,
+    AttributeError,
+    OSError,
+    EOFError,
+    RecursionError,
+    ArithmeticError,
+    MemoryError,
+)
+_DAMAGED += (NotImplementedError, SyntaxError, struct.error, zipfile.BadZipFile, zlib.error)  # what zip and NPY may raise
 _REMEDY = "remove it to have it made anew, or name another file"
 
 
@@ -122,16 +138,14 @@ def read(path: files.Pathlike, key: CacheKey) -> CacheState:
         record_cache.check_state(arrays)
         about = header["about"]
         return CacheState(arrays, AdaptiveRadiusState.from_json(about["adapted"]), dict(about["bounces"]))
-    except (KeyError, ValueError, TypeError) as error:
+    except _DAMAGED as error:
         raise InputError(f"a damaged record cache ({type(error).__name__}); {_REMEDY}", path) from error
 
 
 def _read(path: files.Pathlike) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    try:
-        with open(path, "rb") as file:
-            name, rest = file.readline(len(_NAME) + 20), file.read()
-    except OSError as error:
-        raise InputError(f"cannot read: {error.strerror or error}", path) from error
+    with paths.anywhere():
+        name, line, rest = paths.read_bytes(Path(path), paths.MOST_GEOMETRY).partition(b"\n")
+    name += line
     if not name.startswith(_NAME) or not name.endswith(b"\n"):
         raise InputError("this is not a record cache of irrsplat, and stays as it is; name another file", path)
     number = name[len(_NAME) :].strip().decode("ascii", "replace")
@@ -141,11 +155,31 @@ def _read(path: files.Pathlike) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     if hashlib.sha256(data).digest() != digest:
         raise InputError(f"a damaged record cache (its checksum is wrong); {_REMEDY}", path)
     try:
-        with np.load(io.BytesIO(data), allow_pickle=False) as arrays:
-            state = {name: arrays[name] for name in arrays.files}
+        state = _arrays(data)
         return json.loads(str(state.pop("about"))), state
-    except (ValueError, KeyError, OSError, EOFError, zipfile.BadZipFile) as error:
+    except _DAMAGED as error:
         raise InputError(f"a damaged record cache ({type(error).__name__}); {_REMEDY}", path) from error
+
+
+def _arrays(data: bytes) -> dict[str, np.ndarray]:
+    """The arrays in the bytes of an NPZ as `write` makes it, where nothing is packed, so that they are no larger than the file;
+    raises one of _DAMAGED for any other."""
+    with zipfile.ZipFile(io.BytesIO(data)) as whole:
+        parts = whole.infolist()
+        if any(part.compress_type != zipfile.ZIP_STORED for part in parts) or sum(part.file_size for part in parts) > len(data):
+            raise ValueError("its arrays are packed")
+        return {part.filename.removesuffix(".npy"): _array(whole.read(part)) for part in parts}
+
+
+def _array(data: bytes) -> np.ndarray:
+    stream = io.BytesIO(data)
+    if np.lib.format.read_magic(stream) != (1, 0):
+        raise ValueError("an array of another format")
+    shape, by_column, kind = np.lib.format.read_array_header_1_0(stream)
+    body = data[stream.tell() :]
+    if kind.hasobject or by_column or math.prod(shape) * kind.itemsize != len(body):
+        raise ValueError("an array of another size")
+    return np.frombuffer(body, kind).reshape(shape).copy()
 
 
 def _difference(made_for: CacheKey, wanted: CacheKey) -> str:

@@ -458,5 +458,5 @@ def check_state(state: Mapping[str, np.ndarray]) -> None:
     shapes: dict[str, tuple[int, ...]] = {file_name: (count, *_COLUMNS[name].shape) for name, file_name in _FILED.items()}
     shapes |= {"content": (count, len(GATHERED), 4), "limit": (count, 1), "clocks": (3,), "dark": ()}
     for name, shape in shapes.items():
-        if state[name].shape != shape or not np.isfinite(state[name]).all():
+        if state[name].shape != shape or state[name].dtype.kind not in "fiu" or not np.isfinite(state[name]).all():
             raise ValueError(name)

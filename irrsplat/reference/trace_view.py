@@ -162,7 +162,7 @@ def valid_pixels(position: np.ndarray, normal: np.ndarray, seen: np.ndarray, dia
 
 def reflects(albedo: np.ndarray) -> np.ndarray:
     """(H, W) pixels in which irradiance makes a difference: a black lamp shows its own light, whatever falls on it."""
-    some: np.ndarray = (albedo > 0.0).any(axis=-1)
+    some: np.ndarray = np.any(albedo > 0.0, axis=-1)
     return some
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from typing import Unpack, cast
 
@@ -17,6 +18,7 @@ import numpy.typing as npt
 from irrsplat.core import files
 from irrsplat.core.buffers import GBuffer, ShadowMaps
 from irrsplat.core.errors import InputError
+from irrsplat.core.paths import named
 from irrsplat.gpu import context, program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import pixels
@@ -40,6 +42,7 @@ from irrsplat.renderer.rounds import Rounds
 from irrsplat.renderer.stages import Stages
 from irrsplat.renderer.state import Round, Shown, State
 from irrsplat.scene.model import Camera, Light, Material, Scene
+from irrsplat.scene.model.checks import check_type, checked_number
 from irrsplat.scene.motion import moved, posed, repainted
 from irrsplat.settings import Settings, SettingValues
 from irrsplat.settings import preset as settings_of
@@ -58,6 +61,8 @@ class Renderer(Owner):
     A scene that lies far from 0 0 0 is drawn relative to an origin near by (Scene.origin): buffers of a View and the cache's
     records are relative to that; cameras, lights, moves and the Frame of `render` are in world space.
     Raises InputError for a size or setting that cannot be, GLError where there is no OpenGL 3.3.
+    It works in the thread and the process that made it; elsewhere, and in a process forked from one that uses OpenGL, calls raise
+    GLError. Each thread, and each process that was spawned, may make its own.
     Use it in a `with` block, or call `release`, to free what it holds on the GPU.
     """
 
@@ -77,15 +82,19 @@ class Renderer(Owner):
         self._loaded = scene.meshes  # as they were before any of them moved
         self._owns_ctx = ctx is None
         self.ctx = ctx or context.create()
-        self.about = context.describe(self.ctx)
-        gl_limits.check(self.ctx, self.size, scene, self.settings.shadow_size)
-        self.timers = Timers(self.ctx, bool(self.about["software"]), enabled=True)
-        self.world = World(self.ctx, scene, self.settings.texture_memory)
-        self.cache = RecordCache(self.ctx)
-        self.scheduler = RecordScheduler(self.world, self.settings, self.cache, self.timers)
-        self.stages = Stages(self.world, self.scheduler, self.timers)
-        self._round = Rounds(self.stages, self.scheduler)
-        self._resting = RestingView(self.stages, self._round, self.scheduler)
+        with ExitStack() as made:  # which is freed where what follows fails
+            if self._owns_ctx:
+                made.callback(self.ctx.release)
+            self.about = context.describe(self.ctx)
+            gl_limits.check(self.ctx, self.size, scene, self.settings.shadow_size)
+            self.timers = Timers(self.ctx, bool(self.about["software"]), enabled=True)
+            self.world = made.enter_context(World(self.ctx, scene, self.settings.texture_memory))
+            self.cache = made.enter_context(RecordCache(self.ctx))
+            self.scheduler = made.enter_context(RecordScheduler(self.world, self.settings, self.cache, self.timers))
+            self.stages = made.enter_context(Stages(self.world, self.scheduler, self.timers))
+            self._round = Rounds(self.stages, self.scheduler)
+            self._resting = made.enter_context(RestingView(self.stages, self._round, self.scheduler))
+            made.pop_all()
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees; the context is apart."""
@@ -94,6 +103,7 @@ class Renderer(Owner):
     def release(self) -> None:
         """Free everything on the GPU, the context too where this renderer made it."""
         if self._owns_ctx:
+            self._use()
             self.ctx.release()
         else:
             super().release()
@@ -228,6 +238,7 @@ class Renderer(Owner):
         are added go when anything else is shown. A view by the paper's placement, or without bounces, is left as it is.
         """
         self._use()
+        target = checked_number("target", target, 0.0)
         return self._refine(self._seen_by(camera), target, seconds)
 
     def _refine(self, camera: Camera, target: float, seconds: float | None) -> tuple[View, Progress]:
@@ -276,18 +287,19 @@ class Renderer(Owner):
     def change(self, settings: Settings, preset: str = "") -> None:
         """Go on with other settings (called `preset` in the stats): what depends on those that differ is made again, records in
         place; they are forgotten only where their places depend on one. Raises InputError for what OpenGL does not take here."""
+        check_type("what a renderer changes to", settings, Settings)
         self._go_on(replace(self._state, settings=settings, preset=preset or self.preset))
 
     def carry_headlamp(self, intensity: float) -> None:
         """Go on with a lamp of so many W/sr at the eye, which goes where that goes; 0: without.
 
         It adds direct light to the picture and nothing else: no record depends on it, so that the camera may move."""
-        self._state = replace(self._state, headlamp=intensity)
+        self._state = replace(self._state, headlamp=checked_number("a headlamp's intensity", intensity, 0.0))
 
     def relight(self, lights: Sequence[Light]) -> None:
         """Go on with other lights. Where all light changes by a factor in each channel, as where a lone lamp is dimmed, records
         hold at once what they are to; else they are gathered again in place. Raises InputError for too many lights."""
-        self._go_on(replace(self._state, scene=replace(self.scene, lights=tuple(lights)).local))
+        self._go_on(replace(self._state, scene=replace(self.scene, lights=cast(tuple[Light, ...], lights)).local))
 
     def move(self, mesh: int | str, transform: npt.ArrayLike) -> None:
         """Go on with a mesh (its index in scene.meshes, or its name) where a 4×4 or 3×4 matrix takes it from where it was loaded,
@@ -305,12 +317,14 @@ class Renderer(Owner):
         InputError for a mesh that is not there, and for a material by which the mesh would wear other textures, let light through
         otherwise, or be drawn otherwise: for these the scene is loaded anew.
         """
+        check_type("what a mesh is repainted with", material, Material)
         self._go_on(replace(self._state, scene=repainted(self._state.scene, mesh, material)))
 
     def pose(self, scene: Scene) -> None:
         """Go on with the renderer's scene in another pose: the same meshes elsewhere, of other materials or hidden (see
         scene.motion.hidden), other lights and another sky. As `move`, `repaint` and `relight` at once; raises InputError for a
         scene of other meshes, and as these."""
+        check_type("a pose", scene, Scene)
         self._go_on(replace(self._state, scene=posed(self.scene, scene.relative_to(self._origin)).local))
 
     def resize(self, size: tuple[int, int]) -> None:
@@ -372,7 +386,7 @@ class Renderer(Owner):
         Raises InputError where `path` cannot be written to, IrrsplatError where writing fails.
         """
         self._use()
-        files.check_file(path)
+        files.check_file(named(path))
         cache_file.write(path, cache_file.key(self._state.scene, self.scheduler.settings), self.scheduler.state())
 
     def load_cache(self, path: files.Pathlike) -> None:
@@ -383,7 +397,7 @@ class Renderer(Owner):
         """
         self._use()
         self._resting.leave()
-        self.scheduler.restore(cache_file.read(path, cache_file.key(self._state.scene, self.scheduler.settings)))
+        self.scheduler.restore(cache_file.read(named(path), cache_file.key(self._state.scene, self.scheduler.settings)))
         self.forget(records=False)
 
     # ---- whole renders ---------------------------------------------------------------------------------------------

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from irrsplat.core import paths
 from irrsplat.core.errors import InputError, did_you_mean
 from irrsplat.core.load_options import CREASE_ANGLE, LoadOptions, UpAxis
+from irrsplat.core.paths import within
 from irrsplat.core.words import quote
 from irrsplat.scene.io.defaults import WORLD, FarAway
 from irrsplat.scene.io.text.scene_text import load_text
@@ -51,23 +52,26 @@ def load(
     crease_angle: float = CREASE_ANGLE,
     time: float | None = None,
     sky: str | None = None,
+    allow: str | os.PathLike[str] | Sequence[str | os.PathLike[str]] = (),
 ) -> Scene:
     """The scene at a path, or the bundled scene of that name, such as ``"cornell"``; a file that exists wins.
 
     Reads `.scene` text, `.glb` and `.gltf` and, as geometry with diffuse colours, `.obj`, `.ply` and `.stl`. World space is
     right-handed, in metres; of a scene that lies far from 0 0 0 the meshes are relative to Scene.origin. `LoadOptions` says what
     the keywords mean; a `.scene` needs none of them, but may have another `sky`.
+    A scene reads files that it names from its own folder and those below, and from the folders in `allow`, nowhere else.
     Raises InputError, one line, for whatever is wrong with the file, the name or a keyword.
     """
-    options = LoadOptions(up_axis, crease_angle, time, sky)
+    options = LoadOptions(up_axis, crease_angle, time, sky, tuple(allow) if isinstance(allow, (list, tuple)) else (allow,))  # type: ignore[arg-type]
     if not isinstance(source, (str, os.PathLike)):
         raise InputError(f"load takes a path or the name of a bundled scene, not {type(source).__name__}")
     path = located(source)
     read = _reader(path.suffix.lower())
-    try:
-        return read(path, options, WORLD)
-    except FarAway as far:
-        return read(path, options, far.origin)
+    with within(path, options.allow):
+        try:
+            return read(path, options, WORLD)
+        except FarAway as far:
+            return read(path, options, far.origin)
 
 
 def _reader(ending: str) -> Callable[[Path, LoadOptions, tuple[float, float, float]], Scene]:

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import io
+import os
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from irrsplat.core.errors import InputError
+from irrsplat.core.paths import MOST_IMAGE, check_readable, read_bytes
+from irrsplat.core.words import is_number, number, quote
 
 ENDINGS = (".hdr", ".pic", ".exr")
 MOST_ROWS = 2048  # of a map that is kept: larger ones are halved
-_MOST_PIXELS = 32768 * 16384
+_MOST_PIXELS = 16384 * 8192
 _SLIGHT = 1e-3  # of all light: filters in image programs leave that much below 0
 _REMEDY = "save it again with finite values of 0 or more"
 
@@ -48,8 +55,13 @@ def read_exr(path: Path) -> np.ndarray:
     """(H, W, 3) float32 of the first part of an EXR: its channels R, G and B, of any layer, or a single one as grey."""
     import OpenEXR  # takes a while, and few scenes need it
 
+    check_readable(path, MOST_IMAGE)
     try:
-        with OpenEXR.File(str(path), separate_channels=True) as file:
+        with _silent(), OpenEXR.File(str(path), header_only=True) as file:
+            numbers = sum(_values(part.header) for part in file.parts)
+        if numbers > 3 * _MOST_PIXELS:
+            raise ValueError(f"{numbers} values are more than {3 * _MOST_PIXELS}")
+        with _silent(), OpenEXR.File(str(path), separate_channels=True) as file:
             channels = {name: np.asarray(channel.pixels, np.float32) for name, channel in file.channels().items()}
     except Exception as error:  # a damaged file may raise anything
         reason = (str(error).splitlines() or [""])[-1].strip()[:80]
@@ -60,7 +72,39 @@ def read_exr(path: Path) -> np.ndarray:
             return np.stack([channels[name] for name in names], axis=-1)
     if len(channels) == 1 and next(iter(channels.values())).ndim == 2:
         return np.repeat(next(iter(channels.values()))[..., None], 3, axis=-1)
-    raise InputError(f"it has no channels R, G and B, but {', '.join(channels) or 'none'}; save it as RGB", path)
+    others = f"but {len(channels)} others, {quote(next(iter(channels)))} first" if channels else "and no others"
+    raise InputError(f"it has no channels R, G and B, {others}; save it as RGB", path)
+
+
+@contextmanager
+def _silent() -> Iterator[None]:
+    """A `with` block in which OpenEXR's own messages reach neither stdout nor stderr, where an error is one line of ours."""
+    with redirect_stdout(io.StringIO()), _without_stderr():
+        yield
+
+
+@contextmanager
+def _without_stderr() -> Iterator[None]:
+    """A `with` block in which nothing written to stderr, by C libraries too, is seen."""
+    try:
+        kept = os.dup(2)
+    except OSError:  # there is no stderr
+        yield
+        return
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)
+
+
+def _values(header: dict[str, Any]) -> int:
+    """How many numbers a part of an EXR holds."""
+    first, last = np.asarray(header["dataWindow"], np.int64)
+    return int(np.prod(last - first + 1)) * len(header["channels"])
 
 
 # ---- Radiance ------------------------------------------------------------------------------------------------------------
@@ -68,10 +112,7 @@ def read_exr(path: Path) -> np.ndarray:
 
 def read_hdr(path: Path) -> np.ndarray:
     """(H, W, 3) float32 of a Radiance picture: value (mantissa + ½)·2^(exponent − 136), divided by the header's EXPOSURE."""
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"cannot read this file: {error.strerror or error}", path) from None
+    data = read_bytes(path, MOST_IMAGE)
     head, found, rest = data.partition(b"\n\n")
     line, _, pixels = rest.partition(b"\n")
     size = re.fullmatch(rb"([+-])Y (\d{1,6}) ([+-])X (\d{1,6})\r?", line)
@@ -86,9 +127,12 @@ def read_hdr(path: Path) -> np.ndarray:
         coded = _runs(pixels, height, width) if pixels[:2] == b"\2\2" and 8 <= width < 32768 else _old_runs(pixels, height, width)
     except (IndexError, ValueError):
         raise InputError("the picture is cut off or damaged; save it again", path) from None
-    exposure = float(np.prod([float(value) for value in re.findall(rb"^EXPOSURE=\s*([\d.eE+-]+)", head, re.M)]))
+    exposures = [number(value) for value in re.findall(r"^EXPOSURE=\s*(\S+)", head.decode("latin-1"), re.M) if is_number(value)]
+    exposure = float(np.prod(exposures)) or 1.0
+    if not 1e-30 <= exposure <= 1e30:
+        raise InputError(f"its EXPOSURE is {exposure:g}; expected a number above 0; save it again", path)
     scale = np.where(coded[..., 3] > 0, np.ldexp(1.0, coded[..., 3].astype(np.int32) - 136), 0.0).astype(np.float32)
-    radiance = (coded[..., :3] + np.float32(0.5)) * (scale / np.float32(exposure or 1.0))[..., None]
+    radiance = (coded[..., :3] + np.float32(0.5)) * (scale / np.float32(exposure))[..., None]
     radiance = radiance[:: 1 if size[1] == b"-" else -1, :: 1 if size[3] == b"+" else -1]
     return radiance
 
@@ -126,6 +170,9 @@ def _old_runs(data: bytes, height: int, width: int) -> np.ndarray:
     place = np.arange(len(codes))
     last = np.maximum.accumulate(np.where(repeats, 0, place))  # the pixel that is meant
     again = np.where(repeats, codes[:, 3].astype(np.int64) << (8 * np.minimum(place - last - 1, 4)), 1)
-    if again.sum() < height * width:
+    again = np.minimum(again, height * width)
+    ends = np.cumsum(again)
+    if not len(ends) or ends[-1] < height * width:
         raise ValueError("too few pixels")
-    return np.repeat(codes[last], again, axis=0)[: height * width].reshape(height, width, 4)
+    needed = int(np.searchsorted(ends, height * width)) + 1
+    return np.repeat(codes[last[:needed]], again[:needed], axis=0)[: height * width].reshape(height, width, 4)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from irrsplat.core import paths
 from irrsplat.core.errors import InputError
 from irrsplat.core.words import GREATEST, number, quote
 from irrsplat.sky.cie import CIE_KINDS, CieSky
@@ -43,7 +44,10 @@ def sky_of(text: str | None) -> Sky | None:
 
     Raises InputError, one line, for whatever is wrong with it.
     """
-    return None if text is None else parse(text, Path(), lambda message: InputError(f"sky: {message}"))
+    if text is None:
+        return None
+    with paths.anywhere():
+        return parse(text, Path(), lambda message: InputError(f"sky: {message}"))
 
 
 def parse(text: str, folder: Path, error: Callable[[str], InputError]) -> Sky:
@@ -59,8 +63,9 @@ def parse(text: str, folder: Path, error: Callable[[str], InputError]) -> Sky:
 
 
 def _is_file(path: Path) -> bool:
+    """Whether there is such a regular file, and the scene may read it."""
     try:
-        return path.is_file()
+        return paths.may_read(path) and path.is_file()
     except (OSError, ValueError):
         return False
 
@@ -101,6 +106,8 @@ def _map(text: str, folder: Path, error: Callable[[str], InputError]) -> Sky:
     if gain < 0.0:
         raise error(f"the gain is {gain:g}; expected 0 or more")
     path = folder / name
+    if not paths.may_read(path):
+        raise error(f"this map is not read: {paths.refusal(path)}")
     if not _is_file(path):
         raise error(f"there is no file {quote(name)}; expected: sky {USAGE}")
     radiance, notices = read_map(path)

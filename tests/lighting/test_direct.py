@@ -254,7 +254,7 @@ def test_a_mirrored_mesh_is_lit_like_any_other(ctx: moderngl.Context, tmp_path: 
         f"cam 0 5 0 0 0 0 0 0 -1\nproj 45 1 1 9\nlight sun.light\nbrdf diffuse 1 1 1 1\npush\nscale {scale}\nobj {cube}\npop\n"
     )
     (tmp_path / "sun.light").write_text("position 1 3 0.5 0\ndiffuse 1 1 1 1\n")
-    loaded = irrsplat.load(tmp_path / "mirror.scene")
+    loaded = irrsplat.load(tmp_path / "mirror.scene", allow=Path(cube).parent)
     assert scale != "1 1 1" or loaded.meshes[0].closed
     low, high = loaded.bounds
     ground = floor(3.0, float(low[1]), WHITE)

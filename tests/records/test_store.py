@@ -304,14 +304,16 @@ def test_a_damaged_file_is_refused(saved: Path, path: Path, renderer: Renderer) 
 
 
 def test_a_foreign_file_is_refused(saved: Path, path: Path, renderer: Renderer) -> None:
-    for content in (b"", b"irrsplat", b"\x89PNG\r\n", b"cam 0 0 5 0 0 0 0 1 0\n" * 50, bytes(1000), saved.read_bytes()[:15]):
+    for content in (b"irrsplat", b"\x89PNG\r\n", b"cam 0 0 5 0 0 0 0 1 0\n" * 50, bytes(1000), saved.read_bytes()[:15]):
         path.write_bytes(content)
         assert "not a record cache" in refused(renderer, path)
     with Renderer(room(), SIZE, **FAST) as other:
         other.render().save(path.with_suffix(".npz"))
     assert "not a record cache" in refused(renderer, path.with_suffix(".npz"))
-    assert "cannot read: " in refused(renderer, path.with_name("missing"))
-    assert "cannot read: " in refused(renderer, path.parent)
+    path.write_bytes(b"")
+    assert "the file is empty" in refused(renderer, path)
+    assert "there is no such file" in refused(renderer, path.with_name("missing"))
+    assert "this is a directory" in refused(renderer, path.parent)
 
 
 def test_another_format_is_refused(saved: Path, path: Path, renderer: Renderer) -> None:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import hashlib
 import io
 import os
 import re
+import struct
 import unicodedata
 import warnings
 from collections.abc import Iterator, Sequence
@@ -18,6 +20,7 @@ import numpy as np
 
 from irrsplat.core.color import srgb
 from irrsplat.core.errors import InputError
+from irrsplat.core.paths import FREE_PIXELS, PIXELS_PER_BYTE, may_read, take_pixels
 from irrsplat.core.words import quote
 from irrsplat.scene.model import Image
 
@@ -25,6 +28,8 @@ if TYPE_CHECKING:
     from PIL.Image import Image as Picture
 
 GREATEST_PIXELS = 16384**2
+# Those of Pillow's formats that surfaces wear; among the others is PostScript, which is a program.
+_FORMATS = tuple("AVIF BMP DDS DIB GIF ICO JPEG JPEG2000 MPO PCX PNG PPM PSD SGI TGA TIFF WEBP".split())  # noqa: SIM905
 _KTX2 = b"\xabKTX 20\xbb\r\n\x1a\n"
 
 
@@ -33,15 +38,17 @@ def read_image(data: bytes, name: str) -> Image:
 
     Palettes, greys, 16 bits and CMYK become 8-bit sRGB with alpha; floats count as linear. Orientation tags and colour profiles
     are ignored, as glTF asks. name: for the message.
-    Raises InputError, one line without a place, for a broken image and one of more than 16384² pixels.
+    Raises InputError, one line without a place, for a broken image, one of more than 16384² pixels, and where the images of the
+    scene have more pixels than `paths.take_pixels` grants.
     """
     with _without_complaints():
+        _grant(data, name)
         return _decoded(data, name)
 
 
 def read_images(files: Sequence[tuple[bytes, str]]) -> list[Image | InputError]:
     """What `read_image` gives for the bytes and the name of each file, or raises; on all processors, which its decoders leave
-    free for one another."""
+    free for one another. Files of the same bytes share one image."""
 
     def found(file: tuple[bytes, str]) -> Image | InputError:
         try:
@@ -51,8 +58,20 @@ def read_images(files: Sequence[tuple[bytes, str]]) -> list[Image | InputError]:
 
     if not files:
         return []
+    keys = [hashlib.sha256(data).digest() for data, _ in files]
+    first: dict[bytes, tuple[bytes, str]] = {}
+    for key, file in zip(keys, files, strict=True):
+        first.setdefault(key, file)
+    images: dict[bytes, Image | InputError] = {}
     with _without_complaints(), ThreadPoolExecutor(os.cpu_count()) as threads:
-        return list(threads.map(found, files))
+        for key, file in first.items():
+            try:
+                _grant(*file)
+            except InputError as error:
+                images[key] = error
+        granted = [key for key in first if key not in images]
+        images |= zip(granted, threads.map(found, [first[key] for key in granted]), strict=True)
+    return [images[key] for key in keys]
 
 
 @contextmanager
@@ -69,23 +88,49 @@ def _without_complaints() -> Iterator[None]:
         PIL.Image.MAX_IMAGE_PIXELS = bound
 
 
-def _decoded(data: bytes, name: str) -> Image:
-    import PIL.Image
+def _grant(data: bytes, name: str) -> None:
+    """Raises InputError where an image has more pixels than may be decoded; it is not decoded for that."""
+    if data.startswith(_KTX2) and len(data) >= 28:
+        width, height = struct.unpack_from("<2I", data, 20)
+    else:
+        with _reading(name), _opened(data) as picture:
+            width, height = picture.size
+    if width * height > GREATEST_PIXELS:
+        raise InputError(f"the image {quote(name)} has {width} × {height} pixels, more than 16384²; scale it down")
+    if not take_pixels(width * height, len(data)):
+        raise InputError(
+            f"the image {quote(name)} has {width} × {height} pixels in {len(data)} bytes; the images of a scene may have "
+            f"{FREE_PIXELS >> 20} million pixels, and {PIXELS_PER_BYTE} more for each byte of theirs; scale it down"
+        )
 
+
+def _decoded(data: bytes, name: str) -> Image:
     if data.startswith(_KTX2):
         data = _tga_from_ktx2(data, name)
+    with _reading(name), _opened(data) as picture:
+        pixels = _rgba(picture)
+        pixels.flags.writeable = False
+        return Image(pixels, name)
+
+
+def _opened(data: bytes) -> Picture:
+    import PIL.Image
+
+    PIL.Image.init()
+    return PIL.Image.open(io.BytesIO(data), formats=[name for name in _FORMATS if name in PIL.Image.OPEN])
+
+
+@contextmanager
+def _reading(name: str) -> Iterator[None]:
+    """Turns what a decoder raises into one InputError; a damaged image may raise anything."""
+    import PIL
+
     try:
-        with PIL.Image.open(io.BytesIO(data)) as picture:
-            if picture.width * picture.height <= GREATEST_PIXELS:
-                pixels = _rgba(picture)
-                pixels.flags.writeable = False
-                return Image(pixels, name)
-            size = f"{picture.width} × {picture.height}"
-    except Exception as error:  # a damaged image may raise anything in its decoder
+        yield
+    except Exception as error:
         reason = (str(error).splitlines() or [""])[0][:80]
         said = "it is no image of a known format" if isinstance(error, PIL.UnidentifiedImageError) else reason
         raise InputError(f"cannot read the image {quote(name)}{f' ({said})' if said else ''}") from None
-    raise InputError(f"the image {quote(name)} has {size} pixels, more than 16384²; scale it down")
 
 
 def _rgba(picture: Picture) -> np.ndarray:
@@ -118,14 +163,16 @@ def find_file(folder: Path, written_name: str) -> Path | None:
     """The file that a scene's file in `folder` means by `written_name`; None where there is none.
 
     In this order: the name as it is, with %20 and the like resolved, with backslashes for slashes, each also in other upper and
-    lower case; then a file of its last part's name in `folder`, since other machines' paths are often written.
+    lower case; then a file of its last part's name in `folder`, since other machines' paths are often written. One that the
+    scene may not read is not looked for: where no other is found its path comes back, and to read it raises InputError.
     """
     spellings = list(_spellings(written_name))
     for name in dict.fromkeys([*spellings, *(re.split(r"[/\\]", name)[-1] for name in spellings)]):
         found = _walk(folder, name) if name else None
         if found is not None:
             return found
-    return None
+    refused = [folder / name for name in spellings if name and "\0" not in name and not may_read(folder / name)]
+    return refused[0] if refused else None
 
 
 def _spellings(written: str) -> Iterator[str]:
@@ -136,8 +183,10 @@ def _spellings(written: str) -> Iterator[str]:
 
 
 def _walk(folder: Path, name: str) -> Path | None:
-    """The regular file at `name` from `folder` on, letters' case ignored where it must be."""
+    """The regular file at `name` from `folder` on, letters' case ignored where it must be; one that the scene may read."""
     try:
+        if not may_read(folder / name):
+            return None
         if (folder / name).is_file():
             return folder / name
         path = PurePosixPath(name)

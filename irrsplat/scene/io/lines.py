@@ -8,30 +8,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from irrsplat.core.errors import InputError
+from irrsplat.core.paths import MOST_TEXT, may_read, read_bytes, refusal
 from irrsplat.core.words import number, quote
 
 
-def read_bytes(path: Path) -> bytes:
-    """The bytes of a file that is there and not empty; raises InputError for a missing, unreadable or empty one."""
-    try:
-        data = path.read_bytes()
-    except FileNotFoundError:
-        raise InputError("there is no such file", path) from None
-    except IsADirectoryError:
-        raise InputError("this is a directory; give a file in it", path) from None
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot read this file: {getattr(error, 'strerror', None) or error}", path) from None
-    if not data.strip():
-        raise InputError("the file is empty", path)
-    return data
-
-
-def text_bytes(path: Path, strict: bool = True) -> bytes:
-    """The bytes of a UTF-8 text file without byte-order mark, lines ended by ``\\n``; raises InputError for any other.
+def text_bytes(path: Path, strict: bool = True, most: int = MOST_TEXT) -> bytes:
+    """The bytes of a UTF-8 text file without byte-order mark, lines ended by ``\\n``; raises InputError for any other, and for
+    one of more than `most` bytes.
 
     Not strict: UTF-16 becomes UTF-8, other encodings stay as they are, and only binary data is refused.
     """
-    data = read_bytes(path)
+    data = read_bytes(path, most)
     if b"\0" in data:
         data = _without_zeros(path, data, strict)
     data = data.removeprefix(b"\xef\xbb\xbf")
@@ -93,6 +80,8 @@ class Line:
         if not self.rest:
             raise self.error(f"'{self.word}' names no file; expected: {usage}")
         path = self.path.parent / self.rest
+        if not may_read(path):
+            raise self.error(f"{quote(self.rest)} is not read: {refusal(path)}")
         try:
             if path.is_dir():
                 raise self.error(f"{quote(self.rest)} is a directory; expected: {usage}")

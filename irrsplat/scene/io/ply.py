@@ -12,10 +12,10 @@ import numpy as np
 from irrsplat.core.color import linear_from_srgb
 from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import LoadOptions
+from irrsplat.core.paths import MOST_GEOMETRY, MOST_IMAGE, read_bytes
 from irrsplat.core.words import GREATEST, quote
 from irrsplat.scene.io.creases import crease_normals
 from irrsplat.scene.io.images import find_file, read_image
-from irrsplat.scene.io.lines import read_bytes
 from irrsplat.scene.io.obj.polygons import triangulate
 from irrsplat.scene.io.obj.text import decoded, floats
 from irrsplat.scene.io.part import Part
@@ -70,7 +70,7 @@ def read_ply(path: Path, notices: list[str], options: LoadOptions) -> list[Part]
     ``comment TextureFile``, `vertex_indices` and `tristrips`. Without normals, they are made by the crease angle. Faces that
     can't be drawn cost a notice. Raises InputError for a file that is truncated, that is no PLY, or that has no faces.
     """
-    data = read_bytes(path)
+    data = read_bytes(path, MOST_GEOMETRY)
     end = re.search(rb"end_header[ \t]*(\r\n|\n|\r)", data[:100_000])
     if not re.match(rb"ply\s", data) or end is None:
         raise InputError("this is no PLY file (it has no PLY header); export it again", path)
@@ -336,7 +336,7 @@ def _texture(path: Path, notices: list[str], images: list[str]) -> tuple[Texture
         notices.append(f"{path}: there is no image {quote(images[0])}; grey 0.5 stands in")
         return None, ()
     try:
-        return Texture(read_image(read_bytes(file), file.name)), (file,)
+        return Texture(read_image(read_bytes(file, MOST_IMAGE), file.name)), (file,)
     except InputError as error:
         notices.append(f"{path}: {error}; grey 0.5 stands in")
         return None, (file,)

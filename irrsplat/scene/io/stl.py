@@ -11,10 +11,10 @@ import numpy as np
 
 from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import LoadOptions
+from irrsplat.core.paths import MOST_GEOMETRY, read_bytes
 from irrsplat.core.vectors import as_float32
 from irrsplat.core.words import GREATEST
 from irrsplat.scene.io.creases import crease_normals
-from irrsplat.scene.io.lines import read_bytes
 from irrsplat.scene.io.mesh_builder import welded
 from irrsplat.scene.io.part import Part
 
@@ -28,7 +28,7 @@ def read_stl(path: Path, notices: list[str], options: LoadOptions) -> list[Part]
     import trimesh  # takes 0.4 s: imported only for such files
 
     logging.getLogger("trimesh").addHandler(logging.NullHandler())  # otherwise its warnings are printed to stderr
-    data = read_bytes(path)
+    data = read_bytes(path, MOST_GEOMETRY)
     binary = len(data) >= 84 and 84 + 50 * int.from_bytes(data[80:84], "little") == len(data)
     if not binary and data.lstrip()[:5].lower().startswith((b"solid", b"#")):
         data = re.sub(rb"#[^\r\n]*", b"", data).lstrip()

@@ -16,9 +16,9 @@ from urllib.parse import unquote, unquote_to_bytes
 import numpy as np
 
 from irrsplat.core.errors import InputError
+from irrsplat.core.paths import MOST_GEOMETRY, read_bytes
 from irrsplat.core.words import GREATEST
 from irrsplat.scene.io.images import find_file
-from irrsplat.scene.io.lines import read_bytes
 
 _JSON, _BIN = 0x4E4F534A, 0x004E4942
 _MISSING = object()
@@ -58,6 +58,7 @@ class Document:
     unshown: dict[str, None] = field(default_factory=dict)
     unpacked: dict[object, np.ndarray] = field(default_factory=dict)
     _buffers: dict[int, memoryview | Damaged] = field(default_factory=dict)
+    _contents: dict[Path, bytes] = field(default_factory=dict)
 
     @contextmanager
     def part(self, name: str) -> Iterator[None]:
@@ -141,11 +142,10 @@ class Document:
         file = find_file(self.path.parent, uri)
         if file is None:
             raise Missing(name)
-        self.files.append(file)
-        try:
-            return file.read_bytes(), name
-        except OSError as error:
-            raise Damaged(f"{name} can't be read ({error.strerror})") from None
+        if file not in self._contents:
+            self._contents[file] = read_bytes(file, MOST_GEOMETRY)
+            self.files.append(file)
+        return self._contents[file], name
 
     def buffer_name(self, index: int) -> str:
         """What a message calls a buffer: the name of its file."""
@@ -215,7 +215,7 @@ def whole(entry: Mapping[str, Any], key: str, default: int | None = None) -> int
 
 def read(path: Path) -> Document:
     """The glTF file at `path`; raises InputError where it is truncated, or no glTF 2.0."""
-    data = read_bytes(path)
+    data = read_bytes(path, MOST_GEOMETRY)
     chunk = None
     try:
         text = data

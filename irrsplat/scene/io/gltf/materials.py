@@ -50,6 +50,7 @@ class Materials:
 
     def surface(self, index: object) -> Surface:
         """The material at `index`; None, or one that is damaged: grey with a reflectance of 0.5."""
+        index = index if index is None or isinstance(index, int) else repr(index)  # of what else JSON has, as a key
         if index not in self._surfaces:
             self._surfaces[index] = Surface(Material(double_sided=False))
             if index is not None:
@@ -60,7 +61,7 @@ class Materials:
     def read_images(self, indices: Iterable[object]) -> None:
         """Read the images of the materials at these indices, all at once; what is wrong with one is told when it is asked for."""
         sources: dict[object, None] = {}
-        for index in dict.fromkeys(indices):
+        for index in dict.fromkeys(index for index in indices if isinstance(index, int)):
             with suppress(*WRONG):
                 for info in _Pictures.of(self.document.entry("materials", index)).all:
                     sources |= dict.fromkeys(_sources(self.document.entry("textures", info.get("index")))[:1])

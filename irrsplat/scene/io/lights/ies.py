@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 
 import numpy as np
 
 from irrsplat.core.errors import InputError
+from irrsplat.core.paths import may_read, refusal
 from irrsplat.core.words import number, quote
 from irrsplat.scene.io.lines import text_bytes
 from irrsplat.scene.model import Photometry
@@ -128,7 +130,9 @@ def _tilt(word: str, numbers: _Numbers, line: int, notices: list[str], files: li
         raise InputError("TILT= says nothing; expected TILT=NONE, TILT=INCLUDE, or TILT= and the name of a file", path, line)
     if word.upper() != "INCLUDE":
         file = path.parent / word
-        if not file.is_file():
+        if not may_read(file):
+            raise InputError(f"the TILT file {quote(word)} is not read: {refusal(file)}", path, line)
+        if not os.path.isfile(file):
             raise InputError(f"there is no TILT file {quote(word)} beside it; put it there, or write TILT=NONE", path, line)
         files.append(file)
         text = text_bytes(file, strict=False).decode("utf-8", "replace").split("\n")

@@ -80,15 +80,17 @@ def _materials(path: Path, shape: Shape, notices: list[str]) -> tuple[dict[int, 
             missing.append(name)
             continue
         try:
-            found |= reader.read(file)
+            found |= reader.read(file, shape.names)
         except InputError as error:
             notices.append(f"{error}; its colours are 0.5")
     beside = find_file(path.parent, f"{path.stem}.mtl") if missing and not found else None
     if beside is not None:
-        found |= reader.read(beside)
-    for name in dict.fromkeys(missing):
+        found |= reader.read(beside, shape.names)
+    if missing:
+        first, *rest = dict.fromkeys(missing)
+        more = f" and {len(rest)} more" * bool(rest)
         instead = f"'{beside.name}' is read instead" if beside else "its colours are 0.5"
-        notices.append(f"{path}: there is no material file {quote(name)}; {instead}")
+        notices.append(f"{path}: there is no material file {quote(first)}{more}; {instead}")
     notices += reader.notices
     folded = {name.casefold(): material for name, material in found.items()}
 

@@ -13,7 +13,7 @@ from irrsplat.scene.io.obj.text import COORDINATE, FACE, NORMAL, VERTEX, Block, 
 _CORNER = re.compile(r"[+-]?[0-9]{1,18}(?:/[+-]?[0-9]{1,18}|//[+-]?[0-9]{1,18}|(?:/[+-]?[0-9]{1,18}){2})?")
 _USAGE = "expected at least three of a, a/t, a//n or a/t/n, all of one kind"
 _COMMON = b"0123456789/ \t\n\v\f\r"
-_SLASH_TO_BLANK = bytes(32 if c == ord("/") else c for c in range(256))
+_SLASH_TO_BLANK = bytes(32 if c < 32 or c == ord("/") else c for c in range(256))
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,10 @@ import numpy as np
 
 from irrsplat.core.color import LUMINANCE, clip_color
 from irrsplat.core.errors import InputError
+from irrsplat.core.paths import MOST_IMAGE, read_bytes
 from irrsplat.core.words import number, quote
 from irrsplat.scene.io.images import find_file, read_image, read_images
-from irrsplat.scene.io.lines import read_bytes, text_bytes
+from irrsplat.scene.io.lines import text_bytes
 from irrsplat.scene.io.obj.text import decoded
 from irrsplat.scene.model import AlphaMode, Image, Material, Texture, Wrap
 
@@ -70,8 +71,10 @@ class MaterialFiles:
     _images: dict[Path, Image | None] = field(default_factory=dict)
     _cut: dict[tuple[Image | None, Image, str], tuple[Image, AlphaMode]] = field(default_factory=dict)
 
-    def read(self, path: Path) -> dict[str, Material]:
+    def read(self, path: Path, worn: Iterable[str] | None = None) -> dict[str, Material]:
         """The materials in the file at `path`, by name; surfaces are double-sided.
+
+        worn: the names of those that surfaces wear; images of no others are read (None: all are worn).
 
         Kd (clipped to 0..1) times map_Kd; Ke times map_Ke; `norm`; d or Tr, times map_d or map_Kd's alpha (unless that hides a
         picture), which is a mask where hardly any of it lies between 0 and 1. Kd or Ke 0 0 0 beside a map counts as 1 1 1, as in
@@ -86,6 +89,11 @@ class MaterialFiles:
                 entry.values["d"] = (1.0,)
             self.notices.append(f"{path}: every material is transparent altogether; they are drawn opaque")
         missing: list[str] = []
+        if worn is not None:
+            wanted = {name.casefold() for word in worn for name in (word, without_comment(word))}
+            for name, entry in entries.items():
+                if not {name.casefold(), without_comment(name).casefold()} & wanted:
+                    entry.maps.clear()
         self._read_images(path.parent, entries.values())
         found = {name: self._material(path.parent, entry, missing) for name, entry in entries.items()}
         found = {without_comment(name): material for name, material in found.items()} | found
@@ -166,9 +174,9 @@ class MaterialFiles:
         names = dict.fromkeys(one.file for entry in entries for one in entry.maps.values())
         encoded: dict[Path, tuple[bytes, str]] = {}
         for file in (find_file(folder, name) for name in names):
-            if file is not None and file not in self._images:
+            if file is not None and file not in self._images and file not in encoded:
                 with suppress(InputError):
-                    encoded[file] = read_bytes(file), file.name
+                    encoded[file] = read_bytes(file, MOST_IMAGE), file.name
         for file, image in zip(encoded, read_images(list(encoded.values())), strict=True):
             if isinstance(image, Image):
                 self.files.append(file)
@@ -183,7 +191,7 @@ class MaterialFiles:
         if file not in self._images:
             self.files.append(file)
             try:
-                self._images[file] = read_image(read_bytes(file), file.name)
+                self._images[file] = read_image(read_bytes(file, MOST_IMAGE), file.name)
             except InputError as error:
                 self._images[file] = None
                 missing.append(str(error))

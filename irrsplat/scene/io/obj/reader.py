@@ -10,6 +10,7 @@ import numpy as np
 
 from irrsplat.core.color import linear_from_srgb
 from irrsplat.core.errors import InputError
+from irrsplat.core.paths import MOST_GEOMETRY
 from irrsplat.core.words import GREATEST, number
 from irrsplat.scene.io.lines import text_bytes
 from irrsplat.scene.io.obj.faces import Faces, explain_face, read_faces
@@ -55,7 +56,7 @@ def load_obj(path: Path, strict: bool = True) -> Shape:
     strict: and, with file and line, for a malformed line, corners of several kinds in a face, and an index that is 0 or beyond
     what the file has. Otherwise what is malformed is left out, and notices count it; encodings are any, `v` has colours.
     """
-    lines = find_lines(path, text_bytes(path, strict))
+    lines = find_lines(path, text_bytes(path, strict, MOST_GEOMETRY))
     others = np.flatnonzero(lines.kind == OTHER)
     spans = zip(lines.start[others].tolist(), lines.end[others].tolist(), strict=True)
     words = [lines.data[a:b].split(None, 1) for a, b in spans]

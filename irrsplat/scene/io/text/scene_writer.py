@@ -13,6 +13,7 @@ import numpy as np
 
 from irrsplat.core.errors import InputError
 from irrsplat.core.files import write_bytes, write_text
+from irrsplat.core.paths import read_bytes
 from irrsplat.core.words import is_number
 from irrsplat.scene.io.lights.ies import load_ies
 from irrsplat.scene.model import Camera, Light, Mesh, Photometry, Scene, sun_lights
@@ -142,9 +143,9 @@ class _Writer:
         if not np.array_equal(load_ies(source, [], beside).axes, photometry.axes):
             self._lose("mirrored luminaires")
         copy = self._file(source.stem, "luminaire", ".ies")
-        write_bytes(copy, source.read_bytes())
+        write_bytes(copy, read_bytes(source))
         for tilt in beside:  # which it knows by name
-            write_bytes(self.folder / tilt.name, tilt.read_bytes())
+            write_bytes(self.folder / tilt.name, read_bytes(tilt))
         x, y, z = light.position
         lines = [f"ies {copy.name}", f"position {_numbers((*light.position, 1.0))}", f"intensity {_numbers(light.color)}"]
         lines += [f"spotDirection {_numbers(light.spot_target or (x, y, z - 1.0))}", f"zeroDirection {_numbers(light.across)}"]

@@ -1,0 +1,13 @@
+"""A scene as plain, immutable numpy data: meshes, materials, lights, cameras and sky; nothing of OpenGL.
+
+What a caller makes of these is checked as it is made, so that nothing behind has to ask again.
+"""
+
+from __future__ import annotations
+
+from irrsplat.scene.model.camera import Camera
+from irrsplat.scene.model.lights import Light, Photometry, sun_lights
+from irrsplat.scene.model.scene import Scene
+from irrsplat.scene.model.surfaces import AlphaMode, Image, Material, Mesh, Texture, Wrap
+
+__all__ = ["AlphaMode", "Camera", "Image", "Light", "Material", "Mesh", "Photometry", "Scene", "Texture", "Wrap", "sun_lights"]

@@ -1,0 +1,77 @@
+"""Checks of what callers give, for errors in their words, and what the parts of a scene share."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from irrsplat.core.errors import InputError
+from irrsplat.core.words import GREATEST
+
+
+def put(thing: object, **values: object) -> None:
+    """Set fields of a frozen dataclass while it is made: the same numbers as a tuple of floats, say."""
+    for name, value in values.items():
+        object.__setattr__(thing, name, value)
+
+
+def moved(place: tuple[float, float, float], by: npt.ArrayLike) -> tuple[float, float, float]:
+    """The point `by` (3,) away from `place`."""
+    x, y, z = np.add(place, np.asarray(by, float)).tolist()
+    return x, y, z
+
+
+def check_type(what: str, value: object, kind: type, *others: None) -> None:
+    """Raises InputError, which calls it `what`, where a caller's value is not of this kind, nor one of the `others`."""
+    if not isinstance(value, kind) and not (others and value is None):
+        raise InputError(f"{what} is a {kind.__name__}, not {type(value).__name__}")
+
+
+def checked(what: str, values: object, count: int, low: float = -GREATEST, high: float = GREATEST) -> tuple[float, ...]:
+    """The `count` numbers from `low` to `high` that a caller gave as `what`; raises InputError for anything else."""
+    try:
+        array = np.asarray(values, float)
+    except (TypeError, ValueError, OverflowError):
+        array = np.zeros(0)
+    if array.shape == (count,) and (array >= low).all() and (array <= high).all():  # false for NaN
+        return tuple(array.tolist())
+    given = f"{values!r:.60}".replace("\n", " ")
+    raise InputError(f"{what} takes {count} finite numbers{_between(low, high)}, not {given}")
+
+
+def checked_number(what: str, value: object, low: float = -GREATEST, high: float = GREATEST) -> float:
+    """The number from `low` to `high` that a caller gave; raises InputError, which calls it `what`, for anything else."""
+    if isinstance(value, (str, bytes, bool)) or np.ndim(value) != 0:  # type: ignore[arg-type]  # anything has a number of axes
+        found = math.nan
+    else:
+        try:
+            found = float(value)  # type: ignore[arg-type]  # it is tried
+        except (TypeError, ValueError, OverflowError):
+            found = math.nan
+    if not low <= found <= high:
+        raise InputError(f"{what} takes a finite number{_between(low, high)}, not {value!r:.60}")
+    return found
+
+
+def check_rows(what: str, array: object, columns: int, rows: int | None = None, most: float = GREATEST) -> None:
+    """Raises InputError, which calls them `what`, where a caller's `array` is no array (rows, columns) of finite numbers within
+    `most`; (rows,) where columns is 0."""
+    shape = f"({'N' if rows is None else rows},{f' {columns}' if columns else ''})"
+    if not isinstance(array, np.ndarray) or array.dtype.kind not in "fiu" or array.ndim != 1 + (columns > 0):
+        raise InputError(f"{what} are an array {shape} of numbers, not {_kind(array)}")
+    if (columns and array.shape[1] != columns) or (rows is not None and len(array) != rows):
+        raise InputError(f"{what} are an array {shape} of numbers, not {_kind(array)}")
+    if array.size and not (array.min() >= -most and array.max() <= most):  # false for NaN
+        raise InputError(f"{what} must be finite numbers, at most {most:g}")
+
+
+def _kind(array: object) -> str:
+    return f"one of shape {array.shape} of {array.dtype}" if isinstance(array, np.ndarray) else type(array).__name__
+
+
+def _between(low: float, high: float) -> str:
+    if -low == high:
+        return f" within {high:g}"
+    return f" from {low:g} to {high:g}"

@@ -1,0 +1,149 @@
+"""All that is lit and seen, in one value."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from irrsplat.core.errors import InputError, did_you_mean
+from irrsplat.core.vectors import near_origin
+from irrsplat.scene.model.camera import Camera
+from irrsplat.scene.model.checks import check_type, checked, put
+from irrsplat.scene.model.lights import Light
+from irrsplat.scene.model.surfaces import Material, Mesh
+from irrsplat.sky.environment import Environment
+
+
+@dataclass(frozen=True)
+class Scene:
+    """All that is lit and seen. `cameras[0]` is the default one.
+
+    sky: (3,) mean radiance of the environment; sky_gradient: (3,) how much brighter it is straight up; what comes from the unit
+    direction d is sky + sky_gradient·dot(d, up), or what `environment` has there, if there is one; its suns are among the lights.
+    up: (3,) unit, world space. own_sky: whether the file has asked for this sky; a stand-in is not what the camera shows behind
+    things.
+    notices: one-line remarks of the loader (degenerate triangles dropped, a sky invented, …), for a user to read.
+    files: the paths of all files that it was read from.
+    origin: (3,) world space, float64: what the positions of the meshes are relative to. It is near the scene where that lies far
+    from 0 0 0, since float32 would be too coarse there; all else is in world space.
+    Lists become tuples. Raises InputError where anything is of another kind.
+    """
+
+    meshes: tuple[Mesh, ...]
+    lights: tuple[Light, ...]
+    cameras: tuple[Camera, ...]
+    sky: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    name: str = "scene"
+    path: str = ""
+    notices: tuple[str, ...] = ()
+    files: tuple[str, ...] = ()
+    sky_gradient: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    up: tuple[float, float, float] = (0.0, 1.0, 0.0)
+    own_sky: bool = True
+    environment: Environment | None = None
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+    def __post_init__(self) -> None:
+        for name, kind in (("meshes", Mesh), ("lights", Light), ("cameras", Camera)):
+            given = getattr(self, name)
+            if not isinstance(given, Iterable):
+                raise InputError(f"a scene's {name} are a sequence of {kind.__name__}, not one {type(given).__name__}")
+            put(self, **{name: tuple(given)})
+            for one in getattr(self, name):
+                check_type(f"one of a scene's {name}", one, kind)
+        put(self, sky=checked("a scene's sky", self.sky, 3, 0.0))
+        put(self, sky_gradient=checked("a scene's sky_gradient", self.sky_gradient, 3))
+        put(self, up=checked("a scene's up", self.up, 3), origin=checked("a scene's origin", self.origin, 3))
+        if not any(self.up):
+            raise InputError("a scene's up is 0 0 0; give the direction that points up")
+        check_type("a scene's environment", self.environment, Environment, None)
+
+    @cached_property
+    def local(self) -> Scene:
+        """The scene with all of it relative to its origin, lights and cameras too: as renderers have it."""
+        return self._shifted(np.negative(self.origin), (0.0, 0.0, 0.0)) if any(self.origin) else self
+
+    def placed(self, origin: tuple[float, float, float]) -> Scene:
+        """The scene whose `local` state this is, of that origin."""
+        return self._shifted(origin, origin) if any(origin) else self
+
+    def _shifted(self, by: npt.ArrayLike, origin: tuple[float, float, float]) -> Scene:
+        lights = tuple(light.shifted(by) for light in self.lights)
+        return replace(self, lights=lights, cameras=tuple(camera.shifted(by) for camera in self.cameras), origin=origin)
+
+    def relative_to(self, origin: tuple[float, float, float]) -> Scene:
+        """The same scene, of another origin."""
+        if tuple(origin) == tuple(self.origin):
+            return self
+        by = np.subtract(self.origin, origin)
+        meshes = (replace(mesh, positions=(mesh.positions + by).astype(np.float32)) for mesh in self.meshes)
+        return replace(self, meshes=tuple(meshes), origin=origin)
+
+    @property
+    def recentred(self) -> Scene:
+        """The same scene, of an origin near by where it lies far from 0 0 0 and has none; else this one."""
+        origin = self.origin if any(self.origin) else near_origin(*self.bounds)
+        return self.relative_to(origin)
+
+    @property
+    def sky_parts(self) -> tuple[object, ...]:
+        """All that says what comes from the sky; equal where the same does."""
+        return self.sky, self.sky_gradient, self.up if any(self.sky_gradient) else None, self.own_sky, self.environment
+
+    @cached_property
+    def materials(self) -> dict[Material, int]:
+        """The different materials of its meshes, and the number of each."""
+        return {material: i for i, material in enumerate(dict.fromkeys(mesh.material for mesh in self.meshes))}
+
+    def sky_radiance(self, directions: np.ndarray, solid: np.ndarray | float = 0.0) -> np.ndarray:
+        """(…, 3) radiance of the sky that a camera sees in unit directions (…, 3), each `solid` steradians wide."""
+        if self.environment is not None:
+            return self.environment.seen(directions, solid)
+        rise = directions @ np.asarray(self.up)
+        radiance: np.ndarray = np.asarray(self.sky) + rise[..., None] * np.asarray(self.sky_gradient)
+        return radiance
+
+    @cached_property
+    def bounds(self) -> np.ndarray:
+        """(2, 3) float64, world space: the least and greatest corner of the geometry; zeros where there is none."""
+        corners = [c for m in self.meshes if len(m.positions) for c in (m.positions.min(0), m.positions.max(0))]
+        if not corners:
+            return np.zeros((2, 3))
+        found = np.array([np.min(corners, 0), np.max(corners, 0)], float)
+        return found + self.origin if any(self.origin) else found
+
+    @property
+    def corners(self) -> np.ndarray:
+        """(8, 3) float64: the corners of the bounding box."""
+        return np.array(np.meshgrid(*self.bounds.T)).reshape(3, -1).T
+
+    @cached_property
+    def diagonal(self) -> float:
+        """The length of the bounding box's diagonal in metres; 1 where there is no geometry."""
+        return float(np.linalg.norm(self.bounds[1] - self.bounds[0])) or 1.0
+
+    @property
+    def triangles(self) -> int:
+        """The number of triangles."""
+        return sum(len(m.faces) for m in self.meshes)
+
+    def camera(self, name: str | Camera | None = None) -> Camera:
+        """The camera called `name` (None: the default one; a Camera: itself); raises InputError with the names there are."""
+        if name is None:
+            if not self.cameras:
+                raise InputError("the scene has no camera; give one")
+            return self.cameras[0]
+        if isinstance(name, Camera):
+            return name
+        if not isinstance(name, str):
+            raise InputError(f"a camera is a Camera or the name of one of the scene's, not {type(name).__name__}")
+        for camera in self.cameras:
+            if camera.name == name:
+                return camera
+        names = [c.name for c in self.cameras if c.name]
+        meant, listed = did_you_mean(name, names), ", ".join(map(repr, names)) or "none"
+        raise InputError(f"there is no camera '{name}'{meant}; the named cameras here: {listed}")

@@ -1,0 +1,163 @@
+"""What is there to see: images, textures, materials and meshes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Literal, get_args
+
+import numpy as np
+
+from irrsplat.core.errors import InputError
+from irrsplat.core.words import GREATEST
+from irrsplat.scene.model.checks import check_rows, check_type, checked, checked_number, put
+
+_FARTHEST = 3e38  # of texture coordinates, which no one squares
+
+
+@dataclass(frozen=True, eq=False)  # compared by identity: two textures share an image where it is the same object
+class Image:
+    """A picture that surfaces wear.
+
+    pixels: (H, W, 4) uint8, top row first; red, green and blue are sRGB-encoded, those of a normal map the stored
+    values; alpha is linear. name: of its file, for notices. Raises InputError for other pixels.
+    """
+
+    pixels: np.ndarray
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        p = self.pixels
+        if not isinstance(p, np.ndarray) or p.dtype != np.uint8 or p.ndim != 3 or p.shape[2] != 4 or not p.size:
+            raise InputError("an image's pixels are an array (H, W, 4) of uint8")
+
+    @cached_property
+    def alpha_range(self) -> tuple[float, float]:
+        """The least and the greatest alpha of its pixels, 0..1."""
+        alpha = self.pixels[..., 3]
+        return int(alpha.min()) / 255.0, int(alpha.max()) / 255.0
+
+
+Wrap = Literal["repeat", "mirror", "clamp"]
+AlphaMode = Literal["opaque", "mask", "blend"]
+
+
+@dataclass(frozen=True)
+class Texture:
+    """An image, and how it lies on a surface.
+
+    uv_set: which of a mesh's two sets of coordinates, 0 or 1. transform: (a, b, c, d, e, f), the image's coordinates are
+    (a·u + b·v + c, d·u + e·v + f). They run from (0, 0) at the image's top left corner to (1, 1) at its bottom right one.
+    wrap: beyond that, along u and v. nearest: magnified texels are squares, not blended.
+    """
+
+    image: Image
+    uv_set: int = 0
+    transform: tuple[float, float, float, float, float, float] = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+    wrap: tuple[Wrap, Wrap] = ("repeat", "repeat")
+    nearest: bool = False
+
+
+@dataclass(frozen=True)
+class Material:
+    """A Lambertian surface, lit from both sides.
+
+    albedo: (3,) diffuse reflectance in 0..1, linear; times the colour of albedo_texture. emission: (3,) emitted radiance in
+    W/(m² sr), from both sides; times the colour of emission_texture.
+    normal_texture: a tangent-space normal map (green up, as glTF has it); normal_scale: factor on its x and y.
+    opacity: 0..1, times the alpha of albedo_texture. alpha_mode: "opaque" ignores opacity; "mask" is not there where it is below
+    alpha_cutoff; "blend" lets what is behind show through. transmission: 0..1, the share of light that passes what is there.
+    unlit: it reflects nothing (albedo 0), and what it emits is times the colours of vertices, if there are any.
+    double_sided: False, and a camera does not see it from behind; to light it is there from both sides.
+    Raises InputError for numbers that cannot be.
+    """
+
+    albedo: tuple[float, float, float] = (0.5, 0.5, 0.5)
+    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    albedo_texture: Texture | None = None
+    emission_texture: Texture | None = None
+    normal_texture: Texture | None = None
+    normal_scale: float = 1.0
+    opacity: float = 1.0
+    alpha_mode: AlphaMode = "opaque"
+    alpha_cutoff: float = 0.5
+    transmission: float = 0.0
+    double_sided: bool = True
+    unlit: bool = False
+
+    def __post_init__(self) -> None:
+        put(self, albedo=checked("a material's albedo", self.albedo, 3, 0.0, 1.0))
+        put(self, emission=checked("a material's emission", self.emission, 3, 0.0))
+        for name, *within in (("opacity", 0.0, 1.0), ("transmission", 0.0, 1.0), ("normal_scale",), ("alpha_cutoff",)):
+            put(self, **{name: checked_number(f"a material's {name}", getattr(self, name), *within)})
+        if self.alpha_mode not in get_args(AlphaMode):
+            raise InputError(f"a material's alpha_mode is one of {', '.join(get_args(AlphaMode))}, not {self.alpha_mode!r:.60}")
+        for texture in (self.albedo_texture, self.emission_texture, self.normal_texture):
+            check_type("a material's texture", texture, Texture, None)
+
+    @property
+    def light_cutoff(self) -> float:
+        """The opacity (of `opacity`, texture and vertices) from which on light sees the surface; 0: always; above 1: never.
+
+        The rule: what is cut out is not there. What blends or transmits is there to light where more than half of the light would
+        be held back; elsewhere light passes as if there were nothing, and the picture is tinted (a filter).
+        """
+        if self.alpha_mode == "mask":
+            return self.alpha_cutoff if self.transmission <= 0.5 else 2.0
+        if self.transmission > 0.5:
+            return 2.0
+        return 0.5 / (1.0 - self.transmission) if self.alpha_mode == "blend" else 0.0
+
+    @property
+    def filters(self) -> bool:
+        """Whether it may tint what is behind it: the picture shows that times 1 - opacity·(1 - albedo)."""
+        return self.alpha_mode == "blend" or self.transmission > 0.5
+
+    @property
+    def textures(self) -> tuple[Texture, ...]:
+        """Those that it has."""
+        all_of_them = self.albedo_texture, self.emission_texture, self.normal_texture
+        return tuple(texture for texture in all_of_them if texture is not None)
+
+
+@dataclass(frozen=True, eq=False)  # compared by identity: arrays have no single answer to ==, and a moved mesh is a new one
+class Mesh:
+    """Triangles in world space, or relative to their scene's origin; each mesh is equal only to itself.
+
+    positions: (V, 3) float32, metres. normals: (V, 3) float32, unit shading normals. faces: (F, 3) int32.
+    colors: (V, 3) float32 linear reflectance that replaces material.albedo, or the factor on the emission of an unlit one, or
+    None. opacities: (V,) float32 that replaces material.opacity, or None. uvs: (V, 4) float32, two sets of texture coordinates,
+    u v u v, or None (all 0).
+    closed: True only where the surface is watertight and wound outward (in world space).
+    Raises InputError for arrays that do not belong together, and numbers that are not finite.
+    """
+
+    positions: np.ndarray
+    normals: np.ndarray
+    faces: np.ndarray
+    material: Material = field(default_factory=Material)
+    colors: np.ndarray | None = None
+    closed: bool = False
+    name: str = ""
+    uvs: np.ndarray | None = None
+    opacities: np.ndarray | None = None
+
+    def __post_init__(self) -> None:
+        mesh = f"of mesh {self.name!r:.60}" if self.name else "of a mesh"
+        check_rows(f"the positions {mesh}", self.positions, 3)
+        count = len(self.positions)
+        check_rows(f"the normals {mesh}", self.normals, 3, count)
+        for name, columns, most in (("colors", 3, GREATEST), ("uvs", 4, _FARTHEST), ("opacities", 0, GREATEST)):
+            if getattr(self, name) is not None:
+                check_rows(f"the {name} {mesh}", getattr(self, name), columns, count, most)
+        check_rows(f"the faces {mesh}", self.faces, 3)
+        if self.faces.dtype.kind not in "iu":
+            raise InputError(f"the faces {mesh} are whole numbers, not of {self.faces.dtype}")
+        if self.faces.size and not 0 <= self.faces.min() <= self.faces.max() < count:
+            raise InputError(f"the faces {mesh} refer to vertices that are not there; expected 0 to {count - 1}")
+        check_type(f"the material {mesh}", self.material, Material)
+
+    @cached_property
+    def is_point(self) -> bool:
+        """Whether all its vertices lie in one point, so that nothing of it is there to see."""
+        return not np.ptp(self.positions, axis=0).any() if len(self.positions) else True

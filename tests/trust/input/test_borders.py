@@ -1,0 +1,154 @@
+"""What a program gives to the library is checked as it is made, in the words of who gave it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import irrsplat
+from irrsplat import Camera, InputError, Light, Material, Mesh, Scene, Settings
+
+NAN, HUGE = float("nan"), 1e300
+POSITIONS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
+MESH = Mesh(POSITIONS, np.tile(np.array([0, 0, 1], np.float32), (3, 1)), np.array([[0, 1, 2]], np.int32), name="tri")
+LIGHT = Light((0, 0, 2), (1, 1, 1), name="lamp")
+CAMERA = Camera((0, 0, 3), (0, 0, 0))
+SCENE = Scene((MESH,), (LIGHT,), (CAMERA,))
+ODD_TRIPLES = [(NAN, 0, 0), (HUGE, 0, 0), (1, 2), "abc", None, 3, (1, 2, "x"), [[1, 2, 3]], (10**400, 0, 0)]
+
+
+@pytest.mark.parametrize("value", ODD_TRIPLES)
+@pytest.mark.parametrize(
+    ("thing", "field"),
+    [
+        (LIGHT, "position"),
+        (LIGHT, "color"),
+        (LIGHT, "attenuation"),
+        (CAMERA, "eye"),
+        (CAMERA, "up"),
+        (SCENE, "sky"),
+        (SCENE, "up"),
+        (MESH.material, "albedo"),
+        (MESH.material, "emission"),
+    ],
+    ids=lambda it: it if isinstance(it, str) else type(it).__name__,
+)
+def test_three_numbers_are_three_finite_numbers(thing, field, value):
+    with pytest.raises(InputError, match=f"{field}.* takes 3 finite numbers"):
+        replace(thing, **{field: value})
+
+
+@pytest.mark.parametrize(
+    ("thing", "field", "value", "said"),
+    [
+        (LIGHT, "color", (-1, 0, 0), "the color of light 'lamp'"),
+        (LIGHT, "attenuation", (0, 0, 0), "division by zero"),
+        (LIGHT, "spot_cutoff", -4, "spot_cutoff"),
+        (LIGHT, "spot_exponent", NAN, "spot_exponent"),
+        (LIGHT, "photometry", 3, "Photometry"),
+        (CAMERA, "fov", "x", "field of view"),
+        (CAMERA, "fov", 180, "field of view"),
+        (MESH.material, "albedo", (2, 0, 0), "albedo"),
+        (MESH.material, "emission", (-1, 0, 0), "emission"),
+        (MESH.material, "alpha_mode", "cut", "alpha_mode is one of"),
+        (MESH.material, "opacity", 2, "opacity"),
+        (MESH.material, "albedo_texture", "p.png", "Texture"),
+        (MESH, "positions", POSITIONS.tolist(), "the positions of mesh 'tri'"),
+        (MESH, "positions", POSITIONS[:, :2], "array"),
+        (MESH, "positions", POSITIONS * NAN, "finite"),
+        (MESH, "positions", POSITIONS * np.float32(1e30), "at most 1e+15"),
+        (MESH, "normals", POSITIONS[:1], "array"),
+        (MESH, "faces", MESH.faces + 1, "expected 0 to 2"),
+        (MESH, "faces", MESH.faces - 1, "expected 0 to 2"),
+        (MESH, "faces", MESH.faces.astype(float), "whole numbers"),
+        (MESH, "colors", np.ones((2, 3), "f4"), "the colors"),
+        (MESH, "uvs", np.ones((3, 2), "f4"), "the uvs"),
+        (MESH, "opacities", np.ones((3, 1), "f4"), "the opacities"),
+        (MESH, "material", None, "Material"),
+        (SCENE, "meshes", None, "sequence of Mesh"),
+        (SCENE, "meshes", (3,), "Mesh"),
+        (SCENE, "lights", LIGHT, "sequence of Light"),
+        (SCENE, "cameras", ("cam",), "Camera"),
+        (SCENE, "environment", 3, "Environment"),
+        (SCENE, "up", (0, 0, 0), "0 0 0"),
+    ],
+    ids=str,
+)  # fmt: skip
+def test_what_cannot_be_is_refused_as_it_is_made(thing, field, value, said):
+    with pytest.raises(InputError) as caught:
+        replace(thing, **{field: value})
+    assert said in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_a_directional_light_comes_from_somewhere():
+    with pytest.raises(InputError, match="comes from"):
+        Light((0, 0, 0), (1, 1, 1), directional=True)
+
+
+def test_numbers_of_any_kind_are_the_same_numbers():
+    light = Light(np.array([0, 0, 2]), [1, np.float32(1), 1.0])  # type: ignore[arg-type]
+    assert light.key == replace(LIGHT, name="").key and light == replace(LIGHT, name="")
+    assert Scene([MESH], [LIGHT], [CAMERA]).meshes == (MESH,)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("act", "said"),
+    [
+        (lambda r: r.relight(None), "lights are a sequence"),
+        (lambda r: r.relight(LIGHT), "lights are a sequence"),
+        (lambda r: r.relight([3]), "is a Light, not int"),
+        (lambda r: r.repaint(0, None), "is a Material"),
+        (lambda r: r.change({"a": 1}), "is a Settings"),
+        (lambda r: r.pose(None), "is a Scene"),
+        (lambda r: r.carry_headlamp(NAN), "headlamp"),
+        (lambda r: r.refine(None, NAN), "target"),
+        (lambda r: r.frame(seconds="x"), "seconds is a number"),
+        (lambda r: r.frame(seconds=NAN), "seconds is a number"),
+        (lambda r: r.render(5), "a camera is a Camera"),
+        (lambda r: r.resize("ab"), "two whole numbers"),
+        (lambda r: r.save_cache(None), "a path is a text"),
+        (lambda r: r.load_cache(b"x"), "a path is a text"),
+        (lambda r: r.load_cache("a\0b"), "no file can be called"),
+    ],
+)
+def test_a_renderer_checks_what_it_is_told_and_goes_on(renderer, act, said):
+    before = renderer.scene, renderer.settings, renderer.size
+    with pytest.raises(InputError, match=said):
+        act(renderer)
+    assert (renderer.scene, renderer.settings, renderer.size) == before
+
+
+@pytest.fixture(scope="module")
+def renderer():
+    with irrsplat.Renderer(SCENE, (8, 8)) as made:
+        yield made
+
+
+def test_other_entries_check_what_they_are_given():
+    odd: Any = 3
+    for wrong in (
+        lambda: irrsplat.render(odd),
+        lambda: irrsplat.irradiance(odd, [[0, 0, 1]], [0, 0, -1]),
+        lambda: irrsplat.preset(odd),
+    ):
+        with pytest.raises(InputError):
+            wrong()
+    with pytest.raises(InputError, match="at most 1e"):
+        irrsplat.irradiance(SCENE, [[0, 0, HUGE]], [0, 0, -1])
+    with pytest.raises(InputError, match="no camera"):
+        irrsplat.render(replace(SCENE, cameras=()), (8, 8))
+    with pytest.raises(InputError):
+        Settings(a=NAN)
+    assert Material().albedo == (0.5, 0.5, 0.5)
+
+
+def test_an_eye_on_a_corner_of_the_room_asks_for_no_more_records_than_others():
+    room = irrsplat.load("cornell")
+    corner = tuple(room.bounds[1] * [0.0, 0.0, 1.0])
+    with irrsplat.Renderer(room, (48, 48), bounces=1) as r:
+        frame = r.render(Camera(corner, tuple(room.bounds.mean(0))))
+    assert frame.stats["converged"] and frame.stats["records"] < 600
+    assert frame.depth.min() > 1e-3

@@ -1,0 +1,241 @@
+"""A scene reads regular files of bounded size from its own folder, whatever it names."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import sys
+import zipfile
+from functools import partial
+
+import numpy as np
+import PIL.Image
+import pytest
+
+import irrsplat
+from irrsplat.app import cli
+from irrsplat.core import paths
+from irrsplat.core.errors import InputError
+from irrsplat.records import cache_file
+from irrsplat.scene.io import images
+from irrsplat.scene.io.images import read_image, read_images
+from irrsplat.sky.map_file import read_map
+from tests.trust.fuzz import readers
+
+TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+SECRET = "alpha:beta:gamma delta:epsilon zeta\n"
+TEXTURED = "vt 0 0\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/1 2/1 3/1\n"
+
+
+def gltf(folder, images, name="a.gltf"):
+    tree = readers.gltf_tree() | {"images": images, "textures": [{"source": i} for i in range(len(images))]}
+    tree["nodes"] = [{"mesh": 0}]
+    tree["scenes"], tree["animations"] = [{"nodes": [0]}], []
+    tree["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": i}}} for i in range(len(images))]
+    primitive = tree["meshes"][0]["primitives"][0]
+    tree["meshes"][0]["primitives"] = [primitive | {"material": i} for i in range(len(images))]
+    (folder / name).write_text(json.dumps(tree))
+    return folder / name
+
+
+def watched(monkeypatch):
+    """The sizes of the images that are decoded from now on."""
+    decoded, plain = [], images._rgba
+
+    def rgba(picture):
+        decoded.append(picture.size)
+        return plain(picture)
+
+    monkeypatch.setattr(images, "_rgba", rgba)
+    return decoded
+
+
+def solid(folder, name, side, mode="1"):
+    PIL.Image.new(mode, (side, side)).save(folder / name, optimize=True)
+    return folder / name
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes here")
+@pytest.mark.parametrize("ending", [".scene", ".obj", ".ply", ".stl", ".glb", ".gltf"])
+def test_a_pipe_is_refused_at_once(tmp_path, ending):
+    os.mkfifo(tmp_path / f"a{ending}")
+    with pytest.raises(InputError, match="no regular file"):
+        irrsplat.load(tmp_path / f"a{ending}")
+    with pytest.raises(InputError, match="no regular file"):
+        cache_file.read(tmp_path / f"a{ending}", readers.cache_key())
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/zero"), reason="there is no such device here")
+def test_a_device_is_refused_even_where_its_folder_is_allowed(tmp_path):
+    (tmp_path / "a.scene").write_text("obj /dev/zero\n")
+    with pytest.raises(InputError, match="outside the scene's folder"):
+        irrsplat.load(tmp_path / "a.scene")
+    with pytest.raises(InputError, match="no regular file"):
+        irrsplat.load(tmp_path / "a.scene", allow="/dev")
+
+
+@pytest.mark.parametrize("text", ["obj {}", "light {}", "sky {}"])
+def test_a_scene_reads_nothing_outside_its_folder(tmp_path, text):
+    inside = tmp_path / "inside"
+    inside.mkdir()
+    for name in ("secret", "secret.light", "secret.hdr"):
+        (tmp_path / name).write_text(SECRET)
+        (inside / "link").unlink(missing_ok=True)
+        (inside / "link").symlink_to(tmp_path / name)
+        for written in (f"../{name}", str(tmp_path / name), "link"):
+            (inside / "a.scene").write_text(text.format(written) + "\n")
+            with pytest.raises(InputError, match="outside the scene's folder") as caught:
+                irrsplat.load(inside / "a.scene")
+            assert not [word for word in SECRET.split() if word in str(caught.value)]
+    (inside / "a.scene").write_text(text.format("../there-is-none") + "\n")  # nor does it tell what is there
+    with pytest.raises(InputError, match="outside the scene's folder"):
+        irrsplat.load(inside / "a.scene")
+
+
+def test_folders_that_are_allowed_are_read(tmp_path, capsys):
+    (tmp_path / "inside").mkdir()
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "t.obj").write_text(TRIANGLE)
+    scene = tmp_path / "inside" / "a.scene"
+    scene.write_text("obj ../parts/t.obj\n")
+    assert irrsplat.load(scene, allow=[tmp_path / "parts"]).triangles == 1
+    assert cli.main(["info", str(scene)]) == 2
+    assert f"--allow '{tmp_path / 'parts'}'" in capsys.readouterr().err
+    assert cli.main(["info", str(scene), "--allow", str(tmp_path / "parts")]) == 0
+    assert cli.main(["info", str(scene), "--allow", str(tmp_path / "none")]) == 2
+    assert "there is no folder" in capsys.readouterr().err
+
+
+def test_materials_and_images_outside_are_left_out_and_told(tmp_path):
+    inside = tmp_path / "inside"
+    inside.mkdir()
+    (tmp_path / "p.png").write_bytes(readers.png())
+    (tmp_path / "m.mtl").write_text("newmtl a\nKd 1 0 0\n")
+    for name, text in {
+        "a.obj": "mtllib ../m.mtl\nusemtl a\n" + TRIANGLE,
+        "b.obj": "mtllib b.mtl\nusemtl b\n" + TEXTURED,
+        "b.mtl": "newmtl b\nmap_Kd ../p.png\n",
+    }.items():
+        (inside / name).write_text(text)
+    found = [irrsplat.load(inside / "a.obj"), irrsplat.load(inside / "b.obj"), irrsplat.load(gltf(inside, [{"uri": "../p.png"}]))]
+    for scene in found:
+        assert any("outside the scene's folder" in notice for notice in scene.notices)
+        assert not scene.meshes[0].material.textures and scene.meshes[0].material.albedo != (1.0, 0.0, 0.0)
+    assert irrsplat.load(inside / "b.obj", allow=tmp_path).meshes[0].material.textures
+
+
+def test_a_text_that_is_no_light_is_quoted_by_a_word_at_most(tmp_path):
+    (tmp_path / "x.light").write_text(SECRET * 5)
+    (tmp_path / "a.scene").write_text("light x.light\n")
+    with pytest.raises(InputError, match=r"a .light knows position") as caught:
+        irrsplat.load(tmp_path / "a.scene")
+    assert sum(word in str(caught.value) for word in SECRET.split()) <= 1
+
+
+def test_files_beyond_their_size_are_refused_before_they_are_read(tmp_path):
+    for name, most in (("a.scene", paths.MOST_TEXT), ("a.stl", paths.MOST_GEOMETRY), ("a.glb", paths.MOST_GEOMETRY)):
+        with open(tmp_path / name, "wb") as file:
+            file.truncate(most + 1)  # sparse: it takes no room on the disk
+        with pytest.raises(InputError, match=f"larger than {most >> 20} MiB"):
+            irrsplat.load(tmp_path / name)
+
+
+def test_an_image_of_few_bytes_and_many_pixels_is_not_decoded(tmp_path, monkeypatch):
+    monkeypatch.setattr(images, "_rgba", lambda picture: pytest.fail("it was decoded"))
+    data = solid(tmp_path, "bomb.png", 12_000).read_bytes()
+    assert len(data) < 30_000
+    with pytest.raises(InputError, match=r"12000 × 12000 pixels in .* bytes"):
+        read_image(data, "bomb.png")
+    (found,) = read_images([(data, "bomb.png")])
+    assert isinstance(found, InputError)
+    scene = irrsplat.load(gltf(tmp_path, [{"uri": "bomb.png"}]))
+    assert any("12000 × 12000 pixels" in notice for notice in scene.notices)
+
+
+def test_all_images_of_a_scene_count_together(tmp_path, monkeypatch):
+    monkeypatch.setattr(paths, "_Bounds", partial(paths._Bounds, pixels=3 * 64**2))
+    monkeypatch.setattr(paths, "PIXELS_PER_BYTE", 0)
+    for i in range(5):
+        PIL.Image.new("RGB", (64, 64), (i, 0, 0)).save(tmp_path / f"{i}.png")
+    scene = irrsplat.load(gltf(tmp_path, [{"uri": f"{i}.png"} for i in range(5)]))
+    assert [bool(mesh.material.textures) for mesh in scene.meshes] == [True, True, True, False, False]
+
+
+def test_the_same_image_is_decoded_once_however_often_it_is_named(tmp_path, monkeypatch):
+    decoded = watched(monkeypatch)
+    for i in range(20):
+        (tmp_path / f"{i}.png").write_bytes(readers.png())
+    scene = irrsplat.load(gltf(tmp_path, [{"uri": f"{i // 2}.png"} for i in range(40)]))
+    assert len(decoded) == 1 and len({id(mesh.material.textures[0].image) for mesh in scene.meshes}) == 1
+
+
+def test_images_that_nothing_wears_are_not_decoded(tmp_path, monkeypatch):
+    decoded = watched(monkeypatch)
+    (tmp_path / "worn.png").write_bytes(readers.png())
+    solid(tmp_path, "unused.png", 64)
+    (tmp_path / "a.mtl").write_text("newmtl a\nmap_Kd unused.png\nnewmtl b\nmap_Kd worn.png\n")
+    (tmp_path / "a.obj").write_text("mtllib a.mtl\nusemtl b\n" + TEXTURED)
+    assert irrsplat.load(tmp_path / "a.obj").meshes[0].material.textures and decoded == [(2, 2)]
+
+
+def test_postscript_is_no_picture():
+    data = b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n%%EndComments\nshowpage\n%%EOF\n"
+    with pytest.raises(InputError, match="no image of a known format"):
+        read_image(data, "a.eps")
+
+
+@pytest.mark.parametrize("count", [1, 3])
+def test_a_picture_of_the_sky_with_endless_runs_is_bounded(tmp_path, count):
+    (tmp_path / "a.hdr").write_bytes(b"#?RADIANCE\n\n-Y 2 +X 4\n\1\2\3\x80" + b"\1\1\1\xff" * count + b"\1\1\1\xff" * 5)
+    radiance, _ = read_map(tmp_path / "a.hdr")
+    assert radiance.shape == (2, 4, 3)
+
+
+def test_a_packed_cache_is_refused_unpacked(tmp_path):
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as whole:
+        header = io.BytesIO()
+        np.lib.format.write_array(header, np.zeros(4_000_000, np.float32))
+        whole.writestr("content.npy", header.getvalue())
+    assert len(out.getvalue()) < 40_000
+    (tmp_path / "a.cache").write_bytes(readers.cache_bytes(out.getvalue()))
+    with pytest.raises(InputError, match="a damaged record cache"):
+        cache_file.read(tmp_path / "a.cache", readers.cache_key())
+
+
+def test_an_array_that_says_it_is_larger_than_its_bytes_is_refused(tmp_path):
+    data = readers.npz({**readers.cache_arrays(), "position": np.zeros((3, 4), "f4")})
+    bad = data.replace(b"'shape': (3, 4), }    ", b"'shape': (3, 4000000000)")[: len(data)]
+    assert bad != data
+    for payload in (bad, data.replace(b"<f4", b"|O8")):
+        (tmp_path / "a.cache").write_bytes(readers.cache_bytes(payload))
+        with pytest.raises(InputError, match="a damaged record cache"):
+            cache_file.read(tmp_path / "a.cache", readers.cache_key())
+
+
+def calls(action):
+    """How many functions of Python are called meanwhile."""
+    count = 0
+
+    def told(_, event, __):
+        nonlocal count
+        count += event in ("call", "c_call")
+
+    sys.setprofile(told)
+    try:
+        action()
+    finally:
+        sys.setprofile(None)
+    return count
+
+
+def test_the_work_for_materials_grows_as_their_number(tmp_path):
+    found = []
+    for count in (600, 1200, 2400):
+        path = tmp_path / f"{count}.obj"
+        path.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\n" + "".join(f"usemtl m{i}\nf 1 2 3\n" for i in range(count)))
+        found.append(calls(lambda path=path: irrsplat.load(path)))
+    assert found[2] - found[1] < 2.3 * (found[1] - found[0])
+    (tmp_path / "a.obj").write_text("".join(f"mtllib {i}.mtl\n" for i in range(300)) + TRIANGLE)
+    assert len(irrsplat.load(tmp_path / "a.obj").notices) < 5

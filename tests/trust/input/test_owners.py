@@ -1,0 +1,113 @@
+"""A renderer works in the thread and the process that made it; elsewhere it says so. What fails to be made leaves nothing."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+
+import moderngl
+import pytest
+
+import irrsplat
+from irrsplat.core.errors import GLError, InputError
+from irrsplat.gpu import context
+from irrsplat.gpu.world import World
+from irrsplat.renderer import renderer as module
+from irrsplat.scene.model import Camera, Light, Scene
+
+LIGHT = Light((0, 0, 2), (1, 1, 1))
+EMPTY = Scene((), (LIGHT,), (Camera((0, 0, 3), (0, 0, 0)),), sky=(1, 1, 1))
+
+
+def in_thread(act):
+    """What `act` returns or raises in a thread of its own."""
+    found = []
+
+    def run():
+        try:
+            found.append(act())
+        except Exception as error:
+            found.append(error)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    thread.join(60)
+    assert not thread.is_alive()
+    return found[0]
+
+
+def test_a_renderer_belongs_to_its_thread_and_each_thread_may_have_its_own():
+    with irrsplat.Renderer(EMPTY, (8, 8)) as renderer:
+        picture = renderer.render().image
+        for act in (renderer.render, renderer.release, lambda: renderer.relight([])):
+            error = in_thread(act)
+            assert isinstance(error, GLError) and "only in the thread that made it" in str(error)
+        assert (in_thread(lambda: irrsplat.render(EMPTY, (8, 8)).image) == picture).all()
+        assert (renderer.render().image == picture).all()
+
+
+FORKED = """
+import os, signal, irrsplat
+from tests.trust.input.test_owners import EMPTY
+renderer = irrsplat.Renderer(EMPTY, (8, 8))
+renderer.render()
+for act in (renderer.render, lambda: irrsplat.render(EMPTY, (8, 8))):
+    if not os.fork():
+        signal.alarm(30)
+        try:
+            act()
+        except irrsplat.GLError as error:
+            os.write(1, f"{error}\\n".encode())
+        os._exit(0)
+    os.wait()
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork here")
+def test_a_forked_process_is_told_instead_of_hanging():
+    done = subprocess.run([sys.executable, "-c", FORKED], capture_output=True, text=True, timeout=120, check=True)
+    first, second = done.stdout.splitlines()
+    assert "only in the process that made it" in first and "start processes by spawn" in second
+
+
+def test_a_renderer_that_cannot_be_made_frees_its_context(monkeypatch):
+    made, freed = [], []
+    plain, release = context.create, moderngl.Context.release
+
+    def create():
+        made.append(plain())
+        return made[-1]
+
+    def free(ctx):
+        freed.append(ctx)
+        release(ctx)
+
+    monkeypatch.setattr(context, "create", create)
+    monkeypatch.setattr(moderngl.Context, "release", free)
+    many = Scene((), (LIGHT,) * 5000, EMPTY.cameras)
+    with pytest.raises(InputError, match="5000 lights"):
+        irrsplat.Renderer(many, (8, 8))
+    with pytest.raises(InputError, match="5000 lights"):
+        irrsplat.irradiance(many, [[0, 0, 0]], [0, 0, 1])
+    assert len(made) == 2 and freed == made
+
+
+def test_in_a_given_context_what_was_made_before_the_failure_is_freed(ctx, monkeypatch):
+    freed = []
+    release = World.release
+
+    def free(world):
+        freed.append(world)
+        release(world)
+
+    monkeypatch.setattr(World, "release", free)
+
+    def fail(*_):
+        raise MemoryError
+
+    monkeypatch.setattr(module, "RecordScheduler", fail)
+    with pytest.raises(MemoryError):
+        irrsplat.Renderer(EMPTY, (8, 8), ctx=ctx)
+    assert len(freed) == 1
