@@ -19,7 +19,7 @@ from irrsplat.core import files
 from irrsplat.core.buffers import GBuffer, ShadowMaps, SplatBuffer
 from irrsplat.core.errors import InputError
 from irrsplat.core.memo import Memo
-from irrsplat.gpu import context, program
+from irrsplat.gpu import context, program, self_test
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import pixels
 from irrsplat.gpu.time_budget import Budget, now
@@ -113,7 +113,8 @@ class Renderer(Owner):
     scene: what `irrsplat.load` returns. size: (width, height) in pixels. preset: a name of settings.PRESETS, and any
     setting by name on top of it. ctx: a moderngl context to use, which its owner makes current (default: a new one without a
     window, current after every call).
-    Raises InputError for a size or setting that cannot be, GLError where there is no OpenGL 3.3.
+    Raises InputError for a size or setting that cannot be, GLError where there is no OpenGL 3.3, or one
+    that fails the self-test.
     Use it in a `with` block, or call `release`, to free what it holds on the GPU.
     """
 
@@ -132,6 +133,7 @@ class Renderer(Owner):
         self._owns_ctx = ctx is None
         self.ctx = ctx or context.create()
         self.about = context.describe(self.ctx)
+        self_test.check(self.ctx)
         gl_limits.check(self.ctx, self.size, scene, self.settings.shadow_size)
         self.timers = Timers(self.ctx, bool(self.about["software"]), enabled=True)
         self.world = World(self.ctx, scene, self.settings.texture_memory)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Mapping
 from functools import cache
+from importlib import metadata
 from typing import Any, TypedDict
 
 import moderngl
@@ -33,6 +35,7 @@ def create(require: int = REQUIRED) -> moderngl.Context:
 
     Raises GLError, one line with the command that helps, where there is none.
     """
+    prepare()
     options: list[dict[str, Any]] = [{}]
     if sys.platform.startswith("linux"):
         os.environ.setdefault("EGL_LOG_LEVEL", "fatal")  # without Mesa's own warnings: an error is one line, ours
@@ -50,6 +53,18 @@ def create(require: int = REQUIRED) -> moderngl.Context:
             if "not loaded" in message or ("requested device index" in message and "but found" in message):
                 break
     raise GLError(advice(first)) from None
+
+
+def prepare() -> None:
+    """Set what Mesa reads when OpenGL starts, where the user's environment leaves it open.
+
+    Mesa's llvmpipe keeps compiled shaders on disk, and finds them again whatever LP_NATIVE_VECTOR_WIDTH they were compiled for.
+    Those of 256 bits write beyond the buffers of a process with 128, and end it ("free(): invalid next size"): a process to
+    which a width is given keeps none.
+    """
+    if "LP_NATIVE_VECTOR_WIDTH" in os.environ:
+        os.environ.setdefault("MESA_SHADER_CACHE_DISABLE", "true")
+        os.environ.setdefault("MESA_GLSL_CACHE_DISABLE", "true")  # its name before Mesa 21.1
 
 
 def make_current(ctx: moderngl.Context) -> None:
@@ -88,6 +103,15 @@ def describe(ctx: moderngl.Context) -> Description:
         "software": any(name in renderer.lower() for name in ("llvmpipe", "softpipe", "swrast", "swiftshader")),
         "max_texture_size": int(info["GL_MAX_TEXTURE_SIZE"]),
     }
+
+
+def machine(about: Mapping[str, object]) -> str:
+    """What results hold for that are kept between runs: the OpenGL that `about` describes, and this version of irrsplat."""
+    try:
+        version = metadata.version("irrsplat")
+    except metadata.PackageNotFoundError:
+        version = ""
+    return f"{about['renderer']}; {about['version']}; irrsplat {version}"
 
 
 @cache

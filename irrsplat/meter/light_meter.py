@@ -17,7 +17,7 @@ from irrsplat.core.buffers import Sites
 from irrsplat.core.errors import InputError
 from irrsplat.core.vectors import unit
 from irrsplat.gather.record_frame import OFFSET
-from irrsplat.gpu import context
+from irrsplat.gpu import context, self_test
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
@@ -68,6 +68,7 @@ class LightMeter(Owner):
         self._owns_ctx = ctx is None
         self.ctx = ctx or context.create()
         self.about = context.describe(self.ctx)
+        self_test.check(self.ctx)
         gl_limits.check(self.ctx, (1, 1), scene, self.settings.shadow_size)
         self.world, self.cache, self.shadow_pass = World(self.ctx, scene), RecordCache(self.ctx), ShadowPass(self.ctx)
         timers = Timers(self.ctx, bool(self.about["software"]))
