@@ -7,7 +7,7 @@ picture.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Unpack, cast
 
@@ -98,13 +98,15 @@ class State:
 
 @dataclass(frozen=True)
 class Round:
-    """What one round of a view leaves for its picture."""
+    """What one round of a view leaves for its picture. sparing: nothing but the picture is wanted, and the splat buffer is freed
+    once it is made of another."""
 
     camera: Camera
     shadows: ShadowMaps
     gbuffer: GBuffer
     splats: SplatBuffer
     progress: Progress
+    sparing: bool = False
 
 
 class Renderer(Owner):
@@ -135,6 +137,7 @@ class Renderer(Owner):
         self.about = context.describe(self.ctx)
         self_test.check(self.ctx)
         gl_limits.check(self.ctx, self.size, scene, self.settings.shadow_size)
+        gl_limits.check_memory(self.size, self.settings, self.about["software"])
         self.timers = Timers(self.ctx, bool(self.about["software"]), enabled=True)
         self.world = World(self.ctx, scene, self.settings.texture_memory)
         self.cache = RecordCache(self.ctx)
@@ -506,8 +509,6 @@ class Renderer(Owner):
                 return emitter_pass(gbuffer, self.world, settings)
 
         def compose() -> View:
-            direct = self._memo.get("direct", (gbuffer, shadows, headlamp), light)
-            emitters = None if emitter_pass is None else self._memo.get("emitters", (gbuffer, *sampled_by), sample_emitters)
             splats = done.splats
             if fading or surface is not None:
                 with self.timers("composite"):
@@ -515,6 +516,10 @@ class Renderer(Owner):
                     splats = temporal_filter(splats, gbuffer, camera, subject, shadows, found)
             splats = self.splats.at_every_pixel(splats, gbuffer, camera)
             sums = splats.sums
+            if done.sparing:
+                self._spare(splats if sums is done.splats.sums else None)
+            direct = self._memo.get("direct", (gbuffer, shadows, headlamp), light)
+            emitters = None if emitter_pass is None else self._memo.get("emitters", (gbuffer, *sampled_by), sample_emitters)
             with self.timers("composite"):
                 if filling and surface is None:
                     sums = self.composite_pass.filled(sums, direct, gbuffer, backdrop)
@@ -526,6 +531,8 @@ class Renderer(Owner):
     def accumulate(self, view: View, samples: int, seconds: float | None = None, on_progress: OnProgress | None = None) -> View:
         """The `view` that `frame` gave last, with `samples` a pixel, or as many more than last time as `seconds` allow, one at
         least; the cache is left as it is. on_progress: called with the share done, 0..1, after each."""
+        if samples <= 1:
+            return view
         self._use()
         passes = FramePasses(self.gbuffer_pass, self.splats.splat_pass, self.direct_pass, self.composite_pass, self.emitter_pass)
         inputs = FrameInputs(self.world, self.draw_shadows(), self.cache, self.settings, self._headlamp_of(view.camera))
@@ -588,6 +595,8 @@ class Renderer(Owner):
         """Go on with another scene, size or settings: with all of it, or, where it is refused, as before."""
         self._use()
         gl_limits.check(self.ctx, state.size, state.scene, state.settings.shadow_size)
+        if state.size != self.size:
+            gl_limits.check_memory(state.size, state.settings, self.about["software"])
         if self._view_subject(state) != self._view_subject(self._state):
             self._leave_refinement()
             state = replace(state, refinement=None)
@@ -660,12 +669,16 @@ class Renderer(Owner):
     # ---- whole renders ---------------------------------------------------------------------------------------------
 
     def converge(
-        self, camera: Camera | str | None = None, progress: Callable[[Progress], None] | None = None
+        self,
+        camera: Camera | str | None = None,
+        progress: Callable[[Progress], None] | None = None,
+        sparing: bool = False,
     ) -> tuple[View, Statistics]:
         """Rounds until the examination finds nothing, or `max_rounds`; returns the view and its statistics.
 
         "seconds" among them is the wall time to full coverage, before direct light and composite. progress is called after
-        each round. Ctrl-C ends the rounds: the last complete one counts, "interrupted" is True.
+        each round. Ctrl-C ends the rounds: the last complete one counts, "interrupted" is True. sparing: of the view nothing is
+        looked at but its image and alpha, so that the memory for others can be freed before they are made.
         """
         self._use()
         self._leave_refinement()
@@ -695,31 +708,60 @@ class Renderer(Owner):
             stats["coverage"] = done.progress.coverage
         self.ctx.finish()
         stats |= {"records": self.cache.count, "seconds": time.perf_counter() - start}
-        return self._picture(done), stats
+        return self._picture(replace(done, sparing=sparing)), stats
 
     def render(
         self,
         camera: Camera | str | None = None,
         progress: Callable[[Progress], None] | None = None,
         figures: bool = False,
+        buffers: Collection[str] | None = None,
     ) -> Frame:
         """The view from `camera` (or the scene's of that name; default: its first), until every pixel is served, and then, where
         the settings give a `quality`, until its estimated error is no greater.
 
         Returns a Frame of numpy arrays that the caller owns. Records of earlier views are used again: only what is new is
         gathered. progress is called after each round. figures: fill Frame.figures with the paper's figures 1, 3 and 4 too.
+        buffers: names of those that the frame holds (default: all); the others are empty, and of image and alpha alone a large
+        picture takes half as much memory.
         Ctrl-C ends the rounds, or the samples, early: stats["converged"] is False then.
         """
         album = PaperFigures(self._splatted, progress)
-        view, stats = self.converge(camera, album if figures else progress)
+        refined = self.settings.quality or self.settings.samples > 1
+        alone = buffers is not None and not figures and gl_limits.PICTURE.issuperset(buffers)
+        sparing = alone and not refined and self.size[0] * self.size[1] >= gl_limits.LARGE
+        if self.gbuffer is None:
+            gl_limits.check_memory(self.size, self.settings, self.about["software"], gl_limits.PICTURE if alone else buffers)
+        view, stats = self.converge(camera, album if figures else progress, sparing)
         if self.settings.quality and stats["converged"]:
             view, stats = self._improved(view, stats, progress)
         samples = 1 if stats["interrupted"] else self.settings.samples
         view = self.accumulate(view, samples, on_progress=sample_progress(progress, stats))
         if view.samples < self.settings.samples:  # Ctrl-C
             stats |= {"interrupted": True, "converged": False}
-        frame = read(view, self.cache.read(), stats | self.stats(view))
+        stats |= self.stats(view)
+        if self._owns_ctx:
+            context.check_errors(self.ctx)
+        if sparing:
+            self._free_buffers()
+        frame = read(view, self.cache.read(), stats, buffers)
         return replace(frame, figures=album.figures(frame, view.camera, self.settings)) if figures else frame
+
+    def _spare(self, splats: SplatBuffer | None) -> None:
+        """Free what is not needed for the picture alone: all by which records are made, of the splats all but their sums, or,
+        for None, these as well."""
+        self.scheduler.gatherer.free_passes()
+        if splats is not None:
+            self.splats.free_all_but_sums()
+        else:
+            self._passes.drop("splats")
+
+    def _free_buffers(self) -> None:
+        """Free all that a view is made of but its image and alpha, to be made again when it is wanted."""
+        self._memo.forget(but=("shadows",))
+        self._state = replace(self._state, view=ViewState(), shown=None)
+        for name in ("gbuffer", "splats", "refiner", "direct", "direct irradiance", "emitters", "temporal"):
+            self._passes.drop(name)
 
     def _improved(self, view: View, stats: Statistics, on_progress: Callable[[Progress], None] | None) -> tuple[View, Statistics]:
         """A converged view refined to the settings' `quality`, and its statistics. Ctrl-C ends it with the picture that there

@@ -72,6 +72,15 @@ def make_current(ctx: moderngl.Context) -> None:
     ctx.__enter__()  # type: ignore[no-untyped-call]
 
 
+def check_errors(ctx: moderngl.Context) -> None:
+    """Raises GLError where OpenGL has noted an error since it was last asked: what was drawn is not to be trusted."""
+    error = ctx.error
+    if error == "GL_OUT_OF_MEMORY":
+        raise GLError("OpenGL is out of memory; take a smaller size, or less --texture-memory")
+    if error != "GL_NO_ERROR":
+        raise GLError(f"OpenGL reports {error}; the picture would be wrong. IRRSPLAT_DEBUG=1 and irrsplat doctor tell more")
+
+
 def advice(message: str) -> str:
     """One line for a user in place of moderngl's `message`: what is wrong with OpenGL here, and what helps."""
     for part, text in _ADVICE:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import string
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ import numpy as np
 
 from irrsplat.core.buffers import CHANNELS
 from irrsplat.core.errors import InputError, did_you_mean
-from irrsplat.core.files import Pathlike, _png, _try_folder, _write_file, _write_folder, check_file
+from irrsplat.core.files import Pathlike, _try_folder, _write_file, _write_folder, check_file, eight_bits
 from irrsplat.image import statistics
 from irrsplat.image.backdrop import BackdropKind, display_picture
 from irrsplat.image.statistics import Statistics
@@ -23,6 +23,7 @@ from irrsplat.image.tonemap import exposure_of, show, tonemap
 ENDINGS = (".png", ".exr", ".npz")
 RECORDS = ("records_position", "records_normal", "records_irradiance", "records_radius")
 BUFFERS = (*CHANNELS, *RECORDS)
+_ROWS = 256  # of a picture, that are tone mapped at once
 _NUMBER = re.compile(r"0?[0-9]{0,2}[dxXob]?")  # how {frame} may be spelled: two frames never have one name
 
 
@@ -85,7 +86,16 @@ class Frame:
         _write_file(path, lambda part: write(part, names))
 
     def _write_png(self, part: Path, names: Sequence[str]) -> None:
-        _png(part, self.picture)
+        from PIL import Image
+
+        some = [self._eight_bits(first) for first in range(0, len(self.image), _ROWS)]
+        Image.fromarray(np.concatenate(some)).save(part, "PNG")
+
+    def _eight_bits(self, first: int) -> np.ndarray:
+        """Some rows of the picture from `first` on, in 8 bits: tone mapping takes ten times the memory of what it gives."""
+        rows = slice(first, first + _ROWS)
+        whole = first, len(self.image)
+        return eight_bits(display_picture(self.image[rows], self.exposure, self.alpha[rows], self.backdrop, whole))
 
     def _write_exr(self, part: Path, names: Sequence[str]) -> None:
         import OpenEXR
@@ -119,6 +129,14 @@ class Frame:
                 yield file, tonemap(self.figures[name], stops)
         yield "figure5_normalized.png", tonemap(self.indirect, self.exposure)
         yield "figure6_combined.png", self.picture
+
+
+def needed(paths: Iterable[Pathlike], buffers: Sequence[str] | None) -> set[str] | None:
+    """The names of the buffers that a frame must hold to be saved to these paths; None: all of them."""
+    endings = {os.path.splitext(os.fspath(path))[1].lower() for path in paths}
+    if endings <= {".png"}:
+        return {"image", "alpha"}
+    return None if buffers is None or not endings <= set(ENDINGS) else {"image", "alpha", *buffers}
 
 
 def check_writable(path: Pathlike, buffers: Sequence[str] | None = None) -> str:
