@@ -154,7 +154,7 @@ class Renderer(Owner):
         """Free everything on the GPU, the context too where this renderer made it."""
         if self._owns_ctx:
             self.ctx.release()
-        else:
+        elif not context.is_gone(self.ctx):
             super().release()
 
     # ---- what it is about ------------------------------------------------------------------------------------------
@@ -281,6 +281,7 @@ class Renderer(Owner):
 
     def _use(self) -> None:
         """Make this renderer's own OpenGL context the current one; a given one is its owner's to make current."""
+        context.check_alive(self.ctx)
         if self._owns_ctx:
             context.make_current(self.ctx)
 

@@ -67,6 +67,17 @@ def prepare() -> None:
         os.environ.setdefault("MESA_GLSL_CACHE_DISABLE", "true")  # its name before Mesa 21.1
 
 
+def is_gone(ctx: moderngl.Context) -> bool:
+    """Whether its owner has released `ctx`, and all that was made in it."""
+    return isinstance(ctx.mglo, moderngl.InvalidObject)
+
+
+def check_alive(ctx: moderngl.Context) -> None:
+    """Raises GLError where `ctx` has been released."""
+    if is_gone(ctx):
+        raise GLError("the OpenGL context has been released; what was made with it can do no more: make it anew")
+
+
 def make_current(ctx: moderngl.Context) -> None:
     """Make `ctx` the context of all further OpenGL calls of this thread."""
     ctx.__enter__()  # type: ignore[no-untyped-call]
