@@ -137,7 +137,7 @@ class Renderer(Owner):
         self.about = context.describe(self.ctx)
         self_test.check(self.ctx)
         gl_limits.check(self.ctx, self.size, scene, self.settings.shadow_size)
-        gl_limits.check_memory(self.size, self.settings, self.about["software"])
+        gl_limits.check_memory(self.size, self.scene, self.settings, self.about["software"])
         self.timers = Timers(self.ctx, bool(self.about["software"]), enabled=True)
         self.world = World(self.ctx, scene, self.settings.texture_memory)
         self.cache = RecordCache(self.ctx)
@@ -597,7 +597,7 @@ class Renderer(Owner):
         self._use()
         gl_limits.check(self.ctx, state.size, state.scene, state.settings.shadow_size)
         if state.size != self.size:
-            gl_limits.check_memory(state.size, state.settings, self.about["software"])
+            gl_limits.check_memory(state.size, state.scene, state.settings, self.about["software"])
         if self._view_subject(state) != self._view_subject(self._state):
             self._leave_refinement()
             state = replace(state, refinement=None)
@@ -732,7 +732,8 @@ class Renderer(Owner):
         alone = buffers is not None and not figures and gl_limits.PICTURE.issuperset(buffers)
         sparing = alone and not refined and self.size[0] * self.size[1] >= gl_limits.LARGE
         if self.gbuffer is None:
-            gl_limits.check_memory(self.size, self.settings, self.about["software"], gl_limits.PICTURE if alone else buffers)
+            wanted = gl_limits.PICTURE if alone else buffers
+            gl_limits.check_memory(self.size, self.scene, self.settings, self.about["software"], wanted)
         view, stats = self.converge(camera, album if figures else progress, sparing)
         if self.settings.quality and stats["converged"]:
             view, stats = self._improved(view, stats, progress)

@@ -18,6 +18,7 @@ from irrsplat.settings import Settings
 
 LARGE = 1 << 22  # pixels, from which on a picture is worth saving memory for
 PICTURE = frozenset(("image", "alpha"))
+_BESIDE = 450_000_000  # bytes that gathers, the surface cache, shadow maps and records take whatever the size
 _READING = 28  # bytes a pixel, while one more buffer is read
 
 
@@ -32,27 +33,33 @@ def checked(size: tuple[int, int]) -> tuple[int, int]:
     return width, height
 
 
-def view_bytes(settings: Settings, picture_alone: bool) -> int:
+def view_bytes(scene: Scene, settings: Settings, picture_alone: bool) -> int:
     """Bytes a pixel that a view by these settings takes while it is rendered: g-buffer, splat buffer, picture, samples.
     picture_alone: nothing but image and alpha is read of it."""
     gbuffer, splats, image, direct, summed = 68, 35, 20, 16, 20  # summed: by the filter in time, or with holes filled
+    gbuffer += 16 if any(material.normal_texture for material in scene.materials) else 0
+    gbuffer += 36 if any(material.filters for material in scene.materials) else 0
     emitters = 32 if settings.emitters_apart else 0
     smooth = 16 if settings.smooth else 0
     if settings.samples > 1:
         return 2 * (gbuffer + splats + direct + emitters + smooth) + summed + image + 68
-    if picture_alone and not settings.quality:
+    refined = 64 if settings.quality else 0  # two more splat buffers, and what they are compared by
+    if picture_alone and not refined:
         return max(gbuffer + splats + summed, gbuffer + summed + direct + image + emitters + smooth)
-    return gbuffer + splats + summed + direct + image + emitters + smooth
+    return gbuffer + splats + refined + summed + direct + image + emitters + smooth
 
 
-def check_memory(size: tuple[int, int], settings: Settings, software: bool, buffers: Collection[str] | None = PICTURE) -> None:
+def check_memory(
+    size: tuple[int, int], scene: Scene, settings: Settings, software: bool, buffers: Collection[str] | None = PICTURE
+) -> None:
     """Raises InputError where a picture of `size`, and its `buffers` as arrays (None: all), are certain to need more memory than
     there is. Of a GPU's own memory nothing is known: there, only the arrays count."""
     names = set(CHANNELS if buffers is None else buffers) & CHANNELS.keys()
     arrays = 4 * sum(CHANNELS[name].components for name in names)
-    pixel = view_bytes(settings, PICTURE.issuperset(names)) if software else 0
+    pixel = view_bytes(scene, settings, PICTURE.issuperset(names)) if software else 0
     # a picture alone is read when most of the view is freed
     need = size[0] * size[1] * (max(pixel, arrays) if PICTURE.issuperset(names) else pixel + arrays + _READING)
+    need += _BESIDE if software else 0
     free = memory.available()
     if size[0] * size[1] >= LARGE and free is not None and need > free:
         raise InputError(
