@@ -30,7 +30,7 @@ from irrsplat.image.backdrop import backdrop_of
 from irrsplat.image.composite import CompositePass
 from irrsplat.image.emitter_light import EmitterLightPass
 from irrsplat.image.figures.paper_figures import PaperFigures
-from irrsplat.image.frame import Frame
+from irrsplat.image.frame import Frame, check_names
 from irrsplat.image.gbuffer import GBufferPass
 from irrsplat.image.statistics import Statistics, describe
 from irrsplat.image.texture_maps import TextureMaps
@@ -727,6 +727,7 @@ class Renderer(Owner):
         picture takes half as much memory.
         Ctrl-C ends the rounds, or the samples, early: stats["converged"] is False then.
         """
+        check_names(buffers)
         album = PaperFigures(self._splatted, progress)
         refined = self.settings.quality or self.settings.samples > 1
         alone = buffers is not None and not figures and gl_limits.PICTURE.issuperset(buffers)

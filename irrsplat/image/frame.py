@@ -139,15 +139,20 @@ def needed(paths: Iterable[Pathlike], buffers: Sequence[str] | None) -> set[str]
     return None if buffers is None or not endings <= set(ENDINGS) else {"image", "alpha", *buffers}
 
 
+def check_names(buffers: Iterable[str] | None) -> None:
+    """Raises InputError where one of the names is no buffer's."""
+    unknown = [f"'{name}'{did_you_mean(name, BUFFERS)}" for name in buffers or () if name not in BUFFERS]
+    if unknown:
+        raise InputError(f"unknown buffer {', '.join(unknown)}; the buffers are {', '.join(BUFFERS)}")
+
+
 def check_writable(path: Pathlike, buffers: Sequence[str] | None = None) -> str:
     """The ending of an output, one of ENDINGS, or "" for a folder, once it is certain that it can be written: a long rendering
     must not be lost at its end.
 
     Raises InputError where the ending or a buffer's name is unknown, or nothing can be written there. Leaves no file behind.
     """
-    unknown = [f"'{name}'{did_you_mean(name, BUFFERS)}" for name in buffers or () if name not in BUFFERS]
-    if unknown:
-        raise InputError(f"unknown buffer {', '.join(unknown)}; the buffers are {', '.join(BUFFERS)}")
+    check_names(buffers)
     text = os.fspath(path)
     ending = os.path.splitext(text)[1].lower()
     if "{frame" in text:

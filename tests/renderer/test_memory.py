@@ -43,6 +43,8 @@ def test_a_picture_alone_has_the_same_records_and_bytes(sparing: None, settings:
     with Renderer(room(sky=0.5), SIZE, **kind) as renderer:
         alone = renderer.render(buffers=ALONE)
         again = renderer.render()  # with all that was freed
+        with pytest.raises(InputError, match="unknown buffer 'imag' \\(did you mean 'image'"):
+            renderer.render(buffers=("imag",))
     whole = irrsplat.render(room(sky=0.5), SIZE, **kind)
     for name in (*ALONE, *RECORDS):
         assert getattr(alone, name).tobytes() == getattr(whole, name).tobytes(), name
