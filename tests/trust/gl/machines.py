@@ -32,7 +32,8 @@ CHEAP: dict[str, Any] = {"bounces": 1, "gather_size": 16, "shadow_size": 64}
 GATHERS = ("raster", "trace")
 NAMES = ("image", "irradiance", "depth", "albedo", "records_position", "records_irradiance")
 OTHER_DRIVER = 0.01  # share of the mean that the mean may differ by; a driver that rounds otherwise places records otherwise
-PIXEL = 0.05  # the same for the RMS over the pixels
+PIXEL = 0.09  # the same for the RMS over the pixels that see the same surface; records of such few rays are noisy
+EDGES = 0.02  # share of the pixels that may see another surface: at edges, whose pixels a driver may round to either side
 TIME_LIMIT = 900.0  # seconds of a process
 # KHR_debug's types of messages that tell of a fault: errors, deprecated, undefined and not portable behaviour
 FAULTS = {0x824C: "error", 0x824D: "deprecated", 0x824E: "undefined", 0x824F: "not portable"}
@@ -182,14 +183,17 @@ def compare(case: Case, plain: Path, other: Path) -> Verdict:
         if case.same:
             wrong = [name for name in pictures if one[name].tobytes() != two[name].tobytes()]
             return Verdict(not wrong, f"{len(pictures) - len(wrong)} of {len(pictures)} arrays equal byte for byte")
-        apart, pixels = 0.0, 0.0
+        apart, pixels, edges = 0.0, 0.0, 0.0
         for name in pictures:
             if name.endswith((" image", " irradiance", " albedo")):
                 a, b = one[name].astype(float), two[name].astype(float)
                 apart = max(apart, abs(b.mean() / a.mean() - 1.0))
-                pixels = max(pixels, float(np.sqrt(((a - b) ** 2).mean()) / a.mean()))
-    held = bool(apart <= OTHER_DRIVER and pixels <= PIXEL)
-    return Verdict(held, f"means at most {apart:.2%} apart, pixels {pixels:.2%} RMS")
+                albedo = f"{name.rsplit(' ', 1)[0]} albedo"
+                same = np.abs(one[albedo] - two[albedo]).max(-1) < 0.01
+                edges = max(edges, float(1.0 - same.mean()))
+                pixels = max(pixels, float(np.sqrt(((a - b)[same] ** 2).mean()) / a.mean()))
+    held = bool(apart <= OTHER_DRIVER and pixels <= PIXEL and edges <= EDGES)
+    return Verdict(held, f"means at most {apart:.2%} apart, pixels {pixels:.2%} RMS but for {edges:.2%} at edges")
 
 
 def run(arguments: Iterable[object], env: dict[str, str]) -> subprocess.CompletedProcess[str]:
