@@ -63,6 +63,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         with suppress(OSError, ValueError):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
+    except MemoryError:
+        if debug:
+            traceback.print_exc()
+        return _fail("out of memory; take a smaller --size, fewer --buffers, or less --texture-memory", 1)
     except ModuleNotFoundError as error:
         if debug:
             traceback.print_exc()
@@ -104,6 +108,7 @@ def render(args: argparse.Namespace) -> int:
     cannot be written in the end, the others are."""
     from irrsplat import settings
     from irrsplat.app import false_colours, render_path
+    from irrsplat.image.frame import needed
 
     settings.preset(args.preset, **args.values)
     buffers, with_figures = _buffers(args), _has_folder(args)
@@ -124,7 +129,8 @@ def render(args: argparse.Namespace) -> int:
             if flight is not None:
                 done, complete = render_path.render(renderer, flight, buffers, with_figures, on_round, outputs, coloured)
             else:
-                frame = renderer.render(camera, progress=on_round, figures=with_figures)
+                wanted = None if with_figures or coloured is not None else needed(args.output, buffers)
+                frame = renderer.render(camera, progress=on_round, figures=with_figures, buffers=wanted)
         if flight is None and frame.stats.get("interrupted") and not frame.stats.get("rounds"):
             return _fail("interrupted before the first round was complete; nothing was written", INTERRUPTED)
         for path in args.output if flight is None else ():

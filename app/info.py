@@ -139,16 +139,20 @@ def doctor() -> int:
     if missing:
         raise IrrsplatError(f"libraries are missing; run: python3 -m pip install {' '.join(missing)}")
     from irrsplat.gather import autotune
-    from irrsplat.gpu import context
+    from irrsplat.gpu import context, self_test
 
     ctx = context.create()  # its GLError is the advice
     try:
-        found = context.describe(ctx)
+        found, able = context.describe(ctx), self_test.tried(ctx)
     finally:
         ctx.release()
     print(f"OpenGL      {found['version']}")
     print(f"renderer    {found['renderer']} by {found['vendor']}" + (", on the CPU" if found["software"] else ""))
     print(f"pictures    up to {found['max_texture_size']} pixels a side")
+    passed = len(self_test.FEATURES) + 1 - len(able.missing)
+    numbered = "" if able.numbers_triangles else "; gl_PrimitiveID by geometry shaders"
+    print(f"self-test   {passed} of {len(self_test.FEATURES) + 1} features{numbered}")
+    self_test.require(found, able)
     if times := autotune.kept(found):
         rasters = sum(map(autotune.rasters, times))
         print(f"gathers     one bounce: by rasters in {rasters} of the {len(times)} scenes timed here, by rays in the others")

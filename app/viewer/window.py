@@ -34,6 +34,7 @@ def open_window(size: tuple[int, int], headless: bool = False) -> BaseWindow:
     """
     if max(size) > LARGEST:
         raise InputError(f"a window of {size[0]}x{size[1]} pixels cannot be; each side takes at most {LARGEST}")
+    context.prepare()
     screen = None if headless else screen_size()
     size = within_screen(size, screen)
     window = moderngl_window.get_local_window_cls("headless" if headless else "glfw")

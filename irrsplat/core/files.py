@@ -68,7 +68,13 @@ def write_picture(path: Pathlike, display: np.ndarray) -> None:
 def _png(path: Path, display: np.ndarray) -> None:
     from PIL import Image
 
-    Image.fromarray(np.round(np.clip(display, 0.0, 1.0) * 255.0).astype(np.uint8)).save(path, "PNG")
+    Image.fromarray(eight_bits(display)).save(path, "PNG")
+
+
+def eight_bits(display: np.ndarray) -> np.ndarray:
+    """Display values 0..1, any shape, as uint8."""
+    found: np.ndarray = np.round(np.clip(display, 0.0, 1.0) * 255.0).astype(np.uint8)
+    return found
 
 
 def check_exr(path: Path, rows: int) -> None:

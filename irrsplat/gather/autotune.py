@@ -11,7 +11,6 @@ import os
 import time
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
-from importlib import metadata
 from pathlib import Path
 
 import moderngl
@@ -69,7 +68,7 @@ def kind(ctx: moderngl.Context, scene: Scene, settings: Settings) -> str:
         return guess
     side = max((s for s in _SIDES if s <= settings.gather_size), default=_SIDES[0])
     lights = " ".join(map(str, light_defines(scene).values()))
-    name = f"{machine(about)}; {triangles} triangles; lights {lights}; {side} texels"
+    name = f"{context.machine(about)}; {triangles} triangles; lights {lights}; {side} texels"
     if any(material.albedo_texture or material.emission_texture for material in scene.materials):
         name += "; textures"
     if face_counts(scene).cut_out:
@@ -115,15 +114,6 @@ def gather_pass(world: World, settings: Settings, capacity: int | None = None) -
     return RasterGather(world, how, settings.gather_size, capacity, surface=surface, light_samples=samples, emitters_apart=apart)
 
 
-def machine(about: Mapping[str, object]) -> str:
-    """What times hold for: the OpenGL that `about` describes (see gpu.context.describe), and this version of irrsplat."""
-    try:
-        version = metadata.version("irrsplat")
-    except metadata.PackageNotFoundError:
-        version = ""
-    return f"{about['renderer']}; {about['version']}; irrsplat {version}"
-
-
 def rasters(times: Times) -> bool:
     """Whether rasters are faster."""
     return times[0] <= times[1]
@@ -132,7 +122,7 @@ def rasters(times: Times) -> bool:
 def kept(about: Mapping[str, object]) -> list[Times]:
     """The times that were kept on this machine."""
     path = _path()
-    return [] if path is None else [times for name, times in _read(path).items() if name.startswith(machine(about) + ";")]
+    return [] if path is None else [times for name, times in _read(path).items() if name.startswith(context.machine(about) + ";")]
 
 
 def race(ctx: moderngl.Context, scene: Scene, side: int, rays: str) -> Times:

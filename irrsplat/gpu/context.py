@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 import sys
 import threading
+from collections.abc import Mapping
 from functools import cache
+from importlib import metadata
 from typing import Any, TypedDict
 
 import moderngl
@@ -41,6 +43,7 @@ def create(require: int = REQUIRED) -> moderngl.Context:
             "this process was forked from one that uses OpenGL, and its driver would hang; start processes by spawn: "
             "multiprocessing.get_context('spawn')"
         )
+    prepare()
     options: list[dict[str, Any]] = [{}]
     if sys.platform.startswith("linux"):
         os.environ.setdefault("EGL_LOG_LEVEL", "fatal")  # without Mesa's own warnings: an error is one line, ours
@@ -69,6 +72,29 @@ def _here() -> tuple[int, int]:
     return os.getpid(), threading.get_ident()
 
 
+def prepare() -> None:
+    """Set what Mesa reads when OpenGL starts, where the user's environment leaves it open.
+
+    Mesa's llvmpipe keeps compiled shaders on disk, and finds them again whatever LP_NATIVE_VECTOR_WIDTH they were compiled for.
+    Those of 256 bits write beyond the buffers of a process with 128, and end it ("free(): invalid next size"): a process to
+    which a width is given keeps none.
+    """
+    if "LP_NATIVE_VECTOR_WIDTH" in os.environ:
+        os.environ.setdefault("MESA_SHADER_CACHE_DISABLE", "true")
+        os.environ.setdefault("MESA_GLSL_CACHE_DISABLE", "true")  # its name before Mesa 21.1
+
+
+def is_gone(ctx: moderngl.Context) -> bool:
+    """Whether its owner has released `ctx`, and all that was made in it."""
+    return isinstance(ctx.mglo, moderngl.InvalidObject)
+
+
+def check_alive(ctx: moderngl.Context) -> None:
+    """Raises GLError where `ctx` has been released."""
+    if is_gone(ctx):
+        raise GLError("the OpenGL context has been released; what was made with it can do no more: make it anew")
+
+
 def make_current(ctx: moderngl.Context) -> None:
     """Make `ctx`, which `create` made, the context of all further OpenGL calls of this thread; raises GLError where that is
     not the thread, or not the process, that made it."""
@@ -77,6 +103,15 @@ def make_current(ctx: moderngl.Context) -> None:
             raise GLError("a Renderer or LightMeter works only in the process that made it; spawn others, and make one there")
         raise GLError("a Renderer or LightMeter works only in the thread that made it; make one of its own in this thread")
     ctx.__enter__()  # type: ignore[no-untyped-call]
+
+
+def check_errors(ctx: moderngl.Context) -> None:
+    """Raises GLError where OpenGL has noted an error since it was last asked: what was drawn is not to be trusted."""
+    error = ctx.error
+    if error == "GL_OUT_OF_MEMORY":
+        raise GLError("OpenGL is out of memory; take a smaller size, or less --texture-memory")
+    if error != "GL_NO_ERROR":
+        raise GLError(f"OpenGL reports {error}; the picture would be wrong. IRRSPLAT_DEBUG=1 and irrsplat doctor tell more")
 
 
 def advice(message: str) -> str:
@@ -110,6 +145,15 @@ def describe(ctx: moderngl.Context) -> Description:
         "software": any(name in renderer.lower() for name in ("llvmpipe", "softpipe", "swrast", "swiftshader")),
         "max_texture_size": int(info["GL_MAX_TEXTURE_SIZE"]),
     }
+
+
+def machine(about: Mapping[str, object]) -> str:
+    """What results hold for that are kept between runs: the OpenGL that `about` describes, and this version of irrsplat."""
+    try:
+        version = metadata.version("irrsplat")
+    except metadata.PackageNotFoundError:
+        version = ""
+    return f"{about['renderer']}; {about['version']}; irrsplat {version}"
 
 
 @cache

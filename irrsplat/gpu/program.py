@@ -10,7 +10,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.vertex_layout import ATTRIBUTES, FORMAT
-from irrsplat.gpu import shader_source
+from irrsplat.gpu import self_test, shader_source
 from irrsplat.gpu.geometry import Geometry, MeshletGeometry
 from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.target import Target
@@ -93,8 +93,11 @@ class Program:
         self.units = {name: unit for unit, name in enumerate(samplers)}
 
     def _linked(self, sources: list[shader_source.Source]) -> moderngl.Program:
+        vertex, fragment, geometry = sources[0].text, sources[1].text, None
+        if "gl_PrimitiveID" in fragment and not self_test.abilities(self.ctx).numbers_triangles:
+            geometry, fragment = shader_source.numbering_triangles(sources[0], sources[1], self._defines)
         try:
-            return self.ctx.program(vertex_shader=sources[0].text, fragment_shader=sources[1].text)
+            return self.ctx.program(vertex_shader=vertex, fragment_shader=fragment, geometry_shader=geometry)
         except moderngl.Error as error:
             log = str(error)
             guilty = sources[0] if "vertex_shader" in log.lower().replace(" ", "_") else sources[1]

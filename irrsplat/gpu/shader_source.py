@@ -13,6 +13,7 @@ from irrsplat.core.paths import folder
 
 _INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$')
 _UNIFORM = re.compile(r"^\s*uniform\s+(\w+)\s+(\w+)\s*(\[[^\]]*\])?\s*;", re.MULTILINE)
+_OUTPUT = re.compile(r"^\s*(flat\s+)?out\s+(\w+)\s+(\w+)\s*(?:\[(\w+)\])?\s*;", re.MULTILINE)
 _PLACE = re.compile(r"\b(\d+)[:(](\d+)\)?")  # Mesa: 2:17(5), NVIDIA: 2(17), Apple and Intel: 2:17
 
 
@@ -138,6 +139,23 @@ def _uniforms(text: str, defines: Mapping[str, object]) -> dict[str, str]:
     conditions = _Conditions(defines)
     kept = [line for line in bare.splitlines() if conditions.follow(line)]
     return {name: kind for kind, name, _ in _UNIFORM.findall("\n".join(kept))}
+
+
+def numbering_triangles(vertex: Source, fragment: Source, defines: Mapping[str, object]) -> tuple[str, str]:
+    """A geometry shader that passes on triangles as they are, with their gl_PrimitiveID, and the `fragment` shader for behind it:
+    for drivers that give fragment shaders no gl_PrimitiveID otherwise. defines: those that both were loaded with."""
+    conditions, text, body = _Conditions(defines), fragment.text, ""
+    outputs = _OUTPUT.findall("\n".join(line for line in vertex.text.splitlines() if conditions.follow(line)))
+    declared = "#version 330 core\nlayout(triangles) in;\nlayout(triangle_strip, max_vertices = 3) out;\n"
+    for flat, kind, name, length in outputs:
+        if name == "gl_ClipDistance":
+            body += "".join(f"        {name}[{k}] = gl_in[i].{name}[{k}];\n" for k in range(int(length)))
+            continue
+        declared += f"{flat}in {kind} {name}[];\n{flat}out {kind} passed_{name};\n"
+        body += f"        passed_{name} = {name}[i];\n"
+        text = re.sub(rf"\b{name}\b", f"passed_{name}", text)
+    body += "        gl_Position = gl_in[i].gl_Position;\n        gl_PrimitiveID = gl_PrimitiveIDIn;\n        EmitVertex();\n"
+    return f"{declared}void main()\n{{\n    for (int i = 0; i < 3; ++i)\n    {{\n{body}    }}\n    EndPrimitive();\n}}\n", text
 
 
 def explain(log: str, source: Source) -> str:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import moderngl
 import numpy as np
 
+from irrsplat.core.errors import GLError
 from irrsplat.gpu.resource import Owner, Resource
 
 
@@ -64,7 +65,14 @@ class Target(Owner):
         self._owned = textures is None
         self.textures = [float_texture(ctx, size, n) for n in components] if textures is None else list(textures)
         self.depth = depth_attachment or (depth_texture(ctx, size) if depth else None)
-        self.gl = ctx.framebuffer(self.textures, self.depth)
+        try:
+            self.gl = ctx.framebuffer(self.textures, self.depth)
+        except moderngl.Error as error:  # what drivers say where textures were not made for want of memory
+            for texture in (*self.textures, self.depth) if self._owned else ():
+                if texture is not None:
+                    texture.release()
+            found = f"OpenGL takes no {size[0]}x{size[1]} pixels ({error})"
+            raise GLError(f"{found}: memory may not suffice; take a smaller size") from None
 
     def use(
         self,

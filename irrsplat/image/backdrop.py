@@ -85,11 +85,14 @@ def pixel_rays(camera: Camera, size: tuple[int, int]) -> np.ndarray:
     return np.stack([step * right, step * up, corner], axis=1)
 
 
-def display_picture(radiance: np.ndarray, exposure: float, alpha: np.ndarray, kind: BackdropKind) -> np.ndarray:
+def display_picture(
+    radiance: np.ndarray, exposure: float, alpha: np.ndarray, kind: BackdropKind, rows: tuple[int, int] | None = None
+) -> np.ndarray:
     """(H, W, 3) sRGB-encoded 0..1 of (H, W, 3) radiance that covers `alpha` (H, W) of each pixel, with the backdrop behind it;
     (H, W, 4) where that is clear: alpha is straight, not multiplied in.
 
-    exposure: stops. Radiance where a pixel is covered in part is a mean that has 0 for the rest of it.
+    exposure: stops. Radiance where a pixel is covered in part is a mean that has 0 for the rest of it. rows: where these are but
+    some rows of a picture, the first of them and the picture's height.
     """
     if kind == "sky":
         return tonemap(radiance, exposure)
@@ -98,8 +101,8 @@ def display_picture(radiance: np.ndarray, exposure: float, alpha: np.ndarray, ki
     if kind == "clear":
         return np.concatenate([own, share], axis=-1)
     low, high = np.asarray(_ENDS[kind])
-    height = len(radiance)
-    rise = ((np.arange(height)[::-1] + 0.5) / height)[:, None, None]
+    first, height = rows or (0, len(radiance))
+    rise = ((np.arange(height)[::-1] + 0.5) / height)[first : first + len(radiance), None, None]
     behind = low + rise * (high - low)
     picture: np.ndarray = share * own + (1.0 - share) * behind
     return picture

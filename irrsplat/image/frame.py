@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import string
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ import numpy as np
 
 from irrsplat.core.buffers import CHANNELS
 from irrsplat.core.errors import InputError, did_you_mean
-from irrsplat.core.files import Pathlike, _png, _try_folder, _write_file, _write_folder, check_exr, check_file
+from irrsplat.core.files import Pathlike, _try_folder, _write_file, _write_folder, check_exr, check_file, eight_bits
 from irrsplat.core.paths import named
 from irrsplat.image import statistics
 from irrsplat.image.backdrop import BackdropKind, display_picture
@@ -24,6 +24,7 @@ from irrsplat.image.tonemap import exposure_of, show, tonemap
 ENDINGS = (".png", ".exr", ".npz")
 RECORDS = ("records_position", "records_normal", "records_irradiance", "records_radius")
 BUFFERS = (*CHANNELS, *RECORDS)
+_ROWS = 256  # of a picture, that are tone mapped at once
 _NUMBER = re.compile(r"0?[0-9]{0,2}[dxXob]?")  # how {frame} may be spelled: two frames never have one name
 
 
@@ -63,8 +64,10 @@ class Frame:
         can tell them apart there."""
         if not any(origin):
             return self
-        seen = np.isfinite(self.depth)[..., None]
-        position = np.where(seen, (self.position + np.asarray(origin)).astype(np.float32), self.position)
+        position = self.position
+        if position.size:
+            seen = np.isfinite(self.depth[..., None]) if self.depth.size else np.any(position, axis=-1, keepdims=True)
+            position = np.where(seen, (position + np.asarray(origin)).astype(np.float32), position)
         records = (self.records_position + np.asarray(origin)).astype(np.float32)
         return replace(self, position=position, records_position=records)
 
@@ -96,7 +99,16 @@ class Frame:
         _write_file(path, lambda part: write(part, names))
 
     def _write_png(self, part: Path, names: Sequence[str]) -> None:
-        _png(part, self.picture)
+        from PIL import Image
+
+        some = [self._eight_bits(first) for first in range(0, len(self.image), _ROWS)]
+        Image.fromarray(np.concatenate(some)).save(part, "PNG")
+
+    def _eight_bits(self, first: int) -> np.ndarray:
+        """Some rows of the picture from `first` on, in 8 bits: tone mapping takes ten times the memory of what it gives."""
+        rows = slice(first, first + _ROWS)
+        whole = first, len(self.image)
+        return eight_bits(display_picture(self.image[rows], self.exposure, self.alpha[rows], self.backdrop, whole))
 
     def _write_exr(self, part: Path, names: Sequence[str]) -> None:
         import OpenEXR
@@ -134,15 +146,28 @@ class Frame:
         yield "figure6_combined.png", self.picture
 
 
+def needed(paths: Iterable[Pathlike], buffers: Sequence[str] | None) -> set[str] | None:
+    """The names of the buffers that a frame must hold to be saved to these paths; None: all of them."""
+    endings = {os.path.splitext(os.fspath(path))[1].lower() for path in paths}
+    if endings <= {".png"}:
+        return {"image", "alpha"}
+    return None if buffers is None or not endings <= set(ENDINGS) else {"image", "alpha", *buffers}
+
+
+def check_names(buffers: Iterable[str] | None) -> None:
+    """Raises InputError where one of the names is no buffer's."""
+    unknown = [f"'{name}'{did_you_mean(name, BUFFERS)}" for name in buffers or () if name not in BUFFERS]
+    if unknown:
+        raise InputError(f"unknown buffer {', '.join(unknown)}; the buffers are {', '.join(BUFFERS)}")
+
+
 def check_writable(path: Pathlike, buffers: Sequence[str] | None = None) -> str:
     """The ending of an output, one of ENDINGS, or "" for a folder, once it is certain that it can be written: a long rendering
     must not be lost at its end.
 
     Raises InputError where the ending or a buffer's name is unknown, or nothing can be written there. Leaves no file behind.
     """
-    unknown = [f"'{name}'{did_you_mean(name, BUFFERS)}" for name in buffers or () if name not in BUFFERS]
-    if unknown:
-        raise InputError(f"unknown buffer {', '.join(unknown)}; the buffers are {', '.join(BUFFERS)}")
+    check_names(buffers)
     text = named(path)
     ending = os.path.splitext(text)[1].lower()
     if "{frame" in text:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import GBuffer, SplatBuffer
+from irrsplat.core.buffers import CHANNELS, GBuffer, SplatBuffer
 from irrsplat.gpu.target import pixels
 from irrsplat.image.backdrop import Backdrop
 from irrsplat.image.frame import Frame
@@ -93,48 +94,72 @@ def sample_progress(on_round: Callable[[Progress], None] | None, stats: Statisti
     return lambda share: on_round(replace(now, sampled=share))
 
 
-def read(view: View, records: dict[str, np.ndarray], stats: Statistics) -> Frame:
-    """The view as a Frame: a copy of every buffer, zero where nothing is seen, and of the cache's `records`."""
-    gbuffer = view.gbuffer
-    buffers = {
-        "position": pixels(gbuffer.position),
-        "normal": pixels(gbuffer.lit_normal),
-        "smooth_normal": pixels(gbuffer.normal),
-        "albedo": pixels(gbuffer.albedo),
-        "emission": pixels(gbuffer.emission),
+def read(view: View, records: dict[str, np.ndarray], stats: Statistics, names: Iterable[str] | None = None) -> Frame:
+    """The view as a Frame: a copy of every buffer, zero where nothing is seen, and of the cache's `records`. names: of those that
+    are wanted, None for all; others are empty, (0, 0) or (0, 0, 3)."""
+    wanted = CHANNELS.keys() if names is None else set(names)
+    made: dict[str, Any] = {
+        name: make(view) if name in wanted else np.zeros((0, 0, 3)[: 3 if CHANNELS[name].components == 3 else 2], "f4")
+        for name, make in _BUFFERS.items()
     }
-    seen = buffers["position"][..., 3:] > 0.0
-    values = {name: np.where(seen, b[..., :3], np.float32(0.0)) for name, b in buffers.items()}
-    albedo = values["albedo"]
-    behind = view.backdrop.radiance(view.camera, view.image.size)
-    opacity = seen[..., 0].astype("f4")
-    if gbuffer.filters is not None:
-        filtered = pixels(gbuffer.filters.opacity)[..., 0]
-        opacity = np.where(filtered > 0.0, filtered, opacity)
-    sums = pixels(view.sums)
-    irradiance = sums[..., :3] / np.where(sums[..., 3:] > 0.0, sums[..., 3:], np.float32(1.0))
-    return Frame(
-        image=_rgb(view.image),
-        direct=_rgb(view.direct),
-        indirect=_rgb(view.indirect) if view.indirect is not None else albedo * irradiance / np.float32(np.pi),
-        irradiance=irradiance,
-        emission=_rgb(view.emission) if view.emission is not None else np.where(seen, values["emission"], behind),
-        weight=np.where(seen[..., 0], pixels(view.splats.weight)[..., 0], np.float32(0.0)),
-        position=values["position"],
-        normal=values["normal"],
-        smooth_normal=values["smooth_normal"],
-        albedo=albedo,
-        alpha=pixels(view.alpha)[..., 0].copy(),
-        opacity=opacity,
-        depth=np.where(seen, buffers["position"][..., 3:], np.float32(np.inf))[..., 0],
-        records_position=records["position"],
-        records_normal=records["normal"],
-        records_irradiance=records["irradiance"],
-        records_radius=records["radius"],
-        stats=stats,
-        backdrop=view.backdrop.kind,
-    )
+    kept: dict[str, Any] = {f"records_{name}": records[name] for name in ("position", "normal", "irradiance", "radius")}
+    return Frame(**made, **kept, stats=stats, backdrop=view.backdrop.kind)
 
 
 def _rgb(texture: moderngl.Texture) -> np.ndarray:
     return pixels(texture)[..., :3].copy()
+
+
+def _seen(view: View) -> np.ndarray:
+    """(H, W, 1) whether a pixel sees a surface."""
+    seen: np.ndarray = pixels(view.gbuffer.position)[..., 3:] > 0.0
+    return seen
+
+
+def _where_seen(view: View, texture: moderngl.Texture, behind: np.ndarray | None = None) -> np.ndarray:
+    """(H, W, 3) of the texture, and what is `behind`, default 0, where nothing is seen."""
+    return np.where(_seen(view), pixels(texture)[..., :3], np.float32(0.0) if behind is None else behind)
+
+
+def _irradiance(view: View) -> np.ndarray:
+    sums = pixels(view.sums)
+    found: np.ndarray = sums[..., :3] / np.where(sums[..., 3:] > 0.0, sums[..., 3:], np.float32(1.0))
+    return found
+
+
+def _indirect(view: View) -> np.ndarray:
+    if view.indirect is not None:
+        return _rgb(view.indirect)
+    found: np.ndarray = _where_seen(view, view.gbuffer.albedo) * _irradiance(view) / np.float32(np.pi)
+    return found
+
+
+def _emission(view: View) -> np.ndarray:
+    if view.emission is not None:
+        return _rgb(view.emission)
+    return _where_seen(view, view.gbuffer.emission, view.backdrop.radiance(view.camera, view.image.size))
+
+
+def _opacity(view: View) -> np.ndarray:
+    opacity: np.ndarray = _seen(view)[..., 0].astype("f4")
+    if view.gbuffer.filters is None:
+        return opacity
+    filtered = pixels(view.gbuffer.filters.opacity)[..., 0]
+    return np.where(filtered > 0.0, filtered, opacity)
+
+
+_BUFFERS: dict[str, Callable[[View], np.ndarray]] = {  # each made by itself, so that no more of them is in memory than wanted
+    "image": lambda view: _rgb(view.image),
+    "direct": lambda view: _rgb(view.direct),
+    "indirect": _indirect,
+    "irradiance": _irradiance,
+    "emission": _emission,
+    "weight": lambda view: np.where(_seen(view)[..., 0], pixels(view.splats.weight)[..., 0], np.float32(0.0)),
+    "position": lambda view: _where_seen(view, view.gbuffer.position),
+    "normal": lambda view: _where_seen(view, view.gbuffer.lit_normal),
+    "smooth_normal": lambda view: _where_seen(view, view.gbuffer.normal),
+    "albedo": lambda view: _where_seen(view, view.gbuffer.albedo),
+    "alpha": lambda view: pixels(view.alpha)[..., 0].copy(),
+    "opacity": _opacity,
+    "depth": lambda view: np.where(_seen(view), pixels(view.gbuffer.position)[..., 3:], np.float32(np.inf))[..., 0],
+}

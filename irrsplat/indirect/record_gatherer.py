@@ -105,6 +105,11 @@ class RecordGatherer(Owner):
         """What this frees."""
         return (self._made, *self._parts.values())
 
+    def free_passes(self) -> None:
+        """Free what records are gathered with, to be made again when it is wanted; the surface cache stays."""
+        self.atlas = None
+        self._made.drop_but("surface")
+
     # ---- what gathers ----------------------------------------------------------------------------------------------
 
     @property

@@ -55,6 +55,13 @@ class SplatPass(Owner):
             self.distances,
         )
 
+    def free_all_but_sums(self) -> None:
+        """Free the weights, the depths and the smaller buffer; after that, this can only be released."""
+        self.ctx.detect_framebuffer(0).use()
+        for thing in (self.target.gl, *self.target.textures[1:], self.target.depth, self.small):
+            if thing is not None:
+                thing.release()
+
     def _of(self, pixel_stride: int) -> Target:
         if pixel_stride == 1:
             return self.target

@@ -62,6 +62,10 @@ class ViewSplats(Owner):
         """Draw all of it again next time."""
         self._drawn = None
 
+    def free_all_but_sums(self) -> None:
+        """Free the weights, the depths and the buffer of every other pixel; after that, this can only be released."""
+        self.splat_pass.free_all_but_sums()
+
     def update(
         self,
         cache: RecordCache,

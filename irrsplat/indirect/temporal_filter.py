@@ -39,7 +39,7 @@ class TemporalFilter(Owner):
         self.program = Program(ctx, "indirect/temporal", "lib/fullscreen")
         self.fill = Program(ctx, "indirect/surface_fill", "lib/fullscreen")
         self.linear = ctx.sampler(repeat_x=False, repeat_y=False, filter=(moderngl.LINEAR, moderngl.LINEAR))
-        self.targets: dict[tuple[int, int], tuple[Target, Target]] = {}  # by their size, made when they are first wanted
+        self.targets: dict[tuple[int, int], list[Target]] = {}  # by their size, at most two, made when they are first wanted
         self._shown: _Shown | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
@@ -107,11 +107,12 @@ class TemporalFilter(Owner):
 
     def _target(self, size: tuple[int, int], shown: _Shown | None) -> Target:
         """Where the next picture's irradiance goes: not over the last one's."""
-        if size not in self.targets:
-            pair = Target(self.ctx, size, (4,), depth=True), Target(self.ctx, size, (4,), depth=True)
-            self.targets[size] = pair
-        one, other = self.targets[size]
-        return other if shown is not None and shown.texture is one.textures[0] else one
+        made = self.targets.setdefault(size, [])
+        for target in made:
+            if shown is None or shown.texture is not target.textures[0]:
+                return target
+        made.append(Target(self.ctx, size, (4,), depth=True))
+        return made[-1]
 
     def _before(self, shown: _Shown | None, nothing: moderngl.Texture) -> Uniforms:
         """The uniforms of the last picture; `nothing` is a texture to bind where there was none."""

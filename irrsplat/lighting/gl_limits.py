@@ -1,16 +1,25 @@
-"""What OpenGL can draw here: the size of the picture and the number of lights, checked before anything is made."""
+"""What can be drawn here: the size of the picture, the memory that it takes and the number of lights, checked before anything is
+made."""
 
 from __future__ import annotations
 
 import operator
+from collections.abc import Collection
 
 import moderngl
 
-from irrsplat.core.buffers import LIGHT_ROWS, LUMINAIRE_ROWS
+from irrsplat.core.buffers import CHANNELS, LIGHT_ROWS, LUMINAIRE_ROWS
 from irrsplat.core.errors import InputError
+from irrsplat.lighting import memory
 from irrsplat.lighting.light_table import light_table, sheet
 from irrsplat.lighting.luminaire_table import photometries, photometry_size
 from irrsplat.scene.model import Scene
+from irrsplat.settings import Settings
+
+LARGE = 1 << 22  # pixels, from which on a picture is worth saving memory for
+PICTURE = frozenset(("image", "alpha"))
+_BESIDE = 450_000_000  # bytes that gathers, the surface cache, shadow maps and records take whatever the size
+_READING = 28  # bytes a pixel, while one more buffer is read
 
 
 def checked(size: tuple[int, int]) -> tuple[int, int]:
@@ -22,6 +31,41 @@ def checked(size: tuple[int, int]) -> tuple[int, int]:
     if width < 1 or height < 1:
         raise InputError(f"size must be at least 1x1 pixels, not {width}x{height}")
     return width, height
+
+
+def view_bytes(scene: Scene, settings: Settings, picture_alone: bool) -> int:
+    """Bytes a pixel that a view by these settings takes while it is rendered: g-buffer, splat buffer, picture, samples.
+    picture_alone: nothing but image and alpha is read of it."""
+    gbuffer, splats, image, direct, summed = 68, 35, 20, 16, 20  # summed: by the filter in time, or with holes filled
+    gbuffer += 16 if any(material.normal_texture for material in scene.materials) else 0
+    gbuffer += 36 if any(material.filters for material in scene.materials) else 0
+    emitters = 32 if settings.emitters_apart else 0
+    smooth = 16 if settings.smooth else 0
+    if settings.samples > 1:
+        return 2 * (gbuffer + splats + direct + emitters + smooth) + summed + image + 68
+    refined = 64 if settings.quality else 0  # two more splat buffers, and what they are compared by
+    if picture_alone and not refined:
+        return max(gbuffer + splats + summed, gbuffer + summed + direct + image + emitters + smooth)
+    return gbuffer + splats + refined + summed + direct + image + emitters + smooth
+
+
+def check_memory(
+    size: tuple[int, int], scene: Scene, settings: Settings, software: bool, buffers: Collection[str] | None = PICTURE
+) -> None:
+    """Raises InputError where a picture of `size`, and its `buffers` as arrays (None: all), are certain to need more memory than
+    there is. Of a GPU's own memory nothing is known: there, only the arrays count."""
+    names = set(CHANNELS if buffers is None else buffers) & CHANNELS.keys()
+    arrays = 4 * sum(CHANNELS[name].components for name in names)
+    pixel = view_bytes(scene, settings, PICTURE.issuperset(names)) if software else 0
+    # a picture alone is read when most of the view is freed
+    need = size[0] * size[1] * (max(pixel, arrays) if PICTURE.issuperset(names) else pixel + arrays + _READING)
+    need += _BESIDE if software else 0
+    free = memory.available()
+    if size[0] * size[1] >= LARGE and free is not None and need > free:
+        raise InputError(
+            f"size {size[0]}x{size[1]} needs {need / 1e9:.1f} GB of memory, and {free / 1e9:.1f} GB are free here: "
+            "take a smaller size" + ("" if PICTURE.issuperset(names) else ", or fewer buffers: a .png needs least")
+        )
 
 
 def check(ctx: moderngl.Context, size: tuple[int, int], scene: Scene, shadow_size: int) -> None:

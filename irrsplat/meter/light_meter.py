@@ -19,7 +19,7 @@ from irrsplat.core.errors import InputError
 from irrsplat.core.vectors import unit
 from irrsplat.core.words import GREATEST
 from irrsplat.gather.record_frame import OFFSET
-from irrsplat.gpu import context
+from irrsplat.gpu import context, self_test
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
@@ -78,6 +78,7 @@ class LightMeter(Owner):
             if self._owns_ctx:
                 made.callback(self.ctx.release)
             self.about = context.describe(self.ctx)
+            self_test.check(self.ctx)
             gl_limits.check(self.ctx, (1, 1), scene, self.settings.shadow_size)
             self.world = made.enter_context(World(self.ctx, scene))
             self.cache = made.enter_context(RecordCache(self.ctx))

@@ -6,7 +6,7 @@ Read `Renderer.frame` first, and then `Rounds` (rounds.py), which is all of it b
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from typing import Unpack, cast
@@ -19,7 +19,7 @@ from irrsplat.core import files
 from irrsplat.core.buffers import GBuffer, ShadowMaps
 from irrsplat.core.errors import InputError
 from irrsplat.core.paths import named
-from irrsplat.gpu import context, program
+from irrsplat.gpu import context, program, self_test
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import pixels
 from irrsplat.gpu.time_budget import Budget, now
@@ -28,7 +28,7 @@ from irrsplat.gpu.world import World
 from irrsplat.image.antialias import OnProgress
 from irrsplat.image.composite import CompositePass
 from irrsplat.image.figures.paper_figures import PaperFigures
-from irrsplat.image.frame import Frame
+from irrsplat.image.frame import Frame, check_names
 from irrsplat.image.statistics import Statistics, describe
 from irrsplat.image.view import Progress, View, read, sample_progress
 from irrsplat.indirect.scheduler import RecordScheduler
@@ -60,7 +60,7 @@ class Renderer(Owner):
     window, current after every call).
     A scene that lies far from 0 0 0 is drawn relative to an origin near by (Scene.origin): buffers of a View and the cache's
     records are relative to that; cameras, lights, moves and the Frame of `render` are in world space.
-    Raises InputError for a size or setting that cannot be, GLError where there is no OpenGL 3.3.
+    Raises InputError for a size or setting that cannot be, GLError where there is no OpenGL 3.3, or one that fails the self-test.
     It works in the thread and the process that made it; elsewhere, and in a process forked from one that uses OpenGL, calls raise
     GLError. Each thread, and each process that was spawned, may make its own.
     Use it in a `with` block, or call `release`, to free what it holds on the GPU.
@@ -86,7 +86,9 @@ class Renderer(Owner):
             if self._owns_ctx:
                 made.callback(self.ctx.release)
             self.about = context.describe(self.ctx)
+            self_test.check(self.ctx)
             gl_limits.check(self.ctx, self.size, scene, self.settings.shadow_size)
+            gl_limits.check_memory(self.size, scene, self.settings, self.about["software"])
             self.timers = Timers(self.ctx, bool(self.about["software"]), enabled=True)
             self.world = made.enter_context(World(self.ctx, scene, self.settings.texture_memory))
             self.cache = made.enter_context(RecordCache(self.ctx))
@@ -103,9 +105,10 @@ class Renderer(Owner):
     def release(self) -> None:
         """Free everything on the GPU, the context too where this renderer made it."""
         if self._owns_ctx:
-            self._use()
+            if not context.is_gone(self.ctx):
+                self._use()
             self.ctx.release()
-        else:
+        elif not context.is_gone(self.ctx):
             super().release()
 
     # ---- what it is about ------------------------------------------------------------------------------------------
@@ -187,6 +190,7 @@ class Renderer(Owner):
 
     def _use(self) -> None:
         """Make this renderer's own OpenGL context the current one; a given one is its owner's to make current."""
+        context.check_alive(self.ctx)
         if self._owns_ctx:
             context.make_current(self.ctx)
 
@@ -279,6 +283,8 @@ class Renderer(Owner):
     def accumulate(self, view: View, samples: int, seconds: float | None = None, on_progress: OnProgress | None = None) -> View:
         """The `view` that `frame` gave last, with `samples` a pixel, or as many more than last time as `seconds` allow, one at
         least; the cache is left as it is. on_progress: called with the share done, 0..1, after each."""
+        if samples <= 1:
+            return view
         self._use()
         return self.stages.accumulate(self._state, view, samples, Budget(seconds), on_progress)
 
@@ -335,6 +341,8 @@ class Renderer(Owner):
         """Go on with another scene, size or settings: with all of it, or, where it is refused, as before."""
         self._use()
         gl_limits.check(self.ctx, state.size, state.scene, state.settings.shadow_size)
+        if state.size != self.size:
+            gl_limits.check_memory(state.size, state.scene, state.settings, self.about["software"])
         if state.view_subject != self._state.view_subject:
             self._resting.leave()
         change = self.scheduler.change_to(state.scene)
@@ -403,12 +411,16 @@ class Renderer(Owner):
     # ---- whole renders ---------------------------------------------------------------------------------------------
 
     def converge(
-        self, camera: Camera | str | None = None, progress: Callable[[Progress], None] | None = None
+        self,
+        camera: Camera | str | None = None,
+        progress: Callable[[Progress], None] | None = None,
+        sparing: bool = False,
     ) -> tuple[View, Statistics]:
         """Rounds until the examination finds nothing, or `max_rounds`; returns the view and its statistics.
 
         "seconds" among them is the wall time to full coverage, before direct light and composite. progress is called after
-        each round. Ctrl-C ends the rounds: the last complete one counts, "interrupted" is True.
+        each round. Ctrl-C ends the rounds: the last complete one counts, "interrupted" is True. sparing: of the view nothing is
+        looked at but its image and alpha, so that the memory for others can be freed before they are made.
         """
         self._use()
         self._resting.leave()
@@ -438,33 +450,54 @@ class Renderer(Owner):
             stats["coverage"] = done.progress.coverage
         self.ctx.finish()
         stats |= {"records": self.cache.count, "seconds": time.perf_counter() - start}
-        return self.stages.draw_picture(self._state, done), stats
+        return self.stages.draw_picture(self._state, replace(done, sparing=sparing)), stats
 
     def render(
         self,
         camera: Camera | str | None = None,
         progress: Callable[[Progress], None] | None = None,
         figures: bool = False,
+        buffers: Collection[str] | None = None,
     ) -> Frame:
         """The view from `camera` (or the scene's of that name; default: its first), until every pixel is served, and then, where
         the settings give a `quality`, until its estimated error is no greater.
 
         Returns a Frame of numpy arrays that the caller owns. Records of earlier views are used again: only what is new is
         gathered. progress is called after each round. figures: fill Frame.figures with the paper's figures 1, 3 and 4 too.
+        buffers: names of those that the frame holds (default: all); the others are empty, and of image and alpha alone a large
+        picture takes half as much memory.
         Ctrl-C ends the rounds, or the samples, early: stats["converged"] is False then.
         """
+        check_names(buffers)
         album = PaperFigures(self._splatted, progress)
-        view, stats = self.converge(camera, album if figures else progress)
+        refined = self.settings.quality or self.settings.samples > 1
+        alone = buffers is not None and not figures and gl_limits.PICTURE.issuperset(buffers)
+        sparing = alone and not refined and self.size[0] * self.size[1] >= gl_limits.LARGE
+        if self.gbuffer is None:
+            wanted = gl_limits.PICTURE if alone else buffers
+            gl_limits.check_memory(self.size, self._state.scene, self.settings, self.about["software"], wanted)
+        view, stats = self.converge(camera, album if figures else progress, sparing)
         if self.settings.quality and stats["converged"]:
             view, stats = self._improved(view, stats, progress)
         samples = 1 if stats["interrupted"] else self.settings.samples
         view = self.accumulate(view, samples, on_progress=sample_progress(progress, stats))
         if view.samples < self.settings.samples:  # Ctrl-C
             stats |= {"interrupted": True, "converged": False}
-        frame = read(view, self.cache.read(), stats | self.stats(view))
+        stats |= self.stats(view)
+        if self._owns_ctx:
+            context.check_errors(self.ctx)
+        if sparing:
+            self._free_buffers()
+        frame = read(view, self.cache.read(), stats, buffers)
         if figures:
             frame = replace(frame, figures=album.figures(frame, view.camera, self.settings))
         return frame.placed(self._origin)
+
+    def _free_buffers(self) -> None:
+        """Free all that the last view is made of but its image and alpha, to be made again when it is wanted."""
+        self.stages.free_buffers()
+        self._resting.free()
+        self._state = replace(self._state, view=ViewState(), shown=None)
 
     def _improved(self, view: View, stats: Statistics, on_progress: Callable[[Progress], None] | None) -> tuple[View, Statistics]:
         """A converged view refined to the settings' `quality`, and its statistics. Ctrl-C ends it with the picture that there

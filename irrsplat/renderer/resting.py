@@ -75,6 +75,10 @@ class RestingView(Owner):
         )
         return Round(camera, stages.draw_shadows(state), stages.draw_gbuffer(state, camera), refined.splats, progress)
 
+    def free(self) -> None:
+        """Free what refines, to be made again when it is wanted; no view is refined now."""
+        self._passes.drop("refiner")
+
     def leave(self) -> None:
         """Go back to the view as its settings have it."""
         if self._refinement is not None and self._refiner is not None:

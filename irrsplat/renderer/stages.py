@@ -7,7 +7,7 @@ from dataclasses import replace
 import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import GBuffer, ShadowMaps
+from irrsplat.core.buffers import GBuffer, ShadowMaps, SplatBuffer
 from irrsplat.core.memo import Memo
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.time_budget import Budget
@@ -153,15 +153,18 @@ class Stages(Owner):
                 return emitter_pass(gbuffer, self.world, settings)
 
         def compose() -> View:
-            direct = self._memo.get("direct", (gbuffer, shadows, headlamp), light)
-            emitters = None if emitter_pass is None else self._memo.get("emitters", (gbuffer, *sampled_by), sample_emitters)
             splats = done.splats
             if fading or surface is not None:
                 with self.timers("composite"):
                     found = None if surface is None else surface.uniforms()["scene"]
                     splats = temporal_filter(splats, gbuffer, camera, subject, shadows, found)
             splats = self.splats(state).at_every_pixel(splats, gbuffer, camera)
-            sums, composite_pass = splats.sums, self.composite_pass(state)
+            sums = splats.sums
+            if done.sparing:
+                self._spare(state, splats if sums is done.splats.sums else None)
+            direct = self._memo.get("direct", (gbuffer, shadows, headlamp), light)
+            emitters = None if emitter_pass is None else self._memo.get("emitters", (gbuffer, *sampled_by), sample_emitters)
+            composite_pass = self.composite_pass(state)
             with self.timers("composite"):
                 if filling and surface is None:
                     sums = composite_pass.filled(sums, direct, gbuffer, backdrop)
@@ -189,6 +192,21 @@ class Stages(Owner):
         return self.splats(state).read(records, self.draw_gbuffer(state, camera), camera, state.settings)
 
     # ---- what changes ----------------------------------------------------------------------------------------------
+
+    def _spare(self, state: State, splats: SplatBuffer | None) -> None:
+        """Free what is not needed for the picture alone: all by which records are made, of the splats all but their sums, or,
+        for None, these as well."""
+        self.scheduler.gatherer.free_passes()
+        if splats is not None:
+            self.splats(state).free_all_but_sums()
+        else:
+            self._passes.drop("splats")
+
+    def free_buffers(self) -> None:
+        """Free all that a view is made of but its image and alpha, to be made again when it is wanted."""
+        self._memo.forget(but=("shadows",))
+        for name in ("gbuffer", "splats", "direct", "direct irradiance", "emitters", "temporal"):
+            self._passes.drop(name)
 
     def forget(self, shadows: bool) -> None:
         """Draw everything again next time; the `shadows` only if they are meant too."""

@@ -70,10 +70,12 @@ class State:
 
 @dataclass(frozen=True)
 class Round:
-    """What one round of a view leaves for its picture."""
+    """What one round of a view leaves for its picture. sparing: nothing but the picture is wanted, and the splat buffer is freed
+    once it is made of another."""
 
     camera: Camera
     shadows: ShadowMaps
     gbuffer: GBuffer
     splats: SplatBuffer
     progress: Progress
+    sparing: bool = False

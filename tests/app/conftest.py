@@ -42,8 +42,10 @@ class FakeRenderer:
     def __exit__(self, *_: object) -> None:
         pass
 
-    def render(self, camera: Any = None, progress: Callable[[Any], None] | None = None, figures: bool = False) -> Frame:
-        vars(self.asked).update(camera=camera, figures=figures, progress=progress)
+    def render(
+        self, camera: Any = None, progress: Callable[[Any], None] | None = None, figures: bool = False, buffers: Any = None
+    ) -> Frame:
+        vars(self.asked).update(camera=camera, figures=figures, progress=progress, buffers=buffers)
         if progress is not None:
             progress(self.told)
         width, height = self.asked.size

@@ -16,7 +16,7 @@ from irrsplat.app.viewer import preferences, viewer
 from irrsplat.app.viewer.window import open_window
 from irrsplat.indirect.scheduler import RecordScheduler
 from irrsplat.records import cache_file
-from irrsplat.renderer import Renderer
+from irrsplat.renderer.rounds import Rounds
 from irrsplat.surface_cache.cache import SurfaceCache
 from tests.support.viewing import write_room
 
@@ -87,7 +87,7 @@ def test_a_path_keeps_its_records_and_uses_those_that_there_are(place: Path) -> 
 
 
 def test_an_interrupted_render_keeps_what_it_has(place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    advance, rounds = Renderer._refine, iter(range(10))
+    advance, rounds = Rounds.__call__, iter(range(10))
 
     def interrupted(*args: Any, **rest: Any) -> Any:
         if next(rounds) == 2:
@@ -95,7 +95,7 @@ def test_an_interrupted_render_keeps_what_it_has(place: Path, monkeypatch: pytes
         return advance(*args, **rest)
 
     with monkeypatch.context() as patched:
-        patched.setattr(Renderer, "_refine", interrupted)
+        patched.setattr(Rounds, "__call__", interrupted)
         assert cli.main([*RENDER, "-o", "a.png", "--stats", "a.json"]) == 130
     assert cli.main([*RENDER, "-o", "b.png", "--stats", "b.json"]) == 0
     assert 0 < stats("a.json")["records"] < stats("b.json")["records"] and stats("b.json")["converged"]

@@ -122,7 +122,7 @@ def test_outputs_are_tried_before_the_scene_is_loaded(
         (InputError("size 99999x1 is beyond the limit"), 2, "beyond"),
         (GLError("no OpenGL 3.3: run: sudo apt-get install -y libegl1"), 1, "libegl1"),
         (RuntimeError("two\nlines"), 1, "internal error: RuntimeError: two lines"),
-        (MemoryError(), 1, "MemoryError"),
+        (MemoryError(), 1, "out of memory"),
         (KeyboardInterrupt(), 130, "interrupted"),
     ],
 )

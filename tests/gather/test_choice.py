@@ -78,7 +78,7 @@ def test_what_else_it_goes_by_is_timed_apart(ctx: moderngl.Context, fresh: Calla
     assert autotune.kind(ctx, Scene(SMALL.meshes[:1], (), (ABOVE,)), ONE) == "raster"
     assert clock.asked == 3
     about = context.describe(ctx)
-    assert autotune.machine(about) != autotune.machine(about | {"version": "another"})
+    assert context.machine(about) != context.machine(about | {"version": "another"})
 
 
 def test_where_it_is_clear_nothing_is_timed(

@@ -1,0 +1,365 @@
+"""What this OpenGL can do, tried on a few pixels: a driver may draw nothing where a feature is missing, and report no error."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+import moderngl
+import numpy as np
+
+from irrsplat.core import paths
+from irrsplat.core.errors import GLError, IrrsplatError
+from irrsplat.core.files import write_text
+from irrsplat.gpu import context
+from irrsplat.gpu.resource import Resource
+
+_FILE, _VERSION, _MOST = "self-test.json", 1, 50  # entries
+_DEPTH_CLAMP, _CLIP_DISTANCE0 = 0x864F, 0x3000
+_SIZE = (4, 4)
+
+# A triangle that covers the target, and the half of it below its diagonal: as instance 0, 1, 2 …
+_COVERS = """#version 330 core
+flat out int v_instance;
+void main()
+{
+    v_instance = gl_InstanceID;
+    gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0, 0.0, 1.0);
+}
+"""
+
+
+@dataclass(frozen=True)
+class Abilities:
+    """What an OpenGL can do. missing: names of features that irrsplat cannot do without. numbers_triangles: fragment shaders have
+    gl_PrimitiveID; else they have it only behind a geometry shader."""
+
+    missing: tuple[str, ...]
+    numbers_triangles: bool
+
+
+T = TypeVar("T", bound=Resource)
+_known: dict[str, Abilities] = {}  # by driver
+
+
+def check(ctx: moderngl.Context) -> None:
+    """Raises GLError, naming the features, where `ctx` lacks some that irrsplat needs."""
+    require(context.describe(ctx), abilities(ctx))
+
+
+def require(about: context.Description, found: Abilities) -> None:
+    """Raises GLError, naming the features, where they are missing in what was `found` of the OpenGL that `about` describes."""
+    if found.missing:
+        other = "" if about["software"] else ", or draw on the CPU: set LIBGL_ALWAYS_SOFTWARE=1"
+        raise GLError(f"the driver '{about['renderer']}' fails the self-test of {', '.join(found.missing)}; update it{other}")
+
+
+def abilities(ctx: moderngl.Context) -> Abilities:
+    """What `ctx` can do: tried once for each driver and version of irrsplat. That nothing is missing is kept in a file for later
+    processes."""
+    extensions = hashlib.sha256(" ".join(sorted(ctx.extensions)).encode()).hexdigest()[:12]
+    name = f"{context.machine(context.describe(ctx))}; extensions {extensions}"
+    if name not in _known:
+        _known[name] = _kept(name) or _tried(ctx, name)
+    return _known[name]
+
+
+def tried(ctx: moderngl.Context) -> Abilities:
+    """What `ctx` can do, tried now; the framebuffer that was bound is bound again."""
+    bound = ctx.fbo or ctx.detect_framebuffer(0)
+    try:
+        missing = tuple(name for name, holds in FEATURES if not _holds(ctx, holds))
+        plain = _holds(ctx, _numbered_triangles)
+        if not plain and not _holds(ctx, _numbered_by_geometry_shader):
+            missing = (*missing, "gl_PrimitiveID")
+    finally:
+        bound.use()
+    return Abilities(missing, plain)
+
+
+def _holds(ctx: moderngl.Context, feature: Callable[[moderngl.Context], bool]) -> bool:
+    """Whether a feature gives what it must, and no OpenGL error."""
+    ctx.clear_errors()
+    try:
+        right = feature(ctx)
+    except Exception:  # whatever moderngl says of a driver that refuses a shader or a texture
+        right = False
+    finally:
+        ctx.enable_only(moderngl.NOTHING)
+    return right and ctx.error == "GL_NO_ERROR"
+
+
+# ---- the features ------------------------------------------------------------------------------------------------------
+
+
+@contextmanager
+def _drawing(
+    ctx: moderngl.Context, fragment: str, *formats: tuple[int, str], vertex: str = _COVERS, geometry: str | None = None
+) -> Iterator[tuple[moderngl.Framebuffer, moderngl.VertexArray, ExitStack]]:
+    """A cleared framebuffer with textures of such (components, dtype) and depth, and a program for it; all are freed."""
+    with ExitStack() as stack:
+
+        def kept(thing: T) -> T:
+            stack.callback(thing.release)
+            return thing
+
+        textures = [kept(ctx.texture(_SIZE, components, dtype=dtype)) for components, dtype in formats]
+        depth = kept(ctx.depth_texture(_SIZE))
+        target = kept(ctx.framebuffer(textures, depth))
+        program = kept(
+            ctx.program(vertex_shader=vertex, fragment_shader="#version 330 core\n" + fragment, geometry_shader=geometry)
+        )
+        target.use()
+        target.clear()
+        ctx.enable_only(moderngl.NOTHING)
+        array = kept(ctx.vertex_array(program, []))
+        stack.callback(lambda: ctx.detect_framebuffer(0).use())  # moderngl would go on to bind a framebuffer that is gone
+        yield target, array, stack
+
+
+def _read(target: moderngl.Framebuffer, attachment: int = 0, dtype: str = "f4") -> np.ndarray:
+    """(height, width, components), bottom row first."""
+    texture = target.color_attachments[attachment]
+    assert isinstance(texture, moderngl.Texture)
+    return np.frombuffer(texture.read(), dtype).reshape(*_SIZE[::-1], texture.components)
+
+
+def _float_targets(ctx: moderngl.Context) -> bool:
+    values = np.array((16777215.0, 1e-30, -3e30, 0.1), "f4")
+    fragment = """
+    layout(location = 0) out vec4 a; layout(location = 1) out vec2 b; layout(location = 2) out float c;
+    void main() { a = vec4(16777215.0, 1e-30, -3e30, 0.1); b = a.xw; c = a.w; }"""
+    with _drawing(ctx, fragment, (4, "f4"), (2, "f4"), (1, "f4")) as (target, array, _):
+        array.render(vertices=3)
+        found = [_read(target, i) for i in range(3)]
+    return all(np.array_equal(f[y, x], v) for f, v in zip(found, (values, values[[0, 3]], values[3:]), strict=True)
+               for y in range(4) for x in range(4))  # fmt: skip
+
+
+def _float_blending(ctx: moderngl.Context) -> bool:
+    fragment = """
+    flat in int v_instance;
+    layout(location = 0) out vec4 a; layout(location = 1) out vec2 b;
+    void main() { a = vec4(1e6, 1e-6, -1.0, 0.1) * float(v_instance + 1); b = a.xw; }"""
+    with _drawing(ctx, fragment, (4, "f4"), (2, "f4")) as (target, array, _):
+        ctx.enable(moderngl.BLEND)
+        ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
+        ctx.blend_func = moderngl.ONE, moderngl.ONE
+        array.render(vertices=3, instances=3)
+        sums, others = _read(target, 0), _read(target, 1)
+    six = 6.0 * np.array((1e6, 1e-6, -1.0, 0.1))
+    return np.allclose(sums, six, rtol=1e-5, atol=0.0) and np.allclose(others, six[[0, 3]], rtol=1e-5, atol=0.0)
+
+
+def _least_blending(ctx: moderngl.Context) -> bool:
+    fragment = "flat in int v_instance; out float a; void main() { a = abs(float(v_instance) - 1.0) - 2.0; }"
+    with _drawing(ctx, fragment, (1, "f4")) as (target, array, _):
+        ctx.enable(moderngl.BLEND)
+        ctx.blend_equation = moderngl.MIN  # type: ignore[assignment]
+        ctx.blend_func = moderngl.ONE, moderngl.ONE
+        array.render(vertices=3, instances=3)
+        ctx.blend_equation = moderngl.FUNC_ADD  # type: ignore[assignment]
+        return bool((_read(target) == -2.0).all())
+
+
+def _instances(ctx: moderngl.Context) -> bool:
+    """Each of four instances fills a column of its own."""
+    vertex = """#version 330 core
+    flat out int v_instance;
+    void main()
+    {
+        v_instance = gl_InstanceID;
+        vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1);
+        gl_Position = vec4((corner.x + float(gl_InstanceID)) * 0.5 - 1.0, corner.y * 2.0 - 1.0, 0.0, 1.0);
+    }"""
+    fragment = "flat in int v_instance; out float a; void main() { a = float(v_instance + 1); }"
+    with _drawing(ctx, fragment, (1, "f4"), vertex=vertex) as (target, array, _):
+        array.render(moderngl.TRIANGLE_STRIP, vertices=4, instances=4)
+        return bool((_read(target)[..., 0] == np.arange(1.0, 5.0)).all())
+
+
+def _clip_distances(ctx: moderngl.Context) -> bool:
+    """The fifth plane cuts the left half off."""
+    vertex = """#version 330 core
+    out float gl_ClipDistance[5];
+    void main()
+    {
+        gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0, 0.0, 1.0);
+        for (int i = 0; i < 4; ++i) gl_ClipDistance[i] = 1.0;
+        gl_ClipDistance[4] = gl_Position.x;
+    }"""
+    with _drawing(ctx, "out float a; void main() { a = 1.0; }", (1, "f4"), vertex=vertex) as (target, array, _):
+        for i in range(5):
+            ctx.enable_direct(_CLIP_DISTANCE0 + i)
+        array.render(vertices=3)
+        for i in range(5):
+            ctx.disable_direct(_CLIP_DISTANCE0 + i)
+        return bool((_read(target)[..., 0] == (0.0, 0.0, 1.0, 1.0)).all())
+
+
+def _depth_clamp(ctx: moderngl.Context) -> bool:
+    """What lies before the near plane is drawn."""
+    vertex = _COVERS.replace("0.0, 1.0);", "-3.0, 1.0);")
+    with _drawing(ctx, "out float a; void main() { a = 1.0; }", (1, "f4"), vertex=vertex) as (target, array, _):
+        ctx.enable(moderngl.DEPTH_TEST)
+        ctx.depth_func = "<"
+        ctx.enable_direct(_DEPTH_CLAMP)
+        array.render(vertices=3)
+        ctx.disable_direct(_DEPTH_CLAMP)
+        return bool((_read(target) == 1.0).all())
+
+
+def _depth_by_shader(ctx: moderngl.Context) -> bool:
+    """Of three instances the second is nearest by the depth that its fragments write, and stays."""
+    fragment = """
+    flat in int v_instance;
+    out float a;
+    void main() { a = float(v_instance); gl_FragDepth = abs(float(v_instance) - 1.0) * 0.25 + 0.25; }"""
+    with _drawing(ctx, fragment, (1, "f4")) as (target, array, _):
+        ctx.enable(moderngl.DEPTH_TEST)
+        ctx.depth_func = "<"
+        array.render(vertices=3, instances=3)
+        return bool((_read(target) == 1.0).all())
+
+
+def _samplers(ctx: moderngl.Context) -> bool:
+    """Shadow samplers compare; tables of floats, integers and depths are fetched as they were written."""
+    fragment = """
+    uniform sampler2DShadow shadow;
+    uniform sampler2D table, depths;
+    uniform isampler2D numbers;
+    out vec4 a;
+    void main()
+    {
+        ivec2 here = ivec2(gl_FragCoord.xy);
+        a.x = texture(shadow, vec3(0.5, 0.5, 0.4)) - texture(shadow, vec3(0.5, 0.5, 0.6));
+        a.y = texelFetch(table, here, 0).w;
+        a.z = float(texelFetch(numbers, here, 0).r);
+        a.w = texelFetch(depths, here, 0).r;
+    }"""
+    numbers = np.arange(16, dtype="i4") * 1000003 % 16777213
+    table = np.linspace(-1e9, 1e9, 64).astype("f4")
+    half = np.full(16, 0.5, "f4")
+    with _drawing(ctx, fragment, (4, "f4")) as (target, array, stack):
+        given = {
+            "shadow": ctx.depth_texture(_SIZE, half.tobytes()),
+            "table": ctx.texture(_SIZE, 4, table.tobytes(), dtype="f4"),
+            "numbers": ctx.texture(_SIZE, 1, numbers.tobytes(), dtype="i4"),
+            "depths": ctx.depth_texture(_SIZE, half.tobytes()),
+        }
+        given["shadow"].compare_func, given["depths"].compare_func = "<=", ""
+        given["numbers"].filter = given["depths"].filter = moderngl.NEAREST, moderngl.NEAREST
+        for unit, (name, texture) in enumerate(given.items()):
+            stack.callback(texture.release)
+            texture.use(unit)
+            array.program[name].value = unit  # type: ignore[union-attr]
+        array.render(vertices=3)
+        found = _read(target).reshape(16, 4)
+    return bool(
+        (found[:, 0] == 1.0).all()
+        and np.array_equal(found[:, 1], table[3::4])
+        and np.array_equal(found[:, 2], numbers.astype("f4"))
+        and np.allclose(found[:, 3], 0.5, atol=1e-4)
+    )
+
+
+def _texture_arrays(ctx: moderngl.Context) -> bool:
+    """A level of the second layer of an array of half floats is the mean of the level below it."""
+    fragment = "uniform sampler2DArray layers; out vec4 a; void main() { a = textureLod(layers, vec3(0.5, 0.5, 1.0), 2.0); }"
+    texels = np.concatenate([np.zeros(64), np.tile((1.0, 2.0, 3.0, 4.0), 16)]).astype("f2")
+    with _drawing(ctx, fragment, (4, "f4")) as (target, array, stack):
+        layers = ctx.texture_array((*_SIZE, 2), 4, texels.tobytes(), dtype="f2")
+        stack.callback(layers.release)
+        layers.build_mipmaps()
+        layers.use(0)
+        array.render(vertices=3)
+        return bool((_read(target) == (1.0, 2.0, 3.0, 4.0)).all())
+
+
+_TWO_TRIANGLES = """#version 330 core
+void main()
+{
+    vec2 corners[4] = vec2[](vec2(-1.0), vec2(1.0, -1.0), vec2(-1.0, 1.0), vec2(1.0));
+    gl_Position = vec4(corners[gl_VertexID < 3 ? gl_VertexID : gl_VertexID - 2], 0.0, 1.0);
+}"""
+_NUMBER = "out float a; void main() { a = float(gl_PrimitiveID + 1); }"
+_PASS_ON = """#version 330 core
+layout(triangles) in;
+layout(triangle_strip, max_vertices = 3) out;
+void main()
+{
+    for (int i = 0; i < 3; ++i)
+    {
+        gl_Position = gl_in[i].gl_Position;
+        gl_PrimitiveID = gl_PrimitiveIDIn;
+        EmitVertex();
+    }
+    EndPrimitive();
+}"""
+
+
+def _numbered_triangles(ctx: moderngl.Context, geometry: str | None = None) -> bool:
+    """Of two triangles, either side of the diagonal, each knows its number."""
+    with _drawing(ctx, _NUMBER, (1, "f4"), vertex=_TWO_TRIANGLES, geometry=geometry) as (target, array, _):
+        array.render(vertices=6)
+        found = _read(target)[..., 0]
+    below = np.add.outer(np.arange(4), np.arange(4))
+    return bool((found[below < 3] == 1.0).all() and (found[below > 3] == 2.0).all())
+
+
+def _numbered_by_geometry_shader(ctx: moderngl.Context) -> bool:
+    return _numbered_triangles(ctx, _PASS_ON)
+
+
+FEATURES: tuple[tuple[str, Callable[[moderngl.Context], bool]], ...] = (
+    ("float framebuffers", _float_targets),
+    ("blending of floats", _float_blending),
+    ("GL_MIN blending", _least_blending),
+    ("instanced draws", _instances),
+    ("gl_ClipDistance", _clip_distances),
+    ("GL_DEPTH_CLAMP", _depth_clamp),
+    ("gl_FragDepth", _depth_by_shader),
+    ("samplers of shadows, depths and integers", _samplers),
+    ("texture arrays of half floats", _texture_arrays),
+)
+
+
+# ---- the file ----------------------------------------------------------------------------------------------------------
+
+
+def _tried(ctx: moderngl.Context, name: str) -> Abilities:
+    """The same as `tried`; where nothing is missing, that is kept under this name, if it can be."""
+    found = tried(ctx)
+    path = _path()
+    if path is not None and not found.missing:
+        with suppress(OSError, IrrsplatError):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            entries = dict(list((_entries(path) | {name: found.numbers_triangles}).items())[-_MOST:])
+            write_text(path, json.dumps({"version": _VERSION, "numbers_triangles": entries}, indent=1) + "\n")
+    return found
+
+
+def _kept(name: str) -> Abilities | None:
+    """What an earlier process found under this name: nothing missing."""
+    path = _path()
+    numbers_triangles = None if path is None else _entries(path).get(name)
+    return None if numbers_triangles is None else Abilities((), numbers_triangles)
+
+
+def _path() -> Path | None:
+    folder = paths.cache_folder()
+    return None if folder is None else folder / _FILE
+
+
+def _entries(path: Path) -> dict[str, bool]:
+    """What the file holds; nothing where it is none of ours."""
+    with suppress(OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError):
+        data = json.loads(path.read_bytes())
+        if data["version"] == _VERSION:
+            return {str(name): value for name, value in data["numbers_triangles"].items() if isinstance(value, bool)}
+    return {}

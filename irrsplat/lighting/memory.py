@@ -1,0 +1,47 @@
+"""How much memory this process may still take."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from pathlib import Path
+
+_GROUPS = (  # of a container: the limit, and what is taken of it
+    ("memory.max", "memory.current"),
+    ("memory/memory.limit_in_bytes", "memory/memory.usage_in_bytes"),
+)
+
+
+def available() -> int | None:
+    """Bytes that this process may still take without swapping, by the machine, its container and its own limits; None where that
+    is not known: elsewhere than on Linux."""
+    found = [*_machine(), *_container(), *_process()]
+    return max(0, min(found)) if found else None
+
+
+def _machine() -> list[int]:
+    with suppress(OSError, ValueError, IndexError):
+        for line in Path("/proc/meminfo").read_text().splitlines():
+            if line.startswith("MemAvailable:"):
+                return [1024 * int(line.split()[1])]
+    return []
+
+
+def _container() -> list[int]:
+    found = []
+    for limit, taken in _GROUPS:
+        with suppress(OSError, ValueError):  # "max", or no such file: no limit
+            root = Path("/sys/fs/cgroup")
+            found.append(int((root / limit).read_text()) - int((root / taken).read_text()))
+    return found
+
+
+def _process() -> list[int]:
+    """What ulimit -v leaves."""
+    with suppress(ImportError, OSError, ValueError, IndexError):
+        import resource
+
+        limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+        if limit != resource.RLIM_INFINITY:
+            pages = int(Path("/proc/self/statm").read_text().split()[0])
+            return [limit - pages * resource.getpagesize()]
+    return []

@@ -1,0 +1,154 @@
+"""Large pictures: what they need is known beforehand, a picture alone takes less, and the end of memory is one line."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, get_args
+
+import moderngl
+import numpy as np
+import pytest
+from PIL import Image
+
+import irrsplat
+from irrsplat import Renderer
+from irrsplat.app import cli
+from irrsplat.core.errors import GLError, InputError
+from irrsplat.gpu.target import Target
+from irrsplat.image import frame as output
+from irrsplat.image.backdrop import BackdropKind
+from irrsplat.image.frame import RECORDS, Frame
+from irrsplat.lighting import gl_limits, memory
+from irrsplat.settings import preset
+from tests.renderer.test_renderer import FAST, room
+
+SIZE = (64, 416)  # high enough for views that begin with every other pixel
+CHEAP: dict[str, Any] = {**FAST, "a": 0.8}
+ALONE = ("image", "alpha")
+
+
+@pytest.fixture
+def sparing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every picture counts as large."""
+    monkeypatch.setattr(gl_limits, "LARGE", 0)
+
+
+@pytest.mark.parametrize("settings", [{}, {"bounces": "all"}, {"max_rounds": 1}, {"bounces": "all", "max_rounds": 1}], ids=str)
+def test_a_picture_alone_has_the_same_records_and_bytes(sparing: None, settings: dict[str, Any]) -> None:
+    kind = {**CHEAP, **settings}
+    with Renderer(room(sky=0.5), SIZE, **kind) as renderer:
+        alone = renderer.render(buffers=ALONE)
+        again = renderer.render()  # with all that was freed
+        with pytest.raises(InputError, match="unknown buffer 'imag' \\(did you mean 'image'"):
+            renderer.render(buffers=("imag",))
+    whole = irrsplat.render(room(sky=0.5), SIZE, **kind)
+    for name in (*ALONE, *RECORDS):
+        assert getattr(alone, name).tobytes() == getattr(whole, name).tobytes(), name
+    assert alone.depth.shape == (0, 0) and alone.normal.shape == (0, 0, 3)
+    assert alone.stats["records"] == whole.stats["records"] and alone.exposure == whole.exposure
+    if "max_rounds" not in settings:
+        assert again.stats["records"] == whole.stats["records"]
+        assert np.allclose(again.irradiance, whole.irradiance, rtol=1e-4, atol=1e-5)
+
+
+@pytest.fixture
+def peak(monkeypatch: pytest.MonkeyPatch) -> Callable[[], float]:
+    """Bytes a pixel of SIZE that textures of that size, or of every other pixel, took at most since."""
+    live: dict[int, int] = {}
+    most = [0]
+
+    def follow(name: str, bytes_of: Callable[..., int]) -> None:
+        make = getattr(moderngl.Context, name)
+
+        def made(self: moderngl.Context, size: Any, *some: Any, **more: Any) -> Any:
+            texture = make(self, size, *some, **more)
+            if size in (SIZE, (SIZE[0] // 2, SIZE[1] // 2)):
+                live[id(texture)] = size[0] * size[1] * bytes_of(*some, **more)
+                kept.append(texture)  # no id is used twice
+            most[0] = max(most[0], sum(n for t in kept if (n := live[id(t)]) and not isinstance(t.mglo, moderngl.InvalidObject)))
+            return texture
+
+        monkeypatch.setattr(moderngl.Context, name, made)
+
+    kept: list[Any] = []
+    follow("texture", lambda components, *_, **__: 4 * components)
+    follow("depth_texture", lambda *_, **__: 4)
+    return lambda: most[0] / (SIZE[0] * SIZE[1])
+
+
+@pytest.mark.parametrize("alone", [True, False], ids=("picture", "all buffers"))
+@pytest.mark.parametrize(
+    "settings",
+    [{}, {"bounces": "all", "max_rounds": 1}, {"samples": 2}, {"smooth": True}, {"quality": 20.0}, {"pixel_light_samples": 1}],
+    ids=str,
+)
+def test_what_a_view_needs_is_known_beforehand(
+    sparing: None, peak: Callable[[], float], settings: dict[str, Any], alone: bool
+) -> None:
+    kind = {**CHEAP, **settings}
+    with Renderer(room(), SIZE, **kind) as renderer:
+        renderer.render(buffers=ALONE if alone else None)
+    need = gl_limits.view_bytes(room(), preset("default", **kind), alone)
+    assert 0.7 * need <= peak() <= need, (peak(), need)
+
+
+def test_what_does_not_fit_is_refused_before_anything_is_made(
+    sparing: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(memory, "available", lambda: 4_000_000_000)
+    picture = str(tmp_path / "x.png")
+    assert cli.main(["render", "--size", "8192", "8192", "-o", picture]) == 2
+    assert capsys.readouterr().err == (
+        "irrsplat: size 8192x8192 needs 8.8 GB of memory, and 4.0 GB are free here: take a smaller size\n"
+    )
+    assert cli.main(["render", "--size", "4096", "4096", "-o", picture, "-o", str(tmp_path / "x.exr")]) == 2
+    assert "or fewer buffers: a .png needs least" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+    monkeypatch.setattr(memory, "available", lambda: 1_000_000_000)
+    with Renderer(room(), (8, 8), **FAST) as renderer:
+        with pytest.raises(InputError, match="8192x8192 needs"):
+            renderer.resize((8192, 8192))
+        assert renderer.render().image.shape == (8, 8, 3), "it goes on as before"
+
+
+def test_what_is_free_counts_the_limits_of_the_process() -> None:
+    free = memory.available()
+    if free is None:
+        pytest.skip("not known here")
+    assert 10**7 < free < 10**14
+    command = "import resource; from irrsplat.lighting import memory; print(memory.available())"
+    limited = f"import resource; resource.setrlimit(resource.RLIMIT_AS, (10**9, 10**9)); {command}"
+    done = subprocess.run([sys.executable, "-c", limited], capture_output=True, text=True, check=True, timeout=60)
+    assert 0 < int(done.stdout) < 10**9
+
+
+def test_a_driver_without_memory_ends_in_one_line(
+    ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise moderngl.Error("the framebuffer is not complete (UNSUPPORTED)")
+
+    monkeypatch.setattr(moderngl.Context, "framebuffer", full)
+    with pytest.raises(GLError, match=r"takes no 3x2 pixels \(the framebuffer is not complete .* take a smaller size"):
+        Target(ctx, (3, 2), (4,))
+    monkeypatch.undo()
+
+    def none(*_: object, **__: object) -> None:
+        raise MemoryError
+
+    monkeypatch.setattr(Renderer, "converge", none)
+    assert cli.main(["render", "-o", str(tmp_path / "x.png")]) == 1
+    err = capsys.readouterr().err
+    assert err.startswith("irrsplat: out of memory; take a smaller --size") and err.count("\n") == 1
+
+
+@pytest.mark.parametrize("kind", get_args(BackdropKind))
+def test_a_picture_written_in_strips_is_the_whole_one(kind: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(output, "_ROWS", 7)
+    made: Frame = irrsplat.render(room(), (20, 24), **CHEAP, backdrop=kind)
+    made.save(tmp_path / "x.png")
+    written = np.asarray(Image.open(tmp_path / "x.png"))
+    assert np.array_equal(written, np.round(np.clip(made.picture, 0.0, 1.0) * 255.0).astype("u1"))
