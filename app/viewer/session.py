@@ -495,7 +495,7 @@ def _brought_up(parked: Renderer, shown: Renderer) -> bool:
     differ."""
     now, then = shown.scene, parked.scene
     apart = ("lights", "meshes", "sky", "sky_gradient", "environment", "own_sky")
-    if any(getattr(now, f.name) is not getattr(then, f.name) for f in fields(Scene) if f.name not in apart):
+    if any(getattr(now, f.name) != getattr(then, f.name) for f in fields(Scene) if f.name not in apart):
         return False
     try:
         parked.resize(shown.size)

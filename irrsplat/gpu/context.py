@@ -81,7 +81,6 @@ def prepare() -> None:
     """
     if "LP_NATIVE_VECTOR_WIDTH" in os.environ:
         os.environ.setdefault("MESA_SHADER_CACHE_DISABLE", "true")
-        os.environ.setdefault("MESA_GLSL_CACHE_DISABLE", "true")  # its name before Mesa 21.1
 
 
 def is_gone(ctx: moderngl.Context) -> bool:

@@ -177,7 +177,7 @@ def cache(run: Run, draw: Draw) -> tuple[Callable[[], object], Values]:
         try:
             run.renderer.load_cache(name)
         except InputError as error:
-            assert "record cache was made" in str(error) or "No such file" in str(error)
+            assert "record cache was made" in str(error) or "there is no such file" in str(error)
 
     return act, {}
 

@@ -11,6 +11,7 @@ from imgui_bundle import imgui
 
 import irrsplat
 from irrsplat.app.viewer.buffers.table import BUFFERS
+from irrsplat.gpu import context
 from irrsplat.scene.camera_path import load_path
 from tests.support.viewing import Driver, push, viewing, write_room
 
@@ -42,6 +43,13 @@ def driver(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Driver]:
     carry(path)
     with viewing(path) as made:
         yield made
+
+
+@pytest.fixture(autouse=True)
+def current() -> Iterator[None]:
+    """The viewer's context is the current one."""
+    with context.shared():
+        yield
 
 
 def test_what_people_give_and_get_is_in_world_space(driver: Driver, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
