@@ -41,7 +41,7 @@ def driver(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Driver]:
     """A viewer of the room that lies far away."""
     path = write_room(tmp_path_factory.mktemp("far"))
     carry(path)
-    with viewing(path) as made:
+    with context.shared(), viewing(path) as made:
         yield made
 
 
