@@ -11,7 +11,6 @@ from imgui_bundle import imgui
 
 import irrsplat
 from irrsplat.app.viewer.buffers.table import BUFFERS
-from irrsplat.gpu import context
 from irrsplat.scene.camera_path import load_path
 from tests.support.viewing import Driver, push, viewing, write_room
 
@@ -41,14 +40,14 @@ def driver(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Driver]:
     """A viewer of the room that lies far away."""
     path = write_room(tmp_path_factory.mktemp("far"))
     carry(path)
-    with context.shared(), viewing(path) as made:
+    with viewing(path) as made:
         yield made
 
 
 @pytest.fixture(autouse=True)
-def current() -> Iterator[None]:
+def current(driver: Driver) -> Iterator[None]:
     """The viewer's context is the current one."""
-    with context.shared():
+    with driver.wnd.ctx:
         yield
 
 
