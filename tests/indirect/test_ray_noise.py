@@ -86,7 +86,8 @@ def test_a_change_of_light_gathers_them_again_along_as_few_rays(renderer: Render
 
 def test_a_view_at_rest_adds_rays_to_those_that_it_shows(renderer: Renderer) -> None:
     camera = renderer.scene.camera()
-    served = renderer.scheduler.served(renderer.draw_gbuffer(camera), camera)
+    with renderer.ctx:  # another test's may be the current one
+        served = renderer.scheduler.served(renderer.draw_gbuffer(camera), camera)
     shown = np.intersect1d(few(renderer), np.flatnonzero(served > 0.0))
     assert len(shown)
     renderer.converge()

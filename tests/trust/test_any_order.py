@@ -6,7 +6,7 @@ comes to rest and is held against new renderers of that scene. What no record ha
 differs from theirs by no more than AS_SEEDS times what two of them differ by that have other seeds; or, where records of the past
 make the difference, it is no farther from a finer picture than theirs.
 
-IRRSPLAT_CALLS: how many calls (100). IRRSPLAT_SEED: which ones (1). With -s, the pictures that were compared are summed up.
+IRRSPLAT_CALLS: how many calls (60). IRRSPLAT_SEED: which ones (1). With -s, the pictures that were compared are summed up.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from tests.renderer.test_renderer import FAST, FRONT, room
 from tests.support.worlds import lamp
 from tests.trust.harm import interrupted
 
-CALLS = int(os.environ.get("IRRSPLAT_CALLS", "100"))
+CALLS = int(os.environ.get("IRRSPLAT_CALLS", "60"))
 SEED = int(os.environ.get("IRRSPLAT_SEED", "1"))
 COMPARED = 40 if CALLS < 1000 else 100  # calls, after about so many a picture is compared
 FEW = 600  # records that may be kept, where these are not enough for some views

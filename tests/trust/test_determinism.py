@@ -35,8 +35,8 @@ CIRCUMSTANCES: dict[str, dict[str, str]] = {
     "other hashes": {"PYTHONHASHSEED": "7"},
     "another place and time": {"TZ": "Pacific/Kiritimati", "LC_ALL": "C"},
 }
-SHORT = "one thread", "OpenGL 3.3"
-SCENES = tuple(bundled()) if FULL else ("cornell",)
+SHORT = ("one thread",)
+SCENES = tuple(bundled()) if FULL else ("furnace",)
 PRESETS = ("default",) if FULL else ("preview",)
 SIZE = ["120", "90"] if FULL else ["48", "40"]
 LIMIT = 0.01  # of the mean: as near as the mean irradiance of a slow and of a fast flight end

@@ -30,7 +30,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.skipif(not MESA, reason="Mesa's environment variables")
-@pytest.mark.parametrize("name", ["OpenGL 3.3", "128-bit vectors", pytest.param("softpipe", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["OpenGL 3.3", "128-bit vectors"])
 def test_pictures_do_not_depend_on_the_machine(name: str, folder: Path) -> None:
     case = next(case for case in machines.CASES if case.name == name)
     verdict = machines.judge(case, folder, folder / "plain.npz", ("cornell",), SIDE)

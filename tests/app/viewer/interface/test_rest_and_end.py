@@ -125,7 +125,7 @@ def calm(process: int) -> bool:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGTERM])  # test_signals_are_taken_while_it_lasts has the other
 def test_at_rest_it_sleeps_and_ended_from_outside_it_keeps_the_cache(display: str, tmp_path: Path, number: int) -> None:  # noqa: F811
     """Less than a fiftieth of a core over three seconds; a click opens a menu all the same; then all is saved."""
     environment = {**os.environ, "IRRSPLAT_CONFIG": str(tmp_path / "config")}
