@@ -4,7 +4,12 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from typing import Protocol, Self, TypeVar
+
+import moderngl
+
+from irrsplat.gpu import context
 
 
 class Resource(Protocol):
@@ -43,6 +48,44 @@ class Owner(ABC):
                 yield from thing.resources()
             elif thing is not None:
                 yield thing
+
+
+class Tenant(Owner):
+    """Owns what it makes in an OpenGL context: a caller's, who makes it current, or one of its own, which is freed with it."""
+
+    ctx: moderngl.Context
+    about: context.Description
+    _owns_ctx: bool
+
+    @contextmanager
+    def _moving_in(self, ctx: moderngl.Context | None) -> Iterator[ExitStack]:
+        """A `with` block that makes what is owned in `ctx` (None: in a new context), and enters it into the stack: all of that is
+        freed where the block fails."""
+        self._owns_ctx = ctx is None
+        self.ctx = ctx or context.create()
+        with ExitStack() as made:
+            if self._owns_ctx:
+                made.callback(self.ctx.release)
+            self.about = context.describe(self.ctx)
+            yield made
+            made.pop_all()
+
+    def _use(self) -> None:
+        """Make its own OpenGL context the current one; a given one is its owner's to make current. Raises GLError where it has
+        been released, and where an own one was made in another thread or process."""
+        context.check_alive(self.ctx)
+        if self._owns_ctx:
+            context.make_current(self.ctx)
+
+    def release(self) -> None:
+        """Free everything on the GPU, the context too where it was made for this; twice does no harm."""
+        if context.is_gone(self.ctx):
+            return
+        self._use()
+        if self._owns_ctx:
+            self.ctx.release()
+        else:
+            super().release()
 
 
 class Workshop(Owner):

@@ -6,7 +6,6 @@ Each point is gathered as a record is, at that very place. Lamps are added by th
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Unpack
 
@@ -19,8 +18,8 @@ from irrsplat.core.errors import InputError
 from irrsplat.core.vectors import unit
 from irrsplat.core.words import GREATEST
 from irrsplat.gather.record_frame import OFFSET
-from irrsplat.gpu import context, self_test
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu import self_test
+from irrsplat.gpu.resource import Resource, Tenant
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
@@ -55,7 +54,7 @@ class _Light:
     lamps: SiteLightPass
 
 
-class LightMeter(Owner):
+class LightMeter(Tenant):
     """Measures the light of a scene at any points.
 
     scene: what `irrsplat.load` returns. preset: a name of settings.PRESETS, and settings of the stages `shadow` and `gather` by
@@ -72,12 +71,7 @@ class LightMeter(Owner):
         scene = scene.recentred
         self._origin, self.scene = scene.origin, scene.local  # from here on all is relative to it but points and readings
         scene, self.settings = self.scene, measuring(preset, **settings)
-        self._owns_ctx = ctx is None
-        self.ctx = ctx or context.create()
-        with ExitStack() as made:  # which is freed where what follows fails
-            if self._owns_ctx:
-                made.callback(self.ctx.release)
-            self.about = context.describe(self.ctx)
+        with self._moving_in(ctx) as made:
             self_test.check(self.ctx)
             gl_limits.check(self.ctx, (1, 1), scene, self.settings.shadow_size)
             self.world = made.enter_context(World(self.ctx, scene))
@@ -85,21 +79,12 @@ class LightMeter(Owner):
             self.shadow_pass = made.enter_context(ShadowPass(self.ctx))
             timers = Timers(self.ctx, bool(self.about["software"]))
             self.gatherer = made.enter_context(RecordGatherer(self.world, self.settings, self.cache, timers))
-            made.pop_all()
         self._light: _Light | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees; the context is apart."""
         lamps = None if self._light is None else self._light.lamps
         return (self.gatherer, self.cache, self.shadow_pass, lamps, self.world)
-
-    def release(self) -> None:
-        """Free everything on the GPU, the context too where this meter made it."""
-        if self._owns_ctx:
-            context.make_current(self.ctx)
-            self.ctx.release()
-        else:
-            super().release()
 
     def measure(self, points: npt.ArrayLike, normals: npt.ArrayLike, on_progress: OnPoints | None = None) -> Readings:
         """What sensors read at `points` (N, 3), metres, that face along `normals` (N, 3) or (3,), of any length.
@@ -108,8 +93,7 @@ class LightMeter(Owner):
         called now and then. Raises InputError for arrays of other shapes, and numbers that are not finite.
         """
         places, sites = _sites(points, normals, self._origin)
-        if self._owns_ctx:
-            context.make_current(self.ctx)
+        self._use()
         count = len(sites)
         direct, indirect, radius = (np.zeros(shape, np.float32) for shape in ((count, 3), (count, 3), count))
         light = self._lit()

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection, Sequence
-from contextlib import ExitStack
 from dataclasses import replace
 from typing import Unpack, cast
 
@@ -20,7 +19,7 @@ from irrsplat.core.buffers import GBuffer, ShadowMaps
 from irrsplat.core.errors import InputError
 from irrsplat.core.paths import named
 from irrsplat.gpu import context, program, self_test
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Resource, Tenant
 from irrsplat.gpu.target import pixels
 from irrsplat.gpu.time_budget import Budget, now
 from irrsplat.gpu.timers import Timers
@@ -52,7 +51,7 @@ _OLDEST_PICTURE = 0.3  # seconds after which the next one comes in any case
 _TOLD = 1.0  # seconds after which progress is told while a render is refined
 
 
-class Renderer(Owner):
+class Renderer(Tenant):
     """Renders views of one scene and keeps the irradiance records that they asked for.
 
     scene: what `irrsplat.load` returns. size: (width, height) in pixels. preset: a name of settings.PRESETS, and any
@@ -80,12 +79,7 @@ class Renderer(Owner):
         self._origin, scene = scene.origin, scene.local  # from here on all is relative to it but what callers give and get
         self._state = State(scene, settings_of(preset, **settings), preset, gl_limits.checked(size))
         self._loaded = scene.meshes  # as they were before any of them moved
-        self._owns_ctx = ctx is None
-        self.ctx = ctx or context.create()
-        with ExitStack() as made:  # which is freed where what follows fails
-            if self._owns_ctx:
-                made.callback(self.ctx.release)
-            self.about = context.describe(self.ctx)
+        with self._moving_in(ctx) as made:
             self_test.check(self.ctx)
             gl_limits.check(self.ctx, self.size, scene, self.settings.shadow_size)
             gl_limits.check_memory(self.size, scene, self.settings, self.about["software"])
@@ -96,20 +90,10 @@ class Renderer(Owner):
             self.stages = made.enter_context(Stages(self.world, self.scheduler, self.timers))
             self._round = Rounds(self.stages, self.scheduler)
             self._resting = made.enter_context(RestingView(self.stages, self._round, self.scheduler))
-            made.pop_all()
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees; the context is apart."""
         return (self.world, self.cache, self.scheduler, self.stages, self._resting)
-
-    def release(self) -> None:
-        """Free everything on the GPU, the context too where this renderer made it."""
-        if self._owns_ctx:
-            if not context.is_gone(self.ctx):
-                self._use()
-            self.ctx.release()
-        elif not context.is_gone(self.ctx):
-            super().release()
 
     # ---- what it is about ------------------------------------------------------------------------------------------
 
@@ -187,12 +171,6 @@ class Renderer(Owner):
         """A caller's camera, relative to the origin."""
         found = self.scene.camera(camera)
         return found.shifted(np.negative(self._origin)) if any(self._origin) else found
-
-    def _use(self) -> None:
-        """Make this renderer's own OpenGL context the current one; a given one is its owner's to make current."""
-        context.check_alive(self.ctx)
-        if self._owns_ctx:
-            context.make_current(self.ctx)
 
     # ---- the frame -------------------------------------------------------------------------------------------------
 

@@ -111,3 +111,11 @@ def test_in_a_given_context_what_was_made_before_the_failure_is_freed(ctx, monke
     with pytest.raises(MemoryError):
         irrsplat.Renderer(EMPTY, (8, 8), ctx=ctx)
     assert len(freed) == 1
+
+
+def test_a_meter_is_released_twice_and_measures_no_more():
+    meter = irrsplat.LightMeter(EMPTY)
+    meter.release()
+    meter.release()
+    with pytest.raises(GLError, match="has been released"):
+        meter.measure([[0, 0, 0]], [0, 0, 1])
