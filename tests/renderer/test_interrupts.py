@@ -6,53 +6,23 @@ IRRSPLAT_INTERRUPTS: at how many lines, evenly over all that each run executes, 
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Callable
-from pathlib import Path
-from types import FrameType
 from typing import Any
 
 import moderngl
 import numpy as np
 import pytest
 
-import irrsplat
 from irrsplat import Renderer
 from irrsplat.gpu.target import pixels
 from irrsplat.indirect import record_gatherer
 from tests.renderer.test_move import BOX, shift
 from tests.renderer.test_renderer import FAST, room
+from tests.support.interrupts import run
 from tests.support.worlds import lamp
 
-CORE = str(Path(irrsplat.__file__).parent)
 SIZE = 32, 24
 PLACES = int(os.environ.get("IRRSPLAT_INTERRUPTS", "3"))
-
-
-def run(act: Callable[[], object], interrupt_at: int | None = None) -> int:
-    """How many lines of irrsplat `act` executes; before that of this number it is interrupted by Ctrl-C."""
-    count = 0
-
-    def trace(frame: FrameType, event: str, _: Any) -> Any:
-        nonlocal count
-        if not frame.f_code.co_filename.startswith(CORE):
-            return None
-        if event == "line":
-            count += 1
-            if count - 1 == interrupt_at:
-                sys.settrace(None)
-                raise KeyboardInterrupt
-        return trace
-
-    before = sys.gettrace()
-    sys.settrace(trace)
-    try:
-        act()
-    except KeyboardInterrupt:
-        assert interrupt_at is not None
-    finally:
-        sys.settrace(before)
-    return count
 
 
 def at_rest(renderer: Renderer) -> dict[str, np.ndarray]:
@@ -103,7 +73,8 @@ def test_what_counts_as_current_is(ctx: moderngl.Context, act: Callable[[Rendere
         return renderer
 
     with begun() as renderer:
-        lines = run(lambda: act(renderer))
+        lines, interrupted = run(lambda: act(renderer))
+        assert not interrupted
         act(renderer)
         expected = at_rest(renderer)
     for number in np.linspace(0, lines - 1, PLACES).astype(int).tolist():

@@ -15,12 +15,10 @@ import time
 from collections.abc import Callable
 from multiprocessing.connection import Connection
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
-import irrsplat
+from tests.support.interrupts import run
 
-CORE = str(Path(irrsplat.__file__).parent)
 ESCAPED = 77  # the status where an interruption came out of main
 LIMIT = 120.0  # seconds, after which a process hangs
 OURS = ".irrsplat-"  # how temporary files begin
@@ -101,33 +99,6 @@ def limited(argv: list[str], most: int) -> Callable[[], int]:
     return lambda: cli.main(argv)
 
 
-def interrupted(act: Callable[[], object], line: int) -> bool:
-    """Whether Ctrl-C came out of `act`: it came before the line of this number that is executed in irrsplat, if there are so
-    many."""
-    left = line
-
-    def trace(frame: FrameType, event: str, _: Any) -> Any:
-        nonlocal left
-        if not frame.f_code.co_filename.startswith(CORE):
-            return None
-        if event == "line":
-            left -= 1
-            if left < 0:
-                sys.settrace(None)
-                raise KeyboardInterrupt
-        return trace
-
-    before = sys.gettrace()
-    sys.settrace(trace)
-    try:
-        act()
-    except KeyboardInterrupt:
-        return True
-    finally:
-        sys.settrace(before)
-    return False
-
-
 def at_line(argv: list[str], line: int) -> Callable[[], int]:
     """By Ctrl-C, before the line of this number that irrsplat executes."""
     from irrsplat.app import cli
@@ -138,7 +109,7 @@ def at_line(argv: list[str], line: int) -> Callable[[], int]:
         nonlocal status
         status = cli.main(argv)
 
-    return lambda: ESCAPED if interrupted(main, line) else status
+    return lambda: ESCAPED if run(main, line)[1] else status
 
 
 def signalled(argv: list[str], number: int, seconds: float) -> Callable[[], int]:

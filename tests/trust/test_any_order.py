@@ -26,8 +26,8 @@ from irrsplat.image.view import View, read
 from irrsplat.scene.model import Camera, Light, Material, Scene
 from tests.renderer.test_move import shift
 from tests.renderer.test_renderer import FAST, FRONT, room
+from tests.support.interrupts import run as run_lines
 from tests.support.worlds import lamp
-from tests.trust.harm import interrupted
 
 CALLS = int(os.environ.get("IRRSPLAT_CALLS", "60"))
 SEED = int(os.environ.get("IRRSPLAT_SEED", "1"))
@@ -292,7 +292,7 @@ def call(run: Run, draw: Draw) -> None:
         run.done[-1] += " interrupted"
         run.view = None
         line = int(np.exp(draw.uniform(0.0, 9.0)))
-        if interrupted(act, line):
+        if run_lines(act, line)[1]:
             run.counted["interrupted"] += 1
             made = {name: getattr(run.renderer, name) for name in values}
             if values and not all(_same(made[name], getattr(run, name)) for name in values):
