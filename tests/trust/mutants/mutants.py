@@ -789,7 +789,7 @@ SCENES = (
     ),
     Mutant(
         "field of view taken for horizontal",
-        "irrsplat/scene/model.py",
+        "irrsplat/scene/model/camera.py",
         "[f / aspect, 0.0, 0.0, 0.0],\n                [0.0, f, 0.0, 0.0],",
         "[f, 0.0, 0.0, 0.0],\n                [0.0, f * aspect, 0.0, 0.0],",
         ("tests/image/test_gbuffer.py::test_a_plane_is_where_the_rays_meet_it[wide]",),
