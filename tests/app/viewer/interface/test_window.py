@@ -157,6 +157,7 @@ def test_ctrl_c_in_the_terminal_closes_it(display: str, tmp_path: Path) -> None:
     viewer = subprocess.Popen(command, cwd=tmp_path, env=environment, stderr=subprocess.PIPE, text=True)
     try:
         until(lambda: hand("search", "--onlyvisible", "--name", "furnace – irrsplat"), "the window")
+        until(lambda: len(np.unique(seen().reshape(-1, 3), axis=0)) > 100, "a picture, not what announces it")
         viewer.send_signal(signal.SIGINT)
         until(lambda: viewer.poll() is not None, "the end")
         assert viewer.returncode == 130 and viewer.stderr is not None
