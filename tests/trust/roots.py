@@ -4,8 +4,8 @@
     sudo python tests/trust/roots.py FOLDER resolute --whole        and all of `make test`
 
 FOLDER keeps the bare roots that debootstrap makes; work is done in a copy, thrown away afterwards. Needs root, debootstrap,
-some 4 GB of disk and the network; for Ubuntu also the keyring of its archive (--keyring FILE, where Debian's package ubuntu-keyring
-is not installed). Exit status: 0 if all suites pass.
+some 4 GB of disk and the network; for Ubuntu also the keyring of its archive (--keyring FILE, where Debian's package
+ubuntu-keyring is not installed). Exit status: 0 if all suites pass.
 """
 
 from __future__ import annotations
