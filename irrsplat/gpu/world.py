@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from concurrent.futures import Future, wait
+from contextlib import ExitStack
 from functools import partial
 
 import moderngl
@@ -38,8 +39,10 @@ class World(Owner):
         vertices, faces, _ = flatten(scene)
         counts = face_counts(scene)
         self._planted = started(partial(tree_of, vertices, faces, counts)) if len(faces) >= _LARGE else None
-        self.geometry = Geometry(ctx, vertices, faces, counts)
-        self.materials = MaterialTable(ctx, scene, texture_memory)
+        with ExitStack() as made:  # where the second fails, the first is freed
+            self.geometry = made.enter_context(Geometry(ctx, vertices, faces, counts))
+            self.materials = MaterialTable(ctx, scene, texture_memory)
+            made.pop_all()
         self.runs = runs(scene)  # of triangles that a camera draws alike
         self.derived = Workshop()  # what others make of the scene as it is; it is freed with this
         self._scene = scene

@@ -13,6 +13,7 @@ import pytest
 import irrsplat
 from irrsplat.core.errors import GLError, InputError
 from irrsplat.gpu import context
+from irrsplat.gpu import world as world_module
 from irrsplat.gpu.world import World
 from irrsplat.renderer import renderer as module
 from irrsplat.scene.model import Camera, Light, Scene
@@ -110,6 +111,25 @@ def test_in_a_given_context_what_was_made_before_the_failure_is_freed(ctx, monke
     monkeypatch.setattr(module, "RecordScheduler", fail)
     with pytest.raises(MemoryError):
         irrsplat.Renderer(EMPTY, (8, 8), ctx=ctx)
+    assert len(freed) == 1
+
+
+def test_a_scene_whose_materials_cannot_be_held_leaves_no_geometry(ctx, monkeypatch):
+    freed = []
+    release = world_module.Geometry.release
+
+    def free(geometry):
+        freed.append(geometry)
+        release(geometry)
+
+    monkeypatch.setattr(world_module.Geometry, "release", free)
+
+    def fail(*_):
+        raise MemoryError
+
+    monkeypatch.setattr(world_module, "MaterialTable", fail)
+    with pytest.raises(MemoryError):
+        World(ctx, EMPTY)
     assert len(freed) == 1
 
 
