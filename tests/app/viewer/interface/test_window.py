@@ -161,7 +161,8 @@ def test_ctrl_c_in_the_terminal_closes_it(display: str, tmp_path: Path) -> None:
         viewer.send_signal(signal.SIGINT)
         until(lambda: viewer.poll() is not None, "the end")
         assert viewer.returncode == 130 and viewer.stderr is not None
-        assert len(viewer.stderr.read().splitlines()) == 1
+        told = [line for line in viewer.stderr.read().splitlines() if not line.startswith(("MESA:", "glx:"))]  # drivers may talk
+        assert len(told) == 1
         assert (tmp_path / "config" / "viewer.json").is_file(), "and it remembers"
     finally:
         viewer.kill()
