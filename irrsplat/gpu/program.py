@@ -95,7 +95,7 @@ class Program:
     def _linked(self, sources: list[shader_source.Source]) -> moderngl.Program:
         vertex, fragment, geometry = sources[0].text, sources[1].text, None
         if "gl_PrimitiveID" in fragment and not self_test.abilities(self.ctx).numbers_triangles:
-            geometry, fragment = shader_source.numbering_triangles(sources[0], sources[1], self._defines)
+            geometry, fragment = shader_source.numbering_triangles(vertex, fragment, self._defines)
         try:
             return self.ctx.program(vertex_shader=vertex, fragment_shader=fragment, geometry_shader=geometry)
         except moderngl.Error as error:

@@ -141,11 +141,11 @@ def _uniforms(text: str, defines: Mapping[str, object]) -> dict[str, str]:
     return {name: kind for kind, name, _ in _UNIFORM.findall("\n".join(kept))}
 
 
-def numbering_triangles(vertex: Source, fragment: Source, defines: Mapping[str, object]) -> tuple[str, str]:
+def numbering_triangles(vertex: str, fragment: str, defines: Mapping[str, object]) -> tuple[str, str]:
     """A geometry shader that passes on triangles as they are, with their gl_PrimitiveID, and the `fragment` shader for behind it:
     for drivers that give fragment shaders no gl_PrimitiveID otherwise. defines: those that both were loaded with."""
-    conditions, text, body = _Conditions(defines), fragment.text, ""
-    outputs = _OUTPUT.findall("\n".join(line for line in vertex.text.splitlines() if conditions.follow(line)))
+    conditions, text, body = _Conditions(defines), fragment, ""
+    outputs = _OUTPUT.findall("\n".join(line for line in vertex.splitlines() if conditions.follow(line)))
     declared = "#version 330 core\nlayout(triangles) in;\nlayout(triangle_strip, max_vertices = 3) out;\n"
     for flat, kind, name, length in outputs:
         if name == "gl_ClipDistance":

@@ -83,7 +83,7 @@ def test_what_passed_is_not_tried_again_by_later_processes(
         self_test.check(ctx)
         self_test.check(ctx)
     assert len(calls) == 1
-    for damaged in ("", "{}", '{"version": 1, "numbers_triangles": [3]}', "\x00\xff"):
+    for damaged in ("", "{}", '{"version": 2, "numbers_triangles": [3]}', "\x00\xff"):
         anew.write_text(damaged)
         monkeypatch.setattr(self_test, "_known", {})
         self_test.check(ctx)
@@ -91,7 +91,10 @@ def test_what_passed_is_not_tried_again_by_later_processes(
 
 
 def test_triangles_numbered_by_a_geometry_shader_are_the_same(ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> None:
-    """For drivers, as Mesa's softpipe, that give fragment shaders no gl_PrimitiveID otherwise: all buffers, either gather."""
+    """For drivers that give fragment shaders no gl_PrimitiveID otherwise (softpipe), or confuse varyings beside it (llvmpipe of
+    Mesa 26.0): all buffers, either gather."""
+    if not self_test.tried(ctx).numbers_triangles:
+        pytest.skip("this driver has no other way to compare with")
     for gather in ("raster", "trace"):
         pictures = []
         for plain in (True, False):
