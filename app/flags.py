@@ -16,6 +16,7 @@ from irrsplat.settings import PRESETS, SETTINGS, Declaration
 DEFAULT_SCENE = "cornell"
 FALSE_COLOURED = ("light", "irradiance", "image", "direct", "indirect", "emission")
 MOST_DECADES = 9
+FILM_QUALITIES = ("draft", "good", "best")
 CACHE_MODES = ("keep", "frozen")
 SHELLS = ("bash", "zsh", "fish")
 _OF_CAMERAS = {"camera", "eye", "target", "up", "fov", "path", "turntable", "frames"}
@@ -52,6 +53,14 @@ def _whole(text: str, low: int, high: int, expected: str) -> int:
     if not re.fullmatch(r"\d{1,9}", text, re.ASCII) or not low <= int(text) <= high:
         raise argparse.ArgumentTypeError(f"expected {expected}, not '{text}'")
     return int(text)
+
+
+def rate(text: str) -> float:
+    """Frames per second, for argparse."""
+    value = number(text)
+    if not 0.1 <= value <= 240.0:
+        raise argparse.ArgumentTypeError(f"expected frames per second, 0.1 to 240, not '{text}'")
+    return value
 
 
 def turns(text: str) -> int:
@@ -145,7 +154,8 @@ def _add_render(commands: Any) -> None:
     add(
         "-o", "--output", metavar="OUT", action="append", required=True,
         help="may be repeated: .png (the picture), .exr (a float32 layer per buffer), .npz (all buffers, records and stats), "
-        "or a folder (a PNG per buffer, and the paper's figures); with --path, {frame} or {frame:04d} in it is the number",
+        "or a folder (a PNG per buffer, and the paper's figures); of a flight, {frame} or {frame:04d} in it is the number, and "
+        ".mp4, .webm and .gif are films (extra: pip install 'irrsplat[video]')",
     )  # fmt: skip
     _add_size(parser, 800)
     _add_preset(parser, "default")
@@ -159,16 +169,22 @@ def _add_render(commands: Any) -> None:
     add("--stats", metavar="FILE.json", help="write records, rounds, times and settings to this file")
     _add_camera(parser)
     _add_false_colours(parser)
-    _add_flight(parser, "a flight instead of one picture; records and the first frame's exposure are kept")
+    group = _add_flight(parser, "a flight instead of one picture; records and the first frame's exposure are kept")
+    words = "keep frames that are written already, and render the others; of a film, what was stopped"
+    group.add_argument("--resume", action="store_true", help=words)
+    group.add_argument("--fps", type=rate, metavar="N", help="frames per second of a film (default: 30)")
+    words = f"{', '.join(FILM_QUALITIES)}: how much of the pictures a film keeps (default: good)"
+    group.add_argument("--film-quality", choices=FILM_QUALITIES, metavar="WORD", help=words)
     _add_settings(parser)
 
 
-def _add_flight(parser: argparse.ArgumentParser, words: str) -> None:
+def _add_flight(parser: argparse.ArgumentParser, words: str) -> Any:
     group = parser.add_argument_group("path", words)
     group.add_argument("--path", metavar="FILE", help="its cameras: a text file, looked for here, then in the scene's folder")
     words = "instead of a path: a full circle of N frames around what the camera looks at, which goes on without a seam"
     group.add_argument("--turntable", type=turns, metavar="N", help=words)
     group.add_argument("--frames", type=frames, metavar="A:B", help="frames A to B - 1; either may be left out (default: all)")
+    return group
 
 
 def _add_fill(commands: Any) -> None:

@@ -37,10 +37,10 @@ ROOMS = (
 APP_ROOMS = (
     "irrsplat.app.cli",
     "irrsplat.app.completion",
+    "irrsplat.app.film",
     "irrsplat.app.flags",
     "irrsplat.app.info",
     "irrsplat.app.measure",
-    "irrsplat.app.film",
     "irrsplat.app.false_colours",
     "irrsplat.app.bench",
     "irrsplat.app.viewer",
