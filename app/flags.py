@@ -10,14 +10,13 @@ from typing import Any, NoReturn
 
 from irrsplat.app.common.parser import Mistakes, Parser
 from irrsplat.app.common.version import version
+from irrsplat.app.film.words import CACHE_MODES, QUALITIES
 from irrsplat.core.load_options import CREASE_ANGLE, UP_AXES, LoadOptions
 from irrsplat.settings import PRESETS, SETTINGS, Declaration
 
 DEFAULT_SCENE = "cornell"
 FALSE_COLOURED = ("light", "irradiance", "image", "direct", "indirect", "emission")
 MOST_DECADES = 9
-FILM_QUALITIES = ("draft", "good", "best")
-CACHE_MODES = ("keep", "frozen")
 SHELLS = ("bash", "zsh", "fish")
 _OF_CAMERAS = {"camera", "eye", "target", "up", "fov", "path", "turntable", "frames"}
 _STAGES = ("shadow", "gbuffer", "gather", "splat", "examine", "composite", "view")  # the order of the frame
@@ -173,8 +172,8 @@ def _add_render(commands: Any) -> None:
     words = "keep frames that are written already, and render the others; of a film, what was stopped"
     group.add_argument("--resume", action="store_true", help=words)
     group.add_argument("--fps", type=rate, metavar="N", help="frames per second of a film (default: 30)")
-    words = f"{', '.join(FILM_QUALITIES)}: how much of the pictures a film keeps (default: good)"
-    group.add_argument("--film-quality", choices=FILM_QUALITIES, metavar="WORD", help=words)
+    words = f"{', '.join(QUALITIES)}: how much of the pictures a film keeps (default: good)"
+    group.add_argument("--film-quality", choices=QUALITIES, metavar="WORD", help=words)
     _add_settings(parser)
 
 

@@ -1,6 +1,6 @@
 """Films: the pictures of a flight as one .mp4, .webm or .gif, encoded by FFmpeg's libraries through PyAV.
 
-Equal pictures give equal files: one thread encodes, colours are converted by exact arithmetic, and no date is written. Colours are
+Equal pictures give equal files: one thread encodes, colours are converted by exact arithmetic, and no date is written. They are
 tagged as what they are: BT.709 primaries with sRGB's transfer curve, and BT.709's matrix at limited range.
 """
 
@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from irrsplat.app.flags import FILM_QUALITIES
+from irrsplat.app.film.words import QUALITIES
 from irrsplat.core import files, paths
 from irrsplat.core.errors import InputError, IrrsplatError
 
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     import av
 
 INSTALL = "pip install 'irrsplat[video]'"
-QUALITIES = FILM_QUALITIES
 
 
 @dataclass(frozen=True)
@@ -48,7 +47,8 @@ _BY_ENDING = {
 ENDINGS = tuple(_BY_ENDING)
 _EXACT = "flags=bicubic+accurate_rnd+full_chroma_int+full_chroma_inp+bitexact"
 _TO_YUV = f"{_EXACT}:in_range=full:out_range=limited:out_color_matrix=bt709"
-_DITHER = ("none", "bayer:bayer_scale=4", "sierra2_4a")  # of a GIF, by quality
+_TAGS = 1, 13, 1, 1  # by ITU-T H.273: BT.709's primaries, sRGB's curve, BT.709's matrix; limited range
+_DITHER = ("none", "bayer:bayer_scale=5", "floyd_steinberg")  # of a GIF, by quality; more of it shows as dots
 
 
 @dataclass(frozen=True)
@@ -115,22 +115,10 @@ def _encode(part: Path, pictures: Sequence[Path], codec: _Codec, encoding: Encod
         context = stream.codec_context
         context.thread_count = 1
         if codec.crf:
-            context.color_primaries, context.color_trc, context.colorspace, context.color_range = _tags()
+            context.color_primaries, context.color_trc, context.colorspace, context.color_range = _TAGS
         for frame in make(frames, (width, height), encoding, codec.pixels, _DITHER[quality]):
             file.mux(stream.encode(frame))
         file.mux(stream.encode(None))
-
-
-def _tags() -> tuple[int, int, int, int]:
-    """Primaries, transfer, matrix and range, by the numbers of ITU-T H.273."""
-    from av.video.reformatter import ColorPrimaries, ColorRange, Colorspace, ColorTrc
-
-    return (
-        int(ColorPrimaries.BT709),
-        int(ColorTrc.IEC61966_2_1),
-        int(Colorspace.ITU709),
-        int(ColorRange.MPEG),
-    )
 
 
 def _read(picture: Path, even: bool) -> np.ndarray:
@@ -153,7 +141,6 @@ def _graph(size: tuple[int, int], rate: Fraction) -> tuple[Any, Any]:
     import av.filter
 
     graph: Any = av.filter.Graph()
-    graph.threads = 1
     source = graph.add_buffer(width=size[0], height=size[1], format="rgb24", time_base=1 / rate)
     return graph, source
 
