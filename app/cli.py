@@ -332,7 +332,7 @@ def _check_outputs(args: argparse.Namespace, mistakes: Mistakes) -> None:
     for name in names:
         for buffers in (None, _buffers(args)):
             with mistakes.gathered():
-                video.check(name) if video.is_film(name) else check_writable(name, buffers)
+                video.check(name, flight.flies(args)) if video.is_film(name) else check_writable(name, buffers)
     _check_kept_files(args, mistakes, names)
 
 
@@ -452,7 +452,7 @@ def _round_progress(args: argparse.Namespace) -> Iterator[OnRound | None]:
 
 def _stage(state: Progress, quality: float) -> tuple[str, str, float]:
     """What a render does, in a word and in a line, and the share of it that is done, 0..1. quality: as the setting, %."""
-    line = f"round {state.round}: {state.records} records"
+    line = f"round {state.round}: {state.records} records" if state.round else f"{state.records} records"
     if state.sampled:
         return "samples", f"{line}, samples", state.sampled
     if state.error is not None and quality:
