@@ -65,8 +65,8 @@ def is_film(path: str) -> bool:
 
 
 def check(path: str, flies: bool) -> None:
-    """Raises InputError where the film `path` cannot be written, or nothing is there to encode it. flies: whether there is a flight
-    to make it of."""
+    """Raises InputError where the film `path` cannot be written, or nothing is there to encode it. flies: whether a flight is
+    given, whose frames it holds."""
     if not flies:
         raise InputError("a film needs a flight; give --path FILE or --turntable N", path)
     if "{frame" in path:
