@@ -147,7 +147,7 @@ def render(args: argparse.Namespace) -> int:
                 wanted = None if with_figures or coloured is not None else needed(args.output, buffers)
                 how = {"gather": False} if keeps else {"figures": with_figures}
                 frame = renderer.render(camera, progress=on_round, buffers=wanted, **how)
-        if flight is None and frame.stats.get("interrupted") and not frame.stats.get("rounds"):
+        if flight is None and frame.stats.get("interrupted") and not frame.stats.get("rounds") and not keeps:
             return _fail("interrupted before the first round was complete; nothing was written", INTERRUPTED)
         for path in args.output if flight is None else ():
             outputs.write(path, partial(frames.save, path, frame, buffers, coloured, renderer, camera))
