@@ -10,6 +10,7 @@ from typing import Any, NoReturn
 
 from irrsplat.app.common.parser import Mistakes, Parser
 from irrsplat.app.common.version import version
+from irrsplat.app.film.words import CACHE_MODES, QUALITIES
 from irrsplat.core.load_options import CREASE_ANGLE, UP_AXES, LoadOptions
 from irrsplat.settings import PRESETS, SETTINGS, Declaration
 
@@ -17,7 +18,7 @@ DEFAULT_SCENE = "cornell"
 FALSE_COLOURED = ("light", "irradiance", "image", "direct", "indirect", "emission")
 MOST_DECADES = 9
 SHELLS = ("bash", "zsh", "fish")
-_OF_CAMERAS = {"camera", "eye", "target", "up", "fov", "path", "frames"}
+_OF_CAMERAS = {"camera", "eye", "target", "up", "fov", "path", "turntable", "frames"}
 _STAGES = ("shadow", "gbuffer", "gather", "splat", "examine", "composite", "view")  # the order of the frame
 
 
@@ -51,6 +52,19 @@ def _whole(text: str, low: int, high: int, expected: str) -> int:
     if not re.fullmatch(r"\d{1,9}", text, re.ASCII) or not low <= int(text) <= high:
         raise argparse.ArgumentTypeError(f"expected {expected}, not '{text}'")
     return int(text)
+
+
+def rate(text: str) -> float:
+    """Frames per second, for argparse."""
+    value = number(text)
+    if not 0.1 <= value <= 240.0:
+        raise argparse.ArgumentTypeError(f"expected frames per second, 0.1 to 240, not '{text}'")
+    return value
+
+
+def turns(text: str) -> int:
+    """A number of frames of a full circle, for argparse."""
+    return _whole(text, 2, 999_999, "a whole number of frames, 2 to 999999")
 
 
 def frames(text: str) -> tuple[int, int | None]:
@@ -87,7 +101,7 @@ def read(argv: Sequence[str]) -> tuple[argparse.Namespace, Mistakes]:
     if hasattr(args, "up_axis") and not mistakes.arguments & {"up_axis", "crease_angle", "time"}:
         with mistakes.gathered():
             args.loading = LoadOptions(args.up_axis, args.crease_angle, args.time, args.sky, tuple(args.allow))
-    if args.command in ("render", "view", "verify", "measure"):
+    if args.command in ("render", "fill", "view", "verify", "measure"):
         args.values = {}
         for name, declaration in SETTINGS.items():
             if (text := getattr(args, "set_" + name, None)) is not None:
@@ -108,6 +122,7 @@ def build(mistakes: Mistakes | None = None) -> Parser:
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True, parser_class=Parser)
     _add_view(commands)
     _add_render(commands)
+    _add_fill(commands)
     _add_measure(commands)
     _add_bench(commands)
     info = commands.add_parser("info", help="what is in a scene", description="Say what is in a scene.")
@@ -138,19 +153,56 @@ def _add_render(commands: Any) -> None:
     add(
         "-o", "--output", metavar="OUT", action="append", required=True,
         help="may be repeated: .png (the picture), .exr (a float32 layer per buffer), .npz (all buffers, records and stats), "
-        "or a folder (a PNG per buffer, and the paper's figures); with --path, {frame} or {frame:04d} in it is the number",
+        "or a folder (a PNG per buffer, and the paper's figures); of a flight, {frame} or {frame:04d} in it is the number, and "
+        ".mp4, .webm and .gif are films (extra: pip install 'irrsplat[video]')",
     )  # fmt: skip
     _add_size(parser, 800)
     _add_preset(parser, "default")
     add("--buffers", metavar="NAME,…", help="only these buffers in .exr, .npz and folders (default: all)")
     _add_cache(parser)
+    add(
+        "--cache-mode", choices=CACHE_MODES, default="keep", metavar="WORD",
+        help="keep: records are added to those of --cache; frozen: none is added or changed, nor the file, so that a frame "
+        "is the same, whichever are rendered before it and by whom (default: keep)",
+    )  # fmt: skip
     add("--stats", metavar="FILE.json", help="write records, rounds, times and settings to this file")
     _add_camera(parser)
     _add_false_colours(parser)
-    group = parser.add_argument_group("path", "a flight instead of one picture; records and the first frame's exposure are kept")
-    group.add_argument("--path", metavar="FILE", help="its cameras: a text file, looked for here, then in the scene's folder")
-    group.add_argument("--frames", type=frames, metavar="A:B", help="frames A to B - 1; either may be left out (default: all)")
+    group = _add_flight(parser, "a flight instead of one picture; records and the first frame's exposure are kept")
+    words = "keep frames that are written already, and render the others; of a film, what was stopped"
+    group.add_argument("--resume", action="store_true", help=words)
+    group.add_argument("--fps", type=rate, metavar="N", help="frames per second of a film (default: 30)")
+    words = f"{', '.join(QUALITIES)}: how much of the pictures a film keeps (default: good)"
+    group.add_argument("--film-quality", choices=QUALITIES, metavar="WORD", help=words)
     _add_settings(parser)
+
+
+def _add_flight(parser: argparse.ArgumentParser, words: str) -> Any:
+    group = parser.add_argument_group("path", words)
+    group.add_argument("--path", metavar="FILE", help="its cameras: a text file, looked for here, then in the scene's folder")
+    words = "instead of a path: a full circle of N frames around what the camera looks at, which goes on without a seam"
+    group.add_argument("--turntable", type=turns, metavar="N", help=words)
+    group.add_argument("--frames", type=frames, metavar="A:B", help="frames A to B - 1; either may be left out (default: all)")
+    return group
+
+
+def _add_fill(commands: Any) -> None:
+    parser = commands.add_parser(
+        "fill",
+        help="gather the records of a flight, for render --cache-mode frozen",
+        description="Gather all records that the frames of a flight ask for into a cache file; no picture is written.",
+        epilog="Give the size, preset and settings that the frames are to have. Exit status as for render; Ctrl-C keeps what is\n"
+        "there, and the same command goes on from it.",
+    )
+    _add_scene(parser)
+    words = "the file that the records are kept in; where it is there, they are added to its own"
+    parser.add_argument("--cache", metavar="FILE", required=True, help=words)
+    _add_size(parser, 800)
+    _add_preset(parser, "default")
+    parser.add_argument("--stats", metavar="FILE.json", help="write records and the coverage of each frame to this file")
+    _add_flight(parser, "the flight; one of --path and --turntable")
+    _add_camera(parser)
+    _add_settings(parser, stages=_STAGES[:-1])  # those of the picture too, so that a film's flags are right here
 
 
 def _add_false_colours(parser: argparse.ArgumentParser) -> None:
@@ -180,7 +232,7 @@ def _add_view(commands: Any) -> None:
     _add_cache(parser, " when the window closes")
     _add_camera(parser)
     _add_settings(parser)
-    parser.set_defaults(path=None, frames=None)
+    parser.set_defaults(path=None, turntable=None, frames=None)
 
 
 def _add_measure(commands: Any) -> None:
@@ -252,7 +304,7 @@ def _add_verify(commands: Any) -> None:
     )  # fmt: skip
     _add_camera(parser)
     _add_settings(parser, besides=("samples",))  # errors are those of pixels' centres, and the flag is another one here
-    parser.set_defaults(path=None, frames=None)
+    parser.set_defaults(path=None, turntable=None, frames=None)
 
 
 def _add_bench(commands: Any) -> None:
@@ -396,8 +448,13 @@ def _wrong_with_the_camera(args: argparse.Namespace) -> Iterator[str]:
         yield "--camera and --eye are two different cameras; give one of them"
     if args.fov is not None and not 0.0 < args.fov < 180.0:
         yield f"--fov lies between 0 and 180 degrees, not {args.fov:g}"
-    if args.frames is not None and args.path is None:
-        yield "--frames chooses among the frames of a path; give --path as well"
+    if args.path is not None and args.turntable is not None:
+        yield "--path and --turntable are two different flights; give one of them"
+    if args.path is None and args.turntable is None:
+        if args.frames is not None:
+            yield "--frames chooses among the frames of a path; give --path as well"
+        if args.command == "fill":
+            yield "fill needs a flight; give --path FILE or --turntable N"
     for flag in ("eye", "camera"):
         if args.path is not None and getattr(args, flag) is not None:
             yield f"--path brings its own cameras; leave --path or --{flag} out"
