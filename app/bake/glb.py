@@ -127,17 +127,17 @@ class Glb:
             if texture is not None:
                 entry["emissiveTexture"] = dict(texture)
 
-    def mesh(self, name: str, attributes: Mapping[str, np.ndarray], faces: np.ndarray, material: int) -> None:
-        """A mesh with a node of its own. attributes: (V, …) by their names in glTF; faces: (F, 3)."""
-        primitive = {
-            "attributes": {
-                key: self.accessor(values.astype(np.float32), bounds=key == "POSITION") for key, values in attributes.items()
-            },
-            "indices": self.accessor(faces.ravel().astype(np.uint32)),
-            "material": material,
+    def mesh(self, name: str, attributes: Mapping[str, np.ndarray], parts: Sequence[tuple[np.ndarray, int]]) -> None:
+        """A mesh with a node of its own. attributes: (V, …) by their names in glTF; parts: faces (F, 3), and their material."""
+        accessors = {
+            key: self.accessor(values.astype(np.float32), bounds=key == "POSITION") for key, values in attributes.items()
         }
+        primitives = [
+            {"attributes": accessors, "indices": self.accessor(faces.ravel().astype(np.uint32)), "material": material}
+            for faces, material in parts
+        ]
         named = {"name": name} if name else {}
-        self._node(named | {"mesh": self.add("meshes", named | {"primitives": [primitive]})})
+        self._node(named | {"mesh": self.add("meshes", named | {"primitives": primitives})})
 
     def camera(self, camera: Camera) -> None:
         """A camera where the scene has one."""

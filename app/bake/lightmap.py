@@ -29,6 +29,7 @@ Light = Literal["all", "indirect"]
 Form = Literal["radiance", "irradiance"]
 SIZE, SAMPLES = 1024, 8  # by default: texels along a side, and points of each texel that lamps and textures are looked at
 MOST = 8192  # texels along a side
+_CLIPPED = 0.005  # of all light, at most: by so much the brightest spots are dimmer in the pictures, not in the EXR
 _GOLDEN = 1.32471795724474602596  # the root of x³ = x + 1, of which the R2 sequence is made (Roberts 2018)
 
 
@@ -194,27 +195,39 @@ def _texel(receivers: Receivers, charts: Charts) -> float:
 
 @dataclass(frozen=True, eq=False)
 class _Encoding:
-    """A map as values 0..1 (S, S, 3), linear, each mesh's texels as shares of its own brightest one, `strength` (M,): what a
-    picture of eight bits can tell apart depends on that."""
+    """A map as values 0..1 (S, S, 3), linear: shares of the `strength` (G,) of the group that a texel's chart is of.
+
+    Eight bits tell little apart in what is far below the brightest. So charts of one mesh are a group only if they are about as
+    bright, each is scaled by itself, and the
+    brightest spots are clipped. group: (charts,).
+    """
 
     values: np.ndarray
     strength: np.ndarray
+    group: np.ndarray
 
     @staticmethod
     def of(made: Lightmap, form: Form) -> _Encoding:
         """That of the map of this form."""
         from scipy import ndimage
 
-        values, count = getattr(made, form), len(made.receivers.meshes)
-        mesh = np.repeat(np.arange(count), [len(mesh.faces) for mesh in made.receivers.meshes])
-        chart_mesh = np.full(made.charts.chart.max(initial=0) + 1, -1)
-        chart_mesh[made.charts.chart] = mesh
-        owner = np.where(made.owner >= 0, chart_mesh[made.owner], -1)
-        nearest = ndimage.distance_transform_edt(owner < 0, return_distances=False, return_indices=True)
-        owner = owner[tuple(nearest)]
-        strength = np.zeros(count)
-        np.maximum.at(strength, owner.ravel(), values.max(-1).ravel())
-        return _Encoding(values / np.maximum(strength[owner], 1e-30)[..., None], strength)
+        values, on = getattr(made, form), made.owner
+        nearest = ndimage.distance_transform_edt(on < 0, return_distances=False, return_indices=True)
+        owner = on[tuple(nearest)]
+        meshes = np.repeat(np.arange(len(made.receivers.meshes)), [len(mesh.faces) for mesh in made.receivers.meshes])
+        charts = int(made.charts.chart.max(initial=-1)) + 1
+        mesh = np.zeros(charts, np.int64)
+        mesh[made.charts.chart] = meshes
+        bright = values.max(-1)
+        most = np.zeros(charts)
+        np.maximum.at(most, owner.ravel(), bright.ravel())
+        most = np.minimum(most, _limit(bright[on >= 0]))
+        level = np.floor(np.log2(np.maximum(most, 1e-30)))
+        _, group = np.unique(np.stack([mesh, level], axis=1), axis=0, return_inverse=True)
+        group = group.ravel()
+        strength = np.zeros(int(group.max(initial=-1)) + 1)
+        np.maximum.at(strength, group, most)
+        return _Encoding(np.minimum(values / np.maximum(strength[group[owner]], 1e-30)[..., None], 1.0), strength, group)
 
     @property
     def eight_bits(self) -> bytes:
@@ -230,13 +243,21 @@ class _Encoding:
         return data.getvalue()
 
 
+def _limit(values: np.ndarray) -> float:
+    """The least limit of values (N,) that takes no more than the share _CLIPPED from their sum."""
+    down = np.sort(values)[::-1].astype(float)
+    excess = np.cumsum(down) - np.arange(1, len(down) + 1) * down  # of all that are above a value
+    within = np.flatnonzero(excess <= _CLIPPED * down.sum())
+    return float(down[within[-1]]) if len(within) else 0.0
+
+
 def glb_of(made: Lightmap, form: Form, encoding: _Encoding | None = None) -> bytes:
     """The bytes of the .glb that `Lightmap.save` writes."""
     encoding = encoding or _Encoding.of(made, form)
     unit = "W/(m² sr)" if form == "radiance" else "W/m²"
     glb = Glb({"irrsplat": {"form": form, "light": made.light, "unit": unit, "texCoord": 1}})
     picture = glb.picture(encoding.eight_bits, f"{form} of {made.light} light, {unit}")
-    scene, receivers = made.receivers.scene, made.receivers
+    scene, receivers, first_face = made.receivers.scene, made.receivers, 0
     for i, mesh in enumerate(receivers.meshes):
         source, vertex = scene.meshes[receivers.sources[i]], made.charts.vertex[i]
         material = mesh.material
@@ -250,18 +271,23 @@ def glb_of(made: Lightmap, form: Form, encoding: _Encoding | None = None) -> byt
             "TEXCOORD_0": first,
             "TEXCOORD_1": second,
         }
-        strength = float(encoding.strength[i])
-        if form == "radiance":
-            entry = glb.material(material, (0.0, 0.0, 0.0), two_sided)
-            if material.alpha_mode != "opaque" and material.albedo_texture is not None:  # for its alpha
-                entry["pbrMetallicRoughness"]["baseColorTexture"] = _info(glb, material.albedo_texture)
-            glb.emissive(entry, (strength,) * 3, {"index": picture, "texCoord": 1})
-        else:
-            entry = own_material(glb, mesh, two_sided, lying)
-            if mesh.colors is not None and not material.unlit:
-                attributes["COLOR_0"] = mesh.colors[vertex]
-            entry["extras"] = {"lightMap": {"index": picture, "texCoord": 1, "strength": strength}}
-        glb.mesh(source.name, attributes, made.charts.faces[i], glb.add("materials", entry))
+        if form == "irradiance" and mesh.colors is not None and not material.unlit:
+            attributes["COLOR_0"] = mesh.colors[vertex]
+        groups = encoding.group[made.charts.chart[first_face : first_face + len(mesh.faces)]]
+        first_face += len(mesh.faces)
+        parts = []
+        for group in np.unique(groups):
+            strength = float(encoding.strength[group])
+            if form == "radiance":
+                entry = glb.material(material, (0.0, 0.0, 0.0), two_sided)
+                if material.alpha_mode != "opaque" and material.albedo_texture is not None:  # for its alpha
+                    entry["pbrMetallicRoughness"]["baseColorTexture"] = _info(glb, material.albedo_texture)
+                glb.emissive(entry, (strength,) * 3, {"index": picture, "texCoord": 1})
+            else:
+                entry = own_material(glb, mesh, two_sided, lying)
+                entry["extras"] = {"lightMap": {"index": picture, "texCoord": 1, "strength": strength}}
+            parts.append((made.charts.faces[i][groups == group], glb.add("materials", entry)))
+        glb.mesh(source.name, attributes, parts)
     for camera in scene.cameras:
         glb.camera(camera)
     return glb.encoded()
