@@ -41,7 +41,8 @@ class Lightmap:
     emit. indirect, direct: the parts of all irradiance as they were found, before seams were matched. charts: how the surfaces of
     `receivers` lie in it. lit: the points at which light was found. owner: (S, S) the
     number of the chart that a texel is on, -1: none. samples: (x, y) of the points of a texel, from its centre.
-    texel: metres along the side of one, on the mean. records, converged: as a render has them.
+    texel: metres along the side of one, on the mean. records, converged: as a render has them. emitters_apart: whether
+    `direct` holds light of emitters, which records left out.
     """
 
     receivers: Receivers
@@ -57,6 +58,8 @@ class Lightmap:
     texel: float
     records: int
     converged: bool
+    emitters_apart: bool
+    checks = "texels"
 
     def save(self, path: str | os.PathLike[str], form: Form = "radiance") -> tuple[Path, ...]:
         """Write a .glb, and beside it the map as a 16-bit .png and as an .exr; the names of all three.
@@ -161,12 +164,11 @@ def _baked(
         texel,
         gathered.records,
         gathered.converged,
+        lights.settings.emitters_apart,
     )
 
 
-def _where(
-    at: tuple[np.ndarray, np.ndarray, np.ndarray], seen: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _where(at: tuple[np.ndarray, np.ndarray, np.ndarray], seen: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The same points, none where nothing is `seen` at the texel's own point."""
     return np.where(seen, at[0], -1), at[1], at[2]
 
@@ -214,14 +216,13 @@ class _Encoding:
         values, on = getattr(made, form), made.owner
         nearest = ndimage.distance_transform_edt(on < 0, return_distances=False, return_indices=True)
         owner = on[tuple(nearest)]
-        meshes = np.repeat(np.arange(len(made.receivers.meshes)), [len(mesh.faces) for mesh in made.receivers.meshes])
         charts = int(made.charts.chart.max(initial=-1)) + 1
         mesh = np.zeros(charts, np.int64)
-        mesh[made.charts.chart] = meshes
+        mesh[made.charts.chart] = made.receivers.mesh_of
         bright = values.max(-1)
         most = np.zeros(charts)
         np.maximum.at(most, owner.ravel(), bright.ravel())
-        most = np.minimum(most, _limit(bright[on >= 0]))
+        most = np.minimum(most, limit_of(bright[on >= 0]))
         level = np.floor(np.log2(np.maximum(most, 1e-30)))
         _, group = np.unique(np.stack([mesh, level], axis=1), axis=0, return_inverse=True)
         group = group.ravel()
@@ -243,7 +244,7 @@ class _Encoding:
         return data.getvalue()
 
 
-def _limit(values: np.ndarray) -> float:
+def limit_of(values: np.ndarray) -> float:
     """The least limit of values (N,) that takes no more than the share _CLIPPED from their sum."""
     down = np.sort(values)[::-1].astype(float)
     excess = np.cumsum(down) - np.arange(1, len(down) + 1) * down  # of all that are above a value
@@ -264,7 +265,7 @@ def glb_of(made: Lightmap, form: Form, encoding: _Encoding | None = None) -> byt
         two_sided = material.double_sided and not receivers.both[i]
         lying = next((t for t in (material.albedo_texture, material.emission_texture, material.normal_texture) if t), None)
         second = made.charts.uv[i] / made.charts.size
-        first = second if lying is None else texture_coordinates(mesh, lying)[vertex]
+        first = second if lying is None or mesh.uvs is None else texture_coordinates(mesh.uvs[vertex], lying)
         attributes: dict[str, np.ndarray] = {
             "POSITION": mesh.positions[vertex] + np.asarray(scene.origin, np.float32),
             "NORMAL": unit_normals(mesh, vertex),
@@ -281,7 +282,7 @@ def glb_of(made: Lightmap, form: Form, encoding: _Encoding | None = None) -> byt
             if form == "radiance":
                 entry = glb.material(material, (0.0, 0.0, 0.0), two_sided)
                 if material.alpha_mode != "opaque" and material.albedo_texture is not None:  # for its alpha
-                    entry["pbrMetallicRoughness"]["baseColorTexture"] = _info(glb, material.albedo_texture)
+                    entry["pbrMetallicRoughness"]["baseColorTexture"] = info(glb, material.albedo_texture)
                 glb.emissive(entry, (strength,) * 3, {"index": picture, "texCoord": 1})
             else:
                 entry = own_material(glb, mesh, two_sided, lying)
@@ -298,7 +299,7 @@ def own_material(glb: Glb, mesh: Mesh, two_sided: bool, lying: Texture | None) -
     material: Material = mesh.material
     entry = glb.material(material, (1.0, 1.0, 1.0) if mesh.colors is not None else material.albedo, two_sided)
     alike = {
-        name: _info(glb, texture)
+        name: info(glb, texture)
         for name in ("albedo", "emission", "normal")
         if (texture := getattr(material, f"{name}_texture")) is not None and lying is not None
         and (texture.uv_set, texture.transform) == (lying.uv_set, lying.transform)
@@ -311,16 +312,15 @@ def own_material(glb: Glb, mesh: Mesh, two_sided: bool, lying: Texture | None) -
     return entry
 
 
-def _info(glb: Glb, texture: Texture) -> dict[str, Any]:
+def info(glb: Glb, texture: Texture) -> dict[str, Any]:
+    """What a material says of a texture."""
     return {"index": glb.texture(texture)}
 
 
-def texture_coordinates(mesh: Mesh, texture: Texture) -> np.ndarray:
-    """(V, 2) where the texture's image is at the mesh's vertices, as glTF has it without any transform."""
-    if mesh.uvs is None:
-        return np.zeros((len(mesh.positions), 2))
+def texture_coordinates(uvs: np.ndarray, texture: Texture) -> np.ndarray:
+    """(V, 2) where the texture's image is at vertices of coordinates (V, 4), as glTF has it without any transform."""
     a, b, c, d, e, f = texture.transform
-    u, v = mesh.uvs[:, 2 * texture.uv_set : 2 * texture.uv_set + 2].astype(float).T
+    u, v = uvs[:, 2 * texture.uv_set : 2 * texture.uv_set + 2].astype(float).T
     return np.stack([a * u + b * v + c, d * u + e * v + f], axis=1)
 
 

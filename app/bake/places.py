@@ -41,6 +41,11 @@ class Receivers:
         """All of them as one table of triangles."""
         return Surfaces.of(replace(self.scene, meshes=self.meshes))
 
+    @cached_property
+    def mesh_of(self) -> np.ndarray:
+        """(F,) the number of the mesh that each of their triangles is of."""
+        return np.repeat(np.arange(len(self.meshes)), [len(mesh.faces) for mesh in self.meshes])
+
     @staticmethod
     def of(scene: Scene, ctx: moderngl.Context | None = None) -> Receivers:
         """Those of a scene, in the order in which it has its meshes: of each the side that light reaches, or both of them. ctx: as

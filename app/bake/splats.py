@@ -168,5 +168,3 @@ class _Boxes:
         away = np.maximum(np.maximum(low - centre, centre - high), np.float32(0.0))
         touched: np.ndarray = (away.astype(np.float32) ** 2).sum(-1) <= radius**2
         return touched
-
-

@@ -42,6 +42,7 @@ APP_ROOMS = (
     "irrsplat.app.measure",
     "irrsplat.app.render_path",
     "irrsplat.app.false_colours",
+    "irrsplat.app.bake",
     "irrsplat.app.bench",
     "irrsplat.app.viewer",
     "irrsplat.app.verify",
