@@ -1,4 +1,4 @@
-"""Light as other programs take it: lightmaps, vertex colours and probes. `irrsplat bake` calls what stands here; so may a program.
+"""Light as other programs take it: lightmaps, vertex colours and probes, for `irrsplat bake` and for programs in Python.
 
 `bake_lightmap`, `bake_vertices` and `bake_probes` take a scene and return values with a `save`.
 """

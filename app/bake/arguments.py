@@ -22,20 +22,13 @@ def add(parser: argparse.ArgumentParser, number: Callable[[str], float], whole: 
     add("--light", choices=("all", "indirect"), default="all", help=words)
     add(
         "--form", choices=("radiance", "irradiance"),
-        help="of a lightmap: black materials that emit the map, for any program; or the scene's own materials and the map of W/m² "
-        "apart, for a line of code in the host (default: radiance)",
-    )  # fmt: skip
-    add("--size", type=whole, metavar="N", help="texels along a lightmap's side (default: 1024)")
-    add(
-        "--texel-samples",
-        type=whole,
-        metavar="N",
-        help="points of a texel at which lamps and textures are looked at (default: 8)",
-    )
-    words = "of vertex colours: how far an edge's middle may be off, as a share of the light, before it is cut (default: 0.05)"
-    add("--cut", type=number, metavar="X", help=words)
-    add("--most", type=whole, metavar="N", help="of vertex colours: vertices at most (default: 200000)")
-    add("--grid", type=number, metavar="M", help="of probes: metres between them at most (default: an eighth of the scene)")
-    words = "hold so many texels or vertices against a path tracer, and say how far off they are"
-    add("--check", type=whole, metavar="N", help=words)
-    add("--stats", metavar="FILE.json", help="write sizes, records, times, the errors of --check and settings to this file")
+        help="of a lightmap: black materials that emit the map, for any program; or the scene's own materials and the map of
+        W/m² " "apart, for a line of code in the host (default: radiance)", )  # fmt: skip add("--size", type=whole,
+        metavar="N", help="texels along a lightmap's side (default: 1024)") add( "--texel-samples", type=whole, metavar="N",
+        help="points of a texel at which lamps and textures are looked at (default: 8)", ) words = "of vertex colours: how far
+        an edge's middle may be off, as a share of the light, before it is cut (default: 0.05)" add("--cut", type=number,
+        metavar="X", help=words) add("--most", type=whole, metavar="N", help="of vertex colours: vertices at most (default:
+        200000)") add("--grid", type=number, metavar="M", help="of probes: metres between them at most (default: an eighth of
+        the scene)") words = "hold so many texels or vertices against a path tracer, and say how far off they are"
+        add("--check", type=whole, metavar="N", help=words) add("--stats", metavar="FILE.json", help="write sizes, records,
+        times, the errors of --check and settings to this file")

@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from irrsplat.app.bake.lightmap import Lightmap
 from irrsplat.core.errors import InputError
 from irrsplat.reference import worker
 from irrsplat.reference.truth import errors, noise, side_of, vertices
 
 if TYPE_CHECKING:
-    from irrsplat.app.bake.lightmap import Lightmap
     from irrsplat.app.bake.vertices import VertexLight
-    from irrsplat.scene.model import Scene
 
 SAMPLES = 2048  # rays of each kind a point, as `irrsplat verify` has them
 _WITHIN = 16  # points of a texel that shadows are looked at
@@ -24,9 +23,9 @@ _WITHIN = 16  # points of a texel that shadows are looked at
 
 @dataclass(frozen=True)
 class Checked:
-    """The errors of a bake's irradiance at `count` points (`what`: texels, vertices) against a path tracer's, which used so many `samples`; rmse and bias as
-    truth.errors has them, over the truth's mean; net: the rmse without the truth's own noise. indirect: the net rmse of the
-    indirect part alone. None in the dark."""
+    """The errors of a bake's irradiance at `count` points (`what`: texels, vertices) against a path tracer's, which used so many
+    `samples`; rmse and bias as truth.errors has them, over the truth's mean; net: the rmse without the truth's own noise.
+    indirect: the net rmse of the indirect part alone. None in the dark."""
 
     count: int
     what: str
@@ -47,8 +46,8 @@ class Checked:
 
 @dataclass(frozen=True, eq=False)
 class _Sample:
-    """Some of a bake's points: positions, mapped and geometric normals, (N, 3) each; `shadowed`, the same of points at which lamps
-    are looked at, as many to each; and what was baked there, (N, 3) W/m²."""
+    """Some of a bake's points: positions, mapped and geometric normals, (N, 3) each; `shadowed`, the same of points at which
+    lamps are looked at, as many to each; and what was baked there, (N, 3) W/m²."""
 
     points: tuple[np.ndarray, np.ndarray, np.ndarray]
     shadowed: tuple[np.ndarray, np.ndarray, np.ndarray]
@@ -66,14 +65,14 @@ def check(
     """The errors of a bake at `count` of its points drawn at random: texels of a lightmap that lie within a chart with all around
     them, or vertices.
 
-    bounces: the setting that it was baked with. Light of lamps is compared as the mean over a texel, all else at its middle. Raises
-    InputError where nothing can be compared, IrrsplatError where there is no path tracer (the extra `reference`).
+    bounces: the setting that it was baked with. Light of lamps is compared as the mean over a texel, all else at its middle.
+    Raises InputError where nothing can be compared, IrrsplatError where there is no path tracer (the extra `reference`).
     """
     worker.require()
     if made.light == "indirect" and made.emitters_apart:
         raise InputError("a bake without light of lamps and emitters is not checked; leave --pixel-light-samples or --check out")
     random = np.random.default_rng(seed)
-    some = _vertices(made, count, random) if hasattr(made, "cut") else _texels(made, count, random)
+    some = _texels(made, count, random) if isinstance(made, Lightmap) else _vertices(made, count, random)
     side, number = side_of(SAMPLES), len(some.irradiance)
     if not number:
         raise InputError("no point of the bake can be compared; give a larger --size")
@@ -82,7 +81,7 @@ def check(
     halves, direct, everywhere = found["halves"], np.float32(0.0), np.ones(number, bool)
     if len(found["direct"]):
         direct = found["direct"].reshape(number, -1, 3).mean(1)
-    told, own = errors(some.irradiance, halves.mean(0) + direct), noise(halves + direct, everywhere)
+    told, own = errors(some.irradiance, halves.astype(float).mean(0) + direct), noise(halves + direct, everywhere)
     indirect = None if made.emitters_apart else errors(some.indirect, halves.mean(0))["rmse"]
     return Checked(
         number, made.checks, 2 * side * side, told["rmse"], _net(told["rmse"], own), told["bias"],

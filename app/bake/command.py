@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from irrsplat.scene.model import Scene
 
 _OWN = {  # flags that only one kind of bake has, and their names where they are handed on
-    "lightmap": {"form": "form", "size": "size", "texel_samples": "samples"},
-    "vertices": {"cut": "tolerance", "most": "most"},
+    "lightmap": {"form": "form", "size": "size", "texel_samples": "texel_samples"},
+    "vertices": {"cut": "cut", "most": "most"},
     "probes": {"grid": "grid"},
 }
 _ENDINGS = {"lightmap": (".glb",), "vertices": (".glb",), "probes": (".json", ".npz")}

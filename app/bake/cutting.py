@@ -12,8 +12,8 @@ from irrsplat.app.bake.places import Receivers
 @dataclass(frozen=True, eq=False)
 class Edges:
     """The edges of a Cut. ends: (E, 2) vertices; root, middle: (E,), (E, 3) a triangle on which the middle lies, and where;
-    length: (E,) metres. of_face: (F, 3) the edges of the faces, from corner k to the next. place: (E,) a number for each, the same
-    for those that lie in one place, at the rim of two meshes say."""
+    length: (E,) metres. of_face: (F, 3) the edges of the faces, from corner k to the next. place: (E,) a number for each, the
+    same for those that lie in one place, at the rim of two meshes say."""
 
     ends: np.ndarray
     root: np.ndarray
@@ -23,8 +23,8 @@ class Edges:
     place: np.ndarray
 
     def conforming(self, marked: np.ndarray) -> np.ndarray:
-        """(E,) bool: the `marked` edges, and those that are to be cut as well: in the same place, and the longest one of every face
-        that is cut at all, so that no slivers come of it (Rivara 1984)."""
+        """(E,) bool: the `marked` edges, and those that are to be cut as well: in the same place, and the longest one of every
+        face that is cut at all, so that no slivers come of it (Rivara 1984)."""
         longest = self.of_face[np.arange(len(self.of_face)), self.longest]
         while True:
             places = np.zeros(self.place.max(initial=0) + 1, bool)
@@ -37,9 +37,11 @@ class Edges:
 
     @property
     def longest(self) -> np.ndarray:
-        """(F,) which of its three edges is the longest of each face; of equal ones that of the lowest place, for all faces alike."""
+        """(F,) which of its three edges is the longest of each face; of equal ones that of the lowest place, for all faces
+        alike."""
         length = np.round(self.length / max(float(self.length.max(initial=0.0)), 1e-30), 6)[self.of_face]
-        return np.lexsort((self.place[self.of_face], -length), axis=1)[:, 0]
+        found: np.ndarray = np.lexsort((self.place[self.of_face], -length), axis=1)[:, 0]
+        return found
 
     @property
     def keys(self) -> np.ndarray:

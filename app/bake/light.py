@@ -1,4 +1,4 @@
-"""The light at points on surfaces by irradiance records, without any view: gathered where none serves a point yet, splatted there.
+"""The light at points on surfaces by irradiance records, without any view: gathered where none serves a point, splatted there.
 
 It is the renderer's own method, by its own stages; only how splats find what they reach is another one (splats.py).
 """
@@ -32,7 +32,7 @@ from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.model import Camera, Scene
-from irrsplat.settings import Settings, SettingValues, preset
+from irrsplat.settings import SettingValues, preset
 
 OnBake = Callable[[float, str], None]  # called with the share that is done, 0..1, and words
 _NOBODY = Camera((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))  # rounds are told a camera, which matters to windows alone
@@ -157,7 +157,8 @@ class _Drawn(Owner):
             texture(where.emission, where.triangle),
             *([texture(where.mapped, np.zeros_like(octahedral[0]))] if mapped else []),
         ]
-        self.gbuffer = GBuffer(*self.textures)
+        position, normal, albedo, emission = self.textures[:4]
+        self.gbuffer = GBuffer(position, normal, albedo, emission, self.textures[4] if mapped else None)
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""

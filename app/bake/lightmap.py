@@ -37,12 +37,12 @@ _GOLDEN = 1.32471795724474602596  # the root of x³ = x + 1, of which the R2 seq
 class Lightmap:
     """Light on surfaces as pictures (S, S, 3) of float32, top row first, where TEXCOORD_1 = (0, 0) is the top left corner.
 
-    irradiance: W/m², of all light or of all but that of lamps; radiance: W/(m² sr), what the surfaces send out by it, and what they
-    emit. indirect, direct: the parts of all irradiance as they were found, before seams were matched. charts: how the surfaces of
-    `receivers` lie in it. lit: the points at which light was found. owner: (S, S) the
-    number of the chart that a texel is on, -1: none. samples: (x, y) of the points of a texel, from its centre.
-    texel: metres along the side of one, on the mean. records, converged: as a render has them. emitters_apart: whether
-    `direct` holds light of emitters, which records left out.
+    irradiance: W/m², of all light or of all but that of lamps; radiance: W/(m² sr), what the surfaces send out by it, and what
+    they emit. indirect, direct: the parts of all irradiance as they were found, before seams were matched. charts: how the
+    surfaces of `receivers` lie in it. lit: the points at which light was found. owner: (S, S) the number of the chart that a
+    texel is on, -1: none. samples: (x, y) of the points of a texel, from its centre. texel: metres along the side of one, on
+    the mean. records, converged: as a render has them. emitters_apart: whether `direct` holds light of emitters, which records
+    left out.
     """
 
     receivers: Receivers
@@ -82,7 +82,7 @@ def bake_lightmap(
     scene: Scene,
     size: int = SIZE,
     light: Light = "all",
-    samples: int = SAMPLES,
+    texel_samples: int = SAMPLES,
     preset: str = "default",
     on_bake: OnBake | None = None,
     ctx: moderngl.Context | None = None,
@@ -91,13 +91,14 @@ def bake_lightmap(
     """The lightmap of a scene, `size` texels a side.
 
     light: "all", or "indirect": all but what comes straight from lamps (and from emitters where `pixel_light_samples` is not 0).
-    samples: points of a texel at which lamps and textures are looked at. preset, settings: as Renderer's, those of the stages
-    shadow, gather, splat and examine, and pixel_light_samples. on_bake: called with the share done, and words. ctx: as Renderer's.
-    Raises InputError for what cannot be, and where the extra `bake` is not installed; GLError where there is no OpenGL.
+    texel_samples: points of a texel at which lamps and textures are looked at. preset, settings: as Renderer's, those of the
+    stages shadow, gather, splat and examine, and pixel_light_samples. on_bake: called with the share done, and words. ctx: as
+    Renderer's. Raises InputError for what cannot be, and where the extra `bake` is not installed; GLError where there is no
+    OpenGL.
     """
     check_type("what a lightmap is baked of", scene, Scene)
-    if not 16 <= size <= MOST or samples < 1:
-        raise InputError(f"a lightmap has 16 to {MOST} texels a side and 1 sample or more, not {size} and {samples}")
+    if not 16 <= size <= MOST or texel_samples < 1:
+        raise InputError(f"a lightmap has 16 to {MOST} texels a side and 1 sample or more, not {size} and {texel_samples}")
     scene = scene.recentred
     told = on_bake or (lambda share, words: None)
     told(0.0, "unwrapping")
@@ -106,7 +107,7 @@ def bake_lightmap(
     with PlaceLight(scene.local, preset, ctx, **settings) as lights:
         chartist = Chartist(lights.ctx, charts)
         try:
-            return _baked(receivers, charts, chartist, lights, light, samples, told)
+            return _baked(receivers, charts, chartist, lights, light, texel_samples, told)
         finally:
             if lights.ctx is ctx:
                 chartist.release()

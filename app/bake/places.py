@@ -48,8 +48,8 @@ class Receivers:
 
     @staticmethod
     def of(scene: Scene, ctx: moderngl.Context | None = None) -> Receivers:
-        """Those of a scene, in the order in which it has its meshes: of each the side that light reaches, or both of them. ctx: as
-        LightMeter's; without one, the context that was current is no longer."""
+        """Those of a scene, in the order in which it has its meshes: of each the side that light reaches, or both of them. ctx:
+        as LightMeter's; without one, the context that was current is no longer."""
         ordered, first, at = in_order(scene), {}, 0
         for mesh in ordered:
             first[mesh] = at
@@ -105,7 +105,9 @@ def places(receivers: Receivers, triangle: np.ndarray, u: np.ndarray, v: np.ndar
         return whole
 
     columns = (found.position, found.smooth, found.mapped, found.front, found.albedo, found.emission)
-    return Places(*map(spread, columns), spread(receivers.triangle[triangle[seen]], "i8"), seen)
+    position, smooth, mapped, front, albedo, emission = map(spread, columns)
+    numbers = spread(receivers.triangle[triangle[seen]], "i8")
+    return Places(position, smooth, mapped, front, albedo, emission, numbers, seen)
 
 
 def hidden(scene: Scene, where: Places) -> np.ndarray:

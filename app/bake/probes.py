@@ -1,4 +1,5 @@
-"""Probes: irradiance at the places of a grid, about every direction, by spherical harmonics of second order (nine numbers a colour).
+"""Probes: irradiance at the places of a grid, about every direction, by spherical harmonics of second order (nine numbers a
+colour).
 
 E(n) = Σ c_i·Y_i(n), with the real basis Y of `basis` (Ramamoorthi and Hanrahan 2001, "An Efficient Representation for Irradiance
 Environment Maps"): what stands in a file is irradiance itself, convolved already.
@@ -59,8 +60,8 @@ def basis(directions: np.ndarray) -> np.ndarray:
 class Probes:
     """A grid of probes: `origin` (3,) is the first, `step` (3,) metres to the next along x, y and z, `counts` (3,) of them.
 
-    coefficients: (Z, Y, X, 9, 3) W/m² of red, green and blue by the basis above. valid: (Z, Y, X) bool, False for a probe within a
-    solid, which has the numbers of the nearest valid one, so that what is interpolated beside it is not dark.
+    coefficients: (Z, Y, X, 9, 3) W/m² of red, green and blue by the basis above. valid: (Z, Y, X) bool, False for a probe
+    within a solid, which has the numbers of the nearest valid one, so that what is interpolated beside it is not dark.
     """
 
     origin: np.ndarray
@@ -142,7 +143,8 @@ def bake_probes(
     directions = sphere(_DIRECTIONS)
     solve = np.linalg.pinv(basis(directions))  # least squares
     found, valid = np.zeros((len(places), 9, 3)), np.ones(len(places), bool)
-    with LightMeter(scene, preset, ctx, **{"gather_size": 16, **settings}) as meter:
+    values: SettingValues = {"gather_size": 16, **settings}
+    with LightMeter(scene, preset, ctx, **values) as meter:
         for first in range(0, len(places), _BATCH):
             some = places[first : first + _BATCH]
             told = None if on_bake is None else partial(_tell, on_bake, first, len(some), len(places))

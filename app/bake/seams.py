@@ -15,8 +15,8 @@ _KEPT = 0.1  # weight of a texel's own value against a match of two texels
 
 
 def filled(values: np.ndarray, known: np.ndarray, position: np.ndarray, chart: np.ndarray) -> np.ndarray:
-    """(H, W, C) `values` where they are `known` (H, W); elsewhere on a chart (H, W), -1 for none, what its known points nearest in
-    space have, and beside the charts what the nearest texel on one has.
+    """(H, W, C) `values` where they are `known` (H, W); elsewhere on a chart (H, W), -1 for none, what its known points nearest
+    in space have, and beside the charts what the nearest texel on one has.
 
     position: (H, W, 3) of points. What is hidden takes its value from what is seen beside it on the same chart, so that nothing
     dark comes in by filtering; a chart without any known point takes it from others.
@@ -84,8 +84,8 @@ def matched(values: np.ndarray, charts: Charts, position: np.ndarray, normal: np
 
 
 def _seams(charts: Charts, position: np.ndarray, normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Edges that lie in two places of the map though they are one in space, with like normals: (S, 2, 2) texels of both ends, here
-    and there."""
+    """Edges that lie in two places of the map though they are one in space, with like normals: (S, 2, 2) texels of both ends,
+    here and there."""
     corners = charts.corners
     scale = np.ptp(position.reshape(-1, 3), axis=0).max() or 1.0
     keys = np.round(position / (1e-6 * scale)).astype(np.int64)

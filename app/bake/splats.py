@@ -139,7 +139,8 @@ class PlaceSplats(Owner):
 
 @dataclass(frozen=True, eq=False)
 class _Boxes:
-    """The bounding boxes of the points in each square of a picture, (N, 3) low and high, row by row; empty ones are inside out."""
+    """The bounding boxes of the points in each square of a picture, (N, 3) low and high, row by row; empty ones are inside
+    out."""
 
     low: np.ndarray
     high: np.ndarray

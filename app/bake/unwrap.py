@@ -44,8 +44,8 @@ class Charts:
 
 
 def unwrap(receivers: Receivers, size: int) -> Charts:
-    """Charts that fill a square of `size` texels as well as they may. Raises InputError where xatlas is missing, there is nothing to
-    unwrap, or so much of it that the square is too small."""
+    """Charts that fill a square of `size` texels as well as they may. Raises InputError where xatlas is missing, there is
+    nothing to unwrap, or so much of it that the square is too small."""
     try:
         import xatlas
     except ModuleNotFoundError as error:

@@ -33,10 +33,10 @@ _COLUMNS, _TILE = 64, 8  # tiles in a row of a picture of points, and points alo
 
 @dataclass(frozen=True, eq=False)
 class VertexLight:
-    """Light at vertices, (V, 3) each: irradiance in W/m², of all light or of all but that of lamps; indirect and direct, its parts
-    as they were found. lit: (V,) whether light was found at the very vertex; points: where it was looked for, (V, 3), and about
-    which normals. records, converged: as a render has them. complete: whether nothing is left to be cut that MOST kept from it. emitters_apart: as a
-    Lightmap's."""
+    """Light at vertices, (V, 3) each: irradiance in W/m², of all light or of all but that of lamps; indirect and direct, its
+    parts as they were found. lit: (V,) whether light was found at the very vertex; points: where it was looked for, (V, 3), and
+    about which normals. records, converged: as a render has them. complete: whether nothing is left to be cut that MOST kept
+    from it. emitters_apart: as a Lightmap's."""
 
     receivers: Receivers
     cut: Cut
@@ -53,8 +53,8 @@ class VertexLight:
     checks = "vertices"
 
     def save(self, path: str | os.PathLike[str]) -> tuple[Path, ...]:
-        """Write a .glb, completely or not at all; its name. Raises InputError for another ending, IrrsplatError where it cannot be
-        written."""
+        """Write a .glb, completely or not at all; its name. Raises InputError for another ending, IrrsplatError where it cannot
+        be written."""
         glb = Path(path)
         if glb.suffix.lower() != ".glb":
             raise InputError("vertex colours are written as a .glb; give -o a name that ends so", str(path) or "''")
@@ -64,7 +64,7 @@ class VertexLight:
 
 def bake_vertices(
     scene: Scene,
-    tolerance: float = TOLERANCE,
+    cut: float = TOLERANCE,
     light: Light = "all",
     most: int = MOST,
     preset: str = "default",
@@ -73,47 +73,47 @@ def bake_vertices(
     **settings: Unpack[SettingValues],
 ) -> VertexLight:
     """Light at the vertices of a scene, whose triangles are cut until the middle of no edge is further off what its ends say than
-    `tolerance`, as a share of the light there, or there are `most` vertices.
+    `cut`, as a share of the light there, or there are `most` vertices.
 
     The rest as in bake_lightmap; raises InputError for what cannot be, GLError where there is no OpenGL.
     """
     check_type("what vertex colours are baked of", scene, Scene)
-    if not tolerance > 0.0:
-        raise InputError(f"the tolerance of vertex colours is above 0, not {tolerance:g}")
+    if not cut > 0.0:
+        raise InputError(f"--cut is above 0, not {cut:g}; it is a share of the light")
     scene, told = scene.recentred, on_bake or (lambda share, words: None)
     receivers = Receivers.of(scene.local, ctx)
     if not receivers.meshes:
         raise InputError("the scene has no triangles to bake light on")
     side = scene.diagonal / np.sqrt(3.0)
     with PlaceLight(scene.local, preset, ctx, **settings) as lights:
-        cut = Cut.whole(receivers)
+        pieces = Cut.whole(receivers)
         found = _Found(receivers, lights, light, side * _SHORTEST)
-        known = found.at(cut.root, cut.corner)
+        known = found.at(pieces.root, pieces.corner)
         fine = np.zeros(0, np.int64)  # edges whose middles were found to be right
         marked = np.ones(1, bool)
         for _ in range(_ROUNDS):
-            told(min(len(cut.root) / most, 1.0), f"{len(cut.root)} vertices")
-            edges = cut.edges(receivers)
+            told(min(len(pieces.root) / most, 1.0), f"{len(pieces.root)} vertices")
+            edges = pieces.edges(receivers)
             long = edges.length > side * _LONGEST
             (asked,) = np.nonzero(~long & (edges.length > 2.0 * side * _SHORTEST) & ~np.isin(edges.keys, fine))
             marked, tried = long.copy(), found.at(edges.root[asked], edges.middle[asked])
-            marked[asked] = _off(known, tried, edges.ends[asked], tolerance, _DIM * found.mean)
+            marked[asked] = _off(known, tried, edges.ends[asked], cut, _DIM * found.mean)
             fine = np.concatenate([fine, edges.keys[asked][~marked[asked]]])
             marked = edges.conforming(marked)
-            if not marked.any() or len(cut.root) + marked.sum() > most:
+            if not marked.any() or len(pieces.root) + marked.sum() > most:
                 break
             at = np.full(len(marked), -1)
             at[asked] = np.arange(len(asked))
             (rest,) = np.nonzero(marked & (at < 0))
             at[rest] = len(asked) + np.arange(len(rest))
             tried = tried.and_(found.at(edges.root[rest], edges.middle[rest]))
-            cut, known = cut.divided(edges, marked), known.and_(tried, at[marked])
+            pieces, known = pieces.divided(edges, marked), known.and_(tried, at[marked])
         complete = not marked.any()
-    mesh = receivers.mesh_of[cut.root][None]
+    mesh = receivers.mesh_of[pieces.root][None]
     position = known.places.position.astype(float)
     total = seams.filled(known.total[None], known.seen[None], position, mesh)[0].astype(np.float32)
     return VertexLight(
-        receivers, cut, light, total, known.indirect, known.direct, known.seen, known.places, found.records, found.converged,
+        receivers, pieces, light, total, known.indirect, known.direct, known.seen, known.places, found.records, found.converged,
         complete, lights.settings.emitters_apart,
     )  # fmt: skip
 
@@ -122,8 +122,8 @@ def bake_vertices(
 
 
 def _off(known: _Known, tried: _Known, ends: np.ndarray, tolerance: float, floor: float) -> np.ndarray:
-    """(E,) whether what was `tried` in the middle of edges is further off the mean of their `ends` (E, 2) than the tolerance, or one
-    surface goes into another there. floor: W/m², errors count as if light were at least that."""
+    """(E,) whether what was `tried` in the middle of edges is further off the mean of their `ends` (E, 2) than the tolerance,
+    or one surface goes into another there. floor: W/m², errors count as if light were at least that."""
     first, second = ends.T
     off = np.abs(tried.total - 0.5 * (known.total[first] + known.total[second])).max(1)
     both = known.seen[first] & known.seen[second]
