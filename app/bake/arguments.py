@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 DESCRIPTION = "Bake light into a lightmap, vertex colours or probes, for programs that only show it."
 EPILOG = (
-    "A lightmap needs the extra: pip install 'irrsplat[bake]'; --check needs pip install 'irrsplat[reference]'. A .png of 16 bits and\n"
-    "an .exr with the same map lie beside the .glb. docs/baking.md has the conventions, and the lines that other programs need."
+    "A lightmap needs the extra: pip install 'irrsplat[bake]'; --check needs pip install 'irrsplat[reference]'. Beside the .glb lie\n"
+    "a .png of 16 bits and an .exr with the same map. docs/baking.md has the conventions, and what other programs need."
 )
 KINDS = ("lightmap", "vertices", "probes")
 
@@ -20,15 +20,17 @@ def add(parser: argparse.ArgumentParser, number: Callable[[str], float], whole: 
     add("--to", choices=KINDS, default="lightmap", help="what the light is baked into (default: lightmap)")
     words = "all, or indirect: all but what comes straight from lamps (default: all)"
     add("--light", choices=("all", "indirect"), default="all", help=words)
-    add(
-        "--form", choices=("radiance", "irradiance"),
-        help="of a lightmap: black materials that emit the map, for any program; or the scene's own materials and the map of
-        W/m² " "apart, for a line of code in the host (default: radiance)", )  # fmt: skip add("--size", type=whole,
-        metavar="N", help="texels along a lightmap's side (default: 1024)") add( "--texel-samples", type=whole, metavar="N",
-        help="points of a texel at which lamps and textures are looked at (default: 8)", ) words = "of vertex colours: how far
-        an edge's middle may be off, as a share of the light, before it is cut (default: 0.05)" add("--cut", type=number,
-        metavar="X", help=words) add("--most", type=whole, metavar="N", help="of vertex colours: vertices at most (default:
-        200000)") add("--grid", type=number, metavar="M", help="of probes: metres between them at most (default: an eighth of
-        the scene)") words = "hold so many texels or vertices against a path tracer, and say how far off they are"
-        add("--check", type=whole, metavar="N", help=words) add("--stats", metavar="FILE.json", help="write sizes, records,
-        times, the errors of --check and settings to this file")
+    words = (
+        "of a lightmap: black materials that emit the map, for any program; or the scene's own materials and a map of W/m² apart"
+    )
+    add("--form", choices=("radiance", "irradiance"), help=f"{words} (default: radiance)")
+    add("--size", type=whole, metavar="N", help="texels along a lightmap's side (default: 1024)")
+    words = "points of a texel at which lamps and textures are looked at (default: 8)"
+    add("--texel-samples", type=whole, metavar="N", help=words)
+    words = "of vertex colours: how far an edge's middle may be off, as a share of the light, before it is cut (default: 0.05)"
+    add("--cut", type=number, metavar="X", help=words)
+    add("--most", type=whole, metavar="N", help="of vertex colours: vertices at most (default: 200000)")
+    add("--grid", type=number, metavar="M", help="of probes: metres between them at most (default: an eighth of the scene)")
+    words = "hold so many texels or vertices against a path tracer, and say how far off they are"
+    add("--check", type=whole, metavar="N", help=words)
+    add("--stats", metavar="FILE.json", help="write sizes, records, times, the errors of --check and settings to this file")

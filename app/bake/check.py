@@ -40,7 +40,8 @@ class Checked:
         """One line that says so."""
         if self.rmse is None or self.net is None or self.bias is None:
             return f"checked     {self.count} {self.what}: there is no light"
-        told = f"checked     {self.count} {self.what} against a path tracer: error {self.net:.1%} (RMSE over the mean), bias {self.bias:+.1%}"
+        told = f"checked     {self.count} {self.what} against a path tracer: error {self.net:.1%} (RMSE over the mean), "
+        told += f"bias {self.bias:+.1%}"
         return told + ("" if self.indirect is None else f"; of indirect light alone {self.indirect:.1%}")
 
 

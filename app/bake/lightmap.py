@@ -239,7 +239,7 @@ class _Encoding:
         display = 255.0 * srgb(self.values)
         y, x = np.indices(self.values.shape[:2])
         # interleaved gradient noise (Jimenez 2014)
-        noise = (52.9829189 * ((0.06711056 * x + 0.00583715 * y) % 1.0)) % 1.0
+        noise = np.asarray((52.9829189 * ((0.06711056 * x + 0.00583715 * y) % 1.0)) % 1.0)
         data = io.BytesIO()
         Image.fromarray(np.floor(display + noise[..., None]).clip(0, 255).astype(np.uint8)).save(data, "PNG", optimize=True)
         return data.getvalue()
