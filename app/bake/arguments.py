@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 DESCRIPTION = "Bake light into a lightmap, vertex colours or probes, for programs that only show it."
 EPILOG = (
-    "A lightmap needs the extra: pip install 'irrsplat[bake]'; --check needs pip install 'irrsplat[reference]'. Beside the .glb lie\n"
-    "a .png of 16 bits and an .exr with the same map. docs/baking.md has the conventions, and what other programs need."
+    "A lightmap needs the extra: pip install 'irrsplat[bake]'; --check needs pip install 'irrsplat[reference]'. Beside the .glb\n"
+    "lie a .png of 16 bits and an .exr with the same map. docs/baking.md has the conventions, and what other programs need."
 )
 KINDS = ("lightmap", "vertices", "probes")
 
