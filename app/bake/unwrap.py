@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 INSTALL = "pip install 'irrsplat[bake]'"
 PADDING = 2  # texels between charts: what bilinear filtering looks at beyond a chart's rim is its own
 _TRIES = 6
+_ONE_PLACE = 0.01  # texels: corners so near each other are one in the map
 _NEAREST = 5  # points along a side of the grid by which a texel looks for the surface nearest to its centre
 _AROUND = 0.75  # texels from its centre that it looks at most
 
@@ -87,17 +88,19 @@ def _packed(xatlas: Any, receivers: Receivers, size: int, density: float) -> Any
 
 
 def _islands(faces: tuple[np.ndarray, ...], uv: tuple[np.ndarray, ...]) -> np.ndarray:
-    """(F,) a number for each triangle, the same for those that hang together in the charts."""
+    """(F,) a number for each triangle, the same for those that hang together in the map: whose corners lie at one place there,
+    even if they are several vertices. Between charts there are gaps."""
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
     starts = np.cumsum([0, *map(len, uv)])
     joined = np.concatenate([f + start for f, start in zip(faces, starts, strict=False)])
-    ones = np.ones(2 * len(joined))
-    rows, columns = joined[:, [0, 1]].ravel(), joined[:, [1, 2]].ravel()
-    _, number = connected_components(coo_array((ones, (rows, columns)), shape=(starts[-1], starts[-1])), directed=False)
-    chart: np.ndarray = number[joined[:, 0]].astype(np.int64)
-    return chart
+    _, place = np.unique(np.round(np.concatenate(uv) / _ONE_PLACE).astype(np.int64), axis=0, return_inverse=True)
+    corner = place.ravel()[joined]
+    rows, columns, count = corner[:, [0, 1]].ravel(), corner[:, [1, 2]].ravel(), int(place.max()) + 1
+    _, number = connected_components(coo_array((np.ones(len(rows)), (rows, columns)), shape=(count, count)), directed=False)
+    _, chart = np.unique(number[corner[:, 0]], return_inverse=True)
+    return chart.ravel().astype(np.int64)
 
 
 class Chartist:

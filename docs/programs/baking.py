@@ -1,9 +1,9 @@
-"""Takes docs/images/baking.png: a scene by irrsplat, and its lightmap by three.js, from the same camera; and tells how they differ.
+"""Takes docs/images/baking.png: a scene by irrsplat, and its lightmap by three.js; and tells how far the two differ.
 
     .venv/bin/python docs/programs/baking.py FOLDER [SCENE …]
 
-FOLDER has what `npm install three gltf-validator puppeteer-core` puts there; Chromium is /usr/bin/chromium, or what CHROMIUM names. The
-picture is of the first scene (default: cornell). Ends with status 1 where a mean differs by more than 3 %.
+FOLDER has what `npm install three gltf-validator puppeteer-core` puts there; Chromium is /usr/bin/chromium, or what CHROMIUM
+names. The picture is of the first scene (default: cornell). Ends with status 1 where a mean differs by more than 3 %.
 """
 
 from __future__ import annotations
@@ -57,9 +57,8 @@ def main() -> int:
             print(f"{name}, {form}: mean irradiance {off:+.2%}, median difference of a pixel {apart:.2%}")
         if name == names[0]:
             sides = [tonemap(L, frame.exposure) for L in (frame.image, pictures[0][..., :3])]
-            Image.fromarray(eight_bits(np.concatenate(sides, axis=1))).convert("RGB").quantize(256).save(
-                DOCS / "images" / "baking.png", optimize=True
-            )
+            whole = Image.fromarray(eight_bits(np.concatenate(sides, axis=1))).resize((600, 300), Image.Resampling.LANCZOS)
+            whole.save(DOCS / "images" / "baking.png", optimize=True)
     return int(worst > MOST)
 
 

@@ -70,6 +70,7 @@ def test_a_square_under_a_sky_is_lit_by_pi_times_its_radiance(textured: tuple[Pa
     assert np.abs(made.irradiance / (np.pi * np.array(SKY)) - 1.0).max() < 0.01
     assert made.converged
     assert (made.owner >= 0).mean() > 0.5
+    assert made.charts.chart.tolist() == [0, 0]  # one square, one chart: else its halves are scaled apart
 
 
 def test_the_radiance_is_that_of_the_textures_own_colours(textured: tuple[Path, Any]) -> None:
