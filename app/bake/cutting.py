@@ -46,7 +46,8 @@ class Edges:
     @property
     def keys(self) -> np.ndarray:
         """(E,) a number of each edge, by which it is known as long as it is not cut."""
-        return self.ends[:, 0] << 32 | self.ends[:, 1]
+        found: np.ndarray = self.ends[:, 0] << 32 | self.ends[:, 1]
+        return found
 
 
 @dataclass(frozen=True, eq=False)
