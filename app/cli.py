@@ -206,6 +206,17 @@ def measure(args: argparse.Namespace) -> int:
     return measuring.run(irrsplat.load(args.scene, **vars(args.loading)), args)
 
 
+def bake(args: argparse.Namespace) -> int:
+    """`irrsplat bake`: light for other programs."""
+    from irrsplat.app.bake import command
+
+    command.check(args)
+
+    import irrsplat
+
+    return command.run(irrsplat.load(args.scene, **vars(args.loading)), args)
+
+
 def info(args: argparse.Namespace) -> int:
     """`irrsplat info`: what is in a scene, or the table of bundled ones."""
     from irrsplat.app import info as report
@@ -282,6 +293,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "render": render,
     "fill": fill,
     "measure": measure,
+    "bake": bake,
     "info": info,
     "doctor": doctor,
     "bench": bench,

@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import Any, NoReturn
 
+from irrsplat.app.bake import arguments as baking
 from irrsplat.app.common.parser import Mistakes, Parser
 from irrsplat.app.common.version import version
 from irrsplat.app.film.words import CACHE_MODES, QUALITIES
@@ -41,6 +42,11 @@ def pixels(text: str) -> int:
 def samples(text: str) -> int:
     """A number of samples, for argparse."""
     return _whole(text, 2, 999_999_999, "a whole number of samples, at least 2")
+
+
+def count(text: str) -> int:
+    """A number of things, for argparse."""
+    return _whole(text, 1, 999_999_999, "a whole number, at least 1")
 
 
 def decades(text: str) -> int:
@@ -101,7 +107,7 @@ def read(argv: Sequence[str]) -> tuple[argparse.Namespace, Mistakes]:
     if hasattr(args, "up_axis") and not mistakes.arguments & {"up_axis", "crease_angle", "time"}:
         with mistakes.gathered():
             args.loading = LoadOptions(args.up_axis, args.crease_angle, args.time, args.sky, tuple(args.allow))
-    if args.command in ("render", "fill", "view", "verify", "measure"):
+    if args.command in ("render", "fill", "view", "verify", "measure", "bake"):
         args.values = {}
         for name, declaration in SETTINGS.items():
             if (text := getattr(args, "set_" + name, None)) is not None:
@@ -124,6 +130,7 @@ def build(mistakes: Mistakes | None = None) -> Parser:
     _add_render(commands)
     _add_fill(commands)
     _add_measure(commands)
+    _add_bake(commands)
     _add_bench(commands)
     info = commands.add_parser("info", help="what is in a scene", description="Say what is in a scene.")
     info.add_argument("scene", nargs="?", metavar="SCENE", help="a path, or the name of a bundled scene (default: list those)")
@@ -277,6 +284,16 @@ def _add_measure(commands: Any) -> None:
     add("--stats", metavar="FILE.json", help="write mean, minimum, maximum, uniformity and settings to this file")
     _add_preset(parser, "reference")
     _add_settings(parser, stages=("shadow", "gather"))
+
+
+def _add_bake(commands: Any) -> None:
+    words = "light into a lightmap, vertex colours or probes"
+    parser = commands.add_parser("bake", help=words, description=baking.DESCRIPTION, epilog=baking.EPILOG)
+    _add_scene(parser)
+    baking.add(parser, number, count)
+    _add_preset(parser, "default")
+    _add_settings(parser, stages=("shadow", "gather", "splat", "examine"), besides=("placement", "warmup", "coarse"))
+    _add_setting(parser.add_argument_group("settings of composite"), SETTINGS["pixel_light_samples"])
 
 
 def _add_verify(commands: Any) -> None:

@@ -124,6 +124,32 @@ def _places(tracer: Tracer, camera: Camera, size: tuple[int, int]) -> tuple[_Pla
     return _Places(centre.seen, centre.position, normal, centre.geometric), valid
 
 
+def at_points(
+    scene: Scene,
+    points: tuple[np.ndarray, np.ndarray, np.ndarray],
+    shadowed: tuple[np.ndarray, np.ndarray, np.ndarray],
+    side: int,
+    bounces: int,
+    report: Callable[[float], object],
+) -> dict[str, np.ndarray]:
+    """The light at points on surfaces, positions, shading and geometric normals (N, 3) each.
+
+    `halves`: (2, N, 3) irradiance of so many `bounces`, side² samples of each kind per point and half, in W/m². `direct`: (M, 3)
+    W/m² straight from the lamps at the points `shadowed`, M of the same three. report: called with the share done.
+    """
+    tracer, p = Tracer(scene), points[0]
+    where = _Places(np.ones((1, len(p)), bool), *(np.asarray(a, np.float64)[None] for a in points))
+    halves = _halves(tracer, where, side, bounces, 0, report)[:, 0]
+    q, n, g = (np.asarray(a, np.float64) for a in shadowed)
+    direct = np.zeros((len(q), 3), np.float32)
+    for light in scene.lights if len(q) else ():
+        at, about, above = (mi.Vector3f(a.T.astype(np.float32)) for a in (q, n, g))
+        black = mi.Color3f(0.0)
+        hit = Hit(mi.Bool(True), mi.Point3f(at), about, above, black, black, mi.UInt32(0), mi.Bool(False))
+        direct += np.stack([np.array(channel) for channel in tracer.lit(light, hit)[0]], axis=1)
+    return {"halves": halves, "direct": direct}
+
+
 def over_pixels(tracer: Tracer, camera: Camera, size: tuple[int, int], centre: Visible) -> tuple[np.ndarray, np.ndarray]:
     """(H, W, 3) albedo and mapped normal as means over every pixel, of what lies on the surface that its centre sees.
 
@@ -223,3 +249,8 @@ def main() -> None:
 def main_refine() -> None:
     """Answer the process that started this one with `refine`."""
     serve(refine)
+
+
+def main_at_points() -> None:
+    """Answer the process that started this one with `at_points`."""
+    serve(at_points)

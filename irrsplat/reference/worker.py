@@ -23,6 +23,7 @@ from irrsplat.scene.model import Camera, Scene
 
 _MAIN = "from irrsplat.reference.trace_view import main; main()"
 _REFINE = "from irrsplat.reference.trace_view import main_refine; main_refine()"
+_AT_POINTS = "from irrsplat.reference.trace_view import main_at_points; main_at_points()"
 _BEAT = 0.1  # seconds between two calls of `progress`, at most
 INSTALL = "pip install 'irrsplat[reference]'"
 _ON_THE_WAY = ("progress", "part")  # messages after which others come
@@ -86,6 +87,18 @@ def refine(
     take: called with the arrays of each pass, one after the other.
     """
     call(_REFINE, (scene, list(passes), bounces), progress, take)
+
+
+def at_points(
+    scene: Scene,
+    points: tuple[np.ndarray, np.ndarray, np.ndarray],
+    shadowed: tuple[np.ndarray, np.ndarray, np.ndarray],
+    side: int,
+    bounces: int,
+    progress: OnShare | None = None,
+) -> dict[str, np.ndarray]:
+    """What `irrsplat.reference.trace_view.at_points` returns, from another process; see `call`."""
+    return cast("dict[str, np.ndarray]", call(_AT_POINTS, (scene, points, shadowed, side, bounces), progress))
 
 
 def call(

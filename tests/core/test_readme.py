@@ -26,6 +26,11 @@ IRRSPLAT = list(dict.fromkeys(line for line in COMMANDS if line.startswith("irrs
 
 def small(words: list[str]) -> list[str]:
     """The same command with a small picture: this is about the command, not about its result."""
+    if words[0] == "bake":  # tests/app/bake has what comes of it
+        words = ["64" if before == "--size" else word for before, word in zip(["", *words], words, strict=False)]
+        coarse = ["--a", "2", "--radius-min", "20", "--max-rounds", "2"] if "probes" not in words else []
+        most = ["--most", "200"] if "vertices" in words else []
+        return [*words, "--bounces", "1", "--gather-size", "8", "--shadow-size", "64", *coarse, *most]
     if words[0] not in ("view", "render", "fill", "bench"):
         return words
     if "--size" in words:

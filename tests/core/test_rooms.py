@@ -40,6 +40,7 @@ APP_ROOMS = (
     "irrsplat.app.flags",
     "irrsplat.app.info",
     "irrsplat.app.measure",
+    "irrsplat.app.bake",
     "irrsplat.app.bench",
     "irrsplat.app.film",
     "irrsplat.app.false_colours",

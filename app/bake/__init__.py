@@ -1,0 +1,24 @@
+"""Light as other programs take it: lightmaps, vertex colours and probes, for `irrsplat bake` and for programs in Python.
+
+`bake_lightmap`, `bake_vertices` and `bake_probes` take a scene and return values with a `save`.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from irrsplat.app.bake.lightmap import bake_lightmap
+    from irrsplat.app.bake.probes import bake_probes
+    from irrsplat.app.bake.vertices import bake_vertices
+
+__all__ = ["bake_lightmap", "bake_probes", "bake_vertices"]
+_FROM = {"bake_lightmap": "lightmap", "bake_probes": "probes", "bake_vertices": "vertices"}
+
+
+def __getattr__(name: str) -> object:
+    """The three, imported when they are first asked for: the command line's flags need none of them."""
+    if name not in _FROM:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f"{__name__}.{_FROM[name]}"), name)

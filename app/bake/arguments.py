@@ -1,0 +1,36 @@
+"""The flags of `irrsplat bake` that are its own."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+
+DESCRIPTION = "Bake light into a lightmap, vertex colours or probes, for programs that only show it."
+EPILOG = (
+    "A lightmap needs the extra: pip install 'irrsplat[bake]'; --check needs pip install 'irrsplat[reference]'. Beside the .glb\n"
+    "lie a .png of 16 bits and an .exr with the same map. docs/baking.md has the conventions, and what other programs need."
+)
+KINDS = ("lightmap", "vertices", "probes")
+
+
+def add(parser: argparse.ArgumentParser, number: Callable[[str], float], whole: Callable[[str], int]) -> None:
+    """Add them. number, whole: readers of a finite number, and of a whole one above 0."""
+    add = parser.add_argument
+    add("-o", "--output", metavar="OUT", required=True, help="a .glb; of probes a .json or .npz")
+    add("--to", choices=KINDS, default="lightmap", help="what the light is baked into (default: lightmap)")
+    words = "all, or indirect: all but what comes straight from lamps (default: all)"
+    add("--light", choices=("all", "indirect"), default="all", help=words)
+    words = (
+        "of a lightmap: black materials that emit the map, for any program; or the scene's own materials and a map of W/m² apart"
+    )
+    add("--form", choices=("radiance", "irradiance"), help=f"{words} (default: radiance)")
+    add("--size", type=whole, metavar="N", help="texels along a lightmap's side (default: 1024)")
+    words = "points of a texel at which lamps and textures are looked at (default: 8)"
+    add("--texel-samples", type=whole, metavar="N", help=words)
+    words = "of vertex colours: how far an edge's middle may be off, as a share of the light, before it is cut (default: 0.05)"
+    add("--cut", type=number, metavar="X", help=words)
+    add("--most", type=whole, metavar="N", help="of vertex colours: vertices at most (default: 200000)")
+    add("--grid", type=number, metavar="M", help="of probes: metres between them at most (default: an eighth of the scene)")
+    words = "hold so many texels or vertices against a path tracer, and say how far off they are"
+    add("--check", type=whole, metavar="N", help=words)
+    add("--stats", metavar="FILE.json", help="write sizes, records, times, the errors of --check and settings to this file")

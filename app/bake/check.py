@@ -1,0 +1,133 @@
+"""How far a bake is from a path tracer, at some of its points."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from irrsplat.app.bake.lightmap import Lightmap
+from irrsplat.core.errors import InputError
+from irrsplat.reference import worker
+from irrsplat.reference.truth import errors, noise, side_of, vertices
+
+if TYPE_CHECKING:
+    from irrsplat.app.bake.vertices import VertexLight
+
+SAMPLES = 2048  # rays of each kind a point, as `irrsplat verify` has them
+_WITHIN = 16  # points of a texel that shadows are looked at
+
+
+@dataclass(frozen=True)
+class Checked:
+    """The errors of a bake's irradiance at `count` points (`what`: texels, vertices) against a path tracer's, which used so many
+    `samples`; rmse and bias as truth.errors has them, over the truth's mean; net: the rmse without the truth's own noise.
+    indirect: the net rmse of the indirect part alone. None in the dark."""
+
+    count: int
+    what: str
+    samples: int
+    rmse: float | None
+    net: float | None
+    bias: float | None
+    indirect: float | None
+
+    @property
+    def words(self) -> str:
+        """One line that says so."""
+        if self.rmse is None or self.net is None or self.bias is None:
+            return f"checked     {self.count} {self.what}: there is no light"
+        told = f"checked     {self.count} {self.what} against a path tracer: error {self.net:.1%} (RMSE over the mean), "
+        told += f"bias {self.bias:+.1%}"
+        return told + ("" if self.indirect is None else f"; of indirect light alone {self.indirect:.1%}")
+
+
+@dataclass(frozen=True, eq=False)
+class _Sample:
+    """Some of a bake's points: positions, mapped and geometric normals, (N, 3) each; `shadowed`, the same of points at which
+    lamps are looked at, as many to each; and what was baked there, (N, 3) W/m²."""
+
+    points: tuple[np.ndarray, np.ndarray, np.ndarray]
+    shadowed: tuple[np.ndarray, np.ndarray, np.ndarray]
+    irradiance: np.ndarray
+    indirect: np.ndarray
+
+
+def check(
+    made: Lightmap | VertexLight,
+    count: int,
+    bounces: int | str = "all",
+    progress: Callable[[float], object] | None = None,
+    seed: int = 0,
+) -> Checked:
+    """The errors of a bake at `count` of its points drawn at random: texels of a lightmap that lie within a chart with all around
+    them, or vertices.
+
+    bounces: the setting that it was baked with. Light of lamps is compared as the mean over a texel, all else at its middle.
+    Raises InputError where nothing can be compared, IrrsplatError where there is no path tracer (the extra `reference`).
+    """
+    worker.require()
+    if made.light == "indirect" and made.emitters_apart:
+        raise InputError("a bake without light of lamps and emitters is not checked; leave --pixel-light-samples or --check out")
+    random = np.random.default_rng(seed)
+    some = _texels(made, count, random) if isinstance(made, Lightmap) else _vertices(made, count, random)
+    side, number = side_of(SAMPLES), len(some.irradiance)
+    if not number:
+        raise InputError("no point of the bake can be compared; give a larger --size")
+    scene = made.receivers.scene.local
+    found = worker.at_points(scene, some.points, some.shadowed, side, vertices(bounces), progress)
+    halves, direct, everywhere = found["halves"], np.float32(0.0), np.ones(number, bool)
+    if len(found["direct"]):
+        direct = found["direct"].reshape(number, -1, 3).mean(1)
+    told, own = errors(some.irradiance, halves.astype(float).mean(0) + direct), noise(halves + direct, everywhere)
+    indirect = None if made.emitters_apart else errors(some.indirect, halves.mean(0))["rmse"]
+    return Checked(
+        number, made.checks, 2 * side * side, told["rmse"], _net(told["rmse"], own), told["bias"],
+        _net(indirect, noise(halves, everywhere)),
+    )  # fmt: skip
+
+
+def _none() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    return np.zeros((0, 3)), np.zeros((0, 3)), np.zeros((0, 3))
+
+
+def _texels(made: Lightmap, count: int, random: np.random.Generator) -> _Sample:
+    from scipy import ndimage
+
+    # of hidden texels and those at rims nobody knows a truth: they hold what filtering wants of them
+    inner = ndimage.binary_erosion(made.lit.seen, np.ones((3, 3)))
+    same = ndimage.minimum_filter(made.owner, 3) == ndimage.maximum_filter(made.owner, 3)
+    rows, columns = np.nonzero(inner & same)
+    chosen = random.permutation(len(rows))[:count]
+    at = rows[chosen], columns[chosen]
+    shadowed = within_texels(made, at) if made.light == "all" else _none()
+    points = made.lit.position[at], made.lit.mapped[at], made.lit.geometric[at]
+    return _Sample(points, shadowed, made.irradiance[at], made.indirect[at])
+
+
+def _vertices(made: VertexLight, count: int, random: np.random.Generator) -> _Sample:
+    at = random.permutation(np.flatnonzero(made.lit))[:count]
+    points = made.points.position[0, at], made.points.mapped[0, at], made.points.geometric[0, at]
+    return _Sample(points, points if made.light == "all" else _none(), made.irradiance[at], made.indirect[at])
+
+
+def within_texels(made: Lightmap, at: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Positions, mapped and geometric normals, (N·16, 3) each, of a regular grid of points in the texels `at` (rows, columns): on
+    the plane of the texel's own point."""
+    side = math.isqrt(_WITHIN)
+    steps = (np.arange(side) + 0.5) / side - 0.5
+    x, y = (v.ravel() for v in np.meshgrid(steps, steps))
+    p, rows, columns = made.lit.position, *at
+    # differences to the neighbours on both sides, which are on the same chart
+    across = 0.5 * (p[rows, columns + 1] - p[rows, columns - 1])
+    down = 0.5 * (p[rows + 1, columns] - p[rows - 1, columns])
+    places = p[at][:, None] + x[:, None] * across[:, None] + y[:, None] * down[:, None]
+    normals = (np.repeat(a[at], _WITHIN, axis=0) for a in (made.lit.mapped, made.lit.geometric))
+    return places.reshape(-1, 3), *normals
+
+
+def _net(rmse: float | None, own: float | None) -> float | None:
+    return None if rmse is None else math.sqrt(max(rmse**2 - (own or 0.0) ** 2, 0.0))

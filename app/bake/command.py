@@ -1,0 +1,169 @@
+"""`irrsplat bake`: light into files for other programs, and in a few lines what came of it."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from irrsplat import settings
+from irrsplat.app.common.outputs import Outputs, twins
+from irrsplat.app.common.terminal import progress, say, wrote
+from irrsplat.core import files
+from irrsplat.core.errors import InputError
+
+if TYPE_CHECKING:
+    from irrsplat.app.bake.check import Checked
+    from irrsplat.app.bake.light import OnBake
+    from irrsplat.app.bake.lightmap import Lightmap
+    from irrsplat.app.bake.probes import Probes
+    from irrsplat.app.bake.vertices import VertexLight
+    from irrsplat.scene.model import Scene
+
+_OWN = {  # flags that only one kind of bake has, and their names where they are handed on
+    "lightmap": {"form": "form", "size": "size", "texel_samples": "texel_samples"},
+    "vertices": {"cut": "cut", "most": "most"},
+    "probes": {"grid": "grid"},
+}
+_ENDINGS = {"lightmap": (".glb",), "vertices": (".glb",), "probes": (".json", ".npz")}
+
+
+def check(args: argparse.Namespace) -> None:
+    """Raises InputError for what is wrong with the command line, as far as that can be said before the scene is there."""
+    settings.preset(args.preset, **args.values)
+    for kind, own in _OWN.items():
+        for name in own:
+            if kind != args.to and getattr(args, name) is not None:
+                raise InputError(f"--{name.replace('_', '-')} is for --to {kind}; leave it out")
+    if args.to == "probes" and (args.light != "all" or args.check is not None):
+        raise InputError("probes hold all light and are not checked; leave --light and --check out")
+    expected = _ENDINGS[args.to]
+    if Path(args.output).suffix.lower() not in expected:
+        raise InputError(f"unknown ending; --to {args.to} writes {' or '.join(expected)}", args.output or "''")
+    if args.check is not None:
+        from irrsplat.reference import worker
+
+        worker.require()
+    outputs = _outputs(args)
+    for path in (*outputs, *([] if args.stats is None else [args.stats])):
+        files.check_file(path)
+    for twin in twins(outputs, [("--stats", args.stats)]):
+        raise InputError(twin)
+
+
+def run(scene: Scene, args: argparse.Namespace) -> int:
+    """Bake, write, and say what came of it; the exit status."""
+    for notice in scene.notices:
+        say(f"notice: {notice}")
+    start = time.perf_counter()
+    own = {handed: getattr(args, name) for name, handed in _OWN[args.to].items() if getattr(args, name) is not None}
+    form = own.pop("form", "radiance")
+    with progress("baking") as line:
+        made: Any = _BAKES[args.to](scene, args, own, None if line is None else partial(_show, line))
+        seconds = time.perf_counter() - start
+        checked = None if args.check is None else _checked(made, args, line)
+    outputs = Outputs()
+    save = partial(made.save, args.output, form) if args.to == "lightmap" else partial(made.save, args.output)
+    outputs.write(args.output, save)
+    for path in _outputs(args)[1:] if not outputs.failures else ():
+        wrote(path)
+    told = _TOLD[args.to](made)
+    if args.stats is not None:
+        stats = {"scene": scene.name, "to": args.to, "light": args.light, "seconds": seconds, **told,
+                 "check": None if checked is None else asdict(checked), "preset": args.preset,
+                 "settings": vars(settings.preset(args.preset, **args.values))}  # fmt: skip
+        outputs.write(args.stats, partial(files.write_text, args.stats, json.dumps(stats, indent=1) + "\n"))
+    if not told.get("converged", True):
+        say("notice: stopped before every place was served; raise --max-rounds or --a")
+    for words in _lines(told, seconds, checked):
+        print(words)
+    outputs.tell()
+    return 0
+
+
+def _outputs(args: argparse.Namespace) -> list[str]:
+    """All files that are written, the one of -o first."""
+    more = (".png", ".exr") if args.to == "lightmap" else ()
+    return [args.output, *(str(Path(args.output).with_suffix(ending)) for ending in more)]
+
+
+def _show(line: Callable[..., None], share: float, words: str) -> None:
+    line(share, words)
+
+
+# ---- the three kinds -----------------------------------------------------------------------------------------------------
+
+
+def _lightmap(scene: Scene, args: argparse.Namespace, own: dict[str, Any], on_bake: OnBake | None) -> Lightmap:
+    from irrsplat.app.bake.lightmap import bake_lightmap
+
+    return bake_lightmap(scene, light=args.light, preset=args.preset, on_bake=on_bake, **own, **args.values)
+
+
+def _vertices(scene: Scene, args: argparse.Namespace, own: dict[str, Any], on_bake: OnBake | None) -> VertexLight:
+    from irrsplat.app.bake.vertices import bake_vertices
+
+    return bake_vertices(scene, light=args.light, preset=args.preset, on_bake=on_bake, **own, **args.values)
+
+
+def _probes(scene: Scene, args: argparse.Namespace, own: dict[str, Any], on_bake: OnBake | None) -> Probes:
+    from irrsplat.app.bake.probes import bake_probes
+
+    values = {k: v for k, v in args.values.items() if settings.SETTINGS[k].stage in ("shadow", "gather")}
+    return bake_probes(scene, preset=args.preset, on_bake=on_bake, **own, **values)
+
+
+def _told_of_lightmap(made: Lightmap) -> dict[str, Any]:
+    share = float((made.owner >= 0).mean())
+    return {"texels": made.charts.size, "used": share, "texel_metres": made.texel, "charts": int(made.charts.chart.max()) + 1,
+            "records": made.records, "converged": made.converged}  # fmt: skip
+
+
+def _told_of_vertices(made: VertexLight) -> dict[str, Any]:
+    return {"vertices": len(made.cut.root), "triangles": len(made.cut.faces), "complete": made.complete,
+            "records": made.records, "converged": made.converged}  # fmt: skip
+
+
+def _told_of_probes(made: Probes) -> dict[str, Any]:
+    return {"probes": list(made.counts), "valid": int(made.valid.sum())}
+
+
+_BAKES = {"lightmap": _lightmap, "vertices": _vertices, "probes": _probes}
+_TOLD: dict[str, Callable[[Any], dict[str, Any]]] = {
+    "lightmap": _told_of_lightmap,
+    "vertices": _told_of_vertices,
+    "probes": _told_of_probes,
+}
+
+
+def _checked(made: Lightmap | VertexLight, args: argparse.Namespace, line: Any) -> Checked:
+    from irrsplat.app.bake.check import check as against_truth
+
+    bounces = settings.preset(args.preset, **args.values).bounces
+    tell = None if line is None else lambda share: line(share, "tracing the truth", "truth")
+    return against_truth(made, args.check, bounces, tell)
+
+
+def _lines(told: dict[str, Any], seconds: float, checked: Checked | None) -> Iterator[str]:
+    """What is printed."""
+    if "texels" in told:
+        yield (
+            f"lightmap    {told['texels']} x {told['texels']} texels, {told['used']:.0%} used by {told['charts']:,} charts, "
+            f"{1000.0 * told['texel_metres']:.3g} mm a texel"
+        )
+    if "vertices" in told:
+        yield f"vertices    {told['vertices']:,} of {told['triangles']:,} triangles"
+        if not told["complete"]:
+            yield "not all     edges are cut that should be; raise --most or --cut"
+    if "probes" in told:
+        yield f"probes      {' x '.join(map(str, told['probes']))}, {told['valid']:,} of them not within solids"
+    if "records" in told:
+        yield f"records     {told['records']:,}"
+    yield f"time        {seconds:.1f} s"
+    if checked is not None:
+        yield checked.words

@@ -1,0 +1,165 @@
+"""The light at points on surfaces by irradiance records, without any view: gathered where none serves a point, splatted there.
+
+It is the renderer's own method, by its own stages; only how splats find what they reach is another one (splats.py).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Unpack
+
+import moderngl
+import numpy as np
+
+from irrsplat.app.bake.places import Places
+from irrsplat.app.bake.splats import PlaceSplats, Reach
+from irrsplat.core.buffers import GBuffer, ShadowMaps
+from irrsplat.core.vectors import octahedral_encode
+from irrsplat.gpu import self_test
+from irrsplat.gpu.resource import Owner, Resource, Tenant
+from irrsplat.gpu.target import float_texture
+from irrsplat.gpu.time_budget import Budget
+from irrsplat.gpu.timers import Timers
+from irrsplat.gpu.world import World
+from irrsplat.image.emitter_light import EmitterLightPass
+from irrsplat.indirect.scheduler import RecordScheduler
+from irrsplat.indirect.view_state import ViewState
+from irrsplat.lighting import gl_limits
+from irrsplat.lighting.direct import DirectPass
+from irrsplat.lighting.emitter_table import emitter_table
+from irrsplat.lighting.light_table import light_defines
+from irrsplat.lighting.shadow_maps import ShadowPass
+from irrsplat.records.record_cache import RecordCache
+from irrsplat.scene.model import Camera, Scene
+from irrsplat.settings import SettingValues, preset
+
+OnBake = Callable[[float, str], None]  # called with the share that is done, 0..1, and words
+_NOBODY = Camera((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))  # rounds are told a camera, which matters to windows alone
+
+
+@dataclass(frozen=True, eq=False)
+class Gathered:
+    """What records say at places, (H, W, 3) W/m², where `served` (H, W) bool; how many records there are by then, and whether no
+    place asked for more."""
+
+    irradiance: np.ndarray
+    served: np.ndarray
+    records: int
+    converged: bool
+
+
+class PlaceLight(Tenant):
+    """Light at any points on a scene's surfaces. The records stay, so that further points cost only what is new.
+
+    scene: recentred and local. preset, settings: of the stages shadow, gather, splat and examine, and pixel_light_samples.
+    Raises InputError for settings that cannot be, GLError where there is no OpenGL 3.3.
+    """
+
+    def __init__(
+        self, scene: Scene, preset_name: str, ctx: moderngl.Context | None = None, **settings: Unpack[SettingValues]
+    ) -> None:
+        self.scene = scene
+        self.settings = replace(preset(preset_name, **settings), placement="tiles", coarse=False)
+        with self._moving_in(ctx) as made:
+            self_test.check(self.ctx)
+            gl_limits.check(self.ctx, (1, 1), scene, self.settings.shadow_size)
+            self.world = made.enter_context(World(self.ctx, scene))
+            self.cache = made.enter_context(RecordCache(self.ctx))
+            self.shadow_pass = made.enter_context(ShadowPass(self.ctx))
+            timers = Timers(self.ctx, bool(self.about["software"]))
+            self.scheduler = made.enter_context(RecordScheduler(self.world, self.settings, self.cache, timers))
+        self._shadows: ShadowMaps | None = None
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees; the context is apart."""
+        return (self.scheduler, self.cache, self.shadow_pass, self.world)
+
+    @property
+    def shadows(self) -> ShadowMaps:
+        """The shadow maps, drawn when they are first wanted."""
+        if self._shadows is None:
+            self._shadows = self.shadow_pass(self.world, self.settings.shadow_size)
+        return self._shadows
+
+    def gathered(self, where: Places, texel: float, on_bake: OnBake | None = None) -> Gathered:
+        """The light that records hold at these places, of all bounces, and of emitters and the sky; more are gathered until all
+        places are served. texel: metres from a place to the next."""
+        self._use()
+        empty = np.zeros((*where.seen.shape, 3), np.float32)
+        if not self.settings.most_bounces or not where.seen.any():
+            return Gathered(empty, where.seen.copy(), self.cache.count, True)
+        scheduler, settings, budget = self.scheduler, self.settings, Budget(None)
+        scheduler.prepare(self.shadows, budget)
+        with (
+            _Drawn(self.ctx, where, settings.gradients) as drawn,
+            PlaceSplats(self.ctx, drawn.gbuffer, where.position, where.seen, settings, self._reach(texel)) as splats,
+        ):
+            view, before = ViewState(_NOBODY), self.cache.count
+            for _ in range(settings.max_rounds):
+                view, _ = scheduler.limit_radii(view)
+                sums = splats.update(self.cache)
+                if view.stalled or view.settled == (sums, settings.asking):
+                    break
+                view, _ = scheduler.gather_missing(view, drawn.gbuffer, sums, self.shadows, _NOBODY, budget)
+                if on_bake is not None:
+                    on_bake(view.coverage, f"{self.cache.count - before} records")
+            splats.update(self.cache)
+            totals, _ = splats.read()
+        served = where.seen & (totals[..., 3] > 0.0)
+        irradiance = np.where(served[..., None], totals[..., :3] / np.maximum(totals[..., 3:], 1e-30), 0.0).astype(np.float32)
+        return Gathered(irradiance, served, self.cache.count, view.settled is not None)
+
+    def _reach(self, texel: float) -> Reach:
+        """The bounds that a view sets elsewhere: the image height there is the side of a cube with the scene's diagonal here."""
+        side = self.scene.diagonal / np.sqrt(3.0) / 100.0
+        greatest = self.settings.radius_max * side or self.scene.diagonal
+        least = max(self.settings.radius_min * side, texel)
+        return Reach(min(least, greatest), greatest, texel)
+
+    def direct(self, where: Places, number: int = 0) -> np.ndarray:
+        """(H, W, 3) W/m² of lamps with their shadows, and of emitters where records leave that to the places
+        (`pixel_light_samples`). number: of the subtexel sample."""
+        self._use()
+        with _Drawn(self.ctx, where, True) as drawn:
+            found = np.zeros((*where.seen.shape, 3), np.float32)
+            if self.scene.lights:
+                with DirectPass(self.ctx, where.size, light_defines(self.scene), irradiance=True) as lamps:
+                    found += _colours(lamps(drawn.gbuffer, self.shadows, rotation=2.399963 * number))
+            if self.settings.emitters_apart and self.settings.most_bounces and emitter_table(self.world) is not None:
+                with EmitterLightPass(self.ctx, where.size, self.world.material_defines) as emitters:
+                    found += _colours(emitters(drawn.gbuffer, self.world, self.settings, number))
+        return np.where(where.seen[..., None], found, 0.0).astype(np.float32)
+
+
+def _colours(texture: moderngl.Texture) -> np.ndarray:
+    """(H, W, 3) of an RGBA32F texture, in the order of its rows."""
+    return np.frombuffer(texture.read(), "f4").reshape(texture.height, texture.width, -1)[..., :3]
+
+
+class _Drawn(Owner):
+    """Places as a g-buffer. bends: whether mapped normals are in it, where there are any."""
+
+    def __init__(self, ctx: moderngl.Context, where: Places, bends: bool) -> None:
+        octahedral = np.zeros((2, *where.seen.shape), np.float32)
+        octahedral[:, where.seen] = octahedral_encode(where.geometric[where.seen].astype(float))
+
+        def texture(values: np.ndarray, last: np.ndarray) -> moderngl.Texture:
+            made = float_texture(ctx, where.size)
+            made.write(np.ascontiguousarray(np.dstack([values, last]), "f4").tobytes())
+            return made
+
+        mapped = bends and bool((where.mapped != where.normal).any())
+        self.textures = [
+            texture(where.position, where.seen),
+            texture(where.normal, octahedral[0]),
+            texture(where.albedo, octahedral[1]),
+            texture(where.emission, where.triangle),
+            *([texture(where.mapped, np.zeros_like(octahedral[0]))] if mapped else []),
+        ]
+        position, normal, albedo, emission = self.textures[:4]
+        self.gbuffer = GBuffer(position, normal, albedo, emission, self.textures[4] if mapped else None)
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return tuple(self.textures)

@@ -1,0 +1,333 @@
+"""Lightmaps: light on all surfaces of a scene in one square picture, and a glTF file that shows it."""
+
+from __future__ import annotations
+
+import io
+import os
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, Literal, Unpack
+
+import moderngl
+import numpy as np
+
+from irrsplat.app.bake import images, seams
+from irrsplat.app.bake.glb import Glb
+from irrsplat.app.bake.light import OnBake, PlaceLight
+from irrsplat.app.bake.places import Places, Receivers, hidden, places
+from irrsplat.app.bake.unwrap import Chartist, Charts, unwrap
+from irrsplat.core import files
+from irrsplat.core.color import srgb
+from irrsplat.core.errors import InputError
+from irrsplat.core.vectors import triangle_areas
+from irrsplat.scene.model import Material, Mesh, Scene, Texture
+from irrsplat.scene.model.checks import check_type
+from irrsplat.settings import SettingValues
+
+Light = Literal["all", "indirect"]
+Form = Literal["radiance", "irradiance"]
+SIZE, SAMPLES = 1024, 8  # by default: texels along a side, and points of each texel that lamps and textures are looked at
+MOST = 8192  # texels along a side
+_CLIPPED = 0.005  # of all light, at most: by so much the brightest spots are dimmer in the pictures, not in the EXR
+_GOLDEN = 1.32471795724474602596  # the root of x³ = x + 1, of which the R2 sequence is made (Roberts 2018)
+
+
+@dataclass(frozen=True, eq=False)
+class Lightmap:
+    """Light on surfaces as pictures (S, S, 3) of float32, top row first, where TEXCOORD_1 = (0, 0) is the top left corner.
+
+    irradiance: W/m², of all light or of all but that of lamps; radiance: W/(m² sr), what the surfaces send out by it, and what
+    they emit. indirect, direct: the parts of all irradiance as they were found, before seams were matched. charts: how the
+    surfaces of `receivers` lie in it. lit: the points at which light was found. owner: (S, S) the number of the chart that a
+    texel is on, -1: none. samples: (x, y) of the points of a texel, from its centre. texel: metres along the side of one, on
+    the mean. records, converged: as a render has them. emitters_apart: whether `direct` holds light of emitters, which records
+    left out.
+    """
+
+    receivers: Receivers
+    charts: Charts
+    light: Light
+    irradiance: np.ndarray
+    radiance: np.ndarray
+    indirect: np.ndarray
+    direct: np.ndarray
+    lit: Places
+    owner: np.ndarray
+    samples: np.ndarray
+    texel: float
+    records: int
+    converged: bool
+    emitters_apart: bool
+    checks = "texels"
+
+    def save(self, path: str | os.PathLike[str], form: Form = "radiance") -> tuple[Path, ...]:
+        """Write a .glb, and beside it the map as a 16-bit .png and as an .exr; the names of all three.
+
+        form: "radiance", materials that are black and emit the map; "irradiance", the scene's own materials, with the map apart.
+        Each file appears whole or not at all; raises InputError for another ending, IrrsplatError where one cannot be written.
+        """
+        glb = Path(path)
+        if glb.suffix.lower() != ".glb":
+            raise InputError("a lightmap is written as a .glb; give -o a name that ends so", str(path) or "''")
+        encoding = _Encoding.of(self, form)
+        png, exr = glb.with_suffix(".png"), glb.with_suffix(".exr")
+        files.write_bytes(glb, glb_of(self, form, encoding))
+        files.write_bytes(png, images.png(srgb(encoding.values)))
+        files._write_file(exr, partial(images.write_exr, layers={"RGB": getattr(self, form)}))
+        return glb, png, exr
+
+
+def bake_lightmap(
+    scene: Scene,
+    size: int = SIZE,
+    light: Light = "all",
+    texel_samples: int = SAMPLES,
+    preset: str = "default",
+    on_bake: OnBake | None = None,
+    ctx: moderngl.Context | None = None,
+    **settings: Unpack[SettingValues],
+) -> Lightmap:
+    """The lightmap of a scene, `size` texels a side.
+
+    light: "all", or "indirect": all but what comes straight from lamps (and from emitters where `pixel_light_samples` is not 0).
+    texel_samples: points of a texel at which lamps and textures are looked at. preset, settings: as Renderer's, those of the
+    stages shadow, gather, splat and examine, and pixel_light_samples. on_bake: called with the share done, and words. ctx: as
+    Renderer's. Raises InputError for what cannot be, and where the extra `bake` is not installed; GLError where there is no
+    OpenGL.
+    """
+    check_type("what a lightmap is baked of", scene, Scene)
+    if not 16 <= size <= MOST or texel_samples < 1:
+        raise InputError(f"a lightmap has 16 to {MOST} texels a side and 1 sample or more, not {size} and {texel_samples}")
+    scene = scene.recentred
+    told = on_bake or (lambda share, words: None)
+    told(0.0, "unwrapping")
+    receivers = Receivers.of(scene.local, ctx)
+    charts = unwrap(receivers, size)
+    with PlaceLight(scene.local, preset, ctx, **settings) as lights:
+        chartist = Chartist(lights.ctx, charts)
+        try:
+            return _baked(receivers, charts, chartist, lights, light, texel_samples, told)
+        finally:
+            if lights.ctx is ctx:
+                chartist.release()
+
+
+def _baked(
+    receivers: Receivers, charts: Charts, chartist: Chartist, lights: PlaceLight, light: Light, samples: int, told: OnBake
+) -> Lightmap:
+    scene, texel = receivers.scene, _texel(receivers, charts)
+    triangle, u, v = chartist.nearest()
+    chart = np.where(triangle >= 0, charts.chart[triangle], -1)
+    all_of_them = places(receivers, triangle, u, v)
+    unseen = hidden(scene, all_of_them)
+    lit = all_of_them.but(unseen)
+    gathered = lights.gathered(lit, texel, lambda share, words: told(0.1 + 0.7 * share, words))
+    lit = lit.but(~gathered.served)
+
+    from scipy import ndimage
+
+    beside = ndimage.binary_dilation(unseen, iterations=1)  # a texel beside what is hidden may have points that are hidden too
+    offsets = _offsets(samples)
+    sums = {name: np.zeros((*lit.seen.shape, 3)) for name in ("direct", "reflected", "albedo", "emission")}
+    count = np.zeros(lit.seen.shape)
+    for number, (x, y) in enumerate(offsets):
+        told(0.8 + 0.2 * number / len(offsets), "lamps and textures")
+        some = lit if number == 0 else places(receivers, *_where(chartist.at(x, y), lit.seen))
+        if number and beside.any():
+            some = some.but(_hidden_at(scene, some, beside))
+        E = lights.direct(some, number)
+        for name, values in (("direct", E), ("reflected", E * some.albedo), ("albedo", some.albedo), ("emission", some.emission)):
+            sums[name] += np.where(some.seen[..., None], values, 0.0)
+        count += some.seen
+    mean = {name: values / np.maximum(count, 1)[..., None] for name, values in sums.items()}
+    direct = mean["direct"] if light == "all" else np.zeros_like(mean["direct"])
+    reflected = (mean["reflected"] if light == "all" else 0.0) + mean["albedo"] * gathered.irradiance
+    radiance = reflected / np.pi + mean["emission"]
+    corners = receivers.surfaces.positions[receivers.surfaces.faces].astype(float)
+    normals = receivers.surfaces.normals[receivers.surfaces.faces].astype(float)
+
+    def finished(values: np.ndarray) -> np.ndarray:
+        whole = seams.filled(values, lit.seen, all_of_them.position, chart)
+        return seams.matched(whole, charts, corners, normals).astype(np.float32)
+
+    return Lightmap(
+        receivers,
+        charts,
+        light,
+        finished(direct + gathered.irradiance),
+        finished(radiance),
+        gathered.irradiance,
+        mean["direct"].astype(np.float32),
+        lit,
+        chart,
+        offsets,
+        texel,
+        gathered.records,
+        gathered.converged,
+        lights.settings.emitters_apart,
+    )
+
+
+def _where(at: tuple[np.ndarray, np.ndarray, np.ndarray], seen: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The same points, none where nothing is `seen` at the texel's own point."""
+    return np.where(seen, at[0], -1), at[1], at[2]
+
+
+def _hidden_at(scene: Scene, some: Places, where: np.ndarray) -> np.ndarray:
+    """(H, W) which points are hidden, of those `where` (H, W) is True."""
+    return hidden(scene, some.but(~where))
+
+
+def _offsets(count: int) -> np.ndarray:
+    """(count, 2) points of a texel from its centre, in texels, spread evenly (the R2 sequence); the first is the centre."""
+    steps = np.arange(count)[:, None] * np.array([1.0 / _GOLDEN, 1.0 / _GOLDEN**2])
+    offsets: np.ndarray = (steps + 0.5) % 1.0 - 0.5
+    return offsets
+
+
+def _texel(receivers: Receivers, charts: Charts) -> float:
+    """Metres along the side of a texel, on the mean over all surfaces."""
+    corners, flat = receivers.surfaces.positions[receivers.surfaces.faces].astype(float), charts.corners
+    area = triangle_areas(np.concatenate([flat, np.zeros_like(flat[..., :1])], axis=-1)).sum()
+    return float(np.sqrt(triangle_areas(corners).sum() / max(area, 1e-20)))
+
+
+# ---- files -------------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class _Encoding:
+    """A map as values 0..1 (S, S, 3), linear: shares of the `strength` (G,) of the group that a texel's chart is of.
+
+    Eight bits tell little apart in what is far below the brightest. So charts of one mesh are a group only if they are about as
+    bright, each is scaled by itself, and the
+    brightest spots are clipped. group: (charts,).
+    """
+
+    values: np.ndarray
+    strength: np.ndarray
+    group: np.ndarray
+
+    @staticmethod
+    def of(made: Lightmap, form: Form) -> _Encoding:
+        """That of the map of this form."""
+        from scipy import ndimage
+
+        values, on = getattr(made, form), made.owner
+        nearest = ndimage.distance_transform_edt(on < 0, return_distances=False, return_indices=True)
+        owner = on[tuple(nearest)]
+        charts = int(made.charts.chart.max(initial=-1)) + 1
+        mesh = np.zeros(charts, np.int64)
+        mesh[made.charts.chart] = made.receivers.mesh_of
+        bright = values.max(-1)
+        most = np.zeros(charts)
+        np.maximum.at(most, owner.ravel(), bright.ravel())
+        most = np.minimum(most, limit_of(bright[on >= 0]))
+        level = np.floor(np.log2(np.maximum(most, 1e-30)))
+        _, group = np.unique(np.stack([mesh, level], axis=1), axis=0, return_inverse=True)
+        group = group.ravel()
+        strength = np.zeros(int(group.max(initial=-1)) + 1)
+        np.maximum.at(strength, group, most)
+        return _Encoding(np.minimum(values / np.maximum(strength[group[owner]], 1e-30)[..., None], 1.0), strength, group)
+
+    @property
+    def eight_bits(self) -> bytes:
+        """A PNG of 8 bits, sRGB-encoded, dithered: so the mean over some texels is right, whatever eight bits can hold."""
+        from PIL import Image
+
+        display = 255.0 * srgb(self.values)
+        y, x = np.indices(self.values.shape[:2])
+        # interleaved gradient noise (Jimenez 2014)
+        noise = np.asarray((52.9829189 * ((0.06711056 * x + 0.00583715 * y) % 1.0)) % 1.0)
+        data = io.BytesIO()
+        Image.fromarray(np.floor(display + noise[..., None]).clip(0, 255).astype(np.uint8)).save(data, "PNG", optimize=True)
+        return data.getvalue()
+
+
+def limit_of(values: np.ndarray) -> float:
+    """The least limit of values (N,) that takes no more than the share _CLIPPED from their sum."""
+    down = np.sort(values)[::-1].astype(float)
+    excess = np.cumsum(down) - np.arange(1, len(down) + 1) * down  # of all that are above a value
+    within = np.flatnonzero(excess <= _CLIPPED * down.sum())
+    return float(down[within[-1]]) if len(within) else 0.0
+
+
+def glb_of(made: Lightmap, form: Form, encoding: _Encoding | None = None) -> bytes:
+    """The bytes of the .glb that `Lightmap.save` writes."""
+    encoding = encoding or _Encoding.of(made, form)
+    unit = "W/(m² sr)" if form == "radiance" else "W/m²"
+    glb = Glb({"irrsplat": {"form": form, "light": made.light, "unit": unit, "texCoord": 1}})
+    picture = glb.picture(encoding.eight_bits, f"{form} of {made.light} light, {unit}")
+    scene, receivers, first_face = made.receivers.scene, made.receivers, 0
+    for i, mesh in enumerate(receivers.meshes):
+        source, vertex = scene.meshes[receivers.sources[i]], made.charts.vertex[i]
+        material = mesh.material
+        two_sided = material.double_sided and not receivers.both[i]
+        lying = next((t for t in (material.albedo_texture, material.emission_texture, material.normal_texture) if t), None)
+        second = made.charts.uv[i] / made.charts.size
+        first = second if lying is None or mesh.uvs is None else texture_coordinates(mesh.uvs[vertex], lying)
+        attributes: dict[str, np.ndarray] = {
+            "POSITION": mesh.positions[vertex] + np.asarray(scene.origin, np.float32),
+            "NORMAL": unit_normals(mesh, vertex),
+            "TEXCOORD_0": first,
+            "TEXCOORD_1": second,
+        }
+        if form == "irradiance" and mesh.colors is not None and not material.unlit:
+            attributes["COLOR_0"] = mesh.colors[vertex]
+        groups = encoding.group[made.charts.chart[first_face : first_face + len(mesh.faces)]]
+        first_face += len(mesh.faces)
+        parts = []
+        for group in np.unique(groups):
+            strength = float(encoding.strength[group])
+            if form == "radiance":
+                entry = glb.material(material, (0.0, 0.0, 0.0), two_sided)
+                if material.alpha_mode != "opaque" and material.albedo_texture is not None:  # for its alpha
+                    entry["pbrMetallicRoughness"]["baseColorTexture"] = info(glb, material.albedo_texture)
+                glb.emissive(entry, (strength,) * 3, {"index": picture, "texCoord": 1})
+            else:
+                entry = own_material(glb, mesh, two_sided, lying)
+                entry["extras"] = {"lightMap": {"index": picture, "texCoord": 1, "strength": strength}}
+            parts.append((made.charts.faces[i][groups == group], glb.add("materials", entry)))
+        glb.mesh(source.name, attributes, parts)
+    for camera in scene.cameras:
+        glb.camera(camera)
+    return glb.encoded()
+
+
+def own_material(glb: Glb, mesh: Mesh, two_sided: bool, lying: Texture | None) -> dict[str, Any]:
+    """A mesh's own material, diffuse, with those of its textures that lie as `lying` does."""
+    material: Material = mesh.material
+    entry = glb.material(material, (1.0, 1.0, 1.0) if mesh.colors is not None else material.albedo, two_sided)
+    alike = {
+        name: info(glb, texture)
+        for name in ("albedo", "emission", "normal")
+        if (texture := getattr(material, f"{name}_texture")) is not None and lying is not None
+        and (texture.uv_set, texture.transform) == (lying.uv_set, lying.transform)
+    }  # fmt: skip
+    if "albedo" in alike:
+        entry["pbrMetallicRoughness"]["baseColorTexture"] = alike["albedo"]
+    if "normal" in alike:
+        entry["normalTexture"] = alike["normal"] | {"scale": material.normal_scale}
+    glb.emissive(entry, material.emission, alike.get("emission"))
+    return entry
+
+
+def info(glb: Glb, texture: Texture) -> dict[str, Any]:
+    """What a material says of a texture."""
+    return {"index": glb.texture(texture)}
+
+
+def texture_coordinates(uvs: np.ndarray, texture: Texture) -> np.ndarray:
+    """(V, 2) where the texture's image is at vertices of coordinates (V, 4), as glTF has it without any transform."""
+    a, b, c, d, e, f = texture.transform
+    u, v = uvs[:, 2 * texture.uv_set : 2 * texture.uv_set + 2].astype(float).T
+    return np.stack([a * u + b * v + c, d * u + e * v + f], axis=1)
+
+
+def unit_normals(mesh: Mesh, vertex: np.ndarray) -> np.ndarray:
+    """(V, 3) the normals of copies of a mesh's vertices, of unit length in float64 as glTF wants it; up where there is none."""
+    normals = mesh.normals[vertex].astype(float)
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    found: np.ndarray = np.where(length > 1e-6, normals / np.maximum(length, 1e-6), (0.0, 1.0, 0.0))
+    return found

@@ -1,0 +1,176 @@
+"""Where light is baked: the sides of surfaces that any light reaches, and points on them, laid out as a picture."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import moderngl
+import numpy as np
+
+from irrsplat.gather.record_frame import OFFSET
+from irrsplat.meter.light_meter import LightMeter
+from irrsplat.meter.readings import Status
+from irrsplat.meter.solids import inside_solids
+from irrsplat.reference.surfaces import Points, Surfaces
+from irrsplat.scene import ray_caster
+from irrsplat.scene.looks import in_order
+from irrsplat.scene.model import Mesh, Scene
+
+_TRIED = 48  # triangles of an open mesh, on both sides, at most
+_DARK = 1e-3  # of the brightest place that is tried: a side with less light counts as dark
+_COVERED = 10.0  # offsets of a gather: what is nearer than that all around lies on the place
+_AROUND = 8  # directions, beside the normal, in which that is tried
+
+
+@dataclass(frozen=True, eq=False)
+class Receivers:
+    """The surfaces of a scene that light is baked on: `meshes`, whose front is the side in question, so that one that is lit from
+    both sides is there twice; `sources`, of each the index of the scene's mesh; `both`, whether it is there twice; `triangle`,
+    (F,) the number that the renderer knows each of their triangles by.
+    """
+
+    scene: Scene
+    meshes: tuple[Mesh, ...]
+    sources: tuple[int, ...]
+    both: tuple[bool, ...]
+    triangle: np.ndarray
+
+    @cached_property
+    def surfaces(self) -> Surfaces:
+        """All of them as one table of triangles."""
+        return Surfaces.of(replace(self.scene, meshes=self.meshes))
+
+    @cached_property
+    def mesh_of(self) -> np.ndarray:
+        """(F,) the number of the mesh that each of their triangles is of."""
+        return np.repeat(np.arange(len(self.meshes)), [len(mesh.faces) for mesh in self.meshes])
+
+    @staticmethod
+    def of(scene: Scene, ctx: moderngl.Context | None = None) -> Receivers:
+        """Those of a scene, in the order in which it has its meshes: of each the side that light reaches, or both of them. ctx:
+        as LightMeter's; without one, the context that was current is no longer."""
+        ordered, first, at = in_order(scene), {}, 0
+        for mesh in ordered:
+            first[mesh] = at
+            at += len(mesh.faces)
+        meshes, sources, both, triangles = [], [], [], []
+        lit = _lit_sides(scene, ctx)
+        for i, mesh in enumerate(scene.meshes):
+            if not len(mesh.faces):
+                continue
+            for side in lit[i]:
+                meshes.append(mesh if side == "front" else _turned(mesh))
+                sources.append(i)
+                both.append(len(lit[i]) == 2)
+                triangles.append(first[mesh] + np.arange(len(mesh.faces)))
+        return Receivers(scene, tuple(meshes), tuple(sources), tuple(both), np.concatenate([np.zeros(0, int), *triangles]))
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Points on surfaces as a picture of H×W, with gaps. All float32 but the last two.
+
+    position, normal, mapped, geometric: (H, W, 3) world space; normals are unit, `mapped` is bent by the normal map. albedo,
+    emission: (H, W, 3). triangle: (H, W) the number that the renderer knows. seen: (H, W) bool, where there is a point.
+    """
+
+    position: np.ndarray
+    normal: np.ndarray
+    mapped: np.ndarray
+    geometric: np.ndarray
+    albedo: np.ndarray
+    emission: np.ndarray
+    triangle: np.ndarray
+    seen: np.ndarray
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height."""
+        return self.seen.shape[1], self.seen.shape[0]
+
+    def but(self, hidden: np.ndarray) -> Places:
+        """The same without the points that are `hidden` (H, W)."""
+        return replace(self, seen=self.seen & ~hidden)
+
+
+def places(receivers: Receivers, triangle: np.ndarray, u: np.ndarray, v: np.ndarray) -> Places:
+    """The points a + u(b - a) + v(c - a) of the receivers' triangles, all of (H, W); triangle: -1 for none."""
+    seen = triangle >= 0
+    found: Points = receivers.surfaces.at(triangle[seen], u[seen], v[seen])
+
+    def spread(values: np.ndarray, dtype: str = "f4") -> np.ndarray:
+        whole = np.zeros((*seen.shape, *values.shape[1:]), dtype)
+        whole[seen] = values
+        return whole
+
+    columns = (found.position, found.smooth, found.mapped, found.front, found.albedo, found.emission)
+    position, smooth, mapped, front, albedo, emission = map(spread, columns)
+    numbers = spread(receivers.triangle[triangle[seen]], "i8")
+    return Places(position, smooth, mapped, front, albedo, emission, numbers, seen)
+
+
+def hidden(scene: Scene, where: Places) -> np.ndarray:
+    """(H, W) bool: the points where nobody sees anything, within solids, or where another surface lies on theirs."""
+    found = np.zeros(where.seen.shape, bool)
+    at = where.position[where.seen].astype(float)
+    n = where.geometric[where.seen].astype(float)
+    if len(at):
+        lifted = at + OFFSET * scene.diagonal * n
+        found[where.seen] = inside_solids(scene, lifted, n) | _covered(scene, lifted, n)
+    return found
+
+
+def _covered(scene: Scene, points: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """(N,) whether something stands close before points (N, 3), however they look along normals (N, 3)."""
+    covered = np.ones(len(points), bool)
+    if not ray_caster.available():  # the records that are gathered there then tell, with more of them
+        return ~covered
+    meshes = [mesh for mesh in scene.meshes if len(mesh.faces)]
+    starts = np.cumsum([0, *(len(mesh.positions) for mesh in meshes)])
+    faces = np.concatenate([mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)])
+    caster = ray_caster.RayCaster(np.concatenate([mesh.positions for mesh in meshes]), faces)
+    across = np.cross(normals, np.eye(3)[np.abs(normals).argmin(1)])
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    third, reach = np.cross(normals, across), _COVERED * OFFSET * scene.diagonal
+    for turn in (None, *(2.0 * np.pi * np.arange(_AROUND) / _AROUND)):
+        way = normals if turn is None else 0.5 * normals + 0.866 * (np.cos(turn) * across + np.sin(turn) * third)
+        left = np.flatnonzero(covered)
+        covered[left[caster.free(points[left], points[left] + reach * way[left])]] = False
+    return covered
+
+
+def _turned(mesh: Mesh) -> Mesh:
+    """The mesh with its back as its front."""
+    return replace(mesh, faces=np.ascontiguousarray(mesh.faces[:, ::-1]), normals=-mesh.normals, closed=False)
+
+
+def _lit_sides(scene: Scene, ctx: moderngl.Context | None) -> list[tuple[str, ...]]:
+    """Of each mesh the sides that any light reaches, "front" and "back": of closed and of one-sided ones the front. Where none is
+    lit that is the front as well."""
+    tried = {i: mesh for i, mesh in enumerate(scene.meshes) if len(mesh.faces) and not mesh.closed and mesh.material.double_sided}
+    found: list[tuple[str, ...]] = [("front",)] * len(scene.meshes)
+    if not tried:
+        return found
+    points, normals, owner = [], [], []
+    for i, mesh in tried.items():
+        corners = mesh.positions[mesh.faces].astype(float)
+        cross = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        area = np.linalg.norm(cross, axis=1)
+        chosen = np.argsort(-area, kind="stable")[:_TRIED]  # the largest
+        chosen = chosen[area[chosen] > 0.0]
+        points.append(corners[chosen].mean(1))
+        normals.append(cross[chosen] / area[chosen, None])
+        owner.append(np.full(len(chosen), i))
+    at, n, of = np.concatenate(points), np.concatenate(normals), np.concatenate(owner)
+    if not len(at):
+        return found
+    # one bounce: the surface cache, which lights what further ones see, lets some light seep under what stands on the ground
+    with LightMeter(scene, "preview", ctx, bounces=1) as meter:
+        readings = meter.measure(np.concatenate([at, at]), np.concatenate([n, -n]))
+    light = np.where(readings.status == Status.OK, readings.total.max(1), 0.0).reshape(2, -1)
+    bright = light > _DARK * light.max()
+    for i in tried:
+        sides = bright[:, of == i].any(1) if (of == i).any() else (True, False)
+        found[i] = tuple(name for name, is_lit in zip(("front", "back"), sides, strict=True) if is_lit) or ("front",)
+    return found

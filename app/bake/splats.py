@@ -1,0 +1,171 @@
+"""Splatting where there is no screen: every record on the tiles of places that it may reach, added up as ViewSplats does."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import moderngl
+import numpy as np
+
+from irrsplat.core.buffers import GBuffer, SplatBuffer, Uniforms
+from irrsplat.gpu.program import DrawState, Program
+from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.target import table_texture
+from irrsplat.gpu.texel_table import table_rows
+from irrsplat.indirect.splat import splat_target
+from irrsplat.records.record_cache import RecordCache
+from irrsplat.records.weight import record_defines, record_uniforms
+from irrsplat.settings import BORROW_REACH, Settings
+
+TILE = 8  # texels along a side: a record is drawn on whole ones
+_BLOCK = 8  # tiles along a side of a block, which is tried first
+_AT_ONCE = 1 << 19  # pairs in a draw
+_TRIED = 1 << 22  # pairs that are tried at once
+_FAR = 1e15  # metres, where the box of no points lies: its square is a float32
+
+
+@dataclass(frozen=True)
+class Reach:
+    """How far a·R may go in metres, `least` and `greatest`, where there is no view to say so; and the metres of a texel."""
+
+    least: float
+    greatest: float
+    texel: float
+
+
+class PlaceSplats(Owner):
+    """The sums of all records of a cache at the places of one g-buffer, whose `seen` points are at `position` (H, W, 3)."""
+
+    def __init__(
+        self, ctx: moderngl.Context, gbuffer: GBuffer, position: np.ndarray, seen: np.ndarray, settings: Settings, reach: Reach
+    ) -> None:
+        self.ctx, self.gbuffer, self.settings, self.reach = ctx, gbuffer, settings, reach
+        height, width = seen.shape
+        self.size = width, height
+        bent = int(settings.gradients and gbuffer.mapped_normal is not None)
+        defines = {**record_defines(settings.gradients), "NORMAL_MAPS": bent, "REFINED": 0}
+        self.program = Program(ctx, "indirect/splat", "bake/splat", defines)
+        self.empty = Program(ctx, "indirect/splat_clear", "lib/fullscreen")
+        self.target = splat_target(ctx, self.size)
+        self.tiles = _Boxes.of(position, seen, TILE)
+        self.blocks = _Boxes.of(position, seen, TILE * _BLOCK)
+        self._drawn: tuple[tuple[object, ...], int, SplatBuffer] | None = None
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.program, self.empty, self.target)
+
+    def update(self, cache: RecordCache) -> SplatBuffer:
+        """The sums of every record of the cache; the same object as before while they are the same."""
+        inputs, drawn = (cache.revision,), self._drawn
+        if drawn is not None and drawn[0] == inputs and drawn[1] >= cache.count:
+            return drawn[2]
+        first = drawn[1] if drawn is not None and drawn[0] == inputs else 0
+        self._drawn = None
+        if first == 0:
+            self.empty(self.target, state=DrawState(depth="1"), position=self.gbuffer.position, pixel_stride=1)
+        for pairs in self._pairs(cache, first):
+            self._draw(cache, pairs)
+        sums, weight = self.target.textures
+        self._drawn = inputs, cache.count, SplatBuffer(sums, weight, cache.luminance_floor, 1)
+        return self._drawn[2]
+
+    def read(self) -> tuple[np.ndarray, np.ndarray]:
+        """(H, W, 4) Σ k·E and Σ k, and (H, W) Σ w, of what was last drawn."""
+        sums, weight = (np.frombuffer(t.read(), "f4").reshape(*self.size[::-1], -1) for t in self.target.textures)
+        return sums, weight[..., 0]
+
+    def _draw(self, cache: RecordCache, pairs: np.ndarray) -> None:
+        """Add records to tiles, `pairs` (N, 3): number, x and y of the tile."""
+        rows = np.concatenate([pairs[:, :1], pairs[:, 1:] * TILE, np.zeros((len(pairs), 1))], axis=1)
+        table = table_texture(self.ctx, table_rows(rows[:, None].astype("f4")))
+        some: Uniforms = {} if self.gbuffer.mapped_normal is None or not self.settings.gradients else {
+            "lit_normal": self.gbuffer.mapped_normal
+        }  # fmt: skip
+        self.program(
+            self.target,
+            vertices=4,
+            mode=moderngl.TRIANGLE_STRIP,
+            instances=len(pairs),
+            state=DrawState(blend="add"),
+            pairs=table,
+            texels=self.size,
+            tile=float(TILE),
+            **cache.records.uniforms,
+            **record_uniforms(self.settings),
+            eye=(0.0, 0.0, 0.0),
+            radius_bounds=(self.reach.least, self.reach.greatest),
+            borrow_reach=self._lent,
+            position=self.gbuffer.position,
+            normal=self.gbuffer.normal,
+            **some,
+            pixel_stride=1,
+            cut=self.settings.kernel == "cut",
+            in_front=self.settings.in_front,
+        )
+        table.release()
+
+    @property
+    def _lent(self) -> float:
+        """Metres within which records lend to places that they do not reach."""
+        return BORROW_REACH * self.reach.texel if self.settings.borrow else 0.0
+
+    def _pairs(self, cache: RecordCache, first: int) -> Iterator[np.ndarray]:
+        """(N, 3) records from number `first` on and the tiles, x and y, that they may reach, at most _AT_ONCE of them."""
+        centre = cache.positions[first:].astype(np.float32)
+        own = self.settings.a * self.settings.widest * cache.values[first:, 3]
+        radius = 1.001 * np.maximum(np.clip(own, self.reach.least, self.reach.greatest), self._lent)
+        chunk = max(1, _TRIED // max(len(self.blocks.low), 1))
+        for start, stop in pairwise([*range(0, len(centre), chunk), len(centre)]):
+            which, block = np.nonzero(self.blocks.near(centre[start:stop, None], radius[start:stop, None]))
+            which += start
+            inner = np.arange(_BLOCK)
+            x, y = (v.ravel() for v in np.meshgrid(inner, inner))
+            step = max(1, _TRIED // len(x))
+            for i in range(0, len(which), step):
+                some, of = which[i : i + step], block[i : i + step]
+                tx = _BLOCK * (of % self.blocks.columns)[:, None] + x
+                ty = _BLOCK * (of // self.blocks.columns)[:, None] + y
+                numbers = np.broadcast_to(some[:, None], tx.shape)
+                there = (tx < self.tiles.columns) & (ty < self.tiles.rows)
+                tx, ty, numbers = tx[there], ty[there], numbers[there]
+                near = self.tiles.near(centre[numbers], radius[numbers], ty * self.tiles.columns + tx)
+                found = np.stack([first + numbers[near], tx[near], ty[near]], axis=1)
+                for j in range(0, len(found), _AT_ONCE):
+                    yield found[j : j + _AT_ONCE]
+
+
+@dataclass(frozen=True, eq=False)
+class _Boxes:
+    """The bounding boxes of the points in each square of a picture, (N, 3) low and high, row by row; empty ones are inside
+    out."""
+
+    low: np.ndarray
+    high: np.ndarray
+    columns: int
+    rows: int
+
+    @staticmethod
+    def of(position: np.ndarray, seen: np.ndarray, side: int) -> _Boxes:
+        """Those of squares of so many texels a `side`."""
+        height, width = seen.shape
+        rows, columns = -(-height // side), -(-width // side)
+        pad = ((0, rows * side - height), (0, columns * side - width))
+        mask = np.pad(seen, pad)[..., None]
+        points = np.pad(position, (*pad, (0, 0)))
+
+        def folded(empty: float) -> np.ndarray:
+            return np.where(mask, points, np.float32(empty)).reshape(rows, side, columns, side, 3)
+
+        return _Boxes(
+            folded(_FAR).min((1, 3)).reshape(-1, 3), folded(-_FAR).max((1, 3)).reshape(-1, 3), columns, rows
+        )  # fmt: skip
+
+    def near(self, centre: np.ndarray, radius: np.ndarray, boxes: np.ndarray | slice = slice(None)) -> np.ndarray:
+        """Whether spheres about `centre` (…, 3) touch these boxes."""
+        low, high = self.low[boxes], self.high[boxes]
+        away = np.maximum(np.maximum(low - centre, centre - high), np.float32(0.0))
+        touched: np.ndarray = (away.astype(np.float32) ** 2).sum(-1) <= radius**2
+        return touched

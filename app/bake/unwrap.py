@@ -1,0 +1,149 @@
+"""A second set of texture coordinates, in which no two places of all surfaces coincide: charts that xatlas makes and packs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import moderngl
+import numpy as np
+
+from irrsplat.core.errors import InputError
+from irrsplat.gpu.program import DrawState, Program
+from irrsplat.gpu.target import Target, table_texture
+from irrsplat.gpu.texel_table import table_rows
+
+if TYPE_CHECKING:
+    from irrsplat.app.bake.places import Receivers
+
+INSTALL = "pip install 'irrsplat[bake]'"
+PADDING = 2  # texels between charts: what bilinear filtering looks at beyond a chart's rim is its own
+_TRIES = 6
+_ONE_PLACE = 0.01  # texels: corners so near each other are one in the map
+_NEAREST = 5  # points along a side of the grid by which a texel looks for the surface nearest to its centre
+_AROUND = 0.75  # texels from its centre that it looks at most
+
+
+@dataclass(frozen=True, eq=False)
+class Charts:
+    """The receivers' meshes in a square of `size` texels a side.
+
+    vertex: of each mesh, (V,) the vertex of the mesh that each of its vertices here is a copy of; faces: (F, 3) of these. uv: of
+    each mesh (V, 2) texels, from the map's top left corner. chart: (F,) of all triangles, the number of their chart.
+    """
+
+    size: int
+    vertex: tuple[np.ndarray, ...]
+    faces: tuple[np.ndarray, ...]
+    uv: tuple[np.ndarray, ...]
+    chart: np.ndarray
+
+    @property
+    def corners(self) -> np.ndarray:
+        """(F, 3, 2) texels: where the corners of all triangles lie."""
+        return np.concatenate([np.zeros((0, 3, 2)), *(uv[faces] for uv, faces in zip(self.uv, self.faces, strict=True))])
+
+
+def unwrap(receivers: Receivers, size: int) -> Charts:
+    """Charts that fill a square of `size` texels as well as they may. Raises InputError where xatlas is missing, there is
+    nothing to unwrap, or so much of it that the square is too small."""
+    try:
+        import xatlas
+    except ModuleNotFoundError as error:
+        raise InputError(f"a lightmap needs the Python module 'xatlas'; run: {INSTALL}") from error
+    if not receivers.meshes:
+        raise InputError("the scene has no triangles to bake light on")
+    density, atlas = 0.0, None
+    for _ in range(_TRIES):
+        atlas = _packed(xatlas, receivers, size, density)
+        side = max(atlas.width, atlas.height)
+        if atlas.atlas_count == 1 and 0.97 * size <= side <= size:
+            break
+        # to one that fits: charts and gaps do not shrink alike
+        density = atlas.texels_per_unit * (0.5 if atlas.atlas_count > 1 else 0.99 * size / side)
+    assert atlas is not None
+    if atlas.atlas_count != 1 or max(atlas.width, atlas.height) > size:
+        raise InputError(f"{atlas.chart_count:,} charts do not fit into {size} x {size} texels; give a larger --size")
+    scale = np.array([atlas.width, atlas.height], float)
+    found = [atlas.get_mesh(i) for i in range(len(receivers.meshes))]
+    uv = tuple(np.asarray(uv, float) * scale for _, _, uv in found)
+    faces = tuple(np.asarray(faces, np.int64).reshape(-1, 3) for _, faces, _ in found)
+    return Charts(size, tuple(np.asarray(v, np.int64) for v, _, _ in found), faces, uv, _islands(faces, uv))
+
+
+def _packed(xatlas: Any, receivers: Receivers, size: int, density: float) -> Any:
+    """The atlas of all meshes at so many texels a metre; 0: as many as xatlas thinks fill the size."""
+    atlas = xatlas.Atlas()
+    for mesh in receivers.meshes:
+        flat = np.ascontiguousarray
+        atlas.add_mesh(flat(mesh.positions, np.float32), flat(mesh.faces, np.uint32), flat(mesh.normals, np.float32))
+    packing = xatlas.PackOptions()
+    packing.padding, packing.bilinear = PADDING, True
+    if density:
+        packing.texels_per_unit = density
+    else:
+        packing.resolution = size
+    atlas.generate(xatlas.ChartOptions(), packing)
+    return atlas
+
+
+def _islands(faces: tuple[np.ndarray, ...], uv: tuple[np.ndarray, ...]) -> np.ndarray:
+    """(F,) a number for each triangle, the same for those that hang together in the map: whose corners lie at one place there,
+    even if they are several vertices. Between charts there are gaps."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    starts = np.cumsum([0, *map(len, uv)])
+    joined = np.concatenate([f + start for f, start in zip(faces, starts, strict=False)])
+    _, place = np.unique(np.round(np.concatenate(uv) / _ONE_PLACE).astype(np.int64), axis=0, return_inverse=True)
+    corner = place.ravel()[joined]
+    rows, columns, count = corner[:, [0, 1]].ravel(), corner[:, [1, 2]].ravel(), int(place.max()) + 1
+    _, number = connected_components(coo_array((np.ones(len(rows)), (rows, columns)), shape=(count, count)), directed=False)
+    _, chart = np.unique(number[corner[:, 0]], return_inverse=True)
+    return chart.ravel().astype(np.int64)
+
+
+class Chartist:
+    """Tells which point of which triangle a texel is."""
+
+    def __init__(self, ctx: moderngl.Context, charts: Charts) -> None:
+        self.size = charts.size
+        corners = charts.corners
+        rows = np.concatenate([corners, np.zeros_like(corners)], axis=-1).astype("f4")
+        self.count = len(corners)
+        self.corners = table_texture(ctx, table_rows(rows))
+        self.program = Program(ctx, "bake/chart")
+        self.target = Target(ctx, (self.size, self.size), (4,))
+
+    def release(self) -> None:
+        """Free what is on the GPU."""
+        for thing in (self.corners, self.program, self.target):
+            thing.release()
+
+    def at(self, dx: float, dy: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(size, size) the triangle, -1 for none, and the shares u and v of its second and third corner, at the points dx and dy
+        texels beside the texels' centres."""
+        self.target.use()
+        self.target.gl.clear()
+        self.program(
+            self.target,
+            vertices=3 * self.count,
+            state=DrawState(),
+            corners=self.corners,
+            offset=(dx, dy),
+            texels=(self.size, self.size),
+        )
+        found = np.frombuffer(self.target.textures[0].read(), "f4").reshape(self.size, self.size, 4)
+        return found[..., 0].astype(np.int64) - 1, found[..., 1].astype(float), found[..., 2].astype(float)
+
+    def nearest(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The same at the texel's centre, or, where no triangle is there, at the point nearest to it that the texel or its
+        rim has: bilinear filtering looks at those texels as well."""
+        steps = np.linspace(-_AROUND, _AROUND, _NEAREST)
+        offsets = sorted(((float(x), float(y)) for x in steps for y in steps), key=lambda p: p[0] ** 2 + p[1] ** 2)
+        triangle, u, v = self.at(*offsets[0])
+        for offset in offsets[1:]:
+            further = self.at(*offset)
+            missing = triangle < 0
+            triangle, u, v = (np.where(missing, new, old) for new, old in zip(further, (triangle, u, v), strict=True))
+        return triangle, u, v

@@ -1,0 +1,282 @@
+"""Light in the colours of vertices, on triangles that are cut where it changes faster than vertices can tell."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Unpack
+
+import moderngl
+import numpy as np
+
+from irrsplat.app.bake import seams
+from irrsplat.app.bake.cutting import Cut
+from irrsplat.app.bake.glb import Glb
+from irrsplat.app.bake.light import OnBake, PlaceLight
+from irrsplat.app.bake.lightmap import Light, info, limit_of, texture_coordinates
+from irrsplat.app.bake.places import Places, Receivers, hidden, places
+from irrsplat.core import files
+from irrsplat.core.errors import InputError
+from irrsplat.gather.record_frame import OFFSET
+from irrsplat.scene.model import Scene
+from irrsplat.scene.model.checks import check_type
+from irrsplat.settings import SettingValues
+
+TOLERANCE, MOST = 0.05, 200_000  # by default: error of an edge's middle, of the light there; and vertices
+_LONGEST, _SHORTEST = 1.0 / 12.0, 1.0 / 384.0  # edges, in sides of a cube with the scene's diagonal: cut in any case, never cut
+_DIM = 0.1  # of the mean light: where it is darker, errors count as if it were that
+_ROUNDS = 24
+_INWARD = 0.02  # of the way to its triangle's middle, where the light of a vertex is found: not beyond its edge
+_COLUMNS, _TILE = 64, 8  # tiles in a row of a picture of points, and points along a side of a tile
+
+
+@dataclass(frozen=True, eq=False)
+class VertexLight:
+    """Light at vertices, (V, 3) each: irradiance in W/m², of all light or of all but that of lamps; indirect and direct, its
+    parts as they were found. lit: (V,) whether light was found at the very vertex; points: where it was looked for, (V, 3), and
+    about which normals. records, converged: as a render has them. complete: whether nothing is left to be cut that MOST kept
+    from it. emitters_apart: as a Lightmap's."""
+
+    receivers: Receivers
+    cut: Cut
+    light: Light
+    irradiance: np.ndarray
+    indirect: np.ndarray
+    direct: np.ndarray
+    lit: np.ndarray
+    points: Places
+    records: int
+    converged: bool
+    complete: bool
+    emitters_apart: bool
+    checks = "vertices"
+
+    def save(self, path: str | os.PathLike[str]) -> tuple[Path, ...]:
+        """Write a .glb, completely or not at all; its name. Raises InputError for another ending, IrrsplatError where it cannot
+        be written."""
+        glb = Path(path)
+        if glb.suffix.lower() != ".glb":
+            raise InputError("vertex colours are written as a .glb; give -o a name that ends so", str(path) or "''")
+        files.write_bytes(glb, glb_of(self))
+        return (glb,)
+
+
+def bake_vertices(
+    scene: Scene,
+    cut: float = TOLERANCE,
+    light: Light = "all",
+    most: int = MOST,
+    preset: str = "default",
+    on_bake: OnBake | None = None,
+    ctx: moderngl.Context | None = None,
+    **settings: Unpack[SettingValues],
+) -> VertexLight:
+    """Light at the vertices of a scene, whose triangles are cut until the middle of no edge is further off what its ends say than
+    `cut`, as a share of the light there, or there are `most` vertices.
+
+    The rest as in bake_lightmap; raises InputError for what cannot be, GLError where there is no OpenGL.
+    """
+    check_type("what vertex colours are baked of", scene, Scene)
+    if not cut > 0.0:
+        raise InputError(f"--cut is above 0, not {cut:g}; it is a share of the light")
+    scene, told = scene.recentred, on_bake or (lambda share, words: None)
+    receivers = Receivers.of(scene.local, ctx)
+    if not receivers.meshes:
+        raise InputError("the scene has no triangles to bake light on")
+    side = scene.diagonal / np.sqrt(3.0)
+    with PlaceLight(scene.local, preset, ctx, **settings) as lights:
+        pieces = Cut.whole(receivers)
+        found = _Found(receivers, lights, light, side * _SHORTEST)
+        known = found.at(pieces.root, pieces.corner)
+        fine = np.zeros(0, np.int64)  # edges whose middles were found to be right
+        marked = np.ones(1, bool)
+        for _ in range(_ROUNDS):
+            told(min(len(pieces.root) / most, 1.0), f"{len(pieces.root)} vertices")
+            edges = pieces.edges(receivers)
+            long = edges.length > side * _LONGEST
+            (asked,) = np.nonzero(~long & (edges.length > 2.0 * side * _SHORTEST) & ~np.isin(edges.keys, fine))
+            marked, tried = long.copy(), found.at(edges.root[asked], edges.middle[asked])
+            marked[asked] = _off(known, tried, edges.ends[asked], cut, _DIM * found.mean)
+            fine = np.concatenate([fine, edges.keys[asked][~marked[asked]]])
+            marked = edges.conforming(marked)
+            if not marked.any() or len(pieces.root) + marked.sum() > most:
+                break
+            at = np.full(len(marked), -1)
+            at[asked] = np.arange(len(asked))
+            (rest,) = np.nonzero(marked & (at < 0))
+            at[rest] = len(asked) + np.arange(len(rest))
+            tried = tried.and_(found.at(edges.root[rest], edges.middle[rest]))
+            pieces, known = pieces.divided(edges, marked), known.and_(tried, at[marked])
+        complete = not marked.any()
+    mesh = receivers.mesh_of[pieces.root][None]
+    position = known.places.position.astype(float)
+    total = seams.filled(known.total[None], known.seen[None], position, mesh)[0].astype(np.float32)
+    return VertexLight(
+        receivers, pieces, light, total, known.indirect, known.direct, known.seen, known.places, found.records, found.converged,
+        complete, lights.settings.emitters_apart,
+    )  # fmt: skip
+
+
+# ---- light -------------------------------------------------------------------------------------------------------------
+
+
+def _off(known: _Known, tried: _Known, ends: np.ndarray, tolerance: float, floor: float) -> np.ndarray:
+    """(E,) whether what was `tried` in the middle of edges is further off the mean of their `ends` (E, 2) than the tolerance,
+    or one surface goes into another there. floor: W/m², errors count as if light were at least that."""
+    first, second = ends.T
+    off = np.abs(tried.total - 0.5 * (known.total[first] + known.total[second])).max(1)
+    both = known.seen[first] & known.seen[second]
+    wrong = tried.seen & both & (off > tolerance * np.maximum(tried.total.max(1), floor))
+    found: np.ndarray = wrong | (known.seen[first] != known.seen[second]) | (both != tried.seen)
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Known:
+    """What was found at N points: (N, 3) W/m² each, whether they are seen, and the points, as a picture of one row."""
+
+    total: np.ndarray
+    indirect: np.ndarray
+    direct: np.ndarray
+    seen: np.ndarray
+    places: Places
+
+    def and_(self, other: _Known, some: np.ndarray | slice = slice(None)) -> _Known:
+        """The same, and those of the numbers `some` of another; all of them by default."""
+        flat = [np.concatenate([getattr(self, n), getattr(other, n)[some]]) for n in ("total", "indirect", "direct", "seen")]
+        joined = {
+            name: np.concatenate([values, getattr(other.places, name)[:, some]], axis=1)
+            for name, values in vars(self.places).items()
+        }
+        return _Known(flat[0], flat[1], flat[2], flat[3], Places(**joined))
+
+
+class _Found:
+    """Finds light at points of the receivers' triangles."""
+
+    def __init__(self, receivers: Receivers, lights: PlaceLight, light: Light, apart: float) -> None:
+        self.receivers, self.lights, self.light, self.apart = receivers, lights, light, apart
+        self.records, self.converged, self._sum, self._count = 0, True, 0.0, 0
+
+    @property
+    def mean(self) -> float:
+        """Of all light that was found so far, W/m²."""
+        return self._sum / max(self._count, 1)
+
+    def at(self, root: np.ndarray, corner: np.ndarray) -> _Known:
+        """The light at points of triangles `root` (N,) by the shares `corner` (N, 3) of their corners."""
+        scene, surfaces = self.receivers.scene, self.receivers.surfaces
+        corners = surfaces.positions[surfaces.faces[root]].astype(float)
+        size = np.linalg.norm(corners - corners.mean(1, keepdims=True), axis=2).max(1)
+        # a step of the same share is too far on a large triangle
+        share = np.minimum(_INWARD, 10.0 * OFFSET * scene.diagonal / np.maximum(size, 1e-30))[:, None]
+        shares = corner + share * (1.0 / 3.0 - corner)
+        order = _along_a_curve((corners * shares[..., None]).sum(1))
+        index = _tiles(len(root))
+        triangle = np.append(root[order], -1)[index]  # -1 is what comes last
+        u, v = (np.append(shares[order, k], 0.0)[index] for k in (1, 2))
+        where = places(self.receivers, triangle, u, v)
+        where = where.but(hidden(scene, where))
+        gathered = self.lights.gathered(where, self.apart)
+        direct = self.lights.direct(where)
+        self.records, self.converged = gathered.records, self.converged and gathered.converged
+        back = np.empty(len(root), np.intp)
+        back[order] = np.arange(len(root))
+        row, column = (v[back] for v in _places_of(len(root)))
+        picked = {name: values[row, column][None] for name, values in vars(where).items()}
+        indirect, straight, seen = gathered.irradiance[row, column], direct[row, column], gathered.served[row, column]
+        total = indirect + (straight if self.light == "all" else 0.0)
+        self._sum, self._count = self._sum + float(total[seen].max(1).sum()), self._count + int(seen.sum())
+        return _Known(total, indirect, straight, seen, Places(**picked))
+
+
+def _places_of(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """(count,) rows and columns of points in a picture in which those of successive numbers share tiles."""
+    number = np.arange(count)
+    tile, within = number // _TILE**2, number % _TILE**2
+    return tile // _COLUMNS * _TILE + within // _TILE, tile % _COLUMNS * _TILE + within % _TILE
+
+
+def _tiles(count: int) -> np.ndarray:
+    """That picture: (H, W) the numbers of the points, -1 for none."""
+    rows = -(-max(count, 1) // (_TILE**2 * _COLUMNS)) * _TILE
+    picture = np.full((rows, _COLUMNS * _TILE), -1)
+    picture[_places_of(count)] = np.arange(count)
+    return picture
+
+
+def _along_a_curve(points: np.ndarray) -> np.ndarray:
+    """The order of points (N, 3) along a Morton curve, in which successive ones are near one another."""
+    if not len(points):
+        return np.zeros(0, np.intp)
+    low, extent = points.min(0), max(float(np.ptp(points, axis=0).max()), 1e-30)
+    cells = ((points - low) / extent * 1023.0).astype(np.uint64)
+    code = np.zeros(len(points), np.uint64)
+    for bit in range(10):
+        for axis in range(3):
+            code |= ((cells[:, axis] >> np.uint64(bit)) & np.uint64(1)) << np.uint64(3 * bit + axis)
+    return np.argsort(code, kind="stable")
+
+
+# ---- the file ----------------------------------------------------------------------------------------------------------
+
+
+def glb_of(made: VertexLight) -> bytes:
+    """The bytes of the .glb that `VertexLight.save` writes: unlit materials, whose colour times those of the vertices is the
+    outgoing radiance, over the `strength` of the file."""
+    receivers, cut = made.receivers, made.cut
+    scene, surfaces = receivers.scene, receivers.surfaces
+    corners = surfaces.faces[cut.root]
+
+    def blended(values: np.ndarray) -> np.ndarray:
+        found: np.ndarray = (values[corners].astype(float) * cut.corner[..., None]).sum(1)
+        return found
+
+    there = surfaces.at(cut.root, cut.corner[:, 1], cut.corner[:, 2])
+    lit = made.irradiance / np.pi
+    mesh_of = receivers.mesh_of[cut.root]
+    glows = np.array([any(mesh.material.emission) for mesh in receivers.meshes], bool)[mesh_of]
+    # what reflects only: the material's own colours, times light; what emits as well: all of it in the vertices
+    colours = np.where(glows[:, None], lit * there.albedo + there.emission, lit * _tints(made))
+    strength = limit_of(colours.max(1)) or 1.0
+    told = {"light": made.light, "unit": "W/(m² sr)", "strength": strength}
+    glb = Glb({"irrsplat": told})
+    glb.use("KHR_materials_unlit")
+    normals, positions = blended(surfaces.normals), blended(surfaces.positions) + np.asarray(scene.origin)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-6)
+    uvs, opacity = blended(surfaces.uvs), blended(surfaces.opacity[:, None])
+    for i, mesh in enumerate(receivers.meshes):
+        (mine,) = np.nonzero(mesh_of == i)
+        number = np.zeros(len(cut.root), np.int64)
+        number[mine] = np.arange(len(mine))
+        material = mesh.material
+        emits = any(material.emission)
+        base = (1.0, 1.0, 1.0) if emits or mesh.colors is not None else material.albedo
+        entry = glb.material(material, base, material.double_sided and not receivers.both[i])
+        entry["extensions"] = {"KHR_materials_unlit": {}}
+        entry["extras"] = {"strength": strength}
+        colour = np.clip(colours[mine] / strength, 0.0, 1.0)
+        if mesh.opacities is not None:
+            colour = np.concatenate([colour, np.clip(opacity[mine], 0.0, 1.0)], axis=1)
+            entry["pbrMetallicRoughness"]["baseColorFactor"][3] = 1.0
+        attributes = {"POSITION": positions[mine], "NORMAL": normals[mine], "COLOR_0": colour}
+        texture = material.albedo_texture
+        if texture is not None and not emits:
+            entry["pbrMetallicRoughness"]["baseColorTexture"] = info(glb, texture)
+            attributes["TEXCOORD_0"] = texture_coordinates(uvs[mine], texture)
+        faces = number[cut.faces[receivers.mesh_of[cut.of] == i]]
+        glb.mesh(scene.meshes[receivers.sources[i]].name, attributes, [(faces, glb.add("materials", entry))])
+    for camera in scene.cameras:
+        glb.camera(camera)
+    glb.json["extensionsUsed"].remove("KHR_materials_specular")
+    return glb.encoded()
+
+
+def _tints(made: VertexLight) -> np.ndarray:
+    """(V, 3) the colours of the scene's own vertices, where it has some in place of a material's colour; else 1."""
+    surfaces, cut = made.receivers.surfaces, made.cut
+    own = np.array([mesh.colors is not None for mesh in made.receivers.meshes], bool)[made.receivers.mesh_of[cut.root]]
+    colours = (surfaces.albedo[surfaces.faces[cut.root]].astype(float) * cut.corner[..., None]).sum(1)
+    found: np.ndarray = np.where(own[:, None], colours, 1.0)
+    return found

@@ -1,0 +1,282 @@
+"""Bakes: lightmaps, vertex colours and probes hold the light that there is, in files that other programs read."""
+
+from __future__ import annotations
+
+import json
+import struct
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image as Pillow
+
+import irrsplat
+from irrsplat.app import cli
+from irrsplat.app.bake import images, seams
+from irrsplat.app.bake.cutting import Cut
+from irrsplat.app.bake.places import Receivers
+from irrsplat.app.bake.probes import Probes, bake_probes, basis, sphere
+from irrsplat.scene.model import Camera, Image, Material, Mesh, Scene, Texture
+
+SKY = (1.0, 2.0, 3.0)
+FAST: dict[str, Any] = {"bounces": 1, "gather_size": 8, "light_samples": 0, "shadow_size": 256}
+
+
+def square(z: float = 0.0, side: float = 2.0, **material: Any) -> Mesh:
+    """A square that faces up the z axis, its coordinates over all of it."""
+    corners = side * np.array([[-0.5, -0.5, 0], [0.5, -0.5, 0], [0.5, 0.5, 0], [-0.5, 0.5, 0]]) + (0.0, 0.0, z)
+    uvs = np.tile([[0, 1], [1, 1], [1, 0], [0, 0]], (1, 2))
+    normals = np.tile([0.0, 0.0, 1.0], (4, 1))
+    faces = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+    return Mesh(
+        corners.astype("f4"), normals.astype("f4"), faces, Material(double_sided=False, **material), uvs=uvs.astype(np.float32)
+    )
+
+
+def under_a_sky(*meshes: Mesh) -> Scene:
+    """Meshes under a sky of one radiance."""
+    return Scene(meshes, (), (Camera((0, 0, 5), (0, 0, 0)),), sky=SKY)
+
+
+def parts(path: Path) -> tuple[dict[str, Any], bytes]:
+    """The JSON and the buffer of a .glb."""
+    data = path.read_bytes()
+    assert struct.unpack("<4sII", data[:12]) == (b"glTF", 2, len(data))
+    length = struct.unpack("<I", data[12:16])[0]
+    return json.loads(data[20 : 20 + length]), data[28 + length :]
+
+
+@pytest.fixture(scope="module")
+def textured(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Any]:
+    """The two forms of a lightmap of a square of two colours, under a sky, in a folder; and the lightmap."""
+    pytest.importorskip("xatlas")
+    from irrsplat.app.bake import bake_lightmap
+
+    pixels = np.full((2, 2, 4), 255, np.uint8)
+    pixels[:, 0, :3] = (255, 0, 0)
+    red_and_white = Texture(Image(pixels), nearest=True)
+    made = bake_lightmap(under_a_sky(square(albedo=(0.5, 0.5, 0.5), albedo_texture=red_and_white)), 32, **FAST)
+    folder = tmp_path_factory.mktemp("textured")
+    for form in ("radiance", "irradiance"):
+        made.save(folder / f"{form}.glb", form)
+    return folder, made
+
+
+def test_a_square_under_a_sky_is_lit_by_pi_times_its_radiance(textured: tuple[Path, Any]) -> None:
+    # E = π·L, the same everywhere, also where filtering looks beyond the chart
+    made = textured[1]
+    assert np.abs(made.irradiance / (np.pi * np.array(SKY)) - 1.0).max() < 0.01
+    assert made.converged
+    assert (made.owner >= 0).mean() > 0.5
+    assert made.charts.chart.tolist() == [0, 0]  # one square, one chart: else its halves are scaled apart
+
+
+def test_the_radiance_is_that_of_the_textures_own_colours(textured: tuple[Path, Any]) -> None:
+    # ρ·E/π = ρ·L: the red half reflects no green
+    made = textured[1]
+    red = made.lit.seen & (made.lit.albedo[..., 1] < 0.1)
+    white = made.lit.seen & (made.lit.albedo[..., 1] > 0.4)
+    assert np.median(made.radiance[red][:, 1]) < 1e-3
+    assert np.abs(np.median(made.radiance[white], axis=0) / (0.5 * np.array(SKY)) - 1.0).max() < 0.02
+    assert min(red.sum(), white.sum()) > 100
+
+
+def test_the_glb_emits_the_map_and_its_materials_are_black(textured: tuple[Path, Any]) -> None:
+    folder, made = textured
+    document, data = parts(folder / "radiance.glb")
+    (material,) = document["materials"]
+    assert material["pbrMetallicRoughness"]["baseColorFactor"][:3] == [0.0, 0.0, 0.0]
+    assert material["emissiveTexture"]["texCoord"] == 1
+    strength = material["extensions"]["KHR_materials_emissive_strength"]["emissiveStrength"]
+    view = document["bufferViews"][document["images"][0]["bufferView"]]
+    (folder / "inside.png").write_bytes(data[view["byteOffset"] : view["byteOffset"] + view["byteLength"]])
+    shown = np.asarray(Pillow.open(folder / "inside.png")).astype(float) / 255.0
+    linear = strength * np.where(shown <= 0.04045, shown / 12.92, ((shown + 0.055) / 1.055) ** 2.4)
+    seen = made.lit.seen
+    # dithered: the mean is right though each texel is one of 256
+    assert np.abs(linear[seen].mean(0) / made.radiance[seen].mean(0) - 1.0).max() < 0.01
+    # and another reader finds the mesh
+    (mesh,) = trimesh.load_scene(folder / "radiance.glb").geometry.values()
+    assert len(mesh.faces) == 2
+
+
+def test_the_other_form_keeps_the_scenes_materials_and_says_where_the_map_is(textured: tuple[Path, Any]) -> None:
+    folder, made = textured
+    document, _ = parts(folder / "irradiance.glb")
+    (material,) = document["materials"]
+    told = material["extras"]["lightMap"]
+    assert told["texCoord"] == 1
+    assert told["strength"] == pytest.approx(made.irradiance.max(), rel=0.02)
+    assert document["textures"][told["index"]]["source"] == 0
+    assert material["pbrMetallicRoughness"]["baseColorFactor"][:3] == [0.5, 0.5, 0.5]
+    again = irrsplat.load(str(folder / "irradiance.glb"))  # its own reader finds the same colours where they were
+    assert again.meshes[0].material.albedo == (0.5, 0.5, 0.5)
+    assert again.meshes[0].material.albedo_texture is not None
+
+
+def test_the_map_lies_beside_it_in_full_precision(textured: tuple[Path, Any]) -> None:
+    import OpenEXR
+
+    folder, made = textured
+    with OpenEXR.File(str(folder / "irradiance.exr")) as file:
+        assert np.array_equal(file.channels()["RGB"].pixels, made.irradiance)
+    assert (folder / "irradiance.png").read_bytes()[24:26] == bytes([16, 2])  # bits a channel, colours
+
+
+def test_a_png_of_16_bits_is_what_others_read(tmp_path: Path) -> None:
+    values = np.random.default_rng(0).random((5, 7, 3))
+    (tmp_path / "a.png").write_bytes(images.png(values))
+    read = np.asarray(Pillow.open(tmp_path / "a.png"))  # Pillow keeps the upper 8 bits of each
+    assert np.array_equal(read, np.round(values * 65535.0).astype(int) >> 8)
+
+
+def test_what_is_hidden_is_filled_from_beside_it_and_not_from_other_charts() -> None:
+    values = np.zeros((4, 6, 3))
+    values[:, :3], values[:, 3:] = 1.0, 9.0
+    chart = np.repeat([[0, 0, 0, 1, 1, -1]], 4, axis=0)
+    known = np.ones((4, 6), bool)
+    known[:, 2] = known[:, 5] = False
+    values[~known] = 0.0
+    y, x = np.indices((4, 6)).astype(float)
+    position = np.dstack([x, y, 0.0 * x])
+    found = seams.filled(values, known, position, chart)
+    assert np.allclose(found[:, 2], 1.0)
+    assert np.allclose(found[:, 5], 9.0)
+
+
+def test_both_sides_of_a_seam_come_to_be_alike() -> None:
+    xatlas = pytest.importorskip("xatlas")
+    assert xatlas
+    from irrsplat.app.bake.unwrap import Charts
+
+    # a flat strip of two squares whose common edge lies in two places of the map
+    corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0], [2, 1, 0]], float)
+    faces = np.array([[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]])
+    here = 2.0 + 10.0 * corners[[0, 1, 2, 3], :2]
+    there = np.array([18.0, 2.0]) + 10.0 * (corners[[1, 4, 5, 2], :2] - (1.0, 0.0))
+    flat = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]])
+    charts = Charts(32, (np.array([0, 1, 2, 3, 1, 4, 5, 2]),), (flat,), (np.concatenate([here, there]),), np.array([0, 0, 1, 1]))
+    values = np.zeros((32, 32, 1))
+    values[:, :16], values[:, 16:] = 1.0, 2.0
+    up = np.broadcast_to([0.0, 0.0, 1.0], (4, 3, 3))
+    found = seams.matched(values, charts, corners[faces], up)
+    left, right = found[4:10, 11:13].mean(), found[4:10, 17:19].mean()  # x = 12 and x = 18 are one edge
+    assert abs(left - right) < 0.02
+    assert abs(left - 1.5) < 0.1
+    assert found[6, 6, 0] == 1.0
+    assert found[6, 24, 0] == 2.0
+
+
+def test_a_sheet_that_is_lit_from_below_is_baked_from_below() -> None:
+    # a glowing square lights the back of a wider sheet above it, and nothing its front
+    lamp = replace(square(0.0, 0.5), material=Material(albedo=(0, 0, 0), emission=(5, 5, 5)))
+    sheet = replace(square(1.0), material=Material(double_sided=True))
+    scene = Scene((lamp, sheet), (), (Camera((0, 0, 5), (0, 0, 0)),))
+    receivers = Receivers.of(scene)
+    turned = receivers.meshes[receivers.sources.index(1)]
+    assert receivers.sources.count(1) == 1
+    assert (turned.normals[:, 2] == -1.0).all()
+
+
+def test_cut_triangles_have_no_vertex_in_a_neighbours_edge() -> None:
+    receivers = Receivers.of(under_a_sky(square()))
+    cut, random = Cut.whole(receivers), np.random.default_rng(1)
+    for _ in range(5):
+        edges = cut.edges(receivers)
+        cut = cut.divided(edges, edges.conforming(random.random(len(edges.ends)) < 0.2))
+    corners = cut.positions(receivers)[cut.faces]
+    areas = 0.5 * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2]
+    assert areas.min() > 0.0
+    assert areas.sum() == pytest.approx(4.0)
+    # each edge within is of two faces, each one on the rim of one
+    edges = cut.edges(receivers)
+    middle = cut.positions(receivers)[edges.ends].mean(1)
+    rim = np.abs(np.abs(middle[:, :2]).max(1) - 1.0) < 1e-6
+    assert np.array_equal(np.bincount(edges.of_face.ravel()), np.where(rim, 1, 2))
+
+
+def test_probes_under_a_sky_that_brightens_upward_say_what_it_gives() -> None:
+    # L = a + b·(d·up): E(n) = π·a + 2π/3·b·(n·up), exactly what two orders hold
+    speck = replace(square(0.0, 1e-3), material=Material(albedo=(0, 0, 0)))
+    far = replace(square(2.0, 1e-3), material=Material(albedo=(0, 0, 0)))
+    b = np.array([0.5, 1.0, 2.0])
+    scene = replace(under_a_sky(speck, far), sky_gradient=tuple(b), up=(0.0, 0.0, 1.0))
+    probes = bake_probes(scene, 1.0, **FAST)
+    n = sphere(40)
+    E = np.pi * np.array(SKY) + 2.0 * np.pi / 3.0 * n[:, 2:] * b
+    found = probes.irradiance(np.tile([0.0, 0.0, 1.0], (40, 1)), n)
+    assert np.abs(found / E - 1.0).max() < 0.03
+    assert probes.counts == (1, 1, 2)
+    assert probes.valid.all()
+
+
+def test_the_basis_of_probes_is_orthonormal() -> None:
+    n = sphere(20000)
+    assert np.abs(4.0 * np.pi / len(n) * basis(n).T @ basis(n) - np.eye(9)).max() < 1e-3
+
+
+def test_probes_between_two_are_a_mean_and_files_hold_them(tmp_path: Path) -> None:
+    values = np.random.default_rng(2).random((2, 1, 3, 9, 3))
+    values[..., 0, :] += 9.0
+    probes = Probes(np.zeros(3), np.ones(3), (3, 1, 2), values, np.ones((2, 1, 3), bool))
+    n = sphere(8)
+    middle = probes.irradiance(np.tile([1.5, 7.0, 0.0], (8, 1)), n)
+    ends = [basis(n) @ values[0, 0, x] for x in (1, 2)]
+    assert np.allclose(middle, 0.5 * (ends[0] + ends[1]))
+    probes.save(tmp_path / "a.json")
+    probes.save(tmp_path / "a.npz")
+    document, arrays = json.loads((tmp_path / "a.json").read_text()), np.load(tmp_path / "a.npz")
+    assert np.allclose(np.reshape(document["coefficients"], values.shape), values, rtol=1e-6)
+    assert np.allclose(arrays["coefficients"], values, rtol=1e-6)
+    assert document["counts"] == [3, 1, 2]
+
+
+def test_vertex_colours_are_unlit_and_hold_the_sky(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from irrsplat.app.bake import bake_vertices
+
+    made = bake_vertices(under_a_sky(square(albedo=(0.5, 0.4, 0.3))), **FAST)
+    assert np.abs(made.irradiance / (np.pi * np.array(SKY)) - 1.0).max() < 0.01
+    assert made.complete
+    (path,) = made.save(tmp_path / "v.glb")
+    document, _ = parts(path)
+    (material,) = document["materials"]
+    assert material["extensions"] == {"KHR_materials_unlit": {}}
+    assert material["pbrMetallicRoughness"]["baseColorFactor"][:3] == [0.5, 0.4, 0.3]
+    assert document["asset"]["extras"]["irrsplat"]["strength"] == pytest.approx(3.0, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["-o", "a.png"], "--to lightmap writes .glb"),
+        (["-o", "a.glb", "--to", "probes"], "--to probes writes .json or .npz"),
+        (["-o", "a.glb", "--grid", "1"], "--grid is for --to probes"),
+        (["-o", "a.json", "--to", "probes", "--form", "radiance"], "--form is for --to lightmap"),
+        (["-o", "a.glb", "--size", "8"], "16 to 8192 texels"),
+        (["-o", "no/folder/a.glb"], "does not exist"),
+    ],
+)
+def test_what_cannot_be_is_told_in_a_line(
+    words: list[str], told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["bake", "cornell", *words]) == 2
+    error = capsys.readouterr().err
+    assert told in error
+    assert error.count("\n") == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_the_command_writes_and_says_what_came_of_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    words = ["bake", "cornell", "-o", "p.json", "--to", "probes", "--grid", "3", "--stats", "s.json", "--bounces", "1"]
+    assert cli.main([*words, "--gather-size", "8", "--shadow-size", "128"]) == 0
+    out, stats = capsys.readouterr().out, json.loads((tmp_path / "s.json").read_text())
+    assert "probes      2 x 2 x 2" in out
+    assert stats["probes"] == [2, 2, 2]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["p.json", "s.json"]
