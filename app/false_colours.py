@@ -55,7 +55,7 @@ class FalseColours:
 
     def save(self, path: Pathlike, frame: Frame, renderer: Renderer, camera: Camera) -> None:
         """Write a frame that `renderer` has just made from `camera` as a PNG; raises IrrsplatError where that fails."""
-        from irrsplat.image import false_colours
+        from irrsplat.image.output import false_colours
 
         lamps = renderer.lamp_irradiance(camera) if self.buffer == "light" else 0.0
         values: np.ndarray = getattr(frame, "irradiance" if self.buffer == "light" else self.buffer)
