@@ -107,12 +107,12 @@ def render(args: argparse.Namespace) -> int:
     """`irrsplat render`: a scene, or a path through it, to files. All that can be checked is checked before the work; where one
     cannot be written in the end, the others are."""
     from irrsplat import settings
-    from irrsplat.app import false_colours, render_path
+    from irrsplat.app import pictures, render_path
     from irrsplat.image.frame import needed
 
     settings.preset(args.preset, **args.values)
     buffers, with_figures = _buffers(args), _has_folder(args)
-    coloured = false_colours.checked(args)
+    files = pictures.checked(args)
 
     import irrsplat
 
@@ -127,14 +127,14 @@ def render(args: argparse.Namespace) -> int:
         outputs = Outputs()
         with _round_progress(args) as on_round:
             if flight is not None:
-                done, complete = render_path.render(renderer, flight, buffers, with_figures, on_round, outputs, coloured)
+                done, complete = render_path.render(renderer, flight, buffers, with_figures, on_round, outputs, files)
             else:
-                wanted = None if with_figures or coloured is not None else needed(args.output, buffers)
+                wanted = None if with_figures or files.of_all_buffers else needed(args.output, buffers)
                 frame = renderer.render(camera, progress=on_round, figures=with_figures, buffers=wanted)
         if flight is None and frame.stats.get("interrupted") and not frame.stats.get("rounds"):
             return _fail("interrupted before the first round was complete; nothing was written", INTERRUPTED)
         for path in args.output if flight is None else ():
-            outputs.write(path, partial(render_path.save, path, frame, buffers, coloured, renderer, camera))
+            outputs.write(path, partial(files.save, path, frame, buffers, renderer, camera))
         if args.cache is not None and renderer.cache.count:
             outputs.write(args.cache, partial(renderer.save_cache, args.cache))
     if flight is None:

@@ -67,7 +67,7 @@ class FalseColours:
             self.scale = replace(self.scale, highest=round_above(false_colours.brightest(light, depth)))
         picture = false_colours.coloured(light, depth, self.scale)
         picture = false_colours.with_legend(picture, self.scale, WORDS[self.buffer], self._unit)
-        files.write_bytes(path, false_colours.png(picture))
+        files.write_picture(path, picture)
 
     @property
     def _unit(self) -> str:

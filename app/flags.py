@@ -146,11 +146,21 @@ def _add_render(commands: Any) -> None:
     _add_cache(parser)
     add("--stats", metavar="FILE.json", help="write records, rounds, times and settings to this file")
     _add_camera(parser)
+    _add_files(parser)
     _add_false_colours(parser)
     group = parser.add_argument_group("path", "a flight instead of one picture; records and the first frame's exposure are kept")
     group.add_argument("--path", metavar="FILE", help="its cameras: a text file, looked for here, then in the scene's folder")
     group.add_argument("--frames", type=frames, metavar="A:B", help="frames A to B - 1; either may be left out (default: all)")
     _add_settings(parser)
+
+
+def _add_files(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument_group("files", "what they hold").add_argument
+    words = "a .png shows all buffers side by side, with names and scales"
+    add("--contact-sheet", action="store_true", help=words)
+    add("--png-bits", type=int, choices=(8, 16), default=8, metavar="8|16", help="of a channel, in .png and folders (default: 8)")
+    words = "of the layers in an .exr: irrsplat, the buffers' names; blender, as ViewLayer.Combined.R (default: irrsplat)"
+    add("--exr-names", choices=("irrsplat", "blender"), default="irrsplat", metavar="WHOSE", help=words)
 
 
 def _add_false_colours(parser: argparse.ArgumentParser) -> None:

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path as File
 from typing import TYPE_CHECKING, Protocol
 
-from irrsplat.app.false_colours import FalseColours
+from irrsplat.app.pictures import Pictures
 from irrsplat.core.errors import InputError
 from irrsplat.image import frame as output
 from irrsplat.image.statistics import Statistics
@@ -17,10 +17,9 @@ from irrsplat.scene.camera_path import Path, load_path
 
 if TYPE_CHECKING:
     from irrsplat.app.common.outputs import Outputs
-    from irrsplat.image.frame import Frame
     from irrsplat.image.view import Progress
     from irrsplat.renderer import Renderer
-    from irrsplat.scene.model import Camera, Scene
+    from irrsplat.scene.model import Scene
 
 
 class OnRound(Protocol):
@@ -72,14 +71,13 @@ def render(
     figures: bool,
     on_round: OnRound | None,
     outputs: Outputs,
-    coloured: FalseColours | None = None,
+    files: Pictures,
 ) -> tuple[list[Statistics], bool]:
     """Render and write every frame; returns the statistics of those written, and whether that is all of them (False: Ctrl-C, or
     none of the `outputs` can be written any more).
 
     Records stay from frame to frame. All frames have the first one's exposure: metered one by one, they would flicker.
-    on_round: as for Renderer.render, called with the frame and how far the path is as well. coloured: the false colours of
-    pictures, if any.
+    on_round: as for Renderer.render, called with the frame and how far the path is as well. files: how they are written.
     """
     done: list[Statistics] = []
     motions = flight.path.motions
@@ -101,23 +99,13 @@ def render(
             written = []
             for pattern in flight.outputs:
                 name = output.numbered(pattern, number)
-                written.append(outputs.write(name, partial(save, name, frame, buffers, coloured, renderer, camera), pattern))
+                written.append(outputs.write(name, partial(files.save, name, frame, buffers, renderer, camera), pattern))
             if not any(written):
                 return done, False
             done.append(stats)
     except KeyboardInterrupt:  # between two renders, or while a file was written
         return done, False
     return done, True
-
-
-def save(
-    name: str, frame: Frame, buffers: list[str] | None, coloured: FalseColours | None, renderer: Renderer, camera: Camera
-) -> None:
-    """Write a frame that `renderer` has just made from `camera` to a file; a .png in false colours where these are asked for."""
-    if coloured is not None and name.lower().endswith(".png"):
-        coloured.save(name, frame, renderer, camera)
-    else:
-        frame.save(name, buffers)
 
 
 def _span(args: argparse.Namespace) -> tuple[int, int | None]:

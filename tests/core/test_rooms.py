@@ -41,6 +41,7 @@ APP_ROOMS = (
     "irrsplat.app.info",
     "irrsplat.app.measure",
     "irrsplat.app.render_path",
+    "irrsplat.app.pictures",
     "irrsplat.app.false_colours",
     "irrsplat.app.bench",
     "irrsplat.app.viewer",

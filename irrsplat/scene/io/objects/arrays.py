@@ -120,7 +120,7 @@ def completed(
 
 
 def given_sky(sky: str | npt.ArrayLike | None) -> Sky | None:
-    """The sky that a caller has given as a text, as a radiance (3,) or as a map (H, W, 3); raises InputError for anything else."""
+    """The sky that a caller has given as a text, as a radiance (3,) or as a map (H, W, 3); raises InputError for others."""
     if sky is None:
         return None
     if isinstance(sky, str):

@@ -1,6 +1,6 @@
 """Scenes from Mitsuba 3: its shapes with the diffuse part of their BSDFs, its emitters and its perspective cameras.
 
-A loaded scene is read through `mitsuba.traverse`, so that files, dicts and scenes that a program has made or changed take one way.
+A loaded scene is read through `mitsuba.traverse`, so that files, dicts and scenes that a program has changed take one way.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ def from_trimesh(
     crease_angle: float = CREASE_ANGLE,
     name: str = "scene",
 ) -> Scene:
-    """The Scene of a trimesh.Trimesh or trimesh.Scene; what trimesh has no notion of, lights and sky above all, is given beside it.
+    """The Scene of a trimesh.Trimesh or trimesh.Scene; lights and sky, of which trimesh has no notion, are given beside it.
 
     Materials: base colour or diffuse colour with its texture, emission, alpha; vertex and face colours are sRGB. Lengths in other
     `units` than metres become metres. Normals are made by `crease_angle` (degrees). The camera of a trimesh.Scene that has one
