@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     import trimesh
 
 _ALPHA: dict[str, AlphaMode] = {"MASK": "mask", "BLEND": "blend"}
+_UNSET = [102.0 / 255.0] * 3  # what a SimpleMaterial has where no colour was given
 _V_UP = (1.0, 0.0, 0.0, 0.0, -1.0, 1.0)  # trimesh's texture coordinates begin at the lower left corner
 
 
@@ -151,6 +152,8 @@ class _Reader:
         ke = getattr(given, "kwargs", {}).get("ke")  # of an OBJ's material, which to_pbr drops
         pbr = given.to_pbr() if hasattr(given, "to_pbr") else given
         red, green, blue, alpha = _unit(getattr(pbr, "baseColorFactor", None))
+        if pbr is not given and pbr.baseColorTexture is not None and _unit(given.diffuse)[:3].tolist() in (_UNSET, [0.0] * 3):
+            red = green = blue = 1.0  # a picture has no colour beside it; in an OBJ, 0 0 0 says that as well
         emission = getattr(pbr, "emissiveFactor", None)
         if emission is None:
             emission = (0.0, 0.0, 0.0) if ke is None else ke
