@@ -123,9 +123,8 @@ def _ask(library: str, name: str) -> int:
     """What the function `name` of a library returns; 0 where that is not loaded, so that none of its contexts is current."""
     if library not in _asked:
         try:
-            loaded = (
-                ctypes.CDLL(library, mode=os.RTLD_NOLOAD | os.RTLD_LAZY) if sys.platform != "win32" else ctypes.WinDLL(library)
-            )
+            # Windows has it loaded, and no flag that asks for that
+            loaded = ctypes.CDLL(library) if sys.platform == "win32" else ctypes.CDLL(library, os.RTLD_NOLOAD | os.RTLD_LAZY)
             function = getattr(loaded, name)
         except (OSError, AttributeError):
             return 0

@@ -66,7 +66,7 @@ class Frame:
     def __repr__(self) -> str:
         """The frame in a line: its size, and what is known of how it was made."""
         height, width = self.image.shape[:2]
-        known = [f"{self.stats[name]} {name}" for name in ("records", "rounds") if name in self.stats]  # type: ignore[literal-required]
+        known = [f"{self.stats[name]} {name}" for name in ("records", "rounds") if name in self.stats]
         return f"<Frame {', '.join([f'{width}x{height}', *known])}>"
 
     def _repr_png_(self) -> bytes | None:
@@ -95,7 +95,7 @@ class Frame:
     def aspect(self) -> float:
         """Its width by its height."""
         height, width = self.image.shape[:2] if self.image.size else self.depth.shape
-        return width / height
+        return float(width / height)
 
     @property
     def picture(self) -> np.ndarray:

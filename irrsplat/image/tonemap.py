@@ -85,13 +85,13 @@ class HeatScale:
 
     def place(self, values: np.ndarray) -> np.ndarray:
         """Where values of any shape lie on the scale, 0 to 1 from its lower to its upper end."""
-        low, high = self._bend(np.float64(self.low)), self._bend(np.float64(self.high))
+        low, high = self._bend(np.asarray(self.low)), self._bend(np.asarray(self.high))
         found: np.ndarray = (self._bend(values) - low) / ((high - low) or 1.0)
         return found
 
     def at(self, share: float) -> float:
         """The value at a share 0..1 of the scale."""
-        low, high = (float(self._bend(np.float64(end))) for end in (self.low, self.high))
+        low, high = (float(self._bend(np.asarray(end))) for end in (self.low, self.high))
         bent = low + share * (high - low)
         return math.exp(bent) - self.offset if self.offset else bent
 

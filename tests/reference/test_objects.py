@@ -26,7 +26,7 @@ def test_arrays_are_lit_as_analysis_has_it() -> None:
     lit = irrsplat.make_scene(floor, [lamp])
     assert not any(lit.sky) and lit.lights == (lamp,) and lit.files == ()
     np.testing.assert_allclose(irrsplat.irradiance(lit, [[0, 0, 0]], UP, **QUICK), [[2.0, 1.0, 0.5]], rtol=1e-4)
-    for sky in ((1.0, 2.0, 3.0), np.tile(np.float32([1.0, 2.0, 3.0]), (8, 16, 1))):
+    for sky in ((1.0, 2.0, 3.0), np.tile([1.0, 2.0, 3.0], (8, 16, 1))):
         under = irrsplat.make_scene([floor], sky=sky)
         np.testing.assert_allclose(irrsplat.irradiance(under, [[0, 0, 0]], UP, **QUICK), np.pi * np.array([[1, 2, 3]]), rtol=2e-3)
 
@@ -247,7 +247,8 @@ def test_mitsubas_errors_are_one_line(mitsuba: Any, tmp_path: Any) -> None:
     (tmp_path / "bad.xml").write_text("<scene version='3.0.0'><shape type='nonsense'/></scene>")
     mitsuba.set_variant("llvm_ad_mono")
     grey = mitsuba.load_dict({"type": "scene"})
-    for source in (tmp_path / "bad.xml", tmp_path / "missing.xml", {"type": "sphere"}, {"type": "furz"}, 3, grey):
+    sources: tuple[Any, ...] = (tmp_path / "bad.xml", tmp_path / "missing.xml", {"type": "sphere"}, {"type": "furz"}, 3, grey)
+    for source in sources:
         with pytest.raises(irrsplat.InputError) as raised:
             irrsplat.from_mitsuba(source)
         assert "\n" not in str(raised.value)

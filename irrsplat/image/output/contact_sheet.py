@@ -75,7 +75,7 @@ def _headline(frame: Frame, width: int, height: int) -> str:
     stats = frame.stats
     words = [str(stats["scene"])] if "scene" in stats else []
     words.append(f"{width} x {height} pixels")
-    words += [f"{stats[name]} {name}" for name in ("records", "rounds") if name in stats]  # type: ignore[literal-required]
+    words += [f"{stats[name]} {name}" for name in ("records", "rounds") if name in stats]
     words += [f"preset {stats['preset']}"] if stats.get("preset") else []
     return ",  ".join(words)
 

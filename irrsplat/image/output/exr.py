@@ -72,17 +72,17 @@ def _for_blender(frame: Frame, buffers: Mapping[str, np.ndarray]) -> dict[str, n
 def attributes(frame: Frame) -> dict[str, Any]:
     """What stands in the header beside the layers; nothing that differs between equal runs.
 
-    stats: the statistics as JSON text. irrsplat/NAME: each setting, a number or text. software: irrsplat's version. Of a frame
+    stats: the statistics as JSON text. irrsplat:NAME: each setting, a number or text. software: irrsplat's version. Of a frame
     with a camera also OpenEXR's standard attributes: see `of_camera`.
     """
     kept = statistics.repeatable(frame.stats)
     found: dict[str, Any] = {"stats": statistics.to_json(kept), "software": f"irrsplat {_version()}"}
     if "preset" in kept:
-        found["irrsplat/preset"] = str(kept["preset"])
+        found["irrsplat:preset"] = str(kept["preset"])
     settings = kept.get("settings")
     for name, value in settings.items() if isinstance(settings, Mapping) else ():
         number = isinstance(value, (int, float)) and not isinstance(value, bool)
-        found[f"irrsplat/{name}"] = (
+        found[f"irrsplat:{name}"] = (
             float(value) if number else ("on" if value else "off") if isinstance(value, bool) else str(value)
         )
     if frame.camera is not None:

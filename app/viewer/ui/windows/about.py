@@ -13,6 +13,7 @@ PAGES = {  # of docs/, and what they are about
     "reference.md": "all buffers, settings, presets and keys",
     "scene-format.md": "scenes, lights and paths",
     "command-line.md": "the other commands",
+    "python.md": "programs",
     "techniques.md": "what each technique is worth",
     "measurements.md": "measured errors and times",
     "trust.md": "what can be relied on",

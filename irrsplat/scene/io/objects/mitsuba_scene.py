@@ -67,10 +67,7 @@ def _loaded(mitsuba: Any, source: Any) -> Any:
     if isinstance(source, (str, os.PathLike)):
         if not os.path.isfile(source):
             raise InputError("there is no such file", source)
-        load = lambda: mitsuba.load_file(os.fspath(source))  # noqa: E731
-    elif isinstance(source, Mapping):
-        load = lambda: mitsuba.load_dict(dict(source))  # noqa: E731
-    else:
+    elif not isinstance(source, Mapping):
         modules = {kind.__module__.split(".")[0] for kind in type(source).__mro__}
         if "mitsuba" not in modules or not hasattr(source, "shapes") or not hasattr(source, "sensors"):
             raise InputError(
@@ -78,7 +75,7 @@ def _loaded(mitsuba: Any, source: Any) -> Any:
             )
         return source
     try:
-        found = load()
+        found = mitsuba.load_dict(dict(source)) if isinstance(source, Mapping) else mitsuba.load_file(os.fspath(source))
     except Exception as error:  # Mitsuba raises bare RuntimeErrors of many lines
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
         raise InputError(
