@@ -109,7 +109,7 @@ def render(args: argparse.Namespace) -> int:
     """`irrsplat render`: a scene, or a path through it, to files. All that can be checked is checked before the work; where one
     cannot be written in the end, the others are."""
     from irrsplat import settings
-    from irrsplat.app import false_colours
+    from irrsplat.app import pictures
     from irrsplat.app.film import films, frames, frozen
     from irrsplat.app.film import flight as flights
     from irrsplat.image.frame import needed
@@ -117,7 +117,7 @@ def render(args: argparse.Namespace) -> int:
     settings.preset(args.preset, **args.values)
     buffers, keeps = _buffers(args), args.cache_mode == "frozen"
     with_figures = _has_folder(args) and not keeps
-    coloured = false_colours.checked(args)
+    files = pictures.checked(args)
     films.check(args)
     if keeps:
         frozen.check(args)
@@ -137,20 +137,20 @@ def render(args: argparse.Namespace) -> int:
             say(f"notice: {notice}")
         outputs, how = Outputs(), dict[str, Any]()
         if flight is not None and made is not None:
-            made.begin(renderer, flight, coloured, args.cache if keeps else None, args.resume)
+            made.begin(renderer, flight, files, args.cache if keeps else None, args.resume)
         kept = made.pattern if made is not None and made.kept is not None else ""
         with _round_progress(args) as on_round:
             if flight is not None:
                 how = {"frozen": keeps, "resume": args.resume, "kept": kept}
-                done, complete = frames.render(renderer, flight, buffers, with_figures, on_round, outputs, coloured, **how)
+                done, complete = frames.render(renderer, flight, buffers, with_figures, on_round, outputs, files, **how)
             else:
-                wanted = None if with_figures or coloured is not None else needed(args.output, buffers)
+                wanted = None if with_figures or files.of_all_buffers else needed(args.output, buffers)
                 how = {"gather": False} if keeps else {"figures": with_figures}
                 frame = renderer.render(camera, progress=on_round, buffers=wanted, **how)
         if flight is None and frame.stats.get("interrupted") and not frame.stats.get("rounds") and not keeps:
             return _fail("interrupted before the first round was complete; nothing was written", INTERRUPTED)
         for path in args.output if flight is None else ():
-            outputs.write(path, partial(frames.save, path, frame, buffers, coloured, renderer, camera))
+            outputs.write(path, partial(files.save, path, frame, buffers, renderer, camera))
         if args.cache is not None and renderer.cache.count and not keeps:
             outputs.write(args.cache, partial(renderer.save_cache, args.cache))
         if flight is not None and made is not None and complete:

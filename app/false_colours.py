@@ -55,16 +55,16 @@ class FalseColours:
 
     def save(self, path: Pathlike, frame: Frame, renderer: Renderer, camera: Camera) -> None:
         """Write a frame that `renderer` has just made from `camera` as a PNG; raises IrrsplatError where that fails."""
-        from irrsplat.image import false_colours
+        from irrsplat.image.output import false_colours
 
         light, depth = self.settle(frame, renderer, camera)
         picture = false_colours.coloured(light, depth, self.scale)
         picture = false_colours.with_legend(picture, self.scale, WORDS[self.buffer], self._unit)
-        files.write_bytes(path, false_colours.png(picture))
+        files.write_picture(path, picture)
 
     def settle(self, frame: Frame, renderer: Renderer, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
         """Let the scale end above what this frame shows, where it has no end yet; its light and depth, (H, W) each."""
-        from irrsplat.image import false_colours
+        from irrsplat.image.output import false_colours
 
         lamps = renderer.lamp_irradiance(camera) if self.buffer == "light" else 0.0
         values: np.ndarray = getattr(frame, "irradiance" if self.buffer == "light" else self.buffer)

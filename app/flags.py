@@ -174,6 +174,7 @@ def _add_render(commands: Any) -> None:
     )  # fmt: skip
     add("--stats", metavar="FILE.json", help="write records, rounds, times and settings to this file")
     _add_camera(parser)
+    _add_files(parser)
     _add_false_colours(parser)
     group = _add_flight(parser, "a flight instead of one picture; records and the first frame's exposure are kept")
     words = "keep frames that are written already, and render the others; of a film, what was stopped"
@@ -210,6 +211,15 @@ def _add_fill(commands: Any) -> None:
     _add_flight(parser, "the flight; one of --path and --turntable")
     _add_camera(parser)
     _add_settings(parser, stages=_STAGES[:-1])  # those of the picture too, so that a film's flags are right here
+
+
+def _add_files(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument_group("files", "what they hold").add_argument
+    words = "a .png shows all buffers side by side, with names and scales"
+    add("--contact-sheet", action="store_true", help=words)
+    add("--png-bits", type=int, choices=(8, 16), default=8, metavar="8|16", help="of a channel, in .png and folders (default: 8)")
+    words = "of the layers in an .exr: irrsplat, the buffers' names; blender, as ViewLayer.Combined.R (default: irrsplat)"
+    add("--exr-names", choices=("irrsplat", "blender"), default="irrsplat", metavar="WHOSE", help=words)
 
 
 def _add_false_colours(parser: argparse.ArgumentParser) -> None:

@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from irrsplat.meter.light_meter import LightMeter, irradiance
     from irrsplat.renderer import Renderer, render
     from irrsplat.scene import load
+    from irrsplat.scene.io.objects.arrays import make_mesh, make_scene
+    from irrsplat.scene.io.objects.mitsuba_scene import from_mitsuba
+    from irrsplat.scene.io.objects.trimesh_scene import from_trimesh
     from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
     from irrsplat.settings import Settings, preset
 
@@ -31,8 +34,12 @@ __all__ = [
     "Renderer",
     "Scene",
     "Settings",
+    "from_mitsuba",
+    "from_trimesh",
     "irradiance",
     "load",
+    "make_mesh",
+    "make_scene",
     "preset",
     "render",
 ]
@@ -43,6 +50,9 @@ _NAMES = {  # module: what it gives, as in the imports above
     "irrsplat.meter.light_meter": ("LightMeter", "irradiance"),
     "irrsplat.renderer": ("Renderer", "render"),
     "irrsplat.scene": ("load",),
+    "irrsplat.scene.io.objects.arrays": ("make_mesh", "make_scene"),
+    "irrsplat.scene.io.objects.mitsuba_scene": ("from_mitsuba",),
+    "irrsplat.scene.io.objects.trimesh_scene": ("from_trimesh",),
     "irrsplat.scene.model": ("Camera", "Light", "Material", "Mesh", "Scene"),
     "irrsplat.settings": ("Settings", "preset"),
 }

@@ -31,10 +31,10 @@ class Films:
     encoding: video.Encoding
     kept: KeptFrames | None = None
 
-    def begin(self, renderer: Renderer, flight: Flight, colours: object, cache: str | None, resume: bool) -> None:
+    def begin(self, renderer: Renderer, flight: Flight, files: object, cache: str | None, resume: bool) -> None:
         """Have the folder ready; arguments as of key_of and KeptFrames.begin."""
         if self.kept is not None:
-            self.kept.begin(key_of(renderer, flight, colours, cache), resume)
+            self.kept.begin(key_of(renderer, flight, files, cache), resume)
 
     def write(self, flight: Flight, outputs: Outputs) -> None:
         """Encode the films of a flight whose frames are all there."""

@@ -7,18 +7,16 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
-from irrsplat.app.false_colours import FalseColours
 from irrsplat.app.film.kept import unwritten
+from irrsplat.app.pictures import Pictures
 from irrsplat.image import frame as output
 from irrsplat.image.statistics import Statistics
 
 if TYPE_CHECKING:
     from irrsplat.app.common.outputs import Outputs
     from irrsplat.app.film.flight import Flight
-    from irrsplat.image.frame import Frame
     from irrsplat.image.view import Progress
     from irrsplat.renderer import Renderer
-    from irrsplat.scene.model import Camera
 
 
 class OnRound(Protocol):
@@ -34,11 +32,11 @@ def told(on_round: OnRound | None, words: str, done: int, count: int) -> Callabl
 
 
 def metered(
-    renderer: Renderer, flight: Flight, coloured: FalseColours | None = None, number: int = 0, gather: bool = False
+    renderer: Renderer, flight: Flight, files: Pictures = Pictures(), number: int = 0, gather: bool = False  # noqa: B008
 ) -> float:
     """The exposure in stops that all frames have: that of frame `number`, whichever are rendered. That frame also decides where
     the scale of false colours ends. gather: whether it may gather records."""
-    exposure = renderer.settings.exposure
+    exposure, coloured = renderer.settings.exposure, files.coloured
     if exposure != "auto" and (coloured is None or coloured.scale.highest is not None):
         return float(exposure)
     camera = flight.path.camera(number)
@@ -55,7 +53,7 @@ def render(
     figures: bool,
     on_round: OnRound | None,
     outputs: Outputs,
-    coloured: FalseColours | None = None,
+    files: Pictures,
     frozen: bool = False,
     resume: bool = False,
     kept: str = "",
@@ -64,8 +62,8 @@ def render(
     none of the `outputs` can be written any more).
 
     Records stay from frame to frame. All frames have the first one's exposure: metered one by one, they would flicker.
-    on_round: as for Renderer.render, called with the frame and how far the path is as well. coloured: the false colours of
-    pictures, if any. frozen: the cache is left as it is, and each frame depends on nothing but that, path and settings: figures
+    on_round: as for Renderer.render, called with the frame and how far the path is as well. files: how they are written.
+    frozen: the cache is left as it is, and each frame depends on nothing but that, path and settings: figures
     are left out then, and exposure is that of the path's frame 0, whichever frame is rendered first. resume: files that are there
     stay, and frames that have all of theirs are not rendered. kept: that of the outputs whose files are nothing to tell of.
     """
@@ -77,16 +75,16 @@ def render(
         wanted = {number: unwritten(flight.outputs, number) if resume else flight.outputs for number in flight.numbers}
         wanted = {number: patterns for number, patterns in wanted.items() if patterns}
         if frozen and wanted:
-            exposure = metered(renderer, flight, coloured)
+            exposure = metered(renderer, flight, files)
         elif wanted and flight.numbers[0] not in wanted:
-            exposure = metered(renderer, flight, coloured, flight.numbers[0], gather=True)
+            exposure = metered(renderer, flight, files, flight.numbers[0], gather=True)
         for i, (number, patterns) in enumerate(wanted.items()):
             show = told(on_round, f"frame {number} of {flight.numbers[-1]}", i, len(wanted))
             if loaded is not None:
                 renderer.pose(motions.at(loaded, number))
             camera = flight.path.camera(number)
             if frozen:
-                read = None if coloured is not None else output.needed(patterns, buffers)
+                read = None if files.of_all_buffers else output.needed(patterns, buffers)
                 frame = renderer.render(camera, progress=show, buffers=read, gather=False)
             else:
                 frame = renderer.render(camera, progress=show, figures=figures)
@@ -100,7 +98,7 @@ def render(
             written = []
             for pattern in patterns:
                 name = output.numbered(pattern, number)
-                write = partial(save, name, frame, buffers, coloured, renderer, camera)
+                write = partial(files.save, name, frame, buffers, renderer, camera)
                 written.append(outputs.write(name, write, pattern, tells=pattern != kept))
             if not any(written):
                 return done, False
@@ -108,13 +106,3 @@ def render(
     except KeyboardInterrupt:  # between two renders, or while a file was written
         return done, False
     return done, True
-
-
-def save(
-    name: str, frame: Frame, buffers: list[str] | None, coloured: FalseColours | None, renderer: Renderer, camera: Camera
-) -> None:
-    """Write a frame that `renderer` has just made from `camera` to a file; a .png in false colours where these are asked for."""
-    if coloured is not None and name.lower().endswith(".png"):
-        coloured.save(name, frame, renderer, camera)
-    else:
-        frame.save(name, buffers)

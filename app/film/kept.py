@@ -86,8 +86,8 @@ class KeptFrames:
             self.folder.rmdir()
 
 
-def key_of(renderer: Renderer, flight: Flight, colours: object, cache: str | None) -> str:
-    """All that a film's frames are made of, as text. colours: the false ones, None for none. cache: the file of a frozen cache,
+def key_of(renderer: Renderer, flight: Flight, files: object, cache: str | None) -> str:
+    """All that a film's frames are made of, as text. files: how they are written. cache: the file of a frozen cache,
     None where records are gathered as frames ask for them."""
     settings = renderer.settings
     light = cache_file.key(renderer.scene.local, settings)
@@ -98,7 +98,7 @@ def key_of(renderer: Renderer, flight: Flight, colours: object, cache: str | Non
         "scene": [light.geometry, light.lights],
         "cameras": [[camera.eye, camera.target, camera.up, camera.fov] for camera in flight.path],
         "motions": repr(flight.path.motions),
-        "colours": repr(colours),
+        "files": repr(files),
         "records": None if cache is None else hashlib.sha256(Path(cache).read_bytes()).hexdigest(),
     }
     return json.dumps(made_of, default=str)

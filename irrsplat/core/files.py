@@ -6,10 +6,13 @@ What a process that was killed left under such a name goes when the next one wri
 from __future__ import annotations
 
 import errno
+import io
 import os
 import secrets
 import shutil
 import stat
+import struct
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -59,16 +62,45 @@ def write_bytes(path: Pathlike, data: bytes) -> None:
     _write_file(path, lambda part: part.write_bytes(data))
 
 
-def write_picture(path: Pathlike, display: np.ndarray) -> None:
-    """Write display values 0..1, (H, W, 3) or with alpha (H, W, 4), as a PNG, completely or not at all; raises IrrsplatError
-    where that fails."""
-    _write_file(path, lambda part: _png(part, display))
+def write_picture(path: Pathlike, display: np.ndarray, bits: int = 8) -> None:
+    """Write display values 0..1, (H, W, 3) or with alpha (H, W, 4), as a PNG of 8 or 16 bits, completely or not at all; raises
+    IrrsplatError where that fails."""
+    _write_file(path, lambda part: _png(part, display, bits))
 
 
-def _png(path: Path, display: np.ndarray) -> None:
+def _png(path: Path, display: np.ndarray, bits: int = 8) -> None:
+    if bits == 16:
+        path.write_bytes(png_16(display))
+        return
     from PIL import Image
 
     Image.fromarray(eight_bits(display)).save(path, "PNG")
+
+
+def png_16(display: np.ndarray) -> bytes:
+    """Display values 0..1, (H, W, 3) or with alpha (H, W, 4), sRGB-encoded, as a PNG of 16 bits a channel, which Pillow cannot
+    write (W3C 2003, "Portable Network Graphics", second edition)."""
+    height, width, channels = display.shape
+    rows = np.round(np.clip(display, 0.0, 1.0) * 65535.0).astype(">u2").reshape(height, -1).view(np.uint8)
+    filtered = np.empty((height, 1 + rows.shape[1]), np.uint8)
+    filtered[:, 0] = 2  # each row is what it differs by from the row above (filter "Up"), which packs better
+    filtered[0, 1:], filtered[1:, 1:] = rows[0], rows[1:] - rows[:-1]
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    header = struct.pack(">IIBBBBB", width, height, 16, {3: 2, 4: 6}[channels], 0, 0, 0)
+    body = zlib.compress(filtered.tobytes(), 6)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"sRGB", b"\0") + chunk(b"IDAT", body) + chunk(b"IEND", b"")
+
+
+def as_png(display: np.ndarray) -> bytes:
+    """Display values 0..1, (H, W, 3) or (H, W, 4), as a PNG file of 8 bits."""
+    from PIL import Image
+
+    data = io.BytesIO()
+    Image.fromarray(eight_bits(display)).save(data, "PNG")
+    return data.getvalue()
 
 
 def eight_bits(display: np.ndarray) -> np.ndarray:
@@ -158,7 +190,7 @@ def _write_file(path: Pathlike, write: Callable[[Path], object]) -> None:
         part.unlink(missing_ok=True)
 
 
-def _write_folder(folder: Path, pictures: Iterator[tuple[str, np.ndarray]]) -> None:
+def _write_folder(folder: Path, pictures: Iterator[tuple[str, np.ndarray]], bits: int = 8) -> None:
     """Write all pictures into a new folder, then rename it, or the files in it where `folder` exists already."""
     exists = folder.is_dir()
     part = _part(folder if exists else folder.parent)
@@ -169,7 +201,7 @@ def _write_folder(folder: Path, pictures: Iterator[tuple[str, np.ndarray]]) -> N
             with _held(part):
                 names = []
                 for name, display in pictures:
-                    _png(part / name, display)
+                    _png(part / name, display, bits)
                     names.append(name)
                 if not exists:
                     os.replace(part, folder)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import sys
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from importlib import metadata
 from typing import Any, TypedDict
@@ -102,6 +103,45 @@ def make_current(ctx: moderngl.Context) -> None:
             raise GLError("a Renderer or LightMeter works only in the process that made it; spawn others, and make one there")
         raise GLError("a Renderer or LightMeter works only in the thread that made it; make one of its own in this thread")
     ctx.__enter__()  # type: ignore[no-untyped-call]
+
+
+_NATIVE = {  # the libraries that make contexts current, and what tells which one is
+    "linux": (("libEGL.so.1", "eglGetCurrentContext"), ("libGLX.so.0", "glXGetCurrentContext")),
+    "win32": (("opengl32.dll", "wglGetCurrentContext"),),
+    "darwin": (("/System/Library/Frameworks/OpenGL.framework/OpenGL", "CGLGetCurrentContext"),),
+}
+_asked: dict[str, Callable[[], int | None]] = {}
+
+
+def current() -> tuple[int, ...]:
+    """The system's handles of the OpenGL contexts that are current in this thread, one for each library that makes them; 0 for
+    none. Empty where that cannot be known."""
+    return tuple(_ask(library, name) for library, name in _NATIVE.get(sys.platform, ()))
+
+
+def _ask(library: str, name: str) -> int:
+    """What the function `name` of a library returns; 0 where that is not loaded, so that none of its contexts is current."""
+    if library not in _asked:
+        try:
+            # Windows has it loaded, and no flag that asks for that
+            loaded = ctypes.CDLL(library) if sys.platform == "win32" else ctypes.CDLL(library, os.RTLD_NOLOAD | os.RTLD_LAZY)
+            function = getattr(loaded, name)
+        except (OSError, AttributeError):
+            return 0
+        function.argtypes, function.restype = (), ctypes.c_void_p
+        _asked[library] = function
+    return _asked[library]() or 0
+
+
+def check_current(expected: tuple[int, ...]) -> None:
+    """Raises GLError where other contexts are current than those `expected`, which `current` gave: OpenGL would draw into things
+    of the same numbers there, or crash. Says nothing where that cannot be known."""
+    if any(expected) and (now := current()) != expected:
+        which = "another OpenGL context is" if any(now) else "no OpenGL context is"
+        raise GLError(
+            f"{which} current, not the one that this Renderer or LightMeter was given; make that current before each call "
+            "(moderngl: with ctx:, Qt: makeCurrent())"
+        )
 
 
 def check_errors(ctx: moderngl.Context) -> None:

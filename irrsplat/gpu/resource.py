@@ -56,6 +56,7 @@ class Tenant(Owner):
     ctx: moderngl.Context
     about: context.Description
     _owns_ctx: bool
+    _native: tuple[int, ...]  # a given context, as the system knows it
 
     @contextmanager
     def _moving_in(self, ctx: moderngl.Context | None) -> Iterator[ExitStack]:
@@ -63,6 +64,7 @@ class Tenant(Owner):
         freed where the block fails."""
         self._owns_ctx = ctx is None
         self.ctx = ctx or context.create()
+        self._native = () if self._owns_ctx else context.current()
         with ExitStack() as made:
             if self._owns_ctx:
                 made.callback(self.ctx.release)
@@ -72,10 +74,12 @@ class Tenant(Owner):
 
     def _use(self) -> None:
         """Make its own OpenGL context the current one; a given one is its owner's to make current. Raises GLError where it has
-        been released, and where an own one was made in another thread or process."""
+        been released, where an own one was made in another thread or process, and where a given one is not current."""
         context.check_alive(self.ctx)
         if self._owns_ctx:
             context.make_current(self.ctx)
+        else:
+            context.check_current(self._native)
 
     def release(self) -> None:
         """Free everything on the GPU, the context too where it was made for this; twice does no harm."""

@@ -10,6 +10,8 @@ import numpy as np
 from irrsplat.core.errors import GLError
 from irrsplat.gpu.resource import Owner, Resource
 
+Region = tuple[int, int, int, int]  # x, y, width, height in pixels, from the lower left corner
+
 
 def float_texture(ctx: moderngl.Context, size: tuple[int, int], components: int = 4) -> moderngl.Texture:
     """A float32 texture of `size` (width, height), read by texelFetch: no filter, no repeat."""
@@ -105,3 +107,24 @@ class Target(Owner):
         if self.ctx.fbo is self.gl:
             self.ctx.detect_framebuffer(0).use()  # moderngl would go on to bind a framebuffer that is gone
         super().release()
+
+
+class Screen(Target):
+    """A framebuffer that is borrowed, such as a window's, as a target to draw into; size (width, height) in pixels."""
+
+    def __init__(self, framebuffer: moderngl.Framebuffer, size: tuple[int, int] | None = None) -> None:
+        self.ctx = framebuffer.ctx
+        self.size = size or framebuffer.size
+        self.textures, self.depth = [], None
+        self.gl = framebuffer
+
+    def use(self, viewport: Region | None = None, scissor: Region | None = None, depth_write: bool = True) -> None:
+        """Bind for drawing, as Target.use."""
+        self.gl.viewport = viewport or (0, 0, *self.size)
+        self.gl.scissor = scissor  # type: ignore[assignment]
+        self.gl.color_mask = (True,) * 4
+        self.gl.depth_mask = depth_write
+        self.gl.use()
+
+    def release(self) -> None:
+        """Nothing: its owner frees it."""

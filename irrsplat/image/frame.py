@@ -14,12 +14,14 @@ import numpy as np
 
 from irrsplat.core.buffers import CHANNELS
 from irrsplat.core.errors import InputError, did_you_mean
-from irrsplat.core.files import Pathlike, _try_folder, _write_file, _write_folder, check_exr, check_file, eight_bits
+from irrsplat.core.files import Pathlike, _try_folder, _write_file, _write_folder, as_png, check_file, eight_bits, write_picture
 from irrsplat.core.paths import named
 from irrsplat.image import statistics
 from irrsplat.image.backdrop import BackdropKind, display_picture
+from irrsplat.image.output.exr import EXR_NAMES, ExrNames, write_exr
 from irrsplat.image.statistics import Statistics
 from irrsplat.image.tonemap import exposure_of, show, tonemap
+from irrsplat.scene.model import Camera
 
 ENDINGS = (".png", ".exr", ".npz")
 RECORDS = ("records_position", "records_normal", "records_irradiance", "records_radius")
@@ -28,14 +30,15 @@ _ROWS = 256  # of a picture, that are tone mapped at once
 _NUMBER = re.compile(r"0?[0-9]{0,2}[dxXob]?")  # how {frame} may be spelled: two frames never have one name
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Frame:
     """One rendered view; every array belongs to the caller, float32, linear, top row first (see buffers.CHANNELS).
 
     image, direct, indirect, emission, alpha: means over the samples of a pixel; all others are of its centre.
     records_*: the cache, N rows. stats: how the frame was made. figures: further (H, W, 3) pictures by name, for the figures of
     the paper: radiance "first_samples" and "splat_buffer", and "quad", which is in display values 0..1.
-    backdrop: what pictures show where there is no surface; only a sky is in the image, all others are put behind it.
+    backdrop: what pictures show where there is no surface; only a sky is in the image, all others are put behind it. camera: from
+    where it is seen, world space; None where that is not known. A notebook shows the picture.
     """
 
     image: np.ndarray
@@ -58,6 +61,17 @@ class Frame:
     stats: Statistics = field(default_factory=Statistics)
     figures: dict[str, np.ndarray] = field(default_factory=dict)
     backdrop: BackdropKind = "sky"
+    camera: Camera | None = None
+
+    def __repr__(self) -> str:
+        """The frame in a line: its size, and what is known of how it was made."""
+        height, width = self.image.shape[:2]
+        known = [f"{self.stats[name]} {name}" for name in ("records", "rounds") if name in self.stats]
+        return f"<Frame {', '.join([f'{width}x{height}', *known])}>"
+
+    def _repr_png_(self) -> bytes | None:
+        """The picture as a PNG, by which notebooks show a frame; None for a frame without one."""
+        return as_png(self.picture) if self.image.size and self.alpha.size else None
 
     def placed(self, origin: tuple[float, float, float]) -> Frame:
         """The frame with the positions of pixels and records in world space, which were relative to `origin`, as far as float32
@@ -69,7 +83,8 @@ class Frame:
             seen = np.isfinite(self.depth[..., None]) if self.depth.size else np.any(position, axis=-1, keepdims=True)
             position = np.where(seen, (position + np.asarray(origin)).astype(np.float32), position)
         records = (self.records_position + np.asarray(origin)).astype(np.float32)
-        return replace(self, position=position, records_position=records)
+        camera = None if self.camera is None else self.camera.shifted(origin)
+        return replace(self, position=position, records_position=records, camera=camera)
 
     @property
     def exposure(self) -> float:
@@ -77,28 +92,65 @@ class Frame:
         return float(self.stats.get("exposure", 0.0))
 
     @property
+    def aspect(self) -> float:
+        """Its width by its height."""
+        height, width = self.image.shape[:2] if self.image.size else self.depth.shape
+        return float(width / height)
+
+    @property
     def picture(self) -> np.ndarray:
         """The image as a screen shows it, (H, W, 3) sRGB-encoded 0..1, before its backdrop; (H, W, 4) where that is clear."""
         return display_picture(self.image, self.exposure, self.alpha, self.backdrop)
 
-    def save(self, path: Pathlike, buffers: Sequence[str] | None = None) -> None:
+    def contact_sheet(self, buffers: Sequence[str] | None = None) -> np.ndarray:
+        """(H, W, 3) display values 0..1: all buffers side by side, or those named, each with its name, unit and colours.
+
+        Raises InputError for an unknown name, and where none of them is in the frame.
+        """
+        from irrsplat.image.output.contact_sheet import contact_sheet
+
+        check_names(buffers)
+        return contact_sheet(self, tuple(CHANNELS) if buffers is None else buffers)
+
+    def save(
+        self,
+        path: Pathlike,
+        buffers: Sequence[str] | None = None,
+        *,
+        png_bits: int = 8,
+        exr_names: ExrNames = "irrsplat",
+        contact_sheet: bool = False,
+    ) -> None:
         """Write this frame in the format that `path`'s ending names; a file there is replaced whole, or not at all.
 
-        .png: the picture, exposed, tone-mapped, sRGB, 8 bit, before its backdrop; with alpha where that is clear. .exr: a float32
-        layer per buffer, and the stats without times; image has A where the backdrop is clear, multiplied in. .npz: every buffer,
-        the records and the stats (JSON text). A path without an ending, with a slash at its end, or of an existing folder: a PNG
-        per buffer, and the paper's figures. buffers: the names of those that go into EXR, NPZ or folder (default: all).
+        .png: the picture, exposed, tone-mapped, sRGB, before its backdrop; with alpha where that is clear. .exr: a float32
+        layer per buffer, camera, settings and the stats without times; image has A where the backdrop is clear, multiplied in.
+        .npz: every buffer, the records and the stats (JSON text). A path without an ending, with a slash at its end, or of an
+        existing folder: a PNG per buffer, and the paper's figures. buffers: the names of those that go into EXR, NPZ, folder or
+        contact sheet (default: all). png_bits: 8 or 16 a channel. exr_names: of layers, those of the buffers, or "blender" for
+        ViewLayer.Combined.R and so on. contact_sheet: a .png shows all buffers, not the picture.
         Raises InputError for a path or name that cannot be right, IrrsplatError where writing fails.
         """
+        if png_bits not in (8, 16):
+            raise InputError(f"png_bits is 8 or 16, not {png_bits!r:.60}")
+        if exr_names not in EXR_NAMES:
+            raise InputError(f"exr_names is one of {', '.join(EXR_NAMES)}, not {exr_names!r:.60}")
         ending = check_writable(path, buffers)
         names = tuple(BUFFERS) if buffers is None else tuple(buffers)
         if not ending:
-            _write_folder(Path(os.path.realpath(path)), self._pictures(names))
-            return
-        write = {".png": self._write_png, ".exr": self._write_exr, ".npz": self._write_npz}[ending]
-        _write_file(path, lambda part: write(part, names))
+            _write_folder(Path(os.path.realpath(path)), self._pictures(names), png_bits)
+        elif ending == ".exr":
+            _write_file(path, lambda part: write_exr(part, self, names, exr_names))
+        elif ending == ".npz":
+            _write_file(path, lambda part: self._write_npz(part, names))
+        elif contact_sheet:
+            write_picture(path, self.contact_sheet(buffers), png_bits)
+        elif png_bits == 16:
+            write_picture(path, self.picture, png_bits)
+        else:
+            _write_file(path, self._write_png)
 
-    def _write_png(self, part: Path, names: Sequence[str]) -> None:
+    def _write_png(self, part: Path) -> None:
         from PIL import Image
 
         some = [self._eight_bits(first) for first in range(0, len(self.image), _ROWS)]
@@ -109,18 +161,6 @@ class Frame:
         rows = slice(first, first + _ROWS)
         whole = first, len(self.image)
         return eight_bits(display_picture(self.image[rows], self.exposure, self.alpha[rows], self.backdrop, whole))
-
-    def _write_exr(self, part: Path, names: Sequence[str]) -> None:
-        import OpenEXR
-
-        layers = {name: np.ascontiguousarray(getattr(self, name), np.float32) for name in names if name in CHANNELS}
-        if self.backdrop == "clear" and "image" in layers:
-            layers["image"] = np.ascontiguousarray(np.dstack([layers["image"], self.alpha]), np.float32)
-        stats = statistics.to_json(statistics.repeatable(self.stats))
-        header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, "stats": stats}
-        with OpenEXR.File(header, layers) as file:
-            file.write(str(part))
-        check_exr(part, len(self.image))
 
     def _write_npz(self, part: Path, names: Sequence[str]) -> None:
         arrays: dict[str, Any] = {name: np.asarray(getattr(self, name), np.float32) for name in names}  # numpy's stub: Any

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -73,20 +74,53 @@ def viridis(t: np.ndarray) -> np.ndarray:
     return np.clip(colour, 0.0, 1.0)
 
 
+@dataclass(frozen=True)
+class HeatScale:
+    """What the colours of `heat` mean: `low` is dark blue, `high` yellow. offset: 0 for a linear scale, else colours are even in
+    the logarithm of value + offset."""
+
+    low: float
+    high: float
+    offset: float = 0.0
+
+    def place(self, values: np.ndarray) -> np.ndarray:
+        """Where values of any shape lie on the scale, 0 to 1 from its lower to its upper end."""
+        low, high = self._bend(np.asarray(self.low)), self._bend(np.asarray(self.high))
+        found: np.ndarray = (self._bend(values) - low) / ((high - low) or 1.0)
+        return found
+
+    def at(self, share: float) -> float:
+        """The value at a share 0..1 of the scale."""
+        low, high = (float(self._bend(np.asarray(end))) for end in (self.low, self.high))
+        bent = low + share * (high - low)
+        return math.exp(bent) - self.offset if self.offset else bent
+
+    def _bend(self, values: np.ndarray) -> np.ndarray:
+        found: np.ndarray = np.log(values + self.offset) if self.offset else values
+        return found
+
+
+def heat_scale(values: np.ndarray, seen: np.ndarray) -> HeatScale | None:
+    """The scale of (H, W) scalars, from the 1st to the 99th percentile of the seen pixels (H, W bool), logarithmic where a few
+    are far above the rest; None where nothing is seen."""
+    if not seen.any():
+        return None
+    low, middle, high = np.percentile(values[seen], (1, 50, 99))
+    # a long tail, such as the weights': their logarithm shows more
+    return HeatScale(low, high, middle if low >= 0.0 and high > 10.0 * middle > 0.0 else 0.0)
+
+
 def heat(values: np.ndarray, seen: np.ndarray | None = None) -> np.ndarray:
-    """(H, W) scalars as (H, W, 3) display colours, dark blue to yellow from the 1st to the 99th percentile of the seen pixels,
-    on a logarithmic scale where a few are far above the rest.
+    """(H, W) scalars as (H, W, 3) display colours by `heat_scale`.
 
     seen: (H, W) bool, the pixels that count (those of finite value in any case); all others are black.
     """
     seen = np.isfinite(values) if seen is None else seen & np.isfinite(values)
-    if not seen.any():
+    scale = heat_scale(values, seen)
+    if scale is None:
         return np.zeros((*values.shape, 3))
     values = np.where(seen, values, values[seen][0])
-    low, middle, high = np.percentile(values[seen], (1, 50, 99))
-    if low >= 0.0 and high > 10.0 * middle > 0.0:  # a long tail, such as the weights': their logarithm shows more
-        values, low, high = np.log(values + middle), np.log(low + middle), np.log(high + middle)
-    return np.where(seen[..., None], viridis((values - low) / ((high - low) or 1.0)), 0.0)
+    return np.where(seen[..., None], viridis(scale.place(values)), 0.0)
 
 
 def show(name: str, values: np.ndarray, exposure: float, seen: np.ndarray) -> np.ndarray:

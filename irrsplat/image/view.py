@@ -10,10 +10,12 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import CHANNELS, GBuffer, SplatBuffer
+from irrsplat.core.files import as_png
 from irrsplat.gpu.target import pixels
-from irrsplat.image.backdrop import Backdrop
+from irrsplat.image.backdrop import Backdrop, display_picture
 from irrsplat.image.frame import Frame
 from irrsplat.image.statistics import Statistics
+from irrsplat.image.tonemap import exposure_of
 from irrsplat.scene.model import Camera
 
 
@@ -41,6 +43,11 @@ class View:
     emission: moderngl.Texture | None = None
     backdrop: Backdrop = Backdrop()
     fading: bool = False
+
+    def _repr_png_(self) -> bytes:
+        """The picture as a PNG, by its own exposure: a notebook shows the view while it is valid."""
+        image, kind = pixels(self.image)[..., :3], self.backdrop.kind
+        return as_png(display_picture(image, exposure_of(image), pixels(self.alpha)[..., 0], kind))
 
     def mean(self, name: str) -> moderngl.Texture | None:
         """The texture that holds `image`, `direct`, `indirect` or `emission` of every pixel; None for one that has none."""
@@ -108,7 +115,9 @@ def read(view: View, records: dict[str, np.ndarray], stats: Statistics, names: I
         for name, make in _BUFFERS.items()
     }
     kept: dict[str, Any] = {f"records_{name}": records[name] for name in ("position", "normal", "irradiance", "radius")}
-    return Frame(**made, **kept, stats=stats, backdrop=view.backdrop.kind)
+    c = view.camera
+    camera = Camera(c.eye, c.target, c.up, c.fov, c.name)  # without what moves samples within their pixels
+    return Frame(**made, **kept, stats=stats, backdrop=view.backdrop.kind, camera=camera)
 
 
 def _rgb(texture: moderngl.Texture) -> np.ndarray:

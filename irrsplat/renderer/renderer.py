@@ -20,7 +20,7 @@ from irrsplat.core.errors import InputError
 from irrsplat.core.paths import named
 from irrsplat.gpu import context, program, self_test
 from irrsplat.gpu.resource import Resource, Tenant
-from irrsplat.gpu.target import pixels
+from irrsplat.gpu.target import Screen, pixels
 from irrsplat.gpu.time_budget import Budget, now
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
@@ -55,11 +55,12 @@ class Renderer(Tenant):
     """Renders views of one scene and keeps the irradiance records that they asked for.
 
     scene: what `irrsplat.load` returns. size: (width, height) in pixels. preset: a name of settings.PRESETS, and any
-    setting by name on top of it. ctx: a moderngl context to use, which its owner makes current (default: a new one without a
-    window, current after every call).
+    setting by name on top of it. ctx: a moderngl context to use, which its owner makes current before each call (default: a new
+    one without a window, current after every call).
     A scene that lies far from 0 0 0 is drawn relative to an origin near by (Scene.origin): buffers of a View and the cache's
     records are relative to that; cameras, lights, moves and the Frame of `render` are in world space.
-    Raises InputError for a size or setting that cannot be, GLError where there is no OpenGL 3.3, or one that fails the self-test.
+    Raises InputError for a size or setting that cannot be, GLError where there is no OpenGL 3.3, or one that fails the
+    self-test, and in every call while another context than `ctx` is current, as far as the system tells.
     It works in the thread and the process that made it; elsewhere, and in a process forked from one that uses OpenGL, calls raise
     GLError. Each thread, and each process that was spawned, may make its own.
     Use it in a `with` block, or call `release`, to free what it holds on the GPU.
@@ -265,6 +266,25 @@ class Renderer(Tenant):
             return view
         self._use()
         return self.stages.accumulate(self._state, view, samples, Budget(seconds), on_progress)
+
+    def show(self, view: View, framebuffer: moderngl.Framebuffer, exposure: float | None = None) -> None:
+        """Draw the image of a `view` that `frame` gave last into a framebuffer of the same size, such as a window's: exposed,
+        filmic, sRGB. exposure: stops; None: as the settings have it, which for "auto" waits for the GPU.
+
+        Only a sky is drawn where nothing is seen, else black. Framebuffer, viewport, depth test and blending are left as this
+        needs them. Raises InputError for a framebuffer of another size.
+        """
+        self._use()
+        if tuple(framebuffer.size) != view.image.size:
+            raise InputError(f"the framebuffer has {framebuffer.size} pixels and the view {view.image.size}; resize the renderer")
+        if exposure is None:
+            exposure = self.stops(view)
+        self.composite_pass.show(view.image, checked_number("an exposure", exposure), Screen(framebuffer))
+
+    def stops(self, view: View) -> float:
+        """The exposure of a view in stops, as the settings have it."""
+        exposure = self.settings.exposure
+        return self.composite_pass.exposure(view.image) if exposure == "auto" else float(exposure)
 
     # ---- what changes ----------------------------------------------------------------------------------------------
 
@@ -537,8 +557,7 @@ class Renderer(Tenant):
 
     def stats(self, view: View) -> Statistics:
         """What a frame's statistics say of where, what and how, apart from what `converge` counts."""
-        exposure, settings = self.settings.exposure, self.settings
-        stops = self.composite_pass.exposure(view.image) if exposure == "auto" else float(exposure)
+        settings, stops = self.settings, self.stops(view)
         made: Statistics = {"samples": view.samples, "stages_ms": self.timers.milliseconds(), "clock": self.timers.clock}
         made |= cast(Statistics, self.scheduler.gatherer.bounces(settings))
         return made | describe(self.about, self.scene, self.size, self.preset, settings, stops)

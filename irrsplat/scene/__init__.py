@@ -82,6 +82,6 @@ def _reader(ending: str) -> Callable[[Path, LoadOptions, tuple[float, float, flo
         from irrsplat.scene.io.gltf.reader import load_gltf
 
         return load_gltf
-    from irrsplat.scene.io.assets import load_asset
+    from irrsplat.scene.io.assets.asset import load_asset
 
     return load_asset

@@ -11,7 +11,7 @@ from PIL import Image
 from irrsplat.app import cli
 from irrsplat.app.false_colours import WORDS
 from irrsplat.app.flags import FALSE_COLOURED
-from irrsplat.image.false_colours import GROUND, coloured, with_legend
+from irrsplat.image.output.false_colours import GROUND, coloured, with_legend
 from irrsplat.meter.light_scale import LightScale, false_colours
 
 # a lamp of 10 W/sr, 2 m above a floor that is seen from straight above

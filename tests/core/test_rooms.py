@@ -43,6 +43,7 @@ APP_ROOMS = (
     "irrsplat.app.bake",
     "irrsplat.app.bench",
     "irrsplat.app.film",
+    "irrsplat.app.pictures",
     "irrsplat.app.false_colours",
     "irrsplat.app.viewer",
     "irrsplat.app.verify",

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from irrsplat.scene import Camera, Mesh, Scene, load
-from irrsplat.scene.io import assets
+from irrsplat.scene.io.assets import asset as assets
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 

@@ -11,34 +11,13 @@ from irrsplat.core.buffers import GBuffer, Uniforms
 from irrsplat.core.color import srgb
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import Target
+from irrsplat.gpu.target import Region, Screen, Target
 from irrsplat.image.tonemap import viridis
 from irrsplat.scene.model import Camera
 
-Region = tuple[int, int, int, int]  # x, y, width, height in pixels, from the lower left corner
+__all__ = ["Programs", "Region", "Screen", "Texels", "clear", "colours", "scale", "view_uniforms"]
 
 _COLOURS = 1024  # of each table
-
-
-class Screen(Target):
-    """A framebuffer that is borrowed, such as a window's, as a target to draw into; size (width, height) in pixels."""
-
-    def __init__(self, framebuffer: moderngl.Framebuffer, size: tuple[int, int] | None = None) -> None:
-        self.ctx = framebuffer.ctx
-        self.size = size or framebuffer.size
-        self.textures, self.depth = [], None
-        self.gl = framebuffer
-
-    def use(self, viewport: Region | None = None, scissor: Region | None = None, depth_write: bool = True) -> None:
-        """Bind for drawing, as Target.use."""
-        self.gl.viewport = viewport or (0, 0, *self.size)
-        self.gl.scissor = scissor  # type: ignore[assignment]
-        self.gl.color_mask = (True,) * 4
-        self.gl.depth_mask = depth_write
-        self.gl.use()
-
-    def release(self) -> None:
-        """Nothing: its owner frees it."""
 
 
 class Programs(Owner):

@@ -41,13 +41,15 @@ def finish(
     files: Sequence[Path] = (),
     up: Vector | None = None,
     origin: Vector = WORLD,
+    invent: bool = True,
 ) -> Scene:
     """The Scene of these parts, the meshes relative to `origin`. `sky` None: none was asked for.
 
     dropped: degenerate triangles left out, by file. remarks: notices so far. files: what was read apart
     from `path`. up: what points up; None: as the first camera has it, and where there is no light at all a plain sky stands in,
     as `.scene` promises. Otherwise a sky that is brighter above and a key light do, also where what the file has is too weak;
-    beside directional light alone the sky does. Raises FarAway where the meshes lie far from 0 0 0 without another origin, and
+    beside directional light alone the sky does. invent: False, and nothing stands in beside light that is there, however weak.
+    Raises FarAway where the meshes lie far from 0 0 0 without another origin, and
     InputError for a file with an `up` that has no triangle with an area.
     """
     notices = [*remarks]
@@ -80,7 +82,7 @@ def finish(
         if sky is None and not lights and not any(any(mesh.material.emission) for mesh in meshes):
             scene = replace(scene, sky=(1.0, 1.0, 1.0), own_sky=False)
             notices.append(f"{path}: no light, no emission and no sky; a sky of radiance 1 1 1 stands in")
-    elif sky is None:
+    elif sky is None and (invent or not (lights or any(any(mesh.material.emission) for mesh in meshes))):
         around = camera.closed_in(part, points, world, hollow)
         inside = inside or around is not None
         own = light.lit_by(scene, "closed" if inside else "half" if hollow.places else "none")

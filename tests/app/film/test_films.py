@@ -27,13 +27,13 @@ av = pytest.importorskip("av")
 HANGS = """
 import sys, time
 from irrsplat.app import cli
-from irrsplat.app.film import frames
+from irrsplat.app.pictures import Pictures
 
-def save(name, *rest, whole=frames.save):
-    whole(name, *rest)
+def save(self, name, *rest, whole=Pictures.save):
+    whole(self, name, *rest)
     time.sleep(60.0 if name.endswith("000002.png") else 0.0)
 
-frames.save = save
+Pictures.save = save
 cli.main(sys.argv[1:])
 """  # the command line, which gets no further than frame 2
 COLOURS = [(255, 255, 255), (0, 0, 0), (128, 128, 128), (200, 40, 30), (40, 160, 60), (20, 30, 180)]  # of a frame each, sRGB

@@ -19,7 +19,7 @@ from irrsplat.app.viewer.show.screen import Screen, clear
 from irrsplat.core.buffers import CHANNELS, Atlas
 from irrsplat.core.color import photometric
 from irrsplat.gpu.target import Target, pixels, table_texture
-from irrsplat.image.false_colours import coloured
+from irrsplat.image.output.false_colours import coloured
 from irrsplat.image.tonemap import show, tonemap, viridis
 from irrsplat.meter.light_scale import STEPS, LightScale, false_colours, round_above
 from irrsplat.scene.model import Light

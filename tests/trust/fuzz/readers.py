@@ -121,7 +121,7 @@ def _check(result: object) -> None:
 
 
 def _asset(path: Path) -> object:
-    from irrsplat.scene.io.assets import load_asset
+    from irrsplat.scene.io.assets.asset import load_asset
 
     return load_asset(path, LoadOptions())
 

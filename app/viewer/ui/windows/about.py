@@ -14,6 +14,7 @@ PAGES = {  # of docs/, and what they are about
     "scene-format.md": "scenes, lights and paths",
     "command-line.md": "the other commands",
     "baking.md": "light for other programs",
+    "python.md": "programs",
     "techniques.md": "what each technique is worth",
     "measurements.md": "measured errors and times",
     "trust.md": "what can be relied on",

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import io
-
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from irrsplat.core.files import eight_bits
 from irrsplat.meter.light_scale import PERCENTILE, STEPS, LightScale, false_colours
 
 GROUND = (0.11, 0.11, 0.12)  # display colour where nothing is seen, and behind the legend
@@ -71,17 +70,17 @@ def with_legend(picture: np.ndarray, scale: LightScale, title: str, unit: str) -
         colours[lines] *= LINE
     panel[top:bottom, margin : margin + bar] = colours[:, None]
 
-    image = Image.fromarray(_bytes(np.concatenate([picture, panel], axis=1)))
+    image = Image.fromarray(eight_bits(np.concatenate([picture, panel], axis=1)))
     draw, left = ImageDraw.Draw(image), picture.shape[1] + margin
     ink = tuple(round(255.0 * value) for value in _TEXT)
     for i, line in enumerate(head):
-        _write(draw, (left, margin + 1.3 * size * i), line, ink, size)
+        write_words(draw, (left, margin + 1.3 * size * i), line, ink, size)
     for part, label in zip(share.tolist(), labels, strict=True):
         draw.text((left + bar + 0.5 * size, bottom - part * (bottom - top)), label, ink, font, anchor="lm")
     return np.asarray(image, np.float32) / np.float32(255.0)
 
 
-def _write(draw: ImageDraw.ImageDraw, place: tuple[float, float], words: str, ink: tuple[int, ...], size: float) -> None:
+def write_words(draw: ImageDraw.ImageDraw, place: tuple[float, float], words: str, ink: tuple[int, ...], size: float) -> None:
     """Write words; ² as a small raised 2, for Pillow's own font lacks it."""
     x, y = place
     font = ImageFont.load_default(size)
@@ -92,15 +91,3 @@ def _write(draw: ImageDraw.ImageDraw, place: tuple[float, float], words: str, in
             x += draw.textlength("2", small)
         draw.text((x, y), part, ink, font)
         x += draw.textlength(part, font)
-
-
-def png(picture: np.ndarray) -> bytes:
-    """The picture (H, W, 3), 0..1, as a PNG file."""
-    data = io.BytesIO()
-    Image.fromarray(_bytes(picture)).save(data, "PNG")
-    return data.getvalue()
-
-
-def _bytes(picture: np.ndarray) -> np.ndarray:
-    found: np.ndarray = np.round(np.clip(picture, 0.0, 1.0) * 255.0).astype(np.uint8)
-    return found

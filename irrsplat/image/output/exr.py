@@ -1,0 +1,115 @@
+"""A frame as OpenEXR: a layer per buffer under irrsplat's names or Blender's, with camera and settings as attributes."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from importlib import metadata
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, get_args
+
+import numpy as np
+
+from irrsplat.core.buffers import CHANNELS
+from irrsplat.core.files import check_exr
+from irrsplat.image import statistics
+from irrsplat.scene.model import Camera
+
+if TYPE_CHECKING:
+    from irrsplat.image.frame import Frame
+
+ExrNames = Literal["irrsplat", "blender"]
+EXR_NAMES: tuple[ExrNames, ...] = get_args(ExrNames)
+FAR = 1e10  # what Blender has for the depth of a pixel that sees nothing
+_LAYER = "ViewLayer"
+_PASSES = {  # buffers that Blender has a pass for: its name, and its channels
+    "image": ("Combined", "RGBA"),
+    "depth": ("Depth", "Z"),
+    "position": ("Position", "XYZ"),
+    "normal": ("Normal", "XYZ"),
+    "albedo": ("DiffCol", "RGB"),
+    "emission": ("Emit", "RGB"),
+}
+_VECTORS = ("smooth_normal",)  # of the others, those that are no colours
+_NEAR, _DISTANT = 1e-3, 1e3  # of worldToNDC: no pixel depends on them
+
+
+def write_exr(path: Path, frame: Frame, names: Sequence[str], exr_names: ExrNames = "irrsplat") -> None:
+    """Write those buffers of a frame that are images; raises OSError where the file is cut short."""
+    import OpenEXR
+
+    rows = frame.image.shape[0] or frame.depth.shape[0]
+    buffers = {name: np.ascontiguousarray(getattr(frame, name), np.float32) for name in names if name in CHANNELS}
+    layers = _for_blender(frame, buffers) if exr_names == "blender" else _plain(frame, buffers)
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **attributes(frame)}
+    with OpenEXR.File(header, layers) as file:
+        file.write(str(path))
+    check_exr(path, rows)
+
+
+def _plain(frame: Frame, buffers: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Layers by irrsplat's names; image has A where the backdrop is clear, multiplied in."""
+    if frame.backdrop == "clear" and "image" in buffers:
+        return {**buffers, "image": np.ascontiguousarray(np.dstack([buffers["image"], frame.alpha]), np.float32)}
+    return buffers
+
+
+def _for_blender(frame: Frame, buffers: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Channels as Blender names those of its render layers: ViewLayer.Combined.R, …, its own passes where it has them."""
+    found: dict[str, np.ndarray] = {}
+    for name, values in buffers.items():
+        one = values.ndim == 2
+        kind, letters = _PASSES.get(name, (name, "X" if one else "XYZ" if name in _VECTORS else "RGB"))
+        planes = [values] if one else list(np.moveaxis(values, -1, 0))
+        if name == "image":
+            planes.append(frame.alpha if frame.backdrop == "clear" else np.ones_like(planes[0]))
+        if name == "depth":
+            planes = [np.where(np.isfinite(values), values, np.float32(FAR))]
+        for letter, plane in zip(letters, planes, strict=True):
+            found[f"{_LAYER}.{kind}.{letter}"] = np.ascontiguousarray(plane, np.float32)
+    return found
+
+
+def attributes(frame: Frame) -> dict[str, Any]:
+    """What stands in the header beside the layers; nothing that differs between equal runs.
+
+    stats: the statistics as JSON text. irrsplat:NAME: each setting, a number or text. software: irrsplat's version. Of a frame
+    with a camera also OpenEXR's standard attributes: see `of_camera`.
+    """
+    kept = statistics.repeatable(frame.stats)
+    found: dict[str, Any] = {"stats": statistics.to_json(kept), "software": f"irrsplat {_version()}"}
+    if "preset" in kept:
+        found["irrsplat:preset"] = str(kept["preset"])
+    settings = kept.get("settings")
+    for name, value in settings.items() if isinstance(settings, Mapping) else ():
+        number = isinstance(value, (int, float)) and not isinstance(value, bool)
+        found[f"irrsplat:{name}"] = (
+            float(value) if number else ("on" if value else "off") if isinstance(value, bool) else str(value)
+        )
+    if frame.camera is not None:
+        found |= of_camera(frame.camera, frame.aspect)
+    return found
+
+
+def of_camera(camera: Camera, aspect: float) -> dict[str, Any]:
+    """A camera by OpenEXR's standard attributes. aspect: width by height of the picture.
+
+    worldToCamera: to right-handed camera space, looking along −z, y up, metres; worldToNDC: x and y −1..1 over the picture, y up,
+    after division by w. Both for row vectors, as Imath has them: translation in the last row. screenWindowCenter and
+    screenWindowWidth: of the picture at distance 1.
+    """
+    view = camera.view_from_world
+    clip = camera.clip_from_view(aspect, _NEAR, _DISTANT) @ view
+    return {
+        "worldToCamera": np.ascontiguousarray(view.T, np.float32),
+        "worldToNDC": np.ascontiguousarray(clip.T, np.float32),
+        "screenWindowCenter": np.zeros(2, np.float32),
+        "screenWindowWidth": float(camera.screen * aspect),
+        "pixelAspectRatio": 1.0,
+    }
+
+
+def _version() -> str:
+    try:
+        return metadata.version("irrsplat")
+    except metadata.PackageNotFoundError:
+        return ""

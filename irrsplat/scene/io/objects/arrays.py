@@ -1,0 +1,185 @@
+"""Meshes and scenes from NumPy arrays, completed as those from files are."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from irrsplat.core.errors import InputError
+from irrsplat.core.load_options import CREASE_ANGLE, LoadOptions
+from irrsplat.core.words import GREATEST
+from irrsplat.scene.io.creases import crease_normals
+from irrsplat.scene.io.defaults import FarAway, finish
+from irrsplat.scene.io.part import Part
+from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
+from irrsplat.scene.model.checks import check_type, checked
+from irrsplat.scene.stand_ins.up_axis import Vector, up_vector
+from irrsplat.sky.environment import Environment
+from irrsplat.sky.map_file import MOST_ROWS
+from irrsplat.sky.sky_text import Sky, sky_of
+from irrsplat.sky.split import split
+
+Up = Literal["x", "y", "z"]
+
+
+def make_mesh(
+    vertices: npt.ArrayLike,
+    faces: npt.ArrayLike,
+    material: Material | None = None,
+    *,
+    normals: npt.ArrayLike | None = None,
+    colors: npt.ArrayLike | None = None,
+    uvs: npt.ArrayLike | None = None,
+    transform: npt.ArrayLike | None = None,
+    crease_angle: float = CREASE_ANGLE,
+    name: str = "",
+) -> Mesh:
+    """A Mesh of triangles for `make_scene`.
+
+    vertices: (V, 3), metres. faces: (F, 3) whole numbers, rows of vertices, counter-clockwise seen from outside. material: grey
+    of reflectance 0.5, if None. normals: (V, 3), of any length; None: edges between triangles that meet at less than
+    `crease_angle` (degrees, 0..180) are smooth. colors: (V, 3) linear reflectance in place of the material's albedo. uvs: (V, 2),
+    from (0, 0) at an image's upper left corner to (1, 1) at its lower right one. transform: (4, 4), affine, world from vertices.
+    name: for `Renderer.move` and messages. Triangles without an area are left out.
+    Raises InputError for arrays that do not belong together, numbers that are not finite, and a singular transform.
+    """
+    LoadOptions(crease_angle=crease_angle)  # which checks it
+    said = f"of mesh {name!r:.60}" if name else "of a mesh"
+    points = _rows(f"the vertices {said}", vertices, 3)
+    corners = _faces(f"the faces {said}", faces, len(points))
+    part = Part(
+        points,
+        corners,
+        matrix=None if transform is None else _rows(f"the transform {said}", transform, 4, 4),
+        material=Material() if material is None else material,
+        name=name,
+        normals=None if normals is None else _rows(f"the normals {said}", normals, 3, len(points)),
+        colors=None if colors is None else np.clip(_rows(f"the colors {said}", colors, 3, len(points)), 0.0, 1.0),
+        uvs=None if uvs is None else np.tile(_rows(f"the uvs {said}", uvs, 2, len(points)), 2),
+    )
+    check_type(f"the material {said}", part.material, Material)
+    return smoothed(part, crease_angle).mesh(Path(name or "mesh"), (0.0, 0.0, 0.0))[0]
+
+
+def make_scene(
+    meshes: Mesh | Sequence[Mesh],
+    lights: Sequence[Light] = (),
+    cameras: Sequence[Camera] = (),
+    *,
+    sky: str | npt.ArrayLike | None = None,
+    up: Up = "y",
+    name: str = "scene",
+) -> Scene:
+    """A Scene of `meshes`, as `irrsplat.load` gives one of a file.
+
+    sky: (3,) radiance, the same all around; (H, W, 3) radiance of an equirectangular map, top row first, with north in its
+    middle; or a text as the option `sky` of `irrsplat.load`. up: which axis points up. Where there is no light at all, a sky and
+    a key light stand in, and where there is no camera, one that sees the scene; Scene.notices say so. Nothing is added to light
+    that is there.
+    Raises InputError for meshes without a triangle, and for anything of another kind.
+    """
+    meshes = [meshes] if isinstance(meshes, Mesh) else list(meshes)
+    for mesh in meshes:
+        check_type("one of a scene's meshes", mesh, Mesh)
+    return completed(meshes, lights, cameras, given_sky(sky), up, name)
+
+
+def completed(
+    meshes: Sequence[Mesh],
+    lights: Sequence[Light],
+    cameras: Sequence[Camera],
+    sky: Sky | None,
+    up: Up,
+    name: str,
+    notices: Sequence[str] = (),
+    dropped: int = 0,
+    origin: Vector = (0.0, 0.0, 0.0),
+) -> Scene:
+    """The Scene of these parts, the meshes relative to `origin`, with stand-ins where there is no light or no camera.
+
+    Raises InputError where there are no triangles. Of a scene far from 0 0 0 the meshes become relative to an origin near by.
+    """
+    if up not in ("x", "y", "z"):
+        raise InputError(f"up is one of x, y, z, not {up!r:.60}")
+    if not any(len(mesh.faces) for mesh in meshes):
+        raise InputError("no triangle of these meshes has an area; nothing is left to show", name)
+    path, vector = Path(name), up_vector(Path(name), up)
+    counts = Counter({name: dropped})
+    try:
+        scene = finish(path, meshes, lights, cameras, sky, counts, notices, (), vector, origin, invent=False)
+    except FarAway as far:
+        moved = Scene(tuple(meshes), (), (), origin=origin).relative_to(far.origin)
+        scene = finish(path, moved.meshes, lights, cameras, sky, counts, notices, (), vector, far.origin, invent=False)
+    return replace(scene, path="", files=())
+
+
+def given_sky(sky: str | npt.ArrayLike | None) -> Sky | None:
+    """The sky that a caller has given as a text, as a radiance (3,) or as a map (H, W, 3); raises InputError for others."""
+    if sky is None:
+        return None
+    if isinstance(sky, str):
+        return sky_of(LoadOptions(sky=sky).sky)
+    try:
+        array = np.asarray(sky, np.float32)
+    except (TypeError, ValueError):
+        array = np.zeros(0, np.float32)
+    if array.shape == (3,):
+        red, green, blue = checked("a sky's radiance", array, 3, 0.0)
+        return Sky((red, green, blue))
+    if array.ndim != 3 or array.shape[2] != 3 or min(array.shape[:2]) < 2:
+        raise InputError("a sky is a radiance (3,), a map of radiance (H, W, 3), or a text such as 'cie overcast lux 10000'")
+    if not (array.min() >= 0.0 and array.max() <= GREATEST):  # false for NaN
+        raise InputError(f"a sky's radiance is from 0 to {GREATEST:g}")
+    return Sky(environment=sky_map(array))
+
+
+def sky_map(radiance: np.ndarray) -> Environment:
+    """The Environment of an equirectangular map (H, W, 3) of radiance, its suns apart; of too many rows, means of 2×2 texels."""
+    while len(radiance) > MOST_ROWS and radiance.shape[0] % 2 == radiance.shape[1] % 2 == 0:
+        height, width = radiance.shape[:2]
+        radiance = radiance.reshape(height // 2, 2, width // 2, 2, 3).mean((1, 3), dtype=np.float32)
+    shown = np.ascontiguousarray(radiance, np.float32)
+    light, suns = split(shown)
+    return Environment(shown, light, suns, f"a map, {shown.shape[1]}x{shown.shape[0]}")
+
+
+def smoothed(part: Part, crease_angle: float) -> Part:
+    """The part with normals by the crease angle where it has none; with an angle of 0 each triangle keeps its own."""
+    if part.normals is not None or crease_angle <= 0.0 or not len(part.corners):
+        return part
+    normals, corner_normals = crease_normals(part.positions, part.corners, crease_angle)
+    return replace(part, normals=normals, corner_normals=corner_normals)
+
+
+def _rows(what: str, values: npt.ArrayLike, columns: int, rows: int | None = None) -> np.ndarray:
+    """A caller's (rows, columns) float64; raises InputError, which calls them `what`, for anything else."""
+    try:
+        array = np.asarray(values, float)
+    except (TypeError, ValueError):
+        array = np.zeros(0)
+    if array.ndim != 2 or array.shape[1] != columns or (rows is not None and len(array) != rows):
+        raise InputError(
+            f"{what} are an array ({'N' if rows is None else rows}, {columns}) of numbers, not of shape {np.shape(array)}"
+        )
+    if not (np.abs(array) <= GREATEST).all():  # false for NaN
+        raise InputError(f"{what} must be finite numbers, at most {GREATEST:g}")
+    return array
+
+
+def _faces(what: str, values: npt.ArrayLike, count: int) -> np.ndarray:
+    """A caller's faces (F, 3) int64 into `count` vertices; raises InputError for anything else."""
+    try:
+        array = np.asarray(values)
+    except (TypeError, ValueError):
+        array = np.zeros(0)
+    if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "iu":
+        raise InputError(f"{what} are an array (F, 3) of whole numbers, not of shape {array.shape} of {array.dtype}")
+    if array.size and not 0 <= array.min() <= array.max() < count:
+        raise InputError(f"{what} refer to vertices that are not there; expected 0 to {count - 1}")
+    return array.astype(np.int64)

@@ -1,0 +1,159 @@
+"""What pictures carry besides pixels: an EXR camera and settings, a PNG 16 bits, a sheet all buffers; and notebooks show them."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+import pytest
+from PIL import Image
+
+import irrsplat
+from irrsplat.app import cli
+from irrsplat.core.buffers import CHANNELS
+from irrsplat.core.color import linear_from_srgb
+from irrsplat.core.errors import InputError
+from irrsplat.core.files import png_16
+from irrsplat.image.output.contact_sheet import NARROW
+from irrsplat.image.tonemap import heat, heat_scale, viridis
+
+QUICK = ["--gather-size", "8", "--shadow-size", "64", "--bounces", "1", "--size", "40", "30"]
+
+
+@pytest.fixture(scope="module")
+def frame() -> irrsplat.Frame:
+    scene = irrsplat.load("cornell")
+    return irrsplat.render(scene, (40, 30), gather_size=8, shadow_size=64, bounces=1)
+
+
+def test_the_camera_in_an_exr_finds_every_pixel(frame: irrsplat.Frame, tmp_path: Path) -> None:
+    """worldToNDC takes the position at a pixel's centre to that pixel, and worldToCamera to minus its depth along z."""
+    frame.save(tmp_path / "a.exr")
+    with OpenEXR.File(str(tmp_path / "a.exr")) as file:
+        header = dict(file.header())
+    seen = np.isfinite(frame.depth)
+    places = np.dstack([frame.position, np.ones_like(frame.depth)])[seen].astype(float)
+    np.testing.assert_allclose(-(places @ header["worldToCamera"])[:, 2], frame.depth[seen], rtol=1e-5)
+    ndc = places @ header["worldToNDC"]
+    rows, columns = np.nonzero(seen)
+    x, y = (ndc[:, :2] / ndc[:, 3:]).T
+    np.testing.assert_allclose(x, (columns + 0.5) / 20.0 - 1.0, atol=1e-4)
+    np.testing.assert_allclose(y, 1.0 - (rows + 0.5) / 15.0, atol=1e-4)
+    eye = np.linalg.inv(header["worldToCamera"].astype(float))[3, :3]
+    np.testing.assert_allclose(eye, irrsplat.load("cornell").camera().eye, atol=1e-4)
+    tangent = header["screenWindowWidth"] / 2.0 / (4.0 / 3.0)
+    assert 2.0 * np.degrees(np.arctan(tangent)) == pytest.approx(irrsplat.load("cornell").camera().fov, rel=1e-6)
+    assert header["irrsplat:gather_size"] == 8.0 and header["irrsplat:gradients"] == "on"
+    assert header["irrsplat:preset"] == "default" and header["software"].startswith("irrsplat ")
+
+
+def test_equal_renders_give_equal_exrs(frame: irrsplat.Frame, tmp_path: Path) -> None:
+    again = irrsplat.render(irrsplat.load("cornell"), (40, 30), gather_size=8, shadow_size=64, bounces=1)
+    for name, one in (("a", frame), ("b", again)):
+        one.save(tmp_path / f"{name}.exr")
+    assert (tmp_path / "a.exr").read_bytes() == (tmp_path / "b.exr").read_bytes()
+
+
+def test_an_exr_has_blenders_names(frame: irrsplat.Frame, tmp_path: Path) -> None:
+    """Those that Blender 5 writes and reads: VIEWLAYER.PASS.CHANNEL, with its letters for depth and vectors."""
+    frame.save(tmp_path / "a.exr", exr_names="blender")
+    with OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True) as file:
+        found = {name: channel.pixels for name, channel in file.channels().items()}
+    wanted = {f"ViewLayer.Combined.{c}": frame.image[..., i] for i, c in enumerate("RGB")}
+    wanted |= {f"ViewLayer.Normal.{c}": frame.normal[..., i] for i, c in enumerate("XYZ")}
+    wanted |= {f"ViewLayer.irradiance.{c}": frame.irradiance[..., i] for i, c in enumerate("RGB")}
+    wanted |= {"ViewLayer.Depth.Z": np.where(np.isfinite(frame.depth), frame.depth, 1e10).astype("f4")}
+    wanted |= {"ViewLayer.Combined.A": np.ones_like(frame.depth), "ViewLayer.weight.X": frame.weight}
+    for name, values in wanted.items():
+        np.testing.assert_array_equal(found[name], values, err_msg=name)
+    assert len(found) == 1 + sum(channel.components for channel in CHANNELS.values())
+
+
+def test_openimageio_reads_layers_and_16_bits(frame: irrsplat.Frame, tmp_path: Path) -> None:
+    oiio = pytest.importorskip("OpenImageIO")
+    frame.save(tmp_path / "a.exr")
+    layers = oiio.ImageBuf(str(tmp_path / "a.exr"))
+    names, pixels = list(layers.spec().channelnames), layers.get_pixels(oiio.FLOAT)
+    for i, channel in enumerate("RGB"):
+        np.testing.assert_array_equal(pixels[..., names.index(f"irradiance.{channel}")], frame.irradiance[..., i])
+    np.testing.assert_array_equal(pixels[..., names.index("depth")], frame.depth)
+    assert layers.spec().getattribute("worldToCamera") is not None
+    frame.save(tmp_path / "a.png", png_bits=16)
+    picture = oiio.ImageBuf(str(tmp_path / "a.png"))
+    assert str(picture.spec().format) == "uint16"
+    np.testing.assert_array_equal(picture.get_pixels(oiio.UINT16), np.round(65535.0 * frame.picture))
+
+
+@pytest.mark.parametrize("channels", [3, 4])
+def test_16_bits_are_read_back_by_another_reader(channels: int) -> None:
+    """ImageMagick's `convert`, where it is there, gives every value; Pillow, which has 8 bits a channel, their upper halves."""
+    import shutil
+    import subprocess
+
+    display = np.random.default_rng(1).random((5, 7, channels))
+    display[0, 0], display[0, 1] = 0.0, 1.0
+    data = png_16(display)
+    values = np.round(65535.0 * display).astype(np.uint16)
+    with Image.open(io.BytesIO(data)) as picture:
+        assert picture.size == (7, 5)
+        np.testing.assert_array_equal(np.asarray(picture), values >> 8)
+    if shutil.which("convert") is None:
+        pytest.skip("needs ImageMagick")
+    kind = {3: "rgb", 4: "rgba"}[channels]
+    command = ["convert", "png:-", "-depth", "16", "-endian", "LSB", f"{kind}:-"]
+    read = subprocess.run(command, input=data, capture_output=True, check=True).stdout
+    np.testing.assert_array_equal(np.frombuffer(read, "<u2").reshape(5, 7, channels), values)
+
+
+def test_a_sheet_shows_every_buffer(frame: irrsplat.Frame) -> None:
+    """Each buffer's picture is somewhere on it, enlarged by a whole factor; a choice has but those."""
+    sheet = np.round(255.0 * frame.contact_sheet()).astype(int)
+    factor = -(-NARROW // 40)
+    small = np.round(255.0 * frame.contact_sheet(["albedo"])).astype(int)
+    assert small.shape[1] < 2 * factor * 40 < sheet.shape[1]
+    wanted = np.round(255.0 * np.clip(frame.picture, 0.0, 1.0)).astype(int).repeat(factor, 0).repeat(factor, 1)
+    corners = np.argwhere((sheet[: -wanted.shape[0], : -wanted.shape[1]] == wanted[0, 0]).all(-1))
+    assert any((sheet[y : y + wanted.shape[0], x : x + wanted.shape[1]] == wanted).all() for y, x in corners[:2000])
+    assert sheet.reshape(-1, 3).max() > 200 and frame.contact_sheet().dtype == np.float32
+    with pytest.raises(InputError, match="unknown buffer 'colour'"):
+        frame.contact_sheet(["colour"])
+
+
+def test_the_scale_of_heat_is_that_of_its_colours() -> None:
+    values = np.random.default_rng(2).random((20, 20)) ** 8 * 100.0
+    scale = heat_scale(values, np.ones(values.shape, bool))
+    assert scale is not None and scale.offset > 0.0  # a long tail
+    np.testing.assert_allclose(heat(values), viridis(scale.place(values)))
+    for share in (0.0, 0.3, 1.0):
+        assert float(scale.place(np.array(scale.at(share)))) == pytest.approx(share, abs=1e-9)
+
+
+def test_a_notebook_shows_frame_and_view(frame: irrsplat.Frame) -> None:
+    shown = frame._repr_png_()
+    assert shown is not None and repr(frame).startswith("<Frame 40x30, ")
+    with Image.open(io.BytesIO(shown)) as picture:
+        np.testing.assert_array_equal(np.asarray(picture), np.round(255.0 * frame.picture))
+    with irrsplat.Renderer(irrsplat.load("cornell"), (40, 30), gather_size=8, shadow_size=64, bounces=1) as renderer:
+        view, _ = renderer.frame()
+        with Image.open(io.BytesIO(view._repr_png_())) as picture:
+            light = linear_from_srgb(np.asarray(picture) / 255.0)
+        assert light.shape == (30, 40, 3) and 0.02 < light.mean() < 0.9
+
+
+def test_the_flags_say_how_files_are_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    sheet, layers = tmp_path / "sheet.png", tmp_path / "a.exr"
+    words = ["render", "cornell", *QUICK, "-o", str(sheet), "-o", str(layers), "--contact-sheet", "--exr-names", "blender"]
+    assert cli.main(words) == 0
+    with Image.open(sheet) as picture:
+        assert picture.width > 2 * NARROW
+    with OpenEXR.File(str(layers), separate_channels=True) as file:
+        assert "ViewLayer.Combined.R" in file.channels()
+    for flags, said in (
+        (["--contact-sheet", "-o", str(layers)], "is for a .png"),
+        (["--exr-names", "blender", "-o", str(sheet)], "is for an .exr"),
+        (["--falsecolor", "--png-bits", "16", "-o", str(sheet)], "two kinds of .png"),
+    ):
+        assert cli.main(["render", "cornell", *QUICK, *flags]) == 2
+        assert said in capsys.readouterr().err

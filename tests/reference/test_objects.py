@@ -1,0 +1,255 @@
+"""Scenes from NumPy arrays, trimesh and Mitsuba: what they hold, and that their light is what analysis and Mitsuba say."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import irrsplat
+
+UP = (0.0, 1.0, 0.0)
+SQUARE = np.array([[-1.0, 0.0, -1.0], [1.0, 0.0, -1.0], [1.0, 0.0, 1.0], [-1.0, 0.0, 1.0]])
+FACES = np.array([[0, 2, 1], [0, 3, 2]])
+QUICK: Any = {"bounces": 1, "gather_size": 16, "shadow_size": 256}
+
+
+# ---- arrays --------------------------------------------------------------------------------------------------------------
+
+
+def test_arrays_are_lit_as_analysis_has_it() -> None:
+    """A lamp of I W/sr at height h: I/h² straight below; under a sky of radiance L alone: π·L. Nothing stands in beside them."""
+    floor = irrsplat.make_mesh(SQUARE, FACES, name="floor")
+    lamp = irrsplat.Light((0.0, 2.0, 0.0), (8.0, 4.0, 2.0), physical=True)
+    lit = irrsplat.make_scene(floor, [lamp])
+    assert not any(lit.sky) and lit.lights == (lamp,) and lit.files == ()
+    np.testing.assert_allclose(irrsplat.irradiance(lit, [[0, 0, 0]], UP, **QUICK), [[2.0, 1.0, 0.5]], rtol=1e-4)
+    for sky in ((1.0, 2.0, 3.0), np.tile([1.0, 2.0, 3.0], (8, 16, 1))):
+        under = irrsplat.make_scene([floor], sky=sky)
+        np.testing.assert_allclose(irrsplat.irradiance(under, [[0, 0, 0]], UP, **QUICK), np.pi * np.array([[1, 2, 3]]), rtol=2e-3)
+
+
+def test_arrays_become_a_mesh_with_all_that_is_given() -> None:
+    turned = np.array([[0.0, 0, 1, 10], [0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 0, 1]])
+    uvs, colors = SQUARE[:, [0, 2]], np.abs(SQUARE)
+    mesh = irrsplat.make_mesh(SQUARE, FACES, transform=turned, uvs=uvs, colors=colors, normals=np.tile([0, 5, 0], (4, 1)))
+    order = [int(np.argmin(np.abs(SQUARE @ turned[:3, :3].T + turned[:3, 3] - p).sum(1))) for p in mesh.positions]
+    assert sorted(order) == [0, 1, 2, 3]
+    assert mesh.uvs is not None and mesh.colors is not None
+    np.testing.assert_array_equal(mesh.uvs, np.tile(uvs[order], 2))
+    np.testing.assert_array_equal(mesh.colors, colors[order])
+    np.testing.assert_allclose(mesh.normals, np.tile(UP, (4, 1)))
+    box = irrsplat.make_mesh(*_tent(), crease_angle=0.0)
+    smooth = irrsplat.make_mesh(*_tent(), crease_angle=120.0)
+    assert len(box.positions) == 6 and len(smooth.positions) == 4  # the ridge is one edge, or two
+
+
+def _tent() -> tuple[np.ndarray, np.ndarray]:
+    return np.array([[0.0, 1, -1], [0, 1, 1], [-1, 0, 0], [1, 0, 0]]), np.array([[0, 2, 1], [0, 1, 3]])
+
+
+def test_a_scene_of_arrays_far_away_is_as_exact() -> None:
+    floor = irrsplat.make_mesh(SQUARE + np.array([2.0**20, 0.0, 0.0]), FACES)
+    scene = irrsplat.make_scene(floor, sky=(1.0, 1.0, 1.0))
+    assert scene.origin[0] == 2.0**20
+    np.testing.assert_allclose(irrsplat.irradiance(scene, [[2.0**20, 0, 0]], UP, **QUICK), np.pi, rtol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: irrsplat.make_mesh(SQUARE[:, :2], FACES), r"an array \(N, 3\) of numbers, not of shape \(4, 2\)"),
+        (lambda: irrsplat.make_mesh(SQUARE * np.nan, FACES), "finite"),
+        (lambda: irrsplat.make_mesh(SQUARE, FACES + 1), "expected 0 to 3"),
+        (lambda: irrsplat.make_mesh(SQUARE, FACES.astype(float)), "whole numbers"),
+        (lambda: irrsplat.make_mesh(SQUARE, FACES, uvs=np.zeros((3, 2))), r"the uvs of a mesh are an array \(4, 2\)"),
+        (lambda: irrsplat.make_mesh(SQUARE, FACES, transform=np.zeros((4, 4)), name="a"), "collapse"),
+        (lambda: irrsplat.make_mesh(SQUARE, FACES, crease_angle=-1.0), "crease_angle"),
+        (lambda: irrsplat.make_mesh(SQUARE, FACES, "red"), "material of a mesh is a Material"),  # type: ignore[arg-type]
+        (lambda: irrsplat.make_scene([]), "nothing is left to show"),
+        (lambda: irrsplat.make_scene(irrsplat.make_mesh(SQUARE * 0.0, FACES)), "has an area"),
+        (lambda: irrsplat.make_scene(irrsplat.make_mesh(SQUARE, FACES), sky=np.zeros((3, 3))), "a sky is a radiance"),
+        (lambda: irrsplat.make_scene(irrsplat.make_mesh(SQUARE, FACES), sky=(1.0, -1.0, 0.0)), "from 0 to"),
+        (lambda: irrsplat.make_scene(irrsplat.make_mesh(SQUARE, FACES), up="w"), "up is one of"),  # type: ignore[arg-type]
+        (lambda: irrsplat.from_trimesh(SQUARE), "takes a trimesh.Trimesh"),  # type: ignore[arg-type]
+    ],
+)
+def test_what_cannot_be_is_told_in_a_line(call: Any, words: str) -> None:
+    with pytest.raises(irrsplat.InputError, match=words) as raised:
+        call()
+    assert "\n" not in str(raised.value)
+
+
+# ---- trimesh -------------------------------------------------------------------------------------------------------------
+
+
+def test_a_scene_of_trimesh_is_seen_as_it_is_painted() -> None:
+    """The albedo at pixels, of a texture (v upward), of vertex, face and base colours; and the camera."""
+    import trimesh
+
+    picture = np.zeros((2, 2, 3), np.uint8)
+    picture[0, 0], picture[0, 1], picture[1] = (255, 0, 0), (0, 255, 0), (0, 0, 255)  # above: red and green
+    wall = trimesh.Trimesh([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], [[0, 1, 2], [0, 2, 3]], process=False)
+    wall.visual = trimesh.visual.TextureVisuals(
+        uv=[[0, 0], [1, 0], [1, 1], [0, 1]], image=Image.fromarray(picture.repeat(32, 0).repeat(32, 1))
+    )
+    scene = trimesh.Scene()
+    for i, colors in enumerate(("texture", "vertex", "face", "base")):
+        one = wall.copy()
+        if colors == "vertex":
+            one.visual = trimesh.visual.ColorVisuals(one, vertex_colors=np.tile([188, 0, 0, 255], (4, 1)))
+        elif colors == "face":
+            one.visual = trimesh.visual.ColorVisuals(one, face_colors=[[0, 188, 0, 255], [0, 0, 188, 255]])
+        elif colors == "base":
+            material = trimesh.visual.material.PBRMaterial(baseColorFactor=[0.25, 0.5, 1.0, 1.0], emissiveFactor=[1.0, 2.0, 3.0])
+            one.visual = trimesh.visual.TextureVisuals(material=material)
+        scene.add_geometry(one, node_name=colors, transform=trimesh.transformations.translation_matrix((2.0 * i, 0.0, 0.0)))
+    scene.add_geometry(trimesh.load_path(np.array([[0.0, 0, 0], [1, 1, 1]])), node_name="line")
+    scene.camera = trimesh.scene.Camera(fov=(90.0, 2.0 * np.degrees(np.arctan(0.25))), resolution=(64, 16))
+    scene.camera_transform = trimesh.transformations.translation_matrix((3.0, 0.0, 4.0))
+    found = irrsplat.from_trimesh(scene)
+    assert found.notices == ("scene: 'line' is no mesh of triangles, and is left out",)
+    assert [mesh.name for mesh in found.meshes] == ["texture", "vertex", "face", "base"]
+    albedo = irrsplat.render(found, (64, 16), bounces=0, shadow_size=64).albedo
+    half = 0.5028865  # 188 of 255, decoded
+    places = {(2, 2): (1, 0, 0), (2, 13): (0, 1, 0), (13, 8): (0, 0, 1), (8, 24): (half, 0, 0), (8, 56): (0.25, 0.5, 1.0)}
+    places |= {(13, 45): (0, half, 0), (2, 34): (0, 0, half)}
+    for (row, column), color in places.items():
+        np.testing.assert_allclose(albedo[row, column], color, atol=0.01, err_msg=f"{row} {column}")
+    assert found.meshes[3].material.emission == (1.0, 2.0, 3.0)
+
+
+def test_units_of_trimesh_become_metres() -> None:
+    import trimesh
+
+    box = trimesh.creation.box(extents=(2000.0, 1000.0, 500.0))
+    box.units = "mm"
+    np.testing.assert_allclose(np.diff(irrsplat.from_trimesh(box).bounds, axis=0), [[2.0, 1.0, 0.5]], rtol=1e-6)
+
+
+# ---- Mitsuba -------------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def mitsuba() -> Any:
+    """Mitsuba in a variant that is fast enough."""
+    pytest.importorskip("mitsuba")
+    from irrsplat.core.errors import IrrsplatError
+    from irrsplat.reference.path_tracer import choose_variant
+
+    try:
+        choose_variant()
+    except IrrsplatError as error:
+        pytest.skip(str(error))
+    import mitsuba
+
+    return mitsuba
+
+
+def _box(mitsuba: Any, **parts: Any) -> dict[str, Any]:
+    """Mitsuba's Cornell box; parts: in place of its lamp."""
+    box: dict[str, Any] = mitsuba.cornell_box()
+    box["sensor"]["film"] |= {"width": 48, "height": 48, "rfilter": {"type": "box"}}
+    if parts:
+        del box["light"]
+    return box | parts
+
+
+def _rgb(*values: float) -> dict[str, Any]:
+    return {"type": "rgb", "value": list(values)}
+
+
+def _open(mitsuba: Any) -> dict[str, Any]:
+    """A floor with a picture, a sphere and a tube under a map of a sky with a bright disc, turned, and a lamp like the sun."""
+    sky = np.full((32, 64, 3), 0.3, np.float32)
+    sky[:16], sky[10:14, 10:14] = (1.0, 2.0, 4.0), 30.0
+    picture = np.full((8, 8, 3), 0.2)
+    picture[:4, :4], picture[4:, 4:] = (0.8, 0.2, 0.1), (0.1, 0.2, 0.8)
+    place = mitsuba.ScalarTransform4f()
+    both = {"type": "twosided", "inner": {"type": "diffuse", "reflectance": _rgb(0.7, 0.5, 0.3)}}
+    bitmap = {"type": "bitmap", "data": mitsuba.TensorXf(picture), "raw": True}
+    floor = place.translate([0, -1, 0]).rotate([1, 0, 0], -90).scale(2)
+    return {
+        "type": "scene",
+        "sensor": _box(mitsuba)["sensor"],
+        "floor": {
+            "type": "rectangle",
+            "to_world": floor,
+            "bsdf": {"type": "twosided", "inner": {"type": "diffuse", "reflectance": bitmap}},
+        },
+        "ball": {"type": "sphere", "center": [-0.4, -0.5, 0.0], "radius": 0.5, "bsdf": both},
+        "tube": {"type": "cylinder", "p0": [0.5, -1.0, -0.3], "p1": [0.5, 0.2, -0.3], "radius": 0.25, "bsdf": both},
+        "sky": {"type": "envmap", "bitmap": mitsuba.Bitmap(sky), "to_world": place.rotate([0, 1, 0], 30), "scale": 0.8},
+        "sun": {"type": "directional", "direction": [1, -1, -0.5], "irradiance": _rgb(3, 3, 2)},
+    }
+
+
+LAMPS = {
+    "box": _box,
+    "lamps": lambda mitsuba: _box(
+        mitsuba,
+        point={"type": "point", "position": [0.3, 0.5, 0.2], "intensity": _rgb(3, 2, 1)},
+        spot={
+            "type": "spot",
+            "to_world": mitsuba.ScalarTransform4f().look_at([0.5, 0.9, 0.5], [-0.2, -1, -0.2], [1, 0, 0]),
+            "intensity": _rgb(4, 6, 9),
+            "cutoff_angle": 40,
+            "beam_width": 20,
+        },
+    ),
+    "open": _open,
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "bias", "median"), [("box", 0.006, 0.03), ("lamps", 0.006, 0.04), ("open", 0.012, 0.05)])
+def test_light_agrees_with_mitsubas_path_tracer(mitsuba: Any, name: str, bias: float, median: float) -> None:
+    """Radiance, of which Mitsuba renders its own scene: the mean of each colour, and the median of pixels' differences."""
+    theirs = mitsuba.load_dict(LAMPS[name](mitsuba))
+    integrator = mitsuba.load_dict({"type": "path", "max_depth": 16})
+    truth = np.array(mitsuba.render(theirs, spp=1024, integrator=integrator))
+    scene = irrsplat.from_mitsuba(theirs, name=name)
+    assert scene.notices == ()
+    image = irrsplat.render(scene, (48, 48), samples=16, backdrop="sky").image
+    np.testing.assert_allclose(image.mean((0, 1)), truth.mean((0, 1)), rtol=bias)
+    assert np.median(np.abs(image - truth) / np.maximum(truth, 0.01)) < median
+
+
+def test_what_mitsuba_has_beyond_it_is_told(mitsuba: Any) -> None:
+    parts = {
+        "glossy": {"type": "sphere", "bsdf": {"type": "roughplastic", "diffuse_reflectance": _rgb(0.1, 0.2, 0.3)}},
+        "metal": {"type": "disk", "bsdf": {"type": "conductor"}},
+        "glass": {"type": "disk", "bsdf": {"type": "dielectric"}},
+        "group": {"type": "shapegroup", "inner": {"type": "sphere"}},
+        "many": {"type": "instance", "of": {"type": "ref", "id": "group"}},
+        "slide": {"type": "projector", "irradiance": 1.0},
+    }
+    scene = irrsplat.from_mitsuba(_box(mitsuba, **parts))
+    said = "\n".join(scene.notices)
+    for words in ("RoughPlastic", "SmoothConductor", "clear glass", "Instance", "Projector"):
+        assert words in said
+    assert scene.meshes[[mesh.name for mesh in scene.meshes].index("glossy")].material.albedo == pytest.approx((0.1, 0.2, 0.3))
+
+
+def test_a_lamp_of_mitsuba_is_dark_behind(mitsuba: Any) -> None:
+    """Above a disk that shines down there is no light; below, at height h under a radius r, π·L·r²/(r² + h²)."""
+    down = mitsuba.ScalarTransform4f().translate([0, 1, 0]).rotate([1, 0, 0], 90)
+    lamp = {"type": "disk", "to_world": down, "emitter": {"type": "area", "radiance": _rgb(1, 2, 3)}}
+    scene = irrsplat.from_mitsuba({"type": "scene", "lamp": lamp})
+    E = irrsplat.irradiance(scene, [[0, 0, 0], [0, 2, 0]], [[0, 1, 0], [0, -1, 0]], bounces=1, light_samples=4096)
+    np.testing.assert_allclose(E[0], 0.5 * np.pi * np.array([1, 2, 3]), rtol=0.01)
+    assert not E[1].any()
+
+
+def test_mitsubas_errors_are_one_line(mitsuba: Any, tmp_path: Any) -> None:
+    (tmp_path / "bad.xml").write_text("<scene version='3.0.0'><shape type='nonsense'/></scene>")
+    mitsuba.set_variant("llvm_ad_mono")
+    grey = mitsuba.load_dict({"type": "scene"})
+    sources: tuple[Any, ...] = (tmp_path / "bad.xml", tmp_path / "missing.xml", {"type": "sphere"}, {"type": "furz"}, 3, grey)
+    for source in sources:
+        with pytest.raises(irrsplat.InputError) as raised:
+            irrsplat.from_mitsuba(source)
+        assert "\n" not in str(raised.value)
+    assert mitsuba.variant() == "llvm_ad_mono"
