@@ -12,7 +12,7 @@ from typing import Any, Literal, Unpack
 import moderngl
 import numpy as np
 
-from irrsplat.app.bake import images, seams
+from irrsplat.app.bake import seams
 from irrsplat.app.bake.glb import Glb
 from irrsplat.app.bake.light import OnBake, PlaceLight
 from irrsplat.app.bake.places import Places, Receivers, hidden, places
@@ -21,6 +21,7 @@ from irrsplat.core import files
 from irrsplat.core.color import srgb
 from irrsplat.core.errors import InputError
 from irrsplat.core.vectors import triangle_areas
+from irrsplat.image.output.exr import write_layers
 from irrsplat.scene.model import Material, Mesh, Scene, Texture
 from irrsplat.scene.model.checks import check_type
 from irrsplat.settings import SettingValues
@@ -73,8 +74,9 @@ class Lightmap:
         encoding = _Encoding.of(self, form)
         png, exr = glb.with_suffix(".png"), glb.with_suffix(".exr")
         files.write_bytes(glb, glb_of(self, form, encoding))
-        files.write_bytes(png, images.png(srgb(encoding.values)))
-        files._write_file(exr, partial(images.write_exr, layers={"RGB": getattr(self, form)}))
+        files.write_picture(png, srgb(encoding.values), bits=16)
+        values = np.ascontiguousarray(getattr(self, form), np.float32)
+        files.write_file(exr, partial(write_layers, layers={"RGB": values}, rows=len(values)))
         return glb, png, exr
 
 

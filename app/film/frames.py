@@ -32,7 +32,11 @@ def told(on_round: OnRound | None, words: str, done: int, count: int) -> Callabl
 
 
 def metered(
-    renderer: Renderer, flight: Flight, files: Pictures = Pictures(), number: int = 0, gather: bool = False  # noqa: B008
+    renderer: Renderer,
+    flight: Flight,
+    files: Pictures = Pictures(),
+    number: int = 0,
+    gather: bool = False,
 ) -> float:
     """The exposure in stops that all frames have: that of frame `number`, whichever are rendered. That frame also decides where
     the scale of false colours ends. gather: whether it may gather records."""

@@ -85,7 +85,7 @@ def write(
     Raises IrrsplatError where a picture is of another size or no PNG, or writing fails.
     """
     codec = _BY_ENDING[os.path.splitext(path)[1].lower()]
-    files._write_file(path, lambda part: _encode(part, pictures, codec, encoding, on_share))
+    files.write_file(path, lambda part: _encode(part, pictures, codec, encoding, on_share))
 
 
 def _encode(part: Path, pictures: Sequence[Path], codec: _Codec, encoding: Encoding, on_share: Callable[[float], object]) -> None:

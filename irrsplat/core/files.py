@@ -54,18 +54,18 @@ def check_file(path: Pathlike) -> None:
 
 def write_text(path: Pathlike, text: str) -> None:
     """Write `text` (UTF-8) to `path`, completely or not at all; raises IrrsplatError where that fails."""
-    _write_file(path, lambda part: part.write_text(text, encoding="utf-8"))
+    write_file(path, lambda part: part.write_text(text, encoding="utf-8"))
 
 
 def write_bytes(path: Pathlike, data: bytes) -> None:
     """Write `data` to `path`, completely or not at all; raises IrrsplatError where that fails."""
-    _write_file(path, lambda part: part.write_bytes(data))
+    write_file(path, lambda part: part.write_bytes(data))
 
 
 def write_picture(path: Pathlike, display: np.ndarray, bits: int = 8) -> None:
     """Write display values 0..1, (H, W, 3) or with alpha (H, W, 4), as a PNG of 8 or 16 bits, completely or not at all; raises
     IrrsplatError where that fails."""
-    _write_file(path, lambda part: _png(part, display, bits))
+    write_file(path, lambda part: _png(part, display, bits))
 
 
 def _png(path: Path, display: np.ndarray, bits: int = 8) -> None:
@@ -175,7 +175,7 @@ def _naming(path: Pathlike) -> Iterator[None]:
         raise IrrsplatError(f"{os.fspath(path)}: cannot write: {reason}") from error
 
 
-def _write_file(path: Pathlike, write: Callable[[Path], object]) -> None:
+def write_file(path: Pathlike, write: Callable[[Path], object]) -> None:
     """Let `write` fill a temporary file beside `path`, then rename it: at no time is `path` half written."""
     target = Path(os.path.realpath(path))  # what a link points to is replaced, not the link
     part = _part(target.parent, target.suffix)

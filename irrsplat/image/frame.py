@@ -14,7 +14,7 @@ import numpy as np
 
 from irrsplat.core.buffers import CHANNELS
 from irrsplat.core.errors import InputError, did_you_mean
-from irrsplat.core.files import Pathlike, _try_folder, _write_file, _write_folder, as_png, check_file, eight_bits, write_picture
+from irrsplat.core.files import Pathlike, _try_folder, _write_folder, as_png, check_file, eight_bits, write_file, write_picture
 from irrsplat.core.paths import named
 from irrsplat.image import statistics
 from irrsplat.image.backdrop import BackdropKind, display_picture
@@ -140,15 +140,15 @@ class Frame:
         if not ending:
             _write_folder(Path(os.path.realpath(path)), self._pictures(names), png_bits)
         elif ending == ".exr":
-            _write_file(path, lambda part: write_exr(part, self, names, exr_names))
+            write_file(path, lambda part: write_exr(part, self, names, exr_names))
         elif ending == ".npz":
-            _write_file(path, lambda part: self._write_npz(part, names))
+            write_file(path, lambda part: self._write_npz(part, names))
         elif contact_sheet:
             write_picture(path, self.contact_sheet(buffers), png_bits)
         elif png_bits == 16:
             write_picture(path, self.picture, png_bits)
         else:
-            _write_file(path, self._write_png)
+            write_file(path, self._write_png)
 
     def _write_png(self, part: Path) -> None:
         from PIL import Image

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from irrsplat.core import paths
 from irrsplat.core.errors import IrrsplatError
-from irrsplat.core.files import _naming, _write_file
+from irrsplat.core.files import _naming, write_file
 from irrsplat.scene.model import Camera, Material, Scene, Texture
 
 # what reading a damaged file raises
@@ -88,4 +88,4 @@ def write(path: Path, arrays: dict[str, np.ndarray]) -> None:
 
     with _naming(path):
         path.parent.mkdir(parents=True, exist_ok=True)
-    _write_file(path, fill)
+    write_file(path, fill)

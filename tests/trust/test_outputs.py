@@ -134,7 +134,7 @@ def pictures():
     import numpy as np
     yield "a.png", np.zeros((2, 2, 3))
     os.kill(os.getpid(), signal.SIGKILL)
-files._write_folder(Path("folder"), pictures()) if sys.argv[1] == "folder" else files._write_file("a.txt", fill)
+files._write_folder(Path("folder"), pictures()) if sys.argv[1] == "folder" else files.write_file("a.txt", fill)
 """
 
 
@@ -154,7 +154,7 @@ def test_what_a_killed_process_left_is_swept(kind: str, tmp_path: Path) -> None:
         subprocess.run([sys.executable, "-c", write], cwd=tmp_path, check=True)
         seen.extend(path.name for path in tmp_path.glob(".irrsplat-*"))
 
-    files._write_file(tmp_path / "a.txt", fill)
+    files.write_file(tmp_path / "a.txt", fill)
     assert not left.exists() and len(seen) == 1 and seen != [left.name]
     assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {"a.txt": "new", "b.txt": "other"}
 

@@ -35,13 +35,18 @@ _NEAR, _DISTANT = 1e-3, 1e3  # of worldToNDC: no pixel depends on them
 
 def write_exr(path: Path, frame: Frame, names: Sequence[str], exr_names: ExrNames = "irrsplat") -> None:
     """Write those buffers of a frame that are images; raises OSError where the file is cut short."""
-    import OpenEXR
-
     rows = frame.image.shape[0] or frame.depth.shape[0]
     buffers = {name: np.ascontiguousarray(getattr(frame, name), np.float32) for name in names if name in CHANNELS}
     layers = _for_blender(frame, buffers) if exr_names == "blender" else _plain(frame, buffers)
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage, **attributes(frame)}
-    with OpenEXR.File(header, layers) as file:
+    write_layers(path, layers, rows, attributes(frame))
+
+
+def write_layers(path: Path, layers: Mapping[str, np.ndarray], rows: int, header: Mapping[str, object] | None = None) -> None:
+    """Write float32 layers of so many rows, with these attributes; raises OSError where the file is cut short."""
+    import OpenEXR
+
+    fixed = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    with OpenEXR.File({**fixed, **(header or {})}, dict(layers)) as file:
         file.write(str(path))
     check_exr(path, rows)
 

@@ -15,7 +15,7 @@ from PIL import Image as Pillow
 
 import irrsplat
 from irrsplat.app import cli
-from irrsplat.app.bake import images, seams
+from irrsplat.app.bake import seams
 from irrsplat.app.bake.cutting import Cut
 from irrsplat.app.bake.places import Receivers
 from irrsplat.app.bake.probes import Probes, bake_probes, basis, sphere
@@ -124,13 +124,6 @@ def test_the_map_lies_beside_it_in_full_precision(textured: tuple[Path, Any]) ->
     with OpenEXR.File(str(folder / "irradiance.exr")) as file:
         assert np.array_equal(file.channels()["RGB"].pixels, made.irradiance)
     assert (folder / "irradiance.png").read_bytes()[24:26] == bytes([16, 2])  # bits a channel, colours
-
-
-def test_a_png_of_16_bits_is_what_others_read(tmp_path: Path) -> None:
-    values = np.random.default_rng(0).random((5, 7, 3))
-    (tmp_path / "a.png").write_bytes(images.png(values))
-    read = np.asarray(Pillow.open(tmp_path / "a.png"))  # Pillow keeps the upper 8 bits of each
-    assert np.array_equal(read, np.round(values * 65535.0).astype(int) >> 8)
 
 
 def test_what_is_hidden_is_filled_from_beside_it_and_not_from_other_charts() -> None:
