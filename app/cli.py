@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
+from pathlib import Path as File
 from typing import TYPE_CHECKING, Any
 
 from irrsplat.app import flags
@@ -24,7 +25,7 @@ from irrsplat.core.errors import InputError, IrrsplatError
 
 if TYPE_CHECKING:
     from irrsplat.app.common.parser import Mistakes
-    from irrsplat.app.render_path import OnRound
+    from irrsplat.app.film.frames import OnRound
     from irrsplat.image.statistics import Statistics
     from irrsplat.image.view import Progress
     from irrsplat.scene.model import Camera, Scene
@@ -107,40 +108,83 @@ def render(args: argparse.Namespace) -> int:
     """`irrsplat render`: a scene, or a path through it, to files. All that can be checked is checked before the work; where one
     cannot be written in the end, the others are."""
     from irrsplat import settings
-    from irrsplat.app import false_colours, render_path
+    from irrsplat.app import false_colours
+    from irrsplat.app.film import flight as flights
+    from irrsplat.app.film import frames, frozen
     from irrsplat.image.frame import needed
 
     settings.preset(args.preset, **args.values)
-    buffers, with_figures = _buffers(args), _has_folder(args)
+    buffers, keeps = _buffers(args), args.cache_mode == "frozen"
+    with_figures = _has_folder(args) and not keeps
     coloured = false_colours.checked(args)
+    if keeps:
+        frozen.check(args)
 
     import irrsplat
 
     scene = irrsplat.load(args.scene, **vars(args.loading))
-    flight = None if args.path is None else render_path.plan(args, scene)
-    camera = _camera(args, scene)
+    camera, flight = _camera(args, scene), None
+    if flights.flies(args):
+        flight = flights.with_outputs(flights.plan(args, scene, camera), args.output)
+        if keeps:
+            flights.check_still(flight, "leave out --cache-mode frozen")
     with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, **args.values) as renderer:
-        if args.cache is not None and os.path.exists(args.cache):
+        if args.cache is not None and (keeps or os.path.exists(args.cache)):
             renderer.load_cache(args.cache)
         for notice in (*scene.notices, *renderer.notices):
             say(f"notice: {notice}")
         outputs = Outputs()
         with _round_progress(args) as on_round:
             if flight is not None:
-                done, complete = render_path.render(renderer, flight, buffers, with_figures, on_round, outputs, coloured)
+                done, complete = frames.render(renderer, flight, buffers, with_figures, on_round, outputs, coloured, keeps)
             else:
                 wanted = None if with_figures or coloured is not None else needed(args.output, buffers)
-                frame = renderer.render(camera, progress=on_round, figures=with_figures, buffers=wanted)
+                how: dict[str, Any] = {"gather": False} if keeps else {"figures": with_figures}
+                frame = renderer.render(camera, progress=on_round, buffers=wanted, **how)
         if flight is None and frame.stats.get("interrupted") and not frame.stats.get("rounds"):
             return _fail("interrupted before the first round was complete; nothing was written", INTERRUPTED)
         for path in args.output if flight is None else ():
-            outputs.write(path, partial(render_path.save, path, frame, buffers, coloured, renderer, camera))
-        if args.cache is not None and renderer.cache.count:
+            outputs.write(path, partial(frames.save, path, frame, buffers, coloured, renderer, camera))
+        if args.cache is not None and renderer.cache.count and not keeps:
             outputs.write(args.cache, partial(renderer.save_cache, args.cache))
+    if keeps:
+        frozen.tell([frame.stats] if flight is None else done)
     if flight is None:
         return _end_of_render(args, frame.stats, outputs)
     unfinished = None if complete else f"{len(done)} of {len(flight.numbers)} frames were written"
     return _end_of_path(args, done, unfinished, outputs)
+
+
+def fill(args: argparse.Namespace) -> int:
+    """`irrsplat fill`: the records of a flight, to a cache file."""
+    from irrsplat import settings
+    from irrsplat.app.film import fill as filling
+    from irrsplat.app.film import flight as flights
+
+    settings.preset(args.preset, **args.values)
+
+    import irrsplat
+
+    scene = irrsplat.load(args.scene, **vars(args.loading))
+    flight = flights.plan(args, scene, _camera(args, scene))
+    flights.check_still(flight, "render it without filling one")
+    with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, **args.values) as renderer:
+        if os.path.exists(args.cache):
+            renderer.load_cache(args.cache)
+        for notice in (*scene.notices, *renderer.notices):
+            say(f"notice: {notice}")
+        with _round_progress(args) as on_round:
+            done = filling.fill(renderer, flight, on_round, filling.saved_at_times(renderer, args.cache))
+        outputs = Outputs()
+        if renderer.cache.count:
+            outputs.write(args.cache, partial(renderer.save_cache, args.cache))
+        if args.stats is not None:
+            _write_stats(args, filling.statistics(done, renderer), outputs)
+    outputs.tell()
+    if done.interrupted:
+        return _fail(f"interrupted; {len(done.frames)} of {len(flight.numbers)} frames have their records", INTERRUPTED)
+    filling.tell(done)
+    return 0
 
 
 def measure(args: argparse.Namespace) -> int:
@@ -228,6 +272,7 @@ def verify(args: argparse.Namespace) -> int:
 COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "view": view,
     "render": render,
+    "fill": fill,
     "measure": measure,
     "info": info,
     "doctor": doctor,
@@ -263,26 +308,39 @@ def _check_files(args: argparse.Namespace, mistakes: Mistakes) -> None:
                 located(scene)
     if args.command == "render":
         _check_outputs(args, mistakes)
+    if args.command == "fill":
+        _check_kept_files(args, mistakes)
 
 
 def _check_outputs(args: argparse.Namespace, mistakes: Mistakes) -> None:
     """Add to `mistakes` which outputs, and files of --stats and --cache, cannot be written, and which buffers there are not."""
-    from irrsplat.app import render_path
-    from irrsplat.core import files
+    from irrsplat.app.film import flight
     from irrsplat.image.frame import check_writable
 
     names = []
     for pattern in () if "output" in mistakes.arguments else args.output:
         with mistakes.gathered():
-            names.append(pattern if args.path is None else render_path.first_name(args, pattern))
+            names.append(flight.first_name(args, pattern) if flight.flies(args) else pattern)
     for name in names:
         for buffers in (None, _buffers(args)):
             with mistakes.gathered():
                 check_writable(name, buffers)
+    _check_kept_files(args, mistakes, names)
+
+
+def _check_kept_files(args: argparse.Namespace, mistakes: Mistakes, names: Sequence[str] = ()) -> None:
+    """Add to `mistakes` which files of --stats and --cache cannot be written, or read where the cache is frozen, and which are
+    one with each other or with one of the outputs `names`."""
+    from irrsplat.core import files, paths
+
+    frozen = args.command == "render" and args.cache_mode == "frozen"
     for path in (args.stats, args.cache):
-        if path is not None:
+        if path is not None and "cache" not in mistakes.arguments:
             with mistakes.gathered():
-                files.check_file(path)
+                if path is args.cache and frozen:
+                    paths.check_readable(File(path), paths.MOST_GEOMETRY)
+                else:
+                    files.check_file(path)
     for twin in twins(names, (("--stats", args.stats), ("--cache", args.cache))):
         mistakes.add(twin)
 
@@ -294,10 +352,10 @@ def _buffers(args: argparse.Namespace) -> list[str] | None:
 
 def _has_folder(args: argparse.Namespace) -> bool:
     """Whether one of the outputs is a folder, which has the paper's figures."""
-    from irrsplat.app import render_path
+    from irrsplat.app.film import flight
     from irrsplat.image.frame import check_writable
 
-    names = args.output if args.path is None else [render_path.first_name(args, pattern) for pattern in args.output]
+    names = [flight.first_name(args, pattern) for pattern in args.output] if flight.flies(args) else args.output
     return "" in [check_writable(name) for name in names]
 
 
@@ -323,7 +381,7 @@ def _end_of_render(args: argparse.Namespace, stats: Statistics, outputs: Outputs
     outputs.tell()
     if stats.get("interrupted"):
         return _fail(f"interrupted; the files hold what {stats.get('rounds', 0)} whole rounds gave", INTERRUPTED)
-    if not stats.get("converged", True):
+    if not stats.get("converged", True) and "uncovered" not in stats:
         say(f"notice: stopped after {stats.get('rounds')} rounds {_unserved([stats])}")
     return 0
 
@@ -334,7 +392,7 @@ def _end_of_path(args: argparse.Namespace, done: list[Statistics], interrupted: 
     outputs.tell()
     if interrupted is not None:
         return _fail(f"interrupted; {interrupted}", INTERRUPTED)
-    if short := sum(not stats.get("converged", True) for stats in done):
+    if short := sum(not stats.get("converged", True) and "uncovered" not in stats for stats in done):
         say(f"notice: {short} of {len(done)} frames stopped {_unserved(done)}")
     return 0
 

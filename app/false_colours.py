@@ -57,6 +57,15 @@ class FalseColours:
         """Write a frame that `renderer` has just made from `camera` as a PNG; raises IrrsplatError where that fails."""
         from irrsplat.image import false_colours
 
+        light, depth = self.settle(frame, renderer, camera)
+        picture = false_colours.coloured(light, depth, self.scale)
+        picture = false_colours.with_legend(picture, self.scale, WORDS[self.buffer], self._unit)
+        files.write_bytes(path, false_colours.png(picture))
+
+    def settle(self, frame: Frame, renderer: Renderer, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+        """Let the scale end above what this frame shows, where it has no end yet; its light and depth, (H, W) each."""
+        from irrsplat.image import false_colours
+
         lamps = renderer.lamp_irradiance(camera) if self.buffer == "light" else 0.0
         values: np.ndarray = getattr(frame, "irradiance" if self.buffer == "light" else self.buffer)
         light = (lamps + values) @ self.scale.weights
@@ -65,9 +74,7 @@ class FalseColours:
             depth = np.where(np.isfinite(depth) | (light > 0.0), np.minimum(depth, np.float32(1e9)), depth)
         if self.scale.highest is None:
             self.scale = replace(self.scale, highest=round_above(false_colours.brightest(light, depth)))
-        picture = false_colours.coloured(light, depth, self.scale)
-        picture = false_colours.with_legend(picture, self.scale, WORDS[self.buffer], self._unit)
-        files.write_bytes(path, false_colours.png(picture))
+        return light, depth
 
     @property
     def _unit(self) -> str:

@@ -16,8 +16,9 @@ from irrsplat.settings import PRESETS, SETTINGS, Declaration
 DEFAULT_SCENE = "cornell"
 FALSE_COLOURED = ("light", "irradiance", "image", "direct", "indirect", "emission")
 MOST_DECADES = 9
+CACHE_MODES = ("keep", "frozen")
 SHELLS = ("bash", "zsh", "fish")
-_OF_CAMERAS = {"camera", "eye", "target", "up", "fov", "path", "frames"}
+_OF_CAMERAS = {"camera", "eye", "target", "up", "fov", "path", "turntable", "frames"}
 _STAGES = ("shadow", "gbuffer", "gather", "splat", "examine", "composite", "view")  # the order of the frame
 
 
@@ -51,6 +52,11 @@ def _whole(text: str, low: int, high: int, expected: str) -> int:
     if not re.fullmatch(r"\d{1,9}", text, re.ASCII) or not low <= int(text) <= high:
         raise argparse.ArgumentTypeError(f"expected {expected}, not '{text}'")
     return int(text)
+
+
+def turns(text: str) -> int:
+    """A number of frames of a full circle, for argparse."""
+    return _whole(text, 2, 999_999, "a whole number of frames, 2 to 999999")
 
 
 def frames(text: str) -> tuple[int, int | None]:
@@ -87,7 +93,7 @@ def read(argv: Sequence[str]) -> tuple[argparse.Namespace, Mistakes]:
     if hasattr(args, "up_axis") and not mistakes.arguments & {"up_axis", "crease_angle", "time"}:
         with mistakes.gathered():
             args.loading = LoadOptions(args.up_axis, args.crease_angle, args.time, args.sky, tuple(args.allow))
-    if args.command in ("render", "view", "verify", "measure"):
+    if args.command in ("render", "fill", "view", "verify", "measure"):
         args.values = {}
         for name, declaration in SETTINGS.items():
             if (text := getattr(args, "set_" + name, None)) is not None:
@@ -108,6 +114,7 @@ def build(mistakes: Mistakes | None = None) -> Parser:
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True, parser_class=Parser)
     _add_view(commands)
     _add_render(commands)
+    _add_fill(commands)
     _add_measure(commands)
     _add_bench(commands)
     info = commands.add_parser("info", help="what is in a scene", description="Say what is in a scene.")
@@ -144,13 +151,43 @@ def _add_render(commands: Any) -> None:
     _add_preset(parser, "default")
     add("--buffers", metavar="NAME,…", help="only these buffers in .exr, .npz and folders (default: all)")
     _add_cache(parser)
+    add(
+        "--cache-mode", choices=CACHE_MODES, default="keep", metavar="WORD",
+        help="keep: records are added to those of --cache; frozen: none is added or changed, nor the file, so that a frame "
+        "is the same, whichever are rendered before it and by whom (default: keep)",
+    )  # fmt: skip
     add("--stats", metavar="FILE.json", help="write records, rounds, times and settings to this file")
     _add_camera(parser)
     _add_false_colours(parser)
-    group = parser.add_argument_group("path", "a flight instead of one picture; records and the first frame's exposure are kept")
-    group.add_argument("--path", metavar="FILE", help="its cameras: a text file, looked for here, then in the scene's folder")
-    group.add_argument("--frames", type=frames, metavar="A:B", help="frames A to B - 1; either may be left out (default: all)")
+    _add_flight(parser, "a flight instead of one picture; records and the first frame's exposure are kept")
     _add_settings(parser)
+
+
+def _add_flight(parser: argparse.ArgumentParser, words: str) -> None:
+    group = parser.add_argument_group("path", words)
+    group.add_argument("--path", metavar="FILE", help="its cameras: a text file, looked for here, then in the scene's folder")
+    words = "instead of a path: a full circle of N frames around what the camera looks at, which goes on without a seam"
+    group.add_argument("--turntable", type=turns, metavar="N", help=words)
+    group.add_argument("--frames", type=frames, metavar="A:B", help="frames A to B - 1; either may be left out (default: all)")
+
+
+def _add_fill(commands: Any) -> None:
+    parser = commands.add_parser(
+        "fill",
+        help="gather the records of a flight, for render --cache-mode frozen",
+        description="Gather all records that the frames of a flight ask for into a cache file; no picture is written.",
+        epilog="Give the size, preset and settings that the frames are to have. Exit status as for render; Ctrl-C keeps what is\n"
+        "there, and the same command goes on from it.",
+    )
+    _add_scene(parser)
+    words = "the file that the records are kept in; where it is there, they are added to its own"
+    parser.add_argument("--cache", metavar="FILE", required=True, help=words)
+    _add_size(parser, 800)
+    _add_preset(parser, "default")
+    parser.add_argument("--stats", metavar="FILE.json", help="write records and the coverage of each frame to this file")
+    _add_flight(parser, "the flight; one of --path and --turntable")
+    _add_camera(parser)
+    _add_settings(parser, stages=_STAGES[:-2])
 
 
 def _add_false_colours(parser: argparse.ArgumentParser) -> None:
@@ -180,7 +217,7 @@ def _add_view(commands: Any) -> None:
     _add_cache(parser, " when the window closes")
     _add_camera(parser)
     _add_settings(parser)
-    parser.set_defaults(path=None, frames=None)
+    parser.set_defaults(path=None, turntable=None, frames=None)
 
 
 def _add_measure(commands: Any) -> None:
@@ -252,7 +289,7 @@ def _add_verify(commands: Any) -> None:
     )  # fmt: skip
     _add_camera(parser)
     _add_settings(parser, besides=("samples",))  # errors are those of pixels' centres, and the flag is another one here
-    parser.set_defaults(path=None, frames=None)
+    parser.set_defaults(path=None, turntable=None, frames=None)
 
 
 def _add_bench(commands: Any) -> None:
@@ -396,8 +433,13 @@ def _wrong_with_the_camera(args: argparse.Namespace) -> Iterator[str]:
         yield "--camera and --eye are two different cameras; give one of them"
     if args.fov is not None and not 0.0 < args.fov < 180.0:
         yield f"--fov lies between 0 and 180 degrees, not {args.fov:g}"
-    if args.frames is not None and args.path is None:
-        yield "--frames chooses among the frames of a path; give --path as well"
+    if args.path is not None and args.turntable is not None:
+        yield "--path and --turntable are two different flights; give one of them"
+    if args.path is None and args.turntable is None:
+        if args.frames is not None:
+            yield "--frames chooses among the frames of a path; give --path as well"
+        if args.command == "fill":
+            yield "fill needs a flight; give --path FILE or --turntable N"
     for flag in ("eye", "camera"):
         if args.path is not None and getattr(args, flag) is not None:
             yield f"--path brings its own cameras; leave --path or --{flag} out"

@@ -25,6 +25,7 @@ class Statistics(TypedDict, total=False):
     full: bool  # the view needs more records than `max_records`
     interrupted: bool  # by Ctrl-C
     coverage: float  # share of the seen pixels that have their records, 0..1
+    uncovered: int  # pixels that see a surface and that no record reaches; only where nothing was gathered
     records: int  # in the cache
     seconds: float  # wall time to full coverage, before direct light and composite
     samples: int  # a pixel

@@ -86,6 +86,11 @@ class Progress:
         return self.still and (self.coverage == 1.0 or self.full)
 
 
+def uncovered(view: View) -> int:
+    """How many of the pixels that see a surface no record reaches, not even to lend."""
+    return int(np.count_nonzero(_seen(view)[..., 0] & (pixels(view.splats.sums)[..., 3] <= 0.0)))
+
+
 def sample_progress(on_round: Callable[[Progress], None] | None, stats: Statistics) -> Callable[[float], None] | None:
     """Calls `on_round` with the share of the samples that are taken, for a view that stands as in `stats`; None for None."""
     if on_round is None:

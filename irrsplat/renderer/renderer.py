@@ -29,7 +29,7 @@ from irrsplat.image.composite import CompositePass
 from irrsplat.image.figures.paper_figures import PaperFigures
 from irrsplat.image.frame import Frame, check_names
 from irrsplat.image.statistics import Statistics, describe
-from irrsplat.image.view import Progress, View, read, sample_progress
+from irrsplat.image.view import Progress, View, read, sample_progress, uncovered
 from irrsplat.indirect.scheduler import RecordScheduler
 from irrsplat.indirect.splat_buffer import ViewSplats
 from irrsplat.indirect.view_state import ViewState
@@ -473,6 +473,7 @@ class Renderer(Tenant):
         progress: Callable[[Progress], None] | None = None,
         figures: bool = False,
         buffers: Collection[str] | None = None,
+        gather: bool = True,
     ) -> Frame:
         """The view from `camera` (or the scene's of that name; default: its first), until every pixel is served, and then, where
         the settings give a `quality`, until its estimated error is no greater.
@@ -481,17 +482,26 @@ class Renderer(Tenant):
         gathered. progress is called after each round. figures: fill Frame.figures with the paper's figures 1, 3 and 4 too.
         buffers: names of those that the frame holds (default: all); the others are empty, and of image and alpha alone a large
         picture takes half as much memory.
-        Ctrl-C ends the rounds, or the samples, early: stats["converged"] is False then.
+        gather: False leaves the cache as it is, so that the view depends on records, camera and settings alone, to the bit, and
+        not on what was rendered before; stats["uncovered"] counts the pixels that no record reaches, which borrow the light of
+        those around unless the setting `fill_holes` is off.
+        Ctrl-C ends the rounds, or the samples, early: stats["converged"] is False then. Raises InputError for `figures`, or a
+        `quality` among the settings, where nothing is to be gathered: both need records of their own.
         """
         check_names(buffers)
+        if not gather and (figures or self.settings.quality):
+            raise InputError("figures and a quality need records of their own; leave them out, or let records be gathered")
         album = PaperFigures(self._splatted, progress)
         refined = self.settings.quality or self.settings.samples > 1
         alone = buffers is not None and not figures and gl_limits.PICTURE.issuperset(buffers)
-        sparing = alone and not refined and self.size[0] * self.size[1] >= gl_limits.LARGE
+        sparing = gather and alone and not refined and self.size[0] * self.size[1] >= gl_limits.LARGE
         if self.gbuffer is None:
             wanted = gl_limits.PICTURE if alone else buffers
             gl_limits.check_memory(self.size, self._state.scene, self.settings, self.about["software"], wanted)
-        view, stats = self.converge(camera, album if figures else progress, sparing)
+        if gather:
+            view, stats = self.converge(camera, album if figures else progress, sparing)
+        else:
+            view, stats = self._frozen(camera, progress)
         if self.settings.quality and stats["converged"]:
             view, stats = self._improved(view, stats, progress)
         samples = 1 if stats["interrupted"] else self.settings.samples
@@ -507,6 +517,29 @@ class Renderer(Tenant):
         if figures:
             frame = replace(frame, figures=album.figures(frame, view.camera, self.settings))
         return frame.placed(self._origin)
+
+    def coverage(self, camera: Camera | str | None = None) -> float:
+        """The share of the pixels that see a surface, 0..1, at which `camera` asks for no record; the cache is left as it is."""
+        self._use()
+        self._resting.leave()
+        return self._round.frozen(self._state, self._seen_by(camera)).progress.coverage
+
+    def _frozen(self, camera: Camera | str | None, on_progress: Callable[[Progress], None] | None) -> tuple[View, Statistics]:
+        """The view from `camera` by the records that there are, and its statistics, as `converge` has them."""
+        self._use()
+        self._resting.leave()
+        self.timers.clear()
+        start = time.perf_counter()
+        done = self._round.frozen(self._state, self._seen_by(camera))
+        self.ctx.finish()
+        progress, seconds = done.progress, time.perf_counter() - start
+        if on_progress is not None:
+            on_progress(progress)
+        view = self.stages.draw_picture(self._state, done)
+        stats: Statistics = {"rounds": 0, "converged": progress.coverage == 1.0, "full": False, "interrupted": False}
+        stats |= {"coverage": progress.coverage, "error": None, "records": progress.records, "seconds": seconds}
+        stats["uncovered"] = uncovered(view) if self.settings.most_bounces > 0 else 0
+        return view, stats
 
     def _free_buffers(self) -> None:
         """Free all that the last view is made of but its image and alpha, to be made again when it is wanted."""

@@ -81,6 +81,18 @@ class Rounds:
         )
         return replace(state, view=view, costs=costs), Round(camera, shadows, gbuffer, splats, progress)
 
+    def frozen(self, state: State, camera: Camera) -> Round:
+        """What a view's picture is made of by the records that there are: none is gathered or changed, and nothing of other views
+        is in it."""
+        stages, scheduler, settings = self.stages, self.scheduler, state.settings
+        scheduler.follow(settings, scheduler.change_to(state.scene), stages.shadows(state))
+        shadows, gbuffer = stages.draw_shadows(state), stages.draw_gbuffer(state, camera)
+        scheduler.limit_radii(ViewState(), last=True)  # of a cache that has no limits yet, or such by other settings
+        splats = stages.splats(state).update(self.cache, gbuffer, camera, settings, 1)
+        missing = scheduler.missing(gbuffer, splats) if settings.most_bounces > 0 else 0.0
+        progress = Progress(0, self.cache.count, 0, 1.0 - missing)
+        return Round(camera, shadows, gbuffer, splats, progress, frozen=True)
+
     def _look_only(
         self, state: State, view: ViewState, gbuffer: GBuffer, splats: SplatBuffer, gather: bool
     ) -> tuple[ViewState, RoundResult]:

@@ -133,7 +133,8 @@ class Stages(Owner):
         fading: what the records say comes in over several pictures."""
         settings, gbuffer, shadows, camera = state.settings, done.gbuffer, done.shadows, done.camera
         filling = settings.fill_holes and done.progress.coverage < 1.0 and settings.most_bounces > 0
-        surface = self.scheduler.gatherer.surface_now if filling and not settings.emitters_apart else None
+        by_surface = filling and not settings.emitters_apart and not done.frozen
+        surface = self.scheduler.gatherer.surface_now if by_surface else None
         backdrop, headlamp = backdrop_of(state.scene, settings, sky_maps(self.world)), state.headlamp_of(camera)
         emitter_pass, sampled_by = self._emitter_pass(state), (settings.pixel_light_samples, settings.seed)
         held = None if surface is None else surface.result

@@ -71,7 +71,8 @@ class State:
 @dataclass(frozen=True)
 class Round:
     """What one round of a view leaves for its picture. sparing: nothing but the picture is wanted, and the splat buffer is freed
-    once it is made of another."""
+    once it is made of another. frozen: pixels without a record take the light of records alone, whatever else is known of them.
+    """
 
     camera: Camera
     shadows: ShadowMaps
@@ -79,3 +80,4 @@ class Round:
     splats: SplatBuffer
     progress: Progress
     sparing: bool = False
+    frozen: bool = False

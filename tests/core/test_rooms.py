@@ -40,7 +40,7 @@ APP_ROOMS = (
     "irrsplat.app.flags",
     "irrsplat.app.info",
     "irrsplat.app.measure",
-    "irrsplat.app.render_path",
+    "irrsplat.app.film",
     "irrsplat.app.false_colours",
     "irrsplat.app.bench",
     "irrsplat.app.viewer",

@@ -30,7 +30,7 @@ def rendered(
     """The status of `irrsplat` with `argv` in `folder`, in a process of its own, and what it wrote to stderr; a negative status
     is a signal's number. harm: called there with `argv` and `values`, it returns what is done in place of the command."""
     forks = multiprocessing.get_context("forkserver")
-    forks.set_forkserver_preload(["irrsplat.app.cli", "irrsplat.renderer", "irrsplat.app.render_path", "OpenEXR", __name__])
+    forks.set_forkserver_preload(["irrsplat.app.cli", "irrsplat.renderer", "irrsplat.app.film.frames", "OpenEXR", __name__])
     told, said = forks.Pipe(duplex=False)
     process = forks.Process(target=_child, args=(str(folder), said, argv, harm, values))
     process.start()

@@ -20,8 +20,8 @@ from irrsplat.core import files
 from tests.app.conftest import fake as fake
 from tests.app.conftest import place as place
 from tests.app.conftest import refused as refused
-from tests.app.test_cli_path import FLIGHT
-from tests.app.test_cli_path import flight as flight
+from tests.app.film.test_cli_path import FLIGHT
+from tests.app.film.test_cli_path import flight as flight
 
 RENDER = ["render", "plain.scene", "--size", "3", "2"]
 NAMES = {"a.png", "b.exr", "c.npz", "folder", "s.json"}

@@ -932,10 +932,10 @@ APP = (
     ),
     Mutant(
         "one frame of a path too many",
-        "app/render_path.py",
+        "app/film/flight.py",
         "path.frames if stop is None else stop)",
         "path.frames if stop is None else stop + 1)",
-        ("tests/app/test_cli_path.py::test_the_frames_are_those_of_a_python_slice[flags2-numbers2]",),
+        ("tests/app/film/test_cli_path.py::test_the_frames_are_those_of_a_python_slice[flags2-numbers2]",),
     ),
     Mutant(
         "mouse down looks up",

@@ -1,0 +1,96 @@
+"""`irrsplat fill`: a cache that has the records of a whole flight, for frames that are rendered from it as it is."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from irrsplat.app.common.terminal import say
+from irrsplat.app.film.frames import OnRound, told
+
+if TYPE_CHECKING:
+    from irrsplat.app.film.flight import Flight
+    from irrsplat.renderer import Renderer
+
+_SAVED_EACH = 60.0  # seconds: what a killed process loses at most
+PASSES = 4  # at most: records of one frame take reach from those of another, which then lacks some
+
+
+@dataclass(frozen=True)
+class Filled:
+    """What came of filling a cache.
+
+    frames: the coverage of each frame that was done, by its number: the share of the seen pixels that ask for no record, 0..1.
+    passes: how often the flight was flown. evicted: records that had to go for want of room. interrupted: by Ctrl-C.
+    """
+
+    frames: dict[int, float] = field(default_factory=dict)
+    passes: int = 0
+    evicted: int = 0
+    interrupted: bool = False
+
+    @property
+    def short(self) -> list[int]:
+        """The numbers of the frames that still ask for records."""
+        return [number for number, coverage in self.frames.items() if coverage < 1.0]
+
+
+def fill(
+    renderer: Renderer, flight: Flight, on_round: OnRound | None = None, after_frame: Callable[[], object] = lambda: None
+) -> Filled:
+    """Gather the records that the frames of `flight` ask for, and fly again until none has lost any by those of the others.
+
+    Nothing is written. after_frame: called between two frames, when all records are in place.
+    """
+    found: dict[int, float] = {}
+    evicted, flown = renderer.cache.evicted, 0
+    try:
+        for flown in range(1, PASSES + 1):
+            lost = 0
+            for i, number in enumerate(flight.numbers):
+                words = f"frame {number} of {flight.numbers[-1]}" + (f", again ({flown})" if flown > 1 else "")
+                camera = flight.path.camera(number)
+                if flown == 1 or renderer.coverage(camera) < found[number]:
+                    lost += 1
+                    show = told(on_round, words, i, len(flight.numbers))
+                    _, stats = renderer.converge(camera, show)
+                    if stats["interrupted"]:
+                        raise KeyboardInterrupt
+                    found[number] = stats["coverage"]
+                    after_frame()
+            if not lost:
+                break
+        found |= {number: renderer.coverage(flight.path.camera(number)) for number in flight.numbers if flown == PASSES}
+    except KeyboardInterrupt:
+        return Filled(found, flown, renderer.cache.evicted - evicted, interrupted=True)
+    return Filled(found, flown, renderer.cache.evicted - evicted)
+
+
+def saved_at_times(renderer: Renderer, path: str) -> Callable[[], None]:
+    """To be called after each frame: writes the cache once a minute, so that a process that is killed leaves most of its work."""
+    last = time.monotonic()
+
+    def save() -> None:
+        nonlocal last
+        if time.monotonic() - last > _SAVED_EACH:
+            renderer.save_cache(path)
+            last = time.monotonic()
+
+    return save
+
+
+def statistics(done: Filled, renderer: Renderer) -> dict[str, object]:
+    """For --stats: records, passes, and the coverage of each frame."""
+    frames = [{"frame": number, "coverage": coverage} for number, coverage in done.frames.items()]
+    return {"records": renderer.cache.count, "passes": done.passes, "evicted": done.evicted, "frames": frames}
+
+
+def tell(done: Filled) -> None:
+    """Say what is missing, if anything."""
+    if done.evicted:
+        say(f"notice: the flight needs more records than there may be, {done.evicted} had to go; raise --max-records")
+    if short := done.short:
+        most = 1.0 - min(done.frames[number] for number in short)
+        say(f"notice: {len(short)} of {len(done.frames)} frames still ask for records, at worst at {most:.2%} of their pixels")

@@ -1,0 +1,90 @@
+"""Which frames of which flight a command is about, and the files that they go to."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from dataclasses import dataclass
+from pathlib import Path as File
+from typing import TYPE_CHECKING
+
+from irrsplat.app.film.turntable import turntable
+from irrsplat.core.errors import InputError
+from irrsplat.image.frame import numbered
+from irrsplat.scene.camera_path import Path, load_path
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from irrsplat.scene.model import Camera, Scene
+
+
+@dataclass(frozen=True)
+class Flight:
+    """The frames `numbers` of `path`, each to be written to every one of `outputs`, names with a {frame} in them."""
+
+    path: Path
+    numbers: range
+    outputs: tuple[str, ...] = ()
+
+
+def flies(args: argparse.Namespace) -> bool:
+    """Whether a command is about a flight, and not about one picture."""
+    return args.path is not None or args.turntable is not None
+
+
+def first_name(args: argparse.Namespace, pattern: str) -> str:
+    """The name of the first frame's output, to be checked before the scene is loaded; raises InputError for a bad {frame}."""
+    return numbered(pattern, _span(args)[0])
+
+
+def plan(args: argparse.Namespace, scene: Scene, camera: Camera) -> Flight:
+    """The frames that --path or --turntable, and --frames, ask for. camera: that a turntable goes around with.
+
+    Raises InputError where the path is wrong, or has or names too few.
+    """
+    path = _path(args, scene, camera)
+    start, stop = _span(args)
+    if max(start + 1, stop or 0) > path.frames:
+        wanted, what = f"{start}:{'' if stop is None else stop}", f"path '{args.path}'" if args.path else "turntable"
+        raise InputError(f"--frames {wanted}: the {what} has {path.frames} frames; give A:B within 0:{path.frames}")
+    path.motions.check(scene, path.frames)
+    return Flight(path, range(start, path.frames if stop is None else stop))
+
+
+def with_outputs(flight: Flight, outputs: Sequence[str]) -> Flight:
+    """The flight with the files that its frames go to; raises InputError where two frames would go to one."""
+    taken: dict[str, str] = {}  # names of files, and by which output
+    for pattern in outputs:
+        if len(flight.numbers) > 1 and numbered(pattern, 0) == numbered(pattern, 1):
+            reason = f"{len(flight.numbers)} frames would go to one name; put {{frame}} into it, as in frame{{frame:04d}}.png"
+            raise InputError(f"{reason}, or choose one with --frames", pattern)
+        for number in flight.numbers:
+            name = numbered(pattern, number)
+            if (other := taken.setdefault(os.path.realpath(name), pattern)) != pattern:
+                raise InputError(f"frame {number} would go to a file of '{other}'; give it a name of its own", pattern)
+    return Flight(flight.path, flight.numbers, tuple(outputs))
+
+
+def check_still(flight: Flight, why: str) -> None:
+    """Raises InputError where meshes or lamps move along the way. why: what that hinders, in words."""
+    if flight.path.motions:
+        raise InputError(f"along this path meshes or lamps move, and a cache holds the light of one moment; {why}")
+
+
+def _path(args: argparse.Namespace, scene: Scene, camera: Camera) -> Path:
+    if args.turntable is not None:
+        return turntable(camera, scene.up, args.turntable)
+    return load_path(_find(args.path, scene), scene.camera().fov if args.fov is None else args.fov)
+
+
+def _span(args: argparse.Namespace) -> tuple[int, int | None]:
+    return (0, None) if args.frames is None else args.frames
+
+
+def _find(name: str, scene: Scene) -> File:
+    """The path's file: as it is called, or else in the scene's own folder."""
+    for file in (File(name), File(scene.path).parent / name):
+        if name and os.path.exists(file):
+            return file
+    raise InputError(f"--path '{name}': there is no such file, neither here nor in the scene's folder")

@@ -1,0 +1,106 @@
+"""The frames of a flight, rendered one after the other with one renderer and written to files."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Protocol
+
+from irrsplat.app.false_colours import FalseColours
+from irrsplat.image import frame as output
+from irrsplat.image.statistics import Statistics
+
+if TYPE_CHECKING:
+    from irrsplat.app.common.outputs import Outputs
+    from irrsplat.app.film.flight import Flight
+    from irrsplat.image.frame import Frame
+    from irrsplat.image.view import Progress
+    from irrsplat.renderer import Renderer
+    from irrsplat.scene.model import Camera
+
+
+class OnRound(Protocol):
+    """Called after each round of a render. frame: of a path, in words; before: the share of the path that is done with all frames
+    before it, 0..1; share: what it is of the path itself."""
+
+    def __call__(self, state: Progress, frame: str = "", before: float = 0.0, share: float = 1.0) -> None: ...
+
+
+def told(on_round: OnRound | None, words: str, done: int, count: int) -> Callable[[Progress], None] | None:
+    """What tells `on_round` of the rounds of one frame, `words`, after `done` of `count` frames; None for None."""
+    return None if on_round is None else partial(on_round, frame=words, before=done / count, share=1.0 / count)
+
+
+def metered(renderer: Renderer, flight: Flight, coloured: FalseColours | None = None) -> float:
+    """The exposure in stops of all frames from a frozen cache: that of the path's frame 0, whichever are rendered. That frame
+    also decides where the scale of false colours ends."""
+    exposure = renderer.settings.exposure
+    if exposure != "auto" and (coloured is None or coloured.scale.highest is not None):
+        return float(exposure)
+    camera = flight.path.camera(0)
+    frame = renderer.render(camera, gather=False)
+    if coloured is not None:
+        coloured.settle(frame, renderer, camera)
+    return frame.exposure
+
+
+def render(
+    renderer: Renderer,
+    flight: Flight,
+    buffers: list[str] | None,
+    figures: bool,
+    on_round: OnRound | None,
+    outputs: Outputs,
+    coloured: FalseColours | None = None,
+    frozen: bool = False,
+) -> tuple[list[Statistics], bool]:
+    """Render and write every frame; returns the statistics of those written, and whether that is all of them (False: Ctrl-C, or
+    none of the `outputs` can be written any more).
+
+    Records stay from frame to frame. All frames have the first one's exposure: metered one by one, they would flicker.
+    on_round: as for Renderer.render, called with the frame and how far the path is as well. coloured: the false colours of
+    pictures, if any. frozen: the cache is left as it is, and each frame depends on nothing but that, path and settings: figures
+    are left out then, and exposure is that of the path's frame 0, whichever frame is rendered first.
+    """
+    done: list[Statistics] = []
+    motions = flight.path.motions
+    loaded = renderer.scene if motions else None
+    try:
+        exposure = metered(renderer, flight, coloured) if frozen else None
+        for i, number in enumerate(flight.numbers):
+            show = told(on_round, f"frame {number} of {flight.numbers[-1]}", i, len(flight.numbers))
+            if loaded is not None:
+                renderer.pose(motions.at(loaded, number))
+            camera = flight.path.camera(number)
+            if frozen:
+                frame = renderer.render(camera, progress=show, gather=False)
+            else:
+                frame = renderer.render(camera, progress=show, figures=figures)
+            if frame.stats.get("interrupted"):
+                return done, False
+            exposure = frame.exposure if exposure is None else exposure
+            stats = Statistics(frame=number)
+            stats |= frame.stats
+            stats["exposure"] = exposure
+            frame = replace(frame, stats=stats)
+            written = []
+            for pattern in flight.outputs:
+                name = output.numbered(pattern, number)
+                written.append(outputs.write(name, partial(save, name, frame, buffers, coloured, renderer, camera), pattern))
+            if not any(written):
+                return done, False
+            done.append(stats)
+    except KeyboardInterrupt:  # between two renders, or while a file was written
+        return done, False
+    return done, True
+
+
+def save(
+    name: str, frame: Frame, buffers: list[str] | None, coloured: FalseColours | None, renderer: Renderer, camera: Camera
+) -> None:
+    """Write a frame that `renderer` has just made from `camera` to a file; a .png in false colours where these are asked for."""
+    if coloured is not None and name.lower().endswith(".png"):
+        coloured.save(name, frame, renderer, camera)
+    else:
+        frame.save(name, buffers)

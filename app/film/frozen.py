@@ -1,0 +1,32 @@
+"""`--cache-mode frozen`: pictures from records that stay as they are, and what is said where these do not suffice."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from irrsplat.app.common.terminal import say
+from irrsplat.core.errors import InputError
+
+if TYPE_CHECKING:
+    from irrsplat.image.statistics import Statistics
+
+
+def check(args: argparse.Namespace) -> None:
+    """Raises InputError for a command line that asks for new records as well."""
+    if args.cache is None:
+        raise InputError(
+            "--cache-mode frozen takes all records from a file; give --cache FILE as well, as irrsplat fill makes it"
+        )
+    if args.values.get("quality"):
+        raise InputError("--quality gathers records, and --cache-mode frozen lets none be gathered; leave one of them out")
+
+
+def tell(done: Sequence[Statistics]) -> None:
+    """Say in how many of these pictures there are pixels that no record reaches, if there are any."""
+    bare = [uncovered for stats in done if (uncovered := stats.get("uncovered", 0))]
+    if bare:
+        where = f"{len(bare)} of {len(done)} frames" if len(done) > 1 else "the picture"
+        some = f"some pixels (at most {max(bare)})"
+        say(f"notice: in {where} no record reaches {some}, which take the light of those around; fill the cache for this view")
