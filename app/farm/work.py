@@ -137,6 +137,17 @@ def render(
     return _in_thread(work)
 
 
+def release() -> None:
+    """Free what this process keeps between tasks."""
+
+    def free() -> None:
+        while _kept:
+            _kept.popitem()[1].release()
+        _loaded.clear()
+
+    _in_thread(free)
+
+
 def _renderer(job: Job) -> Renderer:
     """The renderer of a job, the one of the last task where that was for the same."""
     import irrsplat
