@@ -74,7 +74,9 @@ def _lines(one: dict[str, Any]) -> list[str]:
 
 def _merge(args: argparse.Namespace) -> int:
     contents = read_alike(args.files)
-    return _write(args.output, contents[0], merge([content.state for content in contents], contents[0].settings()), "served by others")
+    return _write(
+        args.output, contents[0], merge([content.state for content in contents], contents[0].settings()), "served by others"
+    )
 
 
 def read_alike(paths: Sequence[str]) -> list[Content]:

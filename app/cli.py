@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from irrsplat.app.common.parser import Mistakes
     from irrsplat.app.false_colours import FalseColours
     from irrsplat.app.film.fill import Filled
+    from irrsplat.app.film.films import Films
     from irrsplat.app.film.flight import Flight
     from irrsplat.app.film.frames import OnRound
     from irrsplat.image.statistics import Statistics
@@ -117,14 +118,15 @@ def render(args: argparse.Namespace) -> int:
     cannot be written in the end, the others are."""
     from irrsplat import settings
     from irrsplat.app import false_colours
+    from irrsplat.app.film import films, frames, frozen
     from irrsplat.app.film import flight as flights
-    from irrsplat.app.film import frames, frozen
     from irrsplat.image.frame import needed
 
     settings.preset(args.preset, **args.values)
     buffers, keeps = _buffers(args), args.cache_mode == "frozen"
     with_figures = _has_folder(args) and not keeps
     coloured = false_colours.checked(args)
+    films.check(args)
     if keeps:
         frozen.check(args)
     if args.on is not None and not (keeps and flights.flies(args)):
@@ -133,25 +135,29 @@ def render(args: argparse.Namespace) -> int:
     import irrsplat
 
     scene = irrsplat.load(args.scene, **vars(args.loading))
-    camera, flight = _camera(args, scene), None
+    camera, flight, made = _camera(args, scene), None, None
     if flights.flies(args):
-        flight = flights.with_outputs(flights.plan(args, scene, camera), args.output)
+        flight, made = films.plan(args, flights.with_outputs(flights.plan(args, scene, camera), args.output))
         if keeps:
             flights.check_still(flight, "leave out --cache-mode frozen")
     if flight is not None and args.on is not None:
-        return _render_on(args, scene, flight, buffers, coloured)
+        return _render_on(args, scene, flight, made, buffers, coloured)
     with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, **args.values) as renderer:
         if args.cache is not None and (keeps or os.path.exists(args.cache)):
             _load_cache(renderer, args)
         for notice in (*scene.notices, *renderer.notices):
             say(f"notice: {notice}")
-        outputs = Outputs()
+        outputs, how = Outputs(), dict[str, Any]()
+        if flight is not None and made is not None:
+            made.begin(renderer, flight, coloured, args.cache if keeps else None, args.resume)
+        kept = made.pattern if made is not None and made.kept is not None else ""
         with _round_progress(args) as on_round:
             if flight is not None:
-                done, complete = frames.render(renderer, flight, buffers, with_figures, on_round, outputs, coloured, keeps)
+                how = {"frozen": keeps, "resume": args.resume, "kept": kept}
+                done, complete = frames.render(renderer, flight, buffers, with_figures, on_round, outputs, coloured, **how)
             else:
                 wanted = None if with_figures or coloured is not None else needed(args.output, buffers)
-                how: dict[str, Any] = {"gather": False} if keeps else {"figures": with_figures}
+                how = {"gather": False} if keeps else {"figures": with_figures}
                 frame = renderer.render(camera, progress=on_round, buffers=wanted, **how)
         if flight is None and frame.stats.get("interrupted") and not frame.stats.get("rounds"):
             return _fail("interrupted before the first round was complete; nothing was written", INTERRUPTED)
@@ -159,22 +165,31 @@ def render(args: argparse.Namespace) -> int:
             outputs.write(path, partial(frames.save, path, frame, buffers, coloured, renderer, camera))
         if args.cache is not None and renderer.cache.count and not keeps:
             outputs.write(args.cache, partial(renderer.save_cache, args.cache))
+        if flight is not None and made is not None and complete:
+            made.write(flight, outputs)
     if keeps:
         frozen.tell([frame.stats] if flight is None else done)
     if flight is None:
         return _end_of_render(args, frame.stats, outputs)
-    unfinished = None if complete else f"{len(done)} of {len(flight.numbers)} frames were written"
+    unfinished = None if complete else _so_far(flight, len(done), args.resume or bool(kept))
     return _end_of_path(args, done, unfinished, outputs)
 
 
 def _render_on(
-    args: argparse.Namespace, scene: Scene, flight: Flight, buffers: list[str] | None, coloured: FalseColours | None
+    args: argparse.Namespace,
+    scene: Scene,
+    flight: Flight,
+    made: Films | None,
+    buffers: list[str] | None,
+    coloured: FalseColours | None,
 ) -> int:
-    """The frames of a flight, rendered by the workers of --on."""
+    """The frames of a flight, rendered by the workers of --on, and the films `made` of them."""
     from irrsplat.app.farm import cluster
     from irrsplat.app.film import frozen
     from irrsplat.records import cache_file
 
+    if made is not None and made.kept is not None:
+        raise InputError("with --on a film is made of pictures that stay; give -o 'frame{frame:04d}.png' as well", made.names[0])
     job = cluster.job_of(args, scene, flight)
     cache_file.read(args.cache, job.key)
     for notice in scene.notices:
@@ -182,7 +197,9 @@ def _render_on(
     outputs = Outputs()
     done, complete = cluster.render(args, job, flight, buffers, coloured, outputs)
     frozen.tell(done)
-    return _end_of_path(args, done, None if complete else f"{len(done)} of {len(flight.numbers)} frames were written", outputs)
+    if made is not None and complete:
+        made.write(flight, outputs)
+    return _end_of_path(args, done, None if complete else _so_far(flight, len(done), args.resume), outputs)
 
 
 def _fill_on(args: argparse.Namespace, scene: Scene, flight: Flight) -> int:
@@ -381,7 +398,7 @@ def _check_files(args: argparse.Namespace, mistakes: Mistakes) -> None:
 
 def _check_outputs(args: argparse.Namespace, mistakes: Mistakes) -> None:
     """Add to `mistakes` which outputs, and files of --stats and --cache, cannot be written, and which buffers there are not."""
-    from irrsplat.app.film import flight
+    from irrsplat.app.film import flight, video
     from irrsplat.image.frame import check_writable
 
     names = []
@@ -391,7 +408,7 @@ def _check_outputs(args: argparse.Namespace, mistakes: Mistakes) -> None:
     for name in names:
         for buffers in (None, _buffers(args)):
             with mistakes.gathered():
-                check_writable(name, buffers)
+                video.check(name) if video.is_film(name) else check_writable(name, buffers)
     _check_kept_files(args, mistakes, names)
 
 
@@ -419,11 +436,11 @@ def _buffers(args: argparse.Namespace) -> list[str] | None:
 
 def _has_folder(args: argparse.Namespace) -> bool:
     """Whether one of the outputs is a folder, which has the paper's figures."""
-    from irrsplat.app.film import flight
+    from irrsplat.app.film import flight, video
     from irrsplat.image.frame import check_writable
 
     names = [flight.first_name(args, pattern) for pattern in args.output] if flight.flies(args) else args.output
-    return "" in [check_writable(name) for name in names]
+    return "" in [check_writable(name) for name in names if not video.is_film(name)]
 
 
 def _check_cache(path: str, scene: Scene, preset: str, values: SettingValues) -> None:
@@ -451,6 +468,15 @@ def _end_of_render(args: argparse.Namespace, stats: Statistics, outputs: Outputs
     if not stats.get("converged", True) and "uncovered" not in stats:
         say(f"notice: stopped after {stats.get('rounds')} rounds {_unserved([stats])}")
     return 0
+
+
+def _so_far(flight: Flight, written: int, resumes: bool) -> str:
+    """How far a flight came that was interrupted. resumes: whether frames that were there before count as well."""
+    from irrsplat.app.film.kept import unwritten
+
+    if resumes:
+        written = sum(not unwritten(flight.outputs, number) for number in flight.numbers)
+    return f"{written} of {len(flight.numbers)} frames were written" + ("; --resume goes on from there" if resumes else "")
 
 
 def _end_of_path(args: argparse.Namespace, done: list[Statistics], interrupted: str | None, outputs: Outputs) -> int:

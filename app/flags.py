@@ -10,13 +10,13 @@ from typing import Any, NoReturn
 
 from irrsplat.app.common.parser import Mistakes, Parser
 from irrsplat.app.common.version import version
+from irrsplat.app.film.words import CACHE_MODES, QUALITIES
 from irrsplat.core.load_options import CREASE_ANGLE, UP_AXES, LoadOptions
 from irrsplat.settings import PRESETS, SETTINGS, Declaration
 
 DEFAULT_SCENE = "cornell"
 FALSE_COLOURED = ("light", "irradiance", "image", "direct", "indirect", "emission")
 MOST_DECADES = 9
-CACHE_MODES = ("keep", "frozen", "update")
 SHELLS = ("bash", "zsh", "fish")
 _BYTES = {"": 1, "kB": 10**3, "MB": 10**6, "GB": 10**9}
 _OF_CAMERAS = {"camera", "eye", "target", "up", "fov", "path", "turntable", "frames"}
@@ -53,6 +53,14 @@ def _whole(text: str, low: int, high: int, expected: str) -> int:
     if not re.fullmatch(r"\d{1,9}", text, re.ASCII) or not low <= int(text) <= high:
         raise argparse.ArgumentTypeError(f"expected {expected}, not '{text}'")
     return int(text)
+
+
+def rate(text: str) -> float:
+    """Frames per second, for argparse."""
+    value = number(text)
+    if not 0.1 <= value <= 240.0:
+        raise argparse.ArgumentTypeError(f"expected frames per second, 0.1 to 240, not '{text}'")
+    return value
 
 
 def turns(text: str) -> int:
@@ -147,7 +155,8 @@ def _add_render(commands: Any) -> None:
     add(
         "-o", "--output", metavar="OUT", action="append", required=True,
         help="may be repeated: .png (the picture), .exr (a float32 layer per buffer), .npz (all buffers, records and stats), "
-        "or a folder (a PNG per buffer, and the paper's figures); with --path, {frame} or {frame:04d} in it is the number",
+        "or a folder (a PNG per buffer, and the paper's figures); of a flight, {frame} or {frame:04d} in it is the number, and "
+        ".mp4, .webm and .gif are films (extra: pip install 'irrsplat[video]')",
     )  # fmt: skip
     _add_size(parser, 800)
     _add_preset(parser, "default")
@@ -162,11 +171,16 @@ def _add_render(commands: Any) -> None:
     add("--stats", metavar="FILE.json", help="write records, rounds, times and settings to this file")
     _add_camera(parser)
     _add_false_colours(parser)
-    _add_flight(parser, "a flight instead of one picture; records and the first frame's exposure are kept")
+    group = _add_flight(parser, "a flight instead of one picture; records and the first frame's exposure are kept")
+    words = "keep frames that are written already, and render the others; of a film, what was stopped"
+    group.add_argument("--resume", action="store_true", help=words)
+    group.add_argument("--fps", type=rate, metavar="N", help="frames per second of a film (default: 30)")
+    words = f"{', '.join(QUALITIES)}: how much of the pictures a film keeps (default: good)"
+    group.add_argument("--film-quality", choices=QUALITIES, metavar="WORD", help=words)
     _add_settings(parser)
 
 
-def _add_flight(parser: argparse.ArgumentParser, words: str) -> None:
+def _add_flight(parser: argparse.ArgumentParser, words: str) -> Any:
     group = parser.add_argument_group("path", words)
     group.add_argument("--path", metavar="FILE", help="its cameras: a text file, looked for here, then in the scene's folder")
     words = "instead of a path: a full circle of N frames around what the camera looks at, which goes on without a seam"
@@ -174,6 +188,7 @@ def _add_flight(parser: argparse.ArgumentParser, words: str) -> None:
     group.add_argument("--frames", type=frames, metavar="A:B", help="frames A to B - 1; either may be left out (default: all)")
     words = "have it done by the workers of the Dask scheduler at this address; needs the extra: pip install 'irrsplat[cluster]'"
     group.add_argument("--on", type=address, metavar="tcp://HOST:PORT", help=words)
+    return group
 
 
 def _add_fill(commands: Any) -> None:
@@ -187,7 +202,9 @@ def _add_fill(commands: Any) -> None:
     _add_scene(parser)
     words = "the file that the records are kept in; where it is there, they are added to its own"
     parser.add_argument("--cache", metavar="FILE", required=True, help=words)
-    words = "keep: the file must be of this scene; update: where it was made for another state of it, what that concerns is gathered"
+    words = (
+        "keep: the file must be of this scene; update: where it was made for another state of it, what that concerns is gathered"
+    )
     parser.add_argument(
         "--cache-mode", choices=("keep", "update"), default="keep", metavar="WORD", help=f"{words} again (default: keep)"
     )
@@ -203,7 +220,9 @@ def _add_cache_tools(commands: Any) -> Any:
     words = "what is in files of records, several of them as one, and one with fewer records"
     parser = commands.add_parser("cache", help=words, description=f"{words[0].upper()}{words[1:]}.")
     tools = parser.add_subparsers(dest="tool", metavar="TOOL", required=True, parser_class=Parser)
-    info = tools.add_parser("info", help="what is in them", description="Say what record caches were made for, and what they hold.")
+    info = tools.add_parser(
+        "info", help="what is in them", description="Say what record caches were made for, and what they hold."
+    )
     info.add_argument("files", nargs="+", metavar="FILE", help="record caches")
     info.add_argument("--json", dest="as_json", action="store_true", help="as JSON, with all settings")
     merge = tools.add_parser(

@@ -82,9 +82,7 @@ class _Seen:
                 off = np.abs(((q[:, :3] - p) * n).sum(-1))
                 same &= (q[:, 3] > 0.0) & (off < tolerance) & ((m * n).sum(-1) > _ALIKE)
                 then += np.abs(1 - i - (x - left)) * np.abs(1 - j - (y - top)) * before.luminance[row, column]
-        dark = _DARK * float(self.luminance[seen].mean(dtype=float)) + 1e-20
-        change: np.ndarray = (np.abs(now - then) / np.maximum(0.5 * (now + then), dark))[same]
-        return change
+        return change(now, then, float(self.luminance[seen].mean(dtype=float)))[same]
 
 
 def run(scenes: Sequence[Scene], size: tuple[int, int], preset: str) -> list[dict[str, object]]:
@@ -92,10 +90,21 @@ def run(scenes: Sequence[Scene], size: tuple[int, int], preset: str) -> list[dic
     print(f"flights of {FRAMES} frames, {size[0]}x{size[1]}")
     print(LEGEND)
     found = [flicker for scene in scenes for flicker in measure(scene, size, preset, tell=doing)]
-    rows = [("scene", "flight", "rms", "above 5 %", "median ms", "records")]
-    rows += [(f.scene, f.case, f"{f.rms:.2%}", f"{f.jumps:.2%}", f"{f.median_ms:.0f}", str(f.records)) for f in found]
-    print("\n".join(columns(rows, left=2)))
+    print("\n".join(table(found)))
     return [asdict(flicker) for flicker in found]
+
+
+def table(found: Sequence[Flicker]) -> list[str]:
+    """The lines of a table of flights."""
+    rows = [("scene", "flight", "rms", "above 5 %", "median ms", "records")]
+    rows += [(f.scene, f.case, f"{f.rms:.2%}", f"{f.jumps:.3%}", f"{f.median_ms:.0f}", str(f.records)) for f in found]
+    return list(columns(rows, left=2))
+
+
+def change(now: np.ndarray, then: np.ndarray, mean: float) -> np.ndarray:
+    """(N,) the relative change of luminance, where that of the frame is `mean`."""
+    found: np.ndarray = np.abs(now - then) / np.maximum(0.5 * (now + then), _DARK * mean + 1e-20)
+    return found
 
 
 def measure(
@@ -136,8 +145,8 @@ def _flight(case: str, renderer: Renderer, cameras: Sequence[Camera], seconds: f
         ms.append(1e3 * (time.perf_counter() - start))
         seen = _Seen.of(view)
         if before is not None:
-            change = seen.since(before)
-            squares, jumps, count = squares + float(change @ change), jumps + np.count_nonzero(change > JUMP), count + len(change)
+            off = seen.since(before)
+            squares, jumps, count = squares + float(off @ off), jumps + np.count_nonzero(off > JUMP), count + len(off)
         before = seen
     rms, share = float(np.sqrt(squares / max(count, 1.0))), jumps / max(count, 1.0)
     return Flicker(renderer.scene.name, case, rms, share, float(np.median(ms)), renderer.cache.count)

@@ -31,12 +31,13 @@ class Outputs:
     def __init__(self) -> None:
         self.failures: dict[str, IrrsplatError] = {}
 
-    def write(self, path: str, write: Callable[[], object], name: str = "") -> bool:
+    def write(self, path: str, write: Callable[[], object], name: str = "", tells: bool = True) -> bool:
         """Let `write` make the file `path`; whether it did. An output that failed once is not tried again. name: of the output,
-        where that is not the file: the pattern of a path's frames."""
+        where that is not the file: the pattern of a path's frames. tells: whether it is said once the file is there."""
         if (name or path) in self.failures:
             return False
-        doing(f"writing {path}")
+        if tells:
+            doing(f"writing {path}")
         try:
             write()
         except IrrsplatError as error:
@@ -46,7 +47,8 @@ class Outputs:
         except MemoryError:
             self.failures[name or path] = IrrsplatError(f"{path}: cannot write: there is not enough memory")
         else:
-            wrote(path)
+            if tells:
+                wrote(path)
             return True
         return False
 

@@ -15,6 +15,7 @@ from irrsplat.app.common.terminal import OnShare, doing, progress
 from irrsplat.app.farm import work
 from irrsplat.app.farm.work import Job, Part, Rendered
 from irrsplat.app.film.fill import Filled
+from irrsplat.app.film.kept import unwritten
 from irrsplat.core import files
 from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.image.frame import numbered
@@ -50,10 +51,10 @@ def fill(args: argparse.Namespace, job: Job, flight: Flight) -> tuple[bytes, Fil
     start = File(args.cache).read_bytes() if os.path.exists(args.cache) else None
     with _client(args.on) as (client, workers), progress("filling") as line:
         parts: list[Part] = []
-        begun = None if start is None else client.scatter(start, hash=False)
+        begun = None if start is None else _sent(client, start)
         try:
-            calls = [partial(work.fill, job, numbers) for numbers in split(flight.numbers, len(workers))]
-            futures = [client.submit(call, begun, pure=False) for call in calls]
+            numbers = split(flight.numbers, len(workers))
+            futures = [client.submit(work.fill, job, part, begun, pure=False) for part in numbers]
             parts = list(_collected(client, futures, line, "parts of the flight are filled"))
         except KeyboardInterrupt:
             return _merged([part.cache for part in parts], start), _summed(parts, interrupted=True)
@@ -62,7 +63,7 @@ def fill(args: argparse.Namespace, job: Job, flight: Flight) -> tuple[bytes, Fil
             return whole, parts[0].done
         try:
             doing("merged; gathering what the whole flight still lacks")
-            last = client.submit(work.fill, job, flight.numbers, client.scatter(whole, hash=False), pure=False).result()
+            last = _result(client.submit(work.fill, job, flight.numbers, _sent(client, whole), pure=False))
         except KeyboardInterrupt:
             return whole, _summed(parts, interrupted=True)
         return last.cache, last.done
@@ -78,21 +79,24 @@ def render(
 ) -> tuple[list[Statistics], bool]:
     """Have the frames of a flight rendered from the frozen cache and write them here; as frames.render."""
     done: dict[int, Statistics] = {}
+    wanted = [number for number in flight.numbers if not args.resume or unwritten(flight.outputs, number)]
+    if not wanted:
+        return [], True
     records = File(args.cache).read_bytes()
     with _client(args.on) as (client, workers), progress("rendering") as line:
         drawn_by = _one_driver(client, workers)
-        sent = client.scatter(records, broadcast=True, hash=False)
+        sent = _sent(client, records)
         futures = [
             client.submit(work.render, job, numbers, sent, flight.outputs, buffers, coloured, drawn_by, pure=False)
-            for numbers in split(flight.numbers, _PARTS * len(workers))
+            for numbers in runs(wanted, _PARTS * len(workers))
         ]
         try:
             for rendered in _collected(client, futures, line, "parts of the flight are rendered"):
-                _write(rendered, flight, outputs)
+                _write(rendered, flight, outputs, args.resume)
                 done |= {stats["frame"]: stats for stats in rendered.stats}
         except KeyboardInterrupt:
             return [done[number] for number in sorted(done)], False
-    return [done[number] for number in sorted(done)], len(done) == len(flight.numbers)
+    return [done[number] for number in sorted(done)], not outputs.failures
 
 
 def count(data: bytes) -> int:
@@ -105,6 +109,17 @@ def split(numbers: range, parts: int) -> list[range]:
     count = len(numbers)
     cuts = [count * i // parts for i in range(parts + 1)]
     return [numbers[low:high] for low, high in zip(cuts, cuts[1:], strict=False) if high > low]
+
+
+def runs(numbers: Sequence[int], parts: int) -> list[range]:
+    """These numbers, ascending, in ranges of one after the other: about so many, and more where there are gaps."""
+    longest, found = -(-len(numbers) // parts), list[range]()
+    for number in numbers:
+        if found and found[-1].stop == number and len(found[-1]) < longest:
+            found[-1] = range(found[-1].start, number + 1)
+        else:
+            found.append(range(number, number + 1))
+    return found
 
 
 # ---- the scheduler -----------------------------------------------------------------------------------------------------
@@ -146,6 +161,12 @@ def _collected(client: Any, futures: Sequence[Any], line: OnShare | None, words:
     except BaseException:
         client.cancel(futures)
         raise
+
+
+def _sent(client: Any, data: bytes) -> Any:
+    """A future that gives `data` to tasks. It is a task itself, so that it outlives the workers that have the data: what is only
+    scattered is lost with them."""
+    return client.submit(bytes, data, pure=False)
 
 
 def _result(future: Any) -> Any:
@@ -205,11 +226,13 @@ def _summed(parts: Sequence[Part], interrupted: bool) -> Filled:
     return Filled(frames, passes, sum(part.done.evicted for part in parts), interrupted)
 
 
-def _write(rendered: Rendered, flight: Flight, outputs: Outputs) -> None:
+def _write(rendered: Rendered, flight: Flight, outputs: Outputs, resume: bool) -> None:
+    """Write these files; to `resume`, those that are there stay."""
     for (number, i), content in rendered.files.items():
         pattern = flight.outputs[i]
         name = numbered(pattern, number)
-        outputs.write(name, partial(_write_files, name, content), pattern)
+        if not resume or pattern in unwritten([pattern], number):
+            outputs.write(name, partial(_write_files, name, content), pattern)
 
 
 def _write_files(name: str, content: dict[str, bytes]) -> None:

@@ -129,9 +129,7 @@ def render(
             flight = Flight(job.path, numbers, tuple(names))
             stats, _ = frames.render(renderer, flight, buffers, False, None, written, coloured, frozen=True)
             written.tell()
-            found = {
-                (number, i): _read(File(numbered(name, number))) for number in numbers for i, name in enumerate(names)
-            }
+            found = {(number, i): _read(File(numbered(name, number))) for number in numbers for i, name in enumerate(names)}
         return Rendered(stats, found, coloured)
 
     return _in_thread(work)
@@ -162,7 +160,9 @@ def _renderer(job: Job) -> Renderer:
     scene = irrsplat.load(job.scene, **vars(job.loading))
     here = cache_file.key(scene.recentred.local, preset(job.preset, **job.values))
     if reason := cache_file.difference(here, job.key):
-        raise InputError(f"the scene of this worker was made {reason}; bring its files to the same state on all machines", job.scene)
+        raise InputError(
+            f"the scene of this worker was made {reason}; bring its files to the same state on all machines", job.scene
+        )
     made = irrsplat.Renderer(scene, job.size, job.preset, **job.values)
     _kept[job] = made
     return made

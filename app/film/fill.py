@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from irrsplat.renderer import Renderer
 
 _SAVED_EACH = 60.0  # seconds: what a killed process loses at most
-PASSES = 4  # at most: records of one frame take reach from those of another, which then lacks some
+PASSES = 8  # at most: records of one frame take reach from those of another, which then lacks some
 
 
 @dataclass(frozen=True)

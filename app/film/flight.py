@@ -9,6 +9,7 @@ from pathlib import Path as File
 from typing import TYPE_CHECKING
 
 from irrsplat.app.film.turntable import turntable
+from irrsplat.app.film.video import is_film
 from irrsplat.core.errors import InputError
 from irrsplat.image.frame import numbered
 from irrsplat.scene.camera_path import Path, load_path
@@ -21,7 +22,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Flight:
-    """The frames `numbers` of `path`, each to be written to every one of `outputs`, names with a {frame} in them."""
+    """The frames `numbers` of `path`, each to be written to every one of `outputs`, names with a {frame} in them; but for those
+    that are films, which hold all of them."""
 
     path: Path
     numbers: range
@@ -35,7 +37,7 @@ def flies(args: argparse.Namespace) -> bool:
 
 def first_name(args: argparse.Namespace, pattern: str) -> str:
     """The name of the first frame's output, to be checked before the scene is loaded; raises InputError for a bad {frame}."""
-    return numbered(pattern, _span(args)[0])
+    return pattern if is_film(pattern) else numbered(pattern, _span(args)[0])
 
 
 def plan(args: argparse.Namespace, scene: Scene, camera: Camera) -> Flight:
@@ -53,9 +55,12 @@ def plan(args: argparse.Namespace, scene: Scene, camera: Camera) -> Flight:
 
 
 def with_outputs(flight: Flight, outputs: Sequence[str]) -> Flight:
-    """The flight with the files that its frames go to; raises InputError where two frames would go to one."""
+    """The flight with the files that its frames, or all of them together, go to; raises InputError where two frames would go to
+    one."""
     taken: dict[str, str] = {}  # names of files, and by which output
     for pattern in outputs:
+        if is_film(pattern):
+            continue
         if len(flight.numbers) > 1 and numbered(pattern, 0) == numbered(pattern, 1):
             reason = f"{len(flight.numbers)} frames would go to one name; put {{frame}} into it, as in frame{{frame:04d}}.png"
             raise InputError(f"{reason}, or choose one with --frames", pattern)

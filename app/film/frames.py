@@ -8,6 +8,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
 from irrsplat.app.false_colours import FalseColours
+from irrsplat.app.film.kept import unwritten
 from irrsplat.image import frame as output
 from irrsplat.image.statistics import Statistics
 
@@ -32,14 +33,16 @@ def told(on_round: OnRound | None, words: str, done: int, count: int) -> Callabl
     return None if on_round is None else partial(on_round, frame=words, before=done / count, share=1.0 / count)
 
 
-def metered(renderer: Renderer, flight: Flight, coloured: FalseColours | None = None) -> float:
-    """The exposure in stops of all frames from a frozen cache: that of the path's frame 0, whichever are rendered. That frame
-    also decides where the scale of false colours ends."""
+def metered(
+    renderer: Renderer, flight: Flight, coloured: FalseColours | None = None, number: int = 0, gather: bool = False
+) -> float:
+    """The exposure in stops that all frames have: that of frame `number`, whichever are rendered. That frame also decides where
+    the scale of false colours ends. gather: whether it may gather records."""
     exposure = renderer.settings.exposure
     if exposure != "auto" and (coloured is None or coloured.scale.highest is not None):
         return float(exposure)
-    camera = flight.path.camera(0)
-    frame = renderer.render(camera, gather=False)
+    camera = flight.path.camera(number)
+    frame = renderer.render(camera, gather=gather)
     if coloured is not None:
         coloured.settle(frame, renderer, camera)
     return frame.exposure
@@ -54,6 +57,8 @@ def render(
     outputs: Outputs,
     coloured: FalseColours | None = None,
     frozen: bool = False,
+    resume: bool = False,
+    kept: str = "",
 ) -> tuple[list[Statistics], bool]:
     """Render and write every frame; returns the statistics of those written, and whether that is all of them (False: Ctrl-C, or
     none of the `outputs` can be written any more).
@@ -61,15 +66,22 @@ def render(
     Records stay from frame to frame. All frames have the first one's exposure: metered one by one, they would flicker.
     on_round: as for Renderer.render, called with the frame and how far the path is as well. coloured: the false colours of
     pictures, if any. frozen: the cache is left as it is, and each frame depends on nothing but that, path and settings: figures
-    are left out then, and exposure is that of the path's frame 0, whichever frame is rendered first.
+    are left out then, and exposure is that of the path's frame 0, whichever frame is rendered first. resume: files that are there
+    stay, and frames that have all of theirs are not rendered. kept: that of the outputs whose files are nothing to tell of.
     """
     done: list[Statistics] = []
+    exposure: float | None = None
     motions = flight.path.motions
     loaded = renderer.scene if motions else None
     try:
-        exposure = metered(renderer, flight, coloured) if frozen else None
-        for i, number in enumerate(flight.numbers):
-            show = told(on_round, f"frame {number} of {flight.numbers[-1]}", i, len(flight.numbers))
+        wanted = {number: unwritten(flight.outputs, number) if resume else flight.outputs for number in flight.numbers}
+        wanted = {number: patterns for number, patterns in wanted.items() if patterns}
+        if frozen and wanted:
+            exposure = metered(renderer, flight, coloured)
+        elif wanted and flight.numbers[0] not in wanted:
+            exposure = metered(renderer, flight, coloured, flight.numbers[0], gather=True)
+        for i, (number, patterns) in enumerate(wanted.items()):
+            show = told(on_round, f"frame {number} of {flight.numbers[-1]}", i, len(wanted))
             if loaded is not None:
                 renderer.pose(motions.at(loaded, number))
             camera = flight.path.camera(number)
@@ -85,9 +97,10 @@ def render(
             stats["exposure"] = exposure
             frame = replace(frame, stats=stats)
             written = []
-            for pattern in flight.outputs:
+            for pattern in patterns:
                 name = output.numbered(pattern, number)
-                written.append(outputs.write(name, partial(save, name, frame, buffers, coloured, renderer, camera), pattern))
+                write = partial(save, name, frame, buffers, coloured, renderer, camera)
+                written.append(outputs.write(name, write, pattern, tells=pattern != kept))
             if not any(written):
                 return done, False
             done.append(stats)

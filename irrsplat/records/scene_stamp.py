@@ -97,7 +97,8 @@ def stamp_of(scene: Scene, around: str, materials: Sequence[str]) -> SceneStamp:
     )
     held = scene.meshes if sum(mesh.vertices for mesh in meshes) <= _MOST_VERTICES else ()
     positions, normals = (
-        np.concatenate([np.zeros((0, 3), np.float32), *(getattr(mesh, name) for mesh in held)]) for name in ("positions", "normals")
+        np.concatenate([np.zeros((0, 3), np.float32), *(getattr(mesh, name) for mesh in held)])
+        for name in ("positions", "normals")
     )
     return SceneStamp(scene.name, around, tuple(scene.origin), meshes, tuple(order(scene)), positions, normals)
 

@@ -85,7 +85,6 @@ def test_a_renewed_cache_is_as_exact_as_a_fresh_one(change: str, saved: Path, tm
         assert kept > 0.5 * fresh.stats["records"] and not len(renderer.cache.stale)
     with Renderer(scene, SIZE, **FINE | {"gather_size": 32, "a": 0.3, "seed": 5}) as fine:
         truth = fine.render()
-    print(change, apart(renewed, truth), apart(fresh, truth), kept, renewed.stats["records"], fresh.stats["records"])
     assert apart(renewed, truth) < 1.1 * apart(fresh, truth)
     assert renewed.irradiance.mean() == pytest.approx(truth.irradiance.mean(), rel=0.01)
 

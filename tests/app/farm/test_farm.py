@@ -25,8 +25,6 @@ FLIGHT = [*FAST, "--path", "a.path", "--cache", "film.cache"]
 FILL, RENDER = ["fill", "room.scene", *FLIGHT], ["render", "room.scene", *FLIGHT, "--cache-mode", "frozen"]
 
 
-
-
 @pytest.fixture
 def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A working folder with a room in it, and a flight of six frames."""

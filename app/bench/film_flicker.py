@@ -1,0 +1,141 @@
+"""How far light changes from frame to frame of a film, at the very same places: nothing is interpolated between pixels.
+
+The places that a frame sees are held against the frame before: each is put at the pixel where that one saw it, and the records
+are splatted there by its camera. What changes is what records there are, and how far they reach in one view and in the next.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from itertools import pairwise
+
+import moderngl
+import numpy as np
+
+from irrsplat.app.bench.flicker import FRAMES, JUMP, Flicker, change, table
+from irrsplat.app.bench.fly_through import route
+from irrsplat.app.common.terminal import doing
+from irrsplat.app.film.fill import fill
+from irrsplat.app.film.flight import Flight
+from irrsplat.core.color import LUMINANCE
+from irrsplat.gpu.target import float_texture, pixels
+from irrsplat.indirect.splat import SplatPass
+from irrsplat.records.culling import reaching
+from irrsplat.renderer import Renderer
+from irrsplat.scene.camera_path import Path
+from irrsplat.scene.model import Camera, Scene
+
+LEGEND = """\
+films: the same places in two frames, by what the records say of them in each; film: each frame gathers what it lacks; frozen: all
+frames are of one cache that was filled along the way before\
+"""
+_SAME = 0.01  # of the distance: a place was seen in the frame before where that shows something so near to it
+
+
+@dataclass(frozen=True)
+class Places:
+    """What a camera sees: position and depth, the surface's normal, and that which light meets, (H, W, 4) each, top row first."""
+
+    camera: Camera
+    position: np.ndarray
+    normal: np.ndarray
+    lit_normal: np.ndarray
+
+    @classmethod
+    def seen(cls, renderer: Renderer, camera: Camera) -> Places:
+        """By `camera`, which is in world space."""
+        local = camera.shifted(np.negative(renderer.scene.origin))
+        gbuffer = renderer.draw_gbuffer(local)
+        return cls(local, *(pixels(one).copy() for one in (gbuffer.position, gbuffer.normal, gbuffer.lit_normal)))
+
+    def put_where(self, before: Places) -> tuple[Places, np.ndarray]:
+        """These places, each at the pixel where the frame `before` saw it; and (H, W) the numbers of their own ones, -1: none."""
+        height, width = self.position.shape[:2]
+        camera, depth = before.camera, self.position[..., 3]
+        (numbers,) = np.nonzero(depth.ravel() > 0.0)
+        right, up, backward = camera.axes
+        away = self.position.reshape(-1, 4)[numbers, :3] - np.asarray(camera.eye)
+        z = -(away @ backward)
+        scale = height / (camera.screen * np.maximum(z, 1e-9))  # pixels per metre
+        x = np.floor(away @ right * scale + 0.5 * width).astype(int)
+        y = np.floor(0.5 * height - away @ up * scale).astype(int)
+        here = (z > 0.0) & (x >= 0) & (y >= 0) & (x < width) & (y < height)
+        numbers, x, y, z = (v[here] for v in (numbers, x, y, z))
+        here = np.abs(before.position[y, x, 3] - z) < _SAME * z
+        numbers, x, y, z = (v[here] for v in (numbers, x, y, z))
+        position, normal, lit_normal = np.zeros((3, height, width, 4), "f4")
+        own = np.full((height, width), -1)
+        own[y, x] = numbers
+        position[y, x] = np.column_stack([self.position.reshape(-1, 4)[numbers, :3], z])
+        normal[y, x] = self.normal.reshape(-1, 4)[numbers]
+        lit_normal[y, x] = self.lit_normal.reshape(-1, 4)[numbers]
+        return Places(camera, position, normal, lit_normal), own
+
+
+def run(scenes: Sequence[Scene], size: tuple[int, int], preset: str) -> list[dict[str, object]]:
+    """Measure every scene, print a table, and return its rows for JSON."""
+    print(LEGEND)
+    found = []
+    for scene in scenes:
+        doing(f"{scene.name}: films")
+        found += measure(scene, size, preset, FRAMES)
+    doing("")
+    print("\n".join(table(found)))
+    return [asdict(one) for one in found]
+
+
+def measure(scene: Scene, size: tuple[int, int], preset: str, frames: int) -> Iterator[Flicker]:
+    """The films "film" and "frozen" by the bench's flight through `scene`."""
+    path = Path(route(scene).keys, frames)
+    with Renderer(scene, size, preset) as renderer:
+        for frozen in (False, True):
+            renderer.forget(lights=False)
+            if frozen:
+                fill(renderer, Flight(path, range(frames)))
+            yield film_flicker(renderer, list(path), frozen)
+
+
+def film_flicker(renderer: Renderer, cameras: Sequence[Camera], frozen: bool) -> Flicker:
+    """How far irradiance changes from frame to frame of the film by `cameras`. frozen: by the records that there are; else each
+    frame gathers those that it lacks."""
+    squares = jumps = count = 0.0
+    ms: list[float] = []
+    textures = [float_texture(renderer.ctx, renderer.size, 4) for _ in range(3)]
+    splat = SplatPass(renderer.ctx, renderer.size, renderer.settings.gradients)
+    try:
+        start = time.perf_counter()
+        renderer.render(cameras[0], gather=not frozen, buffers=("irradiance",))
+        for camera, following in pairwise(cameras):
+            ms.append(1e3 * (time.perf_counter() - start))
+            places, own = Places.seen(renderer, following).put_where(Places.seen(renderer, camera))
+            then, there = _said(renderer, places, splat, textures)
+            start = time.perf_counter()
+            frame = renderer.render(following, gather=not frozen, buffers=("irradiance", "depth"))
+            now = frame.irradiance @ LUMINANCE
+            both = (own >= 0) & there
+            off = change(now.ravel()[own[both]], then[both], float(now[np.isfinite(frame.depth)].mean(dtype=float)))
+            squares, jumps, count = squares + float(off @ off), jumps + np.count_nonzero(off > JUMP), count + len(off)
+    finally:
+        for one in (*textures, splat):
+            one.release()
+    rms, share = float(np.sqrt(squares / max(count, 1.0))), float(jumps / max(count, 1.0))
+    case = "frozen" if frozen else "film"
+    return Flicker(renderer.scene.name, case, rms, share, float(np.median(ms)), renderer.cache.count)
+
+
+def _said(
+    renderer: Renderer, places: Places, splat: SplatPass, textures: Sequence[moderngl.Texture]
+) -> tuple[np.ndarray, np.ndarray]:
+    """(H, W) the luminance of the irradiance that the records have for these places in their camera's view, and where any has."""
+    for texture, values in zip(textures, (places.position, places.normal, places.lit_normal), strict=True):
+        texture.write(np.ascontiguousarray(values[::-1]).tobytes())
+    seen = renderer.draw_gbuffer(places.camera)
+    bent = textures[2] if seen.mapped_normal is not None else None
+    gbuffer = replace(seen, position=textures[0], normal=textures[1], mapped_normal=bent)
+    splat.clear(gbuffer)
+    numbers = reaching(renderer.cache, 0, places.camera, renderer.size, renderer.settings)
+    splat(renderer.cache.records, numbers, gbuffer, places.camera, renderer.settings)
+    sums = pixels(splat.target.textures[0])
+    return (sums[..., :3] @ LUMINANCE) / np.maximum(sums[..., 3], 1e-20), sums[..., 3] > 0.0

@@ -1,0 +1,87 @@
+"""The films among the outputs of a flight: which pictures they are made of, and their encoding once all of these are there."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from irrsplat.app.common.terminal import progress
+from irrsplat.app.film import video
+from irrsplat.app.film.kept import KeptFrames, key_of
+from irrsplat.core.errors import InputError
+from irrsplat.image.frame import numbered
+
+if TYPE_CHECKING:
+    from irrsplat.app.common.outputs import Outputs
+    from irrsplat.app.film.flight import Flight
+    from irrsplat.renderer import Renderer
+
+
+@dataclass(frozen=True)
+class Films:
+    """The films `names`, of the PNG files of `pattern`. kept: the folder that these are in for that alone, None where they are
+    outputs themselves."""
+
+    names: tuple[str, ...]
+    pattern: str
+    encoding: video.Encoding
+    kept: KeptFrames | None = None
+
+    def begin(self, renderer: Renderer, flight: Flight, colours: object, cache: str | None, resume: bool) -> None:
+        """Have the folder ready; arguments as of key_of and KeptFrames.begin."""
+        if self.kept is not None:
+            self.kept.begin(key_of(renderer, flight, colours, cache), resume)
+
+    def write(self, flight: Flight, outputs: Outputs) -> None:
+        """Encode the films of a flight whose frames are all there."""
+        pictures = [Path(numbered(self.pattern, number)) for number in flight.numbers]
+        good = True
+        for name in self.names:
+            with progress(f"{name}: encoding") as line:
+
+                def show(share: float, name: str = name) -> None:
+                    if line is not None:
+                        line(share, f"{name}: encoding", name)
+
+                good &= outputs.write(name, partial(video.write, name, pictures, self.encoding, show))
+        if good and self.kept is not None:
+            self.kept.remove()
+
+
+def plan(args: argparse.Namespace, flight: Flight) -> tuple[Flight, Films | None]:
+    """The flight with outputs for pictures alone, and the films to make of these; None for none.
+
+    Where a .png is among the outputs, the films are made of that, else of pictures that are kept beside the first film until it
+    is whole. Raises InputError where something is in the way there.
+    """
+    names = tuple(output for output in flight.outputs if video.is_film(output))
+    if not names:
+        return flight, None
+    stills = tuple(output for output in flight.outputs if not video.is_film(output))
+    encoding = video.Encoding(Fraction(args.fps).limit_denominator(1001), args.film_quality)
+    of_png = next((output for output in stills if output.lower().endswith(".png")), None)
+    if of_png is not None:
+        return replace(flight, outputs=stills), Films(names, of_png, encoding)
+    kept = KeptFrames.beside(names[0])
+    kept.check()
+    return replace(flight, outputs=(*stills, kept.pattern)), Films(names, kept.pattern, encoding, kept)
+
+
+def check(args: argparse.Namespace) -> None:
+    """Raises InputError for flags of films and flights that do not go with the others."""
+    films = [output for output in args.output if video.is_film(output)]
+    if not films and (args.fps is not None or args.film_quality is not None):
+        flag = "--fps" if args.fps is not None else "--film-quality"
+        raise InputError(f"{flag} is for a film, and no output is one; give -o NAME.mp4, .webm or .gif")
+    flies = args.path is not None or args.turntable is not None
+    if films and not flies:
+        raise InputError("a film needs a flight; give --path FILE or --turntable N", films[0])
+    if args.resume and not flies:
+        raise InputError("--resume goes on with the frames of a flight; give --path FILE or --turntable N")
+    if films and args.values.get("backdrop") == "clear":
+        raise InputError("films have no alpha; take another --backdrop than clear, or .png", films[0])
+    args.fps, args.film_quality = args.fps or 30.0, args.film_quality or "good"
