@@ -80,7 +80,7 @@ def _merge(args: argparse.Namespace) -> int:
 
 
 def read_alike(paths: Sequence[str]) -> list[Content]:
-    """What these files hold; raises InputError where one cannot be read, or was not made for the scene and settings of the first."""
+    """What these files hold; raises InputError where one cannot be read, or was made for other things than the first."""
     contents = [cache_file.read_any(path) for path in paths]
     for path, content in zip(paths, contents, strict=True):
         if reason := cache_file.difference(content.key, contents[0].key):

@@ -165,7 +165,7 @@ def _add_render(commands: Any) -> None:
     add(
         "--cache-mode", choices=CACHE_MODES, default="keep", metavar="WORD",
         help="keep: records are added to those of --cache; frozen: none is added or changed, nor the file, so that a frame "
-        "is the same, whichever are rendered before it and by whom; update: as keep, and where the file was made for another state "
+        "is the same, whichever are rendered before it and by whom; update: as keep, and where the file is of another state "
         "of the scene, what that concerns is gathered again (default: keep)",
     )  # fmt: skip
     add("--stats", metavar="FILE.json", help="write records, rounds, times and settings to this file")
@@ -229,7 +229,7 @@ def _add_cache_tools(commands: Any) -> Any:
         "merge",
         help="several as one",
         description="Write one cache with the records of several that were made apart, for one scene with one set of settings.",
-        epilog="All records of the first stay; of each further one those whose places the ones before do not serve. Limits of radii,\n"
+        epilog="All records of the first stay; of each further one those whose places no others serve. Limits of radii,\n"
         "where records contradict each other, are found by whoever draws with the cache first.",
     )
     merge.add_argument("files", nargs="+", metavar="FILE", help="record caches")

@@ -8,6 +8,7 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
+from itertools import pairwise
 from pathlib import Path as File
 from typing import TYPE_CHECKING, Any
 
@@ -108,7 +109,7 @@ def split(numbers: range, parts: int) -> list[range]:
     """The numbers in so many parts of one after the other, as equal as can be, none of them empty."""
     count = len(numbers)
     cuts = [count * i // parts for i in range(parts + 1)]
-    return [numbers[low:high] for low, high in zip(cuts, cuts[1:], strict=False) if high > low]
+    return [numbers[low:high] for low, high in pairwise(cuts) if high > low]
 
 
 def runs(numbers: Sequence[int], parts: int) -> list[range]:

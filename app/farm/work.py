@@ -1,4 +1,4 @@
-"""What a worker of a farm does: it fills caches and renders frames for a job, with one renderer that it keeps from task to task."""
+"""What a worker of a farm does: it fills caches and renders frames of a job, with one renderer that it keeps."""
 
 from __future__ import annotations
 

@@ -63,7 +63,8 @@ class CacheState:
     """All that a renderer needs to go on from saved records as if it had never stopped.
 
     records: the arrays of RecordCache.state. adapted: how far the records' radii are adapted. bounces: how the records were
-    gathered and with how many bounces, by the names that the statistics have for it. settings: all that they were made by, by name.
+    gathered and with how many bounces, by the names that the statistics have for it. settings: those that
+    they were made by, all of them.
     """
 
     records: Mapping[str, np.ndarray]
@@ -184,7 +185,7 @@ def read(path: files.Pathlike, key: CacheKey) -> CacheState:
 
 
 def read_any(path: files.Pathlike) -> Content:
-    """All that a file holds, whatever it was made for; raises InputError where it cannot be read, is no record cache or damaged."""
+    """All that a file holds, whatever it was made for; raises InputError where it is missing, no record cache or damaged."""
     header, arrays = _read(path)
     try:
         made_for, about = CacheKey(**header["key"]), header["about"]

@@ -28,8 +28,8 @@ from irrsplat.settings import Settings
 _AT_ONCE = 4096  # records that are held against the others together
 _FAINT, _LEAST_KNOWN = 0.1, 1e-3  # as known_share of shaders/records/weight.glsl has them
 _NEAR = 3.0  # as in shaders/indirect/effective_weight.glsl
-# times the Σw that a pixel asks below: a record was asked for at one pixel, and those around it are to be served as well (at 1, up to
-# 3 % of the pixels of a view ask again; at 2, less than 1 %, for 6 % more records)
+# times the Σw that a pixel asks below: a record was asked for at one pixel, and those around it are to be served too. At 1, up
+# to 3 % of the pixels of a view ask again; at 2, less than 1 %, for 6 % more records
 _ENOUGH = 2.0
 _PAIRS = 1 << 22  # that are looked at together
 

@@ -384,7 +384,7 @@ class Renderer(Tenant):
         records on meshes that have moved move along, those on what is gone go, and those whose light has changed are gathered
         again when a view is rendered. Returns what differs, in words; the empty text where nothing does.
         Raises InputError, and changes nothing, where the file is missing, no record cache or damaged, or where its records belong
-        to other settings than this renderer's (those that cache_file.key lists), or, without `update`, to another scene or lights.
+        to other settings than this renderer's (those that cache_file.key lists) or, without `update`, another scene or lights.
         """
         self._use()
         self._resting.leave()

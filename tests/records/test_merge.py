@@ -90,8 +90,9 @@ def test_what_has_nothing_in_common_stays(flights: Flights) -> None:
 
 
 def test_weights_are_those_of_the_splats(flights: Flights, tmp_path: Path) -> None:
-    """The Σw of all records at the places of pixels, by the table and by the splat buffer that the GPU makes of them. They bound radii by
-    the distance of the pixel and of each record, which differ by a radius: some hundredths of it."""
+    """The Σw of all records at the places of pixels, by the table and by the splat buffer that the GPU makes of them.
+
+    They bound radii by the distance of the pixel and of each record, which differ by a radius: some hundredths of it."""
     state, scene = flights.halves[0], irrsplat.load("cornell")
     settings = preset(**MADE)
     camera = scene.camera()
