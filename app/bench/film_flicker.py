@@ -77,7 +77,7 @@ class Places:
 def run(scenes: Sequence[Scene], size: tuple[int, int], preset: str) -> list[dict[str, object]]:
     """Measure every scene, print a table, and return its rows for JSON."""
     print(LEGEND)
-    found = []
+    found: list[Flicker] = []
     for scene in scenes:
         doing(f"{scene.name}: films")
         found += measure(scene, size, preset, FRAMES)
@@ -118,8 +118,9 @@ def film_flicker(renderer: Renderer, cameras: Sequence[Camera], frozen: bool) ->
             off = change(now.ravel()[own[both]], then[both], float(now[np.isfinite(frame.depth)].mean(dtype=float)))
             squares, jumps, count = squares + float(off @ off), jumps + np.count_nonzero(off > JUMP), count + len(off)
     finally:
-        for one in (*textures, splat):
-            one.release()
+        splat.release()
+        for texture in textures:
+            texture.release()
     rms, share = float(np.sqrt(squares / max(count, 1.0))), float(jumps / max(count, 1.0))
     case = "frozen" if frozen else "film"
     return Flicker(renderer.scene.name, case, rms, share, float(np.median(ms)), renderer.cache.count)

@@ -86,7 +86,8 @@ def render(
                 renderer.pose(motions.at(loaded, number))
             camera = flight.path.camera(number)
             if frozen:
-                frame = renderer.render(camera, progress=show, gather=False)
+                read = None if coloured is not None else output.needed(patterns, buffers)
+                frame = renderer.render(camera, progress=show, buffers=read, gather=False)
             else:
                 frame = renderer.render(camera, progress=show, figures=figures)
             if frame.stats.get("interrupted"):

@@ -20,12 +20,13 @@ PAGES = [README] + [
     page.read_text(encoding="utf-8") for page in (ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md")))
 ]
 COMMANDS = [line for page in PAGES for block in re.findall(r"```sh\n(.*?)```", page, re.S) for line in block.splitlines()]
+BEFORE = {line: before for before, line in pairwise(COMMANDS)}
 IRRSPLAT = list(dict.fromkeys(line for line in COMMANDS if line.startswith("irrsplat ")))
 
 
 def small(words: list[str]) -> list[str]:
     """The same command with a small picture: this is about the command, not about its result."""
-    if words[0] not in ("view", "render", "bench"):
+    if words[0] not in ("view", "render", "fill", "bench"):
         return words
     if "--size" in words:
         i = words.index("--size")
@@ -58,6 +59,8 @@ def test_the_commands_run(
     monkeypatch.setattr(fly_through, "FRAMES", 5)
     monkeypatch.setattr(cases, "REPETITIONS", 1)
     monkeypatch.setattr(cases, "error", lambda renderer, camera: None)  # tests/app/bench has the errors
+    if "--cache-mode frozen" in command:  # by the cache that the line before it makes
+        assert cli.main(small(shlex.split(BEFORE[command])[1:])) == 0
     words = shlex.split(command)[1:]
     assert cli.main(small(words)) == 0, capsys.readouterr().err
     if words[0] == "view":

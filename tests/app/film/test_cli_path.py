@@ -184,7 +184,7 @@ FIELDS = (
         ([*FLIGHT, "-o", "f.png"], "f.png: 4 frames would go to one name; put {frame} into it"),
         ([*FLIGHT, *MANY, "-o", "f.exr"], "f.exr: 4 frames would go to one name"),
         ([*FLIGHT, "-o", "f{{frame}}.png", "--frames", ":1"], "{frame}"),
-        ([*FLIGHT, "-o", "f{frame}.mp4"], "unknown ending '.mp4'"),
+        ([*FLIGHT, "-o", "f{frame}.avi"], "unknown ending '.avi'"),
         ([*FLIGHT, "-o", "none/f{frame}.png"], "does not exist"),
         ([*FLIGHT, "-o", "none{frame}/f.png"], "does not exist"),
         *(([*FLIGHT, "-o", f"f{field}.png"], "the one field in an output's name is {frame}") for field in FIELDS),

@@ -12,6 +12,7 @@ import pytest
 
 import irrsplat
 from irrsplat.app import cli
+from irrsplat.app.bench.film_flicker import film_flicker
 from irrsplat.scene.camera_path import load_path
 from tests.support.viewing import write_room
 
@@ -97,6 +98,34 @@ def test_what_no_record_reaches_is_counted(place: Path, capsys: pytest.CaptureFi
         assert 0 < told["uncovered"] <= np.count_nonzero(seen & alone)
         assert (file["irradiance"][seen].sum(-1) > 0.0).all()
     assert f"no record reaches some pixels (at most {told['uncovered']})" in capsys.readouterr().err
+
+
+def test_what_else_is_known_of_a_scene_is_not_in_a_frozen_view(place: Path) -> None:
+    """Where no record reaches, a renderer that has a surface cache would take that; one that has but the file cannot."""
+    scene = irrsplat.load("room.scene")
+    settings = {**SETTINGS, "bounces": 2}
+    behind = irrsplat.Camera((0, 0, -0.9), (0, 0, 1))
+    with irrsplat.Renderer(scene, (24, 24), **settings) as renderer:
+        renderer.render()
+        renderer.save_cache("two.cache")
+        frames = [renderer.render(behind, gather=False)]
+    with irrsplat.Renderer(scene, (24, 24), **settings) as renderer:
+        renderer.load_cache("two.cache")
+        frames += [renderer.render(behind, gather=False)]
+    assert frames[0].stats["uncovered"] == frames[1].stats["uncovered"] > 0
+    assert np.array_equal(frames[0].irradiance, frames[1].irradiance) and np.array_equal(frames[0].image, frames[1].image)
+
+
+def test_a_frozen_film_flickers_less(place: Path) -> None:
+    """At the same places, from frame to frame: what is left is the view's bounds of the records' radii; else every frame's new
+    records show."""
+    scene = irrsplat.load("room.scene")
+    cameras = list(load_path("a.path", scene.camera().fov))
+    with irrsplat.Renderer(scene, (48, 48), **SETTINGS) as renderer:
+        film = film_flicker(renderer, cameras, frozen=False)
+        renderer.load_cache("film.cache")
+        frozen = film_flicker(renderer, cameras, frozen=True)
+    assert 0.0 < frozen.rms < 0.0009 and frozen.rms < 0.2 * film.rms and frozen.jumps == 0.0
 
 
 @pytest.mark.parametrize(

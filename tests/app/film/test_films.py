@@ -18,6 +18,7 @@ import irrsplat
 from irrsplat.app import cli
 from irrsplat.app.film import video
 from irrsplat.app.film.kept import KeptFrames
+from irrsplat.app.film.words import QUALITIES
 from tests.app.film.test_fill import RENDER
 from tests.app.film.test_fill import filled as filled
 from tests.app.film.test_fill import place as place
@@ -40,8 +41,7 @@ def decoded(path: Path) -> tuple[Any, list[np.ndarray]]:
         stream = file.streams.video[0]
         frames = list(file.decode(stream))
         about = stream.codec_context.color_primaries, stream.codec_context.color_trc, frames[0].colorspace, frames[0].color_range
-        said = {"src_colorspace": "ITU709"} if about[2] == 1 else {}  # older PyAV does not heed what the frame says
-        return (stream.average_rate, file.duration / 1e6, about), [frame.to_ndarray(format="rgb24", **said) for frame in frames]
+        return (stream.average_rate, file.duration / 1e6, about), [frame.to_ndarray(format="rgb24") for frame in frames]
 
 
 @pytest.mark.parametrize("ending", video.ENDINGS)
@@ -65,7 +65,7 @@ def test_quality_is_bytes_against_error(tmp_path: Path) -> None:
     noise = np.random.default_rng(1).integers(0, 256, (48, 48, 3), np.uint8)
     Image.fromarray(noise).save(tmp_path / "0.png")
     sizes, errors = [], []
-    for quality in video.QUALITIES:
+    for quality in QUALITIES:
         video.write(str(tmp_path / "a.mp4"), [tmp_path / "0.png"] * 2, video.Encoding(quality=quality))
         sizes.append((tmp_path / "a.mp4").stat().st_size)
         errors.append(np.abs(decoded(tmp_path / "a.mp4")[1][1].mean(2) - noise.mean(2)).mean())
