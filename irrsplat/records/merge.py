@@ -112,7 +112,8 @@ class _Table:
         """Radii a·R in metres within the bounds of views where the image is `screen` metres high; 0: not known, no bounds."""
         least, most = (share / 100.0 * screen for share in (self.settings.radius_min, self.settings.radius_max))
         found = np.maximum(radii, least)
-        return np.where(most > 0.0, np.minimum(found, most), found)
+        found = np.where(most > 0.0, np.minimum(found, most), found)
+        return found
 
     @cached_property
     def asked_within(self) -> np.ndarray:
