@@ -12,7 +12,7 @@ import pytest
 
 import irrsplat
 from irrsplat import Renderer
-from irrsplat.image.view import pixels
+from irrsplat.gpu.target import pixels
 from irrsplat.records import cache_file
 from irrsplat.records.cache_file import CacheState
 from irrsplat.records.merge import _Pairs, _Table, merge, prune
