@@ -159,7 +159,7 @@ def render(args: argparse.Namespace) -> int:
                 wanted = None if with_figures or coloured is not None else needed(args.output, buffers)
                 how = {"gather": False} if keeps else {"figures": with_figures}
                 frame = renderer.render(camera, progress=on_round, buffers=wanted, **how)
-        if flight is None and frame.stats.get("interrupted") and not frame.stats.get("rounds"):
+        if flight is None and frame.stats.get("interrupted") and not frame.stats.get("rounds") and not keeps:
             return _fail("interrupted before the first round was complete; nothing was written", INTERRUPTED)
         for path in args.output if flight is None else ():
             outputs.write(path, partial(frames.save, path, frame, buffers, coloured, renderer, camera))
@@ -408,7 +408,7 @@ def _check_outputs(args: argparse.Namespace, mistakes: Mistakes) -> None:
     for name in names:
         for buffers in (None, _buffers(args)):
             with mistakes.gathered():
-                video.check(name) if video.is_film(name) else check_writable(name, buffers)
+                video.check(name, flight.flies(args)) if video.is_film(name) else check_writable(name, buffers)
     _check_kept_files(args, mistakes, names)
 
 
@@ -539,7 +539,7 @@ def _round_progress(args: argparse.Namespace) -> Iterator[OnRound | None]:
 
 def _stage(state: Progress, quality: float) -> tuple[str, str, float]:
     """What a render does, in a word and in a line, and the share of it that is done, 0..1. quality: as the setting, %."""
-    line = f"round {state.round}: {state.records} records"
+    line = f"round {state.round}: {state.records} records" if state.round else f"{state.records} records"
     if state.sampled:
         return "samples", f"{line}, samples", state.sampled
     if state.error is not None and quality:

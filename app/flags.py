@@ -213,7 +213,7 @@ def _add_fill(commands: Any) -> None:
     parser.add_argument("--stats", metavar="FILE.json", help="write records and the coverage of each frame to this file")
     _add_flight(parser, "the flight; one of --path and --turntable")
     _add_camera(parser)
-    _add_settings(parser, stages=_STAGES[:-2])
+    _add_settings(parser, stages=_STAGES[:-1])  # those of the picture too, so that a film's flags are right here
 
 
 def _add_cache_tools(commands: Any) -> Any:

@@ -39,17 +39,18 @@ class Films:
     def write(self, flight: Flight, outputs: Outputs) -> None:
         """Encode the films of a flight whose frames are all there."""
         pictures = [Path(numbered(self.pattern, number)) for number in flight.numbers]
-        good = True
-        for name in self.names:
-            with progress(f"{name}: encoding") as line:
-
-                def show(share: float, name: str = name) -> None:
-                    if line is not None:
-                        line(share, f"{name}: encoding", name)
-
-                good &= outputs.write(name, partial(video.write, name, pictures, self.encoding, show))
-        if good and self.kept is not None:
+        done = [outputs.write(name, partial(self._encode, name, pictures)) for name in self.names]
+        if all(done) and self.kept is not None:
             self.kept.remove()
+
+    def _encode(self, name: str, pictures: list[Path]) -> None:
+        with progress(f"{name}: encoding") as line:
+
+            def show(share: float) -> None:
+                if line is not None:
+                    line(share, f"{name}: encoding", name)
+
+            video.write(name, pictures, self.encoding, show)
 
 
 def plan(args: argparse.Namespace, flight: Flight) -> tuple[Flight, Films | None]:
@@ -77,10 +78,7 @@ def check(args: argparse.Namespace) -> None:
     if not films and (args.fps is not None or args.film_quality is not None):
         flag = "--fps" if args.fps is not None else "--film-quality"
         raise InputError(f"{flag} is for a film, and no output is one; give -o NAME.mp4, .webm or .gif")
-    flies = args.path is not None or args.turntable is not None
-    if films and not flies:
-        raise InputError("a film needs a flight; give --path FILE or --turntable N", films[0])
-    if args.resume and not flies:
+    if args.resume and args.path is None and args.turntable is None:
         raise InputError("--resume goes on with the frames of a flight; give --path FILE or --turntable N")
     if films and args.values.get("backdrop") == "clear":
         raise InputError("films have no alpha; take another --backdrop than clear, or .png", films[0])

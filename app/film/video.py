@@ -64,8 +64,11 @@ def is_film(path: str) -> bool:
     return os.path.splitext(path)[1].lower() in ENDINGS
 
 
-def check(path: str) -> None:
-    """Raises InputError where the film `path` cannot be written, or nothing is there to encode it."""
+def check(path: str, flies: bool) -> None:
+    """Raises InputError where the film `path` cannot be written, or nothing is there to encode it. flies: whether a flight is
+    given, whose frames it holds."""
+    if not flies:
+        raise InputError("a film needs a flight; give --path FILE or --turntable N", path)
     if "{frame" in path:
         raise InputError("a film holds all frames, so there is no {frame} in its name; leave it out", path)
     files.check_file(path)

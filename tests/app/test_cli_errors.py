@@ -70,7 +70,7 @@ RENDER = ["render", "plain.scene", "-o", "a.png"]
         ([*RENDER, "--fov", "wide"], "'wide'"),
         ([*RENDER, "--buffers", "colour"], "'colour'"),
         ([*RENDER, "--buffers", ""], "unknown buffer"),
-        ([*RENDER, "-o", "a.mp4"], ".png, .exr, .npz"),
+        ([*RENDER, "-o", "a.avi"], ".png, .exr, .npz"),
         ([*RENDER, "-o", "a.jpeg"], "unknown ending"),
         ([*RENDER, "-o", "missing/a.png"], "does not exist"),
         ([*RENDER, "-o", ""], "empty"),

@@ -100,7 +100,7 @@ def test_all_mistakes_are_told_in_one_line(refused: Callable[..., str], place: P
             "--blend takes 0..1, not 'x'",
             "--up needs --eye",
             "no file 'cornel'",
-            "b.mp4: unknown ending",
+            "b.mp4: a film needs a flight",
             "missing/c.png: cannot",
         ),
         *("'dpth' (did you mean 'depth'?), 'colour'", "missing/s.json: cannot write"),
