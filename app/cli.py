@@ -25,14 +25,22 @@ from irrsplat.core.errors import InputError, IrrsplatError
 
 if TYPE_CHECKING:
     from irrsplat.app.common.parser import Mistakes
+    from irrsplat.app.pictures import Pictures
+    from irrsplat.app.film.fill import Filled
+    from irrsplat.app.film.films import Films
     from irrsplat.app.film.flight import Flight
     from irrsplat.app.film.frames import OnRound
     from irrsplat.image.statistics import Statistics
     from irrsplat.image.view import Progress
+    from irrsplat.renderer import Renderer
     from irrsplat.scene.model import Camera, Scene
     from irrsplat.settings import SettingValues
 
 INTERRUPTED = 130
+_FROZEN_ALONE = (
+    "--on renders the frames of a flight from a frozen cache, so that they are the same whoever renders them; "
+    "give --path or --turntable, and --cache-mode frozen with a --cache that irrsplat fill has made"
+)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -121,6 +129,8 @@ def render(args: argparse.Namespace) -> int:
     films.check(args)
     if keeps:
         frozen.check(args)
+    if args.on is not None and not (keeps and flights.flies(args)):
+        raise InputError(_FROZEN_ALONE)
 
     import irrsplat
 
@@ -130,9 +140,11 @@ def render(args: argparse.Namespace) -> int:
         flight, made = films.plan(args, flights.with_outputs(flights.plan(args, scene, camera), args.output))
         if keeps:
             flights.check_still(flight, "leave out --cache-mode frozen")
+    if flight is not None and args.on is not None:
+        return _render_on(args, scene, flight, made, buffers, files)
     with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, **args.values) as renderer:
         if args.cache is not None and (keeps or os.path.exists(args.cache)):
-            renderer.load_cache(args.cache)
+            _load_cache(renderer, args)
         for notice in (*scene.notices, *renderer.notices):
             say(f"notice: {notice}")
         outputs, how = Outputs(), dict[str, Any]()
@@ -163,6 +175,59 @@ def render(args: argparse.Namespace) -> int:
     return _end_of_path(args, done, unfinished, outputs)
 
 
+def _render_on(
+    args: argparse.Namespace,
+    scene: Scene,
+    flight: Flight,
+    made: Films | None,
+    buffers: list[str] | None,
+    files: Pictures,
+) -> int:
+    """The frames of a flight, rendered by the workers of --on, and the films `made` of them."""
+    from irrsplat.app.farm import cluster
+    from irrsplat.app.film import frozen
+    from irrsplat.records import cache_file
+
+    if made is not None and made.kept is not None:
+        raise InputError("with --on a film is made of pictures that stay; give -o 'frame{frame:04d}.png' as well", made.names[0])
+    job = cluster.job_of(args, scene, flight)
+    cache_file.read(args.cache, job.key)
+    for notice in scene.notices:
+        say(f"notice: {notice}")
+    outputs = Outputs()
+    done, complete = cluster.render(args, job, flight, buffers, files, outputs)
+    frozen.tell(done)
+    if made is not None and complete:
+        made.write(flight, outputs)
+    return _end_of_path(args, done, None if complete else _so_far(flight, len(done), args.resume), outputs)
+
+
+def _fill_on(args: argparse.Namespace, scene: Scene, flight: Flight) -> int:
+    """The records of a flight, gathered by the workers of --on."""
+    from irrsplat.app.farm import cluster
+    from irrsplat.app.film import fill as filling
+    from irrsplat.core import files
+    from irrsplat.records import cache_file
+
+    job, outputs = cluster.job_of(args, scene, flight), Outputs()
+    if os.path.exists(args.cache):
+        cache_file.read(args.cache, job.key)
+    for notice in scene.notices:
+        say(f"notice: {notice}")
+    data, done = cluster.fill(args, job, flight)
+    if data:
+        outputs.write(args.cache, lambda: files.write_bytes(args.cache, data))
+    if args.stats is not None:
+        _write_stats(args, filling.statistics(done, cluster.count(data)), outputs)
+    return _end_of_fill(done, flight, outputs)
+
+
+def _load_cache(renderer: Renderer, args: argparse.Namespace) -> None:
+    """Take the records of --cache, as --cache-mode says; what that renews is told."""
+    if reason := renderer.load_cache(args.cache, update=args.cache_mode == "update"):
+        say(f"notice: {args.cache} was made {reason}; what that concerns is gathered again")
+
+
 def fill(args: argparse.Namespace) -> int:
     """`irrsplat fill`: the records of a flight, to a cache file."""
     from irrsplat import settings
@@ -176,9 +241,11 @@ def fill(args: argparse.Namespace) -> int:
     scene = irrsplat.load(args.scene, **vars(args.loading))
     flight = flights.plan(args, scene, _camera(args, scene))
     flights.check_still(flight, "render it without filling one")
+    if args.on is not None:
+        return _fill_on(args, scene, flight)
     with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, **args.values) as renderer:
         if os.path.exists(args.cache):
-            renderer.load_cache(args.cache)
+            _load_cache(renderer, args)
         for notice in (*scene.notices, *renderer.notices):
             say(f"notice: {notice}")
         with _round_progress(args) as on_round:
@@ -187,12 +254,8 @@ def fill(args: argparse.Namespace) -> int:
         if renderer.cache.count:
             outputs.write(args.cache, partial(renderer.save_cache, args.cache))
         if args.stats is not None:
-            _write_stats(args, filling.statistics(done, renderer), outputs)
-    outputs.tell()
-    if done.interrupted:
-        return _fail(f"interrupted; {len(done.frames)} of {len(flight.numbers)} frames have their records", INTERRUPTED)
-    filling.tell(done)
-    return 0
+            _write_stats(args, filling.statistics(done, renderer.cache.count), outputs)
+    return _end_of_fill(done, flight, outputs)
 
 
 def measure(args: argparse.Namespace) -> int:
@@ -288,10 +351,18 @@ def verify(args: argparse.Namespace) -> int:
     return status
 
 
+def cache(args: argparse.Namespace) -> int:
+    """`irrsplat cache`: what is in cache files, and what can be done with them."""
+    from irrsplat.app import cache_tools
+
+    return cache_tools.run(args)
+
+
 COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "view": view,
     "render": render,
     "fill": fill,
+    "cache": cache,
     "measure": measure,
     "bake": bake,
     "info": info,
@@ -330,6 +401,11 @@ def _check_files(args: argparse.Namespace, mistakes: Mistakes) -> None:
         _check_outputs(args, mistakes)
     if args.command == "fill":
         _check_kept_files(args, mistakes)
+    if args.command == "cache" and args.tool != "info" and "output" not in mistakes.arguments:
+        from irrsplat.core import files
+
+        with mistakes.gathered():
+            files.check_file(args.output)
 
 
 def _check_outputs(args: argparse.Namespace, mistakes: Mistakes) -> None:
@@ -423,6 +499,17 @@ def _end_of_path(args: argparse.Namespace, done: list[Statistics], interrupted: 
         return _fail(f"interrupted; {interrupted}", INTERRUPTED)
     if short := sum(not stats.get("converged", True) and "uncovered" not in stats for stats in done):
         say(f"notice: {short} of {len(done)} frames stopped {_unserved(done)}")
+    return 0
+
+
+def _end_of_fill(done: Filled, flight: Flight, outputs: Outputs) -> int:
+    """The same for a flight that is filled."""
+    from irrsplat.app.film import fill as filling
+
+    outputs.tell()
+    if done.interrupted:
+        return _fail(f"interrupted; {len(done.frames)} of {len(flight.numbers)} frames have their records", INTERRUPTED)
+    filling.tell(done)
     return 0
 
 

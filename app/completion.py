@@ -40,6 +40,8 @@ def grammar() -> argparse.ArgumentParser:
         "json": FilesCompleter(("json",)),
         "output": FilesCompleter([ending[1:] for ending in ENDINGS]),
         "path": FilesCompleter(("path",)),
+        "file": FilesCompleter(),
+        "files": FilesCompleter(),
         "stats": FilesCompleter(("json",)),
     }
     of_scenes = FilesCompleter([ending[1:] for ending in FORMATS])

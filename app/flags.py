@@ -19,6 +19,7 @@ DEFAULT_SCENE = "cornell"
 FALSE_COLOURED = ("light", "irradiance", "image", "direct", "indirect", "emission")
 MOST_DECADES = 9
 SHELLS = ("bash", "zsh", "fish")
+_BYTES = {"": 1, "kB": 10**3, "MB": 10**6, "GB": 10**9}
 _OF_CAMERAS = {"camera", "eye", "target", "up", "fov", "path", "turntable", "frames"}
 _STAGES = ("shadow", "gbuffer", "gather", "splat", "examine", "composite", "view")  # the order of the frame
 
@@ -129,6 +130,7 @@ def build(mistakes: Mistakes | None = None) -> Parser:
     _add_view(commands)
     _add_render(commands)
     _add_fill(commands)
+    tools = _add_cache_tools(commands)
     _add_measure(commands)
     _add_bake(commands)
     _add_bench(commands)
@@ -142,7 +144,7 @@ def build(mistakes: Mistakes | None = None) -> Parser:
     )
     _add_verify(commands)
     _add_completion(commands)
-    for command in commands.choices.values():
+    for command in (*commands.choices.values(), *tools.choices.values()):
         command.mistakes = top.mistakes
     return top
 
@@ -170,7 +172,8 @@ def _add_render(commands: Any) -> None:
     add(
         "--cache-mode", choices=CACHE_MODES, default="keep", metavar="WORD",
         help="keep: records are added to those of --cache; frozen: none is added or changed, nor the file, so that a frame "
-        "is the same, whichever are rendered before it and by whom (default: keep)",
+        "is the same, whichever are rendered before it and by whom; update: as keep, and where the file is of another state "
+        "of the scene, what that concerns is gathered again (default: keep)",
     )  # fmt: skip
     add("--stats", metavar="FILE.json", help="write records, rounds, times and settings to this file")
     _add_camera(parser)
@@ -191,6 +194,8 @@ def _add_flight(parser: argparse.ArgumentParser, words: str) -> Any:
     words = "instead of a path: a full circle of N frames around what the camera looks at, which goes on without a seam"
     group.add_argument("--turntable", type=turns, metavar="N", help=words)
     group.add_argument("--frames", type=frames, metavar="A:B", help="frames A to B - 1; either may be left out (default: all)")
+    words = "have it done by the workers of the Dask scheduler at this address; needs the extra: pip install 'irrsplat[cluster]'"
+    group.add_argument("--on", type=address, metavar="tcp://HOST:PORT", help=words)
     return group
 
 
@@ -205,6 +210,12 @@ def _add_fill(commands: Any) -> None:
     _add_scene(parser)
     words = "the file that the records are kept in; where it is there, they are added to its own"
     parser.add_argument("--cache", metavar="FILE", required=True, help=words)
+    words = (
+        "keep: the file must be of this scene; update: where it was made for another state of it, what that concerns is gathered"
+    )
+    parser.add_argument(
+        "--cache-mode", choices=("keep", "update"), default="keep", metavar="WORD", help=f"{words} again (default: keep)"
+    )
     _add_size(parser, 800)
     _add_preset(parser, "default")
     parser.add_argument("--stats", metavar="FILE.json", help="write records and the coverage of each frame to this file")
@@ -220,6 +231,52 @@ def _add_files(parser: argparse.ArgumentParser) -> None:
     add("--png-bits", type=int, choices=(8, 16), default=8, metavar="8|16", help="of a channel, in .png and folders (default: 8)")
     words = "of the layers in an .exr: irrsplat, the buffers' names; blender, as ViewLayer.Combined.R (default: irrsplat)"
     add("--exr-names", choices=("irrsplat", "blender"), default="irrsplat", metavar="WHOSE", help=words)
+
+
+def _add_cache_tools(commands: Any) -> Any:
+    words = "what is in files of records, several of them as one, and one with fewer records"
+    parser = commands.add_parser("cache", help=words, description=f"{words[0].upper()}{words[1:]}.")
+    tools = parser.add_subparsers(dest="tool", metavar="TOOL", required=True, parser_class=Parser)
+    info = tools.add_parser(
+        "info", help="what is in them", description="Say what record caches were made for, and what they hold."
+    )
+    info.add_argument("files", nargs="+", metavar="FILE", help="record caches")
+    info.add_argument("--json", dest="as_json", action="store_true", help="as JSON, with all settings")
+    merge = tools.add_parser(
+        "merge",
+        help="several as one",
+        description="Write one cache with the records of several that were made apart, for one scene with one set of settings.",
+        epilog="All records of the first stay; of each further one those whose places no others serve. Limits of radii,\n"
+        "where records contradict each other, are found by whoever draws with the cache first.",
+    )
+    merge.add_argument("files", nargs="+", metavar="FILE", help="record caches")
+    prune = tools.add_parser(
+        "prune",
+        help="one with fewer records",
+        description="Write a cache without records whose places others serve.",
+        epilog="With --most those go first that the others serve best, as many as must, and no more.",
+    )
+    prune.add_argument("file", metavar="FILE", help="a record cache")
+    words = "so many records at most, or so large a file, such as 20MB (default: only what others serve goes)"
+    prune.add_argument("--most", type=most, metavar="N", help=words)
+    for tool in (merge, prune):
+        tool.add_argument("-o", "--output", required=True, metavar="OUT", help="the cache to write; may be one of those read")
+    return tools
+
+
+def address(text: str) -> str:
+    """The address of a scheduler, for argparse."""
+    if not re.fullmatch(r"(tcp|tls|ws|wss|ucx|inproc)://\S+", text):
+        raise argparse.ArgumentTypeError(f"expected a scheduler's address such as tcp://farm:8786, not '{text}'")
+    return text
+
+
+def most(text: str) -> tuple[int, bool]:
+    """A bound of records, (N, False), or of a file's size in bytes, (N, True), for argparse."""
+    match = re.fullmatch(r"(\d{1,9}|\d{1,6}\.\d{1,3}(?=[kMG]))(kB|MB|GB|)", text, re.ASCII)
+    if match is None or float(match[1]) <= 0.0:
+        raise argparse.ArgumentTypeError(f"expected a number of records, or a size such as 20MB, not '{text}'")
+    return int(float(match[1]) * _BYTES[match[2]]), bool(match[2])
 
 
 def _add_false_colours(parser: argparse.ArgumentParser) -> None:

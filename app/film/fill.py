@@ -81,10 +81,10 @@ def saved_at_times(renderer: Renderer, path: str) -> Callable[[], None]:
     return save
 
 
-def statistics(done: Filled, renderer: Renderer) -> dict[str, object]:
+def statistics(done: Filled, records: int) -> dict[str, object]:
     """For --stats: records, passes, and the coverage of each frame."""
     frames = [{"frame": number, "coverage": coverage} for number, coverage in done.frames.items()]
-    return {"records": renderer.cache.count, "passes": done.passes, "evicted": done.evicted, "frames": frames}
+    return {"records": records, "passes": done.passes, "evicted": done.evicted, "frames": frames}
 
 
 def tell(done: Filled) -> None:

@@ -31,13 +31,7 @@ def told(on_round: OnRound | None, words: str, done: int, count: int) -> Callabl
     return None if on_round is None else partial(on_round, frame=words, before=done / count, share=1.0 / count)
 
 
-def metered(
-    renderer: Renderer,
-    flight: Flight,
-    files: Pictures = Pictures(),
-    number: int = 0,
-    gather: bool = False,
-) -> float:
+def metered(renderer: Renderer, flight: Flight, files: Pictures, number: int = 0, gather: bool = False) -> float:
     """The exposure in stops that all frames have: that of frame `number`, whichever are rendered. That frame also decides where
     the scale of false colours ends. gather: whether it may gather records."""
     exposure, coloured = renderer.settings.exposure, files.coloured

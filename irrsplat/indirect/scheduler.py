@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import cast
 
 import numpy as np
@@ -172,7 +172,9 @@ class RecordScheduler(Owner):
         assert queue is not None
         if len(queue):
             self.gatherer.resume(shadows, budget)
+        first = self.cache.count
         done = self.gatherer.gather(shadows, queue, budget, side, state.near)
+        self.cache.note_asked(first, camera)
         state = replace(state, queue=queue[done:] if done < len(queue) else None)
         return state, RoundResult(done, state.queue is None)
 
@@ -235,7 +237,7 @@ class RecordScheduler(Owner):
         with self.timers("gather" if scan.warmed < self.settings.warmup else "examine"):
             sites, values, missing = scan.ask(pixels(splats.weight)[..., 0], record, camera, self.settings)
         if len(sites):
-            self.cache.append(sites, values)
+            self.cache.note_asked(self.cache.append(sites, values), camera)
         return replace(state, missing=missing), RoundResult(len(sites), not record.stopped)
 
     # ---- for files, the viewer and the statistics -------------------------------------------------------------------------
@@ -252,7 +254,8 @@ class RecordScheduler(Owner):
         """The records, and all that goes with them in a file."""
         gatherer = self.gatherer
         # a change that the records have not been held against yet: all of them will be stale
-        return CacheState(self.cache.state(gatherer.unsettled), self.adaptation.state(), gatherer.bounces(self.settings))
+        bounces, settings = gatherer.bounces(self.settings), asdict(self.settings)
+        return CacheState(self.cache.state(gatherer.unsettled), self.adaptation.state(), bounces, settings)
 
     def restore(self, state: CacheState) -> None:
         """Go on with the records of a file, in place of those that there are."""

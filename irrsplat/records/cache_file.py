@@ -14,7 +14,7 @@ import struct
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -23,13 +23,15 @@ import numpy as np
 
 from irrsplat.core import files, paths
 from irrsplat.core.errors import InputError
+from irrsplat.core.record_layout import GATHERED
 from irrsplat.records import record_cache
 from irrsplat.records.adaptive_radius import AdaptiveRadiusState
+from irrsplat.records.scene_stamp import Earlier, SceneStamp, stamp_of
 from irrsplat.scene.flatten import flatten
-from irrsplat.scene.model import Image, Scene
+from irrsplat.scene.model import Image, Material, Scene
 from irrsplat.settings import SETTINGS, Settings
 
-FORMAT = 5  # to be raised whenever the content of files changes, or what records are gathered from
+FORMAT = 6  # to be raised whenever the content of files changes, or what records are gathered from
 _NAME = b"irrsplat record cache "
 _DIGEST = hashlib.sha256().digest_size
 _DAMAGED: tuple[type[Exception], ...] = (
@@ -61,12 +63,27 @@ class CacheState:
     """All that a renderer needs to go on from saved records as if it had never stopped.
 
     records: the arrays of RecordCache.state. adapted: how far the records' radii are adapted. bounces: how the records were
-    gathered and with how many bounces, by the names that the statistics have for it.
+    gathered and with how many bounces, by the names that the statistics have for it. settings: those that
+    they were made by, all of them.
     """
 
     records: Mapping[str, np.ndarray]
     adapted: AdaptiveRadiusState
     bounces: Mapping[str, object]
+    settings: Mapping[str, object] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Content:
+    """All that a file holds: for what its records were made, the records, and what is known of their scene."""
+
+    key: CacheKey
+    state: CacheState
+    scene: SceneStamp
+
+    def settings(self) -> Settings:
+        """Those that the records were made by; raises InputError where they are none of this version."""
+        return Settings().with_values(self.state.settings)
 
 
 def key(scene: Scene, settings: Settings) -> CacheKey:
@@ -90,18 +107,23 @@ def _sky(scene: Scene) -> tuple[object, ...]:
 
 
 def _materials(scene: Scene) -> Iterator[bytes]:
-    """What records depend on of the scene's materials, apart from the vertices: all values, and the images as bytes; nothing of
-    normal maps, which only bend what records say."""
+    """What records depend on of the scene's materials, apart from the vertices."""
     for material in scene.materials:
-        values = replace(material, albedo_texture=None, emission_texture=None, normal_texture=None, normal_scale=1.0)
-        yield repr(values).encode()
-        for texture in (material.albedo_texture, material.emission_texture):
-            if texture is not None:
-                yield repr((texture.uv_set, texture.transform, texture.wrap, texture.nearest)).encode()
-                yield repr(texture.image.pixels.shape).encode()
-                yield _image_digest(texture.image)
-            else:
-                yield b""
+        yield from _material(material)
+
+
+def _material(material: Material) -> Iterator[bytes]:
+    """What records depend on of a material: all values, and the images as bytes; nothing of normal maps, which only bend what
+    records say."""
+    values = replace(material, albedo_texture=None, emission_texture=None, normal_texture=None, normal_scale=1.0)
+    yield repr(values).encode()
+    for texture in (material.albedo_texture, material.emission_texture):
+        if texture is not None:
+            yield repr((texture.uv_set, texture.transform, texture.wrap, texture.nearest)).encode()
+            yield repr(texture.image.pixels.shape).encode()
+            yield _image_digest(texture.image)
+        else:
+            yield b""
 
 
 _digests: WeakKeyDictionary[Image, bytes] = WeakKeyDictionary()  # images do not change, and may be large
@@ -113,12 +135,39 @@ def _image_digest(image: Image) -> bytes:
     return _digests[image]
 
 
-def write(path: files.Pathlike, key: CacheKey, state: CacheState) -> None:
+def selected(state: CacheState, numbers: np.ndarray) -> CacheState:
+    """The records of these numbers alone, ascending, none of them held against the others yet."""
+    whole = {name: state.records[name] for name in ("clocks", "dark")}
+    records = {name: rows[numbers] for name, rows in state.records.items() if name not in whole} | whole
+    records["limit"] = np.ones_like(records["limit"])
+    irradiance = records["content"][:, GATHERED.index("irradiance"), :3]
+    records["dark"] = np.array(record_cache.luminance_floor(irradiance))
+    return replace(state, records=records, adapted=AdaptiveRadiusState())
+
+
+def carried_over(state: CacheState, then: Earlier) -> CacheState:
+    """The records on what is still there of the scene that they were made of, by the numbers that its triangles have now."""
+    triangle = np.asarray(state.records["triangle"], np.intp)
+    known = triangle >= 0
+    triangle = np.where(known, np.append(then.triangle, -1)[np.minimum(triangle, len(then.triangle))], -1)
+    gone = known & (triangle < 0)
+    state = replace(state, records={**state.records, "triangle": triangle})
+    return selected(state, np.flatnonzero(~gone)) if gone.any() else state
+
+
+def stamp(scene: Scene) -> SceneStamp:
+    """What a file is to know of the scene of its records, beside its key."""
+    hashes = {material: _hash(*_material(material)) for material in scene.materials}
+    around = _hash(repr(_sky(scene)).encode())
+    return stamp_of(scene, around, [hashes[mesh.material] for mesh in scene.meshes])
+
+
+def write(path: files.Pathlike, key: CacheKey, state: CacheState, scene: SceneStamp) -> None:
     """Write the records, whole or not at all; raises IrrsplatError where that fails."""
-    about = {"adapted": state.adapted.as_json(), "bounces": dict(state.bounces)}
-    text = json.dumps({"key": asdict(key), "about": about})
+    about = {"adapted": state.adapted.as_json(), "bounces": dict(state.bounces), "settings": dict(state.settings)}
+    text = json.dumps({"key": asdict(key), "about": about, "scene": scene.as_json()})
     payload = io.BytesIO()
-    arrays: dict[str, np.ndarray] = {"about": np.array(text), **state.records}
+    arrays: dict[str, np.ndarray] = {"about": np.array(text), **scene.arrays, **state.records}
     np.savez(payload, **arrays)  # type: ignore[arg-type]  # numpy's stub takes the arrays for its flag allow_pickle
     data = payload.getvalue()
     files.write_bytes(path, _NAME + b"%d\n" % FORMAT + hashlib.sha256(data).digest() + data)
@@ -129,15 +178,24 @@ def read(path: files.Pathlike, key: CacheKey) -> CacheState:
 
     Raises InputError where it cannot be read, is no record cache, is damaged, or was made for another key.
     """
+    content = read_any(path)
+    if reason := difference(content.key, key):
+        raise InputError(f"this record cache was made {reason}; {_REMEDY}", path)
+    return content.state
+
+
+def read_any(path: files.Pathlike) -> Content:
+    """All that a file holds, whatever it was made for; raises InputError where it is missing, no record cache or damaged."""
     header, arrays = _read(path)
     try:
-        made_for = CacheKey(**header["key"])
-        reason = _difference(made_for, key)
-        if reason:
-            raise InputError(f"this record cache was made {reason}; {_REMEDY}", path)
-        record_cache.check_state(arrays)
-        about = header["about"]
-        return CacheState(arrays, AdaptiveRadiusState.from_json(about["adapted"]), dict(about["bounces"]))
+        made_for, about = CacheKey(**header["key"]), header["about"]
+        if not isinstance(made_for.settings, dict) or not isinstance(about["settings"], dict):
+            raise ValueError("settings")
+        scene = SceneStamp.read(header["scene"], arrays)
+        records = {name: array for name, array in arrays.items() if name not in scene.arrays}
+        record_cache.check_state(records)
+        adapted = AdaptiveRadiusState.from_json(about["adapted"])
+        return Content(made_for, CacheState(records, adapted, dict(about["bounces"]), about["settings"]), scene)
     except _DAMAGED as error:
         raise InputError(f"a damaged record cache ({type(error).__name__}); {_REMEDY}", path) from error
 
@@ -182,7 +240,7 @@ def _array(data: bytes) -> np.ndarray:
     return np.frombuffer(body, kind).reshape(shape).copy()
 
 
-def _difference(made_for: CacheKey, wanted: CacheKey) -> str:
+def difference(made_for: CacheKey, wanted: CacheKey) -> str:
     """What a file was made for or with, where that is not what is wanted; else the empty text."""
     if made_for.geometry != wanted.geometry:
         return "for another scene, other materials or another sky"

@@ -20,6 +20,7 @@ from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import float_texture
 from irrsplat.records.motion import carried, concerned, swallowed
 from irrsplat.scene.change import SceneChange
+from irrsplat.scene.model import Camera
 
 _FLOOR = 0.02  # of the records' mean luminance: see RecordCache.update_luminance_floor
 _ROWS = 4  # of the textures at first; doubled whenever they are full
@@ -49,6 +50,7 @@ _COLUMNS: dict[str, _Column] = {
     "frame_rotation": _Column((), "i8", "turn", "what the rotation of its frame is drawn from: see Sites"),
     "gather_size": _Column((), "i8", None, "side of the gather that it comes from; 0: it is as the settings have it"),
     "rough": _Column((), "?", None, "whether it was gathered along few rays, since the scene went on changing"),
+    "screen": _Column((), "f4", "screen", "metres that the image is high there, in the view that asked for it; 0: not known"),
     "probe": _Column((PROBED,), "f4", "probes", "what a few directions say: see change_probe.py; R = 0: not looked yet"),
     "drift": _Column((), "f4", "drift", "how much `probe` has changed since the record was gathered"),
     "due": _Column((), "f4", None, "how much may have changed around it since `probe` was looked at, about; in files it is 0"),
@@ -129,7 +131,7 @@ class RecordCache(Owner):
         columns["triangle"][new] = -1 if sites.triangle is None else sites.triangle
         columns["epoch"][new], columns["last_view"][new] = self.invalidation_epoch, self._view
         columns["values_read"][new], columns["probe"][new], columns["drift"][new], columns["due"][new] = False, 0.0, 0.0, 0.0
-        columns["gather_size"][new], columns["rough"][new] = 0, False
+        columns["gather_size"][new], columns["rough"][new], columns["screen"][new] = 0, False, 0.0
         columns["id"][new] = self._next_id + np.arange(len(sites))
         columns["frame_rotation"][new] = sites.frame_rotations(columns["id"][new])
         for name in ("position", "normal"):
@@ -230,8 +232,7 @@ class RecordCache(Owner):
 
         Without it a room that no light enters would be filled with records that differ by nothing but noise.
         """
-        mean = float((self.values @ np.append(LUMINANCE, np.float32(0.0))).mean(dtype=float)) if self.count else 0.0
-        floor = 2.0 ** math.floor(math.log2(_FLOOR * mean)) if mean > 0.0 else 0.0
+        floor = luminance_floor(self.values[:, :3])
         if floor != self.luminance_floor:
             self.luminance_floor = floor
             self.revision += 1
@@ -325,6 +326,11 @@ class RecordCache(Owner):
             next_id = int(self._columns["id"][count - 1]) + 1 if count else 0
             self.count, self._stale, self._next_id = count, None, next_id
             self.revision += 1
+
+    def note_asked(self, first: int, camera: Camera) -> None:
+        """Say that the view of `camera` has asked for the records from number `first` on."""
+        distance = np.linalg.norm(self.positions[first:] - np.asarray(camera.eye, "f4"), axis=1)
+        self._columns["screen"][first : self.count] = camera.screen * distance
 
     def mark_seen(self, numbers: np.ndarray) -> None:
         """Say that a new view has begun, with these records in it."""
@@ -450,6 +456,12 @@ class RecordCache(Owner):
         self.invalidation_epoch, self._view, self._next_id = epoch, view, next_id
         self.revision += 1
         self._replace(textures)
+
+
+def luminance_floor(irradiance: np.ndarray) -> float:
+    """A share of the mean luminance of irradiance (N, 3) in W/m², rounded to a power of 2; 0 where there is none."""
+    mean = float((irradiance @ LUMINANCE).mean(dtype=float)) if len(irradiance) else 0.0
+    return 2.0 ** math.floor(math.log2(_FLOOR * mean)) if mean > 0.0 else 0.0
 
 
 def check_state(state: Mapping[str, np.ndarray]) -> None:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from irrsplat.core.buffers import Uniforms
+from irrsplat.core.color import LUMINANCE
 from irrsplat.scene.model import Camera
 from irrsplat.settings import IN_FRONT, LEAST_ERROR, Settings
 
@@ -24,6 +27,23 @@ def record_uniforms(settings: Settings) -> Uniforms:
     }
 
 
+def own_radii(columns: Mapping[str, np.ndarray], luminance_floor: float, settings: Settings) -> np.ndarray:
+    """(N, 2) metres: R along the axis of records and across it, by what they know themselves, before any limit and before the
+    factor a, as record_ellipse of shaders/records/record.glsl has it. columns: (N, …), of record_layout.COLUMNS."""
+    R = columns["radius"]
+    if settings.gradients:  # R <= E/|∇E|
+        slope = np.linalg.norm(np.einsum("ncx,c->nx", columns["gradient"], LUMINANCE), axis=1)
+        Y = columns["irradiance"] @ LUMINANCE
+        E = np.maximum(Y, max(luminance_floor, 1e-20))
+        R = np.where(slope * R > E, E / np.where(slope > 0.0, slope, 1.0), R)
+    radii: np.ndarray = np.stack([R, R], axis=1)
+    if settings.gradients and settings.radius == "hessian":
+        known = columns["axis"].any(axis=1)
+        square = (2.0 * E / np.maximum(Y, 1e-20))[:, None] / np.maximum(np.abs(columns["curvature"]), 1e-14)
+        radii[known] = np.minimum(np.sqrt(square), columns["max_radius"][:, None])[known]
+    return radii
+
+
 def record_distance(apart: np.ndarray, axis: np.ndarray, radii: np.ndarray) -> np.ndarray:
     """How far points are from records in radii: apart = p - p_k, metres; radii (…, 2) R along the unit `axis` and across it."""
     along = (apart * axis).sum(-1)
@@ -38,10 +58,10 @@ def record_weight(
     """Ward et al. 1988: w = 1/(distance + √(1 - n·n_k)), of one record at many points or of many records at one point.
 
     distance: (…,) from the record in radii. apart: (…, 3) p - p_k, metres. n, n_k: unit normals of the point and of the record,
-    (…, 3) and (3,) or the other way round. R: the radius, metres. in_front: 0 for records that face away, or lie in front of the
-    point's surface or behind it.
+    (…, 3) and (3,), the other way round, or (N, 3) both for pairs. R: the radius, metres. in_front: 0 for records that face away,
+    or lie in front of the point's surface or behind it.
     """
-    cosine = n @ n_k if n_k.ndim == 1 else n_k @ n
+    cosine = (n * n_k).sum(-1) if n.ndim == n_k.ndim else n @ n_k if n_k.ndim == 1 else n_k @ n
     w: np.ndarray = 1.0 / np.maximum(distance + np.sqrt(np.maximum(0.0, 1.0 - cosine)), np.float32(LEAST_ERROR))
     if in_front:
         aside = np.abs((apart * (n + n_k)).sum(-1)) * 0.5

@@ -36,6 +36,7 @@ from irrsplat.indirect.view_state import ViewState
 from irrsplat.lighting import gl_limits
 from irrsplat.records import cache_file
 from irrsplat.records.record_cache import RecordCache
+from irrsplat.records.scene_stamp import earlier
 from irrsplat.renderer.resting import RestingView
 from irrsplat.renderer.rounds import Rounds
 from irrsplat.renderer.stages import Stages
@@ -393,18 +394,54 @@ class Renderer(Tenant):
         """
         self._use()
         files.check_file(named(path))
-        cache_file.write(path, cache_file.key(self._state.scene, self.scheduler.settings), self.scheduler.state())
+        scene = self._state.scene
+        cache_file.write(path, cache_file.key(scene, self.scheduler.settings), self.scheduler.state(), cache_file.stamp(scene))
 
-    def load_cache(self, path: files.Pathlike) -> None:
+    def load_cache(self, path: files.Pathlike, update: bool = False) -> str:
         """Take the records of a file in place of those that there are.
 
-        Raises InputError, and changes nothing, where it is missing, no record cache or damaged, or where its records belong to
-        another scene, other lights or other settings than this renderer's (those that cache_file.key lists).
+        update: where they belong to another state of the scene, to other materials or lights, what that concerns is renewed:
+        records on meshes that have moved move along, those on what is gone go, and those whose light has changed are gathered
+        again when a view is rendered. Returns what differs, in words; the empty text where nothing does.
+        Raises InputError, and changes nothing, where the file is missing, no record cache or damaged, or where its records belong
+        to other settings than this renderer's (those that cache_file.key lists) or, without `update`, another scene or lights.
         """
         self._use()
         self._resting.leave()
-        self.scheduler.restore(cache_file.read(named(path), cache_file.key(self._state.scene, self.scheduler.settings)))
+        present, wanted = self._state, cache_file.key(self._state.scene, self.scheduler.settings)
+        if not update:
+            self.scheduler.restore(cache_file.read(named(path), wanted))
+            self.forget(records=False)
+            return ""
+        found = cache_file.read_any(named(path))
+        reason = cache_file.difference(found.key, replace(wanted, geometry=found.key.geometry, lights=found.key.lights))
+        if reason:
+            raise InputError(f"this record cache was made {reason}; remove it to have it made anew, or name another file", path)
+        reason = cache_file.difference(found.key, wanted)
+        if reason:
+            self._renew_from(found, present, same_lights=found.key.lights == wanted.lights)
+        else:
+            self.scheduler.restore(found.state)
         self.forget(records=False)
+        return reason
+
+    def _renew_from(self, found: cache_file.Content, present: State, same_lights: bool) -> None:
+        """Take the records of a file that belong to another state of the scene, and go on to the present one from there."""
+        then = earlier(found.scene, present.scene, cache_file.stamp(present.scene))
+        records = cache_file.carried_over(found.state, then)
+        self.forget()
+        try:
+            self._go_on(replace(present, scene=then.scene))
+            self.scheduler.restore(records)
+            if then.complete and same_lights:  # a look at what was there before tells whom the change concerns
+                self.scheduler.gatherer.resume(self.draw_shadows(), Budget(None))
+            else:
+                self.cache.invalidate()
+            self._go_on(present)
+        except BaseException:
+            self.cache.truncate(0)
+            self._go_on(present)
+            raise
 
     # ---- whole renders ---------------------------------------------------------------------------------------------
 

@@ -38,6 +38,8 @@ APP_ROOMS = (
     "irrsplat.app.cli",
     "irrsplat.app.completion",
     "irrsplat.app.flags",
+    "irrsplat.app.farm",
+    "irrsplat.app.cache_tools",
     "irrsplat.app.info",
     "irrsplat.app.measure",
     "irrsplat.app.bake",

@@ -11,7 +11,7 @@ from irrsplat.core.buffers import Records
 from irrsplat.core.color import LUMINANCE
 from irrsplat.core.record_layout import COLUMNS
 from irrsplat.image.view import View
-from irrsplat.records.weight import behind_wall, record_distance, record_weight, view_radius
+from irrsplat.records.weight import behind_wall, own_radii, record_distance, record_weight, view_radius
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
 
@@ -46,16 +46,7 @@ class RecordTable:
     def reach(self, camera: Camera, settings: Settings) -> np.ndarray:
         """(N, 2) the radii a·R in metres along `axis` and across it, with all limits of this view and the settings, as
         shaders/records/view_radius.glsl has them."""
-        R = self.radius
-        if settings.gradients:  # R <= E/|∇E|
-            slope, Y = self.slope(), self.irradiance @ LUMINANCE
-            E = np.maximum(Y, max(self.luminance_floor, 1e-20))
-            R = np.where(slope * R > E, E / np.where(slope > 0.0, slope, 1.0), R)
-        radii = np.stack([R, R], axis=1)
-        if settings.gradients and settings.radius == "hessian":
-            known = self.axis.any(axis=1)
-            square = (2.0 * E / np.maximum(Y, 1e-20))[:, None] / np.maximum(np.abs(self.curvature), 1e-14)
-            radii[known] = np.minimum(np.sqrt(square), self.max_radius[:, None])[known]
+        radii = own_radii(vars(self), self.luminance_floor, settings)
         distance = np.linalg.norm(self.position - np.asarray(camera.eye), axis=1)
         return view_radius(radii * self.limit[:, None], distance[:, None], camera, settings)
 

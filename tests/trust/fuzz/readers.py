@@ -269,9 +269,10 @@ def cache_arrays() -> dict[str, np.ndarray]:
 
     arrays = {file: np.ones((3, *_COLUMNS[name].shape), _COLUMNS[name].dtype) for name, file in _FILED.items()}
     arrays |= {"content": np.ones((3, len(GATHERED), 4), "f4"), "limit": np.ones((3, 1), "f4"), "clocks": np.zeros(3, "i8")}
-    about = {"adapted": AdaptiveRadiusState().as_json(), "bounces": {}}
-    text = json.dumps({"key": asdict(cache_key()), "about": about}, default=str)
-    return {"about": np.array(text), **arrays, "dark": np.array(0.5)}
+    about = {"adapted": AdaptiveRadiusState().as_json(), "bounces": {}, "settings": asdict(Settings())}
+    scene = cache_file.stamp(irrsplat.load("cornell-paper"))
+    text = json.dumps({"key": asdict(cache_key()), "about": about, "scene": scene.as_json()}, default=str)
+    return {"about": np.array(text), **arrays, **scene.arrays, "dark": np.array(0.5)}
 
 
 def npz(arrays: dict[str, np.ndarray]) -> bytes:

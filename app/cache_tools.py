@@ -1,0 +1,117 @@
+"""`irrsplat cache`: what is in files of records, several of them as one, and one with fewer records."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from irrsplat.app.common.terminal import columns
+from irrsplat.core.errors import InputError
+from irrsplat.records import cache_file
+from irrsplat.records.cache_file import Content
+from irrsplat.records.merge import Merged, merge, prune
+from irrsplat.settings import SETTINGS
+
+
+def run(args: argparse.Namespace) -> int:
+    """One of the tools; the exit status."""
+    return _TOOLS[args.tool](args)
+
+
+def _info(args: argparse.Namespace) -> int:
+    found = [_described(path, cache_file.read_any(path)) for path in args.files]
+    if args.as_json:
+        print(json.dumps(found, indent=2))
+        return 0
+    for one in found:
+        print("\n".join(_lines(one)))
+    return 0
+
+
+def _described(path: str, content: Content) -> dict[str, Any]:
+    """What there is to say of a cache file, by name."""
+    records, scene = content.state.records, content.scene
+    settings = content.settings()
+    return {
+        "file": path,
+        "format": cache_file.FORMAT,
+        "bytes": os.path.getsize(path),
+        "scene": scene.name,
+        "meshes": len(scene.meshes),
+        "triangles": sum(mesh.triangles for mesh in scene.meshes),
+        "geometry": content.key.geometry,
+        "lights": content.key.lights,
+        "records": len(records["name"]),
+        "stale": int(np.count_nonzero(records["era"] < records["clocks"][0])),
+        **content.state.bounces,
+        "settings": {name: getattr(settings, name) for name in SETTINGS},
+    }
+
+
+def _lines(one: dict[str, Any]) -> list[str]:
+    """The same in lines to read."""
+    count, ended = one["bounces"], one["bounces_converged"]
+    bounces = f"{count}" + ("" if ended is None else ", more would add hardly anything" if ended else ", more would add light")
+    special = {name: value for name, value in one["settings"].items() if value != SETTINGS[name].default}
+    words = ((SETTINGS[name].flag, ("off", "on")[value] if isinstance(value, bool) else value) for name, value in special.items())
+    stale = f", {one['stale']} of them to be gathered again" if one["stale"] else ""
+    rows = [
+        ("scene", f"{one['scene']}: {one['meshes']} meshes, {one['triangles']} triangles"),
+        ("records", f"{one['records']}{stale}"),
+        ("size", f"{1e-6 * one['bytes']:.1f} MB, format {one['format']}"),
+        ("bounces", bounces),
+        ("gathered by", one["gathered_by"]),
+        ("settings", " ".join(f"{flag} {value}" for flag, value in words) or "as by default"),
+        ("made for", f"geometry {one['geometry'][:12]}, lights {one['lights'][:12]}"),
+    ]
+    return [one["file"], *(f"  {line}" for line in columns(rows, left=2))]
+
+
+def _merge(args: argparse.Namespace) -> int:
+    contents = read_alike(args.files)
+    return _write(
+        args.output, contents[0], merge([content.state for content in contents], contents[0].settings()), "served by others"
+    )
+
+
+def read_alike(paths: Sequence[str]) -> list[Content]:
+    """What these files hold; raises InputError where one cannot be read, or was made for other things than the first."""
+    contents = [cache_file.read_any(path) for path in paths]
+    for path, content in zip(paths, contents, strict=True):
+        if reason := cache_file.difference(content.key, contents[0].key):
+            raise InputError(f"this record cache was made {reason}, as '{paths[0]}' was; only caches of one scene merge", path)
+    return contents
+
+
+def _prune(args: argparse.Namespace) -> int:
+    content, bound = cache_file.read_any(args.file), None
+    if args.most is not None:
+        bound, of_file = args.most
+        bound = _fitting(content, args.file, bound) if of_file else bound
+    words = "served by others" if bound is None else "least useful"
+    return _write(args.output, content, prune(content.state, content.settings(), bound), words)
+
+
+def _fitting(content: Content, path: str, size: int) -> int:
+    """How many of the records of a file fit into one of `size` bytes; raises InputError where none does."""
+    count = len(content.state.records["name"])
+    each = sum(rows.nbytes for rows in content.state.records.values() if len(rows.shape) and len(rows) == count) // max(count, 1)
+    rest = os.path.getsize(path) - count * each
+    if size < rest + each:
+        raise InputError(f"--most: what the file says of its scene alone takes {rest} bytes; allow some more", path)
+    return (size - rest) // max(each, 1)
+
+
+def _write(path: str, content: Content, done: Merged, why: str) -> int:
+    cache_file.write(path, content.key, done.state, content.scene)
+    count = len(done.state.records["name"])
+    print(f"{path}: {count} of {count + done.dropped} records; {done.dropped} were left out, {why}")
+    return 0
+
+
+_TOOLS: dict[str, Callable[[argparse.Namespace], int]] = {"info": _info, "merge": _merge, "prune": _prune}

@@ -1,0 +1,243 @@
+"""`--on tcp://…`: a flight filled, or its frames rendered, by the workers of a Dask scheduler."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from functools import partial
+from itertools import pairwise
+from pathlib import Path as File
+from typing import TYPE_CHECKING, Any
+
+from irrsplat.app.common.terminal import OnShare, doing, progress
+from irrsplat.app.farm import work
+from irrsplat.app.farm.work import Job, Part, Rendered
+from irrsplat.app.film.fill import Filled
+from irrsplat.app.film.kept import unwritten
+from irrsplat.core import files
+from irrsplat.core.errors import InputError, IrrsplatError
+from irrsplat.image.frame import numbered
+from irrsplat.records import cache_file
+from irrsplat.records.merge import merge
+from irrsplat.scene import bundled
+from irrsplat.settings import preset
+
+if TYPE_CHECKING:
+    from irrsplat.app.common.outputs import Outputs
+    from irrsplat.app.pictures import Pictures
+    from irrsplat.app.film.flight import Flight
+    from irrsplat.image.statistics import Statistics
+    from irrsplat.scene.model import Scene
+
+_PATIENCE = 10.0  # seconds until a scheduler, and a first worker, are there
+_PARTS = 4  # of frames a worker: so that none is left waiting for long, and a killed one has little to do again
+
+
+def job_of(args: argparse.Namespace, scene: Scene, flight: Flight) -> Job:
+    """What workers are to know of a command."""
+    name = args.scene if args.scene in bundled() else os.path.abspath(args.scene)
+    key = cache_file.key(scene.recentred.local, preset(args.preset, **args.values))
+    return Job(name, args.loading, key, tuple(args.size), args.preset, args.values, flight.path)
+
+
+def fill(args: argparse.Namespace, job: Job, flight: Flight) -> tuple[bytes, Filled]:
+    """The bytes of a cache file that has the records of a flight, and what came of filling it.
+
+    Each worker fills a part of the flight; the caches are merged, and one worker flies once more for what is missing then.
+    Ctrl-C: what is complete by then is merged. Raises IrrsplatError where there is no scheduler or no worker.
+    """
+    start = File(args.cache).read_bytes() if os.path.exists(args.cache) else None
+    with _client(args.on) as (client, workers), progress("filling") as line:
+        parts: list[Part] = []
+        begun = None if start is None else _sent(client, start)
+        try:
+            numbers = split(flight.numbers, len(workers))
+            futures = [client.submit(work.fill, job, part, begun, pure=False) for part in numbers]
+            parts = list(_collected(client, futures, line, "parts of the flight are filled"))
+        except KeyboardInterrupt:
+            return _merged([part.cache for part in parts], start), _summed(parts, interrupted=True)
+        whole = _merged([part.cache for part in parts], start)
+        if len(parts) == 1:
+            return whole, parts[0].done
+        try:
+            doing("merged; gathering what the whole flight still lacks")
+            last = _result(client.submit(work.fill, job, flight.numbers, _sent(client, whole), pure=False))
+        except KeyboardInterrupt:
+            return whole, _summed(parts, interrupted=True)
+        return last.cache, last.done
+
+
+def render(
+    args: argparse.Namespace,
+    job: Job,
+    flight: Flight,
+    buffers: list[str] | None,
+    files: Pictures,
+    outputs: Outputs,
+) -> tuple[list[Statistics], bool]:
+    """Have the frames of a flight rendered from the frozen cache and write them here; as frames.render."""
+    done: dict[int, Statistics] = {}
+    wanted = [number for number in flight.numbers if not args.resume or unwritten(flight.outputs, number)]
+    if not wanted:
+        return [], True
+    records = File(args.cache).read_bytes()
+    with _client(args.on) as (client, workers), progress("rendering") as line:
+        drawn_by = _one_driver(client, workers)
+        sent = _sent(client, records)
+        futures = [
+            client.submit(work.render, job, numbers, sent, flight.outputs, buffers, files, drawn_by, pure=False)
+            for numbers in runs(wanted, _PARTS * len(workers))
+        ]
+        try:
+            for rendered in _collected(client, futures, line, "parts of the flight are rendered"):
+                _write(rendered, flight, outputs, args.resume)
+                done |= {stats["frame"]: stats for stats in rendered.stats}
+        except KeyboardInterrupt:
+            return [done[number] for number in sorted(done)], False
+    return [done[number] for number in sorted(done)], not outputs.failures
+
+
+def count(data: bytes) -> int:
+    """How many records a cache file's bytes hold."""
+    return len(_contents([data])[0].state.records["name"]) if data else 0
+
+
+def split(numbers: range, parts: int) -> list[range]:
+    """The numbers in so many parts of one after the other, as equal as can be, none of them empty."""
+    count = len(numbers)
+    cuts = [count * i // parts for i in range(parts + 1)]
+    return [numbers[low:high] for low, high in pairwise(cuts) if high > low]
+
+
+def runs(numbers: Sequence[int], parts: int) -> list[range]:
+    """These numbers, ascending, in ranges of one after the other: about so many, and more where there are gaps."""
+    longest, found = -(-len(numbers) // parts), list[range]()
+    for number in numbers:
+        if found and found[-1].stop == number and len(found[-1]) < longest:
+            found[-1] = range(found[-1].start, number + 1)
+        else:
+            found.append(range(number, number + 1))
+    return found
+
+
+# ---- the scheduler -----------------------------------------------------------------------------------------------------
+
+
+@contextmanager
+def _client(address: str) -> Iterator[tuple[Any, list[str]]]:
+    """A client of the scheduler at `address`, and the addresses of its workers; its tasks end with the block."""
+    try:
+        from distributed import Client
+    except ModuleNotFoundError as error:
+        raise IrrsplatError(f"--on needs Dask's '{error.name}': pip install 'irrsplat[cluster]'") from error
+    try:
+        client = Client(address, timeout=_PATIENCE, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise IrrsplatError(f"--on {address}: no Dask scheduler answers there; start one with: dask scheduler") from error
+    try:
+        try:
+            client.wait_for_workers(1, timeout=_PATIENCE)
+        except TimeoutError as error:
+            words = f"the scheduler has no workers; start some with: dask worker {address} --nthreads 1"
+            raise IrrsplatError(f"--on {address}: {words}") from error
+        yield client, sorted(client.scheduler_info(n_workers=-1)["workers"])
+    finally:
+        client.close()
+
+
+def _collected(client: Any, futures: Sequence[Any], line: OnShare | None, words: str) -> Iterator[Any]:
+    """What the futures give, as each is done; a worker that dies has its task done by another. Raises the first error, as one of
+    a worker, once the other tasks are cancelled."""
+    from distributed import as_completed
+
+    try:
+        for done, future in enumerate(as_completed(futures, loop=client.loop), 1):
+            result = _result(future)
+            if line is not None:
+                line(done / len(futures), f"{done} of {len(futures)} {words}")
+            yield result
+    except BaseException:
+        client.cancel(futures)
+        raise
+
+
+def _sent(client: Any, data: bytes) -> Any:
+    """A future that gives `data` to tasks. It is a task itself, so that it outlives the workers that have the data: what is only
+    scattered is lost with them."""
+    return client.submit(bytes, data, pure=False)
+
+
+def _result(future: Any) -> Any:
+    from distributed import KilledWorker
+
+    try:
+        return future.result()
+    except KilledWorker as error:
+        words = "several workers have died at one task, of too little memory perhaps; their logs say more"
+        raise IrrsplatError(f"--on: {words}") from error
+    except ModuleNotFoundError as error:
+        raise IrrsplatError(f"--on: a worker lacks '{error.name}'; install the same irrsplat on all machines") from error
+
+
+def _one_driver(client: Any, workers: Sequence[str]) -> str:
+    """What all of the workers draw by; raises InputError where they differ."""
+    futures = [client.submit(work.driver, workers=[worker], pure=False) for worker in workers]
+    found = dict(zip(workers, map(_result, futures), strict=True))
+    kinds: dict[str, str] = {}
+    for worker, kind in found.items():
+        kinds.setdefault(kind, worker)
+    if len(kinds) > 1:
+        said = "; ".join(f"{worker}: {kind}" for kind, worker in kinds.items())
+        raise InputError(f"the workers' frames would differ in their bits, since they draw otherwise ({said}); take equal ones")
+    return next(iter(kinds))
+
+
+# ---- what comes back ---------------------------------------------------------------------------------------------------
+
+
+def _merged(caches: Sequence[bytes], start: bytes | None) -> bytes:
+    """One cache file of several; the records that all began with are in it once."""
+    if len(caches) < 2:
+        return caches[0] if caches else start or b""
+    contents = _contents(caches)
+    done = merge([content.state for content in contents], contents[0].settings())
+    with tempfile.TemporaryDirectory() as folder:
+        file = File(folder) / "merged.cache"
+        cache_file.write(file, contents[0].key, done.state, contents[0].scene)
+        return file.read_bytes()
+
+
+def _contents(caches: Sequence[bytes]) -> list[cache_file.Content]:
+    """What these files' bytes hold."""
+    found = []
+    with tempfile.TemporaryDirectory() as folder:
+        for data in caches:
+            file = File(folder) / "records.cache"
+            file.write_bytes(data)
+            found.append(cache_file.read_any(file))
+    return found
+
+
+def _summed(parts: Sequence[Part], interrupted: bool) -> Filled:
+    frames = {number: coverage for part in parts for number, coverage in part.done.frames.items()}
+    passes = max([0, *(part.done.passes for part in parts)])
+    return Filled(frames, passes, sum(part.done.evicted for part in parts), interrupted)
+
+
+def _write(rendered: Rendered, flight: Flight, outputs: Outputs, resume: bool) -> None:
+    """Write these files; to `resume`, those that are there stay."""
+    for (number, i), content in rendered.files.items():
+        pattern = flight.outputs[i]
+        name = numbered(pattern, number)
+        if not resume or pattern in unwritten([pattern], number):
+            outputs.write(name, partial(_write_files, name, content), pattern)
+
+
+def _write_files(name: str, content: dict[str, bytes]) -> None:
+    for part, data in content.items():
+        path = File(name) / part if part else File(name)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        files.write_bytes(path, data)

@@ -1,0 +1,257 @@
+"""Caches of one scene made apart, as one; and a cache with fewer records: which of them others speak for well enough.
+
+A record was asked for by a pixel of some view: there the records that there were weighed too little, or contradicted each other.
+The same question (Σw and their spread, as shaders/indirect/effective_weight.glsl counts them) is put to the records of the other
+caches: at the record's place, with the radii that they have in a view as far away as the one that asked for it. Where they would
+have answered, the record would not have been made by one renderer that had seen all of the views, and it goes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from scipy import sparse
+from scipy.spatial import cKDTree
+
+from irrsplat.core import record_layout
+from irrsplat.core.color import LUMINANCE
+from irrsplat.core.record_layout import COLUMNS, GATHERED
+from irrsplat.records.cache_file import CacheState, selected
+from irrsplat.records.record_cache import luminance_floor
+from irrsplat.records.weight import behind_wall, own_radii, record_distance, record_weight
+from irrsplat.settings import Settings
+
+_AT_ONCE = 4096  # records that are held against the others together
+_FAINT, _LEAST_KNOWN = 0.1, 1e-3  # as known_share of shaders/records/weight.glsl has them
+_NEAR = 3.0  # as in shaders/indirect/effective_weight.glsl
+# times the Σw that a pixel asks below: a record was asked for at one pixel, and those around it are to be served too. At 1, up
+# to 3 % of the pixels of a view ask again; at 2, less than 1 %, for 6 % more records
+_ENOUGH = 2.0
+_PAIRS = 1 << 22  # that are looked at together
+
+
+class Merged(NamedTuple):
+    """A cache, and how many records of those that it is made of are not in it."""
+
+    state: CacheState
+    dropped: int
+
+
+def merge(states: Sequence[CacheState], settings: Settings) -> Merged:
+    """One cache of the records of several that were made apart, of one scene and by one set of settings.
+
+    Those of the first stay. Of each further one a record stays where those that stay before it do not serve its place. Limits of
+    radii are begun anew: whoever draws with the cache holds all records against each other first, as always.
+    """
+    whole, source = _joined(states)
+    table = _Table.of(whole, settings)
+    pairs = _Pairs.among(table, source)
+    kept, before = np.ones(len(source), bool), np.zeros(0, bool)
+    while not np.array_equal(kept, before):  # whether a record stays depends on earlier ones alone, so that this ends, and soon
+        before = kept
+        served = table.effective(pairs.sums(kept)) >= _ENOUGH * settings.threshold
+        kept = ~served | (pairs.weights(source, kept) == 0.0)
+    return Merged(selected(whole, np.flatnonzero(kept)), int(np.count_nonzero(~kept)))
+
+
+def prune(state: CacheState, settings: Settings, most: int | None = None) -> Merged:
+    """The cache without records whose places the others serve, those first that are served best.
+
+    most: so many are left at most, and none goes that need not; then some may go that the others do not serve. None: only those
+    go that they do.
+    """
+    table = _Table.of(state, settings)
+    pairs = _Pairs.among(table)
+    kept = np.ones(len(table), bool)
+    while most is None or kept.sum() > most:
+        served = table.effective(pairs.sums(kept))
+        (left,) = np.nonzero(kept & (served >= _ENOUGH * settings.threshold)) if most is None else np.nonzero(kept)
+        if not len(left):
+            break
+        going = pairs.apart(left[np.argsort(-served[left], kind="stable")])
+        if most is not None:  # a part of them at once, since what is left then serves more than it did
+            going = going[: min(int(kept.sum()) - most, -(-len(going) // 4))]
+        kept[going] = False
+    return Merged(selected(state, np.flatnonzero(kept)), int(np.count_nonzero(~kept)))
+
+
+# ---- what records say of each other's places ---------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Table:
+    """The records of a cache, with a row for each: the columns of record_layout.COLUMNS that weights depend on, and `screen`.
+
+    radii: (N, 2) a·R in metres, within the records' limits and before those of a view.
+    """
+
+    columns: Mapping[str, np.ndarray]
+    radii: np.ndarray
+    floor: float
+    settings: Settings
+
+    @classmethod
+    def of(cls, state: CacheState, settings: Settings) -> _Table:
+        records = state.records
+        texels = dict(zip(GATHERED, np.moveaxis(records["content"], 1, 0), strict=True))
+        texels |= {name: records[name] for name in ("position", "normal", "limit")}
+        columns = {name: record_layout.unpack(texels, name).astype(float) for name in COLUMNS}
+        columns["screen"] = records["screen"].astype(float)
+        floor = float(records["dark"])
+        radii = settings.a * own_radii(columns, floor, settings) * columns["limit"][:, None]
+        return cls(columns, radii, floor, settings)
+
+    def __len__(self) -> int:
+        return len(self.radii)
+
+    def bounded(self, radii: np.ndarray, screen: np.ndarray) -> np.ndarray:
+        """Radii a·R in metres within the bounds of views where the image is `screen` metres high; 0: not known, no bounds."""
+        least, most = (share / 100.0 * screen for share in (self.settings.radius_min, self.settings.radius_max))
+        found = np.maximum(radii, least)
+        found = np.where(most > 0.0, np.minimum(found, most), found)
+        return found
+
+    @cached_property
+    def asked_within(self) -> np.ndarray:
+        """(N,) metres: no record farther away can serve the place of each one."""
+        widest = float(self.radii.max(initial=0.0))
+        found: np.ndarray = self.bounded(np.full(len(self), widest), self.columns["screen"]) * (1.0 + 1e-6)
+        return found
+
+    def say(self, asking: np.ndarray, other: np.ndarray) -> np.ndarray:
+        """(4, P): w, k, k·Y and k·Y² of the records of the numbers `other` at the places of those `asking` (P,), as
+        shaders/indirect/splat.frag has them; all 0 where one does not count there."""
+        settings, columns = self.settings, self.columns
+        apart = columns["position"][asking] - columns["position"][other]
+        n, n_k, axis = columns["normal"][asking], columns["normal"][other], columns["axis"][other]
+        reach = self.bounded(self.radii[other], columns["screen"][asking, None])
+        distance = record_distance(apart, axis, reach / settings.a)
+        w = record_weight(distance, apart, n, n_k, reach[:, 1] / settings.a, settings.in_front)
+        counts = w > 1.0 / settings.a
+        Y = columns["irradiance"][other] @ LUMINANCE
+        if settings.gradients:
+            if settings.walls:
+                counts &= ~behind_wall(apart, axis, n_k, columns["walls"][other])
+            Y = np.einsum("pcx,c,px->p", columns["vectors"][other], LUMINANCE, n)
+            trust = np.minimum(1.0, self.radii[other, 1] / np.maximum(reach[:, 1], 1e-30))
+            slope = trust * np.einsum("pcx,c,px->p", columns["gradient"][other], LUMINANCE, apart)
+            there = self._extrapolated(Y, slope, apart, n_k, axis, columns["curvature"][other] * (trust * trust)[:, None])
+            w = w * np.where(Y > 0.0, np.clip(there / np.where(Y > 0.0, _FAINT * Y, 1.0), _LEAST_KNOWN, 1.0), 1.0)
+            Y = there
+        k = w if settings.kernel == "cut" else np.maximum(w - 1.0 / settings.a, 0.0)
+        return np.where(counts, np.stack([w, k, k * Y, k * Y * Y]), 0.0)
+
+    def _extrapolated(
+        self, Y: np.ndarray, slope: np.ndarray, apart: np.ndarray, n_k: np.ndarray, axis: np.ndarray, curvature: np.ndarray
+    ) -> np.ndarray:
+        """extrapolated() of shaders/records/weight.glsl, of luminance."""
+        up, along = (apart * n_k).sum(1), (apart * axis).sum(1)
+        across = np.maximum((apart * apart).sum(1) - up * up - along * along, 0.0)
+        more = np.clip(0.5 * (curvature[:, 0] * along * along + curvature[:, 1] * across), -0.5, 0.5)
+        if not self.settings.second_order:
+            more = np.zeros_like(more)
+        found: np.ndarray = np.clip(Y + slope + more * Y, 0.0, np.maximum(2.0 * Y, 0.0))
+        return found
+
+    def effective(self, sums: np.ndarray) -> np.ndarray:
+        """(N,) the effective weight of places by the sums (4, N) of what is said of them, as the examination counts it."""
+        weight, k, kY, kYY = sums
+        k = np.maximum(k, 1e-20)
+        Y = kY / k
+        deviation = np.sqrt(np.maximum(kYY / k - Y * Y, 0.0))
+        least, spread = self.settings.threshold, self.settings.spread
+        doubted = (weight < _NEAR * least) & (deviation > 0.0) & (spread > 0.0)
+        allowed = least * spread * np.maximum(Y, self.floor) / np.where(doubted, deviation, 1.0)
+        found: np.ndarray = np.where(doubted, np.minimum(weight, allowed), weight)
+        return found
+
+
+@dataclass(frozen=True)
+class _Pairs:
+    """What records say of each other's places: (N, N) sparse, a row for each place; w, k, k·Y and k·Y² in the order of `say`."""
+
+    said: tuple[sparse.csr_matrix, ...]
+
+    @classmethod
+    def among(cls, table: _Table, source: np.ndarray | None = None) -> _Pairs:
+        """source: (N,) of which cache each record is; then no place of the first one is asked about, and of the others only what
+        earlier records say. None: all that say anything."""
+        position, count = table.columns["position"], len(table)
+        asking = np.arange(count) if source is None else np.flatnonzero(source > 0)
+        asking = asking[np.argsort(table.asked_within[asking], kind="stable")]  # so that few are looked at in vain
+        tree = cKDTree(position)
+        rows, columns, values = [np.zeros(0, np.intp)], [np.zeros(0, np.intp)], [np.zeros((4, 0))]
+        parts = [asking[start : start + _AT_ONCE] for start in range(0, len(asking), _AT_ONCE)][::-1]
+        while parts:
+            part = parts.pop()
+            near, within = cKDTree(position[part]), float(table.asked_within[part].max())
+            if len(part) > 1 and near.count_neighbors(tree, within) > _PAIRS:
+                parts += [part[len(part) // 2 :], part[: len(part) // 2]]
+                continue
+            found = near.sparse_distance_matrix(tree, within, output_type="ndarray")
+            i, j = part[found["i"]], found["j"]
+            wanted = i != j if source is None else j < i
+            i, j = i[wanted], j[wanted]
+            said = table.say(i, j)
+            counts = said[0] > 0.0
+            rows.append(i[counts])
+            columns.append(j[counts])
+            values.append(said[:, counts])
+        where = np.concatenate(rows), np.concatenate(columns)
+        return cls(tuple(sparse.csr_matrix((one, where), (count, count)) for one in np.concatenate(values, axis=1)))
+
+    def sums(self, kept: np.ndarray) -> np.ndarray:
+        """(4, N) what the records that are `kept` (N,) say of all places."""
+        return np.stack([said @ kept.astype(float) for said in self.said])
+
+    def weights(self, source: np.ndarray, kept: np.ndarray) -> np.ndarray:
+        """(N,) Σw at each place of those that are kept, of another cache than that of the place."""
+        pairs = self.said[0].tocoo()
+        counts = kept[pairs.col] & (source[pairs.row] != source[pairs.col])
+        return np.bincount(pairs.row[counts], pairs.data[counts], len(kept))
+
+    def apart(self, numbers: np.ndarray) -> np.ndarray:
+        """Those of the records `numbers`, in their order, that serve no place of one earlier among them, nor are served by it."""
+        rank = np.full(self.said[0].shape[0], len(numbers))
+        rank[numbers] = np.arange(len(numbers))
+        pairs = self.said[0].tocoo()
+        both = (rank[pairs.row] < len(numbers)) & (rank[pairs.col] < len(numbers))
+        later = np.maximum(rank[pairs.row[both]], rank[pairs.col[both]])
+        free = np.ones(len(numbers), bool)
+        free[later] = False
+        return numbers[free]
+
+
+# ---- the arrays of cache files -----------------------------------------------------------------------------------------
+
+
+def _joined(states: Sequence[CacheState]) -> tuple[CacheState, np.ndarray]:
+    """All records of the caches in one, with ids of their own; and (N,) which cache each is of.
+
+    What is stale stays so, and for as long; what no view has seen for long, too.
+    """
+    clocks = np.array([state.records["clocks"] for state in states])
+    epoch, view, _ = (int(clock) for clock in clocks.max(0))
+    records: dict[str, np.ndarray] = {}
+    for name in states[0].records:
+        if name not in ("clocks", "dark"):
+            records[name] = np.concatenate([state.records[name] for state in states])
+    counts = [len(state.records["name"]) for state in states]
+    source = np.repeat(np.arange(len(states)), counts)
+    records["era"] = records["era"] + (epoch - clocks[:, 0])[source]
+    records["viewed"] = records["viewed"] + (view - clocks[:, 1])[source]
+    records["name"] = np.arange(len(source))
+    records["clocks"] = np.array([epoch, view, len(source)])
+    records["dark"] = np.array(luminance_floor(records["content"][:, GATHERED.index("irradiance"), :3]))
+    return replace(states[0], records=records, bounces=_bounces(states)), source
+
+
+def _bounces(states: Sequence[CacheState]) -> dict[str, object]:
+    """How the records of all were gathered: by how many bounces at least."""
+    found = [dict(state.bounces) for state in states]
+    least = min(found, key=lambda bounces: (bool(bounces.get("bounces_converged")), int(str(bounces.get("bounces", 0)))))
+    return least

@@ -1,0 +1,150 @@
+"""--on: a flight filled and its frames rendered by the workers of a Dask scheduler, as by one process."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from irrsplat.app import cli
+from irrsplat.app.farm import cluster as farm
+from irrsplat.app.farm import work
+from tests.app.film.test_fill import FAST
+from tests.support.viewing import write_room
+
+distributed = pytest.importorskip("distributed")
+FLIGHT = [*FAST, "--path", "a.path", "--cache", "film.cache"]
+FILL, RENDER = ["fill", "room.scene", *FLIGHT], ["render", "room.scene", *FLIGHT, "--cache-mode", "frozen"]
+
+
+@pytest.fixture
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A working folder with a room in it, and a flight of six frames."""
+    write_room(tmp_path)
+    (tmp_path / "a.path").write_text("frames 6\ncam -0.3 0 0.9 0 0 -1 0 1 0\ncam 0.2 0.1 0.7 0.4 0 -1 0 1 0\n")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@contextmanager
+def workers(count: int, processes: bool) -> Iterator[str]:
+    """The address of a scheduler with so many workers."""
+    options: dict[str, Any] = {"dashboard_address": ":0", "threads_per_worker": 1, "memory_limit": 0}
+    with distributed.LocalCluster(n_workers=count, processes=processes, protocol="tcp://", **options) as made:
+        yield made.scheduler_address
+
+
+@pytest.fixture
+def address() -> Iterator[str]:
+    """A scheduler with two workers in this process; what they draw with is freed at the end."""
+    with workers(2, processes=False) as found:
+        yield found
+        work.release()
+
+
+def stats(name: str) -> dict[str, Any]:
+    return dict(json.loads(Path(name).read_text()))
+
+
+def pictures(names: str) -> list[bytes]:
+    return [Path(names.format(number)).read_bytes() for number in range(6)]
+
+
+def test_workers_fill_what_one_process_fills_and_render_the_same_bytes(
+    place: Path, address: str, refused: Callable[..., str]
+) -> None:
+    """All frames have their records, at most 1.15 times as many as of one process; and from the frozen cache each frame is the
+    same to the byte. Then what cannot be: a worker with another scene, and frames without a frozen cache."""
+    assert cli.main([*FILL, "--stats", "one.json"]) == 0
+    one = stats("one.json")["records"]
+    (place / "film.cache").unlink()
+    assert cli.main([*FILL, "--stats", "two.json", "--on", address]) == 0
+    two = stats("two.json")
+    assert [frame["coverage"] for frame in two["frames"]] == [1.0] * 6 and one < 1.15 * two["records"] < 1.15**2 * one
+    assert cli.main([*RENDER, "-o", "a{frame}.png", "-o", "a{frame}.exr"]) == 0
+    assert cli.main([*RENDER, "-o", "b{frame}.png", "-o", "b{frame}.exr", "-o", "c{frame}", "--on", address]) == 0
+    for ending in ("png", "exr"):
+        assert pictures("a{}." + ending) == pictures("b{}." + ending)
+    assert (place / "c5" / "image.png").is_file()
+    assert "--cache-mode frozen" in refused(["render", "room.scene", *FLIGHT, "-o", "d{frame}.png", "--on", address])
+
+
+def test_a_worker_with_another_scene_is_told(
+    place: Path, address: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Here the scene changes between what the command has read and what its workers read."""
+    send, lamp = farm.split, place / "lamp.light"
+
+    def changed(numbers: range, parts: int) -> list[range]:
+        lamp.write_text(lamp.read_text().replace("3 3 3", "4 3 3"))
+        return send(numbers, parts)
+
+    monkeypatch.setattr(farm, "split", changed)
+    assert cli.main([*FILL, "--on", address]) == 2
+    said = capsys.readouterr().err
+    assert "the scene of this worker was made for other lights" in said and said.count("\n") == 1
+    assert not (place / "film.cache").exists()
+
+
+def test_what_is_said_where_there_is_no_farm(
+    place: Path, refused: Callable[..., str], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """No address, nobody there, no worker; each in one line."""
+    assert "expected a scheduler's address such as tcp://farm:8786, not 'farm'" in refused([*FILL, "--on", "farm"])
+    monkeypatch.setattr(farm, "_PATIENCE", 0.5)
+    assert cli.main([*FILL, "--on", "tcp://127.0.0.1:9"]) == 1
+    assert "no Dask scheduler answers there; start one with: dask scheduler" in capsys.readouterr().err
+    with workers(0, processes=False) as found:
+        assert cli.main([*FILL, "--on", found]) == 1
+    assert f"the scheduler has no workers; start some with: dask worker {found}" in capsys.readouterr().err
+    assert not (place / "film.cache").exists()
+
+
+def test_a_flight_is_split_into_parts_that_are_alike() -> None:
+    for count, parts in ((90, 4), (7, 3), (3, 8), (1, 1)):
+        found = farm.split(range(5, 5 + count), parts)
+        assert [number for part in found for number in part] == list(range(5, 5 + count))
+        assert len(found) == min(count, parts) and max(map(len, found)) - min(map(len, found)) <= 1
+
+
+@pytest.mark.slow
+def test_a_worker_that_is_killed_loses_nothing(place: Path) -> None:
+    """Two processes; one of them is killed while it fills, and again while it renders. The frames are those of this process."""
+    with workers(2, processes=True) as found:
+        fill = killing(found, lambda: cli.main([*FILL, "--gather-size", "48", "--on", found, "--stats", "fill.json"]))
+        assert fill == 0 and [frame["coverage"] for frame in stats("fill.json")["frames"]] == [1.0] * 6
+        rendered = killing(found, lambda: cli.main([*RENDER, "--gather-size", "48", "-o", "b{frame}.exr", "--on", found]))
+        assert rendered == 0
+    assert cli.main([*RENDER, "--gather-size", "48", "-o", "a{frame}.exr"]) == 0
+    assert pictures("a{}.exr") == pictures("b{}.exr")
+
+
+def killing(address: str, act: Callable[[], int]) -> int:
+    """What `act` returns, while the first worker that has begun a task is killed."""
+    killed: list[int] = []
+
+    def kill() -> None:
+        with distributed.Client(address, set_as_default=False) as client:
+            pids, until = client.run(os.getpid), time.monotonic() + 60.0
+            while not killed and time.monotonic() < until:
+                busy = [worker for worker, tasks in client.processing().items() if tasks]
+                if busy and busy[0] in pids:
+                    time.sleep(0.3)
+                    killed.append(pids[busy[0]])
+                    os.kill(pids[busy[0]], signal.SIGKILL)
+                time.sleep(0.02)
+
+    thread = threading.Thread(target=kill)
+    thread.start()
+    status = act()
+    thread.join()
+    assert killed
+    return status

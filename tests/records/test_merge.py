@@ -1,0 +1,153 @@
+"""Caches made apart and merged are as good as one made at once, by the path tracer; what goes is what others serve."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import irrsplat
+from irrsplat import Renderer
+from irrsplat.gpu.target import pixels
+from irrsplat.records import cache_file
+from irrsplat.records.cache_file import CacheState
+from irrsplat.records.merge import _Pairs, _Table, merge, prune
+from irrsplat.scene.model import Camera
+from irrsplat.settings import Settings, preset
+from tests.support.truth import SIZE, load_reference
+
+MADE: dict[str, Any] = {"bounces": 1, "gather_size": 24}
+SIDE = (80, 80)
+AWAY = ((2.78, 2.73, -8.0), (4.5, 1.6, -1.9), (0.9, 3.4, -1.1), (1.7, 2.4, -3.6))  # of bundled cornell's own flight
+
+
+@dataclass(frozen=True)
+class Flights:
+    """The caches of a flight through cornell filled at once, and of its two halves."""
+
+    whole: CacheState
+    halves: tuple[CacheState, CacheState]
+
+
+def filled(cameras: Sequence[Camera]) -> CacheState:
+    with Renderer(irrsplat.load("cornell"), SIDE, **MADE) as renderer:
+        for camera in cameras:
+            renderer.converge(camera)
+        return renderer.scheduler.state()
+
+
+@pytest.fixture(scope="module")
+def flights() -> Flights:
+    own = irrsplat.load("cornell").camera()
+    cameras = [replace(own, eye=eye, target=(2.78, 2.0, 3.0) if i else own.target) for i, eye in enumerate(AWAY)]
+    return Flights(filled(cameras), (filled(cameras[:2]), filled(cameras[2:])))
+
+
+def error(state: CacheState, path: Path) -> float:
+    """Relative RMSE against the path tracer of the view that the truth is of, by these records alone."""
+    scene, truth = irrsplat.load("cornell"), load_reference("cornell")
+    cache_file.write(path, cache_file.key(scene, preset(**MADE)), state, cache_file.stamp(scene))
+    with Renderer(scene, (SIZE, SIZE), **MADE) as renderer:
+        renderer.load_cache(path)
+        E = renderer.render(gather=False, buffers=["irradiance"]).irradiance[tuple(truth.pixels.T)]
+    E_ref = truth.irradiance
+    return float(np.sqrt(np.mean((E - E_ref) ** 2)) / E_ref.mean())
+
+
+def test_halves_of_a_flight_merged_are_the_flight_at_once(flights: Flights, tmp_path: Path) -> None:
+    """Within 0.3 % of error against the path tracer, at no more than 1.15 times the records; of which the halves have a third
+    more, so that something is to be merged."""
+    count = len(flights.whole.records["name"])
+    merged = merge(flights.halves, Settings().with_values(flights.halves[0].settings)).state
+    both = sum(len(half.records["name"]) for half in flights.halves)
+    assert both > 1.25 * count and len(merged.records["name"]) <= 1.15 * count
+    once, apart = (error(state, tmp_path / "a.cache") for state in (flights.whole, merged))
+    assert abs(apart - once) <= 0.003
+
+
+def test_a_cache_merged_with_itself_is_itself(flights: Flights) -> None:
+    half = flights.halves[0]
+    done = merge([half, half, half], preset(**MADE))
+    assert done.dropped == 2 * len(half.records["name"])
+    for name in ("position", "content", "normal", "triangle", "turn"):
+        assert np.array_equal(done.state.records[name], half.records[name])
+    ids = done.state.records["name"]
+    assert (np.diff(ids) > 0).all() and done.state.records["clocks"][2] > ids[-1]
+
+
+def test_what_has_nothing_in_common_stays(flights: Flights) -> None:
+    """Each half without the records that the other's are near to: all stay, in order, and none is limited yet."""
+    one, other = flights.halves
+    left = cache_file.selected(one, np.flatnonzero(one.records["position"][:, 0] < 2.0))
+    right = cache_file.selected(other, np.flatnonzero(other.records["position"][:, 0] > 4.5))
+    done = merge([left, right], preset(**MADE))
+    assert done.dropped == 0 and (done.state.records["limit"] == 1.0).all() and done.state.adapted.limited == 0
+    assert np.array_equal(done.state.records["position"][: len(left.records["name"])], left.records["position"])
+
+
+def test_weights_are_those_of_the_splats(flights: Flights, tmp_path: Path) -> None:
+    """The Σw of all records at the places of pixels, by the table and by the splat buffer that the GPU makes of them.
+
+    They bound radii by the distance of the pixel and of each record, which differ by a radius: some hundredths of it."""
+    state, scene = flights.halves[0], irrsplat.load("cornell")
+    settings = preset(**MADE)
+    camera = scene.camera()
+    with Renderer(scene, (SIZE, SIZE), **MADE) as renderer:
+        renderer.scheduler.restore(replace(state, records={**state.records, "limit": np.ones_like(state.records["limit"])}))
+        renderer.change(settings.with_values({"adapt": 0.0, "radius_min": 0.0, "borrow": 0}))
+        view, _ = renderer.frame(camera, gather=False)
+        for _ in range(3):
+            view, _ = renderer.frame(camera, gather=False)
+        weight, position = pixels(view.splats.weight)[..., 0], pixels(view.gbuffer.position)
+        normal = pixels(view.gbuffer.normal)[..., :3]
+        floor = renderer.cache.luminance_floor
+    seen = np.argwhere(position[..., 3] > 0.0)
+    chosen = seen[np.random.default_rng(1).choice(len(seen), 300, replace=False)]
+    places, normals = position[tuple(chosen.T)][:, :3], normal[tuple(chosen.T)]
+    found = said(state, settings.with_values({"radius_min": 0.0}), places, normals, camera, floor)
+    off = np.abs(found / weight[tuple(chosen.T)] - 1.0)
+    assert np.median(off) < 0.0048 and np.quantile(off, 0.9) < 0.05
+
+
+def said(
+    state: CacheState, settings: Settings, places: np.ndarray, normals: np.ndarray, camera: Camera, floor: float
+) -> np.ndarray:
+    """(N,) Σw of all records at places, by a table in which these are records of their own that hold nothing."""
+    records, count = dict(state.records), len(state.records["name"])
+    for name in ("position", "normal"):
+        rows = np.zeros((len(places), 4), "f4")
+        rows[:, :3] = places if name == "position" else normals
+        records[name] = np.concatenate([records[name], rows])
+    for name in ("content", "limit", "screen"):
+        records[name] = np.concatenate([records[name], np.zeros((len(places), *records[name].shape[1:]), "f4")])
+    distance = np.linalg.norm(places - np.asarray(camera.eye), axis=1)
+    records["screen"][count:] = camera.screen * distance
+    records["limit"][:] = 1.0
+    records["dark"] = np.array(floor)
+    table = _Table.of(replace(state, records=records), settings)
+    pairs = _Pairs.among(table)
+    kept = np.arange(len(table)) < count
+    return pairs.sums(kept)[0, count:]
+
+
+def test_pruning_leaves_what_is_of_use(flights: Flights, tmp_path: Path) -> None:
+    """Half of the records at random, and those that are left when the best served half has gone: the latter leave fewer pixels
+    that ask."""
+    whole, settings = flights.whole, preset(**MADE)
+    count = len(whole.records["name"])
+    done = prune(whole, settings, count // 2)
+    assert len(done.state.records["name"]) == count // 2 and done.dropped == count - count // 2
+    chance = np.sort(np.random.default_rng(2).choice(count, count // 2, replace=False))
+    scene, path = irrsplat.load("cornell"), tmp_path / "a.cache"
+    missing = []
+    for state in (done.state, cache_file.selected(whole, chance)):
+        cache_file.write(path, cache_file.key(scene, settings), state, cache_file.stamp(scene))
+        with Renderer(scene, SIDE, **MADE) as renderer:
+            renderer.load_cache(path)
+            missing.append(1.0 - renderer.coverage())
+    assert missing[0] < 0.7 * missing[1]
+    assert prune(whole, settings).dropped < count // 2 and prune(whole, settings, count).dropped == 0

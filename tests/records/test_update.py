@@ -1,0 +1,120 @@
+"""load_cache(update=True): records of another state of the scene, renewed as far as the change concerns them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from irrsplat import Frame, InputError, Renderer
+from irrsplat.indirect.record_gatherer import RecordGatherer
+from irrsplat.records import cache_file
+from irrsplat.scene.model import Scene
+from irrsplat.scene.motion import moved
+from tests.renderer.test_renderer import FAST, SIZE, room
+from tests.support.worlds import box, material
+
+pytestmark = pytest.mark.all_sites
+FINE = FAST | {"gather_size": 16}
+BOX = 1  # of `room`
+
+
+def shift(x: float, y: float, z: float) -> np.ndarray:
+    """(4, 4): a move by so many metres."""
+    matrix = np.eye(4)
+    matrix[:3, 3] = x, y, z
+    return matrix
+
+
+def repainted(scene: Scene) -> Scene:
+    walls = scene.meshes[0]
+    return replace(scene, meshes=(replace(walls, material=replace(walls.material, albedo=(0.2, 0.3, 0.7))), *scene.meshes[1:]))
+
+
+def exchanged(scene: Scene) -> Scene:
+    """The box is gone, another one is there, and what is left comes in another order."""
+    other = box((0.4, -1, 0.0), (0.8, -0.5, 0.4), material((0.8, 0.2, 0.2)))
+    return replace(scene, meshes=(other, scene.meshes[0]))
+
+
+def lit_otherwise(scene: Scene) -> Scene:
+    """Another lamp, and a wall in another colour."""
+    lights = tuple(replace(light, position=(-0.5, 0.2, 0.5)) for light in scene.lights)
+    return replace(repainted(scene), lights=lights)
+
+
+CHANGES: dict[str, Callable[[Scene], Scene]] = {
+    "a moved mesh": lambda scene: moved(scene, scene.meshes, BOX, shift(0.3, 0.0, 0.2)),
+    "other lights and materials": lit_otherwise,
+    "another mesh": exchanged,
+}
+
+
+@pytest.fixture(scope="module")
+def saved(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("saved") / "room.cache"
+    with Renderer(room(), SIZE, **FINE) as renderer:
+        renderer.render()
+        renderer.save_cache(path)
+    return path
+
+
+def apart(one: Frame, truth: Frame) -> float:
+    """Relative RMSE of irradiance."""
+    seen = truth.weight > 0.0
+    return float(np.sqrt(np.mean((one.irradiance - truth.irradiance)[seen] ** 2)) / truth.irradiance[seen].mean())
+
+
+@pytest.mark.parametrize("change", [pytest.param(name, marks=[pytest.mark.slow] * (name == "another mesh")) for name in CHANGES])
+def test_a_renewed_cache_is_as_exact_as_a_fresh_one(change: str, saved: Path, tmp_path: Path) -> None:
+    """Both against a much finer render of the changed scene; and what was saved of it belongs to that."""
+    scene = CHANGES[change](room())
+    with Renderer(scene, SIZE, **FINE) as renderer:
+        with pytest.raises(InputError, match="this record cache was made for"):
+            renderer.load_cache(saved)
+        fresh = renderer.render()
+        assert renderer.load_cache(saved, update=True)
+        kept = renderer.cache.count
+        renewed = renderer.render()
+        renderer.save_cache(tmp_path / "new.cache")
+        assert renderer.load_cache(tmp_path / "new.cache", update=True) == ""
+        assert kept > 0.5 * fresh.stats["records"] and not len(renderer.cache.stale)
+    with Renderer(scene, SIZE, **FINE | {"gather_size": 32, "a": 0.3, "seed": 5}) as fine:
+        truth = fine.render()
+    assert apart(renewed, truth) < 1.1 * apart(fresh, truth)
+    assert renewed.irradiance.mean() == pytest.approx(truth.irradiance.mean(), rel=0.01)
+
+
+def test_what_a_move_does_not_concern_is_not_gathered_again(saved: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The box moves by a centimetre: records on it have moved along, and few of all are gathered again."""
+    scene = moved(room(), room().meshes, BOX, shift(0.01, 0.0, 0.0))
+    before = cache_file.read_any(saved).state.records
+    again: list[int] = []
+    regather = RecordGatherer.regather
+
+    def counted(self: RecordGatherer, shadows: Any, numbers: np.ndarray, *rest: Any) -> int:
+        again.append(len(numbers))
+        return regather(self, shadows, numbers, *rest)
+
+    monkeypatch.setattr(RecordGatherer, "regather", counted)
+    with Renderer(scene, SIZE, **FINE) as renderer:
+        renderer.load_cache(saved, update=True)
+        renderer.render()
+        state = renderer.cache.state()
+    known = np.isin(before["name"], state["name"])
+    rows = np.searchsorted(state["name"], before["name"][known])
+    along = state["position"][rows, 0] - before["position"][known, 0]
+    assert known.mean() > 0.95 and np.isclose(along, np.where(along > 0.005, 0.01, 0.0), atol=1e-5).all()
+    assert 0.05 < (along > 0.005).mean() < 0.5
+    assert sum(again) < 0.25 * len(known), (again, len(known))
+
+
+def test_other_settings_are_refused_all_the_same(saved: Path) -> None:
+    with Renderer(room(), SIZE, **FINE | {"gather_size": 12}) as renderer:
+        with pytest.raises(InputError, match="made with --gather-size 16, not --gather-size 12"):
+            renderer.load_cache(saved, update=True)
+        assert renderer.cache.count == 0
