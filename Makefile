@@ -19,8 +19,8 @@ test: .venv/.ready-dev
 figures: .venv/.ready
 	.venv/bin/python docs/programs/tables.py
 	.venv/bin/python docs/programs/figures.py
-	.venv/bin/python docs/window/screens.py
-	.venv/bin/python docs/window/walk.py
+	.venv/bin/python docs/programs/screens.py
+	.venv/bin/python docs/programs/walk.py
 
 .venv/.ready: pyproject.toml .ci/setup
 	sh .ci/setup

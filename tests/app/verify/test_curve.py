@@ -248,7 +248,7 @@ def test_plots_of_little() -> None:
 
 
 def test_the_page_has_every_technique_and_its_picture() -> None:
-    page = Path(__file__).resolve().parents[3] / "docs/techniques.md"
+    page = Path(__file__).resolve().parents[3] / "docs/about/techniques.md"
     text = page.read_text(encoding="utf-8")
     for words in ("everything on", *(words for words, _ in ablation.TECHNIQUES), "preset paper, as many records"):
         assert text.count(f"| {words} |") == 2, f"{words}: run python docs/programs/techniques.py"

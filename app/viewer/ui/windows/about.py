@@ -13,9 +13,9 @@ PAGES = {  # of docs/, and what they are about
     "reference.md": "all buffers, settings, presets and keys",
     "scene-format.md": "scenes, lights and paths",
     "command-line.md": "the other commands",
-    "techniques.md": "what each technique is worth",
+    "about/techniques.md": "what each technique is worth",
     "measurements.md": "measured errors and times",
-    "trust.md": "what can be relied on",
+    "about/trust.md": "what can be relied on",
     "METHOD.md": "the mathematics",
     "ARCHITECTURE.md": "the code",
 }

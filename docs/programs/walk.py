@@ -38,7 +38,7 @@ TASKS: list[tuple[str, Callable[[Walker], None]]] = []
 PAGE = """# Ten tasks in the viewer
 
 What people do with a scene, and how many actions each thing takes. A key, a click, a drag and a typed text are an action each;
-moving the mouse over something is one where that is the point. `python docs/window/walk.py` does all of it by xdotool in a real
+moving the mouse over something is one where that is the point. `python docs/programs/walk.py` does all of it by xdotool in a real
 window of {width}×{height} pixels on a virtual display, checks that it had its effect, and writes this page.
 
 {rows}
