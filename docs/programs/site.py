@@ -33,6 +33,7 @@ OUTSIDE = {"README.md": "index.md", "CONTRIBUTING.md": "about/contributing.md", 
 ASSETS = Path(__file__).with_name("site_assets")  # style and script of the site
 _LINK = re.compile(r"(\]\()([^)\s#]+)((?:#[^)\s]*)?\))")
 _CODE = re.compile(r"(^```.*?^```|`[^`\n]*`)", re.M | re.S)
+_ITEM = re.compile(r"(?:[-*+]|\d+\.) ")
 _FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.S)
 _SIZED = re.compile(r"\\[bB]igg?[lr]?(?=\s*\\[lr]angle)")  # latex2mathml knows no sized angle brackets; MathML stretches them itself
 
@@ -56,7 +57,7 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     source = next((name for name, target in OUTSIDE.items() if target == here), f"docs/{here}")
     parts = _CODE.split(markdown)
     parts[::2] = [_LINK.sub(lambda m: m[1] + relinked(m[2], source, here) + m[3], part) for part in parts[::2]]
-    return "".join(parts)
+    return indented("".join(parts))
 
 
 def on_page_content(content: str, page: Page, config: MkDocsConfig, files: Files) -> str:
@@ -78,6 +79,23 @@ def relinked(link: str, source: str, here: str) -> str:
             return posixpath.relpath("about/contributing.md", posixpath.dirname(here) or ".")
         return link
     return posixpath.relpath(named, posixpath.dirname(here) or ".")
+
+
+def indented(text: str) -> str:
+    """Markdown whose list items go on at four blanks, as Python-Markdown wants it; GitHub does with two or three."""
+    lines: list[str] = []
+    in_list = in_code = parted = False  # parted: the item has more than one paragraph
+    for line in text.splitlines():
+        in_code ^= line.startswith("```")
+        item = bool(_ITEM.match(line))
+        if line and not line.startswith(" "):
+            in_list = item or (in_list and bool(lines[-1]))  # a paragraph goes on without blanks
+        if item and parted and lines[-1]:
+            lines.append("")  # or it would be a line of the paragraph above
+        parted = in_list and not item and (parted or not line)
+        blanks = len(line) - len(line.lstrip(" "))
+        lines.append(" " * (4 - blanks) + line if in_list and not in_code and blanks in (2, 3) else line)
+    return "\n".join(lines) + "\n"
 
 
 def mathml(formula: str, block: bool) -> str:
@@ -173,7 +191,7 @@ def python() -> str:
     """A section for each public name, which mkdocstrings fills from the docstrings."""
     lines = ["# Python", "", "All that `import irrsplat` has, from the docstrings of the code.", ""]
     for name, home in public():
-        lines += [f"::: {home}.{name}", ""]
+        lines += [f"::: {home}.{name}", "    options:", f"      heading: irrsplat.{name}", f"      toc_label: {name}", ""]
     return "\n".join(lines)
 
 

@@ -91,10 +91,8 @@ def word(value: object) -> str:
 def sums(scene: str = "cornell-paper") -> None:
     """Pictures of how the published program added direct and indirect light, and of the sum that is meant."""
     found = irrsplat.render(irrsplat.load(scene), (SIZE, SIZE), preset="paper", **SHARED)
-    exposed = 2.0**found.exposure
-    direct = np.clip(exposed * found.direct, 0.0, 1.0)  # eight bits have no more
-    save("sum_published", np.clip(exposed * found.indirect / DARKER + 0.5 * direct, 0.0, 1.0))
-    save("sum_direct", srgb(direct))
+    direct = np.clip(found.direct, 0.0, 1.0)  # eight bits have no more, and nothing was exposed
+    save("sum_published", np.clip(found.indirect / DARKER + 0.5 * direct, 0.0, 1.0))
     frame = irrsplat.render(irrsplat.load(scene), (SIZE, SIZE), bounces=1)
     save("sum_ours", frame.picture)
 
