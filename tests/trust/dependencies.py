@@ -34,7 +34,7 @@ SENTENCES = {  # of licences, in files of packages that do not name theirs
     "Redistribution and use in source and binary forms": "BSD",
     "Apache License": "Apache",
 }
-EXTRAS = ("gltf", "dev")
+EXTRAS = ("gltf", "docs", "dev")
 _NAME = re.compile(r"[A-Za-z0-9._-]+")
 
 
