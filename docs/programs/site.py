@@ -35,7 +35,9 @@ _LINK = re.compile(r"(\]\()([^)\s#]+)((?:#[^)\s]*)?\))")
 _CODE = re.compile(r"(^```.*?^```|`[^`\n]*`)", re.M | re.S)
 _ITEM = re.compile(r"(?:[-*+]|\d+\.) ")
 _FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.S)
-_SIZED = re.compile(r"\\[bB]igg?[lr]?(?=\s*\\[lr]angle)")  # latex2mathml knows no sized angle brackets; MathML stretches them itself
+_SIZED = re.compile(
+    r"\\[bB]igg?[lr]?(?=\s*\\[lr]angle)"
+)  # latex2mathml knows no sized angle brackets; MathML stretches them itself
 
 
 # ---- mkdocs calls these ------------------------------------------------------------------------------------------------------

@@ -38,7 +38,11 @@ LADDER: tuple[tuple[str, str, SettingValues], ...] = (  # from the preset paper 
     ("spread", "more records where some contradict each other", {"spread": 0.05, "borrow": 4}),
 )
 SHOWN = ("published", "hemisphere", "kernel", "gradients", "limits", "spread")
-SHARED: SettingValues = {"a": 0.6, "bounces": 1, "warmup": 220}  # random records: two thirds of those that there are, as published
+SHARED: SettingValues = {
+    "a": 0.6,
+    "bounces": 1,
+    "warmup": 220,
+}  # random records: two thirds of those that there are, as published
 DARKER = 10.0  # docs/METHOD.md, 2.2: "by more than a factor of ten"
 
 
@@ -136,7 +140,9 @@ def filled(text: str, tables: dict[str, str]) -> str:
     """`text` with those of the marked tables that it has made anew."""
     for name, table in tables.items():
         start = f"<!-- {name}: made by docs/programs/tutorial.py -->\n"
-        text = re.sub(f"({re.escape(start)}).*?(<!-- end -->)", lambda m, table=table: m[1] + "\n" + table + m[2], text, flags=re.S)
+        text = re.sub(
+            f"({re.escape(start)}).*?(<!-- end -->)", lambda m, table=table: m[1] + "\n" + table + m[2], text, flags=re.S
+        )
     return text
 
 
