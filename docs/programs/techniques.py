@@ -1,4 +1,4 @@
-"""Measures the tables and the plot of docs/about/techniques.md: `python docs/programs/techniques.py` (needs the extra `reference`)."""
+"""Measures tables and plot of docs/about/techniques.md: `python docs/programs/techniques.py` (needs the extra `reference`)."""
 
 from __future__ import annotations
 
