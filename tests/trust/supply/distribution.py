@@ -1,7 +1,7 @@
 """Does irrsplat install: wheel and sdist, pipx and uvx, every extra alone, wheels for other systems, and what would hinder those.
 
     python tests/trust/supply/distribution.py build       wheel and sdist, and the sdist's wheel; `twine check --strict` on all
-    python tests/trust/supply/distribution.py run         pipx run and uvx, from the wheel, in fresh environments: --version and a render
+    python tests/trust/supply/distribution.py run         pipx run and uvx, from the wheel, in fresh ones: --version, a render
     python tests/trust/supply/distribution.py extras      each extra in a fresh environment, with something that needs it
     python tests/trust/supply/distribution.py systems     are there wheels of all that is needed for Windows and macOS
     python tests/trust/supply/distribution.py assumptions in the code: paths, X11, OpenGL beyond 4.1 core
@@ -44,11 +44,7 @@ SYSTEMS = {  # of pip download: what a user of each has
 }
 PYTHONS = ("3.11", "3.12", "3.13")
 SOURCE_ONLY = ("glcontext",)  # has no wheel for some of these systems; told, and not counted, where it can be built
-GUARDED = (
-    "irrsplat/core/files.py",
-    "irrsplat/lighting/memory.py",
-    "app/bench/machine.py",
-)  # they do without, where it is not there
+GUARDED = ("irrsplat/core/files.py", "irrsplat/lighting/memory.py", "app/bench/machine.py")  # they do without
 # What would not work elsewhere, in code that is installed: a pattern, what it is, and the files in which it is meant.
 ASSUMPTIONS = (
     (r"[\"'](?:/tmp|/usr|/home|/var|/proc|/etc)\b", "a path of Unix", GUARDED),
@@ -58,7 +54,7 @@ ASSUMPTIONS = (
     (r"\b(?:Xlib|xcb|glfw\.get_x11|DISPLAY)\b", "X11", ()),
 )
 BEYOND = re.compile(  # of GLSL and OpenGL 4.1 core: compute, images, storage buffers, textures by layout
-    r"#version (?!330\b)\d+|\blayout\s*\(\s*(?:binding|local_size|std430)|\b(?:imageLoad|imageStore|atomicAdd|shared\s+\w+\s+\w+\[)\b"
+    r"#version (?!330\b)\d+|\blayout\s*\(\s*(?:binding|local_size|std430)|\b(?:imageLoad|imageStore|atomicAdd)\b"
 )
 
 
@@ -162,7 +158,9 @@ def systems(folder: Path) -> Iterator[str]:
     missing: list[str] = []
     for system, tags in SYSTEMS.items():
         for python in PYTHONS:
-            lacking = [one for one in wanted(system, python) if not has_wheel(one, tags, python, folder)]
+            needed = wanted(system, python)
+            together = has_wheels(needed, tags, python, folder)
+            lacking = [] if together else [one for one in needed if not has_wheels([one], tags, python, folder)]
             missing += [f"{one} ({system}, {python})" for one in lacking if one not in SOURCE_ONLY]
             yield f"{system}, Python {python}: {'no wheel of ' + ', '.join(lacking) if lacking else 'wheels of everything'}"
     if missing:
@@ -180,13 +178,13 @@ def wanted(system: str, python: str) -> list[str]:
     return [f"{one.name}{'[' + ','.join(one.extras) + ']' if one.extras else ''}{one.specifier}" for one in chosen]
 
 
-def has_wheel(requirement: str, tags: Sequence[str], python: str, folder: Path) -> bool:
-    """Whether pip can resolve a requirement, and all that it needs in turn, by wheels alone."""
+def has_wheels(requirements: Sequence[str], tags: Sequence[str], python: str, folder: Path) -> bool:
+    """Whether pip can resolve requirements, and all that they need in turn, by wheels alone."""
     words = [sys.executable, "-m", "pip", "install", "--dry-run", "--quiet", "--ignore-installed", "--only-binary=:all:"]
     words += ["--target", str(folder / "none"), "--python-version", python, "--implementation", "cp"]
     words += [word for tag in tags for word in ("--platform", tag)]
     try:
-        run(*words, requirement)
+        run(*words, *requirements)
     except RuntimeError as error:
         if "No matching distribution" not in str(error) and "Could not find a version" not in str(error):
             raise

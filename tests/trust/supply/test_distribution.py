@@ -1,4 +1,4 @@
-"""The short form of distribution.py: what needs no net. The long form builds, installs and runs irrsplat in fresh environments."""
+"""The short form of distribution.py, without the net: the long one builds, installs and runs irrsplat in new environments."""
 
 from __future__ import annotations
 
@@ -46,9 +46,8 @@ def test_the_version_is_one_and_the_changelog_has_it() -> None:
     released = re.findall(r"^## (\d+\.\d+\.\d+) - (\d{4}-\d\d-\d\d)$", log, re.M)
     assert released[0][0] == version
     numbers = [tuple(map(int, one.split("."))) for one, _ in released]
-    assert numbers == sorted(numbers, reverse=True) and [day for _, day in released] == sorted(
-        (d for _, d in released), reverse=True
-    )
+    days = [day for _, day in released]
+    assert numbers == sorted(numbers, reverse=True) and days == sorted(days, reverse=True)
     kinds = {"Added", "Changed", "Deprecated", "Removed", "Fixed", "Security"}  # of Keep a Changelog
     assert set(re.findall(r"^### (.*)$", log, re.M)) <= kinds
     assert set(re.findall(r"^## (.*)$", log, re.M)) <= {"Unreleased", *(f"{one} - {day}" for one, day in released)}
