@@ -71,7 +71,7 @@ def _set_icon(wnd: BaseWindow) -> None:
     pictures = [Image.fromarray(eight_bits(icon(side))) for side in _ICONS]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        glfw.set_window_icon(wnd._window, len(pictures), pictures)  # type: ignore[attr-defined]
+        glfw.set_window_icon(wnd._window, len(pictures), pictures)  # type: ignore[attr-defined,arg-type]
 
 
 def screen_size() -> tuple[int, int] | None:

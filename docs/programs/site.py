@@ -117,13 +117,12 @@ def mathml(formula: str, block: bool) -> str:
 def commands() -> str:
     """All commands with all of their flags, from the grammar that the program itself parses by."""
     top = flags.build()
-    (subparsers,) = (action for action in top._actions if isinstance(action, argparse._SubParsersAction))
     lines = [
         "# All commands and flags",
         "",
         "Made from the program's own grammar. [The command line](../command-line.md) says what they are for.",
     ]
-    for name, parser in subparsers.choices.items():
+    for name, parser in with_tools(top):
         usage = " ".join(parser.format_usage().split()).removeprefix("usage: ")
         short = re.sub(r"(?: \[--[\w-]+ [^\]]*\]){8,}", " [flags]", usage)  # a line of settings says nothing
         lines += ["", f"## irrsplat {name}", "", parser.description or "", "", "```text", short, "```"]
@@ -135,6 +134,15 @@ def commands() -> str:
         if parser.epilog:
             lines += ["", *(cell(line) + "  " for line in parser.epilog.splitlines())]
     return "\n".join(lines) + "\n"
+
+
+def with_tools(parser: argparse.ArgumentParser, name: str = "") -> Iterator[tuple[str, argparse.ArgumentParser]]:
+    """All commands by their words, those of a command's own tools after it."""
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for word, command in action.choices.items():
+                yield f"{name}{word}", command
+                yield from with_tools(command, f"{name}{word} ")
 
 
 def flag_row(action: argparse.Action) -> str | None:

@@ -54,11 +54,13 @@ def test_formulas_are_drawn_by_the_browser(site: dict[str, str]) -> None:
 
 def test_the_commands_have_every_flag(site: dict[str, str]) -> None:
     page = site["reference/commands.html"]
-    (commands,) = (action for action in flags.build()._actions if isinstance(action, argparse._SubParsersAction))
-    for name, parser in commands.choices.items():
-        assert f"irrsplat {name}" in page
+    commands = [("", flags.build())]
+    for name, parser in commands:  # grows by the tools of each
+        assert f"irrsplat {name}".strip() in page
         for action in parser._actions:
-            for flag in action.option_strings if action.help != argparse.SUPPRESS else ():
+            if isinstance(action, argparse._SubParsersAction):
+                commands += [(f"{name} {word}".strip(), tool) for word, tool in action.choices.items()]
+            for flag in action.option_strings if name and action.help != argparse.SUPPRESS else ():
                 assert re.search(rf"<code>{flag}\b", page), f"irrsplat {name} {flag}"
     settings = site["reference.html"]
     for declaration in SETTINGS.values():
