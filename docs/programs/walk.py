@@ -1,4 +1,4 @@
-"""Ten things that people do in the viewer, by real keys and mouse in a real window, counted: walk.md and its pictures.
+"""Ten things that people do in the viewer, by real keys and mouse in a real window, counted: ten-tasks.md and its pictures.
 
 It needs a virtual display's tools: `apt-get install xvfb xdotool`. What is clicked is found by its label, as an eye finds it.
 """
@@ -344,7 +344,7 @@ def main() -> None:
         viewer.close(remember=False)
         wnd.destroy()
     width, height = SIZE
-    (HERE / "walk.md").write_text(PAGE.format(width=width, height=height, rows="\n".join(rows).rstrip()), encoding="utf-8")
+    (HERE.parent / "how-to" / "ten-tasks.md").write_text(PAGE.format(width=width, height=height, rows="\n".join(rows).rstrip()), encoding="utf-8")
 
 
 if __name__ == "__main__":
