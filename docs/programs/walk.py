@@ -344,7 +344,8 @@ def main() -> None:
         viewer.close(remember=False)
         wnd.destroy()
     width, height = SIZE
-    (HERE.parent / "how-to" / "ten-tasks.md").write_text(PAGE.format(width=width, height=height, rows="\n".join(rows).rstrip()), encoding="utf-8")
+    page = PAGE.format(width=width, height=height, rows="\n".join(rows).rstrip())
+    (HERE.parent / "how-to" / "ten-tasks.md").write_text(page, encoding="utf-8")
 
 
 if __name__ == "__main__":
