@@ -1,5 +1,5 @@
 # The commands of the README, and the pictures in it. Everything they need is set up in .venv by .ci/setup.
-.PHONY: demo view test figures clean
+.PHONY: demo view test figures docs clean
 
 demo: .venv/.ready
 	mkdir -p out
@@ -16,11 +16,16 @@ test: .venv/.ready-dev
 	sh .ci/typecheck
 	.venv/bin/python -m pytest -q -n auto --dist worksteal
 
+docs: .venv/.ready-dev
+	NO_MKDOCS_2_WARNING=1 .venv/bin/python -m mkdocs build --strict --quiet
+	@echo "See build/site/index.html"
+
 figures: .venv/.ready
 	.venv/bin/python docs/programs/tables.py
 	.venv/bin/python docs/programs/figures.py
-	.venv/bin/python docs/window/screens.py
-	.venv/bin/python docs/window/walk.py
+	.venv/bin/python docs/programs/tutorial.py
+	.venv/bin/python docs/programs/screens.py
+	.venv/bin/python docs/programs/walk.py
 
 .venv/.ready: pyproject.toml .ci/setup
 	sh .ci/setup

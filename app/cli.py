@@ -303,6 +303,17 @@ def completion(args: argparse.Namespace) -> int:
     return 0
 
 
+def desktop(args: argparse.Namespace) -> int:
+    """`irrsplat desktop`: its entry in the desktop's menu."""
+    from irrsplat.app.common import desktop_entry
+
+    home = desktop_entry.data_home()
+    done = desktop_entry.install(home) if args.what == "install" else desktop_entry.remove(home)
+    for path in done:
+        print(path)
+    return 0
+
+
 def bench(args: argparse.Namespace) -> int:
     """`irrsplat bench`: the times."""
     if args.json is not None:
@@ -370,6 +381,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace], int]] = {
     "bench": bench,
     "verify": verify,
     "completion": completion,
+    "desktop": desktop,
 }
 
 

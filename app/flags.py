@@ -144,6 +144,7 @@ def build(mistakes: Mistakes | None = None) -> Parser:
     )
     _add_verify(commands)
     _add_completion(commands)
+    _add_desktop(commands)
     for command in (*commands.choices.values(), *tools.choices.values()):
         command.mistakes = top.mistakes
     return top
@@ -432,6 +433,16 @@ def _add_completion(commands: Any) -> None:
         "fish: irrsplat completion fish > ~/.config/fish/completions/irrsplat.fish",
     )
     parser.add_argument("shell", choices=SHELLS, help="for which shell")
+
+
+def _add_desktop(commands: Any) -> None:
+    parser = commands.add_parser(
+        "desktop",
+        help="irrsplat in the desktop's menu, with its icon",
+        description="Put irrsplat into the menu of this user's desktop, or take it out again.",
+        epilog="For desktops that follow freedesktop.org; files go below $XDG_DATA_HOME, or ~/.local/share.",
+    )
+    parser.add_argument("what", choices=("install", "remove"), help="put it there, or take it away")
 
 
 def _peers() -> str:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from irrsplat.scene.model import Camera, Light, Material, Mesh, Scene
     from irrsplat.settings import Settings, preset
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 __all__ = [
     "Camera",
     "Frame",

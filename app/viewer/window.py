@@ -11,11 +11,14 @@ from typing import Any
 import moderngl_window
 from moderngl_window.context.base import BaseWindow
 
+from irrsplat.app.common.icon import icon
 from irrsplat.core.errors import GLError, InputError
+from irrsplat.core.files import eight_bits
 from irrsplat.gpu import context
 
 TITLE = "irrsplat"
 LARGEST = 16384  # pixels: a window's side; X takes 32767, and OpenGL's textures are seldom larger than this
+_ICONS = (16, 32, 48)  # pixels
 _EVENTS = (  # glfw's names of what may change what is shown
     *("key", "char", "cursor_pos", "mouse_button", "scroll", "cursor_enter", "drop", "window_size", "window_focus"),
     *("window_iconify", "window_content_scale", "window_refresh", "framebuffer_size"),
@@ -52,10 +55,23 @@ def open_window(size: tuple[int, int], headless: bool = False) -> BaseWindow:
         from moderngl_window.context.glfw.keys import Keys
 
         wnd.keys = Keys  # the headless window has none of its own
+    else:
+        _set_icon(wnd)
     if within_screen(wnd.size, screen) != wnd.size:  # glfw makes it larger on a monitor of a larger scale
         wnd.size = within_screen(wnd.size, screen)
     moderngl_window.activate_context(window=wnd)
     return wnd
+
+
+def _set_icon(wnd: BaseWindow) -> None:
+    """Give a glfw window the icon, where the system takes one of a window: macOS and Wayland have it from elsewhere."""
+    import glfw
+    from PIL import Image
+
+    pictures = [Image.fromarray(eight_bits(icon(side))) for side in _ICONS]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        glfw.set_window_icon(wnd._window, len(pictures), pictures)  # type: ignore[attr-defined,arg-type]
 
 
 def screen_size() -> tuple[int, int] | None:

@@ -1,4 +1,4 @@
-"""Measures the tables and the plot of docs/techniques.md: `python docs/programs/techniques.py` (needs the extra `reference`)."""
+"""Measures tables and plot of docs/about/techniques.md: `python docs/programs/techniques.py` (needs the extra `reference`)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from irrsplat.app.verify.measure import percent
 from irrsplat.app.verify.verify import heading
 from irrsplat.core.files import write_picture
 
-PAGE = Path(__file__).resolve().parents[1] / "techniques.md"
+PAGE = Path(__file__).resolve().parents[1] / "about/techniques.md"
 FULL = ("cornell", "door")  # with a row per technique
 SCENES = ("cornell", "cornell-paper", "curved", "door", "atrium")
 WORDS = ("--size", "400", "400", "--samples", "512", "--bounces", "1")
@@ -44,7 +44,7 @@ def main() -> None:
             curves = error_curve.measured(scene, scene.camera(), args)
             for preset, points in curves.items():
                 made["curve"] += f"\n{table(error_curve.rows(preset, points))}\nHere {error_curve.steepness(points)}.\n"
-            write_picture(PAGE.parent / "images" / "curve.png", error_curve.plot(curves, heading(scene, args)))
+            write_picture(PAGE.parents[1] / "images" / "curve.png", error_curve.plot(curves, heading(scene, args)))
     made["paper"] = "\n" + table(against)
     text = PAGE.read_text(encoding="utf-8")
     for key, value in made.items():

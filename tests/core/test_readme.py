@@ -16,12 +16,18 @@ from irrsplat.app.viewer.window import open_window
 
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-PAGES = [README] + [
-    page.read_text(encoding="utf-8") for page in (ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md")))
-]
+SOURCES = (ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md")))
+PAGES = [README] + [page.read_text(encoding="utf-8") for page in SOURCES]
+LEARNED_FROM = [page for page in SOURCES if page.parent.name in ("tutorial", "how-to") and "```python" in page.read_text("utf-8")]
 COMMANDS = [line for page in PAGES for block in re.findall(r"```sh\n(.*?)```", page, re.S) for line in block.splitlines()]
 BEFORE = {line: before for before, line in pairwise(COMMANDS)}
 IRRSPLAT = list(dict.fromkeys(line for line in COMMANDS if line.startswith("irrsplat ")))
+
+
+def files_of(page: str, folder: Path) -> None:
+    """Write the files that a page shows, ```text title="NAME", into a folder, for the commands and the Python below them."""
+    for name, text in re.findall(r'^```text title="([^"]+)"\n(.*?)^```', page, re.S | re.M):
+        (folder / name).write_text(text, encoding="utf-8")
 
 
 def small(words: list[str]) -> list[str]:
@@ -64,6 +70,7 @@ def test_the_commands_run(
     monkeypatch.setattr(fly_through, "FRAMES", 5)
     monkeypatch.setattr(cases, "REPETITIONS", 1)
     monkeypatch.setattr(cases, "error", lambda renderer, camera: None)  # tests/app/bench has the errors
+    files_of(next(page for page in PAGES if command in page), tmp_path)
     if "--cache-mode frozen" in command:  # by the cache that the line before it makes
         assert cli.main(small(shlex.split(BEFORE[command])[1:])) == 0
     words = shlex.split(command)[1:]
@@ -93,6 +100,21 @@ def test_the_python_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys
     exec(compile(code.replace("size=(200, 200)", "size=(24, 24), gather_size=8, shadow_size=64"), "README.md", "exec"), {})
     assert "(24, 24, 3)" in capsys.readouterr().out
     assert (tmp_path / "out.exr").is_file()
+
+
+@pytest.mark.parametrize("page", LEARNED_FROM, ids=lambda page: page.stem)
+def test_the_python_of_tutorial_and_how_to_runs(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A block that is followed by a block of text prints that."""
+    monkeypatch.chdir(tmp_path)
+    text = page.read_text(encoding="utf-8")
+    files_of(text, tmp_path)
+    for code, printed in re.findall(r"```python\n(.*?)```(?:\n\n```text\n(.*?)```)?", text, re.S):
+        quick = code.replace("size=(200, 200)", "size=(24, 24), gather_size=8, shadow_size=64").replace("[150, 100]", "[18, 12]")
+        exec(compile(quick, page.name, "exec"), {})
+        out = capsys.readouterr().out
+        assert out == printed if printed else out
 
 
 def test_the_pictures_are_small() -> None:

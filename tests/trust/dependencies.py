@@ -20,6 +20,8 @@ from collections.abc import Iterator, Sequence
 from importlib import metadata
 from pathlib import Path
 
+from packaging.markers import Marker
+
 ROOT = Path(__file__).resolve().parents[2]
 LOCK = ROOT / ".ci/constraints.txt"
 TESTED = (
@@ -34,7 +36,7 @@ SENTENCES = {  # of licences, in files of packages that do not name theirs
     "Redistribution and use in source and binary forms": "BSD",
     "Apache License": "Apache",
 }
-EXTRAS = ("gltf", "video", "cluster", "dev")
+EXTRAS = ("gltf", "bake", "video", "cluster", "docs", "dev")
 _NAME = re.compile(r"[A-Za-z0-9._-]+")
 
 
@@ -66,9 +68,9 @@ def needed(name: str = "irrsplat", extras: Sequence[str] = EXTRAS) -> Iterator[s
         package, wanted = waiting.pop()
         for requirement in metadata.requires(package) or ():
             text, _, condition = requirement.partition(";")
-            extra = re.search(r"extra\s*==\s*['\"]([\w-]+)['\"]", condition)
             other = named(text)
-            if (extra is None or extra[1] in wanted) and other not in seen and installed(other):
+            asked = not condition or any(Marker(condition).evaluate({"extra": extra}) for extra in ("", *wanted))
+            if asked and other not in seen and installed(other):
                 seen.add(other)
                 further = re.search(r"\[([\w, -]+)\]", text)
                 waiting.append((other, further[1].replace(" ", "").split(",") if further else ()))

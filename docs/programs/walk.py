@@ -1,4 +1,4 @@
-"""Ten things that people do in the viewer, by real keys and mouse in a real window, counted: walk.md and its pictures.
+"""Ten things that people do in the viewer, by real keys and mouse in a real window, counted: ten-tasks.md and its pictures.
 
 It needs a virtual display's tools: `apt-get install xvfb xdotool`. What is clicked is found by its label, as an eye finds it.
 """
@@ -38,7 +38,7 @@ TASKS: list[tuple[str, Callable[[Walker], None]]] = []
 PAGE = """# Ten tasks in the viewer
 
 What people do with a scene, and how many actions each thing takes. A key, a click, a drag and a typed text are an action each;
-moving the mouse over something is one where that is the point. `python docs/window/walk.py` does all of it by xdotool in a real
+moving the mouse over something is one where that is the point. `python docs/programs/walk.py` does all of it by xdotool in a real
 window of {width}×{height} pixels on a virtual display, checks that it had its effect, and writes this page.
 
 {rows}
@@ -344,7 +344,8 @@ def main() -> None:
         viewer.close(remember=False)
         wnd.destroy()
     width, height = SIZE
-    (HERE / "walk.md").write_text(PAGE.format(width=width, height=height, rows="\n".join(rows).rstrip()), encoding="utf-8")
+    page = PAGE.format(width=width, height=height, rows="\n".join(rows).rstrip())
+    (HERE.parent / "how-to" / "ten-tasks.md").write_text(page, encoding="utf-8")
 
 
 if __name__ == "__main__":
