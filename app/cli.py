@@ -25,11 +25,11 @@ from irrsplat.core.errors import InputError, IrrsplatError
 
 if TYPE_CHECKING:
     from irrsplat.app.common.parser import Mistakes
-    from irrsplat.app.pictures import Pictures
     from irrsplat.app.film.fill import Filled
     from irrsplat.app.film.films import Films
     from irrsplat.app.film.flight import Flight
     from irrsplat.app.film.frames import OnRound
+    from irrsplat.app.pictures import Pictures
     from irrsplat.image.statistics import Statistics
     from irrsplat.image.view import Progress
     from irrsplat.renderer import Renderer

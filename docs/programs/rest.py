@@ -64,7 +64,7 @@ def table(found: dict[str, list[Point]]) -> str:
 
 
 def main() -> None:
-    """Measure what is named, or all that is not known yet; fill docs/METHOD.md and draw docs/images/rest.png."""
+    """Measure what is named, or all that is not known yet; fill docs/METHOD.md and draw docs/images/measured/rest.png."""
     found: dict[str, list[Point]] = json.loads(KEPT.read_text()) if KEPT.exists() else {}
     for bounces in (1, "all"):
         for name in sys.argv[1:] or SCENES:
@@ -83,7 +83,9 @@ def main() -> None:
             if points:
                 lines.append(Line(words, *(np.array([p[i] for p in points]) for i in (0, column)), (ink[0], ink[1], ink[2])))
     title = "A view at rest, 400 x 400, one bounce"
-    write_picture(ROOT / "docs" / "images" / "rest.png", loglog(lines, title, "seconds of processor time", "error, %"))
+    write_picture(
+        ROOT / "docs" / "images" / "measured" / "rest.png", loglog(lines, title, "seconds of processor time", "error, %")
+    )
     page = ROOT / "docs" / "METHOD.md"
     text = page.read_text(encoding="utf-8")
     marks = "<!-- rest: made by docs/programs/rest.py -->\n", "<!-- end of rest -->"

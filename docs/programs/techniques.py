@@ -44,7 +44,7 @@ def main() -> None:
             curves = error_curve.measured(scene, scene.camera(), args)
             for preset, points in curves.items():
                 made["curve"] += f"\n{table(error_curve.rows(preset, points))}\nHere {error_curve.steepness(points)}.\n"
-            write_picture(PAGE.parents[1] / "images" / "curve.png", error_curve.plot(curves, heading(scene, args)))
+            write_picture(PAGE.parents[1] / "images" / "measured" / "curve.png", error_curve.plot(curves, heading(scene, args)))
     made["paper"] = "\n" + table(against)
     text = PAGE.read_text(encoding="utf-8")
     for key, value in made.items():

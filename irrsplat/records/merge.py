@@ -111,7 +111,7 @@ class _Table:
     def bounded(self, radii: np.ndarray, screen: np.ndarray) -> np.ndarray:
         """Radii a·R in metres within the bounds of views where the image is `screen` metres high; 0: not known, no bounds."""
         least, most = (share / 100.0 * screen for share in (self.settings.radius_min, self.settings.radius_max))
-        found = np.maximum(radii, least)
+        found: np.ndarray = np.maximum(radii, least)
         found = np.where(most > 0.0, np.minimum(found, most), found)
         return found
 

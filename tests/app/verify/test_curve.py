@@ -253,4 +253,4 @@ def test_the_page_has_every_technique_and_its_picture() -> None:
     for words in ("everything on", *(words for words, _ in ablation.TECHNIQUES), "preset paper, as many records"):
         assert text.count(f"| {words} |") == 2, f"{words}: run python docs/programs/techniques.py"
     assert all(text.count(f"| {a:.3g} |") for a in error_curve.A)
-    assert (page.parents[1] / "images/curve.png").stat().st_size <= 200_000
+    assert (page.parents[1] / "images/measured/curve.png").stat().st_size <= 200_000

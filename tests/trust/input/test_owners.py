@@ -14,6 +14,7 @@ import irrsplat
 from irrsplat.core.errors import GLError, InputError
 from irrsplat.gpu import context
 from irrsplat.gpu import world as world_module
+from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.world import World
 from irrsplat.renderer import renderer as module
 from irrsplat.scene.model import Camera, Light, Scene
@@ -116,13 +117,13 @@ def test_in_a_given_context_what_was_made_before_the_failure_is_freed(ctx, monke
 
 def test_a_scene_whose_materials_cannot_be_held_leaves_no_geometry(ctx, monkeypatch):
     freed = []
-    release = world_module.Geometry.release
+    release = Geometry.release
 
     def free(geometry):
         freed.append(geometry)
         release(geometry)
 
-    monkeypatch.setattr(world_module.Geometry, "release", free)
+    monkeypatch.setattr(Geometry, "release", free)
 
     def fail(*_):
         raise MemoryError
