@@ -96,41 +96,28 @@ def test_a_renderer_that_cannot_be_made_frees_its_context(monkeypatch):
     assert len(made) == 2 and freed == made
 
 
-def test_in_a_given_context_what_was_made_before_the_failure_is_freed(ctx, monkeypatch):
-    freed = []
-    release = World.release
+@pytest.mark.parametrize(
+    "made, failing, make",
+    [
+        (World, (module, "RecordScheduler"), lambda ctx: irrsplat.Renderer(EMPTY, (8, 8), ctx=ctx)),
+        (Geometry, (world_module, "MaterialTable"), lambda ctx: World(ctx, EMPTY)),
+    ],
+    ids=["renderer", "world"],
+)
+def test_in_a_given_context_what_was_made_before_a_failure_is_freed(ctx, monkeypatch, made, failing, make):
+    freed, release = [], made.release
 
-    def free(world):
-        freed.append(world)
-        release(world)
-
-    monkeypatch.setattr(World, "release", free)
-
-    def fail(*_):
-        raise MemoryError
-
-    monkeypatch.setattr(module, "RecordScheduler", fail)
-    with pytest.raises(MemoryError):
-        irrsplat.Renderer(EMPTY, (8, 8), ctx=ctx)
-    assert len(freed) == 1
-
-
-def test_a_scene_whose_materials_cannot_be_held_leaves_no_geometry(ctx, monkeypatch):
-    freed = []
-    release = Geometry.release
-
-    def free(geometry):
-        freed.append(geometry)
-        release(geometry)
-
-    monkeypatch.setattr(Geometry, "release", free)
+    def free(thing):
+        freed.append(thing)
+        release(thing)
 
     def fail(*_):
         raise MemoryError
 
-    monkeypatch.setattr(world_module, "MaterialTable", fail)
+    monkeypatch.setattr(made, "release", free)
+    monkeypatch.setattr(*failing, fail)
     with pytest.raises(MemoryError):
-        World(ctx, EMPTY)
+        make(ctx)
     assert len(freed) == 1
 
 
