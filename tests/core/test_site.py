@@ -82,6 +82,16 @@ def test_the_search_knows_all_pages(site: dict[str, str]) -> None:
     assert "hemicube" in site["search/search_index.js"]
 
 
+def test_the_search_looks_for_flags(site: dict[str, str]) -> None:
+    """A word that begins with "-" would be one to leave out: on all pages a script takes the dashes away."""
+    script = site["assets/search-flags.js"]
+    pattern = re.search(r"replace\(/(.+)/g, \"\$1\"\)", script)
+    assert pattern
+    for typed, asked in (("--cache-mode", "cache-mode"), ("render --size", "render size"), ("cache-", "cache"), ("a-b", "a-b")):
+        assert re.sub(pattern[1], lambda m: m[1] or "", typed) == asked
+    assert all("assets/search-flags.js" in text for name, text in site.items() if name.endswith(".html") and "md-search" in text)
+
+
 def test_the_exercises_name_keys_that_there_are() -> None:
     there = {key.shown for key in KEYS} | {"`"} | set(" ".join(held for held, _ in FLYING).replace(",", "").split())
     exercises = [page.read_text(encoding="utf-8") for page in sorted((ROOT / "docs/tutorial").glob("*.md"))]

@@ -16,7 +16,7 @@ from irrsplat.core.buffers import CHANNELS
 from irrsplat.core.color import linear_from_srgb
 from irrsplat.core.errors import InputError
 from irrsplat.core.files import png_16
-from irrsplat.image.output.contact_sheet import NARROW
+from irrsplat.image.output.contact_sheet import NARROW, _how
 from irrsplat.image.tonemap import heat, heat_scale, viridis
 
 QUICK = ["--gather-size", "8", "--shadow-size", "64", "--bounces", "1", "--size", "40", "30"]
@@ -119,6 +119,12 @@ def test_a_sheet_shows_every_buffer(frame: irrsplat.Frame) -> None:
     assert sheet.reshape(-1, 3).max() > 200 and frame.contact_sheet().dtype == np.float32
     with pytest.raises(InputError, match="unknown buffer 'colour'"):
         frame.contact_sheet(["colour"])
+
+
+def test_a_floor_that_is_off_by_rounding_is_at_0() -> None:
+    position = np.array([[[9e-5, -4.0, 2.0], [5.6, 1e-5, 2.0]]])
+    seen = np.ones((1, 2), bool)
+    assert _how("place", "position", position, seen, 0.0) == "x 0 to 5.6,  y -4 to 0,  z 2 to 2"
 
 
 def test_the_scale_of_heat_is_that_of_its_colours() -> None:

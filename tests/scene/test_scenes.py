@@ -223,3 +223,10 @@ def test_the_generator_is_a_script(tmp_path):
     script = paths.folder("scenes") / "generate.py"
     subprocess.run([sys.executable, str(script), "curved", "--detail", "0.1", "-o", str(tmp_path)], check=True)
     assert load(tmp_path / "curved.scene").triangles > 0
+
+
+def test_a_scene_is_told_in_a_line() -> None:
+    """In a notebook a name alone shows it: without its arrays."""
+    scene = load("cornell")
+    assert repr(scene) == "<Scene 'cornell', meshes: 5, triangles: 30, lights: 1, cameras: 1>"
+    assert repr(scene.meshes[1]) == f"<Mesh {scene.meshes[1].name!r}: {len(scene.meshes[1].positions)} vertices, 10 triangles>"

@@ -117,6 +117,7 @@ def _how(way: str, name: str, values: np.ndarray, seen: np.ndarray, exposure: fl
     if not seen.any():
         return ""
     low, high = values[seen].min(axis=0), values[seen].max(axis=0)
+    low, high = (np.where(abs(end) < 1e-3 * (high - low), 0.0, end) for end in (low, high))  # a floor at 9e-05 is one at 0
     ranges = (f"{axis} {a:.3g} to {b:.3g}" for axis, a, b in zip("xyz", low.tolist(), high.tolist(), strict=True))
     return ",  ".join(ranges)
 

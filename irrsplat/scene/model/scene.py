@@ -62,6 +62,12 @@ class Scene:
             raise InputError("a scene's up is 0 0 0; give the direction that points up")
         check_type("a scene's environment", self.environment, Environment, None)
 
+    def __repr__(self) -> str:
+        """In a line, without its arrays: a notebook shows this."""
+        triangles = sum(len(mesh.faces) for mesh in self.meshes)
+        counts = {"meshes": len(self.meshes), "triangles": triangles, "lights": len(self.lights), "cameras": len(self.cameras)}
+        return f"<Scene {self.name!r}, " + ", ".join(f"{what}: {count}" for what, count in counts.items()) + ">"
+
     @cached_property
     def local(self) -> Scene:
         """The scene with all of it relative to its origin, lights and cameras too: as renderers have it."""

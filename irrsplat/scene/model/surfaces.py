@@ -142,6 +142,9 @@ class Mesh:
     uvs: np.ndarray | None = None
     opacities: np.ndarray | None = None
 
+    def __repr__(self) -> str:
+        return f"<Mesh {self.name!r}: {len(self.positions)} vertices, {len(self.faces)} triangles>"
+
     def __post_init__(self) -> None:
         mesh = f"of mesh {self.name!r:.60}" if self.name else "of a mesh"
         check_rows(f"the positions {mesh}", self.positions, 3)
