@@ -1,12 +1,14 @@
-"""What is written to the terminal: notices and a progress line on stderr, and tables in columns."""
+"""What is written to the terminal: errors, notices and a progress line on stderr, and tables in columns."""
 
 from __future__ import annotations
 
 import os
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Protocol
+
+INTERRUPTED = 130  # the exit status after Ctrl-C
 
 
 class OnShare(Protocol):
@@ -18,6 +20,13 @@ class OnShare(Protocol):
 def say(line: str) -> None:
     """Print one line to stderr."""
     print(" ".join(line.split()), file=sys.stderr, flush=True)
+
+
+def fail(message: str, status: int) -> int:
+    """Print what went wrong in one line to stderr; the exit status."""
+    with suppress(OSError):
+        print("irrsplat:", " ".join(message.split()), file=sys.stderr, flush=True)
+    return status
 
 
 def doing(words: str) -> None:

@@ -27,8 +27,8 @@ from irrsplat.settings import preset
 
 if TYPE_CHECKING:
     from irrsplat.app.common.outputs import Outputs
+    from irrsplat.app.common.pictures import Pictures
     from irrsplat.app.film.flight import Flight
-    from irrsplat.app.pictures import Pictures
     from irrsplat.image.statistics import Statistics
     from irrsplat.scene.model import Scene
 

@@ -24,7 +24,7 @@ from irrsplat.scene.camera_path import Path
 from irrsplat.settings import SettingValues, preset
 
 if TYPE_CHECKING:
-    from irrsplat.app.pictures import Pictures
+    from irrsplat.app.common.pictures import Pictures
     from irrsplat.image.statistics import Statistics
     from irrsplat.renderer import Renderer
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
+from irrsplat.app.common.pictures import Pictures
 from irrsplat.app.film.kept import unwritten
-from irrsplat.app.pictures import Pictures
 from irrsplat.image import frame as output
 from irrsplat.image.statistics import Statistics
 

@@ -27,7 +27,7 @@ Row = tuple[str, str, str]
 
 
 def run(scene: Scene, camera: Camera, args: Namespace) -> int:
-    """Render, compare, print the table and write the pictures; args: as flags.parse gives them. Returns the exit status 0.
+    """Render, compare, print the table and write the pictures; args: as grammar.parse gives them. Returns the exit status 0.
 
     Raises InputError and IrrsplatError, one line, for what cannot be; KeyboardInterrupt where the user ended it.
     """

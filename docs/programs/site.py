@@ -21,7 +21,7 @@ from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
 import irrsplat
-from irrsplat.app import flags
+from irrsplat.app import grammar
 from irrsplat.core import paths
 from irrsplat.core.buffers import CHANNELS
 from irrsplat.core.record_layout import COLUMNS
@@ -116,7 +116,7 @@ def mathml(formula: str, block: bool) -> str:
 
 def commands() -> str:
     """All commands with all of their flags, from the grammar that the program itself parses by."""
-    top = flags.build()
+    top = grammar.build()
     lines = [
         "# All commands and flags",
         "",

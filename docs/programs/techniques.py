@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import irrsplat
-from irrsplat.app import flags
+from irrsplat.app import grammar
 from irrsplat.app.verify import ablation, error_curve
 from irrsplat.app.verify.measure import percent
 from irrsplat.app.verify.verify import heading
@@ -31,7 +31,7 @@ def main() -> None:
     against: list[tuple[str, ...]] = [("scene", "records", "RMSE", "records of paper", "its RMSE", "times")]
     for name in SCENES:
         print(name, file=sys.stderr)
-        args, scene = flags.parse(["verify", name, *WORDS]), irrsplat.load(name)
+        args, scene = grammar.parse(["verify", name, *WORDS]), irrsplat.load(name)
         chosen = ablation.TECHNIQUES if name in FULL else ()
         found, line = ablation.measured(scene, scene.camera(), args, chosen)
         if chosen:

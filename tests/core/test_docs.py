@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from irrsplat.app import flags
+from irrsplat.app import grammar
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")] + sorted((ROOT / "docs").rglob("*.md"))
@@ -51,7 +51,7 @@ def test_command_lines_parse(page: Path) -> None:
         words = shlex.split(command.replace("\n", " "))
         if len(words) > 1:
             try:
-                flags.parse(words)
+                grammar.parse(words)
             except SystemExit as done:  # --help
                 assert done.code == 0
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import irrsplat
-from irrsplat.app import flags
+from irrsplat.app import grammar
 from irrsplat.app.viewer.input.keys import FLYING, KEYS
 from irrsplat.settings import SETTINGS
 
@@ -54,7 +54,7 @@ def test_formulas_are_drawn_by_the_browser(site: dict[str, str]) -> None:
 
 def test_the_commands_have_every_flag(site: dict[str, str]) -> None:
     page = site["reference/commands.html"]
-    commands = [("", flags.build())]
+    commands = [("", grammar.build())]
     for name, parser in commands:  # grows by the tools of each
         assert f"irrsplat {name}".strip() in page
         for action in parser._actions:

@@ -26,7 +26,7 @@ ROOT = Path(__file__).resolve().parents[2]
 LOCK = ROOT / ".ci/constraints.txt"
 TESTED = (
     *("tests/core/test_settings.py", "tests/scene/test_scenes.py", "tests/scene/test_gltf.py", "tests/scene/test_obj.py"),
-    *("tests/image/test_output.py", "tests/app/test_cli_cache.py", "tests/trust/test_outputs.py"),
+    *("tests/image/test_output.py", "tests/app/commands/test_cli_cache.py", "tests/trust/test_outputs.py"),
     *("tests/gather/test_embree.py", "tests/lighting/test_cie.py", "tests/app/viewer/interface/test_window.py"),
 )
 ALLOWED = ("MIT", "BSD", "Apache", "ISC", "PSF", "Python Software Foundation", "HPND", "Zlib", "Unlicense", "CC0", "0BSD", "MPL")

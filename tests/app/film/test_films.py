@@ -27,7 +27,7 @@ av = pytest.importorskip("av")
 HANGS = """
 import sys, time
 from irrsplat.app import cli
-from irrsplat.app.pictures import Pictures
+from irrsplat.app.common.pictures import Pictures
 
 def save(self, name, *rest, whole=Pictures.save):
     whole(self, name, *rest)

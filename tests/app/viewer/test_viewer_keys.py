@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from irrsplat.app.flags import parse
+from irrsplat.app.grammar import parse
 from irrsplat.app.viewer import preferences
 from irrsplat.app.viewer.buffers.table import BUFFERS
 from irrsplat.app.viewer.editing.picking import on_screen

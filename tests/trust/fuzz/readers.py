@@ -17,7 +17,7 @@ from unittest import mock
 import numpy as np
 
 import irrsplat
-from irrsplat.app import flags
+from irrsplat.app import grammar
 from irrsplat.app.viewer import preferences
 from irrsplat.core.errors import IrrsplatError
 from irrsplat.core.load_options import LoadOptions
@@ -168,7 +168,7 @@ def _preferences(folder: Path, data: bytes) -> None:
 def _command_line(folder: Path, data: bytes) -> None:
     words = data.decode("utf-8", "surrogateescape").split("\n")
     with contextlib.redirect_stdout(io.StringIO()), contextlib.suppress(SystemExit):
-        flags.parse(words)
+        grammar.parse(words)
 
 
 READERS: dict[str, Callable[[Path, bytes], None]] = {

@@ -912,16 +912,16 @@ APP = (
     Mutant(
         "wrong flag exits with 1",
         "app/cli.py",
-        "    except InputError as error:\n        return _fail(str(error), 2)",
-        "    except InputError as error:\n        return _fail(str(error), 1)",
-        ("tests/app/test_cli_errors.py::test_a_wrong_command_line_is_one_line_and_exit_status_2[argv0-COMMAND]",),
+        "    except InputError as error:\n        return fail(str(error), 2)",
+        "    except InputError as error:\n        return fail(str(error), 1)",
+        ("tests/app/commands/test_cli_errors.py::test_a_wrong_command_line_is_one_line_and_exit_status_2[argv0-COMMAND]",),
     ),
     Mutant(
         "only the last output is written",
-        "app/flags.py",
+        "app/commands/render.py",
         '"-o", "--output", metavar="OUT", action="append", required=True,',
         '"-o", "--output", metavar="OUT", nargs=1, required=True,',
-        ("tests/app/test_cli.py::test_outputs_may_be_repeated_and_restricted",),
+        ("tests/app/commands/test_cli.py::test_outputs_may_be_repeated_and_restricted",),
     ),
     Mutant(
         "benchmark's ratio upside down",

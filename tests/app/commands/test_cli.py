@@ -17,8 +17,7 @@ import pytest
 from PIL import Image
 
 import irrsplat.scene
-from irrsplat.app import cli
-from irrsplat.app import flags as parser
+from irrsplat.app import cli, grammar
 from irrsplat.app.common import terminal
 from irrsplat.core.errors import GLError
 from irrsplat.core.load_options import LoadOptions
@@ -85,16 +84,16 @@ def test_every_setting_is_a_flag_with_range_and_default(
     for declaration in SETTINGS.values():
         assert f"{declaration.flag} " in text
         assert f"({declaration.range}; default: " in text
-        args = parser.build().parse_args([*RENDER, declaration.flag, "x"])
+        args = grammar.build().parse_args([*RENDER, declaration.flag, "x"])
         assert getattr(args, "set_" + declaration.name) == "x"
 
 
 @pytest.mark.parametrize("command", ["view", "render", "info", "verify", "bench"])
 def test_how_a_file_is_read_is_told_wherever_a_scene_is_given(command: str) -> None:
     output = ["-o", "a.png"] if command == "render" else []
-    args = parser.parse([command, "a.stl", "--up-axis", "z", "--crease-angle", "25", "--time", "1.5", *output])
+    args = grammar.parse([command, "a.stl", "--up-axis", "z", "--crease-angle", "25", "--time", "1.5", *output])
     assert args.loading == LoadOptions("z", 25.0, 1.5)
-    assert parser.parse([command, "a.stl", *output]).loading == LoadOptions()
+    assert grammar.parse([command, "a.stl", *output]).loading == LoadOptions()
 
 
 def test_negative_numbers_of_every_spelling(fake: Any, place: Path) -> None:
@@ -269,7 +268,7 @@ def test_the_command_line_has_samples(place: Path, capsys: pytest.CaptureFixture
 
 
 def test_verify_s_samples_are_the_path_tracer_s() -> None:
-    args = parser.parse(["verify", "--samples", "64"])
+    args = grammar.parse(["verify", "--samples", "64"])
     assert args.samples == 64 and args.values == {}
 
 

@@ -9,8 +9,8 @@ import pytest
 from PIL import Image
 
 from irrsplat.app import cli
-from irrsplat.app.false_colours import WORDS
-from irrsplat.app.flags import FALSE_COLOURED
+from irrsplat.app.commands.render import FALSE_COLOURED
+from irrsplat.app.common.false_colours import WORDS
 from irrsplat.image.output.false_colours import GROUND, coloured, with_legend
 from irrsplat.meter.light_scale import LightScale, false_colours
 

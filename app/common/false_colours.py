@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from irrsplat.renderer import Renderer
     from irrsplat.scene.model import Camera
 
-WORDS = {  # of what can be shown, flags.FALSE_COLOURED
+WORDS = {  # of what can be shown, FALSE_COLOURED in app/commands/render.py
     "light": "light on surfaces",
     "irradiance": "indirect light on surfaces",
     "image": "luminance",

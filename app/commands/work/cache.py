@@ -1,4 +1,4 @@
-"""`irrsplat cache`: what is in files of records, several of them as one, and one with fewer records."""
+"""The work of `irrsplat cache`: what is in files of records, several of them as one, and one with fewer records."""
 
 from __future__ import annotations
 

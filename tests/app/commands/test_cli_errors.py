@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import irrsplat
-from irrsplat.app import flags
+from irrsplat.app import grammar
 from irrsplat.core.errors import GLError, InputError
 from irrsplat.gpu import context
 
@@ -144,7 +144,7 @@ def test_what_the_renderer_raises(
         ("irrsplat.app.bench.scaling", ["bench", "--growth"]),
         ("irrsplat.app.verify.verify", ["verify"]),
         ("irrsplat.app.viewer", ["view"]),
-        ("irrsplat.app.info", ["doctor"]),
+        ("irrsplat.app.commands.work.info", ["doctor"]),
         ("OpenEXR", ["render", "plain.scene", "-o", "a.exr"]),
     ],
 )
@@ -158,7 +158,7 @@ def test_a_missing_module_is_one_line(
     if package:  # an earlier test may have imported it
         monkeypatch.delattr(import_module(package), attribute, raising=False)
     assert module in refused(argv, 1)
-    assert flags.parse(["info"]).command == "info"
+    assert grammar.parse(["info"]).command == "info"
 
 
 def test_a_machine_without_gl(refused: Callable[..., str], place: Path, monkeypatch: pytest.MonkeyPatch) -> None:

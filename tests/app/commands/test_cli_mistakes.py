@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from irrsplat.app import flags
+from irrsplat.app import grammar
 from irrsplat.core.errors import InputError
 
 RENDER = ["render", "plain.scene", "-o", "a.png"]
@@ -52,7 +52,7 @@ def test_nothing_is_suggested_where_nothing_is_like_it(argv: list[str], refused:
 
 def test_a_former_flag_is_not_suggested() -> None:
     with pytest.raises(InputError, match="unknown flag --overtur") as told:
-        flags.parse([*RENDER, "--overtur"])
+        grammar.parse([*RENDER, "--overtur"])
     assert "--overture" not in str(told.value)
 
 
@@ -125,11 +125,11 @@ def test_all_mistakes_are_told_in_one_line(refused: Callable[..., str], place: P
     ],
 )
 def test_a_mistake_is_told_once_without_those_that_follow_from_it(argv: list[str], count: int) -> None:
-    _, mistakes = flags.read(argv)
+    _, mistakes = grammar.read(argv)
     assert len(mistakes.found) == count, mistakes.found
 
 
 def test_help_comes_before_mistakes(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as done:
-        flags.parse(["render", "--xyzzy", "--help"])
+        grammar.parse(["render", "--xyzzy", "--help"])
     assert done.value.code == 0 and "usage: irrsplat render" in capsys.readouterr().out

@@ -1,4 +1,4 @@
-"""`irrsplat measure`: the light on a plane, along a line or at points, as a table, in files, and summed up."""
+"""The work of `irrsplat measure`: the light on a plane, along a line or at points, as a table, in files, and summed up."""
 
 from __future__ import annotations
 

@@ -6,8 +6,8 @@ import argparse
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from irrsplat.app import false_colours
-from irrsplat.app.false_colours import FalseColours
+from irrsplat.app.common import false_colours
+from irrsplat.app.common.false_colours import FalseColours
 from irrsplat.core.errors import InputError
 
 if TYPE_CHECKING:

@@ -1,39 +1,61 @@
-"""What a shell offers at Tab: commands, flags, words of settings, bundled scenes, presets, cameras, buffers and files."""
+"""`irrsplat completion`: the script for a shell, and what that offers at Tab: commands, flags, words, scenes and files."""
 
 from __future__ import annotations
 
 import argparse
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
+from typing import Any
 
-from irrsplat.app import flags
+from irrsplat.app.commands.shared import flags
+from irrsplat.app.commands.shared.command import Command
 from irrsplat.settings import SETTINGS
 
+SHELLS = ("bash", "zsh", "fish")
 Completer = Callable[..., Iterable[str]]  # called with `prefix`, what is typed of a word, and `parsed_args`
 
 
+def add(commands: Any) -> None:
+    """The flags of `irrsplat completion`."""
+    parser = commands.add_parser(
+        "completion",
+        help="the script that makes Tab complete these commands",
+        description="Print the script that makes a shell complete commands, flags, scenes, presets and cameras at Tab.",
+        epilog='bash and zsh: eval "$(irrsplat completion bash)" in ~/.bashrc, or zsh in ~/.zshrc, after compinit.\n'
+        "fish: irrsplat completion fish > ~/.config/fish/completions/irrsplat.fish",
+    )
+    parser.add_argument("shell", choices=SHELLS, help="for which shell")
+
+
+def run(args: argparse.Namespace) -> int:
+    """`irrsplat completion`: the script for a shell."""
+    print(script(args.shell))
+    return 0
+
+
 def script(shell: str) -> str:
-    """The script that makes `shell`, one of flags.SHELLS, ask irrsplat at Tab."""
+    """The script that makes `shell`, one of SHELLS, ask irrsplat at Tab."""
     from argcomplete.shell_integration import shellcode
 
     return str(shellcode(["irrsplat"], shell=shell))
 
 
-def answer() -> None:
-    """Tell the shell that asks what the word at its cursor may be, and end the process; without a shell that asks, do nothing."""
+def answer(top: argparse.ArgumentParser) -> None:
+    """Tell the shell that asks what the word at its cursor may be, by the grammar `top`, and end the process; without a shell
+    that asks, do nothing."""
     import argcomplete
 
-    argcomplete.autocomplete(grammar(), always_complete_options="long")
+    _complete(top)
+    argcomplete.autocomplete(top, always_complete_options="long")
 
 
-def grammar() -> argparse.ArgumentParser:
-    """The grammar of the command line, each argument with what it may be."""
+def _complete(top: argparse.ArgumentParser) -> None:
+    """Give each argument of the grammar `top` what it may be."""
     from argcomplete.completers import FilesCompleter
 
     from irrsplat.image.frame import BUFFERS, ENDINGS
     from irrsplat.scene import FORMATS, bundled
 
-    top = flags.build()
     files: dict[str, Completer] = {
         "cache": FilesCompleter(),
         "compare": FilesCompleter(("json",)),
@@ -57,7 +79,6 @@ def grammar() -> argparse.ArgumentParser:
             words[action.dest] = _any_of(SETTINGS[name].words)
         if action.choices is None:
             action.completer = words.get(action.dest, _any_of(()))  # type: ignore[attr-defined]
-    return top
 
 
 def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
@@ -87,3 +108,6 @@ def _cameras(args: argparse.Namespace) -> list[str]:
     with suppress(Exception):  # a scene that is wrong is told when it is opened, not at Tab
         return [camera.name for camera in load(args.scene or flags.DEFAULT_SCENE).cameras if camera.name]
     return []
+
+
+COMMAND = Command(add, run)

@@ -1,0 +1,36 @@
+"""`irrsplat bake`: light for other programs; its own flags are in app/bake/arguments.py."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from irrsplat.app.bake import arguments
+from irrsplat.app.commands.shared import flags, values
+from irrsplat.app.commands.shared.command import Command
+from irrsplat.settings import SETTINGS
+
+
+def add(commands: Any) -> None:
+    """The flags of `irrsplat bake`."""
+    words = "light into a lightmap, vertex colours or probes"
+    parser = commands.add_parser("bake", help=words, description=arguments.DESCRIPTION, epilog=arguments.EPILOG)
+    flags.add_scene(parser)
+    arguments.add(parser, values.number, values.count)
+    flags.add_preset(parser, "default")
+    flags.add_settings(parser, stages=("shadow", "gather", "splat", "examine"), besides=("placement", "warmup", "coarse"))
+    flags.add_setting(parser.add_argument_group("settings of composite"), SETTINGS["pixel_light_samples"])
+
+
+def run(args: argparse.Namespace) -> int:
+    """`irrsplat bake`: light for other programs."""
+    from irrsplat.app.bake import command
+
+    command.check(args)
+
+    import irrsplat
+
+    return command.run(irrsplat.load(args.scene, **vars(args.loading)), args)
+
+
+COMMAND = Command(add, run)

@@ -1,0 +1,33 @@
+"""`irrsplat desktop`: its entry in the desktop's menu."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from irrsplat.app.commands.shared.command import Command
+
+
+def add(commands: Any) -> None:
+    """The flags of `irrsplat desktop`."""
+    parser = commands.add_parser(
+        "desktop",
+        help="irrsplat in the desktop's menu, with its icon",
+        description="Put irrsplat into the menu of this user's desktop, or take it out again.",
+        epilog="For desktops that follow freedesktop.org; files go below $XDG_DATA_HOME, or ~/.local/share.",
+    )
+    parser.add_argument("what", choices=("install", "remove"), help="put it there, or take it away")
+
+
+def run(args: argparse.Namespace) -> int:
+    """`irrsplat desktop`: its entry in the desktop's menu."""
+    from irrsplat.app.common import desktop_entry
+
+    home = desktop_entry.data_home()
+    done = desktop_entry.install(home) if args.what == "install" else desktop_entry.remove(home)
+    for path in done:
+        print(path)
+    return 0
+
+
+COMMAND = Command(add, run)

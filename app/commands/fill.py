@@ -1,0 +1,115 @@
+"""`irrsplat fill`: the records of a flight, to a cache file."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from irrsplat.app.commands.shared import flags, rendering
+from irrsplat.app.commands.shared.command import Command
+from irrsplat.app.common.outputs import Outputs
+from irrsplat.app.common.terminal import INTERRUPTED, fail, say
+
+if TYPE_CHECKING:
+    from irrsplat.app.common.parser import Mistakes
+    from irrsplat.app.film.fill import Filled
+    from irrsplat.app.film.flight import Flight
+    from irrsplat.scene.model import Scene
+
+
+def add(commands: Any) -> None:
+    """The flags of `irrsplat fill`."""
+    parser = commands.add_parser(
+        "fill",
+        help="gather the records of a flight, for render --cache-mode frozen",
+        description="Gather all records that the frames of a flight ask for into a cache file; no picture is written.",
+        epilog="Give the size, preset and settings that the frames are to have. Exit status as for render; Ctrl-C keeps what is\n"
+        "there, and the same command goes on from it.",
+    )
+    flags.add_scene(parser)
+    words = "the file that the records are kept in; where it is there, they are added to its own"
+    parser.add_argument("--cache", metavar="FILE", required=True, help=words)
+    words = (
+        "keep: the file must be of this scene; update: where it was made for another state of it, what that concerns is gathered"
+    )
+    parser.add_argument(
+        "--cache-mode", choices=("keep", "update"), default="keep", metavar="WORD", help=f"{words} again (default: keep)"
+    )
+    flags.add_size(parser, 800)
+    flags.add_preset(parser, "default")
+    parser.add_argument("--stats", metavar="FILE.json", help="write records and the coverage of each frame to this file")
+    flags.add_flight(parser, "the flight; one of --path and --turntable")
+    flags.add_camera(parser)
+    flags.add_settings(parser, stages=flags.STAGES[:-1])  # those of the picture too, so that a film's flags are right here
+
+
+def check(args: argparse.Namespace, mistakes: Mistakes) -> None:
+    """Add to `mistakes` that there is no flight."""
+    if not mistakes.arguments & flags.OF_CAMERAS and args.path is None and args.turntable is None:
+        mistakes.add("fill needs a flight; give --path FILE or --turntable N")
+
+
+def run(args: argparse.Namespace) -> int:
+    """`irrsplat fill`: the records of a flight, to a cache file."""
+    from irrsplat import settings
+    from irrsplat.app.film import fill as filling
+    from irrsplat.app.film import flight as flights
+
+    settings.preset(args.preset, **args.values)
+
+    import irrsplat
+
+    scene = irrsplat.load(args.scene, **vars(args.loading))
+    flight = flights.plan(args, scene, rendering.camera(args, scene))
+    flights.check_still(flight, "render it without filling one")
+    if args.on is not None:
+        return _fill_on(args, scene, flight)
+    with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, **args.values) as renderer:
+        if os.path.exists(args.cache):
+            rendering.load_cache(renderer, args)
+        for notice in (*scene.notices, *renderer.notices):
+            say(f"notice: {notice}")
+        with rendering.round_progress(args) as on_round:
+            done = filling.fill(renderer, flight, on_round, filling.saved_at_times(renderer, args.cache))
+        outputs = Outputs()
+        if renderer.cache.count:
+            outputs.write(args.cache, partial(renderer.save_cache, args.cache))
+        if args.stats is not None:
+            rendering.write_stats(args, filling.statistics(done, renderer.cache.count), outputs)
+    return _end_of_fill(done, flight, outputs)
+
+
+def _fill_on(args: argparse.Namespace, scene: Scene, flight: Flight) -> int:
+    """The records of a flight, gathered by the workers of --on."""
+    from irrsplat.app.farm import cluster
+    from irrsplat.app.film import fill as filling
+    from irrsplat.core import files
+    from irrsplat.records import cache_file
+
+    job, outputs = cluster.job_of(args, scene, flight), Outputs()
+    if os.path.exists(args.cache):
+        cache_file.read(args.cache, job.key)
+    for notice in scene.notices:
+        say(f"notice: {notice}")
+    data, done = cluster.fill(args, job, flight)
+    if data:
+        outputs.write(args.cache, lambda: files.write_bytes(args.cache, data))
+    if args.stats is not None:
+        rendering.write_stats(args, filling.statistics(done, cluster.count(data)), outputs)
+    return _end_of_fill(done, flight, outputs)
+
+
+def _end_of_fill(done: Filled, flight: Flight, outputs: Outputs) -> int:
+    """Say how far a flight is filled; the exit status. Raises IrrsplatError where one of the `outputs` could not be written."""
+    from irrsplat.app.film import fill as filling
+
+    outputs.tell()
+    if done.interrupted:
+        return fail(f"interrupted; {len(done.frames)} of {len(flight.numbers)} frames have their records", INTERRUPTED)
+    filling.tell(done)
+    return 0
+
+
+COMMAND = Command(add, run, check, rendering.check_kept_files)

@@ -1,0 +1,72 @@
+"""`irrsplat measure`: light on a plane, along a line or at points."""
+
+from __future__ import annotations
+
+import argparse
+from typing import Any
+
+from irrsplat.app.commands.shared import flags, values
+from irrsplat.app.commands.shared.command import Command
+
+
+def add(commands: Any) -> None:
+    """The flags of `irrsplat measure`."""
+    parser = commands.add_parser(
+        "measure",
+        help="irradiance or illuminance on a plane, without a camera",
+        description="Measure the light that falls on a plane, or on single points: of lamps with their shadows, of emitters and\n"
+        "sky, and by all bounces. Nothing is interpolated, and no camera is needed.",
+        epilog="Points within solids, and points that a surface lies on, are said to be so and do not count in mean, minimum,\n"
+        "maximum and uniformity.",
+    )
+    flags.add_scene(parser)
+    add = parser.add_argument
+    where = parser.add_argument_group("where", "one of --plane, --height, --line and --point")
+    axes = ("X0", "Y0", "Z0", "UX", "UY", "UZ", "VX", "VY", "VZ")
+    words = "a corner and two edges, metres; measured from the side to which u × v points"
+    where.add_argument("--plane", nargs=9, type=values.number, metavar=axes, help=words)
+    words = "level, so many metres above the lowest point of the scene, over all of it; measured from above"
+    where.add_argument("--height", type=values.number, metavar="M", help=words)
+    words = "points along a line between two places, both among them; metres"
+    where.add_argument("--line", nargs=6, type=values.number, metavar=("X0", "Y0", "Z0", "X1", "Y1", "Z1"), help=words)
+    words = "the direction that the points of a line face (default: up)"
+    where.add_argument("--facing", nargs=3, type=values.number, metavar=("NX", "NY", "NZ"), help=words)
+    words = "a point and the direction that it faces; may be repeated"
+    where.add_argument(
+        "--point", nargs=6, type=values.number, action="append", metavar=("X", "Y", "Z", "NX", "NY", "NZ"), help=words
+    )
+    words = (
+        "side of the plane's cells, with a point in the middle of each, or step along the line; at most (default: EN 12464-1's)"
+    )
+    where.add_argument("--grid", type=values.number, metavar="M", help=words)
+    where.add_argument(
+        "--margin", type=values.number, metavar="M", help="leave out that much along the plane's edges (default: 0)"
+    )
+    add(
+        "-o", "--output", metavar="OUT",
+        help="a table in a .csv, or arrays in a .npz; - is CSV on stdout (default: a table to read on stdout)",
+    )  # fmt: skip
+    add(
+        "--unit",
+        choices=("W/m2", "lux"),
+        default="W/m2",
+        help="irradiance of red, green and blue, or illuminance (default: W/m2)",
+    )
+    add("--lux", dest="unit", action="store_const", const="lux", help="the same as --unit lux")
+    add("--stats", metavar="FILE.json", help="write mean, minimum, maximum, uniformity and settings to this file")
+    flags.add_preset(parser, "reference")
+    flags.add_settings(parser, stages=("shadow", "gather"))
+
+
+def run(args: argparse.Namespace) -> int:
+    """`irrsplat measure`: light on a plane or at points."""
+    from irrsplat.app.commands.work import measure as measuring
+
+    measuring.check(args)
+
+    import irrsplat
+
+    return measuring.run(irrsplat.load(args.scene, **vars(args.loading)), args)
+
+
+COMMAND = Command(add, run)

@@ -1,0 +1,263 @@
+"""`irrsplat render`: a scene, or a flight through it, to files."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections.abc import Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+from irrsplat.app.commands.shared import flags, rendering, values
+from irrsplat.app.commands.shared.command import Command
+from irrsplat.app.common.outputs import Outputs
+from irrsplat.app.common.terminal import INTERRUPTED, fail, say
+from irrsplat.app.film.words import CACHE_MODES, QUALITIES
+from irrsplat.core.errors import InputError
+
+if TYPE_CHECKING:
+    from irrsplat.app.common.parser import Mistakes
+    from irrsplat.app.common.pictures import Pictures
+    from irrsplat.app.film.films import Films
+    from irrsplat.app.film.flight import Flight
+    from irrsplat.image.statistics import Statistics
+    from irrsplat.scene.model import Scene
+
+FALSE_COLOURED = ("light", "irradiance", "image", "direct", "indirect", "emission")
+_FROZEN_ALONE = (
+    "--on renders the frames of a flight from a frozen cache, so that they are the same whoever renders them; "
+    "give --path or --turntable, and --cache-mode frozen with a --cache that irrsplat fill has made"
+)
+
+
+def add(commands: Any) -> None:
+    """The flags of `irrsplat render`."""
+    parser = commands.add_parser(
+        "render",
+        help="render a scene to files",
+        description="Render a scene, without a window, until no pixel asks for more records.",
+        epilog="A flag wins over the preset. Exit status: 0 done; 2 the command line or a file is wrong; 1 anything else; "
+        "130 interrupted\n(the last completed round is written; of a path, the frames that were done).",
+    )
+    add = parser.add_argument
+    flags.add_scene(parser)
+    add(
+        "-o", "--output", metavar="OUT", action="append", required=True,
+        help="may be repeated: .png (the picture), .exr (a float32 layer per buffer), .npz (all buffers, records and stats), "
+        "or a folder (a PNG per buffer, and the paper's figures); of a flight, {frame} or {frame:04d} in it is the number, and "
+        ".mp4, .webm and .gif are films (extra: pip install 'irrsplat[video]')",
+    )  # fmt: skip
+    flags.add_size(parser, 800)
+    flags.add_preset(parser, "default")
+    add("--buffers", metavar="NAME,…", help="only these buffers in .exr, .npz and folders (default: all)")
+    flags.add_cache(parser)
+    add(
+        "--cache-mode", choices=CACHE_MODES, default="keep", metavar="WORD",
+        help="keep: records are added to those of --cache; frozen: none is added or changed, nor the file, so that a frame "
+        "is the same, whichever are rendered before it and by whom; update: as keep, and where the file is of another state "
+        "of the scene, what that concerns is gathered again (default: keep)",
+    )  # fmt: skip
+    add("--stats", metavar="FILE.json", help="write records, rounds, times and settings to this file")
+    flags.add_camera(parser)
+    _add_files(parser)
+    _add_false_colours(parser)
+    group = flags.add_flight(parser, "a flight instead of one picture; records and the first frame's exposure are kept")
+    words = "keep frames that are written already, and render the others; of a film, what was stopped"
+    group.add_argument("--resume", action="store_true", help=words)
+    group.add_argument("--fps", type=values.rate, metavar="N", help="frames per second of a film (default: 30)")
+    words = f"{', '.join(QUALITIES)}: how much of the pictures a film keeps (default: good)"
+    group.add_argument("--film-quality", choices=QUALITIES, metavar="WORD", help=words)
+    flags.add_settings(parser)
+
+
+def _add_files(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument_group("files", "what they hold").add_argument
+    words = "a .png shows all buffers side by side, with names and scales"
+    add("--contact-sheet", action="store_true", help=words)
+    add("--png-bits", type=int, choices=(8, 16), default=8, metavar="8|16", help="of a channel, in .png and folders (default: 8)")
+    words = "of the layers in an .exr: irrsplat, the buffers' names; blender, as ViewLayer.Combined.R (default: irrsplat)"
+    add("--exr-names", choices=("irrsplat", "blender"), default="irrsplat", metavar="WHOSE", help=words)
+
+
+def _add_false_colours(parser: argparse.ArgumentParser) -> None:
+    group = parser.add_argument_group(
+        "false colours", "of a .png, with isolines and a legend; all but the first with --falsecolor"
+    )
+    words = f"{', '.join(FALSE_COLOURED)} (default: light, all that falls on surfaces)"
+    group.add_argument("--falsecolor", nargs="?", const="light", choices=FALSE_COLOURED, metavar="BUFFER", help=words)
+    words = "upper end of the scale (default: a round number above nearly all that is seen)"
+    group.add_argument("--scale", type=values.number, metavar="X", help=words)
+    words = "logarithmic, over so many powers of ten (default: linear)"
+    group.add_argument("--log", type=values.decades, metavar="DECADES", help=words)
+    words = "lux (of radiance: cd/m²), or W/m² (W/(m² sr)) weighted as luminance is (default: lux)"
+    group.add_argument("--unit", choices=("lux", "W/m2"), help=words)
+    group.add_argument("--lines", choices=("on", "off"), help="isolines between the ten steps of the scale (default: on)")
+
+
+# ---- before the work ---------------------------------------------------------------------------------------------------
+
+
+def check_files(args: argparse.Namespace, mistakes: Mistakes) -> None:
+    """Add to `mistakes` which outputs, and files of --stats and --cache, cannot be written, and which buffers there are not."""
+    from irrsplat.app.film import flight, video
+    from irrsplat.image.frame import check_writable
+
+    names = []
+    for pattern in () if "output" in mistakes.arguments else args.output:
+        with mistakes.gathered():
+            names.append(flight.first_name(args, pattern) if flight.flies(args) else pattern)
+    for name in names:
+        for buffers in (None, _buffers(args)):
+            with mistakes.gathered():
+                video.check(name, flight.flies(args)) if video.is_film(name) else check_writable(name, buffers)
+    rendering.check_kept_files(args, mistakes, names)
+
+
+def _buffers(args: argparse.Namespace) -> list[str] | None:
+    """The names that --buffers has; None: all."""
+    return None if args.buffers is None else [name.strip() for name in args.buffers.split(",")]
+
+
+def _has_folder(args: argparse.Namespace) -> bool:
+    """Whether one of the outputs is a folder, which has the paper's figures."""
+    from irrsplat.app.film import flight, video
+    from irrsplat.image.frame import check_writable
+
+    names = [flight.first_name(args, pattern) for pattern in args.output] if flight.flies(args) else args.output
+    return "" in [check_writable(name) for name in names if not video.is_film(name)]
+
+
+# ---- the work ----------------------------------------------------------------------------------------------------------
+
+
+def run(args: argparse.Namespace) -> int:
+    """`irrsplat render`: a scene, or a path through it, to files. All that can be checked is checked before the work; where one
+    cannot be written in the end, the others are."""
+    from irrsplat import settings
+    from irrsplat.app.common import pictures
+    from irrsplat.app.film import films, frames, frozen
+    from irrsplat.app.film import flight as flights
+    from irrsplat.image.frame import needed
+
+    settings.preset(args.preset, **args.values)
+    buffers, keeps = _buffers(args), args.cache_mode == "frozen"
+    with_figures = _has_folder(args) and not keeps
+    files = pictures.checked(args)
+    films.check(args)
+    if keeps:
+        frozen.check(args)
+    if args.on is not None and not (keeps and flights.flies(args)):
+        raise InputError(_FROZEN_ALONE)
+
+    import irrsplat
+
+    scene = irrsplat.load(args.scene, **vars(args.loading))
+    camera, flight, made = rendering.camera(args, scene), None, None
+    if flights.flies(args):
+        flight, made = films.plan(args, flights.with_outputs(flights.plan(args, scene, camera), args.output))
+        if keeps:
+            flights.check_still(flight, "leave out --cache-mode frozen")
+    if flight is not None and args.on is not None:
+        return _render_on(args, scene, flight, made, buffers, files)
+    with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, **args.values) as renderer:
+        if args.cache is not None and (keeps or os.path.exists(args.cache)):
+            rendering.load_cache(renderer, args)
+        for notice in (*scene.notices, *renderer.notices):
+            say(f"notice: {notice}")
+        outputs, how = Outputs(), dict[str, Any]()
+        if flight is not None and made is not None:
+            made.begin(renderer, flight, files, args.cache if keeps else None, args.resume)
+        kept = made.pattern if made is not None and made.kept is not None else ""
+        with rendering.round_progress(args) as on_round:
+            if flight is not None:
+                how = {"frozen": keeps, "resume": args.resume, "kept": kept}
+                done, complete = frames.render(renderer, flight, buffers, with_figures, on_round, outputs, files, **how)
+            else:
+                wanted = None if with_figures or files.of_all_buffers else needed(args.output, buffers)
+                how = {"gather": False} if keeps else {"figures": with_figures}
+                frame = renderer.render(camera, progress=on_round, buffers=wanted, **how)
+        if flight is None and frame.stats.get("interrupted") and not frame.stats.get("rounds") and not keeps:
+            return fail("interrupted before the first round was complete; nothing was written", INTERRUPTED)
+        for path in args.output if flight is None else ():
+            outputs.write(path, partial(files.save, path, frame, buffers, renderer, camera))
+        if args.cache is not None and renderer.cache.count and not keeps:
+            outputs.write(args.cache, partial(renderer.save_cache, args.cache))
+        if flight is not None and made is not None and complete:
+            made.write(flight, outputs)
+    if keeps:
+        frozen.tell([frame.stats] if flight is None else done)
+    if flight is None:
+        return _end_of_render(args, frame.stats, outputs)
+    unfinished = None if complete else _so_far(flight, len(done), args.resume or bool(kept))
+    return _end_of_path(args, done, unfinished, outputs)
+
+
+def _render_on(
+    args: argparse.Namespace,
+    scene: Scene,
+    flight: Flight,
+    made: Films | None,
+    buffers: list[str] | None,
+    files: Pictures,
+) -> int:
+    """The frames of a flight, rendered by the workers of --on, and the films `made` of them."""
+    from irrsplat.app.farm import cluster
+    from irrsplat.app.film import frozen
+    from irrsplat.records import cache_file
+
+    if made is not None and made.kept is not None:
+        raise InputError("with --on a film is made of pictures that stay; give -o 'frame{frame:04d}.png' as well", made.names[0])
+    job = cluster.job_of(args, scene, flight)
+    cache_file.read(args.cache, job.key)
+    for notice in scene.notices:
+        say(f"notice: {notice}")
+    outputs = Outputs()
+    done, complete = cluster.render(args, job, flight, buffers, files, outputs)
+    frozen.tell(done)
+    if made is not None and complete:
+        made.write(flight, outputs)
+    return _end_of_path(args, done, None if complete else _so_far(flight, len(done), args.resume), outputs)
+
+
+# ---- after the work ----------------------------------------------------------------------------------------------------
+
+
+def _end_of_render(args: argparse.Namespace, stats: Statistics, outputs: Outputs) -> int:
+    """Write the statistics of a picture where they are asked for, say what is missing in it; the exit status. Raises
+    IrrsplatError where one of the `outputs` could not be written."""
+    rendering.write_stats(args, stats, outputs)
+    outputs.tell()
+    if stats.get("interrupted"):
+        return fail(f"interrupted; the files hold what {stats.get('rounds', 0)} whole rounds gave", INTERRUPTED)
+    if not stats.get("converged", True) and "uncovered" not in stats:
+        say(f"notice: stopped after {stats.get('rounds')} rounds {_unserved([stats])}")
+    return 0
+
+
+def _so_far(flight: Flight, written: int, resumes: bool) -> str:
+    """How far a flight came that was interrupted. resumes: whether frames that were there before count as well."""
+    from irrsplat.app.film.kept import unwritten
+
+    if resumes:
+        written = sum(not unwritten(flight.outputs, number) for number in flight.numbers)
+    return f"{written} of {len(flight.numbers)} frames were written" + ("; --resume goes on from there" if resumes else "")
+
+
+def _end_of_path(args: argparse.Namespace, done: list[Statistics], interrupted: str | None, outputs: Outputs) -> int:
+    """The same for the frames of a path that are `done`. interrupted: how far it came; None: to its end."""
+    rendering.write_stats(args, {"frames": done}, outputs)
+    outputs.tell()
+    if interrupted is not None:
+        return fail(f"interrupted; {interrupted}", INTERRUPTED)
+    if short := sum(not stats.get("converged", True) and "uncovered" not in stats for stats in done):
+        say(f"notice: {short} of {len(done)} frames stopped {_unserved(done)}")
+    return 0
+
+
+def _unserved(stats: Sequence[Statistics]) -> str:
+    """The end of the notice on pictures that stopped early: which limit to raise."""
+    full = any(one.get("full") for one in stats)
+    return f"before every pixel was served; raise {'--max-records' if full else '--max-rounds'} or --a"
+
+
+COMMAND = Command(add, run, check_files=check_files)

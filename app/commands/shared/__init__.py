@@ -1,0 +1,1 @@
+"""What several commands share: flags, the values that flags take, and what is done before and after a render."""

@@ -1,0 +1,129 @@
+"""The flags that several commands share; those of settings are made from irrsplat.settings."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from typing import Any
+
+from irrsplat.app.commands.shared import values
+from irrsplat.core.load_options import CREASE_ANGLE, UP_AXES
+from irrsplat.settings import PRESETS, SETTINGS, Declaration
+
+DEFAULT_SCENE = "cornell"
+OF_CAMERAS = {"camera", "eye", "target", "up", "fov", "path", "turntable", "frames"}
+STAGES = ("shadow", "gbuffer", "gather", "splat", "examine", "composite", "view")  # the order of the frame
+
+
+def add_scene(parser: argparse.ArgumentParser) -> None:
+    """SCENE, and how it is read."""
+    words = "a path, or a bundled scene's name (default: cornell)"
+    parser.add_argument("scene", nargs="?", metavar="SCENE", default=DEFAULT_SCENE, help=words)
+    add_loading(parser)
+
+
+def add_loading(parser: argparse.ArgumentParser) -> None:
+    """How a scene is read, which `grammar.read` makes `args.loading` of."""
+    group = parser.add_argument_group(
+        "reading the scene", "of files that say nothing about it; a .scene heeds --sky and --allow alone"
+    )
+    add = group.add_argument
+    add("--up-axis", choices=UP_AXES, default="auto", help="which axis points up (default: auto, by format and exporter)")
+    words = "edges between triangles that meet at less are smooth, where a file has no normals"
+    add(
+        "--crease-angle",
+        type=values.number,
+        default=CREASE_ANGLE,
+        metavar="DEG",
+        help=f"{words} (0..180; default: {CREASE_ANGLE:g})",
+    )
+    add("--time", type=values.number, metavar="S", help="pose the animation at so many seconds (default: the stored pose)")
+    words = "a folder from which the scene may read files, beside its own and those in it; may be repeated"
+    add("--allow", metavar="FOLDER", action="append", default=[], help=words)
+    add(
+        "--sky", metavar="TEXT",
+        help="what lights it from all around, as in a .scene, in quotes: 'R G B', 'FILE.hdr rotate 90', 'cie clear sun 40 180'",
+    )  # fmt: skip
+
+
+def add_camera(parser: argparse.ArgumentParser) -> None:
+    """A camera, which `rendering.camera` makes. Its checks need path, turntable and frames too, from `add_flight` or as None."""
+    group = parser.add_argument_group("camera", "--eye and --target go together; --up and --fov come from the scene unless given")
+    group.add_argument("--camera", metavar="NAME", help="a camera of the scene by its name (default: its first)")
+    for flag, text in (("eye", "where it stands"), ("target", "the point that it looks at"), ("up", "what is up")):
+        group.add_argument(f"--{flag}", nargs=3, type=values.number, metavar=("X", "Y", "Z"), help=f"{text}, world space")
+    group.add_argument("--fov", type=values.number, metavar="DEG", help="vertical field of view, between 0 and 180 degrees")
+
+
+def add_settings(parser: argparse.ArgumentParser, besides: tuple[str, ...] = (), stages: tuple[str, ...] = STAGES) -> None:
+    """The settings of `stages`, but for those named in `besides`; `grammar.read` makes `args.values` of them."""
+    for stage in stages:
+        group = parser.add_argument_group(f"settings of {stage}")
+        for declaration in SETTINGS.values():
+            if declaration.stage == stage and declaration.name not in besides:
+                add_setting(group, declaration)
+
+
+def add_setting(group: Any, declaration: Declaration) -> None:
+    """One setting, under its former flags too."""
+    default = declaration.default
+    word = default if not isinstance(default, bool) else "on" if default else "off"
+    shown = f"{word:g}" if isinstance(word, float) else word
+    text = f"{declaration.help} ({declaration.range}; default: {shown})"
+    metavar = {"bool": "on|off", "choice": "WORD", "int": "N"}.get(declaration.kind, "X")
+    dest = "set_" + declaration.name
+    group.add_argument(declaration.flag, dest=dest, metavar=metavar, help=text.replace("%", "%%"))
+    for former in declaration.flags[1:]:
+        group.add_argument(former, dest=dest, metavar=metavar, help=argparse.SUPPRESS)
+
+
+def add_size(parser: argparse.ArgumentParser, side: int | None, words: str = "", action: str = "store") -> None:
+    """--size, `side` by `side` by default; None: args.size is None. words: its help, where that says more."""
+    default = None if side is None else [side, side]
+    words = words or f"image size in pixels (default: {side} {side})"
+    parser.add_argument("--size", nargs=2, type=values.pixels, default=default, metavar=("W", "H"), help=words, action=action)
+
+
+def add_preset(parser: argparse.ArgumentParser, default: str | None, words: str = "", action: str = "store") -> None:
+    """--preset. words: its help, where that says more."""
+    words = words or f"{', '.join(PRESETS)} (default: {default or 'the last one'})"
+    parser.add_argument("--preset", metavar="NAME", choices=tuple(PRESETS), default=default, help=words, action=action)
+
+
+def add_cache(parser: argparse.ArgumentParser, when: str = "") -> None:
+    """--cache. when: at which time that file is written."""
+    words = f"the records are kept in this file: taken from it where it is there, and written to it{when}"
+    parser.add_argument("--cache", metavar="FILE", help=words)
+
+
+def add_flight(parser: argparse.ArgumentParser, words: str) -> Any:
+    """A flight, and who does it; the group of flags, for further ones. words: what is said of the group."""
+    group = parser.add_argument_group("path", words)
+    group.add_argument("--path", metavar="FILE", help="its cameras: a text file, looked for here, then in the scene's folder")
+    words = "instead of a path: a full circle of N frames around what the camera looks at, which goes on without a seam"
+    group.add_argument("--turntable", type=values.turns, metavar="N", help=words)
+    group.add_argument(
+        "--frames", type=values.frames, metavar="A:B", help="frames A to B - 1; either may be left out (default: all)"
+    )
+    words = "have it done by the workers of the Dask scheduler at this address; needs the extra: pip install 'irrsplat[cluster]'"
+    group.add_argument("--on", type=values.address, metavar="tcp://HOST:PORT", help=words)
+    return group
+
+
+def wrong_with_the_camera(args: argparse.Namespace) -> Iterator[str]:
+    """What a camera needs and has not, as far as that can be said before the scene is there."""
+    if (args.eye is None) != (args.target is None):
+        yield "--eye and --target go together; give both or neither"
+    if args.up is not None and args.eye is None:
+        yield "--up needs --eye and --target; give them as well"
+    if args.eye is not None and args.camera is not None:
+        yield "--camera and --eye are two different cameras; give one of them"
+    if args.fov is not None and not 0.0 < args.fov < 180.0:
+        yield f"--fov lies between 0 and 180 degrees, not {args.fov:g}"
+    if args.path is not None and args.turntable is not None:
+        yield "--path and --turntable are two different flights; give one of them"
+    if args.path is None and args.turntable is None and args.frames is not None:
+        yield "--frames chooses among the frames of a path; give --path as well"
+    for flag in ("eye", "camera"):
+        if args.path is not None and getattr(args, flag) is not None:
+            yield f"--path brings its own cameras; leave --path or --{flag} out"

@@ -1,0 +1,87 @@
+"""What the commands that render do alike: the camera, the cache file, progress and statistics."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path as File
+from typing import TYPE_CHECKING, Any
+
+from irrsplat.app.common.outputs import Outputs, twins
+from irrsplat.app.common.terminal import progress, say
+
+if TYPE_CHECKING:
+    from irrsplat.app.common.parser import Mistakes
+    from irrsplat.app.film.frames import OnRound
+    from irrsplat.image.view import Progress
+    from irrsplat.renderer import Renderer
+    from irrsplat.scene.model import Camera, Scene
+
+
+def camera(args: argparse.Namespace, scene: Scene) -> Camera:
+    """The scene's camera that `args` names, with the values that flags give in place of its own."""
+    camera = scene.camera(args.camera)
+    given: dict[str, Any] = {
+        name: tuple(value) if isinstance(value, list) else value
+        for name in ("eye", "target", "up", "fov")
+        if (value := getattr(args, name)) is not None
+    }
+    return replace(camera, **given) if given else camera
+
+
+def check_kept_files(args: argparse.Namespace, mistakes: Mistakes, names: Sequence[str] = ()) -> None:
+    """Add to `mistakes` which files of --stats and --cache cannot be written, or read where the cache is frozen, and which are
+    one with each other or with one of the outputs `names`."""
+    from irrsplat.core import files, paths
+
+    frozen = args.cache_mode == "frozen"
+    for path in (args.stats, args.cache):
+        if path is not None and "cache" not in mistakes.arguments:
+            with mistakes.gathered():
+                if path is args.cache and frozen:
+                    paths.check_readable(File(path), paths.MOST_GEOMETRY)
+                else:
+                    files.check_file(path)
+    for twin in twins(names, (("--stats", args.stats), ("--cache", args.cache))):
+        mistakes.add(twin)
+
+
+def load_cache(renderer: Renderer, args: argparse.Namespace) -> None:
+    """Take the records of --cache, as --cache-mode says; what that renews is told."""
+    if reason := renderer.load_cache(args.cache, update=args.cache_mode == "update"):
+        say(f"notice: {args.cache} was made {reason}; what that concerns is gathered again")
+
+
+@contextmanager
+def round_progress(args: argparse.Namespace) -> Iterator[OnRound | None]:
+    """A function to be called after each round, which shows it in a line; None where stderr is no terminal."""
+    with progress("round 1: what is seen, and the light of further bounces") as line:
+
+        def show(state: Progress, frame: str = "", before: float = 0.0, share: float = 1.0) -> None:
+            if line is not None:
+                stage, words, done = _stage(state, float(args.values.get("quality", 0.0)))
+                line(before + share * done, f"{frame}, {words}" if frame else words, "path" if frame else stage)
+
+        yield None if line is None else show
+
+
+def _stage(state: Progress, quality: float) -> tuple[str, str, float]:
+    """What a render does, in a word and in a line, and the share of it that is done, 0..1. quality: as the setting, %."""
+    line = f"round {state.round}: {state.records} records" if state.round else f"{state.records} records"
+    if state.sampled:
+        return "samples", f"{line}, samples", state.sampled
+    if state.error is not None and quality:
+        percent = 100.0 * state.error  # which falls as the square root of the work
+        return "quality", f"{line}, error {percent:.2g} % to {quality:g} %", min(1.0, (quality / max(percent, 1e-6)) ** 2)
+    return "rounds", f"{line}, coverage", state.coverage
+
+
+def write_stats(args: argparse.Namespace, stats: Mapping[str, object], outputs: Outputs) -> None:
+    """Write `stats` to the file of --stats, where that is given; what goes wrong is kept in `outputs`."""
+    if args.stats is not None:
+        from irrsplat.core import files
+        from irrsplat.image import statistics
+
+        outputs.write(args.stats, lambda: files.write_text(args.stats, statistics.to_json(stats) + "\n"))

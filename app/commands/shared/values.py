@@ -1,0 +1,86 @@
+"""The values that flags take, for argparse: each reads the text of one, or says what it expected."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import re
+
+MOST_DECADES = 9
+_BYTES = {"": 1, "kB": 10**3, "MB": 10**6, "GB": 10**9}
+
+
+def number(text: str) -> float:
+    """A finite number, for argparse."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"expected a finite number, not '{text}'")
+    return value
+
+
+def pixels(text: str) -> int:
+    """A side of an image, for argparse."""
+    return _whole(text, 1, 999_999_999, "a whole number of pixels, at least 1")
+
+
+def samples(text: str) -> int:
+    """A number of samples, for argparse."""
+    return _whole(text, 2, 999_999_999, "a whole number of samples, at least 2")
+
+
+def count(text: str) -> int:
+    """A number of things, for argparse."""
+    return _whole(text, 1, 999_999_999, "a whole number, at least 1")
+
+
+def decades(text: str) -> int:
+    """A number of powers of ten, for argparse."""
+    return _whole(text, 1, MOST_DECADES, f"a whole number from 1 to {MOST_DECADES}")
+
+
+def rate(text: str) -> float:
+    """Frames per second, for argparse."""
+    value = number(text)
+    if not 0.1 <= value <= 240.0:
+        raise argparse.ArgumentTypeError(f"expected frames per second, 0.1 to 240, not '{text}'")
+    return value
+
+
+def turns(text: str) -> int:
+    """A number of frames of a full circle, for argparse."""
+    return _whole(text, 2, 999_999, "a whole number of frames, 2 to 999999")
+
+
+def frames(text: str) -> tuple[int, int | None]:
+    """Frames A:B of a path as (A, B), for argparse; half open as a Python slice, A: 0 and B: None where left out."""
+    match = re.fullmatch(r"(\d{0,9}):(\d{0,9})", text, re.ASCII)
+    if match is None:
+        raise argparse.ArgumentTypeError(f"expected A:B, the frames from A to before B, either may be left out, not '{text}'")
+    start, stop = int(match[1] or 0), int(match[2]) if match[2] else None
+    if stop is not None and start >= stop:
+        raise argparse.ArgumentTypeError(f"'{text}' holds no frame: B is not among them; give a B greater than A")
+    return start, stop
+
+
+def address(text: str) -> str:
+    """The address of a scheduler, for argparse."""
+    if not re.fullmatch(r"(tcp|tls|ws|wss|ucx|inproc)://\S+", text):
+        raise argparse.ArgumentTypeError(f"expected a scheduler's address such as tcp://farm:8786, not '{text}'")
+    return text
+
+
+def most(text: str) -> tuple[int, bool]:
+    """A bound of records, (N, False), or of a file's size in bytes, (N, True), for argparse."""
+    match = re.fullmatch(r"(\d{1,9}|\d{1,6}\.\d{1,3}(?=[kMG]))(kB|MB|GB|)", text, re.ASCII)
+    if match is None or float(match[1]) <= 0.0:
+        raise argparse.ArgumentTypeError(f"expected a number of records, or a size such as 20MB, not '{text}'")
+    return int(float(match[1]) * _BYTES[match[2]]), bool(match[2])
+
+
+def _whole(text: str, low: int, high: int, expected: str) -> int:
+    if not re.fullmatch(r"\d{1,9}", text, re.ASCII) or not low <= int(text) <= high:
+        raise argparse.ArgumentTypeError(f"expected {expected}, not '{text}'")
+    return int(text)

@@ -1,0 +1,68 @@
+"""`irrsplat verify`: the errors against a path tracer."""
+
+from __future__ import annotations
+
+import argparse
+from typing import TYPE_CHECKING, Any
+
+from irrsplat.app.commands.shared import flags, rendering, values
+from irrsplat.app.commands.shared.command import Command
+from irrsplat.app.common.terminal import wrote
+
+if TYPE_CHECKING:
+    from irrsplat.app.common.parser import Mistakes
+
+
+def add(commands: Any) -> None:
+    """The flags of `irrsplat verify`."""
+    parser = commands.add_parser(
+        "verify",
+        help="hold a rendering against a path tracer",
+        description="Render a scene and tell how far its indirect light is from a path tracer's.",
+        epilog="Needs the extra: pip install 'irrsplat[reference]'. The truth of a view is traced once and kept in the user's\n"
+        "cache folder, or in the one that IRRSPLAT_CACHE names.",
+    )
+    flags.add_scene(parser)
+    add = parser.add_argument
+    flags.add_size(parser, 200)
+    add("--samples", type=values.samples, default=2048, metavar="N", help="rays of each kind a pixel, at least (default: 2048)")
+    add(
+        "--truth", choices=("trace", "gather"), default="trace",
+        help="trace: by Mitsuba; gather: the renderer's own fine gather at 1000 pixels, without the extra (default: trace)",
+    )  # fmt: skip
+    add("--curve", action="store_true", help="error against the number of records, for several a, beside paper's")
+    add("--techniques", action="store_true", help="error with each technique switched off, and as published")
+    flags.add_preset(parser, "default")
+    add(
+        "-o", "--output", metavar="OUT",
+        help="truth, picture and error: side by side in a .png, or one file each in a folder (no ending); with --curve, its plot",
+    )  # fmt: skip
+    flags.add_camera(parser)
+    flags.add_settings(parser, besides=("samples",))  # errors are those of pixels' centres, and the flag is another one here
+    parser.set_defaults(path=None, turntable=None, frames=None)
+
+
+def check(args: argparse.Namespace, mistakes: Mistakes) -> None:
+    """Add to `mistakes` that two series are asked for."""
+    if args.curve and args.techniques:
+        mistakes.add("--curve and --techniques are two different series; give one of them")
+
+
+def run(args: argparse.Namespace) -> int:
+    """`irrsplat verify`: the errors against a path tracer."""
+    from irrsplat import settings
+    from irrsplat.app.verify import verify as verification
+
+    settings.preset(args.preset, **args.values)
+    verification.check(args)
+
+    import irrsplat
+
+    scene = irrsplat.load(args.scene, **vars(args.loading))
+    status = verification.run(scene, rendering.camera(args, scene), args)
+    if args.output is not None:
+        wrote(args.output)
+    return status
+
+
+COMMAND = Command(add, run, check)

@@ -1,0 +1,69 @@
+"""`irrsplat view`: the window."""
+
+from __future__ import annotations
+
+import argparse
+import os
+from typing import TYPE_CHECKING, Any
+
+from irrsplat.app.commands.shared import flags, rendering
+from irrsplat.app.commands.shared.command import Command
+from irrsplat.app.common.terminal import say
+
+if TYPE_CHECKING:
+    from irrsplat.scene.model import Scene
+    from irrsplat.settings import SettingValues
+
+
+def add(commands: Any) -> None:
+    """The flags of `irrsplat view`."""
+    parser = commands.add_parser(
+        "view",
+        help="fly through a scene in a window",
+        description="Open a window on a scene and fly through it; F1 there shows all keys.",
+        epilog="Window size, preset and settings are remembered from the last time; a flag wins, and --preset begins anew.",
+    )
+    flags.add_scene(parser)
+    flags.add_size(parser, None, "window size (default: the last one, at first 1280 720)")
+    flags.add_preset(parser, None)
+    flags.add_cache(parser, " when the window closes")
+    flags.add_camera(parser)
+    flags.add_settings(parser)
+    parser.set_defaults(path=None, turntable=None, frames=None)
+
+
+def run(args: argparse.Namespace) -> int:
+    """`irrsplat view`: the window."""
+    import irrsplat
+    from irrsplat.app.viewer import preferences
+
+    scene = irrsplat.load(args.scene, **vars(args.loading))
+    camera = rendering.camera(args, scene)
+    remembered, notices = preferences.load()
+    if args.preset is not None:
+        remembered.preset, remembered.values = args.preset, {}
+    remembered.values |= args.values
+    if args.cache is not None:
+        _check_cache(args.cache, scene, remembered.preset, remembered.values)
+    from irrsplat.app.viewer import viewer
+
+    size = tuple(args.size) if args.size else None
+    said = viewer.run(scene, args.scene, size, remembered, camera, notices, args.cache, args.loading)
+    if said is not None:
+        say(f"notice: {said}")
+    return 0
+
+
+def _check_cache(path: str, scene: Scene, preset: str, values: SettingValues) -> None:
+    """Raises InputError where a cache file cannot be written, or where the one that is there belongs to another scene or to other
+    settings."""
+    from irrsplat import settings
+    from irrsplat.core import files
+    from irrsplat.records import cache_file
+
+    files.check_file(path)
+    if os.path.exists(path):
+        cache_file.read(path, cache_file.key(scene.recentred.local, settings.preset(preset, **values)))
+
+
+COMMAND = Command(add, run)
