@@ -12,7 +12,7 @@ import pytest
 
 @contextmanager
 def ends_within(seconds: float) -> Iterator[None]:
-    """Fails the test in the block, which is in the main thread, after so many seconds; without limit where there are no alarms, as on
+    """Fails the test in the block, which is in the main thread, after so many seconds; never where there are no alarms, as on
     Windows."""
     if not hasattr(signal, "SIGALRM"):
         yield
