@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import logging
 import os
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -136,6 +137,7 @@ def _client(address: str) -> Iterator[tuple[Any, int]]:
         from distributed import Client
     except ModuleNotFoundError as error:
         raise IrrsplatError(f"--on needs Dask's '{error.name}': pip install 'irrsplat[cluster]'") from error
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # its tracebacks tell what errors here do in one line
     try:
         client = Client(address, timeout=_PATIENCE, set_as_default=False)
     except (OSError, ValueError) as error:
