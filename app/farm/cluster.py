@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import logging
 import os
 import tempfile
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import partial
 from itertools import pairwise
 from pathlib import Path as File
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from irrsplat.app.common.terminal import OnShare, doing, progress
 from irrsplat.app.farm import work
+from irrsplat.app.farm.waiting import answers, collected, present
 from irrsplat.app.farm.work import Job, Part, Rendered
 from irrsplat.app.film.fill import Filled
 from irrsplat.app.film.kept import unwritten
@@ -54,9 +56,10 @@ def fill(args: argparse.Namespace, job: Job, flight: Flight) -> tuple[bytes, Fil
         parts: list[Part] = []
         begun = None if start is None else _sent(client, start)
         try:
-            numbers = split(flight.numbers, len(workers))
+            numbers = split(flight.numbers, workers)
             futures = [client.submit(work.fill, job, part, begun, pure=False) for part in numbers]
-            parts = list(_collected(client, futures, line, "parts of the flight are filled"))
+            for part in _told(collected(client, futures), len(futures), line, "parts of the flight are filled"):
+                parts.append(part)
         except KeyboardInterrupt:
             return _merged([part.cache for part in parts], start), _summed(parts, interrupted=True)
         whole = _merged([part.cache for part in parts], start)
@@ -64,7 +67,8 @@ def fill(args: argparse.Namespace, job: Job, flight: Flight) -> tuple[bytes, Fil
             return whole, parts[0].done
         try:
             doing("merged; gathering what the whole flight still lacks")
-            last = _result(client.submit(work.fill, job, flight.numbers, _sent(client, whole), pure=False))
+            again = client.submit(work.fill, job, flight.numbers, _sent(client, whole), pure=False)
+            (last,) = collected(client, [again])
         except KeyboardInterrupt:
             return whole, _summed(parts, interrupted=True)
         return last.cache, last.done
@@ -85,14 +89,14 @@ def render(
         return [], True
     records = File(args.cache).read_bytes()
     with _client(args.on) as (client, workers), progress("rendering") as line:
-        drawn_by = _one_driver(client, workers)
+        drawn_by = _one_driver(client)
         sent = _sent(client, records)
         futures = [
             client.submit(work.render, job, numbers, sent, flight.outputs, buffers, files, drawn_by, pure=False)
-            for numbers in runs(wanted, _PARTS * len(workers))
+            for numbers in runs(wanted, _PARTS * workers)
         ]
         try:
-            for rendered in _collected(client, futures, line, "parts of the flight are rendered"):
+            for rendered in _told(collected(client, futures), len(futures), line, "parts of the flight are rendered"):
                 _write(rendered, flight, outputs, args.resume)
                 done |= {stats["frame"]: stats for stats in rendered.stats}
         except KeyboardInterrupt:
@@ -127,12 +131,13 @@ def runs(numbers: Sequence[int], parts: int) -> list[range]:
 
 
 @contextmanager
-def _client(address: str) -> Iterator[tuple[Any, list[str]]]:
-    """A client of the scheduler at `address`, and the addresses of its workers; its tasks end with the block."""
+def _client(address: str) -> Iterator[tuple[Any, int]]:
+    """A client of the scheduler at `address`, and the number of its workers; its tasks end with the block."""
     try:
         from distributed import Client
     except ModuleNotFoundError as error:
         raise IrrsplatError(f"--on needs Dask's '{error.name}': pip install 'irrsplat[cluster]'") from error
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # its tracebacks tell what errors here do in one line
     try:
         client = Client(address, timeout=_PATIENCE, set_as_default=False)
     except (OSError, ValueError) as error:
@@ -143,25 +148,18 @@ def _client(address: str) -> Iterator[tuple[Any, list[str]]]:
         except TimeoutError as error:
             words = f"the scheduler has no workers; start some with: dask worker {address} --nthreads 1"
             raise IrrsplatError(f"--on {address}: {words}") from error
-        yield client, sorted(client.scheduler_info(n_workers=-1)["workers"])
+        yield client, len(present(client))
     finally:
-        client.close()
+        with suppress(TimeoutError):  # of a scheduler that no longer answers
+            client.close()
 
 
-def _collected(client: Any, futures: Sequence[Any], line: OnShare | None, words: str) -> Iterator[Any]:
-    """What the futures give, as each is done; a worker that dies has its task done by another. Raises the first error, as one of
-    a worker, once the other tasks are cancelled."""
-    from distributed import as_completed
-
-    try:
-        for done, future in enumerate(as_completed(futures, loop=client.loop), 1):
-            result = _result(future)
-            if line is not None:
-                line(done / len(futures), f"{done} of {len(futures)} {words}")
-            yield result
-    except BaseException:
-        client.cancel(futures)
-        raise
+def _told(results: Iterator[Any], count: int, line: OnShare | None, words: str) -> Iterator[Any]:
+    """The results, as each is there, told in the progress line."""
+    for done, result in enumerate(results, 1):
+        if line is not None:
+            line(done / count, f"{done} of {count} {words}")
+        yield result
 
 
 def _sent(client: Any, data: bytes) -> Any:
@@ -170,24 +168,10 @@ def _sent(client: Any, data: bytes) -> Any:
     return client.submit(bytes, data, pure=False)
 
 
-def _result(future: Any) -> Any:
-    from distributed import KilledWorker
-
-    try:
-        return future.result()
-    except KilledWorker as error:
-        words = "several workers have died at one task, of too little memory perhaps; their logs say more"
-        raise IrrsplatError(f"--on: {words}") from error
-    except ModuleNotFoundError as error:
-        raise IrrsplatError(f"--on: a worker lacks '{error.name}'; install the same irrsplat on all machines") from error
-
-
-def _one_driver(client: Any, workers: Sequence[str]) -> str:
+def _one_driver(client: Any) -> str:
     """What all of the workers draw by; raises InputError where they differ."""
-    futures = [client.submit(work.driver, workers=[worker], pure=False) for worker in workers]
-    found = dict(zip(workers, map(_result, futures), strict=True))
     kinds: dict[str, str] = {}
-    for worker, kind in found.items():
+    for worker, kind in sorted(answers(client, work.driver).items()):
         kinds.setdefault(kind, worker)
     if len(kinds) > 1:
         said = "; ".join(f"{worker}: {kind}" for kind, worker in kinds.items())

@@ -5,10 +5,12 @@ from __future__ import annotations
 import json
 import os
 import signal
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -16,8 +18,10 @@ import pytest
 
 from irrsplat.app import cli
 from irrsplat.app.farm import cluster as farm
-from irrsplat.app.farm import work
+from irrsplat.app.farm import waiting, work
+from irrsplat.core.errors import IrrsplatError
 from tests.app.film.test_fill import FAST
+from tests.support.in_time import ends_within
 from tests.support.viewing import write_room
 
 distributed = pytest.importorskip("distributed")
@@ -34,18 +38,42 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
+@pytest.fixture(autouse=True)
+def limit() -> Iterator[None]:
+    """Each test fails after a minute, where a command would wait for ever."""
+    with ends_within(60.0):
+        yield
+
+
 @contextmanager
-def workers(count: int, processes: bool) -> Iterator[str]:
-    """The address of a scheduler with so many workers."""
+def workers(count: int) -> Iterator[str]:
+    """The address of a scheduler with so many workers in this process."""
     options: dict[str, Any] = {"dashboard_address": ":0", "threads_per_worker": 1, "memory_limit": 0}
-    with distributed.LocalCluster(n_workers=count, processes=processes, protocol="tcp://", **options) as made:
+    made = distributed.LocalCluster(n_workers=count, processes=False, protocol="tcp://", **options)
+    try:
         yield made.scheduler_address
+    finally:
+        with suppress(TimeoutError):  # a slow goodbye is no failure of what was tested
+            made.close(timeout=20)
+
+
+@contextmanager
+def processes(address: str, count: int) -> Iterator[dict[int, subprocess.Popen[bytes]]]:
+    """So many workers, by their process numbers, as a user starts them, but that none is started again when it dies."""
+    command = [sys.executable, "-m", "distributed.cli.dask_worker", address, "--nthreads", "1", "--no-nanny", "--no-dashboard"]
+    found = [subprocess.Popen(command, stderr=subprocess.DEVNULL) for _ in range(count)]
+    try:
+        yield {process.pid: process for process in found}
+    finally:
+        for process in found:
+            process.kill()
+            process.wait()
 
 
 @pytest.fixture
 def address() -> Iterator[str]:
     """A scheduler with two workers in this process; what they draw with is freed at the end."""
-    with workers(2, processes=False) as found:
+    with workers(2) as found:
         yield found
         work.release()
 
@@ -102,7 +130,7 @@ def test_what_is_said_where_there_is_no_farm(
     monkeypatch.setattr(farm, "_PATIENCE", 0.5)
     assert cli.main([*FILL, "--on", "tcp://127.0.0.1:9"]) == 1
     assert "no Dask scheduler answers there; start one with: dask scheduler" in capsys.readouterr().err
-    with workers(0, processes=False) as found:
+    with workers(0) as found:
         assert cli.main([*FILL, "--on", found]) == 1
     assert f"the scheduler has no workers; start some with: dask worker {found}" in capsys.readouterr().err
     assert not (place / "film.cache").exists()
@@ -115,36 +143,79 @@ def test_a_flight_is_split_into_parts_that_are_alike() -> None:
         assert len(found) == min(count, parts) and max(map(len, found)) - min(map(len, found)) <= 1
 
 
+def test_a_worker_that_leaves_before_it_answers_is_left_out(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that is counted and gone when it is asked: a task that is for it alone would wait for ever."""
+    monkeypatch.setattr(waiting, "_LOOK", 0.1)
+    gone, there, counted = "tcp://127.0.0.1:9", waiting.present, list[set[str]]()
+    monkeypatch.setattr(waiting, "present", lambda client: counted.pop(0) if counted else there(client))
+    with distributed.Client(address, set_as_default=False) as client:
+        all_answers = dict.fromkeys(there(client), 0)
+        counted += [{gone, *all_answers}]
+        assert waiting.answers(client, int) == all_answers
+        counted += [{gone}]  # all that are asked first
+        assert waiting.answers(client, int) == all_answers
+        counted += [{gone}, set(all_answers)] * 3
+        with pytest.raises(IrrsplatError, match="workers die as soon as they are to draw"):
+            waiting.answers(client, int)
+
+
+def test_a_farm_that_goes_away_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No worker for a while, and then no scheduler, each while a task waits."""
+    monkeypatch.setattr(waiting, "_LOOK", 0.1)
+    monkeypatch.setattr(waiting, "_ALONE", 0.3)
+    with workers(0) as address, distributed.Client(address, set_as_default=False) as client:
+        with pytest.raises(IrrsplatError, match=r"all workers have left, and none has come for 0\.3 s"):
+            list(waiting.collected(client, [client.submit(int)]))
+        with pytest.raises(IrrsplatError, match="all workers have left"):
+            waiting.answers(client, int)
+    monkeypatch.setattr(waiting, "_ALONE", 30.0)
+    with workers(0) as address:
+        client = distributed.Client(address, set_as_default=False)
+        task = client.submit(int)
+        stop = threading.Timer(0.3, client.run_on_scheduler, [_close])
+        stop.start()
+        with pytest.raises(IrrsplatError, match="the scheduler has gone"):
+            list(waiting.collected(client, [task]))
+        stop.join()
+        client.close()
+
+
+async def _close(dask_scheduler: Any) -> None:
+    for comm in dask_scheduler.client_comms.values():
+        comm.abort()
+    dask_scheduler.stop()
+
+
 @pytest.mark.slow
 def test_a_worker_that_is_killed_loses_nothing(place: Path) -> None:
-    """Two processes; one of them is killed while it fills, and again while it renders. The frames are those of this process."""
-    with workers(2, processes=True) as found:
-        fill = killing(found, lambda: cli.main([*FILL, "--gather-size", "48", "--on", found, "--stats", "fill.json"]))
+    """One of three is killed while it fills, and another while it renders. The frames are those of this process."""
+    with workers(0) as found, processes(found, 3) as started:
+        fill = killing("fill", found, started, lambda: cli.main([*FILL, "--on", found, "--stats", "fill.json"]))
         assert fill == 0 and [frame["coverage"] for frame in stats("fill.json")["frames"]] == [1.0] * 6
-        rendered = killing(found, lambda: cli.main([*RENDER, "--gather-size", "48", "-o", "b{frame}.exr", "--on", found]))
-        assert rendered == 0
-    assert cli.main([*RENDER, "--gather-size", "48", "-o", "a{frame}.exr"]) == 0
+        assert killing("render", found, started, lambda: cli.main([*RENDER, "-o", "b{frame}.exr", "--on", found])) == 0
+        assert sum(process.poll() == -signal.SIGKILL for process in started.values()) == 2
+    assert cli.main([*RENDER, "-o", "a{frame}.exr"]) == 0
     assert pictures("a{}.exr") == pictures("b{}.exr")
 
 
-def killing(address: str, act: Callable[[], int]) -> int:
-    """What `act` returns, while the first worker that has begun a task is killed."""
-    killed: list[int] = []
+def killing(task: str, address: str, started: dict[int, subprocess.Popen[bytes]], act: Callable[[], int]) -> int:
+    """What `act` returns, while the first worker that has begun such a task is killed."""
+    with distributed.Client(address, set_as_default=False) as client:
+        client.wait_for_workers(2, timeout=40)
+        pids, until = client.run(os.getpid), time.monotonic() + 20.0
+        killed: list[int] = []
 
-    def kill() -> None:
-        with distributed.Client(address, set_as_default=False) as client:
-            pids, until = client.run(os.getpid), time.monotonic() + 60.0
+        def kill() -> None:
             while not killed and time.monotonic() < until:
-                busy = [worker for worker, tasks in client.processing().items() if tasks]
-                if busy and busy[0] in pids:
-                    time.sleep(0.3)
-                    killed.append(pids[busy[0]])
-                    os.kill(pids[busy[0]], signal.SIGKILL)
-                time.sleep(0.02)
+                busy = [pids[worker] for worker, keys in client.processing().items() if any(key.startswith(task) for key in keys)]
+                for pid in busy[:1]:
+                    killed.append(pid)
+                    started[pid].kill()
+                time.sleep(0.01)
 
-    thread = threading.Thread(target=kill)
-    thread.start()
-    status = act()
-    thread.join()
+        thread = threading.Thread(target=kill)
+        thread.start()
+        status = act()
+        thread.join()
     assert killed
     return status
