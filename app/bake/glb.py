@@ -117,7 +117,17 @@ class Glb:
                 entry["alphaCutoff"] = material.alpha_cutoff
         return entry
 
-    def emissive(self, entry: dict[str, Any], color: Sequence[float], texture: Mapping[str, int] | None = None) -> None:
+    def part(self, texture: dict[str, Any], size: int, first: tuple[int, int], shape: tuple[int, ...]) -> dict[str, Any]:
+        """What a material says of a `texture` that is the part of a square picture from texel `first` (x, y) on, of `shape`
+        (rows, columns): coordinates are those of the whole picture of `size` texels a side."""
+        height, width = shape
+        if (width, height) == (size, size):
+            return texture
+        self.use("KHR_texture_transform")
+        moved = {"offset": [-first[0] / width, -first[1] / height], "scale": [size / width, size / height]}
+        return {**texture, "extensions": {"KHR_texture_transform": moved}}
+
+    def emissive(self, entry: dict[str, Any], color: Sequence[float], texture: Mapping[str, Any] | None = None) -> None:
         """Let a material emit `color` (3,) in W/(m² sr), times a texture."""
         strength = max(map(float, color))
         if strength > 0.0:

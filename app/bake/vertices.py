@@ -12,9 +12,10 @@ import numpy as np
 
 from irrsplat.app.bake import seams
 from irrsplat.app.bake.cutting import Cut
+from irrsplat.app.bake.encoding import limit_of
 from irrsplat.app.bake.glb import Glb
 from irrsplat.app.bake.light import OnBake, PlaceLight
-from irrsplat.app.bake.lightmap import Light, info, limit_of, texture_coordinates
+from irrsplat.app.bake.lightmap import Light, info, texture_coordinates
 from irrsplat.app.bake.places import Places, Receivers, hidden, places
 from irrsplat.core import files
 from irrsplat.core.errors import InputError
