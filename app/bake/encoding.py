@@ -1,4 +1,4 @@
-"""A lightmap as pictures of eight bits: what is about as bright is scaled together, and what is far brighter has its own picture."""
+"""A lightmap as pictures of eight bits: what is about as bright is scaled together, what is far brighter has its own."""
 
 from __future__ import annotations
 
@@ -48,8 +48,8 @@ class Picture:
 class Encoding:
     """A map as pictures, and which of them the surfaces wear.
 
-    cut: the surfaces' triangles, in pieces where a chart is far brighter at one place than elsewhere. part: (P,) of each piece, an
-    index into `strength` and `picture`, (G,): what a picture's 1 stands for, and which of the `pictures` it is; the first is
+    cut: the surfaces' triangles, in pieces where a chart is far brighter at one place than elsewhere. part: (P,) of each piece,
+    an index into `strength` and `picture`, (G,): what a picture's 1 stands for, and which of the `pictures` it is; the first is
     the whole map. limit: what is brighter is clipped, so that `clipped`, a share of all light on texels, is lost.
     """
 

@@ -23,14 +23,19 @@ _FAR = 1e4  # metres that a camera sees at most
 
 
 class Glb:
-    """A glTF file in the making. `extras` goes into its asset: what a reader has to know."""
+    """A glTF file in the making. `extras` goes into its asset: what a reader has to know. origin: metres, where its 0 0 0 is in
+    the world: a node that all others hang on is moved there, so that float32 does for positions."""
 
-    def __init__(self, extras: Mapping[str, object]) -> None:
+    def __init__(self, extras: Mapping[str, object], origin: Sequence[float] = (0.0, 0.0, 0.0)) -> None:
         self.json: dict[str, Any] = {
             "asset": {"version": "2.0", "generator": f"irrsplat {version()}", "extras": dict(extras)},
             "scene": 0,
             "scenes": [{"nodes": []}],
         }
+        self._nodes: list[int] = self.json["scenes"][0]["nodes"]
+        if any(origin):
+            self._node({"name": "origin", "translation": [float(x) for x in origin], "children": []})
+            self._nodes = self.json["nodes"][0]["children"]
         self._data = bytearray()
         self._images: dict[int, int] = {}
         self._textures: dict[object, int] = {}
@@ -158,7 +163,7 @@ class Glb:
         self._node(named | {"camera": self.add("cameras", named | entry), "matrix": matrix.T.ravel().tolist()})
 
     def _node(self, node: Mapping[str, Any]) -> None:
-        self.json["scenes"][0]["nodes"].append(self.add("nodes", node))
+        self._nodes.append(self.add("nodes", node))
 
     def encoded(self) -> bytes:
         """The file."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal, Unpack
@@ -103,7 +103,7 @@ def bake_lightmap(
     scene = scene.recentred
     told = on_bake or (lambda share, words: None)
     told(0.0, "unwrapping")
-    receivers = Receivers.of(scene.local, ctx)
+    receivers = replace(Receivers.of(scene.local, ctx), origin=scene.origin)
     charts = unwrap(receivers, size)
     with PlaceLight(scene.local, preset, ctx, **settings) as lights:
         chartist = Chartist(lights.ctx, charts)
@@ -202,7 +202,7 @@ def glb_of(made: Lightmap, form: Form, encoding: Encoding | None = None) -> byte
     encoding = encoding or Encoding.of(made, form)
     unit = "W/(m² sr)" if form == "radiance" else "W/m²"
     told = {"form": form, "light": made.light, "unit": unit, "texCoord": 1, "strength": encoding.limit}
-    glb = Glb({"irrsplat": told | {"clipped": round(encoding.clipped, 6)}})
+    glb = Glb({"irrsplat": told | {"clipped": round(encoding.clipped, 6)}}, made.receivers.origin)
     size = made.charts.size
     worn = []  # what a material says of each picture
     for i, picture in enumerate(encoding.pictures):
@@ -217,7 +217,7 @@ def glb_of(made: Lightmap, form: Form, encoding: Encoding | None = None) -> byte
         second = made.charts.uv[i] / size
         first = second if lying is None or mesh.uvs is None else texture_coordinates(mesh.uvs[vertex], lying)
         attributes: dict[str, np.ndarray] = {
-            "POSITION": mesh.positions[vertex] + np.asarray(scene.origin, np.float32),
+            "POSITION": mesh.positions[vertex],
             "NORMAL": unit_normals(mesh, vertex),
             "TEXCOORD_0": first,
             "TEXCOORD_1": second,
