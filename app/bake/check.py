@@ -11,6 +11,7 @@ import numpy as np
 
 from irrsplat.app.bake.lightmap import Lightmap
 from irrsplat.core.errors import InputError
+from irrsplat.core.vectors import triangle_areas
 from irrsplat.reference import worker
 from irrsplat.reference.truth import errors, noise, side_of, vertices
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
 SAMPLES = 2048  # rays of each kind a point, as `irrsplat verify` has them
 _WITHIN = 16  # points of a texel that shadows are looked at
+_PAIRS = 20_000_000  # of texels and triangles that are tried at once
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,7 @@ def check(
     seed: int = 0,
 ) -> Checked:
     """The errors of a bake at `count` of its points drawn at random: texels of a lightmap that lie within a chart with all around
-    them, or vertices.
+    them, or vertices, by the area that each one stands for.
 
     bounces: the setting that it was baked with. Light of lamps is compared as the mean over a texel, all else at its middle.
     Raises InputError where nothing can be compared, IrrsplatError where there is no path tracer (the extra `reference`).
@@ -109,24 +111,57 @@ def _texels(made: Lightmap, count: int, random: np.random.Generator) -> _Sample:
 
 
 def _vertices(made: VertexLight, count: int, random: np.random.Generator) -> _Sample:
-    at = random.permutation(np.flatnonzero(made.lit))[:count]
+    # as often as their share of the surfaces: vertices crowd at contacts and shadows' edges, which are small and hard
+    area = np.zeros(len(made.lit))
+    faces = made.cut.faces
+    np.add.at(area, faces, triangle_areas(made.cut.positions(made.receivers)[faces])[:, None])
+    area *= made.lit
+    at = random.choice(len(area), count, p=area / area.sum()) if area.any() else np.zeros(0, np.int64)
     points = made.points.position[0, at], made.points.mapped[0, at], made.points.geometric[0, at]
     return _Sample(points, points if made.light == "all" else _none(), made.irradiance[at], made.indirect[at])
 
 
 def within_texels(made: Lightmap, at: tuple[np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Positions, mapped and geometric normals, (N·16, 3) each, of a regular grid of points in the texels `at` (rows, columns): on
-    the plane of the texel's own point."""
+    the surface itself, since beside a curved one its own shadow would count."""
     side = math.isqrt(_WITHIN)
-    steps = (np.arange(side) + 0.5) / side - 0.5
+    steps = (np.arange(side) + 0.5) / side
     x, y = (v.ravel() for v in np.meshgrid(steps, steps))
-    p, rows, columns = made.lit.position, *at
-    # differences to the neighbours on both sides, which are on the same chart
-    across = 0.5 * (p[rows, columns + 1] - p[rows, columns - 1])
-    down = 0.5 * (p[rows + 1, columns] - p[rows - 1, columns])
-    places = p[at][:, None] + x[:, None] * across[:, None] + y[:, None] * down[:, None]
-    normals = (np.repeat(a[at], _WITHIN, axis=0) for a in (made.lit.mapped, made.lit.geometric))
-    return places.reshape(-1, 3), *normals
+    corner = np.stack([at[1], at[0]], axis=1)  # of the texels, at their top left
+    points = corner[:, None] + np.stack([x, y], axis=1)
+    flat = made.charts.corners
+    texel, triangle = _beside(flat.min(1), flat.max(1), corner)
+    a, b, c = (flat[triangle, None, k] for k in range(3))
+    p, second, third = points[texel] - a, b - a, c - a
+    area = _cross(second, third)
+    area = np.where(np.abs(area) > 1e-12, area, np.inf)
+    u, v = _cross(p, third) / area, _cross(second, p) / area
+    within = np.where(np.isinf(area), -np.inf, np.minimum(np.minimum(u, v), 1.0 - u - v))  # at least 0 in the triangle
+    number = texel[:, None] * _WITHIN + np.arange(_WITHIN)
+    order = np.lexsort((within.ravel(), number.ravel()))
+    chosen = order[np.flatnonzero(np.diff(number.ravel()[order], append=-1))]  # the best one for each point
+    u, v = (np.maximum(share.ravel()[chosen], 0.0) for share in (u, v))
+    whole = np.maximum(u + v, 1.0)
+    found = made.receivers.surfaces.at(triangle[chosen // _WITHIN], u / whole, v / whole)
+    return found.position, found.mapped, found.front
+
+
+def _beside(low: np.ndarray, high: np.ndarray, corner: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The pairs of a texel, by its top left corner (N, 2), and a triangle from `low` to `high`, (F, 2), that may have common
+    points: the numbers of both."""
+    step = max(_PAIRS // max(len(low), 1), 1)
+    found = []
+    for first in range(0, len(corner), step):
+        some = corner[first : first + step, None]
+        texel, triangle = np.nonzero(((low <= some + 1) & (high >= some)).all(2))
+        found.append((first + texel, triangle))
+    return tuple(np.concatenate(numbers) for numbers in zip(*found, strict=True))  # type: ignore[return-value]
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(...) the areas that vectors (..., 2) span."""
+    found: np.ndarray = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return found
 
 
 def _net(rmse: float | None, own: float | None) -> float | None:

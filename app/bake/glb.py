@@ -23,14 +23,19 @@ _FAR = 1e4  # metres that a camera sees at most
 
 
 class Glb:
-    """A glTF file in the making. `extras` goes into its asset: what a reader has to know."""
+    """A glTF file in the making. `extras` goes into its asset: what a reader has to know. origin: metres, where its 0 0 0 is in
+    the world: a node that all others hang on is moved there, so that float32 does for positions."""
 
-    def __init__(self, extras: Mapping[str, object]) -> None:
+    def __init__(self, extras: Mapping[str, object], origin: Sequence[float] = (0.0, 0.0, 0.0)) -> None:
         self.json: dict[str, Any] = {
             "asset": {"version": "2.0", "generator": f"irrsplat {version()}", "extras": dict(extras)},
             "scene": 0,
             "scenes": [{"nodes": []}],
         }
+        self._nodes: list[int] = self.json["scenes"][0]["nodes"]
+        if any(origin):
+            self._node({"name": "origin", "translation": [float(x) for x in origin], "children": []})
+            self._nodes = self.json["nodes"][0]["children"]
         self._data = bytearray()
         self._images: dict[int, int] = {}
         self._textures: dict[object, int] = {}
@@ -117,7 +122,17 @@ class Glb:
                 entry["alphaCutoff"] = material.alpha_cutoff
         return entry
 
-    def emissive(self, entry: dict[str, Any], color: Sequence[float], texture: Mapping[str, int] | None = None) -> None:
+    def part(self, texture: dict[str, Any], size: int, first: tuple[int, int], shape: tuple[int, ...]) -> dict[str, Any]:
+        """What a material says of a `texture` that is the part of a square picture from texel `first` (x, y) on, of `shape`
+        (rows, columns): coordinates are those of the whole picture of `size` texels a side."""
+        height, width = shape
+        if (width, height) == (size, size):
+            return texture
+        self.use("KHR_texture_transform")
+        moved = {"offset": [-first[0] / width, -first[1] / height], "scale": [size / width, size / height]}
+        return {**texture, "extensions": {"KHR_texture_transform": moved}}
+
+    def emissive(self, entry: dict[str, Any], color: Sequence[float], texture: Mapping[str, Any] | None = None) -> None:
         """Let a material emit `color` (3,) in W/(m² sr), times a texture."""
         strength = max(map(float, color))
         if strength > 0.0:
@@ -148,7 +163,7 @@ class Glb:
         self._node(named | {"camera": self.add("cameras", named | entry), "matrix": matrix.T.ravel().tolist()})
 
     def _node(self, node: Mapping[str, Any]) -> None:
-        self.json["scenes"][0]["nodes"].append(self.add("nodes", node))
+        self._nodes.append(self.add("nodes", node))
 
     def encoded(self) -> bytes:
         """The file."""

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import io
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal, Unpack
@@ -13,6 +12,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.app.bake import seams
+from irrsplat.app.bake.encoding import Encoding
 from irrsplat.app.bake.glb import Glb
 from irrsplat.app.bake.light import OnBake, PlaceLight
 from irrsplat.app.bake.places import Places, Receivers, hidden, places
@@ -30,7 +30,6 @@ Light = Literal["all", "indirect"]
 Form = Literal["radiance", "irradiance"]
 SIZE, SAMPLES = 1024, 8  # by default: texels along a side, and points of each texel that lamps and textures are looked at
 MOST = 8192  # texels along a side
-_CLIPPED = 0.005  # of all light, at most: by so much the brightest spots are dimmer in the pictures, not in the EXR
 _GOLDEN = 1.32471795724474602596  # the root of x³ = x + 1, of which the R2 sequence is made (Roberts 2018)
 
 
@@ -71,11 +70,11 @@ class Lightmap:
         glb = Path(path)
         if glb.suffix.lower() != ".glb":
             raise InputError("a lightmap is written as a .glb; give -o a name that ends so", str(path) or "''")
-        encoding = _Encoding.of(self, form)
+        encoding = Encoding.of(self, form)
         png, exr = glb.with_suffix(".png"), glb.with_suffix(".exr")
         files.write_bytes(glb, glb_of(self, form, encoding))
-        files.write_picture(png, srgb(encoding.values), bits=16)
         values = np.ascontiguousarray(getattr(self, form), np.float32)
+        files.write_picture(png, srgb(np.minimum(values / max(encoding.limit, 1e-30), 1.0)), bits=16)
         files.write_file(exr, partial(write_layers, layers={"RGB": values}, rows=len(values)))
         return glb, png, exr
 
@@ -104,7 +103,7 @@ def bake_lightmap(
     scene = scene.recentred
     told = on_bake or (lambda share, words: None)
     told(0.0, "unwrapping")
-    receivers = Receivers.of(scene.local, ctx)
+    receivers = replace(Receivers.of(scene.local, ctx), origin=scene.origin)
     charts = unwrap(receivers, size)
     with PlaceLight(scene.local, preset, ctx, **settings) as lights:
         chartist = Chartist(lights.ctx, charts)
@@ -198,99 +197,47 @@ def _texel(receivers: Receivers, charts: Charts) -> float:
 # ---- files -------------------------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, eq=False)
-class _Encoding:
-    """A map as values 0..1 (S, S, 3), linear: shares of the `strength` (G,) of the group that a texel's chart is of.
-
-    Eight bits tell little apart in what is far below the brightest. So charts of one mesh are a group only if they are about as
-    bright, each is scaled by itself, and the
-    brightest spots are clipped. group: (charts,).
-    """
-
-    values: np.ndarray
-    strength: np.ndarray
-    group: np.ndarray
-
-    @staticmethod
-    def of(made: Lightmap, form: Form) -> _Encoding:
-        """That of the map of this form."""
-        from scipy import ndimage
-
-        values, on = getattr(made, form), made.owner
-        nearest = ndimage.distance_transform_edt(on < 0, return_distances=False, return_indices=True)
-        owner = on[tuple(nearest)]
-        charts = int(made.charts.chart.max(initial=-1)) + 1
-        mesh = np.zeros(charts, np.int64)
-        mesh[made.charts.chart] = made.receivers.mesh_of
-        bright = values.max(-1)
-        most = np.zeros(charts)
-        np.maximum.at(most, owner.ravel(), bright.ravel())
-        most = np.minimum(most, limit_of(bright[on >= 0]))
-        level = np.floor(np.log2(np.maximum(most, 1e-30)))
-        _, group = np.unique(np.stack([mesh, level], axis=1), axis=0, return_inverse=True)
-        group = group.ravel()
-        strength = np.zeros(int(group.max(initial=-1)) + 1)
-        np.maximum.at(strength, group, most)
-        return _Encoding(np.minimum(values / np.maximum(strength[group[owner]], 1e-30)[..., None], 1.0), strength, group)
-
-    @property
-    def eight_bits(self) -> bytes:
-        """A PNG of 8 bits, sRGB-encoded, dithered: so the mean over some texels is right, whatever eight bits can hold."""
-        from PIL import Image
-
-        display = 255.0 * srgb(self.values)
-        y, x = np.indices(self.values.shape[:2])
-        # interleaved gradient noise (Jimenez 2014)
-        noise = np.asarray((52.9829189 * ((0.06711056 * x + 0.00583715 * y) % 1.0)) % 1.0)
-        data = io.BytesIO()
-        Image.fromarray(np.floor(display + noise[..., None]).clip(0, 255).astype(np.uint8)).save(data, "PNG", optimize=True)
-        return data.getvalue()
-
-
-def limit_of(values: np.ndarray) -> float:
-    """The least limit of values (N,) that takes no more than the share _CLIPPED from their sum."""
-    down = np.sort(values)[::-1].astype(float)
-    excess = np.cumsum(down) - np.arange(1, len(down) + 1) * down  # of all that are above a value
-    within = np.flatnonzero(excess <= _CLIPPED * down.sum())
-    return float(down[within[-1]]) if len(within) else 0.0
-
-
-def glb_of(made: Lightmap, form: Form, encoding: _Encoding | None = None) -> bytes:
+def glb_of(made: Lightmap, form: Form, encoding: Encoding | None = None) -> bytes:
     """The bytes of the .glb that `Lightmap.save` writes."""
-    encoding = encoding or _Encoding.of(made, form)
+    encoding = encoding or Encoding.of(made, form)
     unit = "W/(m² sr)" if form == "radiance" else "W/m²"
-    glb = Glb({"irrsplat": {"form": form, "light": made.light, "unit": unit, "texCoord": 1}})
-    picture = glb.picture(encoding.eight_bits, f"{form} of {made.light} light, {unit}")
+    told = {"form": form, "light": made.light, "unit": unit, "texCoord": 1, "strength": encoding.limit}
+    glb = Glb({"irrsplat": told | {"clipped": round(encoding.clipped, 6)}}, made.receivers.origin)
+    size = made.charts.size
+    worn = []  # what a material says of each picture
+    for i, picture in enumerate(encoding.pictures):
+        index = glb.picture(picture.eight_bits, f"{form} of {made.light} light, {unit}" + (f", bright spots {i}" if i else ""))
+        worn.append(glb.part({"index": index, "texCoord": 1}, size, picture.first, picture.values.shape[:2]))
     scene, receivers, first_face = made.receivers.scene, made.receivers, 0
     for i, mesh in enumerate(receivers.meshes):
         source, vertex = scene.meshes[receivers.sources[i]], made.charts.vertex[i]
         material = mesh.material
         two_sided = material.double_sided and not receivers.both[i]
         lying = next((t for t in (material.albedo_texture, material.emission_texture, material.normal_texture) if t), None)
-        second = made.charts.uv[i] / made.charts.size
+        second = made.charts.uv[i] / size
         first = second if lying is None or mesh.uvs is None else texture_coordinates(mesh.uvs[vertex], lying)
         attributes: dict[str, np.ndarray] = {
-            "POSITION": mesh.positions[vertex] + np.asarray(scene.origin, np.float32),
+            "POSITION": mesh.positions[vertex],
             "NORMAL": unit_normals(mesh, vertex),
             "TEXCOORD_0": first,
             "TEXCOORD_1": second,
         }
         if form == "irradiance" and mesh.colors is not None and not material.unlit:
             attributes["COLOR_0"] = mesh.colors[vertex]
-        groups = encoding.group[made.charts.chart[first_face : first_face + len(mesh.faces)]]
+        attributes, faces, part = encoding.pieces_of(attributes, made.charts.faces[i], first_face)
         first_face += len(mesh.faces)
         parts = []
-        for group in np.unique(groups):
-            strength = float(encoding.strength[group])
+        for number in np.unique(part):
+            strength, picture = float(encoding.strength[number]), worn[encoding.picture[number]]
             if form == "radiance":
                 entry = glb.material(material, (0.0, 0.0, 0.0), two_sided)
                 if material.alpha_mode != "opaque" and material.albedo_texture is not None:  # for its alpha
                     entry["pbrMetallicRoughness"]["baseColorTexture"] = info(glb, material.albedo_texture)
-                glb.emissive(entry, (strength,) * 3, {"index": picture, "texCoord": 1})
+                glb.emissive(entry, (strength,) * 3, picture)
             else:
                 entry = own_material(glb, mesh, two_sided, lying)
-                entry["extras"] = {"lightMap": {"index": picture, "texCoord": 1, "strength": strength}}
-            parts.append((made.charts.faces[i][groups == group], glb.add("materials", entry)))
+                entry["extras"] = {"lightMap": {**picture, "strength": strength}}
+            parts.append((faces[part == number], glb.add("materials", entry)))
         glb.mesh(source.name, attributes, parts)
     for camera in scene.cameras:
         glb.camera(camera)

@@ -27,7 +27,7 @@ _AROUND = 8  # directions, beside the normal, in which that is tried
 class Receivers:
     """The surfaces of a scene that light is baked on: `meshes`, whose front is the side in question, so that one that is lit from
     both sides is there twice; `sources`, of each the index of the scene's mesh; `both`, whether it is there twice; `triangle`,
-    (F,) the number that the renderer knows each of their triangles by.
+    (F,) the number that the renderer knows each of their triangles by; `origin`, where 0 0 0 of all this is in the world.
     """
 
     scene: Scene
@@ -35,6 +35,7 @@ class Receivers:
     sources: tuple[int, ...]
     both: tuple[bool, ...]
     triangle: np.ndarray
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @cached_property
     def surfaces(self) -> Surfaces:

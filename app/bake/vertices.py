@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Unpack
 
@@ -12,9 +12,10 @@ import numpy as np
 
 from irrsplat.app.bake import seams
 from irrsplat.app.bake.cutting import Cut
+from irrsplat.app.bake.encoding import limit_of
 from irrsplat.app.bake.glb import Glb
 from irrsplat.app.bake.light import OnBake, PlaceLight
-from irrsplat.app.bake.lightmap import Light, info, limit_of, texture_coordinates
+from irrsplat.app.bake.lightmap import Light, info, texture_coordinates
 from irrsplat.app.bake.places import Places, Receivers, hidden, places
 from irrsplat.core import files
 from irrsplat.core.errors import InputError
@@ -81,7 +82,7 @@ def bake_vertices(
     if not cut > 0.0:
         raise InputError(f"--cut is above 0, not {cut:g}; it is a share of the light")
     scene, told = scene.recentred, on_bake or (lambda share, words: None)
-    receivers = Receivers.of(scene.local, ctx)
+    receivers = replace(Receivers.of(scene.local, ctx), origin=scene.origin)
     if not receivers.meshes:
         raise InputError("the scene has no triangles to bake light on")
     side = scene.diagonal / np.sqrt(3.0)
@@ -241,9 +242,9 @@ def glb_of(made: VertexLight) -> bytes:
     colours = np.where(glows[:, None], lit * there.albedo + there.emission, lit * _tints(made))
     strength = limit_of(colours.max(1)) or 1.0
     told = {"light": made.light, "unit": "W/(m² sr)", "strength": strength}
-    glb = Glb({"irrsplat": told})
+    glb = Glb({"irrsplat": told}, receivers.origin)
     glb.use("KHR_materials_unlit")
-    normals, positions = blended(surfaces.normals), blended(surfaces.positions) + np.asarray(scene.origin)
+    normals, positions = blended(surfaces.normals), blended(surfaces.positions)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-6)
     uvs, opacity = blended(surfaces.uvs), blended(surfaces.opacity[:, None])
     for i, mesh in enumerate(receivers.meshes):

@@ -19,7 +19,7 @@ from irrsplat.app.bake import seams
 from irrsplat.app.bake.cutting import Cut
 from irrsplat.app.bake.places import Receivers
 from irrsplat.app.bake.probes import Probes, bake_probes, basis, sphere
-from irrsplat.scene.model import Camera, Image, Material, Mesh, Scene, Texture
+from irrsplat.scene.model import Camera, Image, Light, Material, Mesh, Scene, Texture
 
 SKY = (1.0, 2.0, 3.0)
 FAST: dict[str, Any] = {"bounces": 1, "gather_size": 8, "light_samples": 0, "shadow_size": 256}
@@ -239,6 +239,39 @@ def test_vertex_colours_are_unlit_and_hold_the_sky(tmp_path: Path, monkeypatch: 
     assert material["extensions"] == {"KHR_materials_unlit": {}}
     assert material["pbrMetallicRoughness"]["baseColorFactor"][:3] == [0.5, 0.4, 0.3]
     assert document["asset"]["extras"]["irrsplat"]["strength"] == pytest.approx(3.0, rel=0.02)
+
+
+def test_a_scene_far_from_the_origin_lies_there_in_the_file(tmp_path: Path) -> None:
+    from irrsplat.app.bake import bake_vertices
+
+    far = (100_000.0, 200_000.0, -50_000.0)
+    here = square()
+    there = replace(here, positions=here.positions + np.array(far, np.float32))
+    scene = Scene((there,), (), (Camera((far[0], far[1], far[2] + 5.0), far),), sky=SKY)
+    (path,) = bake_vertices(scene, **FAST).save(tmp_path / "far.glb")
+    assert np.allclose(trimesh.load_scene(path).bounds.mean(0), far, atol=0.02)
+
+
+def test_a_spot_far_brighter_than_its_wall_has_a_picture_of_its_own(tmp_path: Path) -> None:
+    pytest.importorskip("xatlas")
+    from irrsplat.app.bake import bake_lightmap
+    from irrsplat.app.bake.encoding import Encoding
+
+    lamp = Light(position=(0.3, 0.2, 0.05), intensity=(1.0, 1.0, 1.0))
+    scene = Scene((square(albedo=(0.5, 0.5, 0.5)),), (lamp,), (Camera((0, 0, 5), (0, 0, 0)),))
+    made = bake_lightmap(scene, 128, **FAST)
+    encoding, bright = Encoding.of(made, "irradiance"), made.irradiance.max(-1)
+    assert bright.max() > 100.0 * np.median(bright[made.lit.seen])
+    assert len(encoding.pictures) > 1
+    # what pieces in the whole map show is nowhere brighter than its scale, and that is no more than some times the median
+    assert encoding.strength[0] < 10.0 * np.median(bright[made.lit.seen])
+    assert encoding.strength[encoding.part].max() == pytest.approx(encoding.limit)
+    assert encoding.clipped <= 0.005
+    made.save(tmp_path / "spot.glb")
+    document, _ = parts(tmp_path / "spot.glb")
+    moved = [m["emissiveTexture"] for m in document["materials"] if "extensions" in m["emissiveTexture"]]
+    assert len(moved) == len(encoding.pictures) - 1
+    assert trimesh.load_scene(tmp_path / "spot.glb").area == pytest.approx(4.0)  # pieces are the square, without gaps
 
 
 @pytest.mark.parametrize(

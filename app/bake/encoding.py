@@ -1,0 +1,196 @@
+"""A lightmap as pictures of eight bits: what is about as bright is scaled together, what is far brighter has its own."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from irrsplat.app.bake.cutting import Cut
+from irrsplat.core.color import srgb
+
+if TYPE_CHECKING:
+    from irrsplat.app.bake.lightmap import Form, Lightmap
+
+_CLIPPED = 0.005  # of all light, at most: by so much the brightest spots are dimmer in the pictures, not in the EXR
+_STEEP = 16.0  # a chart whose brightest texel is so many times its median is cut
+_STEP = 8.0  # from the median to the brightest of what is scaled together in such a chart, and from a picture to the next
+_SMALL = 256  # texels of a chart that is left as it is
+_SHORT = 6.0  # texels: edges that are not cut
+_ROUNDS, _MOST = 40, 100_000  # of cutting; and pieces, above which no more are made
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """A part of a map, from texel `first` (x, y): values (H, W, 3) of 0..1, linear."""
+
+    first: tuple[int, int]
+    values: np.ndarray
+
+    @property
+    def eight_bits(self) -> bytes:
+        """A PNG of 8 bits, sRGB-encoded, dithered: so the mean over some texels is right, whatever eight bits can hold."""
+        from PIL import Image
+
+        display = 255.0 * srgb(self.values)
+        y, x = np.indices(self.values.shape[:2])
+        # interleaved gradient noise (Jimenez 2014)
+        noise = np.asarray((52.9829189 * ((0.06711056 * x + 0.00583715 * y) % 1.0)) % 1.0)
+        data = io.BytesIO()
+        shown = np.floor(display + noise[..., None]).clip(0, 255) * (self.values > 0.0)
+        Image.fromarray(shown.astype(np.uint8)).save(data, "PNG", optimize=True)
+        return data.getvalue()
+
+
+@dataclass(frozen=True, eq=False)
+class Encoding:
+    """A map as pictures, and which of them the surfaces wear.
+
+    cut: the surfaces' triangles, in pieces where a chart is far brighter at one place than elsewhere. part: (P,) of each piece,
+    an index into `strength` and `picture`, (G,): what a picture's 1 stands for, and which of the `pictures` it is; the first is
+    the whole map. limit: what is brighter is clipped, so that `clipped`, a share of all light on texels, is lost.
+    """
+
+    cut: Cut
+    part: np.ndarray
+    strength: np.ndarray
+    picture: np.ndarray
+    pictures: tuple[Picture, ...]
+    limit: float
+    clipped: float
+
+    @staticmethod
+    def of(made: Lightmap, form: Form) -> Encoding:
+        """That of the map of this form."""
+        from scipy import ndimage
+
+        values, on = getattr(made, form), made.owner
+        bright = values.max(-1)
+        limit = limit_of(bright[on >= 0])
+        owner = on[tuple(ndimage.distance_transform_edt(on < 0, return_distances=False, return_indices=True))]
+        charts = int(made.charts.chart.max(initial=-1)) + 1
+        numbers = np.arange(charts)
+        most = np.minimum(ndimage.maximum(bright, owner, numbers), limit)
+        usual = ndimage.median(bright, owner, numbers)
+        steep = (most > _STEEP * usual) & (np.bincount(on[on >= 0], minlength=charts) > _SMALL)
+        most = np.where(steep, np.maximum(_STEP * usual, limit / _STEP**4), most)
+        mesh = np.zeros(charts, np.int64)
+        mesh[made.charts.chart] = made.receivers.mesh_of
+        _, group = np.unique(np.stack([mesh, np.floor(np.log2(np.maximum(most, 1e-30)))], axis=1), axis=0, return_inverse=True)
+        strength = np.zeros(int(group.max(initial=-1)) + 1)
+        np.maximum.at(strength, group.ravel(), most)
+        own = strength[group.ravel()]  # (charts,)
+        cut, peak = _pieces(made, np.minimum(bright, limit), own, steep)
+        chart = made.charts.chart[cut.of]
+        # 0: in the whole map; else by how many steps below the limit the picture ends, and one
+        level = 1 + np.floor(np.log(limit / np.maximum(peak, 1e-30)) / np.log(_STEP) + 1e-6).astype(np.int64)
+        level = np.where(steep[chart] & (peak > own[chart]), level, 0)
+        levels = np.unique(level[level > 0])
+        whole = np.minimum(values / np.maximum(own[owner], 1e-30)[..., None], 1.0)
+        pictures = [Picture((0, 0), whole)]
+        for k in levels:
+            pictures.append(_part_of(made, values * (_STEP ** (k - 1) / limit), cut, level == k))
+        part = np.where(level > 0, len(strength) + np.searchsorted(levels, level), group.ravel()[chart])
+        strengths = np.concatenate([strength, limit / _STEP ** (levels - 1.0)])
+        picture = np.concatenate([np.zeros(len(strength), np.int64), 1 + np.arange(len(levels))])
+        total = float(bright[on >= 0].sum())
+        clipped = float(np.maximum(bright[on >= 0] - limit, 0.0).sum()) / max(total, 1e-30)
+        return Encoding(cut, part, strengths, picture, tuple(pictures), limit, clipped)
+
+    def pieces_of(
+        self, attributes: dict[str, np.ndarray], faces: np.ndarray, first: int
+    ) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
+        """The pieces of a mesh of vertices with `attributes` (V, …) and `faces` (F, 3), whose first triangle is the receivers'
+        `first`: the attributes of its vertices, faces (P, 3), and their `part` (P,)."""
+        (mine,) = np.nonzero((self.cut.of >= first) & (self.cut.of < first + len(faces)))
+        root, part = faces[self.cut.of[mine] - first], self.part[mine]
+        if len(mine) == len(faces):
+            return attributes, root, part
+        shares = self.cut.shares[mine]
+        # a vertex of the cut surface is several where it lies in several places of the map
+        key = np.concatenate([self.cut.faces[mine][..., None], _rounded(shares @ attributes["TEXCOORD_1"][root])], axis=2)
+        _, chosen, number = np.unique(key.reshape(-1, 3), axis=0, return_index=True, return_inverse=True)
+        corner = root.repeat(3, axis=0)[chosen], shares.reshape(-1, 3)[chosen]
+        blended = {name: (values[corner[0]] * corner[1][..., None]).sum(1) for name, values in attributes.items()}
+        blended["NORMAL"] /= np.maximum(np.linalg.norm(blended["NORMAL"], axis=1, keepdims=True), 1e-6)
+        return blended, number.reshape(-1, 3), part
+
+
+def _rounded(uv: np.ndarray) -> np.ndarray:
+    """Coordinates of 0..1 as whole numbers."""
+    return np.round(uv * 1e7).astype(np.int64)
+
+
+def limit_of(values: np.ndarray) -> float:
+    """The least limit of values (N,) that takes no more than the share _CLIPPED from their sum."""
+    down = np.sort(values)[::-1].astype(float)
+    excess = np.cumsum(down) - np.arange(1, len(down) + 1) * down  # of all that are above a value
+    within = np.flatnonzero(excess <= _CLIPPED * down.sum())
+    return float(down[within[-1]]) if len(within) else 0.0
+
+
+def _pieces(made: Lightmap, bright: np.ndarray, own: np.ndarray, steep: np.ndarray) -> tuple[Cut, np.ndarray]:
+    """The triangles, cut where a `steep` chart is brighter than its `own` strength at one end of a piece, and a step darker at
+    the other; and (P,) the brightest texel that each piece of such charts shows, 0 elsewhere."""
+    cut, most = Cut.whole(made.receivers), np.zeros(0)
+    for turn in range(_ROUNDS):
+        chart = made.charts.chart[cut.of]
+        most = np.zeros(len(cut.of))
+        (some,) = np.nonzero(steep[chart])
+        if not len(some):
+            break
+        where, piece = _texels_of(_corners(made, cut)[some], made.charts.size)
+        light = bright.ravel()[where.T]
+        first = np.flatnonzero(np.diff(piece, prepend=-1))
+        most[some] = np.maximum.reduceat(light.max(0), first)
+        least = np.minimum.reduceat(light.min(0), first)
+        floor = own[chart[some]]
+        wanted = np.zeros(len(cut.of), bool)
+        wanted[some] = (most[some] > floor) & (np.maximum(least, floor / _STEP) < most[some] / _STEP)
+        edges, flat = cut.edges(made.receivers), _corners(made, cut)
+        longest = edges.longest
+        each = np.arange(len(longest))
+        wanted &= np.linalg.norm(flat[each, (longest + 1) % 3] - flat[each, longest], axis=1) > _SHORT
+        if turn == _ROUNDS - 1 or not wanted.any() or len(cut.of) > _MOST:
+            break
+        marked = np.zeros(len(edges.ends), bool)
+        marked[edges.of_face[each, longest][wanted]] = True
+        cut = cut.divided(edges, edges.conforming(marked))
+    return cut, most
+
+
+def _corners(made: Lightmap, cut: Cut) -> np.ndarray:
+    """(P, 3, 2) texels: where the corners of pieces lie in the map."""
+    found: np.ndarray = cut.shares @ made.charts.corners[cut.of]
+    return found
+
+
+def _texels_of(flat: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray]:
+    """(N, 4) the texels, counted row by row, that bilinear filtering looks at anywhere on triangles `flat` (T, 3, 2); and (N,) on
+    which of them, in their order: points no further apart than half a texel are tried."""
+    sides = np.linalg.norm(flat - flat[:, [1, 2, 0]], axis=2).max(1)
+    steps = np.ceil(2.0 * sides).astype(np.int64) + 1
+    counts = (steps + 1) * (steps + 2) // 2
+    piece = np.repeat(np.arange(len(flat)), counts)
+    number = np.arange(len(piece)) - np.repeat(np.cumsum(counts) - counts, counts)
+    row = np.floor((np.sqrt(8.0 * number + 1.0) - 1.0) / 2.0).astype(np.int64)  # row r has the numbers from r(r + 1)/2 on
+    second = (number - row * (row + 1) // 2) / steps[piece]
+    first = row / steps[piece] - second
+    a, b, c = (flat[piece, k] for k in range(3))
+    low = np.floor(a + first[:, None] * (b - a) + second[:, None] * (c - a) - 0.5).astype(np.int64)
+    x, y = (np.clip(low[:, k, None] + shift, 0, size - 1) for k, shift in ((0, [0, 1, 0, 1]), (1, [0, 0, 1, 1])))
+    return y * size + x, piece
+
+
+def _part_of(made: Lightmap, values: np.ndarray, cut: Cut, mine: np.ndarray) -> Picture:
+    """The part of a map that the pieces which are `mine` (P,) show, black where no other one does."""
+    size = made.charts.size
+    where, _ = _texels_of(_corners(made, cut)[mine], size)
+    shown = np.zeros(size * size, bool)
+    shown[where] = True
+    rows, columns = np.nonzero(shown.reshape(size, size))
+    y, x = slice(rows.min(), rows.max() + 1), slice(columns.min(), columns.max() + 1)
+    part = np.minimum(values[y, x], 1.0) * shown.reshape(size, size)[y, x, None]
+    return Picture((int(columns.min()), int(rows.min())), part)
