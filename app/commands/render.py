@@ -109,7 +109,10 @@ def check_files(args: argparse.Namespace, mistakes: Mistakes) -> None:
     for name in names:
         for buffers in (None, _buffers(args)):
             with mistakes.gathered():
-                video.check(name, flight.flies(args)) if video.is_film(name) else check_writable(name, buffers)
+                if video.is_film(name):
+                    video.check(name, flight.flies(args) or "turntable" in mistakes.arguments)
+                else:
+                    check_writable(name, buffers, video.ENDINGS)
     rendering.check_kept_files(args, mistakes, names)
 
 

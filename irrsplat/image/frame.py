@@ -201,9 +201,9 @@ def check_names(buffers: Iterable[str] | None) -> None:
         raise InputError(f"unknown buffer {', '.join(unknown)}; the buffers are {', '.join(BUFFERS)}")
 
 
-def check_writable(path: Pathlike, buffers: Sequence[str] | None = None) -> str:
+def check_writable(path: Pathlike, buffers: Sequence[str] | None = None, others: Sequence[str] = ()) -> str:
     """The ending of an output, one of ENDINGS, or "" for a folder, once it is certain that it can be written: a long rendering
-    must not be lost at its end.
+    must not be lost at its end. others: endings that the caller can write as well, to be named where this one is unknown.
 
     Raises InputError where the ending or a buffer's name is unknown, or nothing can be written there. Leaves no file behind.
     """
@@ -216,7 +216,8 @@ def check_writable(path: Pathlike, buffers: Sequence[str] | None = None) -> str:
         _try_folder(text)
         return ""
     if ending not in ENDINGS:
-        raise InputError(f"unknown ending '{ending}'; an output ends in {', '.join(ENDINGS)}, or is a folder (no ending)", text)
+        known = ", ".join((*ENDINGS, *others))
+        raise InputError(f"unknown ending '{ending}'; an output ends in {known}, or is a folder (no ending)", text)
     if ending == ".exr" and buffers is not None and not set(buffers) & set(CHANNELS):
         raise InputError("none of the chosen buffers is an image, so there is nothing to write; choose another or .npz", text)
     check_file(text)

@@ -180,7 +180,8 @@ def read(path: files.Pathlike, key: CacheKey) -> CacheState:
     """
     content = read_any(path)
     if reason := difference(content.key, key):
-        raise InputError(f"this record cache was made {reason}; {_REMEDY}", path)
+        renewed = "" if content.key.settings != key.settings else "; irrsplat render --cache-mode update renews it"
+        raise InputError(f"this record cache was made {reason}; {_REMEDY}{renewed}", path)
     return content.state
 
 
