@@ -85,6 +85,8 @@ class Tenant(Owner):
         """Free everything on the GPU, the context too where it was made for this; twice does no harm."""
         if context.is_gone(self.ctx):
             return
+        if self.ctx.extra:  # made by context.create, so that it can be made current here, whoever owns it
+            context.make_current(self.ctx)
         self._use()
         if self._owns_ctx:
             self.ctx.release()

@@ -92,7 +92,7 @@ def _file(ending: str, read: Read) -> Callable[[Path, bytes], None]:
         path.write_bytes(data)
         whole = hashlib.sha1(data).digest()[0] % WHOLE == 0
         with within(path), ExitStack() as patched:
-            for module in () if whole else ("assets", "gltf.reader", "text.scene_text"):
+            for module in () if whole else ("assets.asset", "gltf.reader", "text.scene_text"):
                 patched.enter_context(mock.patch(f"irrsplat.scene.io.{module}.finish", _plain))
             _check(read(path))
 
