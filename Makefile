@@ -1,5 +1,5 @@
 # The commands of the README, and the pictures in it. Everything they need is set up in .venv by .ci/setup.
-.PHONY: demo view test figures docs clean
+.PHONY: demo view test test-long figures docs clean
 
 demo: .venv/.ready
 	mkdir -p out
@@ -15,6 +15,9 @@ test: .venv/.ready-dev
 	.venv/bin/ruff format --check .
 	sh .ci/typecheck
 	.venv/bin/python -m pytest -q -n auto --dist worksteal
+
+test-long: .venv/.ready-dev
+	.venv/bin/python -m pytest -q -n auto -m long
 
 docs: .venv/.ready-dev
 	NO_MKDOCS_2_WARNING=1 .venv/bin/python -m mkdocs build --strict --quiet

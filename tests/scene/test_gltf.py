@@ -448,6 +448,7 @@ def mutated(tree: object, generator: random.Random) -> None:
         holder[key] = generator.choice(new)
 
 
+@pytest.mark.long
 @pytest.mark.filterwarnings("error")
 def test_no_mutation_of_a_file_makes_a_traceback(tmp_path, capfd, monkeypatch):
     # 150 changes of the JSON, 60 of the bytes: each loads with finite numbers, or is refused in one line

@@ -39,7 +39,7 @@ make demo >/dev/null
 test "$(find out -name '*.png' | wc -l)" -ge 7
 .venv/bin/irrsplat doctor
 """
-SHORT = f"sh .ci/setup dev >/dev/null; .venv/bin/python -m pytest -q -n auto -m 'not slow' {TESTED}"
+SHORT = f"sh .ci/setup dev >/dev/null; .venv/bin/python -m pytest -q -n auto -m 'not slow and not long' {TESTED}"
 WHOLE = "make test"
 
 

@@ -38,7 +38,7 @@ def quick(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("IRRSPLAT_CACHE", str(tmp_path / "cache"))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_json_and_tables(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     command = ["bench", "cornell-paper", "furnace", "--preset", "paper", "--preset", "default", "--size", "20", "18"]
     assert cli.main([*command, "--json", str(tmp_path / "b.json")]) == 0

@@ -30,7 +30,7 @@ def test_out_and_back_gathers_nothing_the_second_time(seconds: float | None) -> 
         assert renderer.cache.count == counts[-1]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_loop_costs_no_accuracy() -> None:
     """After a flight about the scene the error at the first camera is at most 1.1 times a fresh render's."""
     scene, reference = irrsplat.load("cornell"), load_reference("cornell")

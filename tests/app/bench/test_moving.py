@@ -11,7 +11,7 @@ from irrsplat.app import cli
 from irrsplat.app.bench import moving
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_counted_ticks_give_the_same_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """All but the time that they take; and records that few rays leave stale wait at the end of each frame."""
     monkeypatch.setattr(moving, "FRAMES", 2)

@@ -182,6 +182,7 @@ def small(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(radiance, "QUALITIES", ((0.2, 512, 128),))
 
 
+@pytest.mark.long
 def test_a_race_in_which_the_others_fall(
     small: None, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:

@@ -187,7 +187,7 @@ def short(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(fine_gather, "SIDE", 64)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_curve_of_a_real_scene(short: None, capsys: pytest.CaptureFixture[str]) -> None:
     """More records, less error: the last point of `cornell` is off by less than three quarters of what the first one is."""
     assert cli.main(["verify", "cornell", "--curve", *QUICK]) == 0
@@ -198,7 +198,7 @@ def test_the_curve_of_a_real_scene(short: None, capsys: pytest.CaptureFixture[st
     assert ours[-1][0] > 1.5 * ours[0][0] and ours[-1][1] < 0.75 * ours[0][1]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_techniques_on_a_real_scene(short: None, capsys: pytest.CaptureFixture[str]) -> None:
     """Gradients and the whole hemisphere are worth more than chance could hide."""
     assert cli.main(["verify", "cornell", "--techniques", *QUICK]) == 0

@@ -142,7 +142,7 @@ def rare(driver: Driver, second: int) -> None:
     }.get(second % 10, lambda: None)()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_quarter_of_a_minute_of_anything_leaves_nothing_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The objects that live are those that the present state needs: brought into the same state, their number is the same.
 

@@ -230,6 +230,7 @@ def calls(action):
     return count
 
 
+@pytest.mark.long
 def test_the_work_for_materials_grows_as_their_number(tmp_path):
     found = []
     for count in (600, 1200, 2400):
