@@ -129,7 +129,8 @@ def tried(constraints: str) -> int:
     with tempfile.TemporaryDirectory() as folder:
         python = environment(Path(folder), constraints)
         subprocess.run([python, "-m", "pip", "list", "--disable-pip-version-check"], check=True)
-        return subprocess.run([python, "-m", "pytest", "-q", "-m", "not slow and not long", *TESTED], cwd=ROOT, check=False).returncode
+        command = [python, "-m", "pytest", "-q", "-m", "not slow and not long", *TESTED]
+        return subprocess.run(command, cwd=ROOT, check=False).returncode
 
 
 def main(arguments: Sequence[str]) -> int:
