@@ -129,7 +129,7 @@ def tried(constraints: str) -> int:
     with tempfile.TemporaryDirectory() as folder:
         python = environment(Path(folder), constraints)
         subprocess.run([python, "-m", "pip", "list", "--disable-pip-version-check"], check=True)
-        command = [python, "-m", "pytest", "-q", "-m", "not slow and not long", *TESTED]
+        command = [str(python), "-m", "pytest", "-q", "-m", "not slow and not long", *TESTED]
         return subprocess.run(command, cwd=ROOT, check=False).returncode
 
 
