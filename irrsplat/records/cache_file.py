@@ -185,6 +185,17 @@ def read(path: files.Pathlike, key: CacheKey) -> CacheState:
     return content.state
 
 
+def read_of_any_scene(path: files.Pathlike, key: CacheKey) -> tuple[Content, str]:
+    """All that a file holds, whatever scene and lights it was made for, and how these differ from the key's, in words.
+
+    Raises InputError as `read`, for scene and lights not.
+    """
+    content = read_any(path)
+    if reason := difference(content.key, replace(key, geometry=content.key.geometry, lights=content.key.lights)):
+        raise InputError(f"this record cache was made {reason}; {_REMEDY}", path)
+    return content, difference(content.key, key)
+
+
 def read_any(path: files.Pathlike) -> Content:
     """All that a file holds, whatever it was made for; raises InputError where it is missing, no record cache or damaged."""
     header, arrays = _read(path)

@@ -413,11 +413,7 @@ class Renderer(Tenant):
             self.scheduler.restore(cache_file.read(named(path), wanted))
             self.forget(records=False)
             return ""
-        found = cache_file.read_any(named(path))
-        reason = cache_file.difference(found.key, replace(wanted, geometry=found.key.geometry, lights=found.key.lights))
-        if reason:
-            raise InputError(f"this record cache was made {reason}; remove it to have it made anew, or name another file", path)
-        reason = cache_file.difference(found.key, wanted)
+        found, reason = cache_file.read_of_any_scene(named(path), wanted)
         if reason:
             self._renew_from(found, present, same_lights=found.key.lights == wanted.lights)
         else:
