@@ -29,6 +29,8 @@ TECHNIQUES: tuple[tuple[str, SettingValues], ...] = (
     ("records in front speak as well", {"in_front": False}),
     ("one plane of 150°, not the hemisphere", {"gather": "plane"}),
     ("a gather of 32²", {"gather_size": 32}),
+    ("all rays for every record", {"ray_noise": 0.0}),
+    ("nothing borrows", {"borrow": 0}),
     ("the paper's placement", {"placement": "scan"}),
     ("the picture smoothed", {"smooth": True}),
 )
