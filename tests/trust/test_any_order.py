@@ -34,7 +34,7 @@ SEED = int(os.environ.get("IRRSPLAT_SEED", "1"))
 COMPARED = 40 if CALLS < 1000 else 100  # calls, after about so many a picture is compared
 FEW = 600  # records that may be kept, where these are not enough for some views
 MOST = 1500  # records, above which they are forgotten, so that the calls stay quick
-SIZES = (48, 40), (64, 32), (40, 56)
+SIZES = (48, 40), (64, 32), (8, 400)  # from 400 rows on a view begins with every other pixel
 CAMERAS = FRONT, Camera((-0.8, 0.7, 0.9), (0.3, -0.5, -0.6), fov=60.0), Camera((0.7, -0.5, 0.9), (-0.6, 0.0, -1.0), fov=70.0)
 BASE: dict[str, Any] = {**FAST, "gather": "trace", "gather_size": 24, "ray_noise": 0.0, "a": 0.5}
 SETTINGS: dict[str, tuple[Any, ...]] = {
