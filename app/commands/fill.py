@@ -31,12 +31,7 @@ def add(commands: Any) -> None:
     flags.add_scene(parser)
     words = "the file that the records are kept in; where it is there, they are added to its own"
     parser.add_argument("--cache", metavar="FILE", required=True, help=words)
-    words = (
-        "keep: the file must be of this scene; update: where it was made for another state of it, what that concerns is gathered"
-    )
-    parser.add_argument(
-        "--cache-mode", choices=("keep", "update"), default="keep", metavar="WORD", help=f"{words} again (default: keep)"
-    )
+    flags.add_cache_mode(parser)
     flags.add_size(parser, 800)
     flags.add_preset(parser, "default")
     parser.add_argument("--stats", metavar="FILE.json", help="write records and the coverage of each frame to this file")

@@ -180,7 +180,7 @@ def read(path: files.Pathlike, key: CacheKey) -> CacheState:
     """
     content = read_any(path)
     if reason := difference(content.key, key):
-        renewed = "" if content.key.settings != key.settings else "; irrsplat render --cache-mode update renews it"
+        renewed = "" if content.key.settings != key.settings else "; --cache-mode update renews it"
         raise InputError(f"this record cache was made {reason}; {_REMEDY}{renewed}", path)
     return content.state
 
@@ -194,6 +194,11 @@ def read_of_any_scene(path: files.Pathlike, key: CacheKey) -> tuple[Content, str
     if reason := difference(content.key, replace(key, geometry=content.key.geometry, lights=content.key.lights)):
         raise InputError(f"this record cache was made {reason}; {_REMEDY}", path)
     return content, difference(content.key, key)
+
+
+def renewal(path: files.Pathlike, reason: str) -> str:
+    """What is said where a file is taken although its scene differs, which `reason` says as `read_of_any_scene` does."""
+    return f"{path} was made {reason}; what that concerns is gathered again"
 
 
 def read_any(path: files.Pathlike) -> Content:
