@@ -83,7 +83,7 @@ def test_a_changed_scene_renews_its_file(place: Path, capsys: pytest.CaptureFixt
 def test_the_viewer_renews_a_changed_scenes_file(
     place: Path, monkeypatch: pytest.MonkeyPatch, refused: Callable[..., str]
 ) -> None:
-    """By the same flag: it opens with the file's records, says what it was made for, and the file it leaves is of the scene as it is."""
+    """By the same flag: it opens with the file's records, says what it was made for, and leaves one of the scene as it is."""
     monkeypatch.setenv("IRRSPLAT_CONFIG", str(place / "config"))
     monkeypatch.setattr(viewer, "open_window", lambda size: window.open_window(size, headless=True))
     seen: list[tuple[int, list[str]]] = []
