@@ -41,9 +41,11 @@ def add(commands: Any) -> None:
 
 
 def check(args: argparse.Namespace, mistakes: Mistakes) -> None:
-    """Add to `mistakes` that there is no flight."""
+    """Add to `mistakes` that there is no flight, or that workers are to renew a file."""
     if not mistakes.arguments & flags.OF_CAMERAS and args.path is None and args.turntable is None:
         mistakes.add("fill needs a flight; give --path FILE or --turntable N")
+    if args.on is not None and args.cache_mode == "update":
+        mistakes.add("--cache-mode update is not done by --on; fill once without --on, which renews the file")
 
 
 def run(args: argparse.Namespace) -> int:

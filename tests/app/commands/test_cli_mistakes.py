@@ -44,7 +44,7 @@ def test_what_was_meant_is_told(argv: list[str], meant: str, refused: Callable[.
         (["desktop"], "irrsplat: desktop takes install|remove, and none is given; see irrsplat desktop --help\n"),
         (["desktop", "put"], "irrsplat: desktop takes install|remove, not 'put'; see irrsplat desktop --help\n"),
         (["completion"], "irrsplat: completion takes bash|zsh|fish, and none is given; see irrsplat completion --help\n"),
-        (["completion", "csh"], "irrsplat: completion takes bash|zsh|fish, not 'csh'; see irrsplat completion --help\n"),
+        (["completion", "shell"], "irrsplat: completion takes bash|zsh|fish, not 'shell'; see irrsplat completion --help\n"),
         (["cache"], "irrsplat: a command is missing; the commands are info, merge, prune; see irrsplat cache --help\n"),
         (["cache", "x"], "irrsplat: there is no command 'x'; the commands are info, merge, prune; see irrsplat cache --help\n"),
         (["cache", "info"], "irrsplat: FILE is missing; see irrsplat cache info --help\n"),
