@@ -17,11 +17,14 @@ from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.viewer import Viewer
 from irrsplat.app.viewer.window import open_window
 from irrsplat.scene.model import Camera
+from irrsplat.settings import SettingValues
 
 IMAGES = Path(__file__).resolve().parents[1] / "images"
 LARGE, SMALL = (960, 600), (400, 300)  # pixels
 LIMIT = 200_000  # bytes a picture
 DT = 1.0 / 30.0
+# complete is enough: the way to 0.5 % takes minutes, and so few records are there that each can be seen
+SETTINGS: SettingValues = {"viewer_quality": 0.0, "viewer_samples": 16}
 
 
 def settled(viewer: Viewer) -> None:
@@ -53,7 +56,7 @@ def show(scene: str, size: tuple[int, int], take: Callable[[Viewer], None], came
     """Open a window in memory on a bundled scene, and take pictures of it."""
     wnd = open_window(size, headless=True)
     hints = [] if take is whole else list(HINTS)  # they are part of the window as it opens
-    viewer = Viewer(wnd, irrsplat.load(scene), scene, Preferences(ui={"hints": hints}), camera)
+    viewer = Viewer(wnd, irrsplat.load(scene), scene, Preferences(values=SETTINGS, ui={"hints": hints}), camera)
     take(viewer)
     viewer.close(remember=False)
     wnd.destroy()
@@ -66,7 +69,6 @@ def whole(viewer: Viewer) -> None:
     for hint in HINTS:
         actions.hints.follow(hint)
     actions.panels.settings = False
-    actions.session.change(0, viewer_quality=0.0)  # so few records that each can be seen
     options.buffers[0], options.discs, options.points, options.inspect = "irradiance", True, True, True
     viewer.controls.mouse = (0.36 * LARGE[0], 0.3 * LARGE[1])
     viewer.backend.mouse_position(*viewer.controls.mouse)
@@ -86,7 +88,6 @@ def whole(viewer: Viewer) -> None:
 def buffers(viewer: Viewer) -> None:
     """Every buffer, by itself with its legend; but for those that need a path tracer."""
     actions = viewer.actions
-    actions.session.change(0, viewer_quality=0.0)
     actions.panels.settings = actions.panels.hud = False
     settled(viewer)
     for name in (name for name, buffer in BUFFERS.items() if not buffer.needs_truth):
