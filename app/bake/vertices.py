@@ -86,7 +86,9 @@ def bake_vertices(
     if not receivers.meshes:
         raise InputError("the scene has no triangles to bake light on")
     side = scene.diagonal / np.sqrt(3.0)
-    with PlaceLight(scene.local, preset, ctx, **settings) as lights:
+    # in a picture of points those beside one are not its neighbours, so that there is no small group of them that may borrow
+    values: SettingValues = {"borrow": 0, **settings}
+    with PlaceLight(scene.local, preset, ctx, **values) as lights:
         pieces = Cut.whole(receivers)
         found = _Found(receivers, lights, light, side * _SHORTEST)
         known = found.at(pieces.root, pieces.corner)
