@@ -50,9 +50,7 @@ def load(path: files.Pathlike, update: bool, present: State, holder: Holder, go_
     return reason
 
 
-def _renew(
-    found: cache_file.Content, same_lights: bool, present: State, holder: Holder, go_on: Callable[[State], None]
-) -> None:
+def _renew(found: cache_file.Content, same_lights: bool, present: State, holder: Holder, go_on: Callable[[State], None]) -> None:
     """Take the records of a file that belong to another state of the scene, and go on to the present one from there."""
     scheduler, then = holder.scheduler, earlier(found.scene, present.scene, cache_file.stamp(present.scene))
     records = cache_file.carried_over(found.state, then)
