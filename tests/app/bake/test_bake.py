@@ -311,8 +311,9 @@ def test_the_command_writes_and_says_what_came_of_it(
 
 
 def test_no_vertex_borrows_its_light(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Points beside one in a picture of vertices are not its neighbours: each that asks gets a record, however few they are. Along the
-    blocks of the Cornell box, borrowed light was up to 1.4 times what it is there."""
+    """Points beside one in a picture of vertices are not its neighbours: each that asks gets a record, however few they are.
+
+    Along the blocks of the Cornell box, borrowed light was up to 1.4 times what it is there."""
     from irrsplat.app.bake import bake_vertices, splats
 
     weights: list[np.ndarray] = []
