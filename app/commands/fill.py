@@ -53,6 +53,7 @@ def run(args: argparse.Namespace) -> int:
     from irrsplat import settings
     from irrsplat.app.film import fill as filling
     from irrsplat.app.film import flight as flights
+    from irrsplat.app.film import lost
 
     settings.preset(args.preset, **args.values)
 
@@ -61,6 +62,7 @@ def run(args: argparse.Namespace) -> int:
     scene = irrsplat.load(args.scene, **vars(args.loading))
     flight = flights.plan(args, scene, rendering.camera(args, scene))
     flights.check_still(flight, "render it without filling one")
+    lost.tell(scene, flight, args.size, args.turntable is not None)
     if args.on is not None:
         return _fill_on(args, scene, flight)
     with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, **args.values) as renderer:

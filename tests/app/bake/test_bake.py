@@ -19,7 +19,8 @@ from irrsplat.app import cli
 from irrsplat.app.bake import seams
 from irrsplat.app.bake.cutting import Cut
 from irrsplat.app.bake.places import Receivers
-from irrsplat.app.bake.probes import Probes, bake_probes, basis, sphere
+from irrsplat.app.bake.probes import Probes, bake_probes, basis
+from irrsplat.core.vectors import sphere
 from irrsplat.scene.model import Camera, Image, Light, Material, Mesh, Scene, Texture
 from tests.support.viewing import write_room
 
