@@ -111,7 +111,7 @@ def buffers(viewer: Viewer) -> None:
                 settled(viewer)
         if name != "emission":
             actions.session.options.buffers[0] = name
-            keep(viewer, f"buffers/{name}")
+            keep(viewer, f"viewer/{name}" if name == "light" else f"buffers/{name}")  # a folder has no more than 14 entries
         if name == "asking":
             actions.toggle("frozen")
 
