@@ -30,10 +30,10 @@ except ImportError:  # Windows has no such locks: nothing is swept there
 Pathlike = str | os.PathLike[str]
 
 # what reading a damaged file of numbers, an NPZ with JSON in it say, may raise
-DAMAGE: tuple[type[Exception], ...] = (
-    *(ValueError, KeyError, TypeError, AttributeError, OSError, EOFError, RecursionError, ArithmeticError, MemoryError),
-    *(NotImplementedError, SyntaxError, struct.error, zipfile.BadZipFile, zlib.error),
-)
+DAMAGE = (
+    ValueError, KeyError, TypeError, AttributeError, OSError, EOFError, RecursionError, ArithmeticError, MemoryError,
+    NotImplementedError, SyntaxError, struct.error, zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
 
 _HEADER = 1 << 20  # bytes that an EXR's header takes at most
 _CHUNK = 16  # rows of an EXR that ZIP packs together
