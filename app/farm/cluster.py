@@ -165,7 +165,7 @@ def _client(address: str) -> Iterator[tuple[Any, int]]:
 async def _reach(address: str) -> None:
     """Shake hands with the scheduler at `address`; raises what Dask does where that fails. A client that is made where nobody, or
     another program, answers would hold the process up when it goes."""
-    from distributed.comm import connect
+    from distributed.comm.core import connect
     from distributed.security import Security
 
     async with asyncio.timeout(_PATIENCE):
