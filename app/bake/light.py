@@ -14,23 +14,18 @@ import numpy as np
 
 from irrsplat.app.bake.places import Places
 from irrsplat.app.bake.splats import PlaceSplats, Reach
-from irrsplat.core.buffers import GBuffer, ShadowMaps
+from irrsplat.core.buffers import GBuffer
 from irrsplat.core.vectors import octahedral_encode
-from irrsplat.gpu import self_test
 from irrsplat.gpu.resource import Owner, Resource, Tenant
 from irrsplat.gpu.target import float_texture
 from irrsplat.gpu.time_budget import Budget
-from irrsplat.gpu.timers import Timers
-from irrsplat.gpu.world import World
 from irrsplat.image.emitter_light import EmitterLightPass
 from irrsplat.indirect.scheduler import RecordScheduler
 from irrsplat.indirect.view_state import ViewState
-from irrsplat.lighting import gl_limits
 from irrsplat.lighting.direct import DirectPass
 from irrsplat.lighting.emitter_table import emitter_table
 from irrsplat.lighting.light_table import light_defines
-from irrsplat.lighting.shadow_maps import ShadowPass
-from irrsplat.records.record_cache import RecordCache
+from irrsplat.meter.lit_scene import LitScene
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import SettingValues, preset
 
@@ -62,25 +57,13 @@ class PlaceLight(Tenant):
         self.scene = scene
         self.settings = replace(preset(preset_name, **settings), placement="tiles", coarse=False)
         with self._moving_in(ctx) as made:
-            self_test.check(self.ctx)
-            gl_limits.check(self.ctx, (1, 1), scene, self.settings.shadow_size)
-            self.world = made.enter_context(World(self.ctx, scene))
-            self.cache = made.enter_context(RecordCache(self.ctx))
-            self.shadow_pass = made.enter_context(ShadowPass(self.ctx))
-            timers = Timers(self.ctx, bool(self.about["software"]))
-            self.scheduler = made.enter_context(RecordScheduler(self.world, self.settings, self.cache, timers))
-        self._shadows: ShadowMaps | None = None
+            self.lit = made.enter_context(LitScene(self.ctx, self.about, scene, self.settings))
+            self.world, self.cache = self.lit.world, self.lit.cache
+            self.scheduler = made.enter_context(RecordScheduler(self.world, self.settings, self.cache, self.lit.timers))
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees; the context is apart."""
-        return (self.scheduler, self.cache, self.shadow_pass, self.world)
-
-    @property
-    def shadows(self) -> ShadowMaps:
-        """The shadow maps, drawn when they are first wanted."""
-        if self._shadows is None:
-            self._shadows = self.shadow_pass(self.world, self.settings.shadow_size)
-        return self._shadows
+        return (self.scheduler, self.lit)
 
     def gathered(self, where: Places, texel: float, on_bake: OnBake | None = None) -> Gathered:
         """The light that records hold at these places, of all bounces, and of emitters and the sky; more are gathered until all
@@ -90,7 +73,7 @@ class PlaceLight(Tenant):
         if not self.settings.most_bounces or not where.seen.any():
             return Gathered(empty, where.seen.copy(), self.cache.count, True)
         scheduler, settings, budget = self.scheduler, self.settings, Budget(None)
-        scheduler.prepare(self.shadows, budget)
+        scheduler.prepare(self.lit.shadows, budget)
         with (
             _Drawn(self.ctx, where, settings.gradients) as drawn,
             PlaceSplats(self.ctx, drawn.gbuffer, where.position, where.seen, settings, self._reach(texel)) as splats,
@@ -101,7 +84,7 @@ class PlaceLight(Tenant):
                 sums = splats.update(self.cache)
                 if view.stalled or view.settled == (sums, settings.asking):
                     break
-                view, _ = scheduler.gather_missing(view, drawn.gbuffer, sums, self.shadows, _NOBODY, budget)
+                view, _ = scheduler.gather_missing(view, drawn.gbuffer, sums, self.lit.shadows, _NOBODY, budget)
                 if on_bake is not None:
                     on_bake(view.coverage, f"{self.cache.count - before} records")
             splats.update(self.cache)
@@ -125,7 +108,7 @@ class PlaceLight(Tenant):
             found = np.zeros((*where.seen.shape, 3), np.float32)
             if self.scene.lights:
                 with DirectPass(self.ctx, where.size, light_defines(self.scene), irradiance=True) as lamps:
-                    found += _colours(lamps(drawn.gbuffer, self.shadows, rotation=2.399963 * number))
+                    found += _colours(lamps(drawn.gbuffer, self.lit.shadows, rotation=2.399963 * number))
             if self.settings.emitters_apart and self.settings.most_bounces and emitter_table(self.world) is not None:
                 with EmitterLightPass(self.ctx, where.size, self.world.material_defines) as emitters:
                     found += _colours(emitters(drawn.gbuffer, self.world, self.settings, number))

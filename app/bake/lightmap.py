@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal, Unpack
@@ -100,12 +100,11 @@ def bake_lightmap(
     check_type("what a lightmap is baked of", scene, Scene)
     if not 16 <= size <= MOST or texel_samples < 1:
         raise InputError(f"a lightmap has 16 to {MOST} texels a side and 1 sample or more, not {size} and {texel_samples}")
-    scene = scene.recentred
     told = on_bake or (lambda share, words: None)
     told(0.0, "unwrapping")
-    receivers = replace(Receivers.of(scene.local, ctx), origin=scene.origin)
+    receivers = Receivers.of(scene, ctx)
     charts = unwrap(receivers, size)
-    with PlaceLight(scene.local, preset, ctx, **settings) as lights:
+    with PlaceLight(receivers.scene, preset, ctx, **settings) as lights:
         chartist = Chartist(lights.ctx, charts)
         try:
             return _baked(receivers, charts, chartist, lights, light, texel_samples, told)

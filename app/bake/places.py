@@ -49,8 +49,10 @@ class Receivers:
 
     @staticmethod
     def of(scene: Scene, ctx: moderngl.Context | None = None) -> Receivers:
-        """Those of a scene, in the order in which it has its meshes: of each the side that light reaches, or both of them. ctx:
-        as LightMeter's; without one, the context that was current is no longer."""
+        """Those of a scene, relative to its origin, in the order in which it has its meshes: of each the side that light reaches,
+        or both of them. ctx: as LightMeter's; without one, the context that was current is no longer."""
+        scene = scene.recentred
+        origin, scene = scene.origin, scene.local
         ordered, first, at = in_order(scene), {}, 0
         for mesh in ordered:
             first[mesh] = at
@@ -65,7 +67,9 @@ class Receivers:
                 sources.append(i)
                 both.append(len(lit[i]) == 2)
                 triangles.append(first[mesh] + np.arange(len(mesh.faces)))
-        return Receivers(scene, tuple(meshes), tuple(sources), tuple(both), np.concatenate([np.zeros(0, int), *triangles]))
+        return Receivers(
+            scene, tuple(meshes), tuple(sources), tuple(both), np.concatenate([np.zeros(0, int), *triangles]), origin
+        )
 
 
 @dataclass(frozen=True, eq=False)

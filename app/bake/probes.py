@@ -22,6 +22,7 @@ import numpy as np
 from irrsplat.app.bake.light import OnBake
 from irrsplat.core import files
 from irrsplat.core.errors import InputError
+from irrsplat.core.vectors import sphere
 from irrsplat.meter.light_meter import LightMeter
 from irrsplat.meter.readings import Status
 from irrsplat.scene.model import Scene
@@ -158,14 +159,6 @@ def bake_probes(
 
         found[~valid] = found[valid][cKDTree(places[valid]).query(places[~valid])[1]]
     return Probes(low + 0.5 * step, step, (x, y, z), found.reshape(z, y, x, 9, 3), valid.reshape(z, y, x))
-
-
-def sphere(count: int) -> np.ndarray:
-    """(count, 3) unit vectors spread evenly over the sphere: a Fibonacci lattice."""
-    i = np.arange(count)
-    height, angle = 1.0 - (2.0 * i + 1.0) / count, i * math.pi * (3.0 - math.sqrt(5.0))
-    level = np.sqrt(1.0 - height * height)
-    return np.stack([level * np.cos(angle), level * np.sin(angle), height], axis=1)
 
 
 def _tell(on_bake: OnBake, first: int, some: int, whole: int, share: float) -> None:

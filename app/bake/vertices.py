@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Unpack
 
@@ -81,12 +81,14 @@ def bake_vertices(
     check_type("what vertex colours are baked of", scene, Scene)
     if not cut > 0.0:
         raise InputError(f"--cut is above 0, not {cut:g}; it is a share of the light")
-    scene, told = scene.recentred, on_bake or (lambda share, words: None)
-    receivers = replace(Receivers.of(scene.local, ctx), origin=scene.origin)
+    told = on_bake or (lambda share, words: None)
+    receivers = Receivers.of(scene, ctx)
     if not receivers.meshes:
         raise InputError("the scene has no triangles to bake light on")
-    side = scene.diagonal / np.sqrt(3.0)
-    with PlaceLight(scene.local, preset, ctx, **settings) as lights:
+    side = receivers.scene.diagonal / np.sqrt(3.0)
+    # in a picture of points those beside one are not its neighbours, so that there is no small group of them that may borrow
+    values: SettingValues = {"borrow": 0, **settings}
+    with PlaceLight(receivers.scene, preset, ctx, **values) as lights:
         pieces = Cut.whole(receivers)
         found = _Found(receivers, lights, light, side * _SHORTEST)
         known = found.at(pieces.root, pieces.corner)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from irrsplat.app.common.terminal import say
+from irrsplat.core import files
 from irrsplat.core.errors import IrrsplatError
 from irrsplat.indirect import paper_scan
 from irrsplat.reference import disk_cache, fine_gather
@@ -40,7 +41,7 @@ def truth(renderer: Renderer, camera: Camera) -> fine_gather.Truth | None:
         path = disk_cache.folder() / f"gather-{key}.npz"
         if (found := _read(path, size)) is not None:
             return found
-    except disk_cache.DAMAGE:
+    except files.DAMAGE:
         say(f"notice: {path}: damaged; the truth is gathered again")
     except IrrsplatError as error:
         say(f"notice: {error}")
@@ -60,7 +61,7 @@ def truth(renderer: Renderer, camera: Camera) -> fine_gather.Truth | None:
 
 
 def _read(path: Path, size: tuple[int, int]) -> fine_gather.Truth | None:
-    """The truth in a file, None where there is no file; raises one of disk_cache.DAMAGE for one of another view."""
+    """The truth in a file, None where there is no file; raises one of files.DAMAGE for one of another view."""
     arrays = disk_cache.read(path)
     if arrays is None:
         return None

@@ -31,12 +31,7 @@ def add(commands: Any) -> None:
     flags.add_scene(parser)
     words = "the file that the records are kept in; where it is there, they are added to its own"
     parser.add_argument("--cache", metavar="FILE", required=True, help=words)
-    words = (
-        "keep: the file must be of this scene; update: where it was made for another state of it, what that concerns is gathered"
-    )
-    parser.add_argument(
-        "--cache-mode", choices=("keep", "update"), default="keep", metavar="WORD", help=f"{words} again (default: keep)"
-    )
+    flags.add_cache_mode(parser)
     flags.add_size(parser, 800)
     flags.add_preset(parser, "default")
     parser.add_argument("--stats", metavar="FILE.json", help="write records and the coverage of each frame to this file")
@@ -46,9 +41,11 @@ def add(commands: Any) -> None:
 
 
 def check(args: argparse.Namespace, mistakes: Mistakes) -> None:
-    """Add to `mistakes` that there is no flight."""
+    """Add to `mistakes` that there is no flight, or that workers are to renew a file."""
     if not mistakes.arguments & flags.OF_CAMERAS and args.path is None and args.turntable is None:
         mistakes.add("fill needs a flight; give --path FILE or --turntable N")
+    if args.on is not None and args.cache_mode == "update":
+        mistakes.add("--cache-mode update is not done by --on; fill once without --on, which renews the file")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -56,6 +53,7 @@ def run(args: argparse.Namespace) -> int:
     from irrsplat import settings
     from irrsplat.app.film import fill as filling
     from irrsplat.app.film import flight as flights
+    from irrsplat.app.film import lost
 
     settings.preset(args.preset, **args.values)
 
@@ -64,6 +62,7 @@ def run(args: argparse.Namespace) -> int:
     scene = irrsplat.load(args.scene, **vars(args.loading))
     flight = flights.plan(args, scene, rendering.camera(args, scene))
     flights.check_still(flight, "render it without filling one")
+    lost.tell(scene, flight, args.size, args.turntable is not None)
     if args.on is not None:
         return _fill_on(args, scene, flight)
     with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, **args.values) as renderer:

@@ -138,7 +138,7 @@ def run(args: argparse.Namespace) -> int:
     cannot be written in the end, the others are."""
     from irrsplat import settings
     from irrsplat.app.common import pictures
-    from irrsplat.app.film import films, frames, frozen
+    from irrsplat.app.film import films, frames, frozen, lost
     from irrsplat.app.film import flight as flights
     from irrsplat.image.frame import needed
 
@@ -160,6 +160,7 @@ def run(args: argparse.Namespace) -> int:
         flight, made = films.plan(args, flights.with_outputs(flights.plan(args, scene, camera), args.output))
         if keeps:
             flights.check_still(flight, "leave out --cache-mode frozen")
+        lost.tell(scene, flight, args.size, args.turntable is not None)
     if flight is not None and args.on is not None:
         return _render_on(args, scene, flight, made, buffers, files)
     with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, **args.values) as renderer:

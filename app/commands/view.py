@@ -27,6 +27,7 @@ def add(commands: Any) -> None:
     flags.add_size(parser, None, "window size (default: the last one, at first 1280 720)")
     flags.add_preset(parser, None)
     flags.add_cache(parser, " when the window closes")
+    flags.add_cache_mode(parser)
     flags.add_camera(parser)
     flags.add_settings(parser)
     parser.set_defaults(path=None, turntable=None, frames=None)
@@ -43,27 +44,29 @@ def run(args: argparse.Namespace) -> int:
     if args.preset is not None:
         remembered.preset, remembered.values = args.preset, {}
     remembered.values |= args.values
+    update = args.cache_mode == "update"
     if args.cache is not None:
-        _check_cache(args.cache, scene, remembered.preset, remembered.values)
+        _check_cache(args.cache, scene, remembered.preset, remembered.values, update)
     from irrsplat.app.viewer import viewer
 
     size = tuple(args.size) if args.size else None
-    said = viewer.run(scene, args.scene, size, remembered, camera, notices, args.cache, args.loading)
+    said = viewer.run(scene, args.scene, size, remembered, camera, notices, args.cache, args.loading, update)
     if said is not None:
         say(f"notice: {said}")
     return 0
 
 
-def _check_cache(path: str, scene: Scene, preset: str, values: SettingValues) -> None:
-    """Raises InputError where a cache file cannot be written, or where the one that is there belongs to another scene or to other
-    settings."""
+def _check_cache(path: str, scene: Scene, preset: str, values: SettingValues, update: bool) -> None:
+    """Raises InputError where a cache file cannot be written, or where the one that is there belongs to other settings or,
+    without `update`, to another scene."""
     from irrsplat import settings
     from irrsplat.core import files
     from irrsplat.records import cache_file
 
     files.check_file(path)
     if os.path.exists(path):
-        cache_file.read(path, cache_file.key(scene.recentred.local, settings.preset(preset, **values)))
+        read = cache_file.read_of_any_scene if update else cache_file.read
+        read(path, cache_file.key(scene.recentred.local, settings.preset(preset, **values)))
 
 
 COMMAND = Command(add, run)

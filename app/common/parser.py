@@ -7,6 +7,7 @@ import os
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from gettext import gettext
 from typing import Any, NoReturn
 
 from irrsplat.core.errors import InputError, did_you_mean, nearest
@@ -61,6 +62,10 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Raises InputError with all mistakes so far and this one; main() prints it."""
+        begin = gettext("the following arguments are required: %s").partition("%s")[0]
+        if message.startswith(begin):
+            names = message.removeprefix(begin).split(", ")
+            message = "; ".join(self._missing(action) for action in self._actions if argparse._get_action_name(action) in names)
         self._wrong(message)
         self.mistakes.tell()
         raise AssertionError("there is a mistake to tell")
@@ -71,6 +76,19 @@ class Parser(argparse.ArgumentParser):
         if not _completing():
             words = self._without_unknown_flags(words)
         return super().parse_known_args(words, namespace)
+
+    def _missing(self, action: argparse.Action) -> str:
+        """What is said where there is no word for `action`: what it may be."""
+        if action.choices is None:
+            return f"{argparse._get_action_name(action)} is missing"
+        if action.nargs == argparse.PARSER:
+            return f"a command is missing; the commands are {', '.join(action.choices)}"
+        return f"{self._words(action)}, and none is given"
+
+    def _words(self, action: argparse.Action) -> str:
+        """Which words `action` takes."""
+        words = f"takes {'|'.join(str(name) for name in action.choices or ())}"
+        return words if action.option_strings else f"{self.prog.split()[-1]} {words}"
 
     def _wrong(self, message: str) -> None:
         self.mistakes.add(message, f"{self.prog} --help")
@@ -165,8 +183,8 @@ class Parser(argparse.ArgumentParser):
         if action.nargs == argparse.PARSER:
             words = f"there is no command '{value}'{did_you_mean(str(value), names)}; the commands are {', '.join(names)}"
             raise argparse.ArgumentError(None, words)
-        said = f"takes {'|'.join(names)}, not '{value}'{did_you_mean(str(value), names)}"
-        raise argparse.ArgumentError(action, said)
+        said = f"{self._words(action)}, not '{value}'{did_you_mean(str(value), names)}"
+        raise argparse.ArgumentError(action if action.option_strings else None, said)
 
 
 def _completing() -> bool:

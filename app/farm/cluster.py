@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import asyncio
 import logging
 import os
 import tempfile
@@ -34,7 +35,8 @@ if TYPE_CHECKING:
     from irrsplat.image.statistics import Statistics
     from irrsplat.scene.model import Scene
 
-_PATIENCE = 10.0  # seconds until a scheduler, and a first worker, are there
+_PATIENCE = 5.0  # seconds until a scheduler answers
+_MANNED = 10.0  # seconds until it has a first worker
 _PARTS = 4  # of frames a worker: so that none is left waiting for long, and a killed one has little to do again
 
 
@@ -138,20 +140,47 @@ def _client(address: str) -> Iterator[tuple[Any, int]]:
     except ModuleNotFoundError as error:
         raise IrrsplatError(f"--on needs Dask's '{error.name}': pip install 'irrsplat[cluster]'") from error
     logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # its tracebacks tell what errors here do in one line
-    try:
-        client = Client(address, timeout=_PATIENCE, set_as_default=False)
-    except (OSError, ValueError) as error:
-        raise IrrsplatError(f"--on {address}: no Dask scheduler answers there; start one with: dask scheduler") from error
-    try:
+    nobody = f"--on {address}: no Dask scheduler answers there; start one with: dask scheduler"
+    with _waiting_for(f"a Dask scheduler at {address}"):
         try:
-            client.wait_for_workers(1, timeout=_PATIENCE)
-        except TimeoutError as error:
-            words = f"the scheduler has no workers; start some with: dask worker {address} --nthreads 1"
-            raise IrrsplatError(f"--on {address}: {words}") from error
+            asyncio.run(_reach(address))
+            client = Client(address, timeout=_PATIENCE, set_as_default=False)
+        except ImportError:
+            raise
+        except Exception as error:  # whatever Dask makes of another program's answer
+            raise IrrsplatError(nobody) from error
+    try:
+        with _waiting_for(f"the first worker of {address}"):
+            try:
+                client.wait_for_workers(1, timeout=_MANNED)
+            except TimeoutError as error:
+                words = f"the scheduler has no workers; start some with: dask worker {address} --nthreads 1"
+                raise IrrsplatError(f"--on {address}: {words}") from error
         yield client, len(present(client))
     finally:
         with suppress(TimeoutError):  # of a scheduler that no longer answers
             client.close()
+
+
+async def _reach(address: str) -> None:
+    """Shake hands with the scheduler at `address`; raises what Dask does where that fails. A client that is made where nobody, or
+    another program, answers would hold the process up when it goes."""
+    from distributed.comm.core import connect
+    from distributed.security import Security
+
+    async with asyncio.timeout(_PATIENCE):
+        comm = await connect(address, timeout=_PATIENCE, **Security().get_connection_args("client"))
+        await comm.close()
+
+
+@contextmanager
+def _waiting_for(what: str) -> Iterator[None]:
+    """Says on a terminal what it is that takes a while."""
+    doing(f"waiting for {what}")
+    try:
+        yield
+    finally:
+        doing("")
 
 
 def _told(results: Iterator[Any], count: int, line: OnShare | None, words: str) -> Iterator[Any]:

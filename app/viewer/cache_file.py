@@ -6,18 +6,20 @@ import os
 
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.core.errors import IrrsplatError
+from irrsplat.records import cache_file
 
 
 class CacheFile:
     """Keeps a session's records in the file at `path`, those of the left side where there are two.
 
-    Raises InputError where there is a file that is not for this scene and these settings.
+    update: a file of another state of the scene is taken, and what that concerns is gathered again, with a message. Raises
+    InputError where there is a file that is not for these settings or, without `update`, not for this scene.
     """
 
-    def __init__(self, path: str, actions: Actions) -> None:
+    def __init__(self, path: str, actions: Actions, update: bool = False) -> None:
         self.path, self.actions, self.source = path, actions, actions.source
-        if os.path.exists(path):
-            actions.session.renderers[0].load_cache(path)
+        if os.path.exists(path) and (reason := actions.session.renderers[0].load_cache(path, update)):
+            actions.say(cache_file.renewal(path, reason))
 
     def save(self) -> str | None:
         """Write the file anew; None, or one line: why it stays as it was.

@@ -270,12 +270,13 @@ def run(
     notices: Sequence[str] = (),
     cache: str | None = None,
     loading: LoadOptions = LoadOptions(),  # noqa: B008  # it is frozen
+    update: bool = False,
 ) -> str | None:
     """Open the window on `scene` and stay until it closes; None, or what could not be remembered.
 
-    notices: lines to show at first. cache: the file that its records are kept in. loading: how `scene` was read. Raises
-    GLError where no window can be had, and InputError for a size that none can have, and where there is such a file, but not of
-    this scene and these settings.
+    notices: lines to show at first. cache: the file that its records are kept in; update: even where that is of another state of
+    the scene. loading: how `scene` was read. Raises GLError where no window can be had, and InputError for a size that none can
+    have, and where there is such a file, but not of this scene and these settings.
     """
     wnd = open_window(size or preferences.size or SIZE)
     if size is not None and not wnd.headless and (smaller := (wnd.width, wnd.height)) != size:
@@ -287,7 +288,7 @@ def run(
         for notice in notices:
             viewer.actions.say(notice)
         try:
-            viewer.cache_file = None if cache is None else CacheFile(cache, viewer.actions)
+            viewer.cache_file = None if cache is None else CacheFile(cache, viewer.actions, update)
             with signals(viewer.end):
                 viewer.loop()
         finally:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -17,27 +18,39 @@ from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.viewer import Viewer
 from irrsplat.app.viewer.window import open_window
 from irrsplat.scene.model import Camera
+from irrsplat.settings import SettingValues, preset
 
 IMAGES = Path(__file__).resolve().parents[1] / "images"
 LARGE, SMALL = (960, 600), (400, 300)  # pixels
 LIMIT = 200_000  # bytes a picture
 DT = 1.0 / 30.0
+PLAIN = ("alpha", "opacity", "smooth_normal")  # where nothing is cut out, clear or bent by a normal map
+# complete is enough: the way to 0.5 % takes minutes, and so few records are there that each can be seen; long ticks, since
+# nobody waits for a frame
+SETTINGS: SettingValues = {"viewer_quality": 0.0, "viewer_samples": 16, "budget": 1000.0}
 
 
 def settled(viewer: Viewer) -> None:
-    """Frames until nothing changes any more, messages gone."""
+    """Frames until nothing changes any more."""
     for _ in range(3000):
         viewer.frame(DT)
         if viewer.actions.session.at_rest:
             break
+
+
+def drawn(viewer: Viewer) -> None:
+    """A few frames more, messages gone."""
     viewer.actions.messages.lines.clear()
     for _ in range(3):  # windows take their size from the frame before
         viewer.frame(DT)
 
 
-def keep(viewer: Viewer, name: str) -> None:
-    """Store what the window shows as docs/images/`name`.png, with fewer colours where it would be over the limit."""
-    settled(viewer)
+def keep(viewer: Viewer, name: str, settle: bool = True) -> None:
+    """Store what the window shows as docs/images/`name`.png, with fewer colours where it would be over the limit. settle: once
+    nothing changes any more."""
+    if settle:
+        settled(viewer)
+    drawn(viewer)
     width, height = viewer.wnd.buffer_size
     pixels = np.frombuffer(viewer.wnd.fbo.read(components=3), "u1").reshape(height, width, 3)[::-1]
     target, picture = IMAGES / f"{name}.png", Image.fromarray(pixels.copy())
@@ -46,14 +59,14 @@ def keep(viewer: Viewer, name: str) -> None:
         if target.stat().st_size > LIMIT:
             picture.quantize(colours, dither=Image.Dither.FLOYDSTEINBERG).save(target, optimize=True)
     assert target.stat().st_size <= LIMIT, f"{target} has {target.stat().st_size} bytes"
-    print(f"{target.name}: {target.stat().st_size // 1000} kB")
+    print(f"{target.name}: {target.stat().st_size // 1000} kB, after {time.process_time():.0f} s of processor time", flush=True)
 
 
 def show(scene: str, size: tuple[int, int], take: Callable[[Viewer], None], camera: Camera | None = None) -> None:
     """Open a window in memory on a bundled scene, and take pictures of it."""
     wnd = open_window(size, headless=True)
     hints = [] if take is whole else list(HINTS)  # they are part of the window as it opens
-    viewer = Viewer(wnd, irrsplat.load(scene), scene, Preferences(ui={"hints": hints}), camera)
+    viewer = Viewer(wnd, irrsplat.load(scene), scene, Preferences(values=SETTINGS, ui={"hints": hints}), camera)
     take(viewer)
     viewer.close(remember=False)
     wnd.destroy()
@@ -62,11 +75,13 @@ def show(scene: str, size: tuple[int, int], take: Callable[[Viewer], None], came
 def whole(viewer: Viewer) -> None:
     """The window as it opens, records over it, and both kinds of split view."""
     actions, options = viewer.actions, viewer.actions.session.options
-    keep(viewer, "viewer/window")
+    settled(viewer)
+    actions.session.change(0, **{name: getattr(preset("default"), name) for name in SETTINGS})  # as it opens
+    keep(viewer, "viewer/window", settle=False)
+    actions.session.change(0, **SETTINGS)
     for hint in HINTS:
         actions.hints.follow(hint)
     actions.panels.settings = False
-    actions.session.change(0, viewer_quality=0.0)  # so few records that each can be seen
     options.buffers[0], options.discs, options.points, options.inspect = "irradiance", True, True, True
     viewer.controls.mouse = (0.36 * LARGE[0], 0.3 * LARGE[1])
     viewer.backend.mouse_position(*viewer.controls.mouse)
@@ -84,12 +99,11 @@ def whole(viewer: Viewer) -> None:
 
 
 def buffers(viewer: Viewer) -> None:
-    """Every buffer, by itself with its legend; but for those that need a path tracer."""
+    """Every buffer, by itself with its legend; but for those that need a path tracer, or show nothing of this scene."""
     actions = viewer.actions
-    actions.session.change(0, viewer_quality=0.0)
     actions.panels.settings = actions.panels.hud = False
     settled(viewer)
-    for name in (name for name, buffer in BUFFERS.items() if not buffer.needs_truth):
+    for name in (name for name, buffer in BUFFERS.items() if not buffer.needs_truth and name not in PLAIN):
         if name == "asking":  # something must be left to ask for: two rounds only
             actions.clear()
             for _ in range(2):
@@ -97,7 +111,7 @@ def buffers(viewer: Viewer) -> None:
                 settled(viewer)
         if name != "emission":
             actions.session.options.buffers[0] = name
-            keep(viewer, f"buffers/{name}")
+            keep(viewer, f"viewer/{name}" if name == "light" else f"buffers/{name}")  # a folder has no more than 14 entries
         if name == "asking":
             actions.toggle("frozen")
 

@@ -12,6 +12,7 @@ import secrets
 import shutil
 import stat
 import struct
+import zipfile
 import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -27,6 +28,12 @@ except ImportError:  # Windows has no such locks: nothing is swept there
     fcntl = None  # type: ignore[assignment]
 
 Pathlike = str | os.PathLike[str]
+
+# what reading a damaged file of numbers, an NPZ with JSON in it say, may raise
+DAMAGE = (
+    ValueError, KeyError, TypeError, AttributeError, OSError, EOFError, RecursionError, ArithmeticError, MemoryError,
+    NotImplementedError, SyntaxError, struct.error, zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
 
 _HEADER = 1 << 20  # bytes that an EXR's header takes at most
 _CHUNK = 16  # rows of an EXR that ZIP packs together

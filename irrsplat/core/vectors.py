@@ -1,5 +1,6 @@
 """Rows of vectors: reproducible products with a matrix, unit length without overflow, cross products; areas of triangles;
-octahedral coordinates of directions, as the g-buffer keeps them (Cigolle et al. 2014); an origin near what lies far away."""
+octahedral coordinates of directions, as the g-buffer keeps them (Cigolle et al. 2014); an origin near what lies far away;
+directions all around."""
 
 from __future__ import annotations
 
@@ -77,3 +78,11 @@ def octahedral_decode(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     v = np.stack([x - np.copysign(fold, x), y - np.copysign(fold, y), z], axis=-1)
     scaled: np.ndarray = v / np.maximum(np.linalg.norm(v, axis=-1, keepdims=True), 1e-30)
     return scaled
+
+
+def sphere(count: int) -> np.ndarray:
+    """(count, 3) unit vectors spread evenly over the sphere: a Fibonacci lattice."""
+    i = np.arange(count)
+    height, angle = 1.0 - (2.0 * i + 1.0) / count, i * np.pi * (3.0 - np.sqrt(5.0))
+    level = np.sqrt(1.0 - height * height)
+    return np.stack([level * np.cos(angle), level * np.sin(angle), height], axis=1)

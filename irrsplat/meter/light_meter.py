@@ -18,19 +18,14 @@ from irrsplat.core.errors import InputError
 from irrsplat.core.vectors import unit
 from irrsplat.core.words import GREATEST
 from irrsplat.gather.record_frame import OFFSET
-from irrsplat.gpu import self_test
 from irrsplat.gpu.resource import Resource, Tenant
 from irrsplat.gpu.time_budget import Budget
-from irrsplat.gpu.timers import Timers
-from irrsplat.gpu.world import World
 from irrsplat.indirect.record_gatherer import RecordGatherer
-from irrsplat.lighting import gl_limits
 from irrsplat.lighting.light_table import light_defines
-from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.lighting.site_light import SiteLightPass
+from irrsplat.meter.lit_scene import LitScene
 from irrsplat.meter.readings import Readings, Status
 from irrsplat.meter.solids import inside_solids
-from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.model import Scene
 from irrsplat.scene.model.checks import check_type
 from irrsplat.settings import Settings, SettingValues, preset
@@ -72,19 +67,15 @@ class LightMeter(Tenant):
         self._origin, self.scene = scene.origin, scene.local  # from here on all is relative to it but points and readings
         scene, self.settings = self.scene, measuring(preset, **settings)
         with self._moving_in(ctx) as made:
-            self_test.check(self.ctx)
-            gl_limits.check(self.ctx, (1, 1), scene, self.settings.shadow_size)
-            self.world = made.enter_context(World(self.ctx, scene))
-            self.cache = made.enter_context(RecordCache(self.ctx))
-            self.shadow_pass = made.enter_context(ShadowPass(self.ctx))
-            timers = Timers(self.ctx, bool(self.about["software"]))
-            self.gatherer = made.enter_context(RecordGatherer(self.world, self.settings, self.cache, timers))
+            self.lit = made.enter_context(LitScene(self.ctx, self.about, scene, self.settings))
+            self.world, self.cache = self.lit.world, self.lit.cache
+            self.gatherer = made.enter_context(RecordGatherer(self.world, self.settings, self.cache, self.lit.timers))
         self._light: _Light | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees; the context is apart."""
         lamps = None if self._light is None else self._light.lamps
-        return (self.gatherer, self.cache, self.shadow_pass, lamps, self.world)
+        return (self.gatherer, lamps, self.lit)
 
     def measure(self, points: npt.ArrayLike, normals: npt.ArrayLike, on_progress: OnPoints | None = None) -> Readings:
         """What sensors read at `points` (N, 3), metres, that face along `normals` (N, 3) or (3,), of any length.
@@ -114,7 +105,7 @@ class LightMeter(Tenant):
     def _lit(self) -> _Light:
         """The shadow maps and the surface cache, made when first wanted."""
         if self._light is None:
-            shadows = self.shadow_pass(self.world, self.settings.shadow_size)
+            shadows = self.lit.shadows
             if self.settings.most_bounces:
                 self.gatherer.prepare(shadows, Budget(None))
             defines = {**light_defines(self.scene), "ANYWHERE": 1}

@@ -10,9 +10,7 @@ import hashlib
 import io
 import json
 import math
-import struct
 import zipfile
-import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -34,18 +32,6 @@ from irrsplat.settings import SETTINGS, Settings
 FORMAT = 6  # to be raised whenever the content of files changes, or what records are gathered from
 _NAME = b"irrsplat record cache "
 _DIGEST = hashlib.sha256().digest_size
-_DAMAGED: tuple[type[Exception], ...] = (
-    ValueError,
-    KeyError,
-    TypeError,
-    AttributeError,
-    OSError,
-    EOFError,
-    RecursionError,
-    ArithmeticError,
-    MemoryError,
-)
-_DAMAGED += (NotImplementedError, SyntaxError, struct.error, zipfile.BadZipFile, zlib.error)  # what zip and NPY may raise
 _REMEDY = "remove it to have it made anew, or name another file"
 
 
@@ -180,7 +166,7 @@ def read(path: files.Pathlike, key: CacheKey) -> CacheState:
     """
     content = read_any(path)
     if reason := difference(content.key, key):
-        renewed = "" if content.key.settings != key.settings else "; irrsplat render --cache-mode update renews it"
+        renewed = "" if content.key.settings != key.settings else "; --cache-mode update renews it"
         raise InputError(f"this record cache was made {reason}; {_REMEDY}{renewed}", path)
     return content.state
 
@@ -196,6 +182,11 @@ def read_of_any_scene(path: files.Pathlike, key: CacheKey) -> tuple[Content, str
     return content, difference(content.key, key)
 
 
+def renewal(path: files.Pathlike, reason: str) -> str:
+    """What is said where a file is taken although its scene differs, which `reason` says as `read_of_any_scene` does."""
+    return f"{path} was made {reason}; what that concerns is gathered again"
+
+
 def read_any(path: files.Pathlike) -> Content:
     """All that a file holds, whatever it was made for; raises InputError where it is missing, no record cache or damaged."""
     header, arrays = _read(path)
@@ -208,7 +199,7 @@ def read_any(path: files.Pathlike) -> Content:
         record_cache.check_state(records)
         adapted = AdaptiveRadiusState.from_json(about["adapted"])
         return Content(made_for, CacheState(records, adapted, dict(about["bounces"]), about["settings"]), scene)
-    except _DAMAGED as error:
+    except files.DAMAGE as error:
         raise InputError(f"a damaged record cache ({type(error).__name__}); {_REMEDY}", path) from error
 
 
@@ -227,13 +218,13 @@ def _read(path: files.Pathlike) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     try:
         state = _arrays(data)
         return json.loads(str(state.pop("about"))), state
-    except _DAMAGED as error:
+    except files.DAMAGE as error:
         raise InputError(f"a damaged record cache ({type(error).__name__}); {_REMEDY}", path) from error
 
 
 def _arrays(data: bytes) -> dict[str, np.ndarray]:
     """The arrays in the bytes of an NPZ as `write` makes it, where nothing is packed, so that they are no larger than the file;
-    raises one of _DAMAGED for any other."""
+    raises one of files.DAMAGE for any other."""
     with zipfile.ZipFile(io.BytesIO(data)) as whole:
         parts = whole.infolist()
         if any(part.compress_type != zipfile.ZIP_STORED for part in parts) or sum(part.file_size for part in parts) > len(data):

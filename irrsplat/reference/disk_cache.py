@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import zipfile
-import zlib
 from dataclasses import fields
 from pathlib import Path
 
@@ -15,9 +13,6 @@ from irrsplat.core import paths
 from irrsplat.core.errors import IrrsplatError
 from irrsplat.core.files import _naming, write_file
 from irrsplat.scene.model import Camera, Material, Scene, Texture
-
-# what reading a damaged file raises
-DAMAGE = (OSError, ValueError, KeyError, EOFError, TypeError, NotImplementedError, zipfile.BadZipFile, zlib.error)
 
 
 def folder() -> Path:
@@ -71,7 +66,7 @@ def key_of(scene: Scene, camera: Camera, *values: ArrayLike) -> str:
 
 
 def read(path: Path) -> dict[str, np.ndarray] | None:
-    """The arrays in a file by name, None where there is no file; raises one of DAMAGE for a damaged one."""
+    """The arrays in a file by name, None where there is no file; raises one of files.DAMAGE for a damaged one."""
     try:
         with np.load(path, allow_pickle=False) as data:  # zip's check sums tell of every bit that has changed
             return {name: data[name] for name in data.files}

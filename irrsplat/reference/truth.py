@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from irrsplat.core import files
 from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.image.frame import Frame
 from irrsplat.reference import blemishes, disk_cache, worker
@@ -174,7 +175,7 @@ def traced(
         path = folder() / f"truth-{key}.npz"
         if (truth := _read(path, size)) is not None:
             return truth
-    except disk_cache.DAMAGE:
+    except files.DAMAGE:
         notice(f"{path}: damaged; the truth is traced again")
     except IrrsplatError as error:
         notice(str(error))
@@ -199,12 +200,12 @@ def kept(scene: Scene, camera: Camera, size: tuple[int, int], bounces: int | str
     """The truth of a view as `traced` has it where it was traced before; None elsewhere, and where its file is damaged."""
     try:
         return _read(folder() / f"truth-{key_of(scene, camera, size, side_of(samples), bounces)}.npz", size)
-    except (IrrsplatError, *disk_cache.DAMAGE):
+    except (IrrsplatError, *files.DAMAGE):
         return None
 
 
 def _read(path: Path, size: tuple[int, int]) -> Traced | None:
-    """The truth in a file, None where there is no file; raises one of disk_cache.DAMAGE for any other file."""
+    """The truth in a file, None where there is no file; raises one of files.DAMAGE for any other file."""
     arrays = disk_cache.read(path)
     if arrays is None:
         return None

@@ -17,7 +17,6 @@ import numpy.typing as npt
 from irrsplat.core import files
 from irrsplat.core.buffers import GBuffer, ShadowMaps
 from irrsplat.core.errors import InputError
-from irrsplat.core.paths import named
 from irrsplat.gpu import context, program, self_test
 from irrsplat.gpu.resource import Resource, Tenant
 from irrsplat.gpu.target import Screen, pixels
@@ -34,9 +33,8 @@ from irrsplat.indirect.scheduler import RecordScheduler
 from irrsplat.indirect.splat_buffer import ViewSplats
 from irrsplat.indirect.view_state import ViewState
 from irrsplat.lighting import gl_limits
-from irrsplat.records import cache_file
 from irrsplat.records.record_cache import RecordCache
-from irrsplat.records.scene_stamp import earlier
+from irrsplat.renderer import kept_records
 from irrsplat.renderer.resting import RestingView
 from irrsplat.renderer.rounds import Rounds
 from irrsplat.renderer.stages import Stages
@@ -393,9 +391,7 @@ class Renderer(Tenant):
         Raises InputError where `path` cannot be written to, IrrsplatError where writing fails.
         """
         self._use()
-        files.check_file(named(path))
-        scene = self._state.scene
-        cache_file.write(path, cache_file.key(scene, self.scheduler.settings), self.scheduler.state(), cache_file.stamp(scene))
+        kept_records.save(path, self._state.scene, self.scheduler)
 
     def load_cache(self, path: files.Pathlike, update: bool = False) -> str:
         """Take the records of a file in place of those that there are.
@@ -408,36 +404,9 @@ class Renderer(Tenant):
         """
         self._use()
         self._resting.leave()
-        present, wanted = self._state, cache_file.key(self._state.scene, self.scheduler.settings)
-        if not update:
-            self.scheduler.restore(cache_file.read(named(path), wanted))
-            self.forget(records=False)
-            return ""
-        found, reason = cache_file.read_of_any_scene(named(path), wanted)
-        if reason:
-            self._renew_from(found, present, same_lights=found.key.lights == wanted.lights)
-        else:
-            self.scheduler.restore(found.state)
+        reason = kept_records.load(path, update, self._state, self, self._go_on)
         self.forget(records=False)
         return reason
-
-    def _renew_from(self, found: cache_file.Content, present: State, same_lights: bool) -> None:
-        """Take the records of a file that belong to another state of the scene, and go on to the present one from there."""
-        then = earlier(found.scene, present.scene, cache_file.stamp(present.scene))
-        records = cache_file.carried_over(found.state, then)
-        self.forget()
-        try:
-            self._go_on(replace(present, scene=then.scene))
-            self.scheduler.restore(records)
-            if then.complete and same_lights:  # a look at what was there before tells whom the change concerns
-                self.scheduler.gatherer.resume(self.draw_shadows(), Budget(None))
-            else:
-                self.cache.invalidate()
-            self._go_on(present)
-        except BaseException:
-            self.cache.truncate(0)
-            self._go_on(present)
-            raise
 
     # ---- whole renders ---------------------------------------------------------------------------------------------
 

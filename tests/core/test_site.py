@@ -6,6 +6,7 @@ import argparse
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -90,6 +91,59 @@ def test_the_search_looks_for_flags(site: dict[str, str]) -> None:
     for typed, asked in (("--cache-mode", "cache-mode"), ("render --size", "render size"), ("cache-", "cache"), ("a-b", "a-b")):
         assert re.sub(pattern[1], lambda m: m[1] or "", typed) == asked
     assert all("assets/search-flags.js" in text for name, text in site.items() if name.endswith(".html") and "md-search" in text)
+
+
+def test_a_page_that_is_found_by_its_sections_highlights_their_words(site: dict[str, str]) -> None:
+    """The theme's worker gives such a page no words; the script, before the theme's listener, gives it those of its sections."""
+    node = shutil.which("node")
+    if node is None:
+        pytest.skip("there is no node to run the site's scripts")
+    worker = next(text for name, text in site.items() if re.search(r"workers/search\.\w+\.min\.js$", name))
+    page = site["viewer.html"]
+    assert page.index("assets/search-flags.js") < page.index("/bundle.")
+    asked = json.dumps(["--hemicube", "record radius"])
+    script = _SEARCH % (worker, site["search/search_index.json"], site["assets/search-flags.js"], asked)
+    done = subprocess.run([node, "-"], input=script, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    for words, found in json.loads(done.stdout).items():
+        assert len(found) > 10
+        for before, after in found:
+            assert any(after.values()) and before.items() <= after.items()
+            assert set(after) <= set(words.strip("-").split())
+        assert any(not before for before, _ in found), "there are such pages"
+
+
+_SEARCH = """
+const listeners = [], answers = [];
+globalThis.self = globalThis;
+globalThis.importScripts = () => {};
+globalThis.addEventListener = (kind, listener) => listeners.push(listener);
+globalThis.postMessage = (data) => answers.forEach((answer) => answer({ data }));
+globalThis.Worker = class {
+  addEventListener(kind, listener) { answers.push(listener); }
+  postMessage(data) { listeners.forEach((listener) => listener({ data })); }
+};
+globalThis.window = globalThis;
+answers.push(({ data }) => { if (data.type === 3) before = data.data.items.flat().map((item) => ({ ...item.terms })); });
+let before, after, told;
+%s
+const index = %s;
+%s
+const worker = new Worker(), found = {};
+worker.addEventListener("message", ({ data }) => {
+  if (data.type === 3) after = data.data.items.flat().map((item) => item.terms);
+  told();
+});
+const send = (message) => new Promise((done) => { told = done; worker.postMessage(message); });
+(async () => {
+  await send({ type: 0, data: { ...index, options: { suggest: false } } });
+  for (const words of %s) {
+    await send({ type: 2, data: words });
+    found[words] = before.map((terms, i) => [terms, after[i]]);
+  }
+  console.log(JSON.stringify(found));
+})();
+"""
 
 
 def test_the_exercises_name_keys_that_there_are() -> None:

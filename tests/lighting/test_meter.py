@@ -154,8 +154,8 @@ def test_a_meter_frees_what_it_made(ctx: moderngl.Context) -> None:
     scene = worlds.scene(worlds.floor(), lights=(worlds.lamp((0, 2, 0)),), sky=0.2)
     with LightMeter(scene, ctx=ctx, bounces=1, gather_size=16) as meter:
         meter.measure(POINTS, UP)
-        assert meter.shadow_pass.target is not None and meter.shadow_pass.target.depth is not None
-        made = [meter.cache.records.textures["position"], meter.shadow_pass.target.depth, meter.world.geometry.vertices]
+        assert meter.lit.shadow_pass.target is not None and meter.lit.shadow_pass.target.depth is not None
+        made = [meter.cache.records.textures["position"], meter.lit.shadow_pass.target.depth, meter.world.geometry.vertices]
         assert not any(isinstance(getattr(one, "mglo", None), moderngl.InvalidObject) for one in made)
     assert all(isinstance(getattr(one, "mglo", None), moderngl.InvalidObject) for one in made)
 

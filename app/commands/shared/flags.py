@@ -96,6 +96,16 @@ def add_cache(parser: argparse.ArgumentParser, when: str = "") -> None:
     parser.add_argument("--cache", metavar="FILE", help=words)
 
 
+def add_cache_mode(parser: argparse.ArgumentParser) -> None:
+    """--cache-mode, where the file of --cache is added to in any case."""
+    words = (
+        "keep: the file must be of this scene; update: where it was made for another state of it, what that concerns is gathered"
+    )
+    parser.add_argument(
+        "--cache-mode", choices=("keep", "update"), default="keep", metavar="WORD", help=f"{words} again (default: keep)"
+    )
+
+
 def add_flight(parser: argparse.ArgumentParser, words: str) -> Any:
     """A flight, and who does it; the group of flags, for further ones. words: what is said of the group."""
     group = parser.add_argument_group("path", words)

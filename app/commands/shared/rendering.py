@@ -50,8 +50,10 @@ def check_kept_files(args: argparse.Namespace, mistakes: Mistakes, names: Sequen
 
 def load_cache(renderer: Renderer, args: argparse.Namespace) -> None:
     """Take the records of --cache, as --cache-mode says; what that renews is told."""
+    from irrsplat.records import cache_file
+
     if reason := renderer.load_cache(args.cache, update=args.cache_mode == "update"):
-        say(f"notice: {args.cache} was made {reason}; what that concerns is gathered again")
+        say(f"notice: {cache_file.renewal(args.cache, reason)}")
 
 
 @contextmanager

@@ -1,4 +1,4 @@
-"""Messages at the top in the middle; errors are red, and have a button that closes them."""
+"""Messages at the top, clear of what else stands there; errors are red, and have a button that closes them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import time
 from imgui_bundle import imgui
 
 from irrsplat.app.viewer.messages import Messages
-from irrsplat.app.viewer.ui.layout import PLAIN, RED, WHITE, Layout
+from irrsplat.app.viewer.ui.layout import MARGIN, PLAIN, RED, WHITE, Layout
 
 
 def draw_waiting(text: str) -> None:
@@ -19,13 +19,14 @@ def draw_waiting(text: str) -> None:
     imgui.end()
 
 
-def draw_messages(messages: Messages, layout: Layout) -> None:
-    """Draw the lines on show."""
+def draw_messages(messages: Messages, layout: Layout, numbers: bool) -> None:
+    """Draw the lines on show, in front of everything where there is no room beside it. numbers: whether those are on show."""
     if not messages.lines:
         return
-    view, (left, top, right, _) = imgui.get_main_viewport(), layout.area
-    imgui.set_next_window_pos((0.5 * (left + right), top), imgui.Cond_.always, (0.5, 0.0))
-    imgui.set_next_window_size_constraints((0.0, 0.0), (0.9 * view.size.x, view.size.y))
+    view, (left, right) = imgui.get_main_viewport(), layout.free_span(numbers)
+    width = right - left - 2.0 * MARGIN
+    imgui.set_next_window_pos((0.5 * (left + right), layout.area[1]), imgui.Cond_.always, (0.5, 0.0))
+    imgui.set_next_window_size_constraints((0.0, 0.0), (width, view.size.y))
     errors, now = messages.errors, time.monotonic()
     if errors:
         imgui.push_style_color(imgui.Col_.window_bg, RED)
@@ -33,7 +34,8 @@ def draw_messages(messages: Messages, layout: Layout) -> None:
     else:
         imgui.set_next_window_bg_alpha(0.9 * max(message.opacity(now) for message in messages.lines))
     imgui.begin("messages", None, PLAIN | (0 if errors else imgui.WindowFlags_.no_inputs))
-    imgui.push_text_wrap_pos(0.85 * view.size.x)
+    imgui.internal.bring_window_to_display_front(imgui.internal.get_current_window())
+    imgui.push_text_wrap_pos(width - 2.0 * imgui.get_style().window_padding.x)
     for message in messages.lines:
         imgui.push_style_var(imgui.StyleVar_.alpha, max(message.opacity(now), 0.01))
         imgui.text_wrapped(message.text)

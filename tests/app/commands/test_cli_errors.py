@@ -21,9 +21,9 @@ RENDER = ["render", "plain.scene", "-o", "a.png"]
 @pytest.mark.parametrize(
     ("argv", "words"),
     [
-        ([], "COMMAND"),
+        ([], "a command is missing"),
         (["paint"], "paint"),
-        (["--nonsense"], "COMMAND"),
+        (["--nonsense"], "a command is missing"),
         (["render"], "-o/--output"),
         (["render", "plain.scene"], "-o/--output"),
         (["render", "plain.scene", "-o"], "expected one argument"),

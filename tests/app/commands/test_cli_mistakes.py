@@ -38,6 +38,26 @@ def test_what_was_meant_is_told(argv: list[str], meant: str, refused: Callable[.
     assert meant in line and line.count("did you mean") == 1
 
 
+@pytest.mark.parametrize(
+    ("argv", "said"),
+    [
+        (["desktop"], "irrsplat: desktop takes install|remove, and none is given; see irrsplat desktop --help\n"),
+        (["desktop", "put"], "irrsplat: desktop takes install|remove, not 'put'; see irrsplat desktop --help\n"),
+        (["completion"], "irrsplat: completion takes bash|zsh|fish, and none is given; see irrsplat completion --help\n"),
+        (["completion", "shell"], "irrsplat: completion takes bash|zsh|fish, not 'shell'; see irrsplat completion --help\n"),
+        (["cache"], "irrsplat: a command is missing; the commands are info, merge, prune; see irrsplat cache --help\n"),
+        (["cache", "x"], "irrsplat: there is no command 'x'; the commands are info, merge, prune; see irrsplat cache --help\n"),
+        (["cache", "info"], "irrsplat: FILE is missing; see irrsplat cache info --help\n"),
+    ],
+)
+def test_what_may_follow_is_told(argv: list[str], said: str, refused: Callable[..., str]) -> None:
+    assert refused(argv) == said
+
+
+def test_without_a_command_all_are_told(refused: Callable[..., str]) -> None:
+    assert f"a command is missing; the commands are {', '.join(grammar.COMMANDS)};" in refused([])
+
+
 def test_a_camera_that_was_meant_is_told(refused: Callable[..., str], place: Path, fake: Any) -> None:
     (place / "plain.scene").write_text((place / "plain.scene").read_text() + "cam gallery 5 0 0 0 0 0 0 0 1\n")
     assert "no camera 'galery' (did you mean 'gallery'?); the named cameras here: 'gallery'" in refused(

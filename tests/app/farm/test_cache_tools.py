@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from irrsplat.app import cli
+from irrsplat.app.viewer import viewer, window
 from irrsplat.records import cache_file
 from tests.support.viewing import write_room
 
@@ -77,3 +78,28 @@ def test_a_changed_scene_renews_its_file(place: Path, capsys: pytest.CaptureFixt
     assert "notice: a.cache was made for other lights; what that concerns is gathered again" in capsys.readouterr().err
     assert render("a.cache") == 0 and render("a.cache", "--cache-mode", "update") == 0
     assert capsys.readouterr().err == ""
+
+
+def test_the_viewer_renews_a_changed_scenes_file(
+    place: Path, monkeypatch: pytest.MonkeyPatch, refused: Callable[..., str]
+) -> None:
+    """By the same flag: it opens with the file's records, says what it was made for, and leaves one of the scene as it is."""
+    monkeypatch.setenv("IRRSPLAT_CONFIG", str(place / "config"))
+    monkeypatch.setattr(viewer, "open_window", lambda size: window.open_window(size, headless=True))
+    seen: list[tuple[int, list[str]]] = []
+
+    def loop(self: viewer.Viewer) -> None:
+        renderer = self.session.renderers[0]
+        seen.append((renderer.cache.count, [message.text for message in self.actions.messages.lines]))
+        self.frame(0.05)
+
+    monkeypatch.setattr(viewer.Viewer, "loop", loop)
+    lamp, records = place / "lamp.light", count("a.cache")
+    lamp.write_text(lamp.read_text().replace("3 3 3", "4 3 3"))
+    view = ["view", "room.scene", *FAST, "--cache", "a.cache"]
+    said = refused(view)
+    assert "made for other lights" in said and "--cache-mode update renews it" in said and not seen
+    assert cli.main([*view, "--cache-mode", "update"]) == 0
+    [(taken, messages)] = seen
+    assert taken == records and any("a.cache was made for other lights" in message for message in messages)
+    assert render("a.cache") == 0, "the file belongs to the scene as it is"

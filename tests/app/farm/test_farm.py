@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -122,17 +123,45 @@ def test_a_worker_with_another_scene_is_told(
     assert not (place / "film.cache").exists()
 
 
+@contextmanager
+def web_server() -> Iterator[str]:
+    """The address of a program that answers, though not as a scheduler does: its words are a length of 10^18 bytes to Dask."""
+    with socket.create_server(("127.0.0.1", 0)) as there:
+
+        def answer() -> None:
+            with suppress(OSError):
+                while True:
+                    caller, _ = there.accept()
+                    with caller:
+                        caller.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n")
+
+        threading.Thread(target=answer, daemon=True).start()
+        yield f"tcp://127.0.0.1:{there.getsockname()[1]}"
+        there.shutdown(socket.SHUT_RDWR)
+
+
 def test_what_is_said_where_there_is_no_farm(
     place: Path, refused: Callable[..., str], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """No address, nobody there, no worker; each in one line."""
+    """No address, nobody there, another program, no worker; each in one line. What is waited for is told meanwhile."""
+    awaited: list[str] = []
+    monkeypatch.setattr(farm, "doing", awaited.append)
+    assert farm._PATIENCE <= 5.0
     assert "expected a scheduler's address such as tcp://farm:8786, not 'farm'" in refused([*FILL, "--on", "farm"])
+    assert "fill once without --on" in refused([*FILL, "--on", "tcp://127.0.0.1:9", "--cache-mode", "update"])
     monkeypatch.setattr(farm, "_PATIENCE", 0.5)
-    assert cli.main([*FILL, "--on", "tcp://127.0.0.1:9"]) == 1
-    assert "no Dask scheduler answers there; start one with: dask scheduler" in capsys.readouterr().err
+    monkeypatch.setattr(farm, "_MANNED", 0.5)
+    with web_server() as other:
+        for nobody in ("tcp://127.0.0.1:9", other):
+            awaited.clear()
+            assert cli.main([*FILL, "--on", nobody]) == 1
+            said = capsys.readouterr().err
+            assert said == f"irrsplat: --on {nobody}: no Dask scheduler answers there; start one with: dask scheduler\n"
+            assert awaited == [f"waiting for a Dask scheduler at {nobody}", ""]
     with workers(0) as found:
         assert cli.main([*FILL, "--on", found]) == 1
     assert f"the scheduler has no workers; start some with: dask worker {found}" in capsys.readouterr().err
+    assert awaited[-2:] == [f"waiting for the first worker of {found}", ""]
     assert not (place / "film.cache").exists()
 
 

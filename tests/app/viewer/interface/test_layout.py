@@ -107,6 +107,52 @@ def test_everything_fits(driver: Driver, size: tuple[int, int], scale: float) ->
     driver.actions.appearance.scale = 1.0
 
 
+def test_a_message_stands_clear_of_panels_and_numbers(driver: Driver) -> None:
+    """Between them, over several lines; where there is no room for it, all of it is in front of them."""
+    driver.actions.panels.settings = driver.actions.panels.hud = True
+    for size in ((900, 700), (640, 400)):
+        driver.resize(size)
+        driver.actions.messages.lines.clear()
+        driver.settle()
+        driver.frame(8)
+        layout, before = driver.viewer.interface.layout, driver.window()
+        driver.actions.say("WWWW a message as long as this one takes more than a line of what is free WWWW", error=True)
+        driver.frame(6)
+        rows, columns = np.nonzero(red(driver.window()) & ~red(before))
+        assert rows.min() < 40 and len(rows) > 5000
+        if size[0] == 900:
+            free = layout.panel_right, size[0] - layout.statistics_size[0]
+            assert free[0] < columns.min() and columns.max() < free[1]
+        else:
+            assert columns.min() < 0.5 * layout.panel_right and columns.max() > size[0] - 0.5 * layout.statistics_size[0]
+    driver.actions.messages.lines.clear()
+
+
+def red(picture: np.ndarray) -> np.ndarray:
+    """(H, W) where it is as red as the ground of an error."""
+    r, g, b = picture.transpose(2, 0, 1).astype(int)
+    found: np.ndarray = (r > 140) & (g < 90) & (b < 90)
+    return found
+
+
+def test_in_a_small_window_a_new_panel_folds_those_that_it_covers(driver: Driver) -> None:
+    """Their titles stay, clear of it; in a large one all stay open."""
+    for size, folds in (((640, 400), True), ((1280, 720), False)):
+        driver.resize(size)
+        panels = driver.actions.panels
+        panels.settings, panels.hud, panels.lights = True, True, False
+        driver.viewer.interface.layout.restore()
+        driver.frame(8)
+        panels.lights = True
+        driver.frame(10)
+        boxes = driver.viewer.interface.layout._drawn
+        settings, lights = boxes["settings"], boxes["lights"]
+        assert (settings[3] - settings[1] < 40) == folds and lights[3] - lights[1] > 100
+        assert lights[1] >= settings[3] or lights[0] >= settings[2] or settings[0] >= lights[2]
+        panels.lights = False
+        driver.frame(2)
+
+
 def test_a_legend_that_is_too_long_scrolls(driver: Driver) -> None:
     """It takes two fifths of the height, and the wheel moves it, not the camera; one that fits lets the mouse through."""
     driver.session.options.frozen = driver.session.options.points = True

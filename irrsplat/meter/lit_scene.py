@@ -1,0 +1,50 @@
+"""What light at places without a view is gathered with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import ExitStack
+
+import moderngl
+
+from irrsplat.core.buffers import ShadowMaps
+from irrsplat.gpu import self_test
+from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.timers import Timers
+from irrsplat.gpu.world import World
+from irrsplat.lighting import gl_limits
+from irrsplat.lighting.shadow_maps import ShadowPass
+from irrsplat.records.record_cache import RecordCache
+from irrsplat.scene.model import Scene
+from irrsplat.settings import Settings
+
+
+class LitScene(Owner):
+    """A scene on the GPU, its shadow maps, and a cache of records.
+
+    scene: recentred and local. about: the context, as gpu.context.describe has it. Raises InputError for lights that are too
+    many, GLError where OpenGL fails its self-test.
+    """
+
+    def __init__(self, ctx: moderngl.Context, about: Mapping[str, object], scene: Scene, settings: Settings) -> None:
+        self_test.check(ctx)
+        gl_limits.check(ctx, (1, 1), scene, settings.shadow_size)
+        with ExitStack() as made:
+            self.world = made.enter_context(World(ctx, scene))
+            self.cache = made.enter_context(RecordCache(ctx))
+            self.shadow_pass = made.enter_context(ShadowPass(ctx))
+            made.pop_all()
+        self.timers = Timers(ctx, bool(about["software"]))
+        self._shadow_size = settings.shadow_size
+        self._shadows: ShadowMaps | None = None
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.cache, self.shadow_pass, self.world)
+
+    @property
+    def shadows(self) -> ShadowMaps:
+        """The shadow maps, drawn when they are first wanted."""
+        if self._shadows is None:
+            self._shadows = self.shadow_pass(self.world, self._shadow_size)
+        return self._shadows
