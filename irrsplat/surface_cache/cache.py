@@ -34,6 +34,7 @@ from irrsplat.surface_cache.follower import Follower
 from irrsplat.surface_cache.lamp_parts import SCALE, LampPart, SitePart
 from irrsplat.surface_cache.lookup_table import LookupTable, unknown
 from irrsplat.surface_cache.site_layout import DARK_VALUE, FIRST_SITE, MAX_SITES, SKY_VALUE, SiteChooser, SiteLayout
+from irrsplat.surface_cache.site_splitting import SiteSplitter, SplitLayout, leaves_of
 from irrsplat.surface_cache.transport import BouncedLight, Transport, sum_bounces
 from irrsplat.surface_cache.view import SurfaceViewPass
 from irrsplat.surface_cache.visibility import VisibilityPass, seen_by_embree
@@ -43,6 +44,9 @@ SIDES = (8, 16)  # the least and the greatest: side² rays a site
 _LIGHT_SAMPLES = 0.25  # of its rays: a site's shadow rays to emitters, at most
 _RESTS = 3  # ticks without a change after which sites are chosen for meshes where they are now
 _FOLLOWING = 0.15  # of a tick: gathering sites again may take that much in any case while things move
+_LIGHT = "bounces", "light_samples", "shadow_size"  # settings on which values depend, beside the seed
+_MORE, _ROOM = 0.5, 0.7  # of the sites, and of those that there may be beside them: how many a refinement adds
+_WORTH = 0.1  # of the sites: fewer are not worth one
 _BATCH = 128  # sites gathered at once, at most
 
 
@@ -84,14 +88,28 @@ class _Held:
     complete: bool = False
 
 
-@dataclass(frozen=True)
-class _Refined:
-    """E_1 by more rays at the sites of `light`, in `records`, of which the first `done` hold it; `light` itself once it comes
-    from these."""
+@dataclass(frozen=True, eq=False)
+class _Step:
+    """A refinement of the values: what it holds, the cells that may be cut further, E_1 (S, 3) by more rays, and the transport."""
 
-    light: BouncedLight
-    records: RecordCache
-    done: int = FIRST_SITE
+    held: _Held
+    cut: SplitLayout
+    E_1: np.ndarray
+    transport: Transport | None
+
+
+@dataclass(frozen=True, eq=False)
+class _Finer:
+    """A refinement under way. choosing: its sites, None once they are in `laid_out`. first: the number of the first site that lacks
+    E_1 by more rays; done: of the first that still does."""
+
+    choosing: Generator[float, None, SplitLayout] | None
+    E_1: np.ndarray
+    first: int
+    done: int
+    cut: SplitLayout | None = None
+    laid_out: _LaidOut | None = None
+    transport: Transport | None = None
 
 
 @dataclass(frozen=True)
@@ -124,14 +142,19 @@ class SurfaceCache(Owner):
         self._follower: Follower | None = None  # of the values in use, while others are still to be made
         self._changing = _Changing()
         self._held = _Held(unknown(self.ctx))
-        self._refined: _Refined | None = None
+        self._coarse: _Held | None = None  # what was held before the refinements in use; None: there are none
+        self._steps: list[_Step] = []  # these; lookups find the last one's values
+        self._finer: _Finer | None = None
         self._viewed: tuple[GBuffer, BouncedLight | None, moderngl.Texture] | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
         passes = self._visibility, self._reduce, self._view_pass, self._point_pass
-        refined = None if self._refined is None else self._refined.records
-        return (*passes, self._made, self._held.table, self._held.laid_out, self._laid_out, refined)
+        finer = None if self._finer is None else self._finer.laid_out
+        held = [one.held for one in self._steps] + ([] if self._coarse is None else [self._coarse]) + [self._held]
+        laid_out = {one.laid_out for one in held if one.laid_out is not None} | {self._laid_out, finer}
+        tables = {one.table for one in held if one.laid_out is None}
+        return (*passes, self._made, *tables, *laid_out)
 
     def _gather_for(self, sites: int, quick: bool = False) -> TraceGather:
         """Rays from so many sites, compiled for the kinds of lights that there are. quick: as few as may be."""
@@ -169,7 +192,25 @@ class SurfaceCache(Owner):
     @property
     def refined(self) -> bool:
         """Whether its values come from more rays than it is made by."""
-        return self._refined is not None and self._refined.light is self._held.light
+        return bool(self._steps)
+
+    @property
+    def refinements(self) -> int:
+        """How often the values in use were refined."""
+        return len(self._steps)
+
+    @property
+    def may_split(self) -> bool:
+        """Whether there may be a good many further sites."""
+        records = self.records
+        return records is not None and self._further(records.count) > _WORTH * records.count
+
+    @property
+    def before(self) -> LookupTable | None:
+        """The table from before the last refinement; None without one."""
+        if not self._steps:
+            return None
+        return self._steps[-2].held.table if len(self._steps) > 1 else self._coarse and self._coarse.table
 
     @property
     def complete(self) -> bool:
@@ -239,6 +280,8 @@ class SurfaceCache(Owner):
         relit, moved = change.looks_otherwise and change.dimming is None and brighter is None, bool(change.moved)
         unlit = unlit_interiors(scene) if change else old.unlit
         other_rays = old.settings.seed != settings.seed
+        if change or other_rays or any(getattr(old.settings, name) != getattr(settings, name) for name in _LIGHT):
+            self._coarsen()
         if moved:
             self.lookup.follow(self.world.tree.corners, self.world.tree.order)
         if change.hides or change.repainted:  # sites without a place, or other reflectances in the transport
@@ -269,10 +312,10 @@ class SurfaceCache(Owner):
 
     def _dim(self, factor: np.ndarray) -> None:
         """Let all values be those of light that is `factor` times as strong, (3,), however far they are made."""
-        held, refined, f = self._held, self._refined, np.asarray(factor, np.float32)
+        held, f = self._held, np.asarray(factor, np.float32)
         self._bouncing = None
         caches = [laid_out.records for laid_out in {self._laid_out, held.laid_out} if laid_out is not None]
-        for records in [*caches, *([] if refined is None else [refined.records])]:
+        for records in caches:
             dim(records, f)
         if self._follower is not None:
             self._follower.dim(f)
@@ -280,8 +323,6 @@ class SurfaceCache(Owner):
             light = replace(held.light, irradiance=held.light.irradiance * f)
             held.table.write(light.irradiance)
             self._held = replace(held, light=light)
-            if refined is not None and refined.light is held.light:
-                self._refined = replace(refined, light=light)
 
     def _add(self, part: LampPart, colour: np.ndarray) -> None:
         """Let all values, which are complete, hold so much more of a lamp, (3,)."""
@@ -291,10 +332,7 @@ class SurfaceCache(Owner):
         E_1 = np.maximum(held.laid_out.records.values[:, :3] + colour * sites.E_1, 0.0)
         normal = held.laid_out.records.sites(numbers).normal
         held.laid_out.records.correct({"irradiance": E_1, "vectors": normal[:, None] * E_1[:, :, None]}, numbers)
-        if self.refined:  # by other rays than the part
-            *_, light = self._bounces(self._first(held.laid_out.records), held.laid_out)
-        else:
-            light = replace(held.light, irradiance=np.maximum(held.light.irradiance + colour * sites.E, 0.0))
+        light = replace(held.light, irradiance=np.maximum(held.light.irradiance + colour * sites.E, 0.0))
         held.table.write(light.irradiance)
         self._held, self._bouncing = replace(held, light=light), None
         if self._follower is not None and sites.beyond is not None and sites.D is not None:
@@ -302,10 +340,10 @@ class SurfaceCache(Owner):
 
     def learn(self, part: LampPart, shadows: ShadowMaps, budget: Budget) -> bool:
         """Go on with the part of a lamp, which shines alone in `shadows` (see lamp_parts.alone); whether it is known."""
-        laid_out, settings = self._held.laid_out, self._basis.settings
+        laid_out, settings = (self._coarse or self._held).laid_out, self._basis.settings
         if part.sites is not None or laid_out is None:
             return part.sites is not None
-        count, light = laid_out.records.count, HitLight(shadows, self.uniforms())
+        count, light = laid_out.records.count, HitLight(shadows, self.uniforms(laid_out.table))
         if not part.site_records.count:
             part.site_records.append(laid_out.records.sites(slice(0, count)))
             part.sites_done = FIRST_SITE
@@ -319,7 +357,7 @@ class SurfaceCache(Owner):
                 return False
             E_1 = part.site_records.read()["irradiance"] / np.float32(SCALE)
             E_1[:FIRST_SITE] = 0.0
-            *_, light_of_all = self._bounces(E_1, laid_out)
+            *_, light_of_all = self._bounces(E_1, laid_out, self.transport)
             E = light_of_all.irradiance
             beyond, D = (None, None) if self._follower is None else self._follower.parts(E_1, shadows, SCALE)
             table = LookupTable(
@@ -331,6 +369,7 @@ class SurfaceCache(Owner):
 
     def expire(self) -> None:
         """Gather all again."""
+        self._coarsen()
         if self._laid_out is not None:  # one by one: which of them a move concerns most is still to be known
             self._laid_out.records.invalidate(np.arange(self._laid_out.records.count))
         self._bounce_again()
@@ -452,33 +491,118 @@ class SurfaceCache(Owner):
         return np.where(below, 0.0, gather.share.ravel())
 
     def refine(self, shadows: ShadowMaps, budget: Budget) -> bool:
-        """Let the values in use come from four times as many rays, until the scene changes, as far as the budget goes; whether
-        they do now. Sites and the transport between them stay."""
-        held, settings = self._held, self._basis.settings
+        """Go on with a refinement of the values in use, as far as the budget goes; whether it is done. They hold until the light of the
+        scene changes.
+
+        The first one lets E_1 come from four times as many rays, and each further one adds sites where light changes most.
+        """
+        held = self._held
         if held.light is None or held.laid_out is None or not held.complete:
             return False
-        records = held.laid_out.records
-        if self._refined is None or self._refined.light is not held.light:
-            if self._refined is not None:
-                self._refined.records.release()
-            fresh = RecordCache(self.ctx)
-            fresh.append(records.sites(slice(0, records.count)))
-            self._refined = _Refined(held.light, fresh)
-        refined, gather = self._refined, self._finer_gather(records.count)
-        numbers = np.arange(refined.done, records.count)
         with self.timers("surface"):
-            for count in self._finer_pace.batches(len(numbers), gather.capacity, budget, gather.share.size):
-                chosen = np.arange(refined.done, refined.done + count)
-                gather_records(gather, self._reduce, HitLight(shadows), refined.records, chosen, settings.seed)
-                refined = self._refined = replace(refined, done=refined.done + count)
-            if not len(numbers):
-                return True
-            if refined.done < records.count:
+            finer = self._finer = self._finer or self._begin_finer(held.light.irradiance)
+            if finer.laid_out is None:
+                finer = self._choose_finer(finer, budget)
+            if finer.laid_out is not None and self._link_finer(finer, shadows, budget):
+                finer = self._gather_finer(finer, shadows, budget)
+            self._finer = finer
+            if finer.laid_out is None or finer.done < finer.laid_out.records.count:
                 return False
-            *_, made = self._bounces(self._first(refined.records), held.laid_out)
-            held.table.write(made.irradiance)
-            self._held, self._refined = replace(held, light=made), replace(refined, light=made)
+            self._end_finer(finer)
         return True
+
+    def _further(self, count: int) -> int:
+        """How many sites a refinement adds to `count`, about."""
+        return min(int(_MORE * count), int(_ROOM * (MAX_SITES - count)))
+
+    def _begin_finer(self, E: np.ndarray) -> _Finer:
+        """The beginning of the next refinement of values E (S, 3)."""
+        laid_out = self._held.laid_out
+        assert laid_out is not None
+        if not self._steps:
+            cut = SplitLayout(laid_out.layout, leaves_of(laid_out.layout.tessellation))
+            return _Finer(None, np.zeros((FIRST_SITE, 3), np.float32), FIRST_SITE, FIRST_SITE, cut, laid_out, self.transport)
+        last, scene = self._steps[-1], self._basis.scene
+        chooser = SiteChooser(scene, self._basis.unlit, OFFSET * scene.diagonal, self._see)
+        choosing = SiteSplitter(chooser, E.astype(float), self._further(len(E))).split(last.cut)
+        return _Finer(choosing, last.E_1, len(last.E_1), len(last.E_1))
+
+    def _choose_finer(self, finer: _Finer, budget: Budget) -> _Finer:
+        """Go on choosing its sites."""
+        assert finer.choosing is not None
+        try:
+            while True:
+                next(finer.choosing)
+                if budget.left <= 0.0:
+                    return finer
+        except StopIteration as end:
+            cut: SplitLayout = end.value
+        laid_out, transport = _LaidOut(self.ctx, cut.layout, self.world.tree.order), None
+        if self._basis.settings.most_bounces > 2:
+            transport = Transport(laid_out.records.count, self._gather_for(laid_out.records.count).share.size)
+            transport.known[:FIRST_SITE] = True
+        return replace(finer, choosing=None, cut=cut, laid_out=laid_out, transport=transport)
+
+    def _link_finer(self, finer: _Finer, shadows: ShadowMaps, budget: Budget) -> bool:
+        """Go on with the transport between its sites; whether it is known."""
+        assert finer.laid_out is not None
+        transport, records = finer.transport, finer.laid_out.records
+        if transport is None or finer.laid_out is self._held.laid_out:
+            return True
+        gather, light = self._gather_for(records.count), HitLight(shadows, self.uniforms(finer.laid_out.table))
+        left, done = np.flatnonzero(~transport.known), 0
+        for count in self._pace.batches(len(left), gather.capacity, budget, gather.share.size):
+            numbers = left[done : done + count]
+            gather_records(gather, self._reduce, light, records, numbers, self._basis.settings.seed)
+            transport.fill(numbers, self._shares(gather, records.sites(numbers), numbers), gather.hits(count))
+            done += count
+        return done == len(left)
+
+    def _gather_finer(self, finer: _Finer, shadows: ShadowMaps, budget: Budget) -> _Finer:
+        """Go on gathering E_1 where it comes from few rays. Sites that the last values have too keep the records of these."""
+        assert finer.laid_out is not None
+        sites, gather, done = finer.laid_out.layout.sites, self._finer_gather(finer.laid_out.records.count), finer.done
+        E_1 = [finer.E_1]
+        with RecordCache(self.ctx) as scratch:
+            for count in self._finer_pace.batches(len(sites) - done, gather.capacity, budget, gather.share.size):
+                numbers = np.arange(done, done + count)
+                rotated = replace(sites[numbers], frame_rotation=numbers)
+                rows = scratch.append(rotated) + np.arange(count)
+                gather_records(gather, self._reduce, HitLight(shadows), scratch, rows, self._basis.settings.seed)
+                done += count
+            E_1.append(scratch.read()["irradiance"])
+        return replace(finer, done=done, E_1=np.concatenate(E_1))
+
+    def _end_finer(self, finer: _Finer) -> None:
+        """Let lookups find its values."""
+        assert finer.laid_out is not None and finer.cut is not None
+        E_1, held = finer.E_1.copy(), self._held
+        E_1[SKY_VALUE : SKY_VALUE + 1] = np.pi * np.asarray(self._basis.scene.sky)
+        E_1[DARK_VALUE : DARK_VALUE + 1] = 0.0
+        laid_out = finer.laid_out
+        if laid_out is held.laid_out:  # the values of before stay in its table
+            laid_out = _LaidOut(self.ctx, laid_out.layout, self.world.tree.order)
+        *_, made = self._bounces(E_1, laid_out, finer.transport)
+        laid_out.table.write(made.irradiance)
+        if self._coarse is None:
+            self._coarse = held
+        elif len(self._steps) > 1:
+            self._steps[-2] = replace(self._steps[-2], transport=None)
+        after = _Held(laid_out.table, laid_out, made, complete=True)
+        self._steps.append(_Step(after, finer.cut, finer.E_1, finer.transport))
+        self._held, self._finer = after, None
+
+    def _coarsen(self) -> None:
+        """Go back to the values from before all refinements."""
+        if self._finer is not None and self._finer.laid_out not in (None, self._held.laid_out):
+            self._finer.laid_out.release()
+        self._finer = None
+        if self._coarse is not None:
+            steps, self._steps = self._steps, []
+            self._held, self._coarse = replace(self._coarse, complete=self._held.complete), None
+            for step in steps:
+                if step.held.laid_out is not None:
+                    step.held.laid_out.release()
 
     def _finer_gather(self, sites: int) -> TraceGather:
         """Twice as many rays in either direction from so many sites, which ask for nothing but the light that they meet."""
@@ -502,16 +626,16 @@ class SurfaceCache(Owner):
         E_1[DARK_VALUE : DARK_VALUE + 1] = 0.0
         return E_1
 
-    def _bounces(self, E_1: np.ndarray, laid_out: _LaidOut) -> Iterator[BouncedLight]:
+    def _bounces(self, E_1: np.ndarray, laid_out: _LaidOut, transport: Transport | None) -> Iterator[BouncedLight]:
         """Light of E_1 (S, 3) at the sites, by one bounce more from each to the next, to the last that the settings ask for."""
         settings = self._basis.settings
-        transport = self.transport if settings.most_bounces > 2 else None
+        transport = transport if settings.most_bounces > 2 else None
         return sum_bounces(E_1, transport, laid_out.layout.area, settings.most_bounces, settings.bounces == "all")
 
     def _bounce(self, laid_out: _LaidOut, budget: Budget) -> BouncedLight | None:
         """All bounces from E_1, one after the other; None where the budget ends before."""
         if self._bouncing is None:
-            self._bouncing = self._bounces(self._first(laid_out.records), laid_out)
+            self._bouncing = self._bounces(self._first(laid_out.records), laid_out, self.transport)
         made = next(self._bouncing)
         while not made.complete:
             if budget.left <= 0.0:
