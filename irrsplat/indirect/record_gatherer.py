@@ -365,20 +365,20 @@ class RecordGatherer(Owner):
         return self._advance(shadows, budget)
 
     def refine_surface(self, shadows: ShadowMaps, budget: Budget) -> bool:
-        """Go on with one refinement more of the surface cache, which there is, as far as the budget goes; whether it is done. Then
-        records are to be corrected by `follow_refinement`."""
+        """Go on with one refinement more of the surface cache, which there is, as far as the budget goes; whether it is done.
+        Then records are to be corrected by `follow_refinement`."""
         surface = self.surface_now
         assert surface is not None
         return surface.refine(shadows, budget)
 
     def follow_refinement(self, shadows: ShadowMaps, numbers: np.ndarray, budget: Budget) -> np.ndarray:
-        """Correct records by what the last refinement of the surface cache changes of them, as many of these `numbers` as the budget
-        has time for; returns (K, 3) W/m² by how much E of these K has changed.
+        """Correct records by what the last refinement of the surface cache changes of them, as many of these `numbers` as the
+        budget has time for; returns (K, 3) W/m² by how much E of these K has changed.
 
         What changes is little, and told well enough along a quarter of the rays, the same with the light before and after.
         """
         surface, side, seed = self.surface_now, max(self.settings.gather_size // 2, _FEWEST), self.settings.seed
-        assert surface is not None and surface.before is not None
+        assert surface is not None
         look, done, changes = self._gather_at(side), 0, [np.zeros((0, 3))]
         lights = [HitLight(shadows, surface.uniforms(table)) for table in (surface.before, surface.lookup)]
         for count in self._pace(side).batches(len(numbers), look.capacity, budget, 2 * look.share.size):

@@ -26,7 +26,7 @@ from irrsplat.indirect.view_state import ViewState
 from irrsplat.records.adaptive_radius import AdaptiveRadiusState
 from irrsplat.scene.model import Camera
 
-_STILL = 0.5  # of what a refinement of the surface cache changes: what it still lacks
+_STILL = 0.8  # of what a refinement of the surface cache changes: what it still lacks
 _BETWEEN = 0.3  # of the squared error aimed at: what the surface cache may be off by, or it is refined further
 LAST = 40  # steps
 _LEAVE = 0.8  # of the picture's error: where it is less, nothing is refined
@@ -66,9 +66,9 @@ class Refinement:
 
     step, splats, levels: of the picture on show. error: its relative RMSE, None until it is known; last_error: the last one
     known. lit: whether the surface cache is refined as far as the step needs; changes: (K, 3) W/m², by how much E of the first K
-    records changed with the last refinement, None where all know it; lacking: W/m², what the surface cache is still off by, as far as
-    the light of its sites goes and as far as the distance between them does, None where that is not known. told: what tests told.
-    doublings: of the sides of gathers for the next step.
+    records changed with its last refinement, None where none is new; lacking: W/m², what it is still off by, about, by the few
+    rays of its sites and by the distance between them, None where that is not known. told: what tests told. doublings: of the
+    sides of gathers for the next step.
 
     The rest is of that step. check: what is done for `error`. doubt: (H, W) W²/m⁴. next_levels: None before they are chosen.
     finer: the numbers of old records that are still to be gathered again. fill: its progress as a view. ended: nothing more is to

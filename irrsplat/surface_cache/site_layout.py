@@ -188,9 +188,7 @@ class SiteChooser:
         yield from self._borrow(clusters, value, sites, first)
         return sites
 
-    def _borrow(
-        self, clusters: Clusters, value: np.ndarray, gathered: np.ndarray, first: int
-    ) -> Generator[float, None, None]:
+    def _borrow(self, clusters: Clusters, value: np.ndarray, gathered: np.ndarray, first: int) -> Generator[float, None, None]:
         """Give the members without a value in `value` (M,) that of a site near by: the nearest that they see, else the nearest.
         gathered: the members that are sites, whose numbers begin with `first`.
 

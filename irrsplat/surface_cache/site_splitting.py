@@ -18,7 +18,7 @@ from irrsplat.surface_cache.tessellation import Tessellation, cell_corners, tess
 
 _SAME = 0.25  # of the new spacing: how near to a site a corner is served by it
 _ALIKE = 0.95  # cosine between the normals of both
-_OF_CELL, _IN_VOXEL = 1.5, 1.5  # further sites of a cell that is cut, and of the first one in a voxel that is too small for that
+_OF_CELL, _IN_VOXEL = 1.8, 0.7  # further sites of a cell that is cut, and of the first one in a voxel that is too small for that
 _LEVELS = 5  # how often a cell is cut at most
 _SPLIT = 0.5  # work done
 
@@ -65,7 +65,8 @@ class SplitLayout:
 def unevenness(values: np.ndarray, E: np.ndarray) -> np.ndarray:
     """(K,) W/m²: how much light changes around the sides of cells at whose corners are these `values` (K, 3), by E (S, 3).
 
-    Of each site it is the greatest difference from a site that shares a cell with it; of a cell's side the greatest of its corners'.
+    Of each site it is the greatest difference from a site that shares a cell with it; of a cell's side the greatest of its
+    corners'.
     """
     found = np.zeros(len(E))
     for a, b in ((0, 1), (1, 2), (2, 0)):
@@ -81,7 +82,8 @@ def unevenness(values: np.ndarray, E: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class SiteSplitter:
-    """Cuts the cells of a layout that `chooser` has made, where the light E (S, 3) changes most, for about `more` further sites."""
+    """Cuts the cells of a layout that `chooser` has made where the light E (S, 3) changes most, for about `more` further
+    sites."""
 
     chooser: SiteChooser
     E: np.ndarray
@@ -126,7 +128,10 @@ class SiteSplitter:
         """The layout with these leaves cut, or their corners' sites chosen anew, at this spacing."""
         chooser, layout, leaves = self.chooser, given.layout, given.leaves[chosen]
         vertices = np.zeros((3 * len(leaves), WIDTH), np.float32)
-        vertices[:, PARTS["position"]], vertices[:, PARTS["normal"]] = leaves.corners.reshape(-1, 3), leaves.normals.reshape(-1, 3)
+        vertices[:, PARTS["position"]], vertices[:, PARTS["normal"]] = (
+            leaves.corners.reshape(-1, 3),
+            leaves.normals.reshape(-1, 3),
+        )
         tessellation = tessellate(vertices, np.arange(3 * len(leaves)).reshape(-1, 3), spacing, chooser.offset)
         members = clustering.both_sides(tessellation, chooser.offset)
         keys, face = clustering.voxel_keys(members, VOXEL * spacing), np.tile(leaves.face[tessellation.face], 2)
@@ -162,7 +167,10 @@ class SiteSplitter:
 
 
 def _joined(given: SplitLayout, chosen: np.ndarray, clusters: Clusters, at: np.ndarray, rows: np.ndarray) -> SplitLayout:
-    """The layout with the leaves `chosen` cut as `clusters` are, whose members `at` are further sites and whose cells are `rows`."""
+    """The layout with the leaves `chosen` cut as `clusters` are, whose members `at` are further sites and whose cells are `rows`.
+
+    A leaf that is small as it is keeps its row; the others name the first of theirs.
+    """
     layout, leaves, made = given.layout, given.leaves[chosen], clusters.tessellation
     rows, first = rows.copy(), len(layout.cells)
     rows[: made.cells, :, 3] += np.where(rows[: made.cells, :, 3] > 0.0, np.float32(first), np.float32(0.0))

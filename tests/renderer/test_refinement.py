@@ -119,6 +119,6 @@ def test_the_surface_cache_is_refined_in_ticks_until_the_scene_changes(tmp_path:
             calls += 1
         assert calls > 2 and off() < 0.6 * before
         refined = surface.result
-        assert gatherer.refine_surface(shadows, Budget(None)) and surface.result is refined is not first
+        assert surface.refined and refined is not first
         renderer.relight([replace(light, position=(0.1, 0.2, 0.3)) for light in scene.lights])
         assert not gatherer.refine_surface(shadows, Budget(None))  # it is made anew first
