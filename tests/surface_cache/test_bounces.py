@@ -18,8 +18,7 @@ from irrsplat.gpu.time_budget import Budget
 from irrsplat.indirect import record_gatherer
 from irrsplat.scene.model import Mesh, Scene
 from irrsplat.sky.environment import Environment
-from irrsplat.surface_cache import site_rays
-from irrsplat.surface_cache import site_layout
+from irrsplat.surface_cache import site_layout, site_rays
 from irrsplat.surface_cache.transport import CONVERGED, BouncedLight, Transport, sum_bounces
 from tests.renderer.test_renderer import FAST, SIZE, room
 from tests.support.worlds import Camera, box, lamp, material, polygon_vector, quad, scene, sites

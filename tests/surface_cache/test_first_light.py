@@ -14,8 +14,7 @@ from irrsplat import Renderer
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.image.view import Progress
 from irrsplat.indirect import record_gatherer
-from irrsplat.surface_cache import site_rays
-from irrsplat.surface_cache import site_layout
+from irrsplat.surface_cache import site_layout, site_rays
 from tests.renderer.test_renderer import FAST, SIZE, room
 from tests.support.worlds import lamp
 
