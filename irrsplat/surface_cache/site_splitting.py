@@ -51,7 +51,8 @@ def leaves_of(tessellation: Tessellation) -> Leaves:
     count, corners = tessellation.cells, cell_corners(tessellation)
     normals, face = tessellation.normal[tessellation.corners], tessellation.face[tessellation.corners[:, 0]]
     row, side = np.tile(np.arange(count), 2), np.repeat([0, 1], count)
-    return Leaves(row, side, *(np.concatenate([values] * 2) for values in (corners, normals, face)), np.zeros(2 * count, np.intp))
+    corners, normals, face = (np.concatenate([values] * 2) for values in (corners, normals, face))
+    return Leaves(row, side, corners, normals, face, np.zeros(2 * count, np.intp))
 
 
 @dataclass(frozen=True)
@@ -69,8 +70,8 @@ def unevenness(values: np.ndarray, E: np.ndarray) -> np.ndarray:
     corners'.
     """
     found = np.zeros(len(E))
-    for a, b in ((0, 1), (1, 2), (2, 0)):
-        a, b = values[:, a], values[:, b]
+    for one, other in ((0, 1), (1, 2), (2, 0)):
+        a, b = values[:, one], values[:, other]
         both = (a >= FIRST_SITE) & (b >= FIRST_SITE)
         a, b = a[both], b[both]
         apart = np.abs(E[a] - E[b]).max(1)
