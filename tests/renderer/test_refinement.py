@@ -127,7 +127,8 @@ def test_the_surface_cache_is_refined_in_ticks_until_the_scene_changes(tmp_path:
 def test_records_are_corrected_by_what_a_refined_surface_cache_changes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """They come to what gathering them again by the refined cache says, but for a tenth of the change; and that is told."""
     monkeypatch.setattr(site_layout, "POINTS", (100, 100))
-    with Renderer(irrsplat.load(write_room(tmp_path)), SIZE, **(COARSE | {"bounces": 3, "gather_size": 32, "ray_noise": 0.0})) as renderer:
+    settings: SettingValues = COARSE | {"bounces": 3, "gather_size": 32, "ray_noise": 0.0}
+    with Renderer(irrsplat.load(write_room(tmp_path)), SIZE, **settings) as renderer:
         renderer.render()
         gatherer, cache, shadows = renderer.scheduler.gatherer, renderer.scheduler.cache, renderer.draw_shadows()
         before, numbers = cache.values[: cache.count, :3].astype(float), np.arange(cache.count)
