@@ -12,8 +12,7 @@ import pytest
 
 from irrsplat.gather import autotune
 from irrsplat.gpu import context
-from irrsplat.surface_cache import cache as surface_cache
-from irrsplat.surface_cache import site_layout
+from irrsplat.surface_cache import site_layout, site_rays
 from tests.support.viewing import Driver, fresh, viewing, write_room
 
 # Of several test processes each lets llvmpipe, the software renderer, use one thread; it reads this when OpenGL starts.
@@ -43,7 +42,7 @@ def few_sites(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -
     """A tenth of a surface cache's sites and rays, but where a test or its module asks for `all_sites`, since it judges light."""
     if not request.node.get_closest_marker("all_sites"):
         monkeypatch.setattr(site_layout, "POINTS", tuple(points // 10 for points in site_layout.POINTS))
-        monkeypatch.setattr(surface_cache, "RAYS", surface_cache.RAYS // 10)
+        monkeypatch.setattr(site_rays, "RAYS", site_rays.RAYS // 10)
 
 
 @pytest.fixture

@@ -26,6 +26,8 @@ from irrsplat.indirect.view_state import ViewState
 from irrsplat.records.adaptive_radius import AdaptiveRadiusState
 from irrsplat.scene.model import Camera
 
+_STILL = 0.8  # of what a refinement of the surface cache changes: what it still lacks
+_BETWEEN = 0.3  # of the squared error aimed at: what the surface cache may be off by, or it is refined further
 LAST = 40  # steps
 _LEAVE = 0.8  # of the picture's error: where it is less, nothing is refined
 _MOST = 6.0  # levels: at each √½ as much of the reach counts
@@ -63,8 +65,10 @@ class Refinement:
     """How far a view's refinement has come: one value, replaced whole.
 
     step, splats, levels: of the picture on show. error: its relative RMSE, None until it is known; last_error: the last one
-    known. lit: whether records are lit by the refined surface cache; before: (N, 3) W/m², what they said until then; bias: W/m²,
-    how much that changed on the mean. told: what tests told. doublings: of the sides of gathers for the next step.
+    known. lit: whether the surface cache is refined as far as the step needs; changes: (K, 3) W/m², by how much E of the first K
+    records changed with its last refinement, None where none is new; lacking: W/m², what it is still off by, about, by the few
+    rays of its sites and by the distance between them, None where that is not known. told: what tests told. doublings: of the
+    sides of gathers for the next step.
 
     The rest is of that step. check: what is done for `error`. doubt: (H, W) W²/m⁴. next_levels: None before they are chosen.
     finer: the numbers of old records that are still to be gathered again. fill: its progress as a view. ended: nothing more is to
@@ -79,8 +83,8 @@ class Refinement:
     last_error: float | None = None
     doublings: int = 0
     lit: bool = False
-    bias: float = 0.0
-    before: np.ndarray | None = None
+    changes: np.ndarray | None = None
+    lacking: tuple[float, float | None] = (0.0, None)
     told: Told = Told()
     check: Check | None = None
     doubt: np.ndarray | None = None
@@ -139,22 +143,29 @@ class Refiner(Owner):
         return int(min(least * 2**doublings, max(_FINEST, least)))
 
     def _light(self, state: Refinement, gbuffer: GBuffer, shadows: ShadowMaps, budget: Budget) -> Refinement:
-        """Refine the surface cache, and gather the records that the view shows by it."""
-        gatherer, cache = self.scheduler.gatherer, self.cache
-        if gatherer.surface_now is None:
+        """Refine the surface cache, correct the records by it, and find out what it still lacks."""
+        gatherer, cache, camera = self.scheduler.gatherer, self.cache, state.levels.camera
+        surface = gatherer.surface_now
+        if surface is None or (state.changes is None and surface.refinements and not surface.may_split):
             return replace(state, lit=True)
-        if not gatherer.refine_surface(shadows, budget):
-            return state
-        if state.before is None:
-            shown = np.flatnonzero(self.scheduler.served(gbuffer, state.levels.camera) > 0.0)
-            return replace(state, before=cache.values[: cache.count, :3].astype(float), finer=shown)
-        if len(state.finer):
-            return self._look_again(state, shadows, budget)
-        served = self.scheduler.served(gbuffer, state.levels.camera)[:, None]
-        change = served * (cache.values[: cache.count, :3] - state.before)
-        bias = float(np.sqrt(np.mean((change.sum(0) / max(served.sum(), 1e-20)) ** 2)))
-        splats = self._splats[0].update(cache, gbuffer, state.levels.camera, self.scheduler.settings, 1)
-        return replace(state, splats=splats, lit=True, bias=bias, before=None)
+        if state.changes is None:
+            done = gatherer.refine_surface(shadows, budget)
+            return replace(state, changes=np.zeros((0, 3))) if done else state
+        if len(state.changes) < cache.count:
+            more = gatherer.follow_refinement(shadows, np.arange(len(state.changes), cache.count), budget)
+            return replace(state, changes=np.concatenate([state.changes, more]))
+        served = self.scheduler.served(gbuffer, camera)[:, None]
+        weights = served / max(float(served.sum()), 1e-20)
+        rays, between = state.lacking
+        if surface.refinements == 1:
+            rays = float(np.sqrt(np.mean((weights * state.changes).sum(0) ** 2)))
+        else:
+            between = _STILL * float(np.sqrt((weights * state.changes**2).sum(0).mean()))
+        index = state.step % 2
+        splats = self._splats[index].update(
+            cache, gbuffer, camera, self.scheduler.settings, 1, self._reach[index] if state.step else None
+        )
+        return replace(state, splats=splats, lit=between is not None, lacking=(rays, between), changes=None)
 
     def _test(self, state: Refinement, target: float, gbuffer: GBuffer, shadows: ShadowMaps, budget: Budget) -> Refinement:
         """Gather at pixels drawn at random, as finely as the records of the picture, and some more finely, and compare."""
@@ -173,12 +184,14 @@ class Refiner(Owner):
             done += gatherer.regather(shadows, check.first + again[done:], budget, self._side(state.doublings + 1))
             return replace(state, check=replace(check, done=done))
         told, doublings = state.told.by(check, cache.values[check.first + again, :3]), state.doublings
-        off = math.sqrt(check.mean_doubt * told.ratio + state.bias**2)
+        rays, between = state.lacking[0], state.lacking[1] or 0.0
+        off = math.sqrt(check.mean_doubt * told.ratio + rays**2 + between**2)
         aim = max(target * check.mean, off / _AIM)
         if check.mean_doubt * told.ray_ratio > _RAYS * aim**2 and self._side(doublings + 1) > self._side(doublings):
             told, doublings = told.doubled(), doublings + 1
         error = off / check.mean if check.mean > 0.0 else 0.0
-        state = replace(state, check=None, doubt=check.doubt, told=told, doublings=doublings)
+        lit = between**2 <= _BETWEEN * aim**2 and state.lacking[1] is not None
+        state = replace(state, check=None, doubt=check.doubt, told=told, doublings=doublings, lit=lit)
         return replace(state, error=error, last_error=error)
 
     def _choose(self, state: Refinement, gbuffer: GBuffer) -> Refinement:

@@ -13,37 +13,29 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import GBuffer, HitLight, ShadowMaps, Sites, TriangleOrder, Uniforms
-from irrsplat.gather.autotune import ray_kind
-from irrsplat.gather.look import gather_records
-from irrsplat.gather.record_frame import OFFSET, tangent_frames
-from irrsplat.gather.reduce import ReducePass
-from irrsplat.gather.trace import TraceGather
+from irrsplat.gather.record_frame import OFFSET
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.time_budget import Budget, Pace
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
-from irrsplat.lighting.emitter_table import emitter_table
-from irrsplat.lighting.light_table import light_defines
 from irrsplat.records.dimming import dim
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.change import SceneChange
 from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.clustering import unlit_interiors
+from irrsplat.surface_cache.finer_sites import FinerSites, bounces_of, with_known
 from irrsplat.surface_cache.follower import Follower
 from irrsplat.surface_cache.lamp_parts import SCALE, LampPart, SitePart
-from irrsplat.surface_cache.lookup_table import LookupTable, unknown
-from irrsplat.surface_cache.site_layout import DARK_VALUE, FIRST_SITE, MAX_SITES, SKY_VALUE, SiteChooser, SiteLayout
-from irrsplat.surface_cache.transport import BouncedLight, Transport, sum_bounces
+from irrsplat.surface_cache.lookup_table import Held, LaidOut, LookupTable, unknown
+from irrsplat.surface_cache.site_layout import FIRST_SITE, MAX_SITES, SiteChooser, SiteLayout
+from irrsplat.surface_cache.site_rays import SiteRays
+from irrsplat.surface_cache.transport import BouncedLight, Transport
 from irrsplat.surface_cache.view import SurfaceViewPass
-from irrsplat.surface_cache.visibility import VisibilityPass, seen_by_embree
 
-RAYS = 10 << 18  # of all sites together, about: where these are many, what lights a record is the mean of more of them
-SIDES = (8, 16)  # the least and the greatest: side² rays a site
-_LIGHT_SAMPLES = 0.25  # of its rays: a site's shadow rays to emitters, at most
 _RESTS = 3  # ticks without a change after which sites are chosen for meshes where they are now
 _FOLLOWING = 0.15  # of a tick: gathering sites again may take that much in any case while things move
-_BATCH = 128  # sites gathered at once, at most
+_LIGHT = "bounces", "light_samples", "shadow_size"  # settings on which values depend, beside the seed
 
 
 @dataclass(frozen=True)
@@ -53,45 +45,6 @@ class _Basis:
     scene: Scene
     settings: Settings
     unlit: np.ndarray
-
-
-class _LaidOut(Owner):
-    """Sites on the GPU: a record for each value, in the order of the values, and the table by which these are looked up."""
-
-    def __init__(self, ctx: moderngl.Context, layout: SiteLayout, order: np.ndarray) -> None:
-        self.layout = layout
-        self.records = RecordCache(ctx)
-        self.table = LookupTable(ctx, layout.tessellation.table, layout.cells, MAX_SITES, order)
-        if len(layout.sites):
-            self.records.append(layout.sites)
-            self.records.invalidate()
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
-        return (self.records, self.table)
-
-
-@dataclass(frozen=True)
-class _Held:
-    """What lookups find: `table`, whose values are `light`, those of the sites `laid_out`; None before the first are made.
-
-    complete: whether they are what scene and settings ask for.
-    """
-
-    table: LookupTable
-    laid_out: _LaidOut | None = None
-    light: BouncedLight | None = None
-    complete: bool = False
-
-
-@dataclass(frozen=True)
-class _Refined:
-    """E_1 by more rays at the sites of `light`, in `records`, of which the first `done` hold it; `light` itself once it comes
-    from these."""
-
-    light: BouncedLight
-    records: RecordCache
-    done: int = FIRST_SITE
 
 
 @dataclass(frozen=True)
@@ -110,51 +63,33 @@ class SurfaceCache(Owner):
     def __init__(self, world: World, settings: Settings, timers: Timers) -> None:
         self.ctx, self.world, self.timers = world.ctx, world, timers
         self._basis = _Basis(world.scene, settings, unlit_interiors(world.scene))
-        self._visibility = VisibilityPass(self.ctx, world.material_defines)
-        self._reduce = ReducePass(self.ctx, gradients=False)
+        self._rays = SiteRays(world, settings)
         self._view_pass = SurfaceViewPass(self.ctx)
         self._point_pass = SurfaceViewPass(self.ctx)
         self._made = Workshop()
-        self._pace, self._quick_pace, self._finer_pace = Pace(self.ctx), Pace(self.ctx), Pace(self.ctx)
+        self._pace, self._quick_pace = Pace(self.ctx), Pace(self.ctx)
         self._choosing: Generator[float, None, SiteLayout] | None = None
         self._chosen = 0.0  # the share of the choice of sites that is done
-        self._laid_out: _LaidOut | None = None  # the sites of the scene as it is; None while they are still to be chosen
+        self._laid_out: LaidOut | None = None  # the sites of the scene as it is; None while they are still to be chosen
         self.transport: Transport | None = None  # between these
         self._bouncing: Iterator[BouncedLight] | None = None
         self._follower: Follower | None = None  # of the values in use, while others are still to be made
         self._changing = _Changing()
-        self._held = _Held(unknown(self.ctx))
-        self._refined: _Refined | None = None
+        self._held = Held(unknown(self.ctx))
+        self._finer: FinerSites | None = None  # what refines the values that are held, once that is begun
         self._viewed: tuple[GBuffer, BouncedLight | None, moderngl.Texture] | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        passes = self._visibility, self._reduce, self._view_pass, self._point_pass
-        refined = None if self._refined is None else self._refined.records
-        return (*passes, self._made, self._held.table, self._held.laid_out, self._laid_out, refined)
-
-    def _gather_for(self, sites: int, quick: bool = False) -> TraceGather:
-        """Rays from so many sites, compiled for the kinds of lights that there are. quick: as few as may be."""
-        side = SIDES[0] if quick else int(np.clip(np.sqrt(RAYS / max(sites, 1)), *SIDES))
-        lights, samples = light_defines(self.world.scene), min(self._basis.settings.light_samples, int(_LIGHT_SAMPLES * side**2))
-        embree, emitters = self._embree, samples > 0 and emitter_table(self.world) is not None
-        return self._made.get(
-            "quick gather" if quick else "gather",
-            (side, lights, samples, embree, emitters),
-            lambda: TraceGather(self.world, side, _BATCH, surface=True, hits=True, light_samples=samples, embree=embree),
-        )
-
-    @property
-    def _embree(self) -> bool:
-        """Whether Embree traces its rays."""
-        return ray_kind(self.ctx, self._basis.settings) == "embree"
+        passes = self._rays, self._view_pass, self._point_pass
+        return (*passes, self._made, self._held.table, self._held.laid_out, self._laid_out, self._finer)
 
     # ---- what it holds ---------------------------------------------------------------------------------------------
 
     @property
     def result(self) -> BouncedLight | None:
         """What lookups find; None before the first values are made."""
-        return self._held.light
+        return self._now.light
 
     @property
     def last_change(self) -> float:
@@ -169,7 +104,27 @@ class SurfaceCache(Owner):
     @property
     def refined(self) -> bool:
         """Whether its values come from more rays than it is made by."""
-        return self._refined is not None and self._refined.light is self._held.light
+        return self.refinements > 0
+
+    @property
+    def refinements(self) -> int:
+        """How often the values in use were refined."""
+        return 0 if self._finer is None else self._finer.refinements
+
+    @property
+    def may_split(self) -> bool:
+        """Whether a further refinement may add a good many sites."""
+        return self._finer is None or self._finer.may_split
+
+    @property
+    def before(self) -> LookupTable:
+        """The table from before the last refinement."""
+        return self._held.table if self._finer is None else self._finer.before
+
+    @property
+    def _now(self) -> Held:
+        """What lookups find."""
+        return self._held if self._finer is None else self._finer.held
 
     @property
     def complete(self) -> bool:
@@ -189,12 +144,12 @@ class SurfaceCache(Owner):
     @property
     def lookup(self) -> LookupTable:
         """The table that lookups go through."""
-        return self._held.table
+        return self._now.table
 
     @property
     def records(self) -> RecordCache | None:
         """The records of the values, in their order; None before the first are made."""
-        return None if self._held.laid_out is None else self._held.laid_out.records
+        return None if self._now.laid_out is None else self._now.laid_out.records
 
     @property
     def layout(self) -> SiteLayout | None:
@@ -239,6 +194,8 @@ class SurfaceCache(Owner):
         relit, moved = change.looks_otherwise and change.dimming is None and brighter is None, bool(change.moved)
         unlit = unlit_interiors(scene) if change else old.unlit
         other_rays = old.settings.seed != settings.seed
+        if change or other_rays or any(getattr(old.settings, name) != getattr(settings, name) for name in _LIGHT):
+            self._coarsen()
         if moved:
             self.lookup.follow(self.world.tree.corners, self.world.tree.order)
         if change.hides or change.repainted:  # sites without a place, or other reflectances in the transport
@@ -265,14 +222,14 @@ class SurfaceCache(Owner):
             self.expire()
         if old.settings.bounces != settings.bounces:
             self._bounce_again()
-        self._basis = _Basis(scene, settings, unlit)
+        self._basis, self._rays.settings = _Basis(scene, settings, unlit), settings
 
     def _dim(self, factor: np.ndarray) -> None:
         """Let all values be those of light that is `factor` times as strong, (3,), however far they are made."""
-        held, refined, f = self._held, self._refined, np.asarray(factor, np.float32)
+        held, f = self._held, np.asarray(factor, np.float32)
         self._bouncing = None
         caches = [laid_out.records for laid_out in {self._laid_out, held.laid_out} if laid_out is not None]
-        for records in [*caches, *([] if refined is None else [refined.records])]:
+        for records in caches:
             dim(records, f)
         if self._follower is not None:
             self._follower.dim(f)
@@ -280,8 +237,6 @@ class SurfaceCache(Owner):
             light = replace(held.light, irradiance=held.light.irradiance * f)
             held.table.write(light.irradiance)
             self._held = replace(held, light=light)
-            if refined is not None and refined.light is held.light:
-                self._refined = replace(refined, light=light)
 
     def _add(self, part: LampPart, colour: np.ndarray) -> None:
         """Let all values, which are complete, hold so much more of a lamp, (3,)."""
@@ -291,10 +246,7 @@ class SurfaceCache(Owner):
         E_1 = np.maximum(held.laid_out.records.values[:, :3] + colour * sites.E_1, 0.0)
         normal = held.laid_out.records.sites(numbers).normal
         held.laid_out.records.correct({"irradiance": E_1, "vectors": normal[:, None] * E_1[:, :, None]}, numbers)
-        if self.refined:  # by other rays than the part
-            *_, light = self._bounces(self._first(held.laid_out.records), held.laid_out)
-        else:
-            light = replace(held.light, irradiance=np.maximum(held.light.irradiance + colour * sites.E, 0.0))
+        light = replace(held.light, irradiance=np.maximum(held.light.irradiance + colour * sites.E, 0.0))
         held.table.write(light.irradiance)
         self._held, self._bouncing = replace(held, light=light), None
         if self._follower is not None and sites.beyond is not None and sites.D is not None:
@@ -302,18 +254,18 @@ class SurfaceCache(Owner):
 
     def learn(self, part: LampPart, shadows: ShadowMaps, budget: Budget) -> bool:
         """Go on with the part of a lamp, which shines alone in `shadows` (see lamp_parts.alone); whether it is known."""
-        laid_out, settings = self._held.laid_out, self._basis.settings
+        laid_out = self._held.laid_out
         if part.sites is not None or laid_out is None:
             return part.sites is not None
-        count, light = laid_out.records.count, HitLight(shadows, self.uniforms())
+        count, light = laid_out.records.count, HitLight(shadows, self.uniforms(laid_out.table))
         if not part.site_records.count:
             part.site_records.append(laid_out.records.sites(slice(0, count)))
             part.sites_done = FIRST_SITE
-        gather = self._gather_for(count)
+        gather = self._rays.gather_for(count)
         with self.timers("surface"):
             for batch in self._pace.batches(count - part.sites_done, gather.capacity, budget):
                 numbers = part.sites_done + np.arange(batch)
-                gather_records(gather, self._reduce, light, part.site_records, numbers, settings.seed)
+                self._rays.light(gather, light, part.site_records, numbers)
                 part.sites_done += batch
             if part.sites_done < count:
                 return False
@@ -331,6 +283,7 @@ class SurfaceCache(Owner):
 
     def expire(self) -> None:
         """Gather all again."""
+        self._coarsen()
         if self._laid_out is not None:  # one by one: which of them a move concerns most is still to be known
             self._laid_out.records.invalidate(np.arange(self._laid_out.records.count))
         self._bounce_again()
@@ -389,47 +342,41 @@ class SurfaceCache(Owner):
         self._held = replace(held, light=replace(held.light, irradiance=E))
         return True
 
-    def _gather_some(self, laid_out: _LaidOut, follower: Follower, shadows: ShadowMaps, budget: Budget) -> np.ndarray:
+    def _gather_some(self, laid_out: LaidOut, follower: Follower, shadows: ShadowMaps, budget: Budget) -> np.ndarray:
         """Gather those sites again around which most has changed, as many as the budget has time for; their numbers."""
-        records, seed, done = laid_out.records, self._basis.settings.seed, 0
-        gather, light = self._gather_for(records.count, quick=True), HitLight(shadows, self.uniforms(laid_out.table))
+        records, done = laid_out.records, 0
+        gather, light = self._rays.gather_for(records.count, quick=True), HitLight(shadows, self.uniforms(laid_out.table))
         order = follower.order
         order = order[order >= FIRST_SITE]
         for count in self._quick_pace.batches(len(order), gather.capacity, budget, gather.share.size):
             numbers = order[done : done + count]
-            gather_records(gather, self._reduce, light, records, numbers, seed)
+            self._rays.light(gather, light, records, numbers)
             if not follower.transport.known[numbers].all():
-                follower.transport.fill(numbers, self._shares(gather, records.sites(numbers), numbers), gather.hits(count))
+                self._rays.link(gather, follower.transport, records.sites(numbers), numbers)
             records.mark_refreshed(numbers)
             done += count
         return order[:done]
 
-    def _lay_out(self, budget: Budget) -> _LaidOut | None:
+    def _lay_out(self, budget: Budget) -> LaidOut | None:
         """The sites, once all are chosen; None where the budget ends before."""
         while self._laid_out is None:
             if self._choosing is None:
                 scene, unlit = self._basis.scene, self._basis.unlit
                 offset = OFFSET * scene.diagonal
-                self._choosing = SiteChooser(scene, unlit, offset, self._see).layout()
+                self._choosing = SiteChooser(scene, unlit, offset, self._rays.see).layout()
             try:
                 self._chosen = next(self._choosing)
             except StopIteration as end:
-                self._laid_out = _LaidOut(self.ctx, end.value, self.world.tree.order)
+                self._laid_out = LaidOut(self.ctx, end.value, self.world.tree.order)
                 self._choosing, self._chosen = None, 1.0
             if budget.left <= 0.0:
                 return None
         return self._laid_out
 
-    def _see(self, lines: np.ndarray) -> np.ndarray:
-        """(N,) which of these sight lines (N, 3, 3) are free; what is cut out, only shaders know."""
-        if self._embree and not self.world.material_defines["CUT_OUTS"]:
-            return seen_by_embree(self.world.caster, lines)
-        return self._visibility(self.world.ray_uniforms, lines)
-
-    def _gather_sites(self, laid_out: _LaidOut, shadows: ShadowMaps, budget: Budget) -> None:
+    def _gather_sites(self, laid_out: LaidOut, shadows: ShadowMaps, budget: Budget) -> None:
         """Gather E_1 at the sites that lack it, and which sites their rays meet where these are not known yet."""
         records, settings = laid_out.records, self._basis.settings
-        gather = self._gather_for(records.count)
+        gather = self._rays.gather_for(records.count)
         if settings.most_bounces > 2 and self.transport is None:
             records.invalidate()
             self.transport = Transport(records.count, gather.share.size)
@@ -439,76 +386,39 @@ class SurfaceCache(Owner):
         light = HitLight(shadows, self.uniforms(laid_out.table))
         for count in self._pace.batches(len(stale), gather.capacity, budget, gather.share.size):
             numbers = stale[done : done + count]
-            gather_records(gather, self._reduce, light, records, numbers, settings.seed)
+            self._rays.light(gather, light, records, numbers)
             if self.transport is not None and not self.transport.known[numbers].all():
-                self.transport.fill(numbers, self._shares(gather, records.sites(numbers), numbers), gather.hits(count))
+                self._rays.link(gather, self.transport, records.sites(numbers), numbers)
             records.mark_refreshed(numbers)
             done += count
 
-    def _shares(self, gather: TraceGather, sites: Sites, numbers: np.ndarray) -> np.ndarray:
-        """(N, R) cosθ·dω of the rays of sites, 0 for those below the surface."""
-        frames = tangent_frames(sites.normal, sites.frame_rotations(numbers), self._basis.settings.seed)
-        below = np.einsum("nij,nj->ni", frames, sites.geometric) @ gather.directions.T <= 0.0
-        return np.where(below, 0.0, gather.share.ravel())
-
     def refine(self, shadows: ShadowMaps, budget: Budget) -> bool:
-        """Let the values in use come from four times as many rays, until the scene changes, as far as the budget goes; whether
-        they do now. Sites and the transport between them stay."""
-        held, settings = self._held, self._basis.settings
-        if held.light is None or held.laid_out is None or not held.complete:
+        """Go on with a refinement of the values in use, as FinerSites has it, as far as the budget goes; whether it is done.
+        They hold until the light of the scene changes."""
+        if self._held.laid_out is None or not self.complete:
             return False
-        records = held.laid_out.records
-        if self._refined is None or self._refined.light is not held.light:
-            if self._refined is not None:
-                self._refined.records.release()
-            fresh = RecordCache(self.ctx)
-            fresh.append(records.sites(slice(0, records.count)))
-            self._refined = _Refined(held.light, fresh)
-        refined, gather = self._refined, self._finer_gather(records.count)
-        numbers = np.arange(refined.done, records.count)
+        if self._finer is None:
+            settings = self._basis.settings
+            chooser = SiteChooser(self._basis.scene, self._basis.unlit, OFFSET * self._basis.scene.diagonal, self._rays.see)
+            self._finer = FinerSites(self.world, self._rays, chooser, self._held, self.transport, settings)
         with self.timers("surface"):
-            for count in self._finer_pace.batches(len(numbers), gather.capacity, budget, gather.share.size):
-                chosen = np.arange(refined.done, refined.done + count)
-                gather_records(gather, self._reduce, HitLight(shadows), refined.records, chosen, settings.seed)
-                refined = self._refined = replace(refined, done=refined.done + count)
-            if not len(numbers):
-                return True
-            if refined.done < records.count:
-                return False
-            *_, made = self._bounces(self._first(refined.records), held.laid_out)
-            held.table.write(made.irradiance)
-            self._held, self._refined = replace(held, light=made), replace(refined, light=made)
-        return True
+            return self._finer.refine(shadows, budget)
 
-    def _finer_gather(self, sites: int) -> TraceGather:
-        """Twice as many rays in either direction from so many sites, which ask for nothing but the light that they meet."""
-        side, samples, lights = (
-            2 * self._gather_for(sites).side,
-            self._basis.settings.light_samples,
-            light_defines(self.world.scene),
-        )
-        samples, embree = min(samples, int(_LIGHT_SAMPLES * side**2)), self._embree
-        emitters = samples > 0 and emitter_table(self.world) is not None
-        return self._made.get(
-            "finer gather",
-            (side, lights, samples, embree, emitters),
-            lambda: TraceGather(self.world, side, _BATCH, light_samples=samples, embree=embree),
-        )
+    def _coarsen(self) -> None:
+        """Go back to the values from before all refinements."""
+        if self._finer is not None:
+            self._finer.release()
+            self._finer = None
 
     def _first(self, records: RecordCache) -> np.ndarray:
         """(S, 3) E_1 at the sites, W/m²."""
-        E_1 = records.read()["irradiance"]
-        E_1[SKY_VALUE : SKY_VALUE + 1] = np.pi * np.asarray(self._basis.scene.sky)
-        E_1[DARK_VALUE : DARK_VALUE + 1] = 0.0
-        return E_1
+        return with_known(records.read()["irradiance"], self._basis.scene)
 
-    def _bounces(self, E_1: np.ndarray, laid_out: _LaidOut) -> Iterator[BouncedLight]:
+    def _bounces(self, E_1: np.ndarray, laid_out: LaidOut) -> Iterator[BouncedLight]:
         """Light of E_1 (S, 3) at the sites, by one bounce more from each to the next, to the last that the settings ask for."""
-        settings = self._basis.settings
-        transport = self.transport if settings.most_bounces > 2 else None
-        return sum_bounces(E_1, transport, laid_out.layout.area, settings.most_bounces, settings.bounces == "all")
+        return bounces_of(E_1, self.transport, laid_out.layout.area, self._basis.settings)
 
-    def _bounce(self, laid_out: _LaidOut, budget: Budget) -> BouncedLight | None:
+    def _bounce(self, laid_out: LaidOut, budget: Budget) -> BouncedLight | None:
         """All bounces from E_1, one after the other; None where the budget ends before."""
         if self._bouncing is None:
             self._bouncing = self._bounces(self._first(laid_out.records), laid_out)
@@ -519,10 +429,10 @@ class SurfaceCache(Owner):
             made = next(self._bouncing)
         return made
 
-    def _hold(self, laid_out: _LaidOut, made: BouncedLight, shadows: ShadowMaps) -> None:
+    def _hold(self, laid_out: LaidOut, made: BouncedLight, shadows: ShadowMaps) -> None:
         """Make these the values that lookups find."""
         laid_out.table.write(made.irradiance)
-        before, self._held = self._held, _Held(laid_out.table, laid_out, made, complete=True)
+        before, self._held = self._held, Held(laid_out.table, laid_out, made, complete=True)
         self._bouncing, self._changing = None, _Changing()
         self._follower = None
         if self.transport is not None and self._basis.settings.bounces == "all":

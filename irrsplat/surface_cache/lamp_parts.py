@@ -22,7 +22,7 @@ from irrsplat.surface_cache.lookup_table import LookupTable
 SCALE = 2.0**24
 _LOSS = 0.5  # of what is left: where other rays took more than that away, their noise may show
 MOST = 4  # lamps whose parts are kept
-_LINEAR = ("irradiance", "vectors", "gradient")
+LINEAR = ("irradiance", "vectors", "gradient")
 
 
 def uncoloured(light: Light) -> Light:
@@ -104,10 +104,10 @@ class LampPart(Owner):
         again: they come from other rays than their parts, and have lost so much of their light that the noise of both may show.
         """
         numbers = np.flatnonzero(rows >= 0)
-        found, part, f = cache.gathered(*_LINEAR), self.records.gathered(*_LINEAR), colour / SCALE
+        found, part, f = cache.gathered(*LINEAR), self.records.gathered(*LINEAR), colour / SCALE
         after = {
             name: found[name][numbers] + (f if name == "irradiance" else f[:, None]) * part[name][rows[numbers]]
-            for name in _LINEAR
+            for name in LINEAR
         }
         after["irradiance"] = np.maximum(after["irradiance"], 0.0)
         cache.correct({name: values.astype(np.float32) for name, values in after.items()}, numbers)

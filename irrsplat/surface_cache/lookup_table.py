@@ -1,6 +1,9 @@
-"""The tables by which shaders look the surface cache up: the cells of every triangle, and the values at their corners."""
+"""The tables by which shaders look the surface cache up: the cells of every triangle, and the values at their corners; and the
+sites with these tables, on the GPU."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import moderngl
 import numpy as np
@@ -10,6 +13,9 @@ from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import table_texture
 from irrsplat.gpu.texel_table import table_rows
+from irrsplat.records.record_cache import RecordCache
+from irrsplat.surface_cache.site_layout import MAX_SITES, SiteLayout
+from irrsplat.surface_cache.transport import BouncedLight
 
 
 class LookupTable(Owner):
@@ -64,3 +70,32 @@ def unknown(ctx: moderngl.Context) -> LookupTable:
     """The table of no scene in particular, by which every look-up finds no value, so that no light is added."""
     row = np.array([[[0.0, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]]])
     return LookupTable(ctx, row, np.array([[[-1.0, -1.0, -1.0, 0.0]] * 2]), 1, np.zeros(1, np.intp), known=False)
+
+
+class LaidOut(Owner):
+    """Sites on the GPU: a record for each value, in the order of the values, and the table by which these are looked up."""
+
+    def __init__(self, ctx: moderngl.Context, layout: SiteLayout, order: np.ndarray) -> None:
+        self.layout = layout
+        self.records = RecordCache(ctx)
+        self.table = LookupTable(ctx, layout.tessellation.table, layout.cells, MAX_SITES, order)
+        if len(layout.sites):
+            self.records.append(layout.sites)
+            self.records.invalidate()
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.records, self.table)
+
+
+@dataclass(frozen=True)
+class Held:
+    """What lookups find: `table`, whose values are `light`, those of the sites `laid_out`; None before the first are made.
+
+    complete: whether they are what scene and settings ask for.
+    """
+
+    table: LookupTable
+    laid_out: LaidOut | None = None
+    light: BouncedLight | None = None
+    complete: bool = False

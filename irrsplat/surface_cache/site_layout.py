@@ -34,7 +34,7 @@ _ALTERNATIVES = 10  # sites near by that a member without one of its own is held
 _HALVINGS = 8  # of an edge, to find what stands on it
 _FIRST_SHARE = 0.6, 0.7  # of MAX_SITES: the first round's sites, about and at most; the rest is for members that see none of them
 _MERGED = 0.25  # of the spacing: how near the points of very small triangles lie that are one member
-_VOXEL = 0.7  # of the spacing: how near members of one cluster lie
+VOXEL = 0.7  # of the spacing: how near members of one cluster lie
 _MIN_AREA = 0.02  # of the spacing squared: smaller clusters get a site only in the last round
 
 _CUT, _SHARED_OUT, _FOUND = 0.05, 0.2, 0.7  # the share of the work that is done, about, while a step goes on
@@ -47,17 +47,20 @@ class SiteLayout:
     sites: (S,) where the values are gathered; SKY_VALUE and DARK_VALUE are known, and their places mean nothing. area: (S,) m² of
     the surface that each stands for. cells: (C + H, 2, 4) float32, for either side of the tessellation's C cells, the numbers of
     their corners' values, -1 for none, and 0; or where something stands on the cell, so that not all corners see each other,
-    the number of one of the H further rows, which tells from where on the cell they are seen, as _borders has it.
+    the number of one of the H further rows, which tells from where on the cell they are seen, as _borders has it. A side that
+    is cut into four (site_splitting.py) has the negative number of the first of their rows.
+    spacing: metres between points, at most.
     """
 
     tessellation: Tessellation
     sites: Sites
     area: np.ndarray
     cells: np.ndarray
+    spacing: float
 
 
 @dataclass(frozen=True)
-class _Clusters:
+class Clusters:
     """The tessellation of steps of `spacing` metres, M members on both sides of it, and the keys (M,) of their clusters.
 
     area: (M,) m² of the surface that each member stands for. face: (M,) the number of its triangle. member: (2, P) which one
@@ -72,13 +75,10 @@ class _Clusters:
     face: np.ndarray
     member: np.ndarray
 
-
-@dataclass(frozen=True)
-class _Assignment:
-    """value: (M,) the number of each member's value, -1 for none. sites: (S,) the members at which the values are gathered."""
-
-    value: np.ndarray
-    sites: np.ndarray
+    def sites(self, at: np.ndarray) -> Sites:
+        """The members `at` (N,) as places for records."""
+        members = self.members
+        return Sites(members.position[at], members.normal[at], members.geometric[at], self.face[at])
 
 
 @dataclass(frozen=True)
@@ -97,16 +97,15 @@ class SiteChooser:
     def layout(self) -> Generator[float, None, SiteLayout]:
         """All steps, one after the other."""
         clusters = yield from self._cluster()
-        found = yield from self._assign(clusters)
+        value = yield from beside(partial(self.known_values, clusters), _CUT)
+        chosen = yield from self.assign(clusters, value, FIRST_SITE)
+        at = np.concatenate([np.zeros(FIRST_SITE if len(value) else 0, np.intp), chosen])
         yield _FOUND
-        gathered = found.value > DARK_VALUE
-        area = np.bincount(np.maximum(found.value, 0), weights=clusters.area * gathered, minlength=len(found.sites))
-        members, at = clusters.members, found.sites
-        sites = Sites(members.position[at], members.normal[at], members.geometric[at], clusters.face[at])
-        cells = yield from self._cells(clusters, found.value)
-        return SiteLayout(clusters.tessellation, sites, area.astype(float), cells)
+        area = np.bincount(np.maximum(value, 0), weights=clusters.area * (value > DARK_VALUE), minlength=len(at))
+        cells = yield from self.cells(clusters, value)
+        return SiteLayout(clusters.tessellation, clusters.sites(at), area.astype(float), cells, clusters.spacing)
 
-    def _cluster(self) -> Generator[float, None, _Clusters]:
+    def _cluster(self) -> Generator[float, None, Clusters]:
         """The surfaces cut and their corners in clusters: at a spacing that goes by the surfaces' area, or wider where too many
         sites would come of it."""
         vertices, faces, area = yield from beside(self._surfaces, 0.0)
@@ -126,16 +125,16 @@ class SiteChooser:
         faces = faces[: face_counts(self.scene).lit]
         return vertices, faces, float(triangle_areas(vertex_column(vertices, "position")[faces].astype(float)).sum())
 
-    def _cut(self, vertices: np.ndarray, faces: np.ndarray, spacing: float) -> tuple[_Clusters, int]:
+    def _cut(self, vertices: np.ndarray, faces: np.ndarray, spacing: float) -> tuple[Clusters, int]:
         """The clusters of a tessellation of steps of `spacing` metres, and how many of them would have a site."""
         tessellation = tessellate(vertices, faces, spacing, self.offset)
         points, area = clustering.both_sides(tessellation, self.offset), np.tile(tessellation.area, 2)
         chosen, member = clustering.merged(points, area, self._sheets(tessellation), _MERGED * spacing)
         members, area = points[chosen], np.bincount(member, weights=area, minlength=len(chosen))
         face = tessellation.face[chosen % max(len(tessellation.face), 1)]  # either side's points are in their order
-        keys = clustering.voxel_keys(members, _VOXEL * spacing)
-        clusters = _Clusters(tessellation, members, keys, spacing, area, face, member.reshape(2, -1))
-        left = np.flatnonzero(self._known_values(clusters) < 0)
+        keys = clustering.voxel_keys(members, VOXEL * spacing)
+        clusters = Clusters(tessellation, members, keys, spacing, area, face, member.reshape(2, -1))
+        left = np.flatnonzero(self.known_values(clusters) < 0)
         sites, _ = self._choose(clusters, left, len(left), self._min_area(clusters))
         return clusters, len(sites)
 
@@ -147,7 +146,7 @@ class SiteChooser:
         sheet[tessellation.alone] = mesh[tessellation.face[tessellation.alone]]
         return np.concatenate([sheet, np.where(sheet < 0, -1, sheet + len(self.scene.meshes))])
 
-    def _known_values(self, clusters: _Clusters) -> np.ndarray:
+    def known_values(self, clusters: Clusters) -> np.ndarray:
         """(M,) the numbers of the members' values where no gather is needed to know them, else -1."""
         value = np.full(len(clusters.members), -1)
         if self.scene.environment is None and not any(self.scene.sky_gradient):  # else it depends on where a member faces
@@ -159,52 +158,54 @@ class SiteChooser:
         return value
 
     @staticmethod
-    def _min_area(clusters: _Clusters) -> float:
+    def _min_area(clusters: Clusters) -> float:
         return _MIN_AREA * clusters.spacing**2
 
     @staticmethod
-    def _choose(clusters: _Clusters, left: np.ndarray, most: int, min_area: float) -> tuple[np.ndarray, np.ndarray]:
+    def _choose(clusters: Clusters, left: np.ndarray, most: int, min_area: float) -> tuple[np.ndarray, np.ndarray]:
         """The sites among the members `left`, and which of them is each one's, as clustering.choose_sites has them."""
         position, area = clusters.members.position[left], clusters.area[left]
         return clustering.choose_sites(clusters.keys[left], position, area, min_area, most)
 
-    def _assign(self, clusters: _Clusters) -> Generator[float, None, _Assignment]:
-        """Sites, and members assigned to those that they see: of their own cluster, or else of one beside it."""
+    def assign(self, clusters: Clusters, value: np.ndarray, first: int) -> Generator[float, None, np.ndarray]:
+        """Sites for members whose values (M,) are negative, and these assigned to those that they see: of their own cluster, or
+        else of one beside it. Fills `value` by the sites' numbers, which begin with `first`; returns the members (S,) that are
+        sites."""
         members = clusters.members
-        value = yield from beside(partial(self._known_values, clusters), _CUT)
-        left, sites = np.flatnonzero(value < 0), np.zeros(FIRST_SITE if len(members) else 0, np.intp)
+        left, sites = np.flatnonzero(value < 0), np.zeros(0, np.intp)
         for number in range(_ROUNDS):
             min_area = self._min_area(clusters) if number < _ROUNDS - 1 else 0.0
-            choosing = partial(self._choose, clusters, left, MAX_SITES - len(sites), min_area)
+            choosing = partial(self._choose, clusters, left, MAX_SITES - first - len(sites), min_area)
             chosen, site_of = yield from beside(choosing, _SHARED_OUT)
             if not len(chosen):
                 continue
             chosen = left[chosen]
             asking = np.flatnonzero(site_of >= 0)
             seen = np.zeros(len(left), bool)
-            seen[asking] = yield from self._see(members, left[asking], chosen[site_of[asking]], _SHARED_OUT)
-            value[left[seen]] = len(sites) + site_of[seen]
+            seen[asking] = yield from self.see(members, left[asking], chosen[site_of[asking]], _SHARED_OUT)
+            value[left[seen]] = first + len(sites) + site_of[seen]
             left, sites = left[~seen], np.concatenate([sites, chosen])
-        yield from self._borrow(clusters, value, sites[FIRST_SITE:])
-        return _Assignment(value, sites)
+        yield from self._borrow(clusters, value, sites, first)
+        return sites
 
-    def _borrow(self, clusters: _Clusters, value: np.ndarray, gathered: np.ndarray) -> Generator[float, None, None]:
+    def _borrow(self, clusters: Clusters, value: np.ndarray, gathered: np.ndarray, first: int) -> Generator[float, None, None]:
         """Give the members without a value in `value` (M,) that of a site near by: the nearest that they see, else the nearest.
+        gathered: the members that are sites, whose numbers begin with `first`.
 
         Where there are more clusters than sites, most small things would have no value, and what is not known is black: a room
         full of them lost a third of its second bounce.
         """
         members, left = clusters.members, np.flatnonzero(value < 0)
-        size = _VOXEL * clusters.spacing
+        size = VOXEL * clusters.spacing
         near = yield from beside(partial(clustering.near_sites, members, left, gathered, size, _ALTERNATIVES), _SHARED_OUT)
         for site in near.T:
             asking = np.flatnonzero((value[left] < 0) & (site >= 0))
-            seen = yield from self._see(members, left[asking], gathered[site[asking]], _SHARED_OUT)
-            value[left[asking[seen]]] = FIRST_SITE + site[asking[seen]]
+            seen = yield from self.see(members, left[asking], gathered[site[asking]], _SHARED_OUT)
+            value[left[asking[seen]]] = first + site[asking[seen]]
         unseen = (value[left] < 0) & (near[:, 0] >= 0)
-        value[left[unseen]] = FIRST_SITE + near[unseen, 0]
+        value[left[unseen]] = first + near[unseen, 0]
 
-    def _cells(self, clusters: _Clusters, value: np.ndarray) -> Generator[float, None, np.ndarray]:
+    def cells(self, clusters: Clusters, value: np.ndarray) -> Generator[float, None, np.ndarray]:
         """SiteLayout.cells for members with these values (M,)."""
         members = clusters.members
         table = [np.zeros((clusters.tessellation.cells, 2, 4), np.float32)]
@@ -214,7 +215,7 @@ class SiteChooser:
             unlike = np.flatnonzero((value[corners] != value[corners[:, :1]]).any(1))
             free = np.ones((len(unlike), 3), bool)  # of each corner, whether the other two see each other
             for k in range(3):
-                free[:, k] = yield from self._see(members, corners[unlike, k - 2], corners[unlike, k - 1], _FOUND)
+                free[:, k] = yield from self.see(members, corners[unlike, k - 2], corners[unlike, k - 1], _FOUND)
             hidden = ~free.all(1)
             unlike, free = unlike[hidden], free[hidden]
             cells[unlike, 3] = sum(map(len, table)) + np.arange(len(unlike))
@@ -244,14 +245,20 @@ class SiteChooser:
             reach[asking, corner, step] = low + 0.5 * size
         return reach
 
-    def _see(self, members: Members, a: np.ndarray, b: np.ndarray, done: float) -> Generator[float, None, np.ndarray]:
+    def see(self, members: Members, a: np.ndarray, b: np.ndarray, done: float) -> Generator[float, None, np.ndarray]:
         """(N,) whether members a see members b (N,); yields `done` from batch to batch."""
         seen = np.ones(len(a), bool)
         apart = np.flatnonzero(a != b)
-        for some in _batches(len(apart)):
-            seen[apart[some]] = self.visibility(clustering.sight_lines(members, a[apart[some]], b[apart[some]]))
-            yield done
+        seen[apart] = yield from self.free(clustering.sight_lines(members, a[apart], b[apart]), done)
         return seen
+
+    def free(self, lines: np.ndarray, done: float) -> Generator[float, None, np.ndarray]:
+        """(N,) which of these sight lines (N, 3, 3) nothing is in the way of; yields `done` from batch to batch."""
+        free = np.ones(len(lines), bool)
+        for some in _batches(len(lines)):
+            free[some] = self.visibility(lines[some])
+            yield done
+        return free
 
 
 def _batches(count: int) -> Iterator[slice]:

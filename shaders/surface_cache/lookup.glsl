@@ -3,8 +3,9 @@
 
 uniform sampler2D surface_triangles;  // three texels a triangle: first corner and steps n; edges from it, and its first cell
 uniform sampler2D surface_cells;      // two texels a cell, one for each side: xyz the numbers of its corners' values (-1: none);
-                                      // w 0 where the corners see each other; else something stands on the cell, and w is the
-                                      // number of the item that tells from where which corners are seen
+                                      // w 0 where the corners see each other; positive: something stands on the cell, and w is
+                                      // the number of the item that tells from where which corners are seen; negative: the side
+                                      // is cut into four cells, the first of which is item -w
 uniform sampler2D surface_values;     // rgb E in W/m²
 uniform int surface_known;            // 0: no value is known yet, and the first triangle stands for all
 
@@ -32,6 +33,16 @@ vec3 surface_corners_seen(int item, vec3 weights)
     return vec3(lessThanEqual(reach, vec3(max(least, 1.0))));
 }
 
+// The cell of n rows in which a place lies, by its coordinates uv in steps along the edges from the first corner; and its weights.
+int surface_cell(vec2 uv, int n, out vec3 share)
+{
+    int j = min(int(uv.y), n - 1), i = min(int(uv.x), n - 1 - j);
+    vec2 f = uv - vec2(i, j);
+    bool odd = f.x + f.y > 1.0 && i + j < n - 1;
+    share = max(odd ? vec3(f.x + f.y - 1.0, 1.0 - f) : vec3(1.0 - f.x - f.y, f), 0.0);
+    return j * (2 * n - j) + 2 * i + int(odd);
+}
+
 // The values at the corners of the cell in which p lies, a point of the triangle, on the side to which the unit vector g points.
 Look surface_look(int triangle, vec3 p, vec3 g)
 {
@@ -41,13 +52,14 @@ Look surface_look(int triangle, vec3 p, vec3 g)
     vec3 normal = cross(right.xyz, up);
     vec2 uv = clamp(vec2(dot(cross(away, up), normal), dot(cross(right.xyz, away), normal)) / dot(normal, normal), 0.0, 1.0);
     uv *= corner.w / max(uv.x + uv.y, 1.0);
-    int n = int(corner.w), j = min(int(uv.y), n - 1), i = min(int(uv.x), n - 1 - j);
-    vec2 f = uv - vec2(i, j);
-    bool odd = f.x + f.y > 1.0 && i + j < n - 1;
-    vec3 share = max(odd ? vec3(f.x + f.y - 1.0, 1.0 - f) : vec3(1.0 - f.x - f.y, f), 0.0);
-    int cell = int(right.w) + j * (2 * n - j) + 2 * i + int(odd);
-    bool other = dot(normal, g) < 0.0;
-    vec4 found = texelFetch(surface_cells, table_texel(cell, 2, int(other)), 0);
+    vec3 share;
+    int cell = int(right.w) + surface_cell(uv, int(corner.w), share), side = int(dot(normal, g) < 0.0);
+    vec4 found = texelFetch(surface_cells, table_texel(cell, 2, side), 0);
+    while (found.w < 0.0)
+    {
+        cell = surface_cell(2.0 * share.yz, 2, share) - int(found.w);
+        found = texelFetch(surface_cells, table_texel(cell, 2, side), 0);
+    }
     vec3 weights = mix(share, vec3(0.0), lessThan(found.xyz, vec3(0.0)));
 
     if (found.w > 0.0) weights *= surface_corners_seen(int(found.w), share);

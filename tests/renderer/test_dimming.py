@@ -199,7 +199,10 @@ def test_a_lamp_that_goes_out_leaves_no_noise_of_finer_looks() -> None:
         renderer.render()
         renderer.relight([LAMP, coloured(OTHER, 10.0, 10.0, 10.0)])
         ticks(renderer, 10.0)
-        renderer.refine(None, 0.005, seconds=1.0)
+        surface = renderer.scheduler.gatherer.surface_now
+        assert surface is not None
+        while not surface.refined:
+            renderer.refine(None, 0.005, seconds=0.2)
         renderer.relight([LAMP, coloured(OTHER, 0.0, 0.0, 0.0)])
         assert 0 < len(renderer.cache.stale) <= renderer.cache.count
         assert ticks(renderer, 10.0)[-1].done

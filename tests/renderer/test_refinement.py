@@ -119,6 +119,26 @@ def test_the_surface_cache_is_refined_in_ticks_until_the_scene_changes(tmp_path:
             calls += 1
         assert calls > 2 and off() < 0.6 * before
         refined = surface.result
-        assert gatherer.refine_surface(shadows, Budget(None)) and surface.result is refined is not first
+        assert surface.refined and refined is not first
         renderer.relight([replace(light, position=(0.1, 0.2, 0.3)) for light in scene.lights])
         assert not gatherer.refine_surface(shadows, Budget(None))  # it is made anew first
+
+
+def test_records_are_corrected_by_what_a_refined_surface_cache_changes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """They come to what gathering them again by the refined cache says, but for a tenth of the change; and that is told."""
+    monkeypatch.setattr(site_layout, "POINTS", (100, 100))
+    settings: SettingValues = COARSE | {"bounces": 3, "gather_size": 32, "ray_noise": 0.0}
+    with Renderer(irrsplat.load(write_room(tmp_path)), SIZE, **settings) as renderer:
+        renderer.render()
+        gatherer, cache, shadows = renderer.scheduler.gatherer, renderer.scheduler.cache, renderer.draw_shadows()
+        before, numbers = cache.values[: cache.count, :3].astype(float), np.arange(cache.count)
+        for _ in range(2):
+            assert gatherer.refine_surface(shadows, Budget(None))
+            last = cache.values[: cache.count, :3].astype(float)
+            changes = gatherer.follow_refinement(shadows, numbers, Budget(None))
+            assert np.allclose(cache.values[: cache.count, :3], last + changes, atol=1e-6)
+        corrected = cache.values[: cache.count, :3].astype(float)
+        gatherer.regather(shadows, numbers, Budget(None), 32)
+        again = cache.values[: cache.count, :3].astype(float)
+        assert np.abs(again - before).mean() > 1e-3 * before.mean()
+        assert np.sqrt(np.mean((corrected - again) ** 2)) < 0.1 * np.sqrt(np.mean((again - before) ** 2))

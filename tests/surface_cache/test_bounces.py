@@ -18,8 +18,7 @@ from irrsplat.gpu.time_budget import Budget
 from irrsplat.indirect import record_gatherer
 from irrsplat.scene.model import Mesh, Scene
 from irrsplat.sky.environment import Environment
-from irrsplat.surface_cache import cache as surface
-from irrsplat.surface_cache import site_layout
+from irrsplat.surface_cache import site_layout, site_rays
 from irrsplat.surface_cache.transport import CONVERGED, BouncedLight, Transport, sum_bounces
 from tests.renderer.test_renderer import FAST, SIZE, room
 from tests.support.worlds import Camera, box, lamp, material, polygon_vector, quad, scene, sites
@@ -288,7 +287,7 @@ def test_a_ray_s_hit_goes_where_it_is_said() -> None:
 def few(monkeypatch: pytest.MonkeyPatch) -> None:
     """A surface cache of few points and rays: exact enough to compare it with itself."""
     monkeypatch.setattr(site_layout, "POINTS", (300, 300))
-    monkeypatch.setattr(surface, "SIDES", (8, 8))
+    monkeypatch.setattr(site_rays, "SIDES", (8, 8))
 
 
 @pytest.mark.usefixtures("few")

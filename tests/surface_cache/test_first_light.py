@@ -14,8 +14,7 @@ from irrsplat import Renderer
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.image.view import Progress
 from irrsplat.indirect import record_gatherer
-from irrsplat.surface_cache import cache as surface
-from irrsplat.surface_cache import site_layout
+from irrsplat.surface_cache import site_layout, site_rays
 from tests.renderer.test_renderer import FAST, SIZE, room
 from tests.support.worlds import lamp
 
@@ -28,7 +27,7 @@ def slow(monkeypatch: pytest.MonkeyPatch) -> None:
     """Ticks have waited long enough from the first one on, for a surface cache of few points and rays."""
     monkeypatch.setattr(record_gatherer, "_PATIENCE", -1.0)
     monkeypatch.setattr(site_layout, "POINTS", (300, 300))
-    monkeypatch.setattr(surface, "SIDES", (8, 8))
+    monkeypatch.setattr(site_rays, "SIDES", (8, 8))
 
 
 def ticks(renderer: Renderer, until: Callable[[Progress], bool]) -> Progress:

@@ -1,0 +1,196 @@
+"""Refinement of a surface cache while a view rests: more rays from its sites, then more sites where light changes."""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from irrsplat.core.buffers import HitLight, ShadowMaps
+from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.time_budget import Budget, Pace
+from irrsplat.gpu.world import World
+from irrsplat.records.record_cache import RecordCache
+from irrsplat.scene.model import Scene
+from irrsplat.settings import Settings
+from irrsplat.surface_cache.lookup_table import Held, LaidOut, LookupTable
+from irrsplat.surface_cache.site_layout import DARK_VALUE, FIRST_SITE, MAX_SITES, SKY_VALUE, SiteChooser
+from irrsplat.surface_cache.site_rays import SiteRays
+from irrsplat.surface_cache.site_splitting import SiteSplitter, SplitLayout, leaves_of
+from irrsplat.surface_cache.transport import BouncedLight, Transport, sum_bounces
+
+_MORE, _ROOM = 0.75, 0.7  # of the sites, and of those that there may be beside them: how many a refinement adds
+_WORTH = 0.1  # of the sites: fewer are not worth one
+
+
+def with_known(E_1: np.ndarray, scene: Scene) -> np.ndarray:
+    """The irradiance E_1 (S, 3) of sites, with the values that are known without a gather set in place."""
+    E_1[SKY_VALUE : SKY_VALUE + 1] = np.pi * np.asarray(scene.sky)
+    E_1[DARK_VALUE : DARK_VALUE + 1] = 0.0
+    return E_1
+
+
+def bounces_of(E_1: np.ndarray, transport: Transport | None, area: np.ndarray, settings: Settings) -> Iterator[BouncedLight]:
+    """Light of E_1 (S, 3) at sites that stand for `area` (S,), by one bounce more from each to the next, to the last that the
+    settings ask for."""
+    return sum_bounces(
+        E_1, transport if settings.most_bounces > 2 else None, area, settings.most_bounces, settings.bounces == "all"
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Work:
+    """The next refinement, as far as it is made. E_1: (K, 3) of the first K sites, by more rays. choosing: its sites; once they
+    are chosen, `cut` has them, and `laid_out`. transport: between them; None where no bounce needs it. made: bounces so far."""
+
+    E_1: np.ndarray
+    choosing: Generator[float, None, SplitLayout] | None = None
+    cut: SplitLayout | None = None
+    laid_out: LaidOut | None = None
+    transport: Transport | None = None
+    making: Iterator[BouncedLight] | None = None
+    made: BouncedLight | None = None
+
+
+class FinerSites(Owner):
+    """Refines the values `base` of a surface cache, between whose sites `transport` is known.
+
+    The first refinement lets E_1 come from four times as many rays at the same sites, each further one adds sites where light
+    changes most. held: what lookups find by the last one that is done; refinements: how many these are.
+    """
+
+    def __init__(
+        self,
+        world: World,
+        rays: SiteRays,
+        chooser: SiteChooser,
+        base: Held,
+        transport: Transport | None,
+        settings: Settings,
+    ) -> None:
+        assert base.laid_out is not None
+        self.world, self.rays, self.chooser, self.settings = world, rays, chooser, settings
+        self.held, self.refinements = base, 0
+        self._base, self._before = base, base
+        self._pace, self._link_pace = Pace(world.ctx), Pace(world.ctx)
+        self._cut = SplitLayout(base.laid_out.layout, leaves_of(base.laid_out.layout.tessellation))
+        self._E_1 = np.zeros((FIRST_SITE, 3), np.float32)  # of the sites that have it by more rays
+        self._transport: Transport | None = transport
+        self._work: _Work | None = None
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees: all but the base."""
+        work = None if self._work is None else self._work.laid_out
+        made = {self.held.laid_out, self._before.laid_out, work} - {self._base.laid_out, None}
+        return tuple(made)
+
+    @property
+    def before(self) -> LookupTable:
+        """The table from before the last refinement."""
+        return self._before.table
+
+    @property
+    def may_split(self) -> bool:
+        """Whether the next refinement adds a good many sites, if there has been a first one."""
+        assert self.held.laid_out is not None
+        count = self.held.laid_out.records.count
+        return self._further(count) > _WORTH * count
+
+    def refine(self, shadows: ShadowMaps, budget: Budget) -> bool:
+        """Go on with the next refinement, as far as the budget goes; whether it is done now."""
+        work = self._work or self._begun()
+        self._work = work = self._chosen(work, budget)
+        if work.laid_out is None or not self._linked(work, shadows, budget):
+            return False
+        self._work = work = self._lit(work, shadows, budget)
+        assert work.laid_out is not None
+        if len(work.E_1) < work.laid_out.records.count:
+            return False
+        self._work = work = self._bounced(work, budget)
+        if work.made is None or not work.made.complete:
+            return False
+        self._hold(work)
+        return True
+
+    def _further(self, count: int) -> int:
+        """How many sites a refinement adds to `count`, about."""
+        return min(int(_MORE * count), int(_ROOM * (MAX_SITES - count)))
+
+    def _begun(self) -> _Work:
+        assert self.held.light is not None and self.held.laid_out is not None
+        if not self.refinements:
+            same = LaidOut(self.world.ctx, self.held.laid_out.layout, self.world.tree.order)
+            return _Work(self._E_1, None, self._cut, same, self._transport)
+        E = self.held.light.irradiance
+        splitter = SiteSplitter(self.chooser, E.astype(float), self._further(len(E)))
+        return _Work(self._E_1, splitter.split(self._cut))
+
+    def _chosen(self, work: _Work, budget: Budget) -> _Work:
+        """Go on choosing the sites."""
+        if work.laid_out is not None or work.choosing is None:
+            return work
+        try:
+            while True:
+                next(work.choosing)
+                if budget.left <= 0.0:
+                    return work
+        except StopIteration as end:
+            cut: SplitLayout = end.value
+        laid_out, transport = LaidOut(self.world.ctx, cut.layout, self.world.tree.order), None
+        if self.settings.most_bounces > 2:
+            transport = Transport(laid_out.records.count, self.rays.linking_gather(laid_out.records.count).share.size)
+            transport.known[:FIRST_SITE] = True
+        return replace(work, choosing=None, cut=cut, laid_out=laid_out, transport=transport)
+
+    def _linked(self, work: _Work, shadows: ShadowMaps, budget: Budget) -> bool:
+        """Go on with the transport between the sites; whether it is known."""
+        assert work.laid_out is not None
+        transport, records, done = work.transport, work.laid_out.records, 0
+        if transport is None or transport is self._transport:
+            return True
+        gather, table, left = self.rays.linking_gather(records.count), work.laid_out.table, np.flatnonzero(~transport.known)
+        light = HitLight(shadows, {"scene": table.uniforms("scene"), "tree": table.uniforms("tree")})
+        for count in self._link_pace.batches(len(left), gather.capacity, budget, gather.share.size):
+            numbers = left[done : done + count]
+            self.rays.light(gather, light, records, numbers)
+            self.rays.link(gather, transport, records.sites(numbers), numbers)
+            done += count
+        return done == len(left)
+
+    def _lit(self, work: _Work, shadows: ShadowMaps, budget: Budget) -> _Work:
+        """Go on gathering E_1 at the sites that lack it by more rays."""
+        assert self._base.laid_out is not None and work.laid_out is not None
+        sites, E_1, done = work.laid_out.layout.sites, [work.E_1], len(work.E_1)
+        if done == len(sites):
+            return work
+        gather = self.rays.finer_gather(self._base.laid_out.records.count)
+        with RecordCache(self.world.ctx) as scratch:
+            for count in self._pace.batches(len(sites) - done, gather.capacity, budget, gather.share.size):
+                numbers = np.arange(done, done + count)
+                rows = scratch.append(replace(sites[numbers], frame_rotation=numbers)) + np.arange(count)
+                self.rays.light(gather, HitLight(shadows), scratch, rows)
+                done += count
+            E_1.append(scratch.read()["irradiance"])
+        return replace(work, E_1=np.concatenate(E_1))
+
+    def _bounced(self, work: _Work, budget: Budget) -> _Work:
+        """Go on with the sum of all bounces."""
+        assert work.laid_out is not None
+        E_1, area = with_known(work.E_1.copy(), self.chooser.scene), work.laid_out.layout.area
+        making = work.making or bounces_of(E_1, work.transport, area, self.settings)
+        made = next(making)
+        while not made.complete and budget.left > 0.0:
+            made = next(making)
+        return replace(work, making=making, made=made)
+
+    def _hold(self, work: _Work) -> None:
+        """Let lookups find its values."""
+        assert work.cut is not None and work.laid_out is not None and work.made is not None
+        work.laid_out.table.write(work.made.irradiance)
+        gone, self._before = self._before, self.held
+        if gone is not self._base and gone.laid_out is not None:
+            gone.laid_out.release()
+        self.held = Held(work.laid_out.table, work.laid_out, work.made, complete=True)
+        self._cut, self._E_1, self._transport, self._work = work.cut, work.E_1, work.transport, None
+        self.refinements += 1
