@@ -195,7 +195,7 @@ def test_the_radius_on_the_cpu_is_the_gpu_s() -> None:
 
 
 def test_its_traversal_sees_every_pixel_of_a_high_picture() -> None:
-    """Pictures of 400 pixels and more begin with every other one by tiles; the scan goes from pixel to pixel, whatever the preset."""
+    """By tiles, pictures of 400 pixels and more begin with every other one; the scan goes from pixel to pixel."""
     world = scene(box((-1, -1, -1), (1, 1, 1), material(0.5, 3.0), outward=False), camera=INSIDE)
     frame = irrsplat.render(world, (8, 400), placement="scan", bounces=1, warmup=20, gather_size=8)
     assert frame.stats["coverage"] == 1.0 and np.allclose(frame.irradiance, np.pi * 3.0, rtol=0.02)
