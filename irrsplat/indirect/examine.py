@@ -102,7 +102,8 @@ class ExaminePass(Owner):
         )
         position, normal, rest = (self.target.read(i) for i in range(3))
         octahedral = np.stack([normal[..., 3], rest[..., 0]])
-        return Examination(position[..., 3], rest[..., 2], position[..., :3], normal[..., :3], octahedral, rest[..., 3], rest[..., 1])
+        triangle, weight = rest[..., 3], rest[..., 1]
+        return Examination(position[..., 3], rest[..., 2], position[..., :3], normal[..., :3], octahedral, triangle, weight)
 
 
 def _stride(count: int) -> int:

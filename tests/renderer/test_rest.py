@@ -152,7 +152,7 @@ def idle(driver: Driver, spied: Counter[str], frames: int = 5) -> Counter[str]:
 
 @pytest.mark.parametrize("case", ["bare", "panels", "marks", "split", "cursor", "auto"])
 def test_at_rest_nothing_is_drawn_but_the_interface(driver: Driver, spied: Counter[str], case: str) -> None:
-    """Each frame puts the picture that there is into the window, and the interface over it: a copy without a program, and nothing is made."""
+    """Each frame copies the picture that there is into the window, and the interface goes over it: nothing is made."""
     actions, options = driver.actions, driver.session.options
     if case == "panels":
         actions.panels.settings = actions.panels.hud = actions.panels.lights = True
