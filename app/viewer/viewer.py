@@ -58,7 +58,6 @@ class Viewer(Owner):
         self.wnd, self.ctx, self.desktop = wnd, wnd.ctx, Desktop(wnd)
         self.session = Session(wnd.ctx, scene, wnd.buffer_size, preferences.preset, preferences.values, camera)
         self.display = Display(self.session)
-        self.copy = Program(wnd.ctx, "viewer/copy", "lib/fullscreen")
         self.outline, self.magnifier = Outline(wnd.ctx), Magnifier(wnd.ctx)
         self.backend = ImguiBackend(wnd.ctx)
         self.actions = Actions(self.session, source, preferences, self.desktop.copy, self._programs, loading)
@@ -90,7 +89,6 @@ class Viewer(Owner):
             self.display,
             *self.canvas.textures,
             self.canvas,
-            self.copy,
             *drawn_over,
             self.interface.pictures,
             self.backend,
@@ -98,7 +96,7 @@ class Viewer(Owner):
 
     def _programs(self) -> list[Program]:
         """The programs that are not the session's."""
-        return [self.copy, self.backend.program, *programs_of(self.display, self.outline, self.magnifier)]
+        return [self.backend.program, *programs_of(self.display, self.outline, self.magnifier)]
 
     def _canvas(self, size: tuple[int, int]) -> Target:
         return Target(self.ctx, size, textures=[self.ctx.texture(size, 4)])
@@ -151,7 +149,7 @@ class Viewer(Owner):
             actions.save_screenshot(_pixels(self.canvas))
         window = Screen(self.wnd.fbo, size)
         target = self._canvas(size) if wanted == "window" else window
-        self.copy(target, picture=self.canvas.textures[0])
+        self.copy(self.canvas, target)
         if actions.editor.mesh is not None and not actions.panels.hidden:
             self.outline(target, self.session.source(0), actions.editor.mesh, self.wnd.pixel_ratio)
         magnified = cursor is not None and self.controls.magnifying
@@ -163,7 +161,7 @@ class Viewer(Owner):
         self.interface.draw(self.backend.scale, self.inspected, cursor, own_cursor=not looking, magnified=magnified)
         self.backend.draw(target.gl)
         if target is not window:
-            self.copy(window, picture=target.textures[0])
+            self.copy(target, window)
             actions.save_screenshot(_pixels(target))
             _free(target)
         self._note("interface", start)
@@ -214,6 +212,12 @@ class Viewer(Owner):
                 self.wnd.swap_buffers()
                 if self.still:
                     self.desktop.wait(_SLEEP)
+
+    def copy(self, picture: Target, target: Target) -> None:
+        """Put a picture, which covers all of its target, into another target of its size."""
+        target.use()  # all of it, and no scissor
+        # a window's own framebuffer keeps the size that it had at first
+        self.ctx.copy_framebuffer(self.ctx.detect_framebuffer(target.gl.glo), picture.gl)
 
     def _keep_picture(self) -> str | None:
         """Keep what the scene looks like now, for the list of recent ones; None, or why that failed."""

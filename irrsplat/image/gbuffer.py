@@ -23,6 +23,7 @@ from irrsplat.scene.model import Camera, Mesh, Scene
 _NEAR = 1e-6  # of the far distance: only the matrix has it, nothing is clipped there
 _EDGE_ON = 5e-7  # of the eye's coordinates: an eye that is so near to a triangle's plane lies in it
 _SURFACES = DrawState(depth="<", depth_clamp=True)
+_NOTHING = DrawState(depth="<", depth_write=False)
 _TINTS = DrawState(depth="<", depth_write=False, depth_clamp=True, blend="multiply")
 _GLOWS = replace(_TINTS, blend="add")
 
@@ -32,7 +33,7 @@ class GBufferTarget(Target):
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         super().__init__(ctx, size, (4,) * 4, depth=True)
-        self.place = Target(ctx, size, textures=self.textures[:1])
+        self.place = Target(ctx, size, textures=self.textures[:1], depth_attachment=self.depth)
         self.depths = Target(ctx, size, textures=[], depth_attachment=self.depth)
         self._parts = Workshop()
 
@@ -70,7 +71,7 @@ class GBufferPass(Owner):
         self.maps = maps or TextureMaps(ctx)
         self._borrowed = maps is not None
         self.target = GBufferTarget(ctx, size)
-        self.nothing = Program(ctx, "lib/nothing", "lib/fullscreen")
+        self.nothing = Program(ctx, "lib/nothing")
         self._programs: dict[tuple[object, ...], Program] = {}
         self._parts: tuple[tuple[Mesh, ...], SceneParts] | None = None
         self._batched: tuple[Sequence[Run], tuple[_Batch, ...]] = (), ()
@@ -142,7 +143,6 @@ class GBufferPass(Owner):
             "far": far,
         }
         # depth 0 says that a pixel sees nothing: the other textures are not looked at there
-        self.nothing(target.place)  # software renderers take three times as long for a clear
         target.depths.clear()
         parts = self._scene_parts(scene)
         sides = parts.sides(placed["clip_from_world"], eye, far)
@@ -157,6 +157,7 @@ class GBufferPass(Owner):
                     **placed,
                     **world.raster_uniforms,
                 )
+        self.nothing(target.place, state=_NOTHING)  # a clear before would write to all pixels
         filters = self._filters(batches, world, target, placed)
         position, normal, albedo, emission = target.textures
         return GBuffer(position, normal, albedo, emission, surfaces.textures[4] if mapped else None, filters, emissive)

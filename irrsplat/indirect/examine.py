@@ -27,15 +27,16 @@ _TILES = 100  # along the image's height
 class Examination:
     """A round's finding, per tile (h, w).
 
-    asking, seen: counts of pixels that ask for a record, and that see a surface. position, normal, geometric (h, w, 3): of the
-    worst served pixel, a site for a record. triangle, weight (h, w): the number of the triangle there, and its Σw.
+    asking, seen: counts of pixels that ask for a record, and that see a surface. position, normal (h, w, 3): of the worst served
+    pixel, a site for a record. octahedral: (2, h, w) the coordinates of its geometric normal. triangle, weight (h, w): the number
+    of the triangle there, and its Σw.
     """
 
     asking: np.ndarray
     seen: np.ndarray
     position: np.ndarray
     normal: np.ndarray
-    geometric: np.ndarray
+    octahedral: np.ndarray
     triangle: np.ndarray
     weight: np.ndarray
 
@@ -51,7 +52,8 @@ class Examination:
 
     def at(self, tiles: tuple[np.ndarray, np.ndarray]) -> Sites:
         """The sites of the given tiles (rows, columns)."""
-        return Sites(self.position[tiles], self.normal[tiles], self.geometric[tiles], self.triangle[tiles])
+        geometric = octahedral_decode(*self.octahedral[:, *tiles])
+        return Sites(self.position[tiles], self.normal[tiles], geometric, self.triangle[tiles].astype(np.intp))
 
 
 class ExaminePass(Owner):
@@ -99,11 +101,9 @@ class ExaminePass(Owner):
             borrow=settings.borrow,
         )
         position, normal, rest = (self.target.read(i) for i in range(3))
-        geometric = octahedral_decode(normal[..., 3], rest[..., 0])
-        triangle = rest[..., 3].astype(np.intp)
-        return Examination(
-            position[..., 3], rest[..., 2], position[..., :3], normal[..., :3], geometric, triangle, weight=rest[..., 1]
-        )
+        octahedral = np.stack([normal[..., 3], rest[..., 0]])
+        triangle, weight = rest[..., 3], rest[..., 1]
+        return Examination(position[..., 3], rest[..., 2], position[..., :3], normal[..., :3], octahedral, triangle, weight)
 
 
 def _stride(count: int) -> int:

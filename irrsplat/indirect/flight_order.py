@@ -25,6 +25,9 @@ class FlightOrder:
     def __call__(self, position: np.ndarray, camera: Camera, size: tuple[int, int]) -> np.ndarray:
         """(N,) the numbers of the sites at `position` (N, 3), world space, in the order in which to gather them: those that are
         soon out of sight come last, else the order stays. camera: that of this frame, in pictures of `size` (width, height)."""
+        if not len(position):
+            self._camera = camera
+            return np.zeros(0, np.intp)
         soon = within(position, self._ahead(camera), size)
         self._camera = camera
         order: np.ndarray = np.argsort(~soon, kind="stable")

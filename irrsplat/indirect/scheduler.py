@@ -170,8 +170,9 @@ class RecordScheduler(Owner):
             state = replace(state, queue=sites[:room], full=room < len(sites))
         queue = state.queue
         assert queue is not None
-        if len(queue):
-            self.gatherer.resume(shadows, budget)
+        if not len(queue):
+            return replace(state, queue=None), NOTHING_ASKED
+        self.gatherer.resume(shadows, budget)
         first = self.cache.count
         done = self.gatherer.gather(shadows, queue, budget, side, state.near)
         self.cache.note_asked(first, camera)

@@ -30,6 +30,8 @@ def choose(asking: np.ndarray, spacing: int, phase: int, seed: int) -> tuple[np.
     """
     height, width = asking.shape
     rows, columns = np.nonzero(asking > 0)
+    if not len(rows):
+        return rows, columns
     squares = (rows // spacing) * -(-width // spacing) + columns // spacing
     if phase >= 0:
         mine = (rows // spacing + columns // spacing) % 2 == phase

@@ -51,32 +51,45 @@ bool borrows(ivec2 pixel, ivec2 last)
     if (reached ? weight_at(pixel) < tolerance * spread / BADLY : texel_at(sums, pixel).a <= 0.0) few = 0;
     for (int i = 0; few > 0 && i < (2 * around + 1) * (2 * around + 1); ++i)
     {
-        ivec2 at = pixel + ivec2(i % (2 * around + 1), i / (2 * around + 1)) - around;
+        ivec2 at = pixel + texel_of_square(i, 2 * around + 1) - around;
         asking += weight_at(clamp(at, ivec2(0), last)) < tolerance ? 1 : 0;
     }
     return few > 0 && asking <= few;
 }
 
-void main()
+int worst;                  // what `search` finds: the pixel of least weight, by its number in the tile
+float least, needy, seen;   // its weight, and how many pixels need a record, and see a surface
+
+// Looks at all `count` pixels of a tile whose first one is at `corner`, from number i on. Of equal pixels the first one is taken.
+void search(ivec2 corner, int i, int count, bool borrowing)
 {
-    ivec2 tile = ivec2(gl_FragCoord.xy), corner = tile * side, size = textureSize(weight, 0);
-    // of equal pixels the first one is taken; the search starts at random, so that no place in the tile is preferred
-    int count = side * side, i = int(random(uvec2(tile)) % uint(count)), worst = i;
-    float least = NOTHING_SEEN, needy = 0.0, seen = 0.0;
+    ivec2 size = textureSize(weight, 0);
+    worst = i;
+    least = NOTHING_SEEN;
+    needy = seen = 0.0;
     for (int n = 0; n < count; ++n)
     {
         i += step_size;
         i = i >= count ? i - count : i;
-        ivec2 pixel = corner + ivec2(i % side, i / side);
+        ivec2 pixel = corner + texel_of_square(i, side);
         bool there = all(lessThan(pixel, size));
         float w = there ? weight_at(pixel) : NOTHING_SEEN;
-        if (w < tolerance && borrows(pixel, size - 1)) w = tolerance;
+        if (borrowing && w < tolerance && borrows(pixel, size - 1)) w = tolerance;
         seen += w < NOTHING_SEEN ? 1.0 : 0.0;
         needy += w < tolerance ? 1.0 : 0.0;
         worst = w < least ? i : worst;
         least = min(w, least);
     }
-    ivec2 pixel = min(corner + ivec2(worst % side, worst / side), size - 1) * pixel_stride;
+}
+
+void main()
+{
+    ivec2 tile = ivec2(gl_FragCoord.xy), corner = tile * side, size = textureSize(weight, 0);
+    // the search starts at random, so that no place in the tile is preferred
+    int count = side * side, first = int(random(uvec2(tile)) % uint(count));
+    search(corner, first, count, false);
+    if (needy > 0.0) search(corner, first, count, true);  // software renderers would look around every pixel, needy or not
+    ivec2 pixel = min(corner + texel_of_square(worst, side), size - 1) * pixel_stride;
     out_position = vec4(texel_at(position, pixel).xyz, needy);
     out_normal = texel_at(normal, pixel);
     out_rest = vec4(texel_at(albedo, pixel).w, least, seen, texel_at(emission, pixel).w);

@@ -16,7 +16,7 @@ void main()
     float farthest = 0.0;
     for (int i = 0; i < side * side; ++i)
     {
-        ivec2 pixel = min(corner + pixel_stride * ivec2(i % side, i / side), size - 1);
+        ivec2 pixel = min(corner + pixel_stride * texel_of_square(i, side), size - 1);
         vec4 p = texel_at(position, pixel);
         farthest = p.w > 0.0 ? max(farthest, length(p.xyz - eye)) : farthest;
     }

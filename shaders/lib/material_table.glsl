@@ -3,12 +3,13 @@
 #include "generated/constants.glsl"
 #include "generated/material.glsl"
 #include "generated/vertex.glsl"
+#include "lib/texel.glsl"
 
 uniform sampler2D material_table;  // a column a material, TABLE_COLUMNS of them side by side, MATERIAL_ROWS texels high
 
 vec4 material_row(int material, int row)
 {
-    return texelFetch(material_table, ivec2(material & (TABLE_COLUMNS - 1), (material >> TABLE_SHIFT) * MATERIAL_ROWS + row), 0);
+    return texel_at(material_table, ivec2(material & (TABLE_COLUMNS - 1), (material >> TABLE_SHIFT) * MATERIAL_ROWS + row));
 }
 
 // The material without its textures.

@@ -1,4 +1,4 @@
-// Nothing seen: the g-buffer's positions before surfaces are drawn over them.
+// Nothing seen: the g-buffer's positions where no surface was drawn.
 layout(location = 0) out vec4 out_position;
 
 void main()

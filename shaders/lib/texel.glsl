@@ -4,3 +4,11 @@ vec4 texel_at(sampler2D values, ivec2 at)
 {
     return textureLod(values, (vec2(at) + 0.5) / vec2(textureSize(values, 0)), 0.0);
 }
+
+// Column and row of the i-th texel of a square `side` texels wide, row by row; in floats, exact below 2^20: software renderers take
+// long for the division of integers.
+ivec2 texel_of_square(int i, int side)
+{
+    int row = int((float(i) + 0.5) / float(side));
+    return ivec2(i - row * side, row);
+}

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import moderngl
+import numpy as np
 import pytest
 
 from irrsplat.core import paths
@@ -142,6 +143,22 @@ def test_a_broken_vertex_shader_is_not_blamed_on_the_fragment_shader(ctx: modern
     with pytest.raises(ShaderError, match=r"^v\.vert:2: "):
         _ = Program(ctx, "v").gl
     ctx.clear_errors()
+
+
+def test_the_texels_of_a_square_are_counted_row_by_row(ctx: moderngl.Context, bundle: Path) -> None:
+    """Each texel of the target is a number; of squares of every width that tiles may have, and of a very large one."""
+    (bundle / "lib" / "texel.glsl").write_text((paths.folder("shaders") / "lib" / "texel.glsl").read_text())
+    (bundle / "square.frag").write_text(
+        '#include "lib/texel.glsl"\nuniform int side;\nuniform int first;\nout vec4 place;\n'
+        "void main() { int i = first + int(gl_FragCoord.y) * 64 + int(gl_FragCoord.x); "
+        "place = vec4(texel_of_square(i, side), i, 0.0); }\n"
+    )
+    target, square = Target(ctx, (64, 64), (4,)), Program(ctx, "square", "lib/fullscreen")
+    for side, first in [*((side, 0) for side in range(1, 65)), (1000, 999 * 1000 - 2048)]:
+        square(target, side=side, first=first)
+        column, row, number, _ = target.read().reshape(-1, 4).T.astype(int)
+        assert np.array_equal(np.sort(number), first + np.arange(64 * 64))
+        assert np.array_equal(column, number % side) and np.array_equal(row, number // side), side
 
 
 @pytest.fixture

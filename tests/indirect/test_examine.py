@@ -97,7 +97,9 @@ def test_examination_equals_numpy(ctx: moderngl.Context, size: tuple[int, int], 
         assert pixel[0] * size[0] + pixel[1] in index[at], "a tile names one of its own pixels"
         assert asks[pixel] and weight[pixel] == pytest.approx(least[at], rel=1e-3), "and the one that is served worst"
         assert np.allclose(found.normal[at], data["normal"][pixel], atol=1e-6)
-        assert np.allclose(found.geometric[at], data["geometric"][pixel], atol=1e-6)
+        site = found.at(tuple(tile[:, None]))
+        assert np.array_equal(site.position[0], found.position[at]) and np.array_equal(site.normal[0], found.normal[at])
+        assert np.allclose(site.geometric[0], data["geometric"][pixel], atol=1e-6)
 
 
 @pytest.mark.parametrize("stride", [1, 2])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 import irrsplat
 from irrsplat.indirect import scheduler
@@ -26,6 +27,27 @@ def test_what_is_soon_out_of_sight_comes_last() -> None:
     assert 3 < len(late) < 12 and late == list(range(len(late))), "the leftmost, in the order in which they came"
     ahead = Camera((0.0, 0.0, -0.2), (0.1, 0.0, -1.2), fov=60.0)
     assert order(LINE, ahead, (100, 100))[0] != 0, "flying ahead, what is at the rim leaves"
+
+
+def test_a_frame_that_asks_for_nothing_is_part_of_the_flight() -> None:
+    order, beside = FlightOrder(), FlightOrder()
+    for camera in (looking(0.0), looking(0.05)):
+        beside(LINE, camera, (100, 100))
+    order(LINE, looking(0.0), (100, 100))
+    assert order(LINE[:0], looking(0.05), (100, 100)).shape == (0,)
+    assert order(LINE, looking(0.1), (100, 100)).tolist() == beside(LINE, looking(0.1), (100, 100)).tolist()
+
+
+def test_where_nothing_asks_nothing_is_prepared(monkeypatch) -> None:
+    """A view that holds all its records, seen again: its examination alone says so."""
+    with irrsplat.Renderer(room(), SIZE, **FAST) as renderer:
+        renderer.converge()
+        gatherer = renderer.scheduler.gatherer
+        monkeypatch.setattr(gatherer, "resume", lambda *_: pytest.fail("nothing is to be gathered"))
+        monkeypatch.setattr(gatherer, "gather", lambda *_: pytest.fail("nothing is to be gathered"))
+        renderer.forget(records=False)
+        _, progress = renderer.frame()
+        assert progress.new == 0 and progress.coverage == 1.0
 
 
 def test_a_flight_gathers_in_this_order(monkeypatch) -> None:

@@ -16,7 +16,7 @@ SIDE = ZOOM * COUNT
 def test_each_pixel_is_a_square(driver: Driver, cursor: tuple[int, int]) -> None:
     """Of the picture under the interface, the one under the cursor in the middle, also at the window's edges."""
     canvas, window = driver.canvas(), Screen(driver.wnd.fbo, driver.wnd.buffer_size)
-    driver.viewer.copy(window, picture=driver.viewer.canvas.textures[0])
+    driver.viewer.copy(driver.viewer.canvas, window)
     driver.viewer.magnifier.draw(window, driver.viewer.canvas.textures[0], cursor)
     left, bottom, width, height = place(driver.wnd.buffer_size, cursor)
     assert (width, height) == (SIDE, SIDE) and 0 <= left <= 320 - SIDE and 0 <= bottom <= 240 - SIDE

@@ -58,7 +58,7 @@ def errors(driver: Driver) -> list[str]:
 # ---- shaders -------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ["image/composite.frag", "viewer/buffers/picture.glsl", "viewer/copy.frag", "viewer/gui.frag"])
+@pytest.mark.parametrize("name", ["image/composite.frag", "viewer/buffers/picture.glsl", "viewer/gui.frag"])
 def test_a_broken_shader_is_told_and_the_last_good_one_goes_on(driver: Driver, copied: Path, name: str) -> None:
     """File and line, whoever's shader it is; mended, F5 reads it again, and the error is gone."""
     file = copied / name
