@@ -7,6 +7,9 @@ import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+# Threads of OpenBLAS wait by turning round and round, on the cores that the other test processes need. Read when numpy is loaded.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 import moderngl
 import pytest
 
