@@ -156,6 +156,7 @@ class Driver:
         self.viewer, self.wnd = viewer, viewer.wnd
         self.values, self.source = values, viewer.actions.source  # that `reset` goes back to
         self.size = self.wnd.size
+        self.density = 1.0  # pixels across that a unit of the window has
         self.records: CacheState | None = None  # of the view that `reset` goes back to, once it was at rest
         self.modifiers = KeyModifiers()
         self.widgets: list[Widget] = []  # of the last frame
@@ -197,7 +198,8 @@ class Driver:
     def window(self) -> np.ndarray:
         """What the window shows: (H, W, 3) uint8, top row first."""
         width, height = self.wnd.buffer_size
-        return np.frombuffer(self.wnd.fbo.read(components=3, alignment=1), "u1").reshape(height, width, 3)[::-1].copy()
+        pixels = self.wnd.fbo.read((0, 0, width, height), components=3, alignment=1)
+        return np.frombuffer(pixels, "u1").reshape(height, width, 3)[::-1].copy()
 
     def canvas(self) -> np.ndarray:
         """What lies under the interface, likewise."""
@@ -210,7 +212,8 @@ class Driver:
             self.viewer.ctx.detect_framebuffer(0).use()  # the window frees its own, which is bound
             self.wnd.size = size
             self.wnd.use()
-        self.wnd._buffer_width, self.wnd._buffer_height = size  # which the window in memory forgets
+        pixels = [round(self.density * n) for n in size]  # which the window in memory forgets
+        self.wnd._buffer_width, self.wnd._buffer_height = pixels
 
     # ---- keys ----------------------------------------------------------------------------------------------------
 

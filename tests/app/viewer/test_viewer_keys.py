@@ -237,7 +237,7 @@ def overlay(driver: Driver, shown: str) -> None:
 
 @case("L")
 def sites(driver: Driver, shown: str) -> None:
-    """Dots where the surface cache has its sites; for a single bounce there are none, also after more bounces, whose cache stays."""
+    """Dots where the surface cache has its sites; for a single bounce there are none, also after more, whose cache stays."""
     for bounces in (1, 2, 1):
         driver.session.change(0, bounces=bounces)
         driver.settle()

@@ -69,8 +69,9 @@ CHANGES: dict[str, tuple[str | None, Any]] = {
 
 @pytest.fixture(scope="module")
 def one(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Driver]:
-    """A tall window; without bounces, since what is gathered is not of interest to most of these tests."""
+    """A tall window of few pixels; without bounces, since what is gathered is not of interest to most of these tests."""
     with viewing(write_room(tmp_path_factory.mktemp("room")), TALL, bounces=0) as driver:
+        driver.density = 0.25  # drawing takes most of the time, and widgets stand where they would in a sharp window
         yield driver
 
 
