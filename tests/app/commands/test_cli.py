@@ -236,11 +236,12 @@ def test_version_help_and_module_are_fast(capsys: pytest.CaptureFixture[str]) ->
 def test_waiting_threads_of_openblas_sleep() -> None:
     """It reads that when numpy is loaded: so the program says it before; a user's own word counts, and programs that import
     irrsplat keep theirs."""
-    code = "import os, sys; from irrsplat.app import cli; {}; print('numpy' in sys.modules, os.environ.get('OPENBLAS_THREAD_TIMEOUT'))"
-    plain = {name: value for name, value in os.environ.items() if name != "OPENBLAS_THREAD_TIMEOUT"}
+    name = "OPENBLAS_THREAD_TIMEOUT"
+    code = f"import os, sys; from irrsplat.app import cli; {{}}; print('numpy' in sys.modules, os.environ.get('{name}'))"
+    plain = {key: value for key, value in os.environ.items() if key != name}
     for call, environment, expected in (
         ("cli.main()", plain, "4"),
-        ("cli.main()", plain | {"OPENBLAS_THREAD_TIMEOUT": "20"}, "20"),
+        ("cli.main()", plain | {name: "20"}, "20"),
         ("cli.main(['--version'])", plain, "None"),
     ):
         words = [sys.executable, "-c", code.format(call), "--version"]
