@@ -1,5 +1,5 @@
 # The commands of the README, and the pictures in it. Everything they need is set up in .venv by .ci/setup.
-.PHONY: demo view test test-long figures docs clean
+.PHONY: demo view test test-types test-all test-long figures docs clean
 
 demo: .venv/.ready
 	mkdir -p out
@@ -13,7 +13,13 @@ view: .venv/.ready
 test: .venv/.ready-dev
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
+	@$(MAKE) --no-print-directory --keep-going -j2 test-types test-all
+
+# These two side by side: the types keep a core busy for a minute, which would leave another one idle.
+test-types: .venv/.ready-dev
 	sh .ci/typecheck
+
+test-all: .venv/.ready-dev
 	.venv/bin/python -m pytest -q -n auto --dist worksteal
 
 test-long: .venv/.ready-dev

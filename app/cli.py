@@ -31,6 +31,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")  # a terminal without UTF-8 is no reason to fail
     debug = bool(os.environ.get("IRRSPLAT_DEBUG"))
+    if argv is None:  # threads of numpy's OpenBLAS wait asleep: by default they keep cores busy that software OpenGL needs
+        os.environ.setdefault("OPENBLAS_THREAD_TIMEOUT", "4")  # 2⁴ clock cycles; read when numpy is loaded
     try:
         with _quiet_libraries(debug), _ended_as_by_ctrl_c():
             if "_ARGCOMPLETE" in os.environ:  # a shell asks what may come next

@@ -7,6 +7,15 @@ import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+# Threads of OpenBLAS wait by turning round and round, on the cores that the other test processes need. Read when numpy is loaded.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+# Freed memory stays with the process: to get it anew for each texture and array takes a tenth of the tests' time. Read when a
+# process starts, as test processes do after this.
+os.environ.setdefault("MALLOC_MMAP_THRESHOLD_", str(1 << 30))
+os.environ.setdefault("MALLOC_TRIM_THRESHOLD_", str(1 << 31))
+os.environ.setdefault("MALLOC_TOP_PAD_", str(1 << 24))
+
 import moderngl
 import pytest
 

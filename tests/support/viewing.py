@@ -156,6 +156,7 @@ class Driver:
         self.viewer, self.wnd = viewer, viewer.wnd
         self.values, self.source = values, viewer.actions.source  # that `reset` goes back to
         self.size = self.wnd.size
+        self.density = 1.0  # that `reset` goes back to
         self.records: CacheState | None = None  # of the view that `reset` goes back to, once it was at rest
         self.modifiers = KeyModifiers()
         self.widgets: list[Widget] = []  # of the last frame
@@ -197,20 +198,23 @@ class Driver:
     def window(self) -> np.ndarray:
         """What the window shows: (H, W, 3) uint8, top row first."""
         width, height = self.wnd.buffer_size
-        return np.frombuffer(self.wnd.fbo.read(components=3, alignment=1), "u1").reshape(height, width, 3)[::-1].copy()
+        pixels = self.wnd.fbo.read((0, 0, width, height), components=3, alignment=1)
+        return np.frombuffer(pixels, "u1").reshape(height, width, 3)[::-1].copy()
 
     def canvas(self) -> np.ndarray:
         """What lies under the interface, likewise."""
         texture = self.viewer.canvas.textures[0]
         return np.frombuffer(texture.read(), "u1").reshape(texture.height, texture.width, 4)[::-1, :, :3].copy()
 
-    def resize(self, size: tuple[int, int]) -> None:
-        """The window has another size; (0, 0): it is minimised."""
+    def resize(self, size: tuple[int, int], density: float = 1.0) -> None:
+        """The window has another size; (0, 0): it is minimised. density: so many pixels across has a unit of it; with few, frames
+        take little time, and widgets stand where they would with many."""
         if all(size) and size != self.wnd.size:
             self.viewer.ctx.detect_framebuffer(0).use()  # the window frees its own, which is bound
             self.wnd.size = size
             self.wnd.use()
-        self.wnd._buffer_width, self.wnd._buffer_height = size  # which the window in memory forgets
+        pixels = [round(density * n) for n in size]  # which the window in memory forgets
+        self.wnd._buffer_width, self.wnd._buffer_height = pixels
 
     # ---- keys ----------------------------------------------------------------------------------------------------
 
@@ -316,7 +320,7 @@ class Driver:
     def reset(self) -> None:
         """As when it was opened: options, panels, camera, settings, lamps; nothing under the mouse, and at rest."""
         actions, session = self.actions, self.session
-        self.resize(self.size)
+        self.resize(self.size, self.density)
         self.viewer.controls.focus_changed(True)
         self.modifiers = KeyModifiers()
         self.viewer.controls.mouse_released(0, 0, LEFT)

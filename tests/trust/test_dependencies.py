@@ -29,6 +29,6 @@ def test_what_others_need_has_a_version_in_ci_as_well() -> None:
     assert set(needed()) - {"irrsplat"} <= set(locked())
 
 
-@pytest.mark.parametrize("name", needed())
+@pytest.mark.parametrize("name", list(needed()))
 def test_licences_ask_for_no_more_than_a_notice(name: str) -> None:
     assert allowed(licence(name)) or name in SILENT, f"{name}: {licence(name) or 'no licence is named'}"

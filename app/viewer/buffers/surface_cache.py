@@ -18,7 +18,7 @@ class SurfaceCacheBuffer(ShownBuffer):
 
     def inputs(self, source: ViewSource) -> object:
         """What the cache holds."""
-        surface = source.renderer.scheduler.gatherer.surface
+        surface = source.renderer.scheduler.gatherer.surface_now
         return None if surface is None else Identity(surface.result)
 
     def draw(self, canvas: Canvas, source: ViewSource) -> None:

@@ -63,7 +63,7 @@ class Display(Owner):
     def _inputs(self, side: int) -> object:
         """What the picture of a side is made of, besides the options."""
         name, source = self.session.buffer(side), self.session.source(side)
-        cache, surface = source.renderer.cache, source.renderer.scheduler.gatherer.surface
+        cache, surface = source.renderer.cache, source.renderer.scheduler.gatherer.surface_now
         markers = cache.count, cache.revision, Identity(None if surface is None else surface.result)
         margins = Margins() if BUFFERS[name].in_view else self.margins
         return name, source.inputs, BUFFERS[name].inputs(source), markers, margins
@@ -100,7 +100,7 @@ class Display(Owner):
             if wanted:
                 draw(screen, view, renderer.cache.records, settings=settings, scene=scene, by=by, region=region)
         if options.sites:
-            markers.sites(screen, view, renderer.scheduler.gatherer.surface, exposure=source.exposure, region=region)
+            markers.sites(screen, view, renderer.scheduler.gatherer.surface_now, exposure=source.exposure, region=region)
 
     def _inspect(self, screen: Target, cursor: tuple[int, int] | None) -> InspectedRecord | None:
         session, held = self.session, self.session.held

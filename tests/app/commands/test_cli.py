@@ -233,6 +233,22 @@ def test_version_help_and_module_are_fast(capsys: pytest.CaptureFixture[str]) ->
     assert time.monotonic() - start < 5.0
 
 
+def test_waiting_threads_of_openblas_sleep() -> None:
+    """It reads that when numpy is loaded: so the program says it before; a user's own word counts, and programs that import
+    irrsplat keep theirs."""
+    name = "OPENBLAS_THREAD_TIMEOUT"
+    code = f"import os, sys; from irrsplat.app import cli; {{}}; print('numpy' in sys.modules, os.environ.get('{name}'))"
+    plain = {key: value for key, value in os.environ.items() if key != name}
+    for call, environment, expected in (
+        ("cli.main()", plain, "4"),
+        ("cli.main()", plain | {name: "20"}, "20"),
+        ("cli.main(['--version'])", plain, "None"),
+    ):
+        words = [sys.executable, "-c", code.format(call), "--version"]
+        done = subprocess.run(words, env=environment, capture_output=True, text=True, timeout=60, check=True)
+        assert done.stdout.splitlines()[-1] == f"False {expected}"
+
+
 def test_a_closed_pipe_is_no_error() -> None:
     read, write = os.pipe()
     os.close(read)

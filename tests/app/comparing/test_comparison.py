@@ -180,7 +180,7 @@ def test_without_the_package_flip_is_left_out(driver: Driver, monkeypatch: pytes
     buffers(driver, "irradiance", "reference", "difference")
     driver.actions.compare()
     assert driver.session.options.compare == "divided"
-    driver.resize((480, 400))  # so that the menu is all there
+    driver.resize((480, 400), density=0.25)  # so that the menu is all there
     driver.frame(2)
     driver.choose("Compare", "FLIP: what an eye sees of it")
     assert driver.session.options.compare == "divided", "it is greyed out"

@@ -82,7 +82,7 @@ def editor(driver: Driver) -> Editor:
 def test_the_panel_adds_a_sky_and_moves_the_sun(driver: Driver) -> None:
     """A drag on the time is one step, and the sun goes to the west."""
     driver.session.options.frozen = driver.actions.panels.lights = True
-    driver.resize((760, 640))
+    driver.resize((760, 640), density=0.25)
     driver.frame(3)
     driver.click(*driver.find("sun and sky", header=True).at())
     driver.choose("a clear sky by place and time")

@@ -261,6 +261,11 @@ def test_a_map_of_the_sky_is_shown_and_watched(driver: Driver, room: Path) -> No
         for name in ("image", "atlas"):
             driver.actions.show(name)
             driver.settle()
-            colour = driver.window().reshape(-1, 3).mean(0)
-            assert colour.argmax() == channel, f"{name}: {colour}"
+            if name == "atlas":  # the last batch has as many records as the last tick had time for: the first one has many
+                driver.session.change(0, budget=2000.0)
+                driver.session.clear()
+                driver.frame()
+            picture = driver.canvas().reshape(-1, 3)
+            others = np.delete(picture, channel, axis=1).max(1)
+            assert ((picture[:, channel] > 100) & (others < 20)).mean() > 0.05, f"{name}: {picture.mean(0)}"
         driver.actions.show("image")

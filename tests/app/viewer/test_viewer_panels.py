@@ -69,8 +69,9 @@ CHANGES: dict[str, tuple[str | None, Any]] = {
 
 @pytest.fixture(scope="module")
 def one(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Driver]:
-    """A tall window; without bounces, since what is gathered is not of interest to most of these tests."""
+    """A tall window of few pixels; without bounces, since what is gathered is not of interest to most of these tests."""
     with viewing(write_room(tmp_path_factory.mktemp("room")), TALL, bounces=0) as driver:
+        driver.density = 0.25  # drawing takes most of the time
         yield driver
 
 
@@ -311,7 +312,7 @@ def test_the_camera_menu_has_the_scene_s_cameras_and_bookmarks(driver: Driver) -
 
 def test_the_split_from_the_menu(driver: Driver) -> None:
     driver.session.options.frozen = True
-    driver.resize((480, 400))  # so that the menu is all there
+    driver.resize((480, 400), density=0.25)  # so that the menu is all there
     driver.frame(2)
     for word, way in (("two buffers", "buffers"), ("two presets", "presets"), ("one picture", "off")):
         driver.choose("Compare", word)

@@ -69,7 +69,7 @@ def test_hints_are_remembered(driver: Driver) -> None:
 
 
 def test_the_help_menu_has_the_keys_the_pages_and_what_this_is(driver: Driver) -> None:
-    driver.resize((640, 400))
+    driver.resize((640, 400), density=0.25)
     driver.frame(2)
     driver.choose("Help", "all keys")
     assert driver.actions.panels.help

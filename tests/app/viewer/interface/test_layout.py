@@ -85,7 +85,7 @@ def test_panels_stand_where_they_were_left(tmp_path: Path, monkeypatch: pytest.M
 @pytest.mark.parametrize(("size", "scale"), [((640, 400), 1.0), ((640, 400), 1.5), ((640, 400), 2.5), ((1280, 720), 1.0)])
 def test_everything_fits(driver: Driver, size: tuple[int, int], scale: float) -> None:
     """Panels end above the legend and before the numbers, these above the window's end; every menu is in the bar."""
-    driver.resize(size)
+    driver.resize(size, density=0.25)
     driver.actions.panels.settings = driver.actions.panels.hud = True
     driver.actions.appearance.scale = scale
     driver.frame(8)
@@ -216,7 +216,7 @@ def test_margins_leave_an_area() -> None:
 
 
 def test_all_messages_are_in_the_log(driver: Driver) -> None:
-    driver.resize((640, 400))
+    driver.resize((640, 400), density=0.25)
     driver.frame(2)
     driver.actions.say("something was said")
     driver.actions.messages.lines.clear()

@@ -78,7 +78,7 @@ def dialog(driver: Driver, tmp_path: Path) -> Driver:
     inner = tmp_path / "inner"
     inner.mkdir()
     write_room(inner).rename(inner / "found.scene")
-    driver.resize((640, 400))
+    driver.resize((640, 400), density=0.25)
     push(driver, "Ctrl+O")
     driver.viewer.interface.dialog.folder = str(tmp_path)
     driver.frame(2)
@@ -169,7 +169,7 @@ def test_a_key_frames_the_scene(driver: Driver) -> None:
 
 
 def test_bookmarks_are_renamed(driver: Driver) -> None:
-    driver.resize((640, 400))
+    driver.resize((640, 400), density=0.25)
     push(driver, "B")
     push(driver, "B")
     first, second = driver.actions.bookmarks

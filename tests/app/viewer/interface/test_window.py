@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import os
 import shutil
@@ -16,9 +15,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageGrab
 
-TOOLS = ("Xvfb", "xdotool", "import")
+TOOLS = ("Xvfb", "xdotool")
 MISSING = [tool for tool in TOOLS if shutil.which(tool) is None]
 SIZE = (400, 300)
 PATIENCE = 180.0  # seconds: machines are slow at times, and nothing here is about speed
@@ -57,8 +56,7 @@ def hand(*words: object) -> str:
 
 def seen() -> np.ndarray:
     """(H, W, 3) what the display shows where the window is, 0..255."""
-    data = subprocess.run(["import", "-window", "root", "png:-"], capture_output=True, check=True).stdout
-    return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"))[: SIZE[1], : SIZE[0]].astype(int)
+    return np.asarray(ImageGrab.grab(xdisplay=os.environ["DISPLAY"]).convert("RGB"))[: SIZE[1], : SIZE[0]].astype(int)
 
 
 def until(found: Callable[[], Any], what: str) -> Any:
