@@ -196,10 +196,16 @@ class Settings:
         "radii of neighbours differ by no more than their distance: what is near to one is near to the other",
     )
     radius_min: float = _declare(
-        0.5, "float", "splat", "least radius a·R of a splat on screen, in percent of the image height", low=0, high=50, unit="%"
+        0.5,
+        "float",
+        "splat",
+        "least radius a·R of a splat on screen, in percent of the image height (of a strip's pixels as 2.4 by 1)",
+        low=0,
+        high=50,
+        unit="%",
     )
     radius_max: float = _declare(
-        7.0, "float", "splat", "greatest radius a·R of a splat on screen, in percent of the image height; 0 is no limit",
+        7.0, "float", "splat", "greatest radius a·R of a splat on screen, in percent of the image height (of a strip's pixels as 2.4 by 1); 0 is no limit",
         low=0, high=100, unit="%",
     )  # fmt: skip
     coarse: bool = _declare(
