@@ -81,8 +81,8 @@ def backdrop_of(scene: Scene, settings: Settings, maps: SkyMaps | None = None) -
 
 
 def pixel_rays(camera: Camera, size: tuple[int, int]) -> np.ndarray:
-    """(3, 3): times (x, y, 1), pixels from the lower left corner of the whole picture, the direction of a ray in world space, of any
-    length. size: of what is drawn."""
+    """(3, 3): times (x, y, 1), pixels from the lower left corner of the whole picture, the direction of a ray in world space, of
+    any length. size: of what is drawn."""
     right, up, backward = camera.axes
     step, whole = camera.pixel(size), camera.whole(size)
     shift = np.asarray(camera.shift if isinstance(camera, PictureCamera) else (0.0, 0.0)) * whole  # pixels, of the picture

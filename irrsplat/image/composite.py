@@ -44,8 +44,8 @@ class MeterPass(Owner):
         return (self.program,)
 
     def __call__(self, image: np.ndarray, block: tuple[int, int]) -> np.ndarray:
-        """(N, 4) of each block of an image (H, W, 3), top row first, by rows from below: sums of the log₂ luminances of its pixels
-        and of their squares, how many are not black, 0."""
+        """(N, 4) of each block of an image (H, W, 3), top row first, by rows from below: sums of the log₂ luminances of its
+        pixels and of their squares, how many are not black, 0."""
         height, width = image.shape[:2]
         padded = np.zeros((height, width, 4), "f4")
         padded[..., :3] = image[::-1]

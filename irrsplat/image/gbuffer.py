@@ -26,8 +26,8 @@ _EDGE_ON = 5e-7  # of the eye's coordinates: an eye that is so near to a triangl
 _SURFACES = DrawState(depth="<", depth_clamp=True)
 _TINTS = DrawState(depth="<", depth_write=False, depth_clamp=True, blend="multiply")
 _GLOWS = replace(_TINTS, blend="add")
-# What is interpolated across a triangle is rounded otherwise where the rasteriser counts pixels from elsewhere. So that a part of a
-# picture is to the bit what is there in the whole, both are drawn by the same cells.
+# What is interpolated across a triangle is rounded otherwise where the rasteriser counts pixels from elsewhere. So that a part of
+# a picture is to the bit what is there in the whole, both are drawn by the same cells.
 CELL_PIXELS = 1 << 22  # pixels of a picture that is a single cell
 CELL = 1024  # pixels along a side of the cells of larger ones
 
@@ -166,7 +166,7 @@ class GBufferPass(Owner):
         region = (start[0] + low[0], start[1] + low[1], width, height)
 
         def bring(textures: Sequence[moderngl.Texture], to: Target) -> moderngl.Texture:
-            parts = {f"part_{i}": texture for i, texture in enumerate(textures)}
+            parts: Uniforms = {f"part_{i}": texture for i, texture in enumerate(textures)}
             self.places[len(textures)](to, scissor=region, start=start, **parts)
             return to.textures[0]
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+
 from irrsplat.scene.model import Camera, PictureCamera
 
 _BASES = 2, 3, 5  # of the Halton sequence: x, y and the rotation
@@ -29,8 +30,8 @@ def _radical_inverse(number: int, base: int) -> float:
 
 
 def jittered(camera: Camera, offset: tuple[float, float], size: tuple[int, int]) -> PictureCamera:
-    """`camera`, seeing at every pixel's centre what it saw at `offset` from there, in pixels to the right and up. size: of what is
-    drawn, (width, height)."""
+    """`camera`, seeing at every pixel's centre what it saw at `offset` from there, in pixels to the right and up. size: of what
+    is drawn, (width, height)."""
     whole = camera.whole(size)
     shift = -offset[0] / whole[0], -offset[1] / whole[1]
     part = camera.part if isinstance(camera, PictureCamera) else None

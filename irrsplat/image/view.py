@@ -120,13 +120,15 @@ def values_of(view: View, name: str) -> np.ndarray:
 
 
 def frame_of(buffers: Mapping[str, np.ndarray], records: Mapping[str, np.ndarray], stats: Statistics, view: View) -> Frame:
-    """A Frame of these arrays, and of the cache's `records`, seen as `view` is, or the picture that it is a part of. Buffers that are
-    not given are empty, (0, 0) or (0, 0, 3)."""
-    empty = {name: np.zeros((0, 0, 3)[: 3 if kind.components == 3 else 2], "f4") for name, kind in CHANNELS.items()}
+    """A Frame of these arrays, and of the cache's `records`, seen as `view` is, or the picture that it is a part of. Buffers
+    that are not given are empty, (0, 0) or (0, 0, 3)."""
+    filled: dict[str, Any] = {
+        name: np.zeros((0, 0, 3)[: 3 if kind.components == 3 else 2], "f4") for name, kind in CHANNELS.items()
+    }
     kept: dict[str, Any] = {f"records_{name}": records[name] for name in ("position", "normal", "irradiance", "radius")}
     c = view.camera
     camera = Camera(c.eye, c.target, c.up, c.fov, c.name)  # without what moves samples within their pixels
-    return Frame(**{**empty, **buffers}, **kept, stats=stats, backdrop=view.backdrop.kind, camera=camera)
+    return Frame(**(filled | dict(buffers)), **kept, stats=stats, backdrop=view.backdrop.kind, camera=camera)
 
 
 def _rgb(texture: moderngl.Texture) -> np.ndarray:

@@ -26,9 +26,16 @@ _TILES = 100  # along the picture's height, or what measure has in its place
 
 
 def tile_side(size: tuple[int, int], pixel_stride: int) -> int:
-    """The side of a tile in pixels of the sums, in a picture of `size` (width, height) of which every `pixel_stride`-th pixel has sums
-    in both directions: tiles are about as wide on screen for any, and have fewer pixels."""
+    """The side of a tile in pixels of the sums, in a picture of `size` (width, height) of which every `pixel_stride`-th pixel has
+    sums in both directions: tiles are about as wide on screen for any, and have fewer pixels."""
     return max(2, max(2, int(measure(size)) // _TILES) // pixel_stride)
+
+
+def tile_count(size: tuple[int, int], pixel_stride: int) -> tuple[int, int]:
+    """How many tiles there are across such a picture, and up."""
+    side = tile_side(size, pixel_stride)
+    width, height = (math.ceil(math.ceil(length / pixel_stride) / side) for length in size)
+    return width, height
 
 
 @dataclass(frozen=True)
@@ -64,8 +71,8 @@ class Examination:
 
 @dataclass(frozen=True, eq=False)
 class Screen:
-    """A view as the scheduler looks at it: the `size` (width, height) of its picture, of which every `pixel_stride`-th pixel has sums in
-    both directions. sums: an object that is another one when these are. examine: finds what is missing, by settings."""
+    """A view as the scheduler looks at it: the `size` (width, height) of its picture, of which every `pixel_stride`-th pixel has
+    sums in both directions. sums: an object that is another one when these are. examine: finds what is missing, by settings."""
 
     size: tuple[int, int]
     pixel_stride: int
@@ -92,11 +99,11 @@ class ExaminePass(Owner):
         part: of the picture, which these are of, where it is not the whole; it begins where a tile does.
         """
         size, stride = gbuffer.position.size, splats.pixel_stride
-        part = part or Part(size, (0, 0), size)
-        side = tile_side(part.whole, stride)
-        begin = [-(corner // stride) for corner in part.corner]  # the picture's first pixel and its end, in pixels of these sums
-        end = [-(-whole // stride) + first for whole, first in zip(part.whole, begin, strict=True)]
-        end = splats.weight.size if part.size == part.whole else end
+        whole, corner = (size, (0, 0)) if part is None else (part.whole, part.corner)
+        side = tile_side(whole, stride)
+        # where the picture begins and ends, in pixels of these sums
+        begin = [-(at // stride) for at in corner]
+        end = splats.weight.size if part is None else tuple(-(-n // stride) + at for n, at in zip(whole, begin, strict=True))
         tiles = -(-splats.weight.width // side), -(-splats.weight.height // side)
         if self.target is None or self.target.size != tiles:
             if self.target is not None:
@@ -109,7 +116,7 @@ class ExaminePass(Owner):
             side=side,
             first_tile=tuple(-first // side for first in begin),
             begin=tuple(begin),
-            end=tuple(end),
+            end=end,
             position=gbuffer.position,
             normal=gbuffer.normal,
             albedo=gbuffer.albedo,

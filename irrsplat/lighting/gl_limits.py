@@ -75,9 +75,9 @@ def shortage(
     buffers: Collection[str] | None = PICTURE,
     tile: int = 0,
 ) -> Shortage | None:
-    """Where a picture of `size`, and its `buffers` as arrays (None: all), are certain to need more memory than there is: how much;
-    else None. Of a GPU's own memory nothing is known: there, only the arrays count. tile: pixels along a side of the tiles that it
-    is drawn in; 0: it is drawn whole."""
+    """Where a picture of `size`, and its `buffers` as arrays (None: all), are certain to need more memory than there is: how
+    much; else None. Of a GPU's own memory nothing is known: there, only the arrays count. tile: pixels along a side of the tiles
+    that it is drawn in; 0: it is drawn whole."""
     names = set(CHANNELS if buffers is None else buffers) & CHANNELS.keys()
     alone = PICTURE.issuperset(names)
     arrays = 4 * sum(CHANNELS[name].components for name in names)

@@ -58,7 +58,9 @@ class Renderer(Tenant):
 
     scene: what `irrsplat.load` returns. size: (width, height) in pixels. preset: a name of settings.PRESETS, and any
     setting by name on top of it. ctx: a moderngl context to use, which its owner makes current before each call (default: a new
-    one without a window, current after every call).
+    one without a window, current after every call). tile_size: pixels along a side of the tiles that `render` draws pictures in,
+    with the same records and pixels, in less memory; 0: it draws them whole. Default: tiles where memory, or OpenGL's largest
+    texture, is too small for anything else. All calls but `render` need whole views.
     A scene that lies far from 0 0 0 is drawn relative to an origin near by (Scene.origin): buffers of a View and the cache's
     records are relative to that; cameras, lights, moves and the Frame of `render` are in world space.
     Raises InputError for a size or setting that cannot be, GLError where there is no OpenGL 3.3, or one that fails the
@@ -178,8 +180,8 @@ class Renderer(Tenant):
         return self.stages.lamp_irradiance(self._state, view.gbuffer)
 
     def _fitting(self, state: State, buffers: Collection[str] | None = gl_limits.PICTURE) -> State:
-        """`state` with tiles where its pictures, and so many `buffers` of them, are drawn in such; raises InputError where they do not
-        fit into memory."""
+        """`state` with tiles where its pictures, and these `buffers` of them, are drawn in such; raises InputError where they do
+        not fit into memory."""
         tile, size = self._tile_size or state.tile, state.size
         software = bool(self.about["software"])
         short = gl_limits.shortage(size, state.scene, state.settings, software, buffers, tile)
@@ -193,7 +195,8 @@ class Renderer(Tenant):
         """Make its context the current one, to draw whole views; raises InputError where they are drawn in tiles."""
         self._use()
         if self._state.tile:
-            raise InputError("a picture in tiles is only rendered; take a smaller size, or tile_size 0, for anything else")
+            width, height = self.size
+            raise InputError(f"size {width}x{height} is drawn in tiles here, which only rendering does: take a smaller size")
 
     def _seen_by(self, camera: Camera | str | None) -> Camera:
         """A caller's camera, relative to the origin."""
@@ -488,8 +491,8 @@ class Renderer(Tenant):
     def _filled(
         self, camera: Camera, progress: Callable[[Progress], None] | None, next_round: Callable[[bool], Made]
     ) -> tuple[Made, Statistics]:
-        """The last round of a view, and its statistics, as `converge` has them. next_round: draws a round, and gathers in it where it
-        is told to."""
+        """The last round of a view, and its statistics, as `converge` has them. next_round: draws a round, and gathers in it
+        where it is told to."""
         self.timers.clear()
         self._state = replace(self._state, view=replace(self._state.view, stalled_rounds=0))
         start = time.perf_counter()

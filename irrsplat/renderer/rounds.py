@@ -8,8 +8,8 @@ from typing import Protocol, TypeVar
 
 from irrsplat.core.buffers import GBuffer, SplatBuffer
 from irrsplat.gpu.time_budget import Budget, now
-from irrsplat.image.view import Progress
 from irrsplat.image.statistics import Statistics
+from irrsplat.image.view import Progress
 from irrsplat.indirect.scheduler import NOTHING_ASKED, RecordScheduler, RoundResult
 from irrsplat.indirect.splat_buffer import first_stride
 from irrsplat.indirect.view_state import ViewState

@@ -1,7 +1,7 @@
 """Pictures in tiles: a large picture is examined and drawn a part at a time, so that only its arrays have its size.
 
-Records are asked for by the whole picture, in the same rounds as in one piece: in each, every tile is drawn and examined, and what the
-tiles find is put together before sites are chosen. Then every tile is drawn by the same records.
+Records are asked for by the whole picture, in the same rounds as in one piece: in each, every tile is drawn and examined, and
+what the tiles find is put together before sites are chosen. Then every tile is drawn by the same records.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from irrsplat.gpu.time_budget import Budget
 from irrsplat.image.composite import meter_block, smooth_radius
 from irrsplat.image.tonemap import automatic_exposure
 from irrsplat.image.view import Progress, View, uncovered, values_of
-from irrsplat.indirect.examine import Examination, Screen, tile_side
+from irrsplat.indirect.examine import Examination, Screen, tile_count, tile_side
 from irrsplat.indirect.scheduler import NOTHING_ASKED, RecordScheduler
 from irrsplat.indirect.view_state import ViewState
 from irrsplat.records.culling import reaching
@@ -27,12 +27,11 @@ from irrsplat.renderer.rounds import Rounds
 from irrsplat.renderer.stages import Stages
 from irrsplat.renderer.state import Round, State
 from irrsplat.scene.model import Camera, Part, part_of
-from irrsplat.settings import Settings
+from irrsplat.settings import LEAST_TILE, MOST_TILE, Settings
 
 _MARGIN = 2  # pixels about a tile that its picture looks at
 _METERED = 4096  # pixels of a row that are metered at once
 
-LEAST, MOST = 16, 4096  # pixels along a side of a tile
 TILE = 1024  # pixels along a side of tiles, where nobody says how many
 
 Size = tuple[int, int]
@@ -62,8 +61,8 @@ def checked_tile(side: int | None) -> int | None:
         found = operator.index(side)
     except TypeError:
         raise InputError(f"tile_size takes a whole number of pixels, not {side!r}") from None
-    if found and not LEAST <= found <= MOST:
-        raise InputError(f"tile_size is 0 or between {LEAST} and {MOST} pixels, not {found}")
+    if found and not LEAST_TILE <= found <= MOST_TILE:
+        raise InputError(f"tile_size is 0 or between {LEAST_TILE} and {MOST_TILE} pixels, not {found}")
     return found
 
 
@@ -148,11 +147,11 @@ class Tiles:
         return Screen(state.size, pixel_stride, sums, lambda settings: self._examine(state, camera, pixel_stride, settings))
 
     def _examine(self, state: State, camera: Camera, stride: int, settings: Settings) -> Examination:
-        """What the examination finds in all tiles. Those that no record reaches that was not there the last time are as they were."""
+        """What the examination finds in all tiles. A tile that no new record reaches is as it was."""
         inputs = camera, state.view_subject, state.tile, stride, settings, self.cache.revision
         if self._looked_by != inputs:
             self._looked, self._looked_by = {}, None
-        cells = [-(-(-(-side // stride)) // tile_side(state.size, stride)) for side in state.size]
+        cells = tile_count(state.size, stride)
         step = tile_side(state.size, stride) * stride  # pixels, of a tile of the examination
         across, up = (min(max(1, state.tile // step), n) for n in cells)
         whole: Examination | None = None
@@ -199,8 +198,8 @@ class Tiles:
         samples: int,
         on_share: Callable[[float], None] | None,
     ) -> tuple[dict[str, np.ndarray], View, int]:
-        """The image, and the buffers of these names (None: all), of the whole picture by the records that there are; the last tile's view; and how
-        many pixels no record reaches (where `frozen`).
+        """The image, and the buffers of these names (None: all), of the whole picture by the records that there are; the last
+        tile's view; and how many pixels no record reaches (where `frozen`).
 
         done: how far the view has come. samples: of a pixel. on_share: called with the share of the tiles that are drawn. Ctrl-C
         ends it without a picture.

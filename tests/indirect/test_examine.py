@@ -9,7 +9,7 @@ import pytest
 from irrsplat.core.buffers import NOTHING_SEEN, SplatBuffer
 from irrsplat.core.vectors import octahedral_decode
 from irrsplat.gpu.target import float_texture
-from irrsplat.indirect.examine import Examination, ExaminePass
+from irrsplat.indirect.examine import Examination, ExaminePass, tile_side
 from irrsplat.indirect.site_selection import choose
 from irrsplat.settings import Settings
 from tests.support.worlds import encode, gbuffer_of

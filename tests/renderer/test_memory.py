@@ -25,7 +25,7 @@ from irrsplat.lighting import gl_limits, memory
 from irrsplat.settings import preset
 from tests.renderer.test_renderer import FAST, room
 
-SIZE = (64, 416)  # high enough for views that begin with every other pixel
+SIZE = (176, 416)  # high enough for views that begin with every other pixel
 CHEAP: dict[str, Any] = {**FAST, "a": 0.8}
 ALONE = ("image", "alpha")
 

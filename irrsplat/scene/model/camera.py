@@ -17,7 +17,7 @@ _WIDEST = 2.4  # of a picture's sides, the longer by the shorter: beyond, it is 
 
 
 def measure(size: tuple[int, int]) -> float:
-    """Pixels: what percentages on screen are of in a picture of `size` (width, height). It is the height, but of strips, whose sides
+    """Pixels: what percentages on screen are of in a picture of `size` (width, height). It is the height; of strips, whose sides
     differ by more than a factor of 2.4, that of a picture of 2.4 by 1, or 1 by 2.4, with as many pixels."""
     width, height = size
     if width > _WIDEST * height:
@@ -107,8 +107,8 @@ class Camera:
 
 @dataclass(frozen=True)
 class Part:
-    """A rectangle of a picture of size `whole` (width, height): `size`, and its lower left `corner` in pixels from the picture's own.
-    It may reach beyond the picture, whose plane goes on there."""
+    """A rectangle of a picture of size `whole` (width, height): `size`, and its lower left `corner` in pixels from the picture's
+    own. It may reach beyond the picture, whose plane goes on there."""
 
     whole: tuple[int, int]
     corner: tuple[int, int]
