@@ -77,7 +77,7 @@ class GBufferPass(Owner):
         self._borrowed = maps is not None
         self.target = GBufferTarget(ctx, size)
         self.nothing = Program(ctx, "lib/nothing", "lib/fullscreen")
-        self.places = {n: Program(ctx, "image/gbuffer_part", "lib/fullscreen", {"PARTS": n}) for n in (1, 4)}
+        self.places = {n: Program(ctx, "lib/place", "lib/fullscreen", {"FOUR": int(n == 4)}) for n in (1, 4)}
         self._cell = Workshop()  # what a cell is drawn into, where it is not the whole picture
         self._programs: dict[tuple[object, ...], Program] = {}
         self._parts: tuple[tuple[Mesh, ...], SceneParts] | None = None
