@@ -198,7 +198,7 @@ class Settings:
     )
     radius_min: float = _declare(
         0.5, "float", "splat", "least radius a·R of a splat on screen, in percent of the image height; of a strip, "
-        "of that of a 2.4:1 image with as many pixels", low=0, high=50, unit="%",
+        "of that of a square with as many pixels", low=0, high=50, unit="%",
     )  # fmt: skip
     radius_max: float = _declare(
         7.0, "float", "splat", "greatest radius a·R of a splat on screen, in percent of the same height; 0 is no limit",

@@ -21,11 +21,11 @@ from irrsplat.image import gbuffer
 from irrsplat.image.frame import RECORDS
 from irrsplat.image.gbuffer import GBufferPass
 from irrsplat.lighting import gl_limits, memory
-from irrsplat.scene.model import Camera, Material, Part, Scene, measure, part_of
+from irrsplat.scene.model import Camera, Material, Part, measure, part_of
 from tests.image.test_normal_maps import bumpy, tilted
 from tests.image.test_textures import square
 from tests.renderer.test_renderer import FAST, room
-from tests.support.worlds import scene
+from tests.support.worlds import floor, scene
 
 SIZE = (180, 410)  # high enough for views that begin with every other pixel
 CHEAP: dict[str, Any] = {**FAST, "a": 0.8}
@@ -195,15 +195,24 @@ def test_an_interruption_between_tiles_leaves_no_picture(monkeypatch: pytest.Mon
 
 
 def test_the_measure_of_a_picture() -> None:
-    """Its height, as long as its sides differ by no more than a factor of 2.4; beyond, it goes on by the number of its pixels."""
+    """Its height, as long as its sides differ by no more than a factor of 2.4; from 5.76 on that of a square of as many pixels."""
     for size in ((240, 100), (100, 100), (100, 240), (1920, 1080), (1080, 1920), (1, 1)):
         assert measure(size) == size[1]
-    assert np.isclose(measure((4000, 10)) ** 2 * 2.4, 40_000) and np.isclose(measure((10, 4000)) ** 2 / 2.4, 40_000)
-    for near, height in (((2401, 1000), 1000), ((1000, 2401), 2401)):
-        assert np.isclose(measure(near), height, rtol=1e-3)
+    assert measure((4000, 10)) == measure((10, 4000)) == 200.0
+    sides = np.geomspace(2.4, 5.76, 9)
+    wide, high = ([measure(size) for size in sizes] for sizes in ([(a, 1.0) for a in sides], [(1.0, a) for a in sides]))  # type: ignore[misc]
+    assert np.allclose(wide, sides / 2.4) and np.allclose(high, 2.4), "without a jump"
 
 
-def inside(fov: float) -> Scene:
-    """`room` from within, where rays in all directions meet a wall."""
-    world = room()
-    return replace(world, cameras=(Camera((0.0, 0.6, 0.3), (0.0, 0.2, -1.0), fov=fov),))
+@pytest.mark.parametrize("size", [(640, 10), (10, 640)])
+def test_a_strip_takes_about_as_many_records_as_a_square(size: tuple[int, int]) -> None:
+    """Of a floor under a sky, where only the greatest radius on screen bounds a record: its pixels are seen at the same angles."""
+
+    def records(size: tuple[int, int]) -> int:
+        fov = 2.0 * np.degrees(np.arctan(0.2 * np.sqrt(size[1] / size[0])))
+        above = Camera((0.0, 1.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, -1.0), fov=float(fov))
+        frame = irrsplat.render(scene(floor(), sky=1.0, camera=above), size, **FAST)
+        assert frame.stats["converged"] and np.isfinite(frame.depth).all()
+        return int(frame.stats["records"])
+
+    assert 0.5 < records(size) / records((80, 80)) < 1.5

@@ -16,6 +16,7 @@ from PIL import Image
 import irrsplat
 from irrsplat import Renderer
 from irrsplat.app import cli
+from irrsplat.core import files
 from irrsplat.core.errors import GLError, InputError
 from irrsplat.gpu.target import Target
 from irrsplat.image import frame as output
@@ -153,3 +154,5 @@ def test_a_picture_written_in_strips_is_the_whole_one(kind: Any, tmp_path: Path,
     made.save(tmp_path / "x.png")
     written = np.asarray(Image.open(tmp_path / "x.png"))
     assert np.array_equal(written, np.round(np.clip(made.picture, 0.0, 1.0) * 255.0).astype("u1"))
+    made.save(tmp_path / "x.png", png_bits=16)
+    assert (tmp_path / "x.png").read_bytes() == files.png_16(made.picture)

@@ -13,16 +13,17 @@ from irrsplat.core.errors import InputError
 from irrsplat.scene.model.checks import checked, checked_number, moved, put
 
 _FARTHEST = 1e24  # of a camera's numbers: what is drawn parallel is seen from very far away
-_WIDEST = 2.4  # of a picture's sides, the longer by the shorter: beyond, it is a strip
+_WIDEST = 2.4  # the longer side of a picture by the shorter, beyond which it is a strip
 
 
 def measure(size: tuple[int, int]) -> float:
-    """Pixels: what percentages on screen are of in a picture of `size` (width, height). It is the height; of strips, whose sides
-    differ by more than a factor of 2.4, that of a picture of 2.4 by 1, or 1 by 2.4, with as many pixels."""
+    """Pixels: what percentages on screen are of in a picture of `size` (width, height). It is the height; where the sides differ by
+    more than a factor of 2.4, it goes over to that of a square of as many pixels, which it is from a factor of 5.76 on."""
     width, height = size
+    square = math.sqrt(width * height)
     if width > _WIDEST * height:
-        return math.sqrt(width * height / _WIDEST)
-    return math.sqrt(width * height * _WIDEST) if height > _WIDEST * width else float(height)
+        return min(width / _WIDEST, square)
+    return max(width * _WIDEST, square) if height > _WIDEST * width else float(height)
 
 
 @dataclass(frozen=True)
