@@ -17,8 +17,8 @@ _WIDEST = 2.4  # the longer side of a picture by the shorter, beyond which it is
 
 
 def measure(size: tuple[int, int]) -> float:
-    """Pixels: what percentages on screen are of in a picture of `size` (width, height). It is the height; where the sides differ by
-    more than a factor of 2.4, it goes over to that of a square of as many pixels, which it is from a factor of 5.76 on."""
+    """Pixels: what percentages on screen are of in a picture of `size` (width, height). It is the height; where the sides differ
+    by more than a factor of 2.4, it goes over to that of a square of as many pixels, which it is from a factor of 5.76 on."""
     width, height = size
     square = math.sqrt(width * height)
     if width > _WIDEST * height:
