@@ -195,7 +195,7 @@ def test_an_interruption_between_tiles_leaves_no_picture(monkeypatch: pytest.Mon
 
 
 def test_the_measure_of_a_picture() -> None:
-    """Its height, as long as its sides differ by no more than a factor of 2.4; from 5.76 on that of a square of as many pixels."""
+    """Its height, while its sides differ by no more than a factor of 2.4; from 5.76 on that of a square of as many pixels."""
     for size in ((240, 100), (100, 100), (100, 240), (1920, 1080), (1080, 1920), (1, 1)):
         assert measure(size) == size[1]
     assert measure((4000, 10)) == measure((10, 4000)) == 200.0
