@@ -14,6 +14,7 @@ from irrsplat.app.common.outputs import Outputs
 from irrsplat.app.common.terminal import INTERRUPTED, fail, say
 from irrsplat.app.film.words import CACHE_MODES, QUALITIES
 from irrsplat.core.errors import InputError
+from irrsplat.settings import LEAST_TILE, MOST_TILE
 
 if TYPE_CHECKING:
     from irrsplat.app.common.parser import Mistakes
@@ -48,6 +49,11 @@ def add(commands: Any) -> None:
         ".mp4, .webm and .gif are films (extra: pip install 'irrsplat[video]')",
     )  # fmt: skip
     flags.add_size(parser, 800)
+    add(
+        "--tile-size", type=values.tile, metavar="N",
+        help=f"draw the picture in tiles of NxN pixels ({LEAST_TILE}..{MOST_TILE}): the same picture, in less memory and more "
+        "time; 0: never (default: tiles of 1024 where memory, or OpenGL's largest texture, is too small)",
+    )  # fmt: skip
     flags.add_preset(parser, "default")
     add("--buffers", metavar="NAME,…", help="only these buffers in .exr, .npz and folders (default: all)")
     flags.add_cache(parser)
@@ -163,7 +169,8 @@ def run(args: argparse.Namespace) -> int:
         lost.tell(scene, flight, args.size, args.turntable is not None)
     if flight is not None and args.on is not None:
         return _render_on(args, scene, flight, made, buffers, files)
-    with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, **args.values) as renderer:
+    made_with = {"preset": args.preset, "tile_size": args.tile_size, **args.values}
+    with irrsplat.Renderer(scene, size=tuple(args.size), **made_with) as renderer:
         if args.cache is not None and (keeps or os.path.exists(args.cache)):
             rendering.load_cache(renderer, args)
         for notice in (*scene.notices, *renderer.notices):

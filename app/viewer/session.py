@@ -61,7 +61,9 @@ class Session(Owner):
         self.origin, scene = scene.origin, scene.local
         self.ctx, self.size, self.scene = ctx, size, scene
         self.options = ViewOptions()
-        self.renderers = [Renderer(scene, size, preset, ctx=ctx, **(values or {}))]  # of the left side; of the right one too
+        self.renderers = [
+            Renderer(scene, size, preset, ctx=ctx, tile_size=0, **(values or {}))
+        ]  # of the left side; of the right one too
         self.parked: Renderer | None = None  # of the preset that was left last, with its records
         self.free_camera = FreeCamera(scene.camera(), scene.diagonal, scene.up)
         if camera is not None:
@@ -312,7 +314,7 @@ class Session(Owner):
             if coming is None or not known:
                 if leaving.scene.triangles > _MOST_PARKED:
                     return False
-                coming = Renderer(self.scene, self.size, name, ctx=self.ctx, **shared)
+                coming = Renderer(self.scene, self.size, name, ctx=self.ctx, tile_size=0, **shared)
                 _brought_up(coming, leaving)
             coming.change(coming.settings.with_values(shared))
             coming.carry_headlamp(leaving.headlamp)
@@ -346,7 +348,7 @@ class Session(Owner):
             left = self.renderers[0]
             other = "default" if left.preset == "paper" else "paper"
             shared = _values(left.settings, _SHARED)
-            self.renderers.append(Renderer(self.scene, self.size, other, ctx=self.ctx, **shared))
+            self.renderers.append(Renderer(self.scene, self.size, other, ctx=self.ctx, tile_size=0, **shared))
             self.renderers[1].carry_headlamp(left.headlamp)
         if way == "presets":
             options.buffers[1] = options.buffers[0]
@@ -445,7 +447,8 @@ class Session(Owner):
         made: list[Renderer] = []
         try:
             for r in self.renderers:
-                made.append(Renderer(scene, self.size, r.preset, ctx=self.ctx, **overrides(r.preset, r.settings)))
+                kept = overrides(r.preset, r.settings)
+                made.append(Renderer(scene, self.size, r.preset, ctx=self.ctx, tile_size=0, **kept))
         except IrrsplatError:
             for renderer in made:
                 renderer.release()

@@ -99,6 +99,7 @@ class GBuffer:
     albedo: rgb reflectance, w the geometric normal's octahedral y. emission: rgb emitted radiance, w the triangle's number.
     mapped_normal: xyz the shading normal bent by the normal map; None where no surface of the scene has one. filters: None where
     no surface can be one. emissive: whether any surface of the scene emits; else `emission` is black everywhere.
+    corner: where in the whole picture the first pixel lies, of a part of one.
     """
 
     position: moderngl.Texture
@@ -108,6 +109,7 @@ class GBuffer:
     mapped_normal: moderngl.Texture | None = None
     filters: Filters | None = None
     emissive: bool = True
+    corner: tuple[int, int] = (0, 0)
 
     @property
     def lit_normal(self) -> moderngl.Texture:

@@ -14,7 +14,7 @@ import stat
 import struct
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -85,19 +85,30 @@ def _png(path: Path, display: np.ndarray, bits: int = 8) -> None:
 
 
 def png_16(display: np.ndarray) -> bytes:
-    """Display values 0..1, (H, W, 3) or with alpha (H, W, 4), sRGB-encoded, as a PNG of 16 bits a channel, which Pillow cannot
-    write (W3C 2003, "Portable Network Graphics", second edition)."""
-    height, width, channels = display.shape
-    rows = np.round(np.clip(display, 0.0, 1.0) * 65535.0).astype(">u2").reshape(height, -1).view(np.uint8)
-    filtered = np.empty((height, 1 + rows.shape[1]), np.uint8)
-    filtered[:, 0] = 2  # each row is what it differs by from the row above (filter "Up"), which packs better
-    filtered[0, 1:], filtered[1:, 1:] = rows[0], rows[1:] - rows[:-1]
+    """Display values 0..1, (H, W, 3) or with alpha (H, W, 4), sRGB-encoded, as a PNG of 16 bits a channel."""
+    return png_16_of([display], len(display))
+
+
+def png_16_of(strips: Iterable[np.ndarray], height: int) -> bytes:
+    """The same of a picture of so many rows that comes in strips, the top one first, so that it is not there as a whole. Pillow
+    cannot write it (W3C 2003, "Portable Network Graphics", second edition)."""
+    packer, packed, above = zlib.compressobj(6), [], None
+    for display in strips:
+        rows = np.round(np.clip(display, 0.0, 1.0) * 65535.0).astype(">u2").reshape(len(display), -1).view(np.uint8)
+        if above is None:
+            width, channels = display.shape[1:]
+            above = np.zeros_like(rows[0])
+        filtered = np.empty((len(rows), 1 + rows.shape[1]), np.uint8)
+        filtered[:, 0] = 2  # each row is what it differs by from the row above (filter "Up"), which packs better
+        filtered[:, 1:] = rows - np.concatenate([above[None], rows[:-1]])
+        packed.append(packer.compress(filtered.tobytes()))
+        above = rows[-1]
 
     def chunk(kind: bytes, data: bytes) -> bytes:
         return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
     header = struct.pack(">IIBBBBB", width, height, 16, {3: 2, 4: 6}[channels], 0, 0, 0)
-    body = zlib.compress(filtered.tobytes(), 6)
+    body = b"".join([*packed, packer.flush()])
     return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"sRGB", b"\0") + chunk(b"IDAT", body) + chunk(b"IEND", b"")
 
 

@@ -8,10 +8,9 @@ from typing import Literal
 import numpy as np
 
 from irrsplat.core.buffers import Uniforms
-from irrsplat.image.jitter import JitteredCamera
 from irrsplat.image.tonemap import tonemap
 from irrsplat.lighting.sky import SkyMaps, sky_uniforms
-from irrsplat.scene.model import Camera, Scene
+from irrsplat.scene.model import Camera, PictureCamera, Scene
 from irrsplat.settings import Settings
 
 BackdropKind = Literal["sky", "grey", "black", "white", "clear"]
@@ -40,7 +39,11 @@ class Backdrop:
     def uniforms(self, camera: Camera, size: tuple[int, int]) -> Uniforms:
         """The uniforms of shaders/image/backdrop.glsl for a view of `size` (width, height)."""
         seen: Uniforms = {} if self.maps is None else {"sky_seen": self.maps.seen}
-        where: Uniforms = {"sky_is_seen": int(self.kind == "sky"), "pixel_rays": pixel_rays(camera, size)}
+        where: Uniforms = {
+            "sky_is_seen": int(self.kind == "sky"),
+            "pixel_rays": pixel_rays(camera, size),
+            "picture_corner": camera.corner(),
+        }
         return {**self.sky_uniforms, **seen, **where}
 
     @property
@@ -56,10 +59,11 @@ class Backdrop:
         """(H, W, 3) float32: the radiance that comes from behind every pixel's centre, top row first; 0 where it is no sky."""
         if self.kind != "sky":
             return np.zeros((size[1], size[0], 3), np.float32)
-        x, y = np.meshgrid(np.arange(size[0]) + 0.5, np.arange(size[1])[::-1] + 0.5)
+        left, bottom = camera.corner()
+        x, y = np.meshgrid(np.arange(size[0]) + left + 0.5, np.arange(size[1])[::-1] + bottom + 0.5)
         ways = np.stack([x, y, np.ones_like(x)], -1) @ pixel_rays(camera, size).T
         away = np.linalg.norm(ways, axis=-1)
-        solid = (camera.screen / size[1]) ** 2 / away**3  # of a pixel; its rays have length 1 along the view axis
+        solid = camera.pixel(size) ** 2 / away**3  # of a pixel; its rays have length 1 along the view axis
         return self.scene.sky_radiance(ways / away[..., None], solid).astype(np.float32)
 
     @property
@@ -77,11 +81,12 @@ def backdrop_of(scene: Scene, settings: Settings, maps: SkyMaps | None = None) -
 
 
 def pixel_rays(camera: Camera, size: tuple[int, int]) -> np.ndarray:
-    """(3, 3): times (x, y, 1), pixels from the lower left corner, the direction of a ray in world space, of any length."""
+    """(3, 3): times (x, y, 1), pixels from the lower left corner of the whole picture, the direction of a ray in world space, of
+    any length. size: of what is drawn."""
     right, up, backward = camera.axes
-    step = camera.screen / size[1]
-    shift = np.asarray(camera.shift if isinstance(camera, JitteredCamera) else (0.0, 0.0)) * size  # pixels, of the picture
-    corner = -backward - step * ((0.5 * size[0] + shift[0]) * right + (0.5 * size[1] + shift[1]) * up)
+    step, whole = camera.pixel(size), camera.whole(size)
+    shift = np.asarray(camera.shift if isinstance(camera, PictureCamera) else (0.0, 0.0)) * whole  # pixels, of the picture
+    corner = -backward - step * ((0.5 * whole[0] + shift[0]) * right + (0.5 * whole[1] + shift[1]) * up)
     return np.stack([step * right, step * up, corner], axis=1)
 
 

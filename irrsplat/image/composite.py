@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
 from itertools import product
 
 import moderngl
@@ -10,7 +11,7 @@ import numpy as np
 from irrsplat.core.buffers import GBuffer, Uniforms
 from irrsplat.gpu.program import Program, SampledTexture
 from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import Target, table_texture
+from irrsplat.gpu.target import Target, float_texture, table_texture
 from irrsplat.image.backdrop import Backdrop
 from irrsplat.image.tonemap import automatic_exposure
 from irrsplat.lighting.sky import sky_defines
@@ -19,6 +20,42 @@ from irrsplat.settings import Settings
 
 _METER = 64  # blocks along each side of the image
 _SMOOTH = 0.01  # radius of the smoothing, of the image height
+
+
+def smooth_radius(size: tuple[int, int]) -> int:
+    """Over how many pixels on each side light is smoothed, in a picture of `size` (width, height)."""
+    return max(1, round(_SMOOTH * size[1]))
+
+
+def meter_block(size: tuple[int, int]) -> tuple[int, int]:
+    """Width and height in pixels of the exposure meter's blocks, in a picture of `size`."""
+    return -(-size[0] // _METER), -(-size[1] // _METER)
+
+
+class MeterPass(Owner):
+    """The exposure meter for images that are not a view's: a strip at a time."""
+
+    def __init__(self, ctx: moderngl.Context) -> None:
+        self.ctx = ctx
+        self.program = Program(ctx, "image/composite_meter", "lib/fullscreen")
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.program,)
+
+    def __call__(self, image: np.ndarray, block: tuple[int, int]) -> np.ndarray:
+        """(N, 4) of each block of an image (H, W, 3), top row first, by rows from below: sums of the log₂ luminances of its
+        pixels and of their squares, how many are not black, 0."""
+        height, width = image.shape[:2]
+        padded = np.zeros((height, width, 4), "f4")
+        padded[..., :3] = image[::-1]
+        with ExitStack() as made:
+            texture = float_texture(self.ctx, (width, height))
+            made.callback(texture.release)
+            texture.write(padded.tobytes())
+            target = made.enter_context(Target(self.ctx, (-(-width // block[0]), -(-height // block[1])), (4,)))
+            self.program(target, image=texture, block=block)
+            return np.frombuffer(target.textures[0].read(), "f4").reshape(-1, 4).copy()
 
 
 class NoFilters(Owner):
@@ -63,7 +100,7 @@ class CompositePass(Owner):
         self.fill_target: Target | None = None
         self.smooth_target: Target | None = None
         self.added_target: Target | None = None
-        self.meter_block = (-(-size[0] // _METER), -(-size[1] // _METER))
+        self.meter_block = meter_block(size)
         self.meter_target = Target(ctx, (-(-size[0] // self.meter_block[0]), -(-size[1] // self.meter_block[1])), (4,))
         self.reading = ctx.buffer(reserve=16 * self.meter_target.size[0] * self.meter_target.size[1], dynamic=True)
 
@@ -129,8 +166,8 @@ class CompositePass(Owner):
             position=gbuffer.position,
             normal=gbuffer.normal,
             sums=sums,
-            smooth_radius=max(1, round(_SMOOTH * self.size[1])),
-            pixel_size=camera.screen / self.size[1],
+            smooth_radius=smooth_radius(camera.whole(self.size)),
+            pixel_size=camera.pixel(self.size),
         )
         return target.textures[0]
 

@@ -51,6 +51,7 @@ class EmitterLightPass(Owner):
                 state=DrawState(blend="add") if before else DrawState(),
                 position=gbuffer.position,
                 normal=gbuffer.normal,
+                picture_corner=gbuffer.corner,
                 lit_normal=gbuffer.lit_normal,
                 albedo=gbuffer.albedo,
                 offset=OFFSET * world.scene.diagonal,

@@ -14,7 +14,17 @@ import numpy as np
 
 from irrsplat.core.buffers import CHANNELS
 from irrsplat.core.errors import InputError, did_you_mean
-from irrsplat.core.files import Pathlike, _try_folder, _write_folder, as_png, check_file, eight_bits, write_file, write_picture
+from irrsplat.core.files import (
+    Pathlike,
+    _try_folder,
+    _write_folder,
+    as_png,
+    check_file,
+    eight_bits,
+    png_16_of,
+    write_file,
+    write_picture,
+)
 from irrsplat.core.paths import named
 from irrsplat.image import statistics
 from irrsplat.image.backdrop import BackdropKind, display_picture
@@ -146,21 +156,22 @@ class Frame:
         elif contact_sheet:
             write_picture(path, self.contact_sheet(buffers), png_bits)
         elif png_bits == 16:
-            write_picture(path, self.picture, png_bits)
+            strips = map(self._displayed, range(0, len(self.image), _ROWS))
+            write_file(path, lambda part: part.write_bytes(png_16_of(strips, len(self.image))))
         else:
             write_file(path, self._write_png)
 
     def _write_png(self, part: Path) -> None:
         from PIL import Image
 
-        some = [self._eight_bits(first) for first in range(0, len(self.image), _ROWS)]
+        some = [eight_bits(self._displayed(first)) for first in range(0, len(self.image), _ROWS)]
         Image.fromarray(np.concatenate(some)).save(part, "PNG")
 
-    def _eight_bits(self, first: int) -> np.ndarray:
-        """Some rows of the picture from `first` on, in 8 bits: tone mapping takes ten times the memory of what it gives."""
+    def _displayed(self, first: int) -> np.ndarray:
+        """Some rows of the picture from `first` on: tone mapping takes ten times the memory of what is written of it."""
         rows = slice(first, first + _ROWS)
         whole = first, len(self.image)
-        return eight_bits(display_picture(self.image[rows], self.exposure, self.alpha[rows], self.backdrop, whole))
+        return display_picture(self.image[rows], self.exposure, self.alpha[rows], self.backdrop, whole)
 
     def _write_npz(self, part: Path, names: Sequence[str]) -> None:
         arrays: dict[str, Any] = {name: np.asarray(getattr(self, name), np.float32) for name in names}  # numpy's stub: Any

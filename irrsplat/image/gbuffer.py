@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
 from typing import Literal
 
 import moderngl
@@ -13,19 +14,24 @@ import numpy as np
 from irrsplat.core.buffers import Filters, GBuffer, Uniforms
 from irrsplat.gpu.program import Draw, DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource, Workshop
-from irrsplat.gpu.target import Target, float_texture
+from irrsplat.gpu.target import Region, Target, float_texture
 from irrsplat.gpu.world import World
 from irrsplat.image.texture_maps import TextureMaps, map_uniforms
 from irrsplat.image.visible_parts import SceneParts
 from irrsplat.scene.looks import Look, Run
-from irrsplat.scene.model import Camera, Mesh, Scene
+from irrsplat.scene.model import Camera, Mesh, Part, Scene, part_drawn, part_of
 
 _NEAR = 1e-6  # of the far distance: only the matrix has it, nothing is clipped there
 _EDGE_ON = 5e-7  # of the eye's coordinates: an eye that is so near to a triangle's plane lies in it
 _SURFACES = DrawState(depth="<", depth_clamp=True)
+_BEHIND = 0.9998  # in clip space: behind all surfaces, whose depths are below 0.992, and before the empty depth buffer's 1
 _NOTHING = DrawState(depth="<", depth_write=False)
 _TINTS = DrawState(depth="<", depth_write=False, depth_clamp=True, blend="multiply")
 _GLOWS = replace(_TINTS, blend="add")
+# What is interpolated across a triangle is rounded otherwise where the rasteriser counts pixels from elsewhere. So that a part of
+# a picture is to the bit what is there in the whole, both are drawn by the same cells.
+CELL_PIXELS = 1 << 22  # pixels of a picture that is a single cell
+CELL = 1024  # pixels along a side of the cells of larger ones
 
 
 class GBufferTarget(Target):
@@ -35,18 +41,19 @@ class GBufferTarget(Target):
         super().__init__(ctx, size, (4,) * 4, depth=True)
         self.place = Target(ctx, size, textures=self.textures[:1], depth_attachment=self.depth)
         self.depths = Target(ctx, size, textures=[], depth_attachment=self.depth)
+        self.surfaces = Target(ctx, size, textures=self.textures)
         self._parts = Workshop()
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self._parts, self.place, self.depths, *super().owned())
+        return (self._parts, self.place, self.depths, self.surfaces, *super().owned())
 
     def also(self, name: str, components: int, together: bool = False) -> Target:
         """A further texture, with the same depth; `together`: behind the other textures of this target."""
         texture = self._parts.get(name, (), lambda: float_texture(self.ctx, self.size, components))
         textures = [*self.textures, texture] if together else [texture]
         make = partial(Target, self.ctx, self.size, textures=textures, depth_attachment=self.depth)
-        return self._parts.get(f"{name} target", (), make)
+        return self._parts.get(f"{name} target {together}", (), make)
 
 
 @dataclass(frozen=True)
@@ -71,14 +78,23 @@ class GBufferPass(Owner):
         self.maps = maps or TextureMaps(ctx)
         self._borrowed = maps is not None
         self.target = GBufferTarget(ctx, size)
-        self.nothing = Program(ctx, "lib/nothing")
+        self.nothing = Program(ctx, "lib/nothing", "lib/fullscreen", {"DEPTH": _BEHIND})
+        self.places = {n: Program(ctx, "lib/place", "lib/fullscreen", {"FOUR": int(n == 4)}) for n in (1, 4)}
+        self._cell = Workshop()  # what a cell is drawn into, where it is not the whole picture
         self._programs: dict[tuple[object, ...], Program] = {}
         self._parts: tuple[tuple[Mesh, ...], SceneParts] | None = None
         self._batched: tuple[Sequence[Run], tuple[_Batch, ...]] = (), ()
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.nothing, *self._programs.values(), self.target, None if self._borrowed else self.maps)
+        return (
+            self.nothing,
+            *self.places.values(),
+            self._cell,
+            *self._programs.values(),
+            self.target,
+            None if self._borrowed else self.maps,
+        )
 
     def _program(self, fragment: str, defines: Mapping[str, int]) -> Program:
         values: dict[str, object] = {**defines, "MAP_TAPS": self.maps.taps, "EDGE_ON": _EDGE_ON}
@@ -128,7 +144,47 @@ class GBufferPass(Owner):
 
     def __call__(self, world: World, camera: Camera, target: GBufferTarget | None = None) -> GBuffer:
         """What `camera` sees; the textures are the target's (default: this pass's own), and hold until it is drawn into again."""
-        target, scene, geometry = target or self.target, world.scene, world.geometry
+        target = target or self.target
+        part = part_drawn(camera, target.size)
+        cell = part.whole if part.whole[0] * part.whole[1] <= CELL_PIXELS else (CELL, CELL)
+        if cell == part.whole == part.size:
+            return self._draw(world, camera, target)
+        found = None
+        for column, row in product(
+            *(range(a // c, -(-(a + n) // c)) for a, n, c in zip(part.corner, part.size, cell, strict=True))
+        ):
+            found = self._draw_cell(world, camera, part, Part(part.whole, (column * cell[0], row * cell[1]), cell), target)
+        assert found is not None
+        return found
+
+    def _draw_cell(self, world: World, camera: Camera, part: Part, cell: Part, target: GBufferTarget) -> GBuffer:
+        """Draw what of `part` lies in a cell, and bring it to the target; what the whole target holds."""
+        into = self._cell.get("cell", cell.size, lambda: GBufferTarget(self.ctx, cell.size))
+        start = (cell.corner[0] - part.corner[0], cell.corner[1] - part.corner[1])
+        low = [max(0, -a) for a in start]
+        high = [min(n, m - a) for a, n, m in zip(start, cell.size, part.size, strict=True)]
+        width, height = high[0] - low[0], high[1] - low[1]
+        drawn = self._draw(world, part_of(camera, cell), into, (low[0], low[1], width, height))
+        region = (start[0] + low[0], start[1] + low[1], width, height)
+
+        def bring(textures: Sequence[moderngl.Texture], to: Target) -> moderngl.Texture:
+            parts: Uniforms = {f"part_{i}": texture for i, texture in enumerate(textures)}
+            self.places[len(textures)](to, scissor=region, start=start, **parts)
+            return to.textures[0]
+
+        bring(into.textures, target.surfaces)
+        mapped = None if drawn.mapped_normal is None else bring([drawn.mapped_normal], target.also("mapped normal", 4))
+        filters = drawn.filters
+        if filters is not None:
+            glow = None if filters.glow is None else bring([filters.glow], target.also("glow", 4))
+            tint, opacity = bring([filters.tint], target.also("tint", 4)), bring([filters.opacity], target.also("opacity", 1))
+            filters = Filters(tint, opacity, glow)
+        position, normal, albedo, emission = target.textures
+        return GBuffer(position, normal, albedo, emission, mapped, filters, drawn.emissive, part.corner)
+
+    def _draw(self, world: World, camera: Camera, target: GBufferTarget, scissor: Region | None = None) -> GBuffer:
+        """What `camera` sees, in the target's textures; scissor: the pixels that are wanted."""
+        scene, geometry = world.scene, world.geometry
         width, height = target.size
         eye = np.asarray(camera.eye, float)
         far = 1.01 * float(np.linalg.norm(scene.corners - eye, axis=1).max()) + 1e-3 * scene.diagonal
@@ -150,6 +206,7 @@ class GBufferPass(Owner):
             for cull, draws in parts.draws(batch.surfaces, sides, batch.cull):
                 self._program("image/gbuffer", {**batch.defines, "MAPPED_NORMALS": int(mapped), "EMISSIVE": int(emissive)})(
                     surfaces,
+                    scissor=scissor,
                     geometry=geometry,
                     draws=draws,
                     state=replace(_SURFACES, cull=cull),
@@ -157,12 +214,14 @@ class GBufferPass(Owner):
                     **placed,
                     **world.raster_uniforms,
                 )
-        self.nothing(target.place, state=_NOTHING)  # a clear before would write to all pixels
-        filters = self._filters(batches, world, target, placed)
+        self.nothing(target.place, scissor=scissor, state=_NOTHING)  # a clear before would write to all pixels
+        filters = self._filters(batches, world, target, placed, scissor)
         position, normal, albedo, emission = target.textures
         return GBuffer(position, normal, albedo, emission, surfaces.textures[4] if mapped else None, filters, emissive)
 
-    def _filters(self, batches: Sequence[_Batch], world: World, target: GBufferTarget, placed: Uniforms) -> Filters | None:
+    def _filters(
+        self, batches: Sequence[_Batch], world: World, target: GBufferTarget, placed: Uniforms, scissor: Region | None
+    ) -> Filters | None:
         """What filters leave of the light, what they add, and the opacity of the nearest; the target's depth becomes its own."""
         if not any(batch.filters for batch in batches):
             return None
@@ -178,6 +237,7 @@ class GBufferPass(Owner):
                         "image/tint", {**batch.defines, **kept, "GLOW": 0, "NEAREST": 0, **({what: 1} if what else {})}
                     )(
                         into,
+                        scissor=scissor,
                         geometry=world.geometry,
                         draws=draws,
                         state=replace(state, cull=batch.cull),

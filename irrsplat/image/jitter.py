@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
-import numpy as np
-
-from irrsplat.scene.model import Camera
+from irrsplat.scene.model import Camera, PictureCamera
 
 _BASES = 2, 3, 5  # of the Halton sequence: x, y and the rotation
 
@@ -32,20 +29,10 @@ def _radical_inverse(number: int, base: int) -> float:
     return value
 
 
-@dataclass(frozen=True)
-class JitteredCamera(Camera):
-    """A camera whose picture is shifted by `shift`: of its width to the right, and of its height up."""
-
-    shift: tuple[float, float] = (0.0, 0.0)
-
-    def clip_from_view(self, aspect: float, near: float, far: float) -> np.ndarray:
-        """(4, 4) float64, as Camera's, off its centre."""
-        matrix = super().clip_from_view(aspect, near, far)
-        matrix[:2, 2] -= 2.0 * np.asarray(self.shift)
-        return matrix
-
-
-def jittered(camera: Camera, offset: tuple[float, float], size: tuple[int, int]) -> JitteredCamera:
-    """`camera`, seeing at every pixel's centre what it saw at `offset` from there, in pixels to the right and up."""
-    shift = -offset[0] / size[0], -offset[1] / size[1]
-    return JitteredCamera(camera.eye, camera.target, camera.up, camera.fov, camera.name, shift)
+def jittered(camera: Camera, offset: tuple[float, float], size: tuple[int, int]) -> PictureCamera:
+    """`camera`, seeing at every pixel's centre what it saw at `offset` from there, in pixels to the right and up. size: of what
+    is drawn, (width, height)."""
+    whole = camera.whole(size)
+    shift = -offset[0] / whole[0], -offset[1] / whole[1]
+    part = camera.part if isinstance(camera, PictureCamera) else None
+    return PictureCamera(camera.eye, camera.target, camera.up, camera.fov, camera.name, shift, part)

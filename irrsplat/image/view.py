@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -93,9 +93,9 @@ class Progress:
         return self.still and (self.coverage == 1.0 or self.full)
 
 
-def uncovered(view: View) -> int:
-    """How many of the pixels that see a surface no record reaches, not even to lend."""
-    return int(np.count_nonzero(_seen(view)[..., 0] & (pixels(view.splats.sums)[..., 3] <= 0.0)))
+def uncovered(view: View, rows_columns: tuple[slice, slice] = (slice(None), slice(None))) -> int:
+    """How many of the pixels, top row first, that see a surface no record reaches, not even to lend."""
+    return int(np.count_nonzero((_seen(view)[..., 0] & (pixels(view.splats.sums)[..., 3] <= 0.0))[rows_columns]))
 
 
 def sample_progress(on_round: Callable[[Progress], None] | None, stats: Statistics) -> Callable[[float], None] | None:
@@ -110,14 +110,25 @@ def read(view: View, records: dict[str, np.ndarray], stats: Statistics, names: I
     """The view as a Frame: a copy of every buffer, zero where nothing is seen, and of the cache's `records`. names: of those that
     are wanted, None for all; others are empty, (0, 0) or (0, 0, 3)."""
     wanted = CHANNELS.keys() if names is None else set(names)
-    made: dict[str, Any] = {
-        name: make(view) if name in wanted else np.zeros((0, 0, 3)[: 3 if CHANNELS[name].components == 3 else 2], "f4")
-        for name, make in _BUFFERS.items()
+    made = {name: make(view) for name, make in _BUFFERS.items() if name in wanted}
+    return frame_of(made, records, stats, view)
+
+
+def values_of(view: View, name: str) -> np.ndarray:
+    """One of CHANNELS of the view, as Frame has it."""
+    return _BUFFERS[name](view)
+
+
+def frame_of(buffers: Mapping[str, np.ndarray], records: Mapping[str, np.ndarray], stats: Statistics, view: View) -> Frame:
+    """A Frame of these arrays, and of the cache's `records`, seen as `view` is, or the picture that it is a part of. Buffers
+    that are not given are empty, (0, 0) or (0, 0, 3)."""
+    filled: dict[str, Any] = {
+        name: np.zeros((0, 0, 3)[: 3 if kind.components == 3 else 2], "f4") for name, kind in CHANNELS.items()
     }
     kept: dict[str, Any] = {f"records_{name}": records[name] for name in ("position", "normal", "irradiance", "radius")}
     c = view.camera
     camera = Camera(c.eye, c.target, c.up, c.fov, c.name)  # without what moves samples within their pixels
-    return Frame(**made, **kept, stats=stats, backdrop=view.backdrop.kind, camera=camera)
+    return Frame(**(filled | dict(buffers)), **kept, stats=stats, backdrop=view.backdrop.kind, camera=camera)
 
 
 def _rgb(texture: moderngl.Texture) -> np.ndarray:

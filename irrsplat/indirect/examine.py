@@ -8,6 +8,7 @@ as one small table, from which site_selection.py chooses the sites of a round.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import moderngl
@@ -18,9 +19,23 @@ from irrsplat.core.vectors import octahedral_decode
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
+from irrsplat.scene.model import Part, measure
 from irrsplat.settings import Settings
 
-_TILES = 100  # along the image's height
+_TILES = 100  # along the picture's height, or what measure has in its place
+
+
+def tile_side(size: tuple[int, int], pixel_stride: int) -> int:
+    """The side of a tile in pixels of the sums, in a picture of `size` (width, height) of which every `pixel_stride`-th pixel has
+    sums in both directions: tiles are about as wide on screen for any, and have fewer pixels."""
+    return max(2, max(2, int(measure(size)) // _TILES) // pixel_stride)
+
+
+def tile_count(size: tuple[int, int], pixel_stride: int) -> tuple[int, int]:
+    """How many tiles there are across such a picture, and up."""
+    side = tile_side(size, pixel_stride)
+    width, height = (math.ceil(math.ceil(length / pixel_stride) / side) for length in size)
+    return width, height
 
 
 @dataclass(frozen=True)
@@ -56,12 +71,22 @@ class Examination:
         return Sites(self.position[tiles], self.normal[tiles], geometric, self.triangle[tiles].astype(np.intp))
 
 
-class ExaminePass(Owner):
-    """Looks for pixels that ask for a record in a view of `size` (width, height)."""
+@dataclass(frozen=True, eq=False)
+class Screen:
+    """A view as the scheduler looks at it: the `size` (width, height) of its picture, of which every `pixel_stride`-th pixel has
+    sums in both directions. sums: an object that is another one when these are. examine: finds what is missing, by settings."""
 
-    def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
+    size: tuple[int, int]
+    pixel_stride: int
+    sums: object
+    examine: Callable[[Settings], Examination]
+
+
+class ExaminePass(Owner):
+    """Looks for pixels that ask for a record in a view."""
+
+    def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
-        self.side = max(2, size[1] // _TILES)  # pixels
         # by whether the view is refined
         self.programs = [Program(ctx, "indirect/examine", "lib/fullscreen", {"REFINED": refined}) for refined in (0, 1)]
         self.target: Target | None = None
@@ -70,12 +95,17 @@ class ExaminePass(Owner):
         """What this frees."""
         return (*self.programs, self.target)
 
-    def __call__(self, gbuffer: GBuffer, splats: SplatBuffer, settings: Settings) -> Examination:
+    def __call__(self, gbuffer: GBuffer, splats: SplatBuffer, settings: Settings, part: Part | None = None) -> Examination:
         """Every tile's count of pixels that ask, by `tolerance` and `spread`, and the worst served of them.
 
-        Of splats of every other pixel the tiles are as wide on screen, and have fewer pixels.
+        part: of the picture, which these are of, where it is not the whole; it begins where a tile does.
         """
-        side = max(2, self.side // splats.pixel_stride)
+        size, stride = gbuffer.position.size, splats.pixel_stride
+        whole, corner = (size, (0, 0)) if part is None else (part.whole, part.corner)
+        side = tile_side(whole, stride)
+        # where the picture begins and ends, in pixels of these sums
+        begin = [-(at // stride) for at in corner]
+        end = splats.weight.size if part is None else tuple(-(-n // stride) + at for n, at in zip(whole, begin, strict=True))
         tiles = -(-splats.weight.width // side), -(-splats.weight.height // side)
         if self.target is None or self.target.size != tiles:
             if self.target is not None:
@@ -86,6 +116,9 @@ class ExaminePass(Owner):
             self.target,
             pixel_stride=splats.pixel_stride,
             side=side,
+            first_tile=tuple(-first // side for first in begin),
+            begin=tuple(begin),
+            end=end,
             position=gbuffer.position,
             normal=gbuffer.normal,
             albedo=gbuffer.albedo,

@@ -179,7 +179,7 @@ def splat_weight(weight: np.ndarray, seen: Seen, site: Sites, R: float, camera: 
     height, width = weight.shape
     p_k, n_k, a = site.position[0], site.normal[0], np.float32(settings.a)
     d = float(np.linalg.norm(p_k - np.asarray(camera.eye)))
-    r = float(view_radius(R, d, camera, settings))
+    r = float(view_radius(R, d, camera, (width, height), settings))
     rows, columns = _box(p_k, r, camera, width, height)
     apart = seen.position[rows, columns] - p_k
     distance = np.sqrt((apart * apart).sum(-1)) / np.float32(r / settings.a)

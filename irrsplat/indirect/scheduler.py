@@ -14,7 +14,7 @@ from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.indirect import paper_scan
-from irrsplat.indirect.examine import Examination, ExaminePass
+from irrsplat.indirect.examine import Examination, ExaminePass, Screen, tile_side
 from irrsplat.indirect.flight_order import FlightOrder
 from irrsplat.indirect.record_gatherer import BounceStatistics, RecordGatherer
 from irrsplat.indirect.site_selection import choose, spacing
@@ -26,7 +26,7 @@ from irrsplat.records.eviction import kept
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.records.refresh_order import RefreshOrder
 from irrsplat.scene.change import SceneChange
-from irrsplat.scene.model import Camera, Scene
+from irrsplat.scene.model import Camera, Part, Scene, measure
 from irrsplat.settings import Settings
 
 _REACH = 8.0  # percent of the image height by which the first sites lie apart where radii have no upper limit
@@ -115,7 +115,7 @@ class RecordScheduler(Owner):
     def missing(self, gbuffer: GBuffer, splats: SplatBuffer) -> float:
         """The share of the seen pixels that ask for a record now; nothing is gathered."""
         with self.timers("examine"):
-            return self._examined(gbuffer, splats, self.settings)[0].missing
+            return self.examined(gbuffer, splats, self.settings).missing
 
     def gather_missing(
         self,
@@ -129,11 +129,20 @@ class RecordScheduler(Owner):
     ) -> tuple[ViewState, RoundResult]:
         """Gather where the view lacks records, as far as the budget goes. side: of the gathers for a view that is
         refined, 0 for any other; no pixel borrows and no record is evicted then."""
-        before = state
         if self.settings.placement == "scan" and not side:
-            state, result = self._scan(state, gbuffer, splats, shadows, camera, budget)
-        else:
-            state, result = self._ask(state, gbuffer, splats, shadows, camera, budget, side)
+            return self._after(state, *self._scan(state, gbuffer, splats, shadows, camera, budget), splats)
+        size = gbuffer.position.size
+        screen = Screen(size, splats.pixel_stride, splats, lambda settings: self.examined(gbuffer, splats, settings))
+        return self.gather_asked(state, screen, shadows, camera, budget, side)
+
+    def gather_asked(
+        self, state: ViewState, screen: Screen, shadows: ShadowMaps, camera: Camera, budget: Budget, side: int = 0
+    ) -> tuple[ViewState, RoundResult]:
+        """Gather where the `screen` lacks records, as gather_missing does."""
+        return self._after(state, *self._ask(state, screen, shadows, camera, budget, side), screen.sums)
+
+    def _after(self, before: ViewState, state: ViewState, result: RoundResult, sums: object) -> tuple[ViewState, RoundResult]:
+        """How far the view has come by a look at it and its `result`."""
         state = replace(state, coverage=1.0 - state.missing)
         if not result.complete:
             return state, result
@@ -149,13 +158,12 @@ class RecordScheduler(Owner):
         state, limited = self.limit_radii(state, last=True)
         if limited or state.pixel_stride > 1:  # then others may be missing
             return replace(state, pixel_stride=1), replace(result, complete=False)
-        return replace(state, settled=(splats, self.settings.asking)), result
+        return replace(state, settled=(sums, self.settings.asking)), result
 
     def _ask(
         self,
         state: ViewState,
-        gbuffer: GBuffer,
-        splats: SplatBuffer,
+        screen: Screen,
         shadows: ShadowMaps,
         camera: Camera,
         budget: Budget,
@@ -163,10 +171,10 @@ class RecordScheduler(Owner):
     ) -> tuple[ViewState, RoundResult]:
         """Gather where tiles of the view ask, coarse to fine."""
         if state.queue is None:
-            state, sites = self._select(state, gbuffer, splats, refining=side > 0)
+            state, sites = self._select(state, screen, refining=side > 0)
             if budget.limited and not side:
-                sites = sites[self.flight_order(sites.position, camera, gbuffer.position.size)]
-            room = self.room if side else self._room(len(sites), camera, gbuffer)
+                sites = sites[self.flight_order(sites.position, camera, screen.size)]
+            room = self.room if side else self._room(len(sites), camera, screen.size)
             state = replace(state, queue=sites[:room], full=room < len(sites))
         queue = state.queue
         assert queue is not None
@@ -175,13 +183,13 @@ class RecordScheduler(Owner):
         self.gatherer.resume(shadows, budget)
         first = self.cache.count
         done = self.gatherer.gather(shadows, queue, budget, side, state.near)
-        self.cache.note_asked(first, camera)
+        self.cache.note_asked(first, camera, screen.size)
         state = replace(state, queue=queue[done:] if done < len(queue) else None)
         return state, RoundResult(done, state.queue is None)
 
-    def _room(self, wanted: int, camera: Camera, gbuffer: GBuffer) -> int:
+    def _room(self, wanted: int, camera: Camera, size: tuple[int, int]) -> int:
         """How many more records there may be, once those are evicted that are in the way of `wanted` new ones, if they may be."""
-        numbers = kept(self.cache, wanted, camera, gbuffer.position.size, self.settings)
+        numbers = kept(self.cache, wanted, camera, size, self.settings)
         if numbers is not None:
             self.cache.keep_only(numbers)
             self.adaptation.keep(numbers)
@@ -192,23 +200,21 @@ class RecordScheduler(Owner):
         """How many more records there may be as it is."""
         return max(self.settings.max_records - self.cache.count, 0)
 
-    def _examined(self, gbuffer: GBuffer, splats: SplatBuffer, settings: Settings) -> tuple[Examination, int]:
-        """What the examination finds, and the side of a tile in pixels."""
-        size = gbuffer.position.size
-        examine_pass = self._passes.get("examine", size, lambda: ExaminePass(self.ctx, size))
-        return examine_pass(gbuffer, splats, settings), examine_pass.side
+    def examined(self, gbuffer: GBuffer, splats: SplatBuffer, settings: Settings, part: Part | None = None) -> Examination:
+        """What the examination finds; part: of the picture, which these are of, where it is not the whole."""
+        return self._passes.get("examine", (), lambda: ExaminePass(self.ctx))(gbuffer, splats, settings, part)
 
-    def _select(self, state: ViewState, gbuffer: GBuffer, splats: SplatBuffer, refining: bool) -> tuple[ViewState, Sites]:
+    def _select(self, state: ViewState, screen: Screen, refining: bool) -> tuple[ViewState, Sites]:
         """The sites of a new round, and with them the state in which the next one selects."""
         # while some are stale, records contradict each other for that alone
         settings = replace(self.settings, spread=0.0) if len(self.cache.stale) else self.settings
         if refining:
             settings = replace(settings, borrow=0)
         with self.timers("examine"):
-            found, side = self._examined(gbuffer, splats, settings)
-            reach = (settings.radius_max or _REACH) / 100.0 * gbuffer.position.height / side  # tiles
+            found, side = screen.examine(settings), tile_side(screen.size, 1)
+            reach = (settings.radius_max or _REACH) / 100.0 * measure(screen.size) / side  # tiles
             # of every other pixel a quarter of the tiles ask: about as many as would, were every pixel looked at
-            asking, step = int(np.count_nonzero(found.asking)) * splats.pixel_stride**2, state.step
+            asking, step = int(np.count_nonzero(found.asking)) * screen.pixel_stride**2, state.step
             tiles = choose(found.asking, *spacing(step, reach, asking), settings.seed)
             while asking and not len(tiles[0]):  # these fields of the chessboard ask for nothing: the next ones
                 step += 1
@@ -225,7 +231,7 @@ class RecordScheduler(Owner):
             with self.timers("gbuffer"):
                 scan = paper_scan.View(gbuffer, self.settings.warmup if self.cache.count else 0)
         self.gatherer.resume(shadows, budget)
-        room = self._room(1, camera, gbuffer)
+        room = self._room(1, camera, gbuffer.position.size)
         state = replace(state, scan=scan, full=not room)
         if not room:
             return replace(state, missing=self.missing(gbuffer, splats)), NOTHING_ASKED
@@ -238,7 +244,7 @@ class RecordScheduler(Owner):
         with self.timers("gather" if scan.warmed < self.settings.warmup else "examine"):
             sites, values, missing = scan.ask(pixels(splats.weight)[..., 0], record, camera, self.settings)
         if len(sites):
-            self.cache.note_asked(self.cache.append(sites, values), camera)
+            self.cache.note_asked(self.cache.append(sites, values), camera, gbuffer.position.size)
         return replace(state, missing=missing), RoundResult(len(sites), not record.stopped)
 
     # ---- for files, the viewer and the statistics -------------------------------------------------------------------------

@@ -76,9 +76,10 @@ class ViewSplats(Owner):
         settings: Settings,
         pixel_stride: int,
         reach: moderngl.Texture | None = None,
+        noted: bool = True,
     ) -> SplatBuffer:
         """The sums of every record of the cache, at every `pixel_stride`-th pixel in both directions (1 or 2). reach: as in
-        SplatBuffer."""
+        SplatBuffer. noted: the cache is told which of them are seen, where all are drawn."""
         count = cache.count if settings.most_bounces > 0 else 0
         inputs = (
             gbuffer,
@@ -100,7 +101,7 @@ class ViewSplats(Owner):
             if first < count:
                 sight = partial(self.splat_pass.farthest, gbuffer, camera, pixel_stride)
                 numbers = reaching(cache, first, camera, self.size, settings, sight)
-                if first == 0:
+                if first == 0 and noted:
                     cache.mark_seen(numbers)
                 self.splat_pass(cache.records, numbers, gbuffer, camera, settings, pixel_stride, reach=reach)
         sums = self.splat_pass.sums(cache.luminance_floor, pixel_stride, reach)

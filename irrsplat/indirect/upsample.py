@@ -45,7 +45,7 @@ class UpsamplePass(Owner):
             position=gbuffer.position,
             irradiance=irradiance,
             planes=planes,
-            pixel=camera.screen / self.size[1],
+            pixel=camera.pixel(self.size),
         )
         self.search(self.out, state=DrawState(depth="<", depth_write=False), **seen, sums=splats.sums, weight=splats.weight)
         sums, weight = self.out.textures

@@ -55,6 +55,7 @@ class DirectPass(Owner):
         uniforms: Uniforms = {
             "position": gbuffer.position,
             "normal": gbuffer.normal,
+            "picture_corner": gbuffer.corner,
             **gbuffer.material_uniforms,
             **shadows.uniforms,
         }

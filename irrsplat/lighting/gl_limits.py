@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Collection
+from dataclasses import dataclass
 
 import moderngl
 
@@ -20,6 +21,8 @@ LARGE = 1 << 22  # pixels, from which on a picture is worth saving memory for
 PICTURE = frozenset(("image", "alpha"))
 _BESIDE = 450_000_000  # bytes that gathers, the surface cache, shadow maps and records take whatever the size
 _READING = 28  # bytes a pixel, while one more buffer is read
+_WRITING = 6  # bytes a pixel, while a .png is written
+_AROUND = 1.25  # sides of a tile that are drawn for one
 
 
 def checked(size: tuple[int, int]) -> tuple[int, int]:
@@ -49,28 +52,60 @@ def view_bytes(scene: Scene, settings: Settings, picture_alone: bool) -> int:
     return gbuffer + splats + refined + summed + direct + image + emitters + smooth
 
 
-def check_memory(
-    size: tuple[int, int], scene: Scene, settings: Settings, software: bool, buffers: Collection[str] | None = PICTURE
-) -> None:
-    """Raises InputError where a picture of `size`, and its `buffers` as arrays (None: all), are certain to need more memory than
-    there is. Of a GPU's own memory nothing is known: there, only the arrays count."""
+@dataclass(frozen=True)
+class Shortage:
+    """What a picture of `size` needs of memory, and what is free, in bytes. alone: nothing but image and alpha is read of it."""
+
+    size: tuple[int, int]
+    need: int
+    free: int
+    alone: bool
+
+    def __str__(self) -> str:
+        """The same in words."""
+        (width, height), need, free = self.size, self.need / 1e9, self.free / 1e9
+        return f"size {width}x{height} needs {need:.1f} GB of memory, and {free:.1f} GB are free here"
+
+
+def shortage(
+    size: tuple[int, int],
+    scene: Scene,
+    settings: Settings,
+    software: bool,
+    buffers: Collection[str] | None = PICTURE,
+    tile: int = 0,
+) -> Shortage | None:
+    """Where a picture of `size`, and its `buffers` as arrays (None: all), are certain to need more memory than there is: how
+    much; else None. Of a GPU's own memory nothing is known: there, only the arrays count. tile: pixels along a side of the tiles
+    that it is drawn in; 0: it is drawn whole."""
     names = set(CHANNELS if buffers is None else buffers) & CHANNELS.keys()
+    alone = PICTURE.issuperset(names)
     arrays = 4 * sum(CHANNELS[name].components for name in names)
-    pixel = view_bytes(scene, settings, PICTURE.issuperset(names)) if software else 0
-    # a picture alone is read when most of the view is freed
-    need = size[0] * size[1] * (max(pixel, arrays) if PICTURE.issuperset(names) else pixel + arrays + _READING)
+    pixel = view_bytes(scene, settings, alone) if software else 0
+    if tile:
+        drawn = min(_AROUND * tile, max(size)) ** 2  # with what is about a tile
+        need = size[0] * size[1] * (arrays + _WRITING) + int(drawn) * (2 * pixel + _READING)
+    else:  # a picture alone is read when most of the view is freed
+        need = size[0] * size[1] * (max(pixel, arrays) if alone else pixel + arrays + _READING)
     need += _BESIDE if software else 0
     free = memory.available()
-    if size[0] * size[1] >= LARGE and free is not None and need > free:
-        raise InputError(
-            f"size {size[0]}x{size[1]} needs {need / 1e9:.1f} GB of memory, and {free / 1e9:.1f} GB are free here: "
-            "take a smaller size" + ("" if PICTURE.issuperset(names) else ", or fewer buffers: a .png needs least")
-        )
+    return Shortage(size, need, free, alone) if size[0] * size[1] >= LARGE and free is not None and need > free else None
+
+
+def check_memory(found: Shortage | None) -> None:
+    """Raises InputError where there is a shortage."""
+    if found is not None:
+        raise InputError(f"{found}: take a smaller size" + ("" if found.alone else ", or fewer buffers: a .png needs least"))
+
+
+def largest(ctx: moderngl.Context) -> int:
+    """How many pixels a side what is drawn at once may have."""
+    return int(ctx.info["GL_MAX_TEXTURE_SIZE"])
 
 
 def check(ctx: moderngl.Context, size: tuple[int, int], scene: Scene, shadow_size: int) -> None:
     """Raises InputError for a picture too large for `ctx`, too many lights, or more shadow tiles of `shadow_size` than fit."""
-    limit = int(ctx.info["GL_MAX_TEXTURE_SIZE"])
+    limit = largest(ctx)
     if max(size) > limit:
         raise InputError(f"size {size[0]}x{size[1]} is beyond the limit here, {limit} pixels a side")
     different = photometries(scene.lights)

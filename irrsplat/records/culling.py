@@ -33,13 +33,13 @@ def reaching(
     """
     offset = _offset(cache.positions[first:], camera)
     distance = np.sqrt((offset * offset).sum(0))
-    percent = camera.screen / 100.0 * distance  # of the image height, in metres
+    percent = camera.measure(size) / 100.0 * distance  # of the picture's measure, in metres
     if settings.radius_max > 0.0:
         radius = settings.radius_max * percent
     else:
         radius = np.maximum(settings.a * settings.widest * cache.values[first:, 3], settings.radius_min * percent)
     if settings.borrow:
-        radius = np.maximum(radius, _STRIDE * BORROW_REACH * camera.screen / size[1] * distance)
+        radius = np.maximum(radius, _STRIDE * BORROW_REACH * camera.pixel(size) * distance)
     relative, rounding = _SLACK
     radius = (1.0 + relative) * radius + rounding * (distance + max(map(abs, camera.eye)))
     numbers = np.flatnonzero(_outside(offset, camera, size, _MARGIN) <= radius)
@@ -65,11 +65,19 @@ def _outside(offset: np.ndarray, camera: Camera, size: tuple[int, int], margin: 
     """(N,) the greatest distance in metres by which points, at `offset` (3, N) from the eye, lie outside a side of the view's
     pyramid; below 0 inside. margin: pixels by which the pyramid is wider on each side."""
     x, y, z = _in_view(offset, camera)
-    pixel = camera.screen / size[1]
-    wide, high = ((0.5 * side + margin) * pixel for side in size)  # tangents of the half angles
-    across, up = ((abs(v) + t * z) * float(1.0 / np.hypot(1.0, t)) for v, t in ((x, wide), (y, high)))
-    outside: np.ndarray = np.maximum(np.maximum(across, up), z)
+    pixel = camera.pixel(size)
+    outside: np.ndarray = z
+    for v, side, centre in zip((x, y), size, _centre(camera, size), strict=True):
+        after, before = ((length + margin) * pixel for length in (side - centre, centre))  # tangents of the angles on both sides
+        for apart, tangent in ((abs(v), after),) if after == before else ((v, after), (-v, before)):
+            outside = np.maximum(outside, (apart + tangent * z) * float(1.0 / np.hypot(1.0, tangent)))
     return outside
+
+
+def _centre(camera: Camera, size: tuple[int, int]) -> tuple[float, float]:
+    """Where the view axis meets what is drawn, in pixels from its lower left corner; a part of a picture need not hold it."""
+    whole, corner = camera.whole(size), camera.corner()
+    return 0.5 * whole[0] - corner[0], 0.5 * whole[1] - corner[1]
 
 
 def _in_view(offset: np.ndarray, camera: Camera) -> tuple[np.ndarray, ...]:
@@ -86,11 +94,11 @@ def _visible_distance(
     around = near <= 1e-3 * far  # the eye is in it, or nearly: such a sphere may lie anywhere on screen
     near = np.where(around, far, near)
     spans = []
-    for side, length, count in ((x, size[0], tiles.shape[1]), (y, size[1], tiles.shape[0])):
-        scale = size[1] / camera.screen / TILE
+    for side, centre, count in zip((x, y), _centre(camera, size), tiles.shape[::-1], strict=True):
+        scale = 1.0 / camera.pixel(size) / TILE
         low, high = side - radius, side + radius
         low, high = low / np.where(low < 0.0, near, far), high / np.where(high > 0.0, near, far)
-        low, high = (scale * edge + 0.5 * length / TILE for edge in (low - _MARGIN / TILE / scale, high + _MARGIN / TILE / scale))
+        low, high = (scale * edge + centre / TILE for edge in (low - _MARGIN / TILE / scale, high + _MARGIN / TILE / scale))
         low, high = np.where(around, 0.0, low), np.where(around, count, high)
         spans.append([np.clip(edge, 0, count - 1).astype(np.intp) for edge in (low, high)])
     (left, right), (bottom, top) = spans

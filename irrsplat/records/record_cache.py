@@ -327,10 +327,10 @@ class RecordCache(Owner):
             self.count, self._stale, self._next_id = count, None, next_id
             self.revision += 1
 
-    def note_asked(self, first: int, camera: Camera) -> None:
-        """Say that the view of `camera` has asked for the records from number `first` on."""
+    def note_asked(self, first: int, camera: Camera, size: tuple[int, int]) -> None:
+        """Say that a view of `size` (width, height) from `camera` has asked for the records from number `first` on."""
         distance = np.linalg.norm(self.positions[first:] - np.asarray(camera.eye, "f4"), axis=1)
-        self._columns["screen"][first : self.count] = camera.screen * distance
+        self._columns["screen"][first : self.count] = camera.measure(size) * distance
 
     def mark_seen(self, numbers: np.ndarray) -> None:
         """Say that a new view has begun, with these records in it."""

@@ -76,21 +76,23 @@ def behind_wall(apart: np.ndarray, axis: np.ndarray, n_k: np.ndarray, walls: np.
     return behind
 
 
-def view_radius(R: np.ndarray | float, distance: np.ndarray | float, camera: Camera, settings: Settings) -> np.ndarray:
-    """The radius a·R in metres within the view's bounds radius_min and radius_max.
+def view_radius(
+    R: np.ndarray | float, distance: np.ndarray | float, camera: Camera, size: tuple[int, int], settings: Settings
+) -> np.ndarray:
+    """The radius a·R in metres within the bounds radius_min and radius_max of a view of `size` (width, height).
 
     R: the record's own radius; distance: of the record from the eye; metres, of shapes that broadcast.
     """
-    percent = camera.screen * np.asarray(distance) / 100.0  # of the image height, in metres
+    percent = camera.measure(size) * np.asarray(distance) / 100.0  # of the picture's measure, in metres
     r = np.maximum(settings.a * np.asarray(R), settings.radius_min * percent)
     return np.minimum(r, settings.radius_max * percent) if settings.radius_max > 0.0 else r
 
 
-def view_radius_uniforms(camera: Camera, settings: Settings) -> Uniforms:
-    """The uniforms of shaders/records/view_radius.glsl apart from those of the records."""
-    screen = camera.screen
+def view_radius_uniforms(camera: Camera, size: tuple[int, int], settings: Settings) -> Uniforms:
+    """The uniforms of shaders/records/view_radius.glsl apart from those of the records, for a view of `size` (width, height)."""
+    measure = camera.measure(size)
     return {
         "eye": camera.eye,
         **record_uniforms(settings),
-        "radius_bounds": (settings.radius_min / 100.0 * screen, settings.radius_max / 100.0 * screen),
+        "radius_bounds": (settings.radius_min / 100.0 * measure, settings.radius_max / 100.0 * measure),
     }

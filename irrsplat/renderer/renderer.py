@@ -28,7 +28,7 @@ from irrsplat.image.composite import CompositePass
 from irrsplat.image.figures.paper_figures import PaperFigures
 from irrsplat.image.frame import Frame, check_names
 from irrsplat.image.statistics import Statistics, describe
-from irrsplat.image.view import Progress, View, read, sample_progress, uncovered
+from irrsplat.image.view import Progress, View, frame_of, read, sample_progress, uncovered
 from irrsplat.indirect.scheduler import RecordScheduler
 from irrsplat.indirect.splat_buffer import ViewSplats
 from irrsplat.indirect.view_state import ViewState
@@ -36,9 +36,10 @@ from irrsplat.lighting import gl_limits
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.renderer import kept_records
 from irrsplat.renderer.resting import RestingView
-from irrsplat.renderer.rounds import Rounds
+from irrsplat.renderer.rounds import Made, Rounds, until_complete
 from irrsplat.renderer.stages import Stages
 from irrsplat.renderer.state import Round, Shown, State
+from irrsplat.renderer.tiles import TILE, TiledRound, Tiles, check_tiled, checked_tile, notices_of
 from irrsplat.scene.model import Camera, Light, Material, Scene
 from irrsplat.scene.model.checks import check_type, checked_number
 from irrsplat.scene.motion import moved, posed, repainted
@@ -55,7 +56,9 @@ class Renderer(Tenant):
 
     scene: what `irrsplat.load` returns. size: (width, height) in pixels. preset: a name of settings.PRESETS, and any
     setting by name on top of it. ctx: a moderngl context to use, which its owner makes current before each call (default: a new
-    one without a window, current after every call).
+    one without a window, current after every call). tile_size: pixels along a side of the tiles that `render` draws pictures in,
+    with the same records and pixels, in less memory; 0: it draws them whole. Default: tiles where memory, or OpenGL's largest
+    texture, is too small for anything else. All calls but `render` need whole views.
     A scene that lies far from 0 0 0 is drawn relative to an origin near by (Scene.origin): buffers of a View and the cache's
     records are relative to that; cameras, lights, moves and the Frame of `render` are in world space.
     Raises InputError for a size or setting that cannot be, GLError where there is no OpenGL 3.3, or one that fails the
@@ -71,8 +74,10 @@ class Renderer(Tenant):
         size: tuple[int, int] = (800, 800),
         preset: str = "default",
         ctx: moderngl.Context | None = None,
+        tile_size: int | None = None,
         **settings: Unpack[SettingValues],
     ) -> None:
+        self._tile_size = checked_tile(tile_size)
         if not isinstance(scene, Scene):
             raise InputError(f"a Renderer takes a Scene, as irrsplat.load returns it, not {type(scene).__name__}")
         scene = scene.recentred
@@ -81,14 +86,15 @@ class Renderer(Tenant):
         self._loaded = scene.meshes  # as they were before any of them moved
         with self._moving_in(ctx) as made:
             self_test.check(self.ctx)
-            gl_limits.check(self.ctx, self.size, scene, self.settings.shadow_size)
-            gl_limits.check_memory(self.size, scene, self.settings, self.about["software"])
+            self._state = self._fitting(self._state)
+            gl_limits.check(self.ctx, _drawn_at_once(self._state), scene, self.settings.shadow_size)
             self.timers = Timers(self.ctx, bool(self.about["software"]), enabled=True)
             self.world = made.enter_context(World(self.ctx, scene, self.settings.texture_memory))
             self.cache = made.enter_context(RecordCache(self.ctx))
             self.scheduler = made.enter_context(RecordScheduler(self.world, self.settings, self.cache, self.timers))
             self.stages = made.enter_context(Stages(self.world, self.scheduler, self.timers))
             self._round = Rounds(self.stages, self.scheduler)
+            self._tiles = Tiles(self.stages, self._round, self.scheduler)
             self._resting = made.enter_context(RestingView(self.stages, self._round, self.scheduler))
 
     def owned(self) -> tuple[Resource | None, ...]:
@@ -135,7 +141,11 @@ class Renderer(Tenant):
     @property
     def notices(self) -> tuple[str, ...]:
         """One-line remarks for a user on what cannot be shown of the scene as it is; the scene has notices of its own."""
-        return *self.stages.texture_maps(self._state).notices(self.world.runs), *self.world.materials.notices
+        return (
+            *notices_of(self._state, self._tile_size),
+            *self.stages.texture_maps(self._state).notices(self.world.runs),
+            *self.world.materials.notices,
+        )
 
     @property
     def splats(self) -> ViewSplats:
@@ -158,7 +168,7 @@ class Renderer(Tenant):
     def lamp_irradiance(self, camera: Camera | str | None = None) -> np.ndarray:
         """(H, W, 3) W/m², top row first: the irradiance of the scene's lamps at pixels' centres, without the headlamp, whatever
         the surface reflects; 0 where none is seen. camera: as for `render`."""
-        self._use()
+        self._use_whole()
         seen = self._seen_by(camera)
         found: np.ndarray = pixels(self.stages.lamp_irradiance(self._state, self.draw_gbuffer(seen)))[..., :3].copy()
         return found
@@ -166,6 +176,25 @@ class Renderer(Tenant):
     def direct_irradiance(self, view: View) -> moderngl.Texture:
         """The irradiance of the scene's lamps at every pixel of the present `view`, W/m², without the headlamp: a texture."""
         return self.stages.lamp_irradiance(self._state, view.gbuffer)
+
+    def _fitting(self, state: State, buffers: Collection[str] | None = gl_limits.PICTURE) -> State:
+        """`state` with tiles where its pictures, and these `buffers` of them, are drawn in such; raises InputError where they do
+        not fit into memory."""
+        tile, size = self._tile_size or state.tile, state.size
+        software = bool(self.about["software"])
+        short = gl_limits.shortage(size, state.scene, state.settings, software, buffers, tile)
+        if self._tile_size is None and not tile and (short is not None or max(size) > gl_limits.largest(self.ctx)):
+            tile = TILE
+            short = gl_limits.shortage(size, state.scene, state.settings, software, buffers, tile)
+        gl_limits.check_memory(short)
+        return replace(state, tile=tile)
+
+    def _use_whole(self) -> None:
+        """Make its context the current one, to draw whole views; raises InputError where they are drawn in tiles."""
+        self._use()
+        if self._state.tile:
+            width, height = self.size
+            raise InputError(f"size {width}x{height} is drawn in tiles here, which only rendering does: take a smaller size")
 
     def _seen_by(self, camera: Camera | str | None) -> Camera:
         """A caller's camera, relative to the origin."""
@@ -183,7 +212,7 @@ class Renderer(Tenant):
         gather: False leaves the cache as it is. What has not changed since the last call is not drawn again. While new records
         are all that changes, and pictures take much of the `seconds`, some ticks only gather and return the last view.
         """
-        self._use()
+        self._use_whole()
         return self._frame(self._seen_by(camera), seconds, gather)
 
     def _frame(self, camera: Camera, seconds: float | None, gather: bool = True) -> tuple[View, Progress]:
@@ -219,7 +248,7 @@ class Renderer(Tenant):
         seconds: the wall time that this may take; None: until it is done. The picture changes a step at a time. The records that
         are added go when anything else is shown. A view by the paper's placement, or without bounces, is left as it is.
         """
-        self._use()
+        self._use_whole()
         target = checked_number("target", target, 0.0)
         return self._refine(self._seen_by(camera), target, seconds)
 
@@ -337,9 +366,9 @@ class Renderer(Tenant):
     def _go_on(self, state: State) -> None:
         """Go on with another scene, size or settings: with all of it, or, where it is refused, as before."""
         self._use()
-        gl_limits.check(self.ctx, state.size, state.scene, state.settings.shadow_size)
         if state.size != self.size:
-            gl_limits.check_memory(state.size, state.scene, state.settings, self.about["software"])
+            state = self._fitting(replace(state, tile=0))
+        gl_limits.check(self.ctx, _drawn_at_once(state), state.scene, state.settings.shadow_size)
         if state.view_subject != self._state.view_subject:
             self._resting.leave()
         change = self.scheduler.change_to(state.scene)
@@ -422,35 +451,30 @@ class Renderer(Tenant):
         each round. Ctrl-C ends the rounds: the last complete one counts, "interrupted" is True. sparing: of the view nothing is
         looked at but its image and alpha, so that the memory for others can be freed before they are made.
         """
-        self._use()
+        self._use_whole()
         self._resting.leave()
         camera = self._seen_by(camera)
+        done, stats = self._filled(camera, progress, lambda gather: self._next_round(camera, Budget(None), gather))
+        return self.stages.draw_picture(self._state, replace(done, sparing=sparing)), stats
+
+    def _filled(
+        self, camera: Camera, progress: Callable[[Progress], None] | None, next_round: Callable[[bool], Made]
+    ) -> tuple[Made, Statistics]:
+        """The last round of a view, and its statistics, as `converge` has them. next_round: draws a round, and gathers in it
+        where it is told to."""
         self.timers.clear()
         self._state = replace(self._state, view=replace(self._state.view, stalled_rounds=0))
-        start, budget, done = time.perf_counter(), Budget(None), None
-        stats: Statistics = {"rounds": 0, "converged": False, "full": False, "interrupted": False, "coverage": 0.0}
-        stats["error"] = None
-        complete, ended = self.cache.count + self.cache.evicted, False
-        try:
-            while not ended and stats["rounds"] < self.settings.max_rounds and not self._state.view.stalled:
-                done = self._next_round(camera, budget)
-                now = done.progress
-                complete, ended = self.cache.count + self.cache.evicted, now.new == 0 and now.complete
-                stats["rounds"] += 1
-                stats["coverage"], stats["full"], stats["converged"] = now.coverage, now.full, ended and not now.full
-                if progress is not None:
-                    progress(now)
-        except KeyboardInterrupt:
-            stats["interrupted"] = True
-            self.cache.truncate(complete - self.cache.evicted)
+        start = time.perf_counter()
+        done, stats = until_complete(
+            self.cache, self.settings, lambda: next_round(True), lambda: self._state.view.stalled, progress
+        )
         if done is None or not stats["converged"]:  # what the last round gathered is still to be splatted
             view, _ = self.scheduler.limit_radii(self._round.view_state(self._state, camera), last=True)
             self._state = replace(self._state, view=replace(view, pixel_stride=1))
-            done = self._next_round(camera, budget, gather=False)
+            done = next_round(False)
             stats["coverage"] = done.progress.coverage
         self.ctx.finish()
-        stats |= {"records": self.cache.count, "seconds": time.perf_counter() - start}
-        return self.stages.draw_picture(self._state, replace(done, sparing=sparing)), stats
+        return done, stats | {"records": self.cache.count, "seconds": time.perf_counter() - start}
 
     def render(
         self,
@@ -480,9 +504,9 @@ class Renderer(Tenant):
         refined = self.settings.quality or self.settings.samples > 1
         alone = buffers is not None and not figures and gl_limits.PICTURE.issuperset(buffers)
         sparing = gather and alone and not refined and self.size[0] * self.size[1] >= gl_limits.LARGE
-        if self.gbuffer is None:
-            wanted = gl_limits.PICTURE if alone else buffers
-            gl_limits.check_memory(self.size, self._state.scene, self.settings, self.about["software"], wanted)
+        tiled = self._fitting(self._state, gl_limits.PICTURE if alone else buffers) if self.gbuffer is None else self._state
+        if tiled.tile:
+            return self._in_tiles(tiled, camera, progress, figures, buffers, gather)
         if gather:
             view, stats = self.converge(camera, album if figures else progress, sparing)
         else:
@@ -503,9 +527,53 @@ class Renderer(Tenant):
             frame = replace(frame, figures=album.figures(frame, view.camera, self.settings))
         return frame.placed(self._origin)
 
+    def _in_tiles(
+        self,
+        tiled: State,
+        camera: Camera | str | None,
+        progress: Callable[[Progress], None] | None,
+        figures: bool,
+        buffers: Collection[str] | None,
+        gather: bool,
+    ) -> Frame:
+        """As `render`, of a picture that is drawn in tiles."""
+        check_tiled(tiled, figures)
+        self._use()
+        self._resting.leave()
+        self.stages.free_buffers()
+        here, samples, kept = self._seen_by(camera), self.settings.samples, self._state.tile
+
+        def next_round(gather: bool) -> TiledRound:
+            self._state, done = self._tiles(self._state, here, gather)
+            return done
+
+        self._state = replace(self._state, tile=tiled.tile)
+        try:
+            if gather:
+                done, stats = self._filled(here, progress, next_round)
+            else:
+                self.timers.clear()
+                start = time.perf_counter()
+                done = self._tiles.frozen(self._state, here)
+                stats = _counted(done.progress, time.perf_counter() - start, progress)
+            samples = 1 if stats["interrupted"] else samples
+            on_share = sample_progress(progress, stats)
+            arrays, view, none_reach = self._tiles.draw(self._state, here, done.progress, buffers, not gather, samples, on_share)
+            stops = self._tiles.stops(self._state, arrays["image"])
+        finally:
+            self.stages.free_buffers()
+            self._state = replace(self._state, tile=kept)
+        if not gather:
+            stats["uncovered"] = none_reach
+        stats |= self._described(samples, stops)
+        if self._owns_ctx:
+            context.check_errors(self.ctx)
+        wanted = {name: values for name, values in arrays.items() if buffers is None or name in buffers}
+        return frame_of(wanted, self.cache.read(), stats, view).placed(self._origin)
+
     def coverage(self, camera: Camera | str | None = None) -> float:
         """The share of the pixels that see a surface, 0..1, at which `camera` asks for no record; the cache is left as it is."""
-        self._use()
+        self._use_whole()
         self._resting.leave()
         return self._round.frozen(self._state, self._seen_by(camera)).progress.coverage
 
@@ -517,12 +585,8 @@ class Renderer(Tenant):
         start = time.perf_counter()
         done = self._round.frozen(self._state, self._seen_by(camera))
         self.ctx.finish()
-        progress, seconds = done.progress, time.perf_counter() - start
-        if on_progress is not None:
-            on_progress(progress)
+        stats = _counted(done.progress, time.perf_counter() - start, on_progress)
         view = self.stages.draw_picture(self._state, done)
-        stats: Statistics = {"rounds": 0, "converged": progress.coverage == 1.0, "full": False, "interrupted": False}
-        stats |= {"coverage": progress.coverage, "error": None, "records": progress.records, "seconds": seconds}
         stats["uncovered"] = uncovered(view) if self.settings.most_bounces > 0 else 0
         return view, stats
 
@@ -559,10 +623,27 @@ class Renderer(Tenant):
 
     def stats(self, view: View) -> Statistics:
         """What a frame's statistics say of where, what and how, apart from what `converge` counts."""
-        settings, stops = self.settings, self.stops(view)
-        made: Statistics = {"samples": view.samples, "stages_ms": self.timers.milliseconds(), "clock": self.timers.clock}
+        return self._described(view.samples, self.stops(view))
+
+    def _described(self, samples: int, stops: float) -> Statistics:
+        """The same of a picture of so many samples a pixel and this exposure in stops."""
+        settings = self.settings
+        made: Statistics = {"samples": samples, "stages_ms": self.timers.milliseconds(), "clock": self.timers.clock}
         made |= cast(Statistics, self.scheduler.gatherer.bounces(settings))
         return made | describe(self.about, self.scene, self.size, self.preset, settings, stops)
+
+
+def _drawn_at_once(state: State) -> tuple[int, int]:
+    """The largest size that is drawn at once."""
+    return (2 * state.tile, 2 * state.tile) if state.tile else state.size
+
+
+def _counted(progress: Progress, seconds: float, on_progress: Callable[[Progress], None] | None) -> Statistics:
+    """The statistics of a view by the records that there are, as `converge` has them."""
+    if on_progress is not None:
+        on_progress(progress)
+    stats: Statistics = {"rounds": 0, "converged": progress.coverage == 1.0, "full": False, "interrupted": False}
+    return stats | {"coverage": progress.coverage, "error": None, "records": progress.records, "seconds": seconds}
 
 
 def render(

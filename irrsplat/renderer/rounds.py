@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from typing import Protocol, TypeVar
 
 from irrsplat.core.buffers import GBuffer, SplatBuffer
 from irrsplat.gpu.time_budget import Budget, now
+from irrsplat.image.statistics import Statistics
 from irrsplat.image.view import Progress
 from irrsplat.indirect.scheduler import NOTHING_ASKED, RecordScheduler, RoundResult
 from irrsplat.indirect.splat_buffer import first_stride
 from irrsplat.indirect.view_state import ViewState
+from irrsplat.records.record_cache import RecordCache
 from irrsplat.renderer.stages import Stages
 from irrsplat.renderer.state import Round, State
 from irrsplat.scene.model import Camera
+from irrsplat.settings import Settings
 
+Made = TypeVar("Made", bound="HasProgress")
 _RENEWAL = 0.6  # of the time for gathering that stale records may take while pixels without a record wait too
 
 
@@ -104,3 +110,38 @@ class Rounds:
         if gather or view.pixel_stride == 1:
             return view, NOTHING_ASKED
         return replace(view, pixel_stride=1), replace(NOTHING_ASKED, complete=False)
+
+
+class HasProgress(Protocol):
+    """What a round leaves: at least how far the view has come."""
+
+    @property
+    def progress(self) -> Progress:
+        """How far."""
+
+
+def until_complete(
+    cache: RecordCache,
+    settings: Settings,
+    next_round: Callable[[], Made],
+    stalled: Callable[[], bool],
+    on_progress: Callable[[Progress], None] | None,
+) -> tuple[Made | None, Statistics]:
+    """Rounds until one finds nothing to gather, or as many as the settings allow, or until they are `stalled`: the last one, None
+    before the first, and the statistics of them all. Ctrl-C ends them with the records of the last complete one."""
+    stats: Statistics = {"rounds": 0, "converged": False, "full": False, "interrupted": False, "coverage": 0.0}
+    stats["error"] = None
+    complete, ended, done = cache.count + cache.evicted, False, None
+    try:
+        while not ended and stats["rounds"] < settings.max_rounds and not stalled():
+            done = next_round()
+            now = done.progress
+            complete, ended = cache.count + cache.evicted, now.new == 0 and now.complete
+            stats["rounds"] += 1
+            stats["coverage"], stats["full"], stats["converged"] = now.coverage, now.full, ended and not now.full
+            if on_progress is not None:
+                on_progress(now)
+    except KeyboardInterrupt:
+        stats["interrupted"] = True
+        cache.truncate(complete - cache.evicted)
+    return done, stats

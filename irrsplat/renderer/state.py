@@ -34,6 +34,7 @@ class State:
     """The one value of a renderer that changes from frame to frame.
 
     view: the progress of the present view. shown: None before the first picture. headlamp: W/sr of the lamp at the eye.
+    tile: pixels along a side of the tiles that pictures are drawn in; 0: they are drawn whole.
     """
 
     scene: Scene
@@ -44,6 +45,7 @@ class State:
     costs: Costs = Costs()
     shown: Shown | None = None
     headlamp: float = 0.0
+    tile: int = 0
 
     @property
     def view_subject(self) -> tuple[object, ...]:

@@ -13,6 +13,9 @@ uniform sampler2D reach;     // the share of the records' reach that holds at ea
 #endif
 uniform int pixel_stride;    // pixels of the g-buffer per pixel of the sums, in x and y
 uniform int side;            // pixels of the sums along a side of a tile
+uniform ivec2 first_tile;    // the tile of the whole picture that is the first one here
+uniform ivec2 begin;         // the first pixel of the sums that lies in the picture, and the one after the last
+uniform ivec2 end;
 uniform int step_size;       // from one pixel of a tile to the next in the order of the search; coprime to side²
 uniform int seed;
 uniform int borrow;          // how many pixels that ask, of those around one, are so few that they borrow; 0: none do
@@ -43,7 +46,7 @@ float weight_at(ivec2 pixel)
 
 // Whether a pixel that asks lies in so small a group of such pixels that it does with what records beside it lend. Of every other
 // pixel, those of half as wide a window are looked at, and half as many are few.
-bool borrows(ivec2 pixel, ivec2 last)
+bool borrows(ivec2 pixel)
 {
     int around = pixel_stride == 1 ? 2 : 1, few = pixel_stride == 1 ? borrow : borrow / 2, asking = 0;
     // where records contradict each other badly, or nothing is near to borrow from, a record is needed
@@ -52,7 +55,7 @@ bool borrows(ivec2 pixel, ivec2 last)
     for (int i = 0; few > 0 && i < (2 * around + 1) * (2 * around + 1); ++i)
     {
         ivec2 at = pixel + texel_of_square(i, 2 * around + 1) - around;
-        asking += weight_at(clamp(at, ivec2(0), last)) < tolerance ? 1 : 0;
+        asking += weight_at(clamp(at, max(begin, 0), min(end, textureSize(weight, 0)) - 1)) < tolerance ? 1 : 0;
     }
     return few > 0 && asking <= few;
 }
@@ -63,7 +66,7 @@ float least, needy, seen;   // its weight, and how many pixels need a record, an
 // Looks at all `count` pixels of a tile whose first one is at `corner`, from number i on. Of equal pixels the first one is taken.
 void search(ivec2 corner, int i, int count, bool borrowing)
 {
-    ivec2 size = textureSize(weight, 0);
+    ivec2 past = min(end, textureSize(weight, 0));
     worst = i;
     least = NOTHING_SEEN;
     needy = seen = 0.0;
@@ -72,9 +75,9 @@ void search(ivec2 corner, int i, int count, bool borrowing)
         i += step_size;
         i = i >= count ? i - count : i;
         ivec2 pixel = corner + texel_of_square(i, side);
-        bool there = all(lessThan(pixel, size));
+        bool there = all(greaterThanEqual(pixel, begin)) && all(lessThan(pixel, past));
         float w = there ? weight_at(pixel) : NOTHING_SEEN;
-        if (borrowing && w < tolerance && borrows(pixel, size - 1)) w = tolerance;
+        if (borrowing && w < tolerance && borrows(pixel)) w = tolerance;
         seen += w < NOTHING_SEEN ? 1.0 : 0.0;
         needy += w < tolerance ? 1.0 : 0.0;
         worst = w < least ? i : worst;
@@ -84,12 +87,12 @@ void search(ivec2 corner, int i, int count, bool borrowing)
 
 void main()
 {
-    ivec2 tile = ivec2(gl_FragCoord.xy), corner = tile * side, size = textureSize(weight, 0);
+    ivec2 tile = ivec2(gl_FragCoord.xy), corner = tile * side, past = min(end, textureSize(weight, 0));
     // the search starts at random, so that no place in the tile is preferred
-    int count = side * side, first = int(random(uvec2(tile)) % uint(count));
+    int count = side * side, first = int(random(uvec2(tile + first_tile)) % uint(count));
     search(corner, first, count, false);
     if (needy > 0.0) search(corner, first, count, true);  // software renderers would look around every pixel, needy or not
-    ivec2 pixel = min(corner + texel_of_square(worst, side), size - 1) * pixel_stride;
+    ivec2 pixel = min(corner + texel_of_square(worst, side), past - 1) * pixel_stride;
     out_position = vec4(texel_at(position, pixel).xyz, needy);
     out_normal = texel_at(normal, pixel);
     out_rest = vec4(texel_at(albedo, pixel).w, least, seen, texel_at(emission, pixel).w);

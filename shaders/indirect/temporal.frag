@@ -27,7 +27,7 @@ void main()
     vec4 before = textureLod(shown, place, 0.0);
     bool known = fading && p.w > 0.0 && abs(before.a * clip.w - 1.0) <= OTHER_DEPTH && place == clamp(place, 0.0, 1.0);
     vec3 E = s.rgb / max(s.a, 1e-20), E_before = dimming * before.rgb / max(before.a, 1e-20);
-    E = s.a > 0.0 ? mix(E_before, E, known ? share : 1.0) : E_before;
+    E = s.a > 0.0 ? (known ? mix(E_before, E, share) : E) : E_before;
     bool shows = p.w > 0.0 && (s.a > 0.0 || filling && known);
     out_sums = shows ? vec4(E, 1.0) / p.w : vec4(0.0);
     gl_FragDepth = filling && p.w > 0.0 && !shows ? 1.0 : 0.0;

@@ -10,6 +10,7 @@ uniform sampler2D normal;
 #if NORMAL_MAPS
 uniform sampler2D lit_normal;  // bent by the normal map
 #endif
+uniform ivec2 picture_corner; // the pixel of the whole picture that is the first one here
 uniform float rotation;      // of the pattern of the four samples, radians
 uniform vec4 headlamp;       // where it is, and its W/sr
 
@@ -22,7 +23,7 @@ void main()
     out_direct = vec4(0.0);
     if (p.w == 0.0) return;
     // interleaved gradient noise (Jimenez 2014) rotates the pattern from pixel to pixel
-    float angle = 2.0 * PI * fract(52.9829189 * fract(dot(gl_FragCoord.xy, vec2(0.06711056, 0.00583715)))) + rotation;
+    float angle = 2.0 * PI * fract(52.9829189 * fract(dot(gl_FragCoord.xy + vec2(picture_corner), vec2(0.06711056, 0.00583715)))) + rotation;
     vec3 m = n.xyz;
 #if NORMAL_MAPS
     m = texel_at(lit_normal, pixel).xyz;

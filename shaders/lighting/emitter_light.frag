@@ -10,6 +10,7 @@ uniform sampler2D position;    // g-buffer
 uniform sampler2D normal;
 uniform sampler2D lit_normal;  // bent by the normal map
 uniform sampler2D albedo;
+uniform ivec2 picture_corner;  // the pixel of the whole picture that is the first one here
 uniform float offset;          // metres above the surface from which shadow rays start
 uniform int first;             // number of the first sample of this draw
 uniform int count;             // of its samples; emitter_samples are those of all draws
@@ -101,7 +102,7 @@ void main()
     vec3 eye = p.xyz + offset * g, E = vec3(0.0);
     float all = all_importance(eye);
     int samples = p.w > 0.0 ? count : 0;
-    uint curve = along_curve(uvec2(pixel));
+    uint curve = along_curve(uvec2(pixel + picture_corner));
     for (int s = 0; s < samples; ++s)
     {
         vec4 u = random(curve, uint(first + s));

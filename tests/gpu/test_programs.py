@@ -21,7 +21,7 @@ from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.target import Target
 from irrsplat.gpu.world import World
 from irrsplat.image.antialias import MeanPass
-from irrsplat.image.composite import CompositePass
+from irrsplat.image.composite import CompositePass, MeterPass
 from irrsplat.image.emitter_light import EmitterLightPass
 from irrsplat.image.gbuffer import GBufferPass
 from irrsplat.indirect.examine import ExaminePass
@@ -81,7 +81,9 @@ def unlit(ctx: moderngl.Context) -> Iterator[Owner]:
     for simple in (ShadowPass, VisibilityPass, SurfaceViewPass):
         yield simple(ctx)
     yield textured(ctx)
-    for sized in (GBufferPass, ExaminePass, CompositePass, MeanPass, UpsamplePass):
+    yield ExaminePass(ctx)
+    yield MeterPass(ctx)
+    for sized in (GBufferPass, CompositePass, MeanPass, UpsamplePass):
         yield sized(ctx, SIZE)
     yield EmitterLightPass(ctx, SIZE, {})
     yield TemporalFilter(ctx, SIZE)

@@ -126,7 +126,7 @@ def test_under_a_sky_alone_records_have_the_greatest_radius(gather: str) -> None
     for world, E in ((bare, np.pi), (replace(bare, sky=(0.0, 0.0, 0.0)), 0.0)):
         with irrsplat.Renderer(world, (40, 40), gather=gather, gather_size=16) as renderer:
             frame, table = renderer.render(), read(renderer.cache.records)
-            reach = table.reach(world.cameras[0], replace(renderer.settings, radius_max=0.0))
+            reach = table.reach(world.cameras[0], renderer.size, replace(renderer.settings, radius_max=0.0))
         seen = np.isfinite(frame.depth)
         assert np.allclose(frame.irradiance[seen], E, rtol=1e-3)
         assert len(table) and np.allclose(reach, renderer.settings.a * world.diagonal, rtol=1e-3)
@@ -144,8 +144,8 @@ def test_harmonic_radii_are_circles(settings: dict[str, object]) -> None:
     with irrsplat.Renderer(room, (40, 40), **options) as renderer:
         renderer.render()
         table = read(renderer.cache.records)
-        reach = table.reach(room.cameras[0], renderer.settings)
-        ellipses = table.reach(room.cameras[0], replace(renderer.settings, gradients=True, radius="hessian"))
+        reach = table.reach(room.cameras[0], renderer.size, renderer.settings)
+        ellipses = table.reach(room.cameras[0], renderer.size, replace(renderer.settings, gradients=True, radius="hessian"))
     assert len(table) > 20 and np.array_equal(reach[:, 0], reach[:, 1])
     assert (reach[:, 0] <= renderer.settings.a * table.radius * (1.0 + 1e-6)).all()
     if renderer.settings.gradients:

@@ -9,7 +9,7 @@ import pytest
 from irrsplat.core.buffers import NOTHING_SEEN, SplatBuffer
 from irrsplat.core.vectors import octahedral_decode
 from irrsplat.gpu.target import float_texture
-from irrsplat.indirect.examine import Examination, ExaminePass
+from irrsplat.indirect.examine import Examination, ExaminePass, tile_side
 from irrsplat.indirect.site_selection import choose
 from irrsplat.settings import Settings
 from tests.support.worlds import encode, gbuffer_of
@@ -58,10 +58,10 @@ def examine(
     pair = np.stack([np.where(there, data["weight"], NOTHING_SEEN), np.where(there, data["squares"], 0.0)], -1)
     weight.write(pair[::-1].astype("f4").tobytes())
     sums.write(np.where(there[..., None], data["sums"], 0.0)[::-1].astype("f4").tobytes())
-    examination = ExaminePass(ctx, size)
+    examination = ExaminePass(ctx)
     settings = Settings(tolerance=TOLERANCE, spread=spread, seed=seed, borrow=borrow)
     found = examination(gbuffer, SplatBuffer(sums, weight, dark, stride), settings)
-    return found, max(2, examination.side // stride)
+    return found, tile_side(size, stride)
 
 
 def tiles(values: np.ndarray, side: int, fill: float) -> np.ndarray:

@@ -220,6 +220,6 @@ def test_ctrl_c_yields_the_last_whole_round() -> None:
 def test_a_wrong_size_or_setting_is_an_input_error() -> None:
     for size in ((0, 5), (5, -1), (10**6, 5), "small"):
         with pytest.raises(irrsplat.InputError):
-            Renderer(room(), size, **FAST).release()  # type: ignore[arg-type]
+            Renderer(room(), size, tile_size=0, **FAST).release()  # type: ignore[arg-type]
     with pytest.raises(irrsplat.InputError):
         Renderer(room(), SIZE, softness=1.0)

@@ -6,6 +6,8 @@ import argparse
 import math
 import re
 
+from irrsplat.settings import LEAST_TILE, MOST_TILE
+
 MOST_DECADES = 9
 _BYTES = {"": 1, "kB": 10**3, "MB": 10**6, "GB": 10**9}
 
@@ -24,6 +26,13 @@ def number(text: str) -> float:
 def pixels(text: str) -> int:
     """A side of an image, for argparse."""
     return _whole(text, 1, 999_999_999, "a whole number of pixels, at least 1")
+
+
+def tile(text: str) -> int:
+    """A side of a tile, for argparse; 0: no tiles."""
+    if text == "0":
+        return 0
+    return _whole(text, LEAST_TILE, MOST_TILE, f"0, or a whole number of pixels from {LEAST_TILE} to {MOST_TILE}")
 
 
 def samples(text: str) -> int:

@@ -121,7 +121,7 @@ class Markers(Owner):
         uniforms = {
             **records.uniforms,
             **view_uniforms(target, view.gbuffer, view.camera),
-            **view_radius_uniforms(view.camera, settings),
+            **view_radius_uniforms(view.camera, view.gbuffer.position.size, settings),
             "colours": self.colours,
             "size": target.size,
             "by_age": by == "age",
@@ -194,7 +194,7 @@ class Markers(Owner):
         uniforms = {
             **records.uniforms,
             **view_uniforms(target, view.gbuffer, view.camera),
-            **view_radius_uniforms(view.camera, settings),
+            **view_radius_uniforms(view.camera, view.gbuffer.position.size, settings),
             "in_front": settings.in_front,
             "forward": -view.camera.axes[2],
             "borrow_reach": 0.0,  # only what it reaches is marked

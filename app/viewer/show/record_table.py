@@ -43,16 +43,16 @@ class RecordTable:
         slope: np.ndarray = np.linalg.norm(np.einsum("ncx,c->nx", self.gradient, LUMINANCE), axis=1)
         return slope
 
-    def reach(self, camera: Camera, settings: Settings) -> np.ndarray:
-        """(N, 2) the radii a·R in metres along `axis` and across it, with all limits of this view and the settings, as
-        shaders/records/view_radius.glsl has them."""
+    def reach(self, camera: Camera, size: tuple[int, int], settings: Settings) -> np.ndarray:
+        """(N, 2) the radii a·R in metres along `axis` and across it, with all limits of a view of `size` (width, height) and the
+        settings, as shaders/records/view_radius.glsl has them."""
         radii = own_radii(vars(self), self.luminance_floor, settings)
         distance = np.linalg.norm(self.position - np.asarray(camera.eye), axis=1)
-        return view_radius(radii * self.limit[:, None], distance[:, None], camera, settings)
+        return view_radius(radii * self.limit[:, None], distance[:, None], camera, size, settings)
 
-    def weights(self, p: np.ndarray, n: np.ndarray, camera: Camera, settings: Settings) -> np.ndarray:
+    def weights(self, p: np.ndarray, n: np.ndarray, camera: Camera, size: tuple[int, int], settings: Settings) -> np.ndarray:
         """(N,) every record's raw w at a point p with unit normal n, (3,) each; 0 where it does not count there."""
-        radii, apart = self.reach(camera, settings) / settings.a, p - self.position
+        radii, apart = self.reach(camera, size, settings) / settings.a, p - self.position
         distance = record_distance(apart, self.axis, radii)
         w = record_weight(distance, apart, n, self.normal, radii[:, 1], settings.in_front)
         counts = w > 1.0 / settings.a
@@ -68,7 +68,7 @@ class RecordTable:
         here = texels(position, x, y)
         if here[3] == 0.0:
             return None
-        w = self.weights(here[:3], texels(view.gbuffer.normal, x, y)[:3], view.camera, settings)
+        w = self.weights(here[:3], texels(view.gbuffer.normal, x, y)[:3], view.camera, view.gbuffer.position.size, settings)
         best = int(np.argmax(w))
         return best if w[best] > 0.0 else None
 
@@ -77,7 +77,7 @@ class RecordTable:
     ) -> list[tuple[str, str]]:
         """What record `number` holds, a label and a text each, with units. origin: world space, of the records' positions."""
         E, R = self.irradiance[number], float(self.radius[number])
-        along, across = self.reach(view.camera, settings)[number]
+        along, across = self.reach(view.camera, view.gbuffer.position.size, settings)[number]
         lines = [
             ("record", f"{number} of {len(self)}"),
             ("position", " ".join(f"{v:.3f}" for v in self.position[number].astype(float) + origin) + " m"),

@@ -115,7 +115,7 @@ def choose_record(frame: Frame, eye: Camera, settings: Settings) -> ShownRecord 
     column = np.clip((0.5 + 0.5 * x) * width, 0, width - 1).astype(int)
     row = np.clip((0.5 - 0.5 * y) * height, 0, height - 1).astype(int)
     hidden = np.abs(frame.depth[row, column] - z) > 0.02 * z
-    r = view_radius(R, d, eye, settings)
+    r = view_radius(R, d, eye, (width, height), settings)
     size = np.minimum(r / d, 0.3)
     facing = np.einsum("ij,ij->i", apart, normal) / d
     lit = np.clip(0.5 - abs(tonemap(frame.image[row, column], frame.exposure).mean(axis=-1) - 0.5), 0.05, 0.3)

@@ -5,9 +5,26 @@ What a caller makes of these is checked as it is made, so that nothing behind ha
 
 from __future__ import annotations
 
-from irrsplat.scene.model.camera import Camera
+from irrsplat.scene.model.camera import Camera, Part, PictureCamera, measure, part_drawn, part_of
 from irrsplat.scene.model.lights import Light, Photometry, sun_lights
 from irrsplat.scene.model.scene import Scene
 from irrsplat.scene.model.surfaces import AlphaMode, Image, Material, Mesh, Texture, Wrap
 
-__all__ = ["AlphaMode", "Camera", "Image", "Light", "Material", "Mesh", "Photometry", "Scene", "Texture", "Wrap", "sun_lights"]
+__all__ = [
+    "AlphaMode",
+    "Camera",
+    "Image",
+    "Light",
+    "Material",
+    "Mesh",
+    "Part",
+    "Photometry",
+    "PictureCamera",
+    "Scene",
+    "Texture",
+    "Wrap",
+    "measure",
+    "part_drawn",
+    "part_of",
+    "sun_lights",
+]

@@ -45,7 +45,7 @@ def test_the_weights_add_up_to_what_was_splatted(cornell: ShownView, table: Reco
     seen = np.argwhere(np.isfinite(frame.depth))
     sums, found = [], []
     for y, x in np.random.default_rng(6).permutation(seen)[:200]:
-        sums.append(table.weights(frame.position[y, x], frame.normal[y, x], view.camera, renderer.settings).sum())
+        sums.append(table.weights(frame.position[y, x], frame.normal[y, x], view.camera, renderer.size, renderer.settings).sum())
         found.append(frame.weight[y, x])
     same = np.isclose(sums, found, rtol=2e-3)
     assert same.mean() > 0.95
@@ -58,11 +58,11 @@ def test_the_record_that_weighs_most_is_picked(cornell: ShownView, table: Record
     settings, rng = cornell.source.settings, np.random.default_rng(7)
     served, lacking = (np.argwhere(np.isfinite(frame.depth) & m) for m in (frame.weight > 0.0, frame.weight == 0.0))
     for y, x in rng.permutation(served)[:40]:
-        w = table.weights(frame.position[y, x], frame.normal[y, x], view.camera, settings)
+        w = table.weights(frame.position[y, x], frame.normal[y, x], view.camera, cornell.renderer.size, settings)
         number = table.pick(texels, view, settings, int(x), int(y))
         assert number == int(np.argmax(w))
         apart, axis = frame.position[y, x] - table.position[number], table.axis[number]
-        along, across = table.reach(view.camera, settings)[number]
+        along, across = table.reach(view.camera, cornell.renderer.size, settings)[number]
         aside = apart - (apart @ axis) * axis
         assert (apart @ axis / along) ** 2 + (aside @ aside) / across**2 <= 1.0, "and the pixel lies within its ellipse"
     for y, x in [*rng.permutation(lacking)[:10], *np.argwhere(~np.isfinite(frame.depth))[:3]]:
@@ -88,7 +88,7 @@ def test_a_record_is_described_with_its_numbers_and_units(cornell: ShownView, ta
     assert "W/m³" in said["|grad E|"] and "W/m²" in said["irradiance"]
     curvature = [float(v) for v in re.findall(r"-?[\d.]+(?:e[+-]\d+)?", said["curvature"])[:2]]
     assert curvature == pytest.approx(table.curvature[17], rel=0.01)
-    along, across = table.reach(view.camera, renderer.settings)[17]
+    along, across = table.reach(view.camera, renderer.size, renderer.settings)[17]
     assert said["a·R"].endswith(f"here {along:.3g} by {across:.3g} m") and along >= across > 0.0
     flat = renderer.settings.with_values({"gradients": False})
     assert "|grad E|" not in dict(table.describe(17, view, flat))
