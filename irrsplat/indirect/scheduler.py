@@ -8,6 +8,7 @@ from typing import cast
 import numpy as np
 
 from irrsplat.core.buffers import GBuffer, ShadowMaps, Sites, SplatBuffer
+from irrsplat.gather.gaps import GapPass
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import pixels
 from irrsplat.gpu.time_budget import Budget
@@ -29,6 +30,7 @@ from irrsplat.scene.change import SceneChange
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import Settings
 
+_FEW = 0.02  # of the records: because of so few new ones, the old ones that have been compared once are not compared again
 _REACH = 8.0  # percent of the image height by which the first sites lie apart where radii have no upper limit
 
 
@@ -109,7 +111,8 @@ class RecordScheduler(Owner):
     def limit_radii(self, state: ViewState, last: bool = False) -> tuple[ViewState, bool]:
         """Hold new records against all others, as AdaptiveRadius does, and the old ones too where a view begins or, `last`, ends;
         whether any old one reaches otherwise now."""
-        changed = self.adaptation(self.settings, old_too=last or not state.limited)
+        few = last and state.limited and self.adaptation.uncompared <= _FEW * self.cache.count
+        changed = not few and self.adaptation(self.settings, old_too=last or not state.limited)
         return replace(state, limited=True), changed
 
     def missing(self, gbuffer: GBuffer, splats: SplatBuffer) -> float:
@@ -146,6 +149,11 @@ class RecordScheduler(Owner):
         )
         if result.new:
             return state, result
+        if not (state.gaps_sought or side):
+            queue = self._in_gaps(gbuffer, camera)
+            state = replace(state, gaps_sought=True, queue=queue, near=True)
+            if queue is not None:
+                return state, replace(result, complete=False)
         state, limited = self.limit_radii(state, last=True)
         if limited or state.pixel_stride > 1:  # then others may be missing
             return replace(state, pixel_stride=1), replace(result, complete=False)
@@ -177,6 +185,17 @@ class RecordScheduler(Owner):
         self.cache.note_asked(first, camera)
         state = replace(state, queue=queue[done:] if done < len(queue) else None)
         return state, RoundResult(done, state.queue is None)
+
+    def _in_gaps(self, gbuffer: GBuffer, camera: Camera) -> Sites | None:
+        """Sites in the view's gaps where no record is near; None where there are none."""
+        settings, size, room = self.settings, gbuffer.position.size, self.room
+        if not (room and settings.in_front and settings.placement == "tiles"):
+            return None
+        gap_pass = self._passes.get("gaps", size, lambda: GapPass(self.gatherer.world, size))
+        with self.timers("examine"):
+            gaps = gap_pass(gbuffer, camera, settings)
+            sites = None if gaps is None else gaps.without(self.cache.positions)[:room]
+        return sites or None
 
     def _room(self, wanted: int, camera: Camera, gbuffer: GBuffer) -> int:
         """How many more records there may be, once those are evicted that are in the way of `wanted` new ones, if they may be."""
