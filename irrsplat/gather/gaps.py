@@ -1,7 +1,8 @@
 """Gaps: places of a view with something close above their surface that faces it, found by rays.
 
-Records in the open reach into a gap lower than the height at which a record may lie in front of a pixel. They know nothing of it, and
-agree with each other, so that no pixel in it would ask for a record. One that lies there contradicts them, and they draw back.
+Records in the open reach into a gap lower than the height at which a record may lie in front of a pixel. They know nothing of it,
+and agree with each other, so that no pixel in it would ask for a record. One that lies there contradicts them, and they draw
+back.
 """
 
 from __future__ import annotations
@@ -29,8 +30,8 @@ _REACH = 8.0  # percent of the image height: the greatest reach where the settin
 
 @dataclass(frozen=True)
 class Gaps:
-    """The pixels of a view that lie in gaps, as `sites` for records. height: (N,) of the gaps, metres. apart: (N,) metres, how far
-    records are to lie apart there."""
+    """The pixels of a view that lie in gaps, as `sites` for records. height: (N,) of the gaps, metres. apart: (N,) metres, how
+    far records are to lie apart there."""
 
     sites: Sites
     height: np.ndarray

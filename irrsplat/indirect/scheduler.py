@@ -30,7 +30,6 @@ from irrsplat.scene.change import SceneChange
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import Settings
 
-_FEW = 0.02  # of the records: because of so few new ones, the old ones that have been compared once are not compared again
 _REACH = 8.0  # percent of the image height by which the first sites lie apart where radii have no upper limit
 
 
@@ -111,8 +110,7 @@ class RecordScheduler(Owner):
     def limit_radii(self, state: ViewState, last: bool = False) -> tuple[ViewState, bool]:
         """Hold new records against all others, as AdaptiveRadius does, and the old ones too where a view begins or, `last`, ends;
         whether any old one reaches otherwise now."""
-        few = last and state.limited and self.adaptation.uncompared <= _FEW * self.cache.count
-        changed = not few and self.adaptation(self.settings, old_too=last or not state.limited)
+        changed = self.adaptation(self.settings, old_too=last or not state.limited)
         return replace(state, limited=True), changed
 
     def missing(self, gbuffer: GBuffer, splats: SplatBuffer) -> float:

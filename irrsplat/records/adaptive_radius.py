@@ -102,11 +102,6 @@ class AdaptiveRadius(Owner):
         self._progress = _Progress(cache.count, cache.count if old_too else compared, inputs)
         return changed
 
-    @property
-    def uncompared(self) -> int:
-        """How many records the old ones have not been held against yet."""
-        return self.cache.count - min(self._progress.compared, self.cache.count)
-
     def _limit(self, settings: Settings, first: int, limited: int, old: bool, same: bool) -> bool:
         """Write the limits of the records from `first` on; whether the inputs, or the first `limited` of the limits, changed."""
         cache = self.cache

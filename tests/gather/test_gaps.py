@@ -49,8 +49,8 @@ def gaps_of(ctx: moderngl.Context, scene: Scene) -> tuple[Gaps, np.ndarray, np.n
 
 
 def test_a_gap_is_what_lies_beneath_something_low(ctx: moderngl.Context) -> None:
-    """The pixels of the table beneath the plate, or beside it within the gap's height, and no others: neither those at the foot of
-    the box, nor any where the plate hangs higher than a record may lie in front of a pixel."""
+    """The pixels of the table beneath the plate, or beside it within the gap's height, and no others: neither those at the foot
+    of the box, nor any where the plate hangs higher than a record may lie in front of a pixel."""
     low = 0.5 * HIGHEST
     gaps, position, normal = gaps_of(ctx, plate(low))
     table, beyond = on_table(position, normal), (np.abs(position[..., [0, 2]]) - HALF).max(-1)
@@ -83,8 +83,8 @@ def test_few_sites_are_wanted(ctx: moderngl.Context) -> None:
 def test_light_in_gaps(seed: int) -> None:
     """Beneath small plates 6 mm above a table it is as dark as Lambert's formula says, though the records around reach there.
 
-    Each gap is a pixel high. With the search for gaps they are off by 6 and 2 % of the open table's light on the mean, without it by
-    14 and 22 %.
+    Each gap is a pixel high. With the search for gaps they are off by 6 and 2 % of the open table's light on the mean, without it
+    by 14 and 22 %.
     """
     half, height = 0.02, 0.006
     camera, xs = Camera((0.0, 0.25, 3.0), (0.0, 0.003, half), fov=40.0), 0.08 * np.arange(-7, 8)

@@ -119,7 +119,8 @@ def test_small_groups_of_pixels_borrow_where_there_is_something_to_borrow(ctx: m
     windows = np.lib.stride_tricks.sliding_window_view(np.pad(asks, around, "edge"), (2 * around + 1,) * 2)
     small = windows.sum((2, 3)) <= borrow // stride
     mild = np.where(data["weight"] > 0.0, weight >= TOLERANCE * spread / 0.15, lent & (off <= 0.6))
-    for cause in (small & ~mild, small & lent & ~mild, ~small & mild, small & mild & (data["weight"] > 0.0), small & mild & (data["weight"] == 0.0)):
+    reached = data["weight"] > 0.0
+    for cause in (small & ~mild, small & lent & ~mild, ~small & mild, small & mild & reached, small & mild & ~reached):
         assert (asks & cause).sum() > 5
     assert np.array_equal(found.asking, tiles(asks & ~(small & mild), side, 0).sum(-1))
 

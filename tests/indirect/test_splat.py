@@ -270,8 +270,8 @@ def test_an_ellipse_lies_as_its_axis_does(ctx: moderngl.Context) -> None:
 
 @pytest.mark.parametrize("gradients", [True, False])
 def test_records_lend_to_pixels_close_by_that_they_do_not_reach(ctx: moderngl.Context, gradients: bool) -> None:
-    """Up to four pixels away, on their own side of a wall and not deep below, what they say of the normal at next to no weight, and
-    its square; with `borrow` 0, nothing."""
+    """Up to four pixels away, on their own side of a wall and not deep below, what they say of the normal at next to no weight,
+    and its square; with `borrow` 0, nothing."""
     position, depth = on_plane(CAMERA, SIZE, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
     turned = unit(np.array([1.0, 0.0, 1.0]))
     seen = View(position, np.broadcast_to(turned, position.shape), depth)
