@@ -60,7 +60,7 @@ class GapPass(Owner):
 
     def __init__(self, world: World, size: tuple[int, int]) -> None:
         self.world, self.size = world, size
-        self.program = Program(world.ctx, "gather/gaps", "lib/fullscreen", world.material_defines)
+        self.program = Program(world.ctx, "indirect/gaps", "lib/fullscreen", world.material_defines)
         self.target = Target(world.ctx, size, (1,))
 
     def owned(self) -> tuple[Resource | None, ...]:
