@@ -190,7 +190,7 @@ class GBufferPass(Owner):
         far = 1.01 * float(np.linalg.norm(scene.corners - eye, axis=1).max()) + 1e-3 * scene.diagonal
         batches = self._batches(world.runs)
         mapped = any(batch.defines["NORMAL_MAP"] for batch in batches)
-        emissive = any(any(material.emission) for material in scene.materials)
+        emissive = scene.emissive
         surfaces = target.also("mapped normal", 4, together=True) if mapped else target
         placed: Uniforms = {
             "clip_from_world": camera.clip_from_view(width / height, _NEAR * far, far) @ camera.view_from_world,

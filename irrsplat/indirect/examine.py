@@ -16,6 +16,7 @@ import numpy as np
 
 from irrsplat.core.buffers import GBuffer, Sites, SplatBuffer, Uniforms
 from irrsplat.core.vectors import octahedral_decode
+from irrsplat.gather.gaps import Gaps
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
@@ -43,7 +44,7 @@ class Examination:
     """A round's finding, per tile (h, w).
 
     asking, seen: counts of pixels that ask for a record, and that see a surface. position, normal (h, w, 3): of the worst served
-    pixel, a site for a record. octahedral: (2, h, w) the coordinates of its geometric normal. triangle, weight (h, w): the number
+    pixel, a site for a record. octahedral (h, w, 2): the coordinates of its geometric normal. triangle, weight (h, w): the number
     of the triangle there, and its Σw.
     """
 
@@ -67,19 +68,24 @@ class Examination:
 
     def at(self, tiles: tuple[np.ndarray, np.ndarray]) -> Sites:
         """The sites of the given tiles (rows, columns)."""
-        geometric = octahedral_decode(*self.octahedral[:, *tiles])
+        geometric = octahedral_decode(*self.octahedral[tiles].T)
         return Sites(self.position[tiles], self.normal[tiles], geometric, self.triangle[tiles].astype(np.intp))
 
 
 @dataclass(frozen=True, eq=False)
 class Screen:
     """A view as the scheduler looks at it: the `size` (width, height) of its picture, of which every `pixel_stride`-th pixel has
-    sums in both directions. sums: an object that is another one when these are. examine: finds what is missing, by settings."""
+    sums in both directions.
+
+    sums: an object that is another one when these are. examine: finds what is missing, by settings. gaps: finds the view's gaps,
+    None where there are none to look for.
+    """
 
     size: tuple[int, int]
     pixel_stride: int
     sums: object
     examine: Callable[[Settings], Examination]
+    gaps: Callable[[], Gaps | None]
 
 
 class ExaminePass(Owner):
@@ -134,7 +140,7 @@ class ExaminePass(Owner):
             borrow=settings.borrow,
         )
         position, normal, rest = (self.target.read(i) for i in range(3))
-        octahedral = np.stack([normal[..., 3], rest[..., 0]])
+        octahedral = np.stack([normal[..., 3], rest[..., 0]], axis=-1)
         triangle, weight = rest[..., 3], rest[..., 1]
         return Examination(position[..., 3], rest[..., 2], position[..., :3], normal[..., :3], octahedral, triangle, weight)
 

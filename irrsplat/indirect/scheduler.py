@@ -8,6 +8,7 @@ from typing import cast
 import numpy as np
 
 from irrsplat.core.buffers import GBuffer, ShadowMaps, Sites, SplatBuffer
+from irrsplat.gather.gaps import GapPass, Gaps
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import pixels
 from irrsplat.gpu.time_budget import Budget
@@ -129,19 +130,25 @@ class RecordScheduler(Owner):
     ) -> tuple[ViewState, RoundResult]:
         """Gather where the view lacks records, as far as the budget goes. side: of the gathers for a view that is
         refined, 0 for any other; no pixel borrows and no record is evicted then."""
-        if self.settings.placement == "scan" and not side:
-            return self._after(state, *self._scan(state, gbuffer, splats, shadows, camera, budget), splats)
-        size = gbuffer.position.size
-        screen = Screen(size, splats.pixel_stride, splats, lambda settings: self.examined(gbuffer, splats, settings))
+        size, scan = gbuffer.position.size, self.settings.placement == "scan" and not side
+        screen = Screen(
+            size,
+            splats.pixel_stride,
+            splats,
+            lambda settings: self.examined(gbuffer, splats, settings),
+            lambda: None if scan or side else self.gaps(gbuffer, camera),
+        )
+        if scan:
+            return self._after(state, *self._scan(state, gbuffer, splats, shadows, camera, budget), screen)
         return self.gather_asked(state, screen, shadows, camera, budget, side)
 
     def gather_asked(
         self, state: ViewState, screen: Screen, shadows: ShadowMaps, camera: Camera, budget: Budget, side: int = 0
     ) -> tuple[ViewState, RoundResult]:
         """Gather where the `screen` lacks records, as gather_missing does."""
-        return self._after(state, *self._ask(state, screen, shadows, camera, budget, side), screen.sums)
+        return self._after(state, *self._ask(state, screen, shadows, camera, budget, side), screen)
 
-    def _after(self, before: ViewState, state: ViewState, result: RoundResult, sums: object) -> tuple[ViewState, RoundResult]:
+    def _after(self, before: ViewState, state: ViewState, result: RoundResult, screen: Screen) -> tuple[ViewState, RoundResult]:
         """How far the view has come by a look at it and its `result`."""
         state = replace(state, coverage=1.0 - state.missing)
         if not result.complete:
@@ -155,10 +162,15 @@ class RecordScheduler(Owner):
         )
         if result.new:
             return state, result
+        if not state.gaps_sought:
+            queue = self._in_gaps(screen)
+            state = replace(state, gaps_sought=True, queue=queue, near=True)
+            if queue is not None:
+                return state, replace(result, complete=False)
         state, limited = self.limit_radii(state, last=True)
         if limited or state.pixel_stride > 1:  # then others may be missing
             return replace(state, pixel_stride=1), replace(result, complete=False)
-        return replace(state, settled=(sums, self.settings.asking)), result
+        return replace(state, settled=(screen.sums, self.settings.asking)), result
 
     def _ask(
         self,
@@ -186,6 +198,20 @@ class RecordScheduler(Owner):
         self.cache.note_asked(first, camera, screen.size)
         state = replace(state, queue=queue[done:] if done < len(queue) else None)
         return state, RoundResult(done, state.queue is None)
+
+    def gaps(self, gbuffer: GBuffer, camera: Camera) -> Gaps | None:
+        """The gaps of a view, or of the part of it that `camera` draws; None where there are none to look for."""
+        if not self.settings.in_front:
+            return None
+        size = gbuffer.position.size
+        gap_pass = self._passes.get("gaps", size, lambda: GapPass(self.gatherer.world, size))
+        with self.timers("examine"):
+            return gap_pass(gbuffer, camera, self.settings)
+
+    def _in_gaps(self, screen: Screen) -> Sites | None:
+        """Sites in the view's gaps where no record is near; None where there are none."""
+        gaps = screen.gaps() if self.room else None
+        return None if gaps is None else gaps.without(self.cache.positions)[: self.room] or None
 
     def _room(self, wanted: int, camera: Camera, size: tuple[int, int]) -> int:
         """How many more records there may be, once those are evicted that are in the way of `wanted` new ones, if they may be."""

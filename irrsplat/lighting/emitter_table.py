@@ -67,7 +67,7 @@ class EmitterTable(Owner):
 def emitter_table(world: World) -> EmitterTable | None:
     """The table of the world's area lights, which the world owns; None where there are none, or more triangles than rays can go
     through. It holds until something moves."""
-    if not any(any(mesh.material.emission) for mesh in world.scene.meshes):
+    if not world.scene.emissive:
         return None
     try:
         table = world.derived.get("emitters", world.scene.meshes, lambda: EmitterTable(world))

@@ -15,6 +15,7 @@ import numpy as np
 
 from irrsplat.core.buffers import CHANNELS, ShadowMaps
 from irrsplat.core.errors import InputError
+from irrsplat.gather.gaps import Gaps
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.image.composite import meter_block, smooth_radius
 from irrsplat.image.tonemap import automatic_exposure
@@ -144,7 +145,13 @@ class Tiles:
     def screen(self, state: State, camera: Camera, pixel_stride: int) -> Screen:
         """The view as the scheduler looks at it, of which every `pixel_stride`-th pixel is splatted."""
         sums = camera, state.view_subject, pixel_stride, self.cache.revision, self.cache.count
-        return Screen(state.size, pixel_stride, sums, lambda settings: self._examine(state, camera, pixel_stride, settings))
+        return Screen(
+            state.size,
+            pixel_stride,
+            sums,
+            lambda settings: self._examine(state, camera, pixel_stride, settings),
+            lambda: self._gaps(state, camera),
+        )
 
     def _examine(self, state: State, camera: Camera, stride: int, settings: Settings) -> Examination:
         """What the examination finds in all tiles. A tile that no new record reaches is as it was."""
@@ -185,6 +192,17 @@ class Tiles:
             found = self.scheduler.examined(gbuffer, splats, settings, part)
         self._looked[tile] = _Looked(count, found)
         return found
+
+    def _gaps(self, state: State, camera: Camera) -> Gaps | None:
+        """The gaps of all tiles."""
+        found = []
+        for corner in _grid(state.size, (state.tile, state.tile)):
+            here = part_of(camera, Part(state.size, corner, (state.tile, state.tile)))
+            gbuffer = self.stages.draw_gbuffer(replace(state, size=(state.tile, state.tile)), here)
+            if (gaps := self.scheduler.gaps(gbuffer, here)) is None:
+                return None
+            found.append(gaps)
+        return Gaps.joined(found)
 
     # ---- the picture -----------------------------------------------------------------------------------------------
 

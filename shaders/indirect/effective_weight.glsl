@@ -7,14 +7,20 @@ uniform float spread;           // standard deviation of the records' luminances
 
 const float NEAR = 3.0;   // times the tolerance: so great a Σw has only a pixel close to a record, which is then right about it
 
+// The standard deviation of what records say of a pixel, and their mean, as luminances: W/m².
+vec2 deviation_and_mean(vec2 weight, vec4 sums)
+{
+    float k = max(sums.a, 1e-20), Y = dot(sums.rgb, LUMINANCE) / k;
+    return vec2(sqrt(max(weight.g / k - Y * Y, 0.0)), Y);
+}
+
 // Σw, but less where the records contradict each other: below the tolerance where they do by more than `spread`.
 // weight: Σw and Σ k·Y². sums: Σ k·E, Σ k. Where only a share of the records' reach holds, as much of the spread is allowed, and Σw is
 // that much greater: it counts by that share.
 float effective_weight(vec2 weight, vec4 sums, float share)
 {
     weight.r *= weight.r < NOTHING_SEEN ? share : 1.0;
-    float k = max(sums.a, 1e-20), Y = dot(sums.rgb, LUMINANCE) / k;
-    float deviation = sqrt(max(weight.g / k - Y * Y, 0.0));
-    bool doubted = weight.r < NEAR * tolerance && spread > 0.0 && deviation > 0.0;
-    return doubted ? min(weight.r, tolerance * spread * share * max(Y, luminance_floor) / deviation) : weight.r;
+    vec2 told = deviation_and_mean(weight, sums);
+    bool doubted = weight.r < NEAR * tolerance && spread > 0.0 && told.x > 0.0;
+    return doubted ? min(weight.r, tolerance * spread * share * max(told.y, luminance_floor) / told.x) : weight.r;
 }

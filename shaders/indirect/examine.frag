@@ -33,7 +33,10 @@ uint random(uvec2 tile)
     return (v >> 22u) ^ v;
 }
 
-const float BADLY = 0.15;  // deviation over mean of what the records say of a pixel
+// Deviation over mean of what records say of a pixel, beyond which it does not borrow: of those that reach it, and of those that only
+// lie near. Of two that lend, one may be 4 times as bright as the other.
+const float BADLY = 0.15;
+const float LENT = 0.6;
 
 float weight_at(ivec2 pixel)
 {
@@ -49,9 +52,11 @@ float weight_at(ivec2 pixel)
 bool borrows(ivec2 pixel)
 {
     int around = pixel_stride == 1 ? 2 : 1, few = pixel_stride == 1 ? borrow : borrow / 2, asking = 0;
-    // where records contradict each other badly, or nothing is near to borrow from, a record is needed
-    bool reached = texel_at(weight, pixel).r > 0.0;
-    if (reached ? weight_at(pixel) < tolerance * spread / BADLY : texel_at(sums, pixel).a <= 0.0) few = 0;
+    // where records contradict each other badly, or none is near to borrow from, a record is needed
+    vec4 said = texel_at(sums, pixel);
+    vec2 told = deviation_and_mean(texel_at(weight, pixel).rg, said);
+    bool reached = texel_at(weight, pixel).r > 0.0, lent = said.a > 0.0 && told.x <= LENT * max(told.y, luminance_floor);
+    if (reached ? weight_at(pixel) < tolerance * spread / BADLY : !lent) few = 0;
     for (int i = 0; few > 0 && i < (2 * around + 1) * (2 * around + 1); ++i)
     {
         ivec2 at = pixel + texel_of_square(i, 2 * around + 1) - around;

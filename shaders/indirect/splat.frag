@@ -71,7 +71,8 @@ void main()
     if (w <= least)
     {
         out_sums = lent * vec4(max(E, vec3(0.0)), 1.0);
-        out_weight = vec2(0.0);  // the pixel still asks, unless few do
+        float Y = max(dot(E, LUMINANCE), 0.0);
+        out_weight = vec2(0.0, lent * Y * Y);  // the pixel still asks, unless few do
         return;
     }
     // w - 1/a falls to zero at the rim of the record's sphere, so that the rim does not show; the paper's kernel ends with a step

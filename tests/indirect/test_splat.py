@@ -270,8 +270,8 @@ def test_an_ellipse_lies_as_its_axis_does(ctx: moderngl.Context) -> None:
 
 @pytest.mark.parametrize("gradients", [True, False])
 def test_records_lend_to_pixels_close_by_that_they_do_not_reach(ctx: moderngl.Context, gradients: bool) -> None:
-    """Up to four pixels away, on their own side of a wall and not deep below, what they say of the normal at next to no weight;
-    with `borrow` 0, nothing."""
+    """Up to four pixels away, on their own side of a wall and not deep below, what they say of the normal at next to no weight,
+    and its square; with `borrow` 0, nothing."""
     position, depth = on_plane(CAMERA, SIZE, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
     turned = unit(np.array([1.0, 0.0, 1.0]))
     seen = View(position, np.broadcast_to(turned, position.shape), depth)
@@ -286,10 +286,12 @@ def test_records_lend_to_pixels_close_by_that_they_do_not_reach(ctx: moderngl.Co
     )
     deep = apart @ turned < -0.3 * np.linalg.norm(apart, axis=-1)
     lends = (d < 1.0) & ~deep & ((apart[..., 0] < 0.2) | (not gradients))
-    assert not weight.any() and np.array_equal(sums[..., 3] > 0.0, lends) and lends.sum() > 20
+    assert not weight[..., 0].any() and np.array_equal(sums[..., 3] > 0.0, lends) and lends.sum() > 20
     assert np.allclose(sums[lends, 3], 1e-6 * (1.0 - d[lends] ** 2) * turned[2] ** 4, rtol=1e-3, atol=1e-10)
     E = records.M[0] @ turned if gradients else records.E[0]
     assert np.allclose(sums[lends, :3], sums[lends, 3:] * np.maximum(E, 0.0), rtol=1e-3)
+    square = sums[..., 3] * max(E @ LUMINANCE, 0.0) ** 2
+    assert square.any() and np.allclose(weight[..., 1], square, rtol=1e-3, atol=1e-12)
     assert not drawn(ctx, seen, records, replace(settings, borrow=0))[0].any()
 
 

@@ -33,7 +33,7 @@ MADE = sorted(path.stem for path in FOLDER.glob("*.npz"))
         ("cornell", 1, 0.031, 0.005, 1000),
         ("door", 1, 0.05, 0.01, 1900),
         ("curved", 1, 0.025, 0.005, 1390),
-        ("atrium", 1, 0.038, 0.005, 3150),
+        ("atrium", 1, 0.038, 0.005, 3250),
         ("cornell", "all", 0.032, 0.01, 770),
         ("curved", "all", 0.04, 0.018, 1170),
     ],

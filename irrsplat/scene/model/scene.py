@@ -105,6 +105,11 @@ class Scene:
         """The different materials of its meshes, and the number of each."""
         return {material: i for i, material in enumerate(dict.fromkeys(mesh.material for mesh in self.meshes))}
 
+    @cached_property
+    def emissive(self) -> bool:
+        """Whether any of its surfaces shines."""
+        return any(any(material.emission) for material in self.materials)
+
     def sky_radiance(self, directions: np.ndarray, solid: np.ndarray | float = 0.0) -> np.ndarray:
         """(…, 3) radiance of the sky that a camera sees in unit directions (…, 3), each `solid` steradians wide."""
         if self.environment is not None:

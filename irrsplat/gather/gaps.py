@@ -1,0 +1,112 @@
+"""Gaps: places of a view with something close above their surface that faces it, found by rays.
+
+Records in the open reach into a gap lower than the height at which a record may lie in front of a pixel. They know nothing of it,
+and agree with each other, so that no pixel in it would ask for a record. One that lies there contradicts them, and they draw
+back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from irrsplat.core.buffers import GBuffer, Sites
+from irrsplat.core.errors import InputError
+from irrsplat.core.vectors import octahedral_decode
+from irrsplat.gather.record_frame import OFFSET
+from irrsplat.gpu.program import Program
+from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.target import Target, pixels
+from irrsplat.gpu.world import World
+from irrsplat.scene.model import Camera, part_drawn
+from irrsplat.settings import IN_FRONT, Settings
+
+_APART = 0.0125  # of the image height: about how far sites lie apart
+_NEAR = 2.0  # times the gap's height: where a record lies so near, and no higher than half of it, no other is wanted
+_NEIGHBOURS = 4  # records that are looked at about each place
+_REACH = 8.0  # percent of the image height: the greatest reach where the settings have no limit
+
+
+@dataclass(frozen=True)
+class Gaps:
+    """The pixels of a view that lie in gaps, as `sites` for records. height: (N,) of the gaps, metres. apart: (N,) metres, how
+    far records are to lie apart there."""
+
+    sites: Sites
+    height: np.ndarray
+    apart: np.ndarray
+
+    @staticmethod
+    def joined(parts: Sequence[Gaps]) -> Gaps | None:
+        """The gaps of all parts of a view; None of none."""
+        if not parts:
+            return None
+        sites = [part.sites for part in parts]
+        joined = (
+            np.concatenate([getattr(one, name) for one in sites]) for name in ("position", "normal", "geometric", "triangle")
+        )
+        height, apart = (np.concatenate([getattr(part, name) for part in parts]) for name in ("height", "apart"))
+        return Gaps(Sites(*joined), height, apart)
+
+    def without(self, records: np.ndarray) -> Sites:
+        """Sites for gaps in which none of the `records` (N, 3), metres, lies near: one in each cube as wide as they lie apart.
+
+        The order of the pixels makes no difference.
+        """
+        from scipy.spatial import cKDTree
+
+        sites, bare = self.sites, np.ones(len(self.sites), bool)
+        if len(sites) and len(records):
+            count = min(_NEIGHBOURS, len(records))
+            number = cKDTree(records).query(sites.position, count)[1].reshape(len(sites), count)
+            away = records[number] - sites.position[:, None]
+            above, height = np.einsum("nkx,nx->nk", away, sites.geometric), self.height[:, None]
+            bare = ~((np.linalg.norm(away, axis=-1) < _NEAR * height) & (np.abs(above) < 0.5 * height)).any(1)
+        sites, apart = sites[bare], self.apart[bare]
+        if not len(sites):
+            return sites
+        sites = sites[np.lexsort((*sites.normal.T, *sites.position.T))]
+        cubes = np.floor(sites.position / apart.max()).astype(np.int64)
+        return sites[np.unique(cubes, axis=0, return_index=True)[1]]
+
+
+class GapPass(Owner):
+    """Looks for gaps in views of `size` (width, height)."""
+
+    def __init__(self, world: World, size: tuple[int, int]) -> None:
+        self.world, self.size = world, size
+        self.program = Program(world.ctx, "indirect/gaps", "lib/fullscreen", world.material_defines)
+        self.target = Target(world.ctx, size, (1,))
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.program, self.target)
+
+    def __call__(self, gbuffer: GBuffer, camera: Camera, settings: Settings) -> Gaps | None:
+        """The gaps of a view, or of the part of it that `camera` draws; None where a scene has too many triangles for rays."""
+        try:
+            rays = self.world.ray_uniforms
+        except InputError:
+            return None
+        self.program(
+            self.target,
+            position=gbuffer.position,
+            normal=gbuffer.normal,
+            albedo=gbuffer.albedo,
+            eye=camera.eye,
+            height=IN_FRONT / settings.a * (settings.radius_max or _REACH) / 100.0 * camera.measure(self.size),
+            near=OFFSET * self.world.scene.diagonal,
+            **rays,
+        )
+        height, part = self.target.read()[..., 0], part_drawn(camera, self.size)
+        x, y = (np.arange(n) + first for n, first in zip(self.size, part.corner, strict=True))
+        inside = ((y >= 0) & (y < part.whole[1]))[::-1, None] & (x >= 0) & (x < part.whole[0])
+        at = np.nonzero((height > 0.0) & inside)
+        textures = gbuffer.position, gbuffer.normal, gbuffer.albedo, gbuffer.emission
+        position, normal, albedo, emission = (pixels(texture)[at] for texture in textures)
+        geometric, triangle = octahedral_decode(normal[:, 3], albedo[:, 3]), emission[:, 3].astype(np.intp)
+        distance = np.linalg.norm(position[:, :3] - np.asarray(camera.eye, "f4"), axis=1)
+        sites = Sites(position[:, :3], normal[:, :3], geometric, triangle)
+        return Gaps(sites, height[at], _APART * camera.measure(self.size) * distance)

@@ -1,0 +1,104 @@
+"""Gaps: what hangs close above a surface is found by rays, and the light beneath it is that of the gap."""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+import pytest
+
+import irrsplat
+from irrsplat.gather.gaps import GapPass, Gaps
+from irrsplat.gpu.target import pixels
+from irrsplat.gpu.world import World
+from irrsplat.image.gbuffer import GBufferPass
+from irrsplat.scene.model import Camera, Scene
+from irrsplat.settings import IN_FRONT, Settings
+from tests.support import worlds
+
+SIZE, HALF = (160, 120), 0.04  # HALF: metres, of a plate's side
+CLOSE = Camera((0.0, 0.045, 0.9), (0.0, 0.0, 0.04), fov=7.0)  # looks beneath the plate
+SETTINGS = Settings(radius_max=50.0)
+HIGHEST = IN_FRONT / SETTINGS.a * 0.5 * CLOSE.screen * 0.9  # metres, about: of the gaps that are looked for there
+
+
+def plate(height: float, half: float = HALF, camera: Camera = CLOSE) -> Scene:
+    """A square plate over a table under a white sky, all black, and a box that stands on the table beside it."""
+    black = worlds.material(0.0)
+    parts = (
+        worlds.floor(1.0, paint=black),
+        worlds.quad((-half, height, half), (2 * half, 0, 0), (0, 0, -2 * half), black),
+        worlds.box((1.2 * half, 0.0, -half), (1.5 * half, 0.5 * half, half), black),
+    )
+    return worlds.scene(*parts, sky=1.0, camera=camera)
+
+
+def on_table(position: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """(H, W) the pixels of the table."""
+    found: np.ndarray = (np.abs(position[..., 1]) < 1e-5) & (normal[..., 1] > 0.5)
+    return found
+
+
+def gaps_of(ctx: moderngl.Context, scene: Scene) -> tuple[Gaps, np.ndarray, np.ndarray]:
+    """The gaps of the scene's view, and the positions and normals (H, W, 3) that it sees."""
+    camera = scene.camera()
+    with World(ctx, scene) as world, GBufferPass(ctx, SIZE) as draw, GapPass(world, SIZE) as look:
+        gbuffer = draw(world, camera)
+        gaps = look(gbuffer, camera, SETTINGS)
+        assert gaps is not None
+        return gaps, pixels(gbuffer.position)[..., :3], pixels(gbuffer.normal)[..., :3]
+
+
+def test_a_gap_is_what_lies_beneath_something_low(ctx: moderngl.Context) -> None:
+    """The pixels of the table beneath the plate, or beside it within the gap's height, and no others: neither those at the foot
+    of the box, nor any where the plate hangs higher than a record may lie in front of a pixel."""
+    low = 0.5 * HIGHEST
+    gaps, position, normal = gaps_of(ctx, plate(low))
+    table, beyond = on_table(position, normal), (np.abs(position[..., [0, 2]]) - HALF).max(-1)
+    places = {tuple(place) for place in gaps.sites.position}
+    found = np.array([tuple(place) in places for place in position.reshape(-1, 3)]).reshape(table.shape)
+    beneath, open_table = table & (beyond < 0.0), table & (beyond > 1.2 * low)
+    foot = open_table & (np.abs(position[..., 0] - 1.2 * HALF) < low) & (np.abs(position[..., 2]) < HALF)
+    assert beneath.sum() > 50 and foot.sum() > 5
+    assert found[beneath].all() and not found[open_table].any()
+    above, position, normal = gaps_of(ctx, plate(2.0 * HIGHEST))
+    assert (on_table(position, normal) & (np.abs(position[..., [0, 2]]).max(-1) < HALF)).sum() > 50 and not len(above.sites)
+
+
+def test_few_sites_are_wanted(ctx: moderngl.Context) -> None:
+    """One in each small cube, so that one is near to every place in a gap, and none where a record lies near in the gap. Records
+    above it, or farther away than twice its height, do not count."""
+    height = 0.5 * HIGHEST
+    gaps, *_ = gaps_of(ctx, plate(height))
+    at, up = gaps.sites.position, np.array([0.0, 1.0, 0.0], "f4")
+    sites, apart = gaps.without(np.zeros((0, 3), "f4")), gaps.apart.max()
+    nearest = np.linalg.norm(at[:, None] - sites.position, axis=-1).min(1)
+    assert 2 <= len(sites) < 0.8 * len(at) and (nearest < np.sqrt(3.0) * apart).all()
+    assert len(np.unique(np.floor(sites.position / apart), axis=0)) == len(sites)
+    assert not len(gaps.without(at)) and len(gaps.without(at + height * up)) == len(sites)
+    left = gaps.without(at[:1]).position
+    assert 0 < len(left) < len(sites) and (np.linalg.norm(left - at[0], axis=1) > 1.9 * height).all()
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_light_in_gaps(seed: int) -> None:
+    """Beneath small plates 6 mm above a table it is as dark as Lambert's formula says, though the records around reach there.
+
+    Each gap is a pixel high. With the search for gaps they are off by 6 and 2 % of the open table's light on the mean, without it
+    by 14 and 22 %.
+    """
+    half, height = 0.02, 0.006
+    camera, xs = Camera((0.0, 0.25, 3.0), (0.0, 0.003, half), fov=40.0), 0.08 * np.arange(-7, 8)
+    black = worlds.material(0.0)
+    plates = [worlds.quad((x - half, height, half), (2 * half, 0, 0), (0, 0, -2 * half), black) for x in xs]
+    scene = worlds.scene(worlds.floor(1.5, paint=black), *plates, sky=1.0, camera=camera)
+    with irrsplat.Renderer(scene, size=(161, 121), bounces=1, seed=seed) as renderer:
+        frame = renderer.render()
+    p = frame.position.astype(float)
+    square = half * np.array([(-1, 0, 1), (1, 0, 1), (1, 0, -1), (-1, 0, -1)])
+    corners = square + np.array([(x, height, 0.0) for x in xs])[:, None]
+    hidden = sum(np.abs(worlds.polygon_vector(plate, p)[..., 1]) for plate in corners)
+    beneath = np.abs(p[..., 2]) < half
+    beneath &= on_table(p, frame.normal) & (np.abs(p[..., :1] - xs) < half).any(-1)
+    assert beneath.sum() > 25
+    error = frame.irradiance[beneath] - (np.pi - hidden[beneath])[:, None]
+    assert np.abs(error).mean() < 0.08 * np.pi
