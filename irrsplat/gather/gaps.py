@@ -19,6 +19,7 @@ from irrsplat.gather.record_frame import OFFSET
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target, pixels
+from irrsplat.gpu.time_budget import Budget, Pace
 from irrsplat.gpu.world import World
 from irrsplat.scene.model import Camera, part_drawn
 from irrsplat.settings import IN_FRONT, Settings
@@ -26,6 +27,7 @@ from irrsplat.settings import IN_FRONT, Settings
 _APART = 0.0125  # of the image height: about how far sites lie apart
 _NEAR = 2.0  # times the gap's height: where a record lies so near, and no higher than half of it, no other is wanted
 _NEIGHBOURS = 4  # records that are looked at about each place
+_RAYS = 9  # of a pixel
 _REACH = 8.0  # percent of the image height: the greatest reach where the settings have no limit
 
 
@@ -39,10 +41,8 @@ class Gaps:
     apart: np.ndarray
 
     @staticmethod
-    def joined(parts: Sequence[Gaps]) -> Gaps | None:
-        """The gaps of all parts of a view; None of none."""
-        if not parts:
-            return None
+    def joined(parts: Sequence[Gaps]) -> Gaps:
+        """The gaps of all parts of a view."""
         sites = [part.sites for part in parts]
         joined = (
             np.concatenate([getattr(one, name) for one in sites]) for name in ("position", "normal", "geometric", "triangle")
@@ -72,6 +72,19 @@ class Gaps:
         return sites[np.unique(cubes, axis=0, return_index=True)[1]]
 
 
+@dataclass(frozen=True)
+class Search:
+    """How far a search for the gaps of a view has come: `rows` of its pixels are looked at. gaps: what was found, None before all
+    are, and where there are none to look for."""
+
+    rows: int
+    complete: bool
+    gaps: Gaps | None = None
+
+
+NOTHING_TO_FIND = Search(0, True)
+
+
 class GapPass(Owner):
     """Looks for gaps in views of `size` (width, height)."""
 
@@ -79,27 +92,40 @@ class GapPass(Owner):
         self.world, self.size = world, size
         self.program = Program(world.ctx, "indirect/gaps", "lib/fullscreen", world.material_defines)
         self.target = Target(world.ctx, size, (1,))
+        self._pace = Pace(world.ctx)  # of rows
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
         return (self.program, self.target)
 
-    def __call__(self, gbuffer: GBuffer, camera: Camera, settings: Settings) -> Gaps | None:
-        """The gaps of a view, or of the part of it that `camera` draws; None where a scene has too many triangles for rays."""
+    def __call__(self, gbuffer: GBuffer, camera: Camera, settings: Settings, start: int, budget: Budget) -> Search:
+        """Look for the gaps of a view, or of the part of it that `camera` draws, from row `start` on, as far as the budget goes.
+
+        The rows before it have to be of the last call. Where a scene has too many triangles for rays, there is nothing to find.
+        """
         try:
             rays = self.world.ray_uniforms
         except InputError:
-            return None
-        self.program(
-            self.target,
-            position=gbuffer.position,
-            normal=gbuffer.normal,
-            albedo=gbuffer.albedo,
-            eye=camera.eye,
-            height=IN_FRONT / settings.a * (settings.radius_max or _REACH) / 100.0 * camera.measure(self.size),
-            near=OFFSET * self.world.scene.diagonal,
-            **rays,
-        )
+            return NOTHING_TO_FIND
+        width, height = self.size
+        for rows in self._pace.batches(height - start, height, budget, width * _RAYS):
+            self.program(
+                self.target,
+                scissor=(0, start, width, rows),
+                position=gbuffer.position,
+                normal=gbuffer.normal,
+                albedo=gbuffer.albedo,
+                eye=camera.eye,
+                height=IN_FRONT / settings.a * (settings.radius_max or _REACH) / 100.0 * camera.measure(self.size),
+                near=OFFSET * self.world.scene.diagonal,
+                **rays,
+            )
+            start += rows
+        complete = start == height
+        return Search(start, complete, self._found(gbuffer, camera) if complete else None)
+
+    def _found(self, gbuffer: GBuffer, camera: Camera) -> Gaps:
+        """The gaps, once all rows are looked at."""
         height, part = self.target.read()[..., 0], part_drawn(camera, self.size)
         x, y = (np.arange(n) + first for n, first in zip(self.size, part.corner, strict=True))
         inside = ((y >= 0) & (y < part.whole[1]))[::-1, None] & (x >= 0) & (x < part.whole[0])

@@ -16,10 +16,11 @@ import numpy as np
 
 from irrsplat.core.buffers import GBuffer, Sites, SplatBuffer, Uniforms
 from irrsplat.core.vectors import octahedral_decode
-from irrsplat.gather.gaps import Gaps
+from irrsplat.gather.gaps import Search
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
+from irrsplat.gpu.time_budget import Budget
 from irrsplat.scene.model import Part, measure
 from irrsplat.settings import Settings
 
@@ -77,15 +78,15 @@ class Screen:
     """A view as the scheduler looks at it: the `size` (width, height) of its picture, of which every `pixel_stride`-th pixel has
     sums in both directions.
 
-    sums: an object that is another one when these are. examine: finds what is missing, by settings. gaps: finds the view's gaps,
-    None where there are none to look for.
+    sums: an object that is another one when these are. examine: finds what is missing, by settings. gaps: goes on
+    looking for the view's gaps from a row on, as far as a budget goes.
     """
 
     size: tuple[int, int]
     pixel_stride: int
     sums: object
     examine: Callable[[Settings], Examination]
-    gaps: Callable[[], Gaps | None]
+    gaps: Callable[[int, Budget], Search]
 
 
 class ExaminePass(Owner):

@@ -8,7 +8,7 @@ from typing import cast
 import numpy as np
 
 from irrsplat.core.buffers import GBuffer, ShadowMaps, Sites, SplatBuffer
-from irrsplat.gather.gaps import GapPass, Gaps
+from irrsplat.gather.gaps import NOTHING_TO_FIND, GapPass, Search
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import pixels
 from irrsplat.gpu.time_budget import Budget
@@ -136,19 +136,21 @@ class RecordScheduler(Owner):
             splats.pixel_stride,
             splats,
             lambda settings: self.examined(gbuffer, splats, settings),
-            lambda: None if scan or side else self.gaps(gbuffer, camera),
+            lambda start, budget: NOTHING_TO_FIND if scan or side else self.gaps(gbuffer, camera, start, budget),
         )
         if scan:
-            return self._after(state, *self._scan(state, gbuffer, splats, shadows, camera, budget), screen)
+            return self._after(state, *self._scan(state, gbuffer, splats, shadows, camera, budget), screen, budget)
         return self.gather_asked(state, screen, shadows, camera, budget, side)
 
     def gather_asked(
         self, state: ViewState, screen: Screen, shadows: ShadowMaps, camera: Camera, budget: Budget, side: int = 0
     ) -> tuple[ViewState, RoundResult]:
         """Gather where the `screen` lacks records, as gather_missing does."""
-        return self._after(state, *self._ask(state, screen, shadows, camera, budget, side), screen)
+        return self._after(state, *self._ask(state, screen, shadows, camera, budget, side), screen, budget)
 
-    def _after(self, before: ViewState, state: ViewState, result: RoundResult, screen: Screen) -> tuple[ViewState, RoundResult]:
+    def _after(
+        self, before: ViewState, state: ViewState, result: RoundResult, screen: Screen, budget: Budget
+    ) -> tuple[ViewState, RoundResult]:
         """How far the view has come by a look at it and its `result`."""
         state = replace(state, coverage=1.0 - state.missing)
         if not result.complete:
@@ -163,9 +165,8 @@ class RecordScheduler(Owner):
         if result.new:
             return state, result
         if not state.gaps_sought:
-            queue = self._in_gaps(screen)
-            state = replace(state, gaps_sought=True, queue=queue, near=True)
-            if queue is not None:
+            state = self._seek_gaps(state, screen, budget)
+            if state.queue is not None or not state.gaps_sought:
                 return state, replace(result, complete=False)
         state, limited = self.limit_radii(state, last=True)
         if limited or state.pixel_stride > 1:  # then others may be missing
@@ -199,19 +200,25 @@ class RecordScheduler(Owner):
         state = replace(state, queue=queue[done:] if done < len(queue) else None)
         return state, RoundResult(done, state.queue is None)
 
-    def gaps(self, gbuffer: GBuffer, camera: Camera) -> Gaps | None:
-        """The gaps of a view, or of the part of it that `camera` draws; None where there are none to look for."""
+    def gaps(self, gbuffer: GBuffer, camera: Camera, start: int, budget: Budget) -> Search:
+        """Look for the gaps of a view, or of the part of it that `camera` draws, as GapPass does."""
         if not self.settings.in_front:
-            return None
+            return NOTHING_TO_FIND
+        if budget.limited and not self.gatherer.world.wait_for_tree(budget.left):
+            return Search(start, False)
         size = gbuffer.position.size
         gap_pass = self._passes.get("gaps", size, lambda: GapPass(self.gatherer.world, size))
         with self.timers("examine"):
-            return gap_pass(gbuffer, camera, self.settings)
+            return gap_pass(gbuffer, camera, self.settings, start, budget)
 
-    def _in_gaps(self, screen: Screen) -> Sites | None:
-        """Sites in the view's gaps where no record is near; None where there are none."""
-        gaps = screen.gaps() if self.room else None
-        return None if gaps is None else gaps.without(self.cache.positions)[: self.room] or None
+    def _seek_gaps(self, state: ViewState, screen: Screen, budget: Budget) -> ViewState:
+        """Go on looking for the view's gaps as far as the budget goes; sites in those where no record is near are to be gathered
+        next. In ticks a view that has just come may be one in passing: that one is not looked at."""
+        if budget.limited and state.gap_rows is None:
+            return replace(state, gap_rows=0)
+        found = screen.gaps(state.gap_rows or 0, budget) if self.room else NOTHING_TO_FIND
+        sites = None if found.gaps is None else found.gaps.without(self.cache.positions)[: self.room]
+        return replace(state, gap_rows=found.rows, gaps_sought=found.complete, queue=sites or None, near=True)
 
     def _room(self, wanted: int, camera: Camera, size: tuple[int, int]) -> int:
         """How many more records there may be, once those are evicted that are in the way of `wanted` new ones, if they may be."""

@@ -24,7 +24,8 @@ class ViewState:
     coverage: float = 0.0  # share of the seen pixels that asked for nothing when the present round began, 0..1
     stalled_rounds: int = 0  # in a row, without gain in coverage and without fewer holes
     limited: bool = False  # whether the old records have been held against each other for this view
-    gaps_sought: bool = False  # whether gaps have been looked for, in which records are wanted
+    gap_rows: int | None = None  # of pixels that were looked at for gaps; None: it may be a view in passing
+    gaps_sought: bool = False  # whether all have been, and records are wanted in those that were found
     settled: tuple[object, tuple[object, ...]] | None = None  # the splats and criteria at which nothing was asked for
     looked_at: tuple[SplatBuffer, tuple[object, ...]] | None = None  # those of `coverage`, found while nothing was gathered
 

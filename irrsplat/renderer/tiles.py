@@ -15,7 +15,7 @@ import numpy as np
 
 from irrsplat.core.buffers import CHANNELS, ShadowMaps
 from irrsplat.core.errors import InputError
-from irrsplat.gather.gaps import Gaps
+from irrsplat.gather.gaps import NOTHING_TO_FIND, Gaps, Search
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.image.composite import meter_block, smooth_radius
 from irrsplat.image.tonemap import automatic_exposure
@@ -150,7 +150,7 @@ class Tiles:
             pixel_stride,
             sums,
             lambda settings: self._examine(state, camera, pixel_stride, settings),
-            lambda: self._gaps(state, camera),
+            lambda start, budget: self._gaps(state, camera, budget),
         )
 
     def _examine(self, state: State, camera: Camera, stride: int, settings: Settings) -> Examination:
@@ -193,16 +193,16 @@ class Tiles:
         self._looked[tile] = _Looked(count, found)
         return found
 
-    def _gaps(self, state: State, camera: Camera) -> Gaps | None:
+    def _gaps(self, state: State, camera: Camera, budget: Budget) -> Search:
         """The gaps of all tiles."""
-        found = []
+        found: list[Gaps] = []
         for corner in _grid(state.size, (state.tile, state.tile)):
             here = part_of(camera, Part(state.size, corner, (state.tile, state.tile)))
             gbuffer = self.stages.draw_gbuffer(replace(state, size=(state.tile, state.tile)), here)
-            if (gaps := self.scheduler.gaps(gbuffer, here)) is None:
-                return None
+            if (gaps := self.scheduler.gaps(gbuffer, here, 0, budget).gaps) is None:
+                return NOTHING_TO_FIND
             found.append(gaps)
-        return Gaps.joined(found)
+        return Search(state.size[1], True, Gaps.joined(found))
 
     # ---- the picture -----------------------------------------------------------------------------------------------
 

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import moderngl
 import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat.gather.gaps import GapPass, Gaps
+from irrsplat.gather.gaps import GapPass, Gaps, Search
 from irrsplat.gpu.target import pixels
+from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.world import World
 from irrsplat.image.gbuffer import GBufferPass
 from irrsplat.scene.model import Camera, Scene
@@ -43,7 +47,7 @@ def gaps_of(ctx: moderngl.Context, scene: Scene) -> tuple[Gaps, np.ndarray, np.n
     camera = scene.camera()
     with World(ctx, scene) as world, GBufferPass(ctx, SIZE) as draw, GapPass(world, SIZE) as look:
         gbuffer = draw(world, camera)
-        gaps = look(gbuffer, camera, SETTINGS)
+        gaps = look(gbuffer, camera, SETTINGS, 0, Budget(None)).gaps
         assert gaps is not None
         return gaps, pixels(gbuffer.position)[..., :3], pixels(gbuffer.normal)[..., :3]
 
@@ -77,6 +81,41 @@ def test_few_sites_are_wanted(ctx: moderngl.Context) -> None:
     assert not len(gaps.without(at)) and len(gaps.without(at + height * up)) == len(sites)
     left = gaps.without(at[:1]).position
     assert 0 < len(left) < len(sites) and (np.linalg.norm(left - at[0], axis=1) > 1.9 * height).all()
+
+
+def test_a_search_in_parts_finds_the_same(ctx: moderngl.Context) -> None:
+    """Some rows in each tick, which are measured, and at least one."""
+    scene = plate(0.5 * HIGHEST)
+    whole, *_ = gaps_of(ctx, scene)
+    with World(ctx, scene) as world, GBufferPass(ctx, SIZE) as draw, GapPass(world, SIZE) as look:
+        gbuffer, found, calls = draw(world, scene.camera()), Search(0, False), 0
+        while not found.complete:
+            before = found.rows
+            found = look(gbuffer, scene.camera(), SETTINGS, found.rows, Budget(0.0))
+            assert found.rows > before and (found.gaps is None) == (not found.complete)
+            calls += 1
+    assert found.gaps is not None and calls > 1
+    assert np.array_equal(found.gaps.sites.position, whole.sites.position) and np.array_equal(found.gaps.height, whole.height)
+
+
+def test_views_in_passing_are_not_searched(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In flight every tick has another view, for which rays would be sent in vain; one that stays is searched before it is done."""
+    looks: list[int] = []
+    search = GapPass.__call__
+
+    def noted(self: GapPass, *given: Any) -> Search:
+        looks.append(1)
+        return search(self, *given)
+
+    monkeypatch.setattr(GapPass, "__call__", noted)
+    scene = plate(0.005)
+    with irrsplat.Renderer(scene, size=(48, 36), bounces=1) as renderer:
+        for x in np.linspace(-0.1, 0.1, 12):
+            renderer.frame(replace(CLOSE, eye=(x, 0.045, 0.9)), seconds=10.0)
+        assert not looks
+        while not renderer.frame(CLOSE, seconds=0.05)[1].done:
+            pass
+        assert looks
 
 
 @pytest.mark.parametrize("seed", [0, 1])
