@@ -99,7 +99,7 @@ def test_a_search_in_parts_finds_the_same(ctx: moderngl.Context) -> None:
 
 
 def test_views_in_passing_are_not_searched(monkeypatch: pytest.MonkeyPatch) -> None:
-    """In flight every tick has another view, for which rays would be sent in vain; one that stays is searched before it is done."""
+    """In flight every tick has another view, for which rays would be sent in vain; one that stays is searched."""
     looks: list[int] = []
     search = GapPass.__call__
 
