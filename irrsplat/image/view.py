@@ -98,6 +98,14 @@ def uncovered(view: View, rows_columns: tuple[slice, slice] = (slice(None), slic
     return int(np.count_nonzero((_seen(view)[..., 0] & (pixels(view.splats.sums)[..., 3] <= 0.0))[rows_columns]))
 
 
+def counted(progress: Progress, seconds: float, on_progress: Callable[[Progress], None] | None) -> Statistics:
+    """What is counted of a view that took so many seconds by the records that there are; on_progress is told, too."""
+    if on_progress is not None:
+        on_progress(progress)
+    stats: Statistics = {"rounds": 0, "converged": progress.coverage == 1.0, "full": False, "interrupted": False}
+    return stats | {"coverage": progress.coverage, "error": None, "records": progress.records, "seconds": seconds}
+
+
 def sample_progress(on_round: Callable[[Progress], None] | None, stats: Statistics) -> Callable[[float], None] | None:
     """Calls `on_round` with the share of the samples that are taken, for a view that stands as in `stats`; None for None."""
     if on_round is None:

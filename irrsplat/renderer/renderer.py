@@ -28,7 +28,7 @@ from irrsplat.image.composite import CompositePass
 from irrsplat.image.figures.paper_figures import PaperFigures
 from irrsplat.image.frame import Frame, check_names
 from irrsplat.image.statistics import Statistics, describe
-from irrsplat.image.view import Progress, View, frame_of, read, sample_progress, uncovered
+from irrsplat.image.view import Progress, View, counted, frame_of, read, sample_progress, uncovered
 from irrsplat.indirect.scheduler import RecordScheduler
 from irrsplat.indirect.splat_buffer import ViewSplats
 from irrsplat.indirect.view_state import ViewState
@@ -39,7 +39,8 @@ from irrsplat.renderer.resting import RestingView
 from irrsplat.renderer.rounds import Made, Rounds, until_complete
 from irrsplat.renderer.stages import Stages
 from irrsplat.renderer.state import Round, Shown, State
-from irrsplat.renderer.tiles import TILE, TiledRound, Tiles, check_tiled, checked_tile, notices_of
+from irrsplat.renderer.tiles import TiledRound, Tiles
+from irrsplat.renderer.tiling import Tiling, check_tiled, check_whole
 from irrsplat.scene.model import Camera, Light, Material, Scene
 from irrsplat.scene.model.checks import check_type, checked_number
 from irrsplat.scene.motion import moved, posed, repainted
@@ -77,7 +78,7 @@ class Renderer(Tenant):
         tile_size: int | None = None,
         **settings: Unpack[SettingValues],
     ) -> None:
-        self._tile_size = checked_tile(tile_size)
+        self._tiling = Tiling(tile_size)
         if not isinstance(scene, Scene):
             raise InputError(f"a Renderer takes a Scene, as irrsplat.load returns it, not {type(scene).__name__}")
         scene = scene.recentred
@@ -86,8 +87,7 @@ class Renderer(Tenant):
         self._loaded = scene.meshes  # as they were before any of them moved
         with self._moving_in(ctx) as made:
             self_test.check(self.ctx)
-            self._state = self._fitting(self._state)
-            gl_limits.check(self.ctx, _drawn_at_once(self._state), scene, self.settings.shadow_size)
+            self._state = self._tiling.checked(self._state, self.ctx, again=True)
             self.timers = Timers(self.ctx, bool(self.about["software"]), enabled=True)
             self.world = made.enter_context(World(self.ctx, scene, self.settings.texture_memory))
             self.cache = made.enter_context(RecordCache(self.ctx))
@@ -142,7 +142,7 @@ class Renderer(Tenant):
     def notices(self) -> tuple[str, ...]:
         """One-line remarks for a user on what cannot be shown of the scene as it is; the scene has notices of its own."""
         return (
-            *notices_of(self._state, self._tile_size),
+            *self._tiling.notices(self._state),
             *self.stages.texture_maps(self._state).notices(self.world.runs),
             *self.world.materials.notices,
         )
@@ -177,24 +177,10 @@ class Renderer(Tenant):
         """The irradiance of the scene's lamps at every pixel of the present `view`, W/m², without the headlamp: a texture."""
         return self.stages.lamp_irradiance(self._state, view.gbuffer)
 
-    def _fitting(self, state: State, buffers: Collection[str] | None = gl_limits.PICTURE) -> State:
-        """`state` with tiles where its pictures, and these `buffers` of them, are drawn in such; raises InputError where they do
-        not fit into memory."""
-        tile, size = self._tile_size or state.tile, state.size
-        software = bool(self.about["software"])
-        short = gl_limits.shortage(size, state.scene, state.settings, software, buffers, tile)
-        if self._tile_size is None and not tile and (short is not None or max(size) > gl_limits.largest(self.ctx)):
-            tile = TILE
-            short = gl_limits.shortage(size, state.scene, state.settings, software, buffers, tile)
-        gl_limits.check_memory(short)
-        return replace(state, tile=tile)
-
     def _use_whole(self) -> None:
         """Make its context the current one, to draw whole views; raises InputError where they are drawn in tiles."""
         self._use()
-        if self._state.tile:
-            width, height = self.size
-            raise InputError(f"size {width}x{height} is drawn in tiles here, which only rendering does: take a smaller size")
+        check_whole(self._state)
 
     def _seen_by(self, camera: Camera | str | None) -> Camera:
         """A caller's camera, relative to the origin."""
@@ -366,9 +352,7 @@ class Renderer(Tenant):
     def _go_on(self, state: State) -> None:
         """Go on with another scene, size or settings: with all of it, or, where it is refused, as before."""
         self._use()
-        if state.size != self.size:
-            state = self._fitting(replace(state, tile=0))
-        gl_limits.check(self.ctx, _drawn_at_once(state), state.scene, state.settings.shadow_size)
+        state = self._tiling.checked(state, self.ctx, again=state.size != self.size)
         if state.view_subject != self._state.view_subject:
             self._resting.leave()
         change = self.scheduler.change_to(state.scene)
@@ -504,7 +488,8 @@ class Renderer(Tenant):
         refined = self.settings.quality or self.settings.samples > 1
         alone = buffers is not None and not figures and gl_limits.PICTURE.issuperset(buffers)
         sparing = gather and alone and not refined and self.size[0] * self.size[1] >= gl_limits.LARGE
-        tiled = self._fitting(self._state, gl_limits.PICTURE if alone else buffers) if self.gbuffer is None else self._state
+        wanted = gl_limits.PICTURE if alone else buffers
+        tiled = self._tiling.fitting(self._state, self.ctx, wanted) if self.gbuffer is None else self._state
         if tiled.tile:
             return self._in_tiles(tiled, camera, progress, figures, buffers, gather)
         if gather:
@@ -555,7 +540,7 @@ class Renderer(Tenant):
                 self.timers.clear()
                 start = time.perf_counter()
                 done = self._tiles.frozen(self._state, here)
-                stats = _counted(done.progress, time.perf_counter() - start, progress)
+                stats = counted(done.progress, time.perf_counter() - start, progress)
             samples = 1 if stats["interrupted"] else samples
             on_share = sample_progress(progress, stats)
             arrays, view, none_reach = self._tiles.draw(self._state, here, done.progress, buffers, not gather, samples, on_share)
@@ -585,7 +570,7 @@ class Renderer(Tenant):
         start = time.perf_counter()
         done = self._round.frozen(self._state, self._seen_by(camera))
         self.ctx.finish()
-        stats = _counted(done.progress, time.perf_counter() - start, on_progress)
+        stats = counted(done.progress, time.perf_counter() - start, on_progress)
         view = self.stages.draw_picture(self._state, done)
         stats["uncovered"] = uncovered(view) if self.settings.most_bounces > 0 else 0
         return view, stats
@@ -631,19 +616,6 @@ class Renderer(Tenant):
         made: Statistics = {"samples": samples, "stages_ms": self.timers.milliseconds(), "clock": self.timers.clock}
         made |= cast(Statistics, self.scheduler.gatherer.bounces(settings))
         return made | describe(self.about, self.scene, self.size, self.preset, settings, stops)
-
-
-def _drawn_at_once(state: State) -> tuple[int, int]:
-    """The largest size that is drawn at once."""
-    return (2 * state.tile, 2 * state.tile) if state.tile else state.size
-
-
-def _counted(progress: Progress, seconds: float, on_progress: Callable[[Progress], None] | None) -> Statistics:
-    """The statistics of a view by the records that there are, as `converge` has them."""
-    if on_progress is not None:
-        on_progress(progress)
-    stats: Statistics = {"rounds": 0, "converged": progress.coverage == 1.0, "full": False, "interrupted": False}
-    return stats | {"coverage": progress.coverage, "error": None, "records": progress.records, "seconds": seconds}
 
 
 def render(

@@ -6,7 +6,6 @@ what the tiles find is put together before sites are chosen. Then every tile is 
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
@@ -14,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from irrsplat.core.buffers import CHANNELS, ShadowMaps
-from irrsplat.core.errors import InputError
 from irrsplat.gather.gaps import NOTHING_TO_FIND, Gaps, Search
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.image.composite import meter_block, smooth_radius
@@ -28,12 +26,10 @@ from irrsplat.renderer.rounds import Rounds
 from irrsplat.renderer.stages import Stages
 from irrsplat.renderer.state import Round, State
 from irrsplat.scene.model import Camera, Part, part_of
-from irrsplat.settings import LEAST_TILE, MOST_TILE, Settings
+from irrsplat.settings import Settings
 
 _MARGIN = 2  # pixels about a tile that its picture looks at
 _METERED = 4096  # pixels of a row that are metered at once
-
-TILE = 1024  # pixels along a side of tiles, where nobody says how many
 
 Size = tuple[int, int]
 
@@ -51,37 +47,6 @@ class TiledRound:
     """What a round leaves: how far the view has come."""
 
     progress: Progress
-
-
-def checked_tile(side: int | None) -> int | None:
-    """`side` as pixels along a side of a tile; 0: no tiles; None: tiles where a picture is too large for anything else. Raises
-    InputError for what is neither."""
-    if side is None:
-        return None
-    try:
-        found = operator.index(side)
-    except TypeError:
-        raise InputError(f"tile_size takes a whole number of pixels, not {side!r}") from None
-    if found and not LEAST_TILE <= found <= MOST_TILE:
-        raise InputError(f"tile_size is 0 or between {LEAST_TILE} and {MOST_TILE} pixels, not {found}")
-    return found
-
-
-def check_tiled(state: State, figures: bool) -> None:
-    """Raises InputError where a picture in tiles cannot be what is asked for."""
-    settings = state.settings
-    asked = {"a folder's figures": figures, "--quality": settings.quality, "--placement scan": settings.placement == "scan"}
-    if not_there := [name for name, wanted in asked.items() if wanted]:
-        width, height = state.size
-        raise InputError(f"size {width}x{height} is drawn in tiles here, without {' and '.join(not_there)}: take a smaller size")
-
-
-def notices_of(state: State, tile_size: int | None) -> tuple[str, ...]:
-    """What a user is told where a picture is drawn in tiles without having been asked for."""
-    if tile_size is not None or not state.tile:
-        return ()
-    width, height = state.size
-    return (f"size {width}x{height} is more than fits here at once; it is drawn in tiles of {state.tile}x{state.tile}",)
 
 
 class Tiles:

@@ -1,0 +1,78 @@
+"""Whether a picture is drawn in tiles: as a caller says, or where memory or OpenGL's largest texture leave no other way."""
+
+from __future__ import annotations
+
+import operator
+from collections.abc import Collection
+from dataclasses import replace
+
+import moderngl
+
+from irrsplat.core.errors import InputError
+from irrsplat.gpu import context
+from irrsplat.lighting import gl_limits
+from irrsplat.renderer.state import State
+from irrsplat.settings import LEAST_TILE, MOST_TILE
+
+TILE = 1024  # pixels along a side of tiles, where nobody says how many
+
+
+class Tiling:
+    """The choice of a renderer. tile_size: pixels along a side of tiles; 0: none are drawn; None: they are where a picture
+    is too large otherwise. Raises InputError for what is neither."""
+
+    def __init__(self, tile_size: int | None) -> None:
+        self._wanted = None if tile_size is None else _checked(tile_size)
+
+    def fitting(self, state: State, ctx: moderngl.Context, buffers: Collection[str] | None = gl_limits.PICTURE) -> State:
+        """`state` with tiles where its pictures, and these `buffers` of them, are drawn in such; raises InputError where they do
+        not fit into memory, or into a texture."""
+        software = bool(context.describe(ctx)["software"])
+        tile, size = self._wanted or state.tile, state.size
+        short = gl_limits.shortage(size, state.scene, state.settings, software, buffers, tile)
+        if self._wanted is None and not tile and (short is not None or max(size) > gl_limits.largest(ctx)):
+            tile = TILE
+            short = gl_limits.shortage(size, state.scene, state.settings, software, buffers, tile)
+        gl_limits.check_memory(short)
+        return replace(state, tile=tile)
+
+    def checked(self, state: State, ctx: moderngl.Context, again: bool) -> State:
+        """`state` as `fitting` has it, where it is of another size (`again`), once all that it draws at once is within OpenGL's
+        limits; raises InputError where it is not."""
+        state = self.fitting(replace(state, tile=0), ctx) if again else state
+        at_once = (2 * state.tile, 2 * state.tile) if state.tile else state.size
+        gl_limits.check(ctx, at_once, state.scene, state.settings.shadow_size)
+        return state
+
+    def notices(self, state: State) -> tuple[str, ...]:
+        """What a user is told where a picture is drawn in tiles without having been asked for."""
+        if self._wanted is not None or not state.tile:
+            return ()
+        width, height = state.size
+        return (f"size {width}x{height} is more than fits here at once; it is drawn in tiles of {state.tile}x{state.tile}",)
+
+
+def check_whole(state: State) -> None:
+    """Raises InputError where views are drawn in tiles."""
+    if state.tile:
+        width, height = state.size
+        raise InputError(f"size {width}x{height} is drawn in tiles here, which only rendering does: take a smaller size")
+
+
+def check_tiled(state: State, figures: bool) -> None:
+    """Raises InputError where a picture in tiles cannot be what is asked for."""
+    settings = state.settings
+    asked = {"a folder's figures": figures, "--quality": settings.quality, "--placement scan": settings.placement == "scan"}
+    if not_there := [name for name, wanted in asked.items() if wanted]:
+        width, height = state.size
+        raise InputError(f"size {width}x{height} is drawn in tiles here, without {' and '.join(not_there)}: take a smaller size")
+
+
+def _checked(tile_size: int) -> int:
+    try:
+        found = operator.index(tile_size)
+    except TypeError:
+        raise InputError(f"tile_size takes a whole number of pixels, not {tile_size!r}") from None
+    if found and not LEAST_TILE <= found <= MOST_TILE:
+        raise InputError(f"tile_size is 0 or between {LEAST_TILE} and {MOST_TILE} pixels, not {found}")
+    return found
