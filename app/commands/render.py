@@ -169,7 +169,8 @@ def run(args: argparse.Namespace) -> int:
         lost.tell(scene, flight, args.size, args.turntable is not None)
     if flight is not None and args.on is not None:
         return _render_on(args, scene, flight, made, buffers, files)
-    made_with = {"preset": args.preset, "tile_size": args.tile_size, **args.values}
+    tiles = {} if args.tile_size is None else {"tile_size": args.tile_size}
+    made_with = {"preset": args.preset, **tiles, **args.values}
     with irrsplat.Renderer(scene, size=tuple(args.size), **made_with) as renderer:
         if args.cache is not None and (keeps or os.path.exists(args.cache)):
             rendering.load_cache(renderer, args)

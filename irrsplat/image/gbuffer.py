@@ -30,7 +30,8 @@ _TINTS = DrawState(depth="<", depth_write=False, depth_clamp=True, blend="multip
 _GLOWS = replace(_TINTS, blend="add")
 # What is interpolated across a triangle is rounded otherwise where the rasteriser counts pixels from elsewhere. So that a part of
 # a picture is to the bit what is there in the whole, both are drawn by the same cells.
-CELL_PIXELS = 1 << 22  # pixels of a picture that is a single cell
+CELL_PIXELS = 1 << 22  # pixels at most of a picture that is a single cell,
+_CELL_SIDE = 8192  # and pixels along its longer side
 CELL = 1024  # pixels along a side of the cells of larger ones
 
 
@@ -146,7 +147,8 @@ class GBufferPass(Owner):
         """What `camera` sees; the textures are the target's (default: this pass's own), and hold until it is drawn into again."""
         target = target or self.target
         part = part_drawn(camera, target.size)
-        cell = part.whole if part.whole[0] * part.whole[1] <= CELL_PIXELS else (CELL, CELL)
+        small = part.whole[0] * part.whole[1] <= CELL_PIXELS and max(part.whole) <= _CELL_SIDE
+        cell = part.whole if small else (CELL, CELL)
         if cell == part.whole == part.size:
             return self._draw(world, camera, target)
         found = None

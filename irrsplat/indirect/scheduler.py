@@ -146,6 +146,8 @@ class RecordScheduler(Owner):
         self, state: ViewState, screen: Screen, shadows: ShadowMaps, camera: Camera, budget: Budget, side: int = 0
     ) -> tuple[ViewState, RoundResult]:
         """Gather where the `screen` lacks records, as gather_missing does."""
+        if state.seeking_gaps:
+            return self._after(state, state, NOTHING_ASKED, screen, budget)
         return self._after(state, *self._ask(state, screen, shadows, camera, budget, side), screen, budget)
 
     def _after(
@@ -155,6 +157,10 @@ class RecordScheduler(Owner):
         state = replace(state, coverage=1.0 - state.missing)
         if not result.complete:
             return state, result
+        if not (result.new or state.gaps_sought):
+            state = self._seek_gaps(state, screen, budget)
+            if not state.gaps_sought:
+                return state, replace(result, complete=False)
         gained = state.coverage > before.coverage or state.holes < before.holes_before
         state = replace(
             state,
@@ -164,10 +170,8 @@ class RecordScheduler(Owner):
         )
         if result.new:
             return state, result
-        if not state.gaps_sought:
-            state = self._seek_gaps(state, screen, budget)
-            if state.queue is not None or not state.gaps_sought:
-                return state, replace(result, complete=False)
+        if state.queue is not None:  # of places in gaps
+            return state, replace(result, complete=False)
         state, limited = self.limit_radii(state, last=True)
         if limited or state.pixel_stride > 1:  # then others may be missing
             return replace(state, pixel_stride=1), replace(result, complete=False)

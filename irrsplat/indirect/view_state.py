@@ -40,6 +40,11 @@ class ViewState:
     scan: paper_scan.View | None = None  # the view as the paper's algorithm goes through it
 
     @property
+    def seeking_gaps(self) -> bool:
+        """Whether its gaps are being looked for, since no pixel asked for more."""
+        return self.gap_rows is not None and not self.gaps_sought
+
+    @property
     def ended(self) -> bool:
         """Whether its rounds have come to their end: nothing was asked for any more, or what still asks cannot be served."""
         return self.settled is not None or self.stalled

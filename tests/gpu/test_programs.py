@@ -12,6 +12,7 @@ import pytest
 
 from irrsplat import Renderer
 from irrsplat.core import paths
+from irrsplat.gather.gaps import GapPass
 from irrsplat.gather.raster import MeshletDraw, SingleDraw
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.trace import TraceGather
@@ -86,6 +87,7 @@ def unlit(ctx: moderngl.Context) -> Iterator[Owner]:
     for sized in (GBufferPass, CompositePass, MeanPass, UpsamplePass):
         yield sized(ctx, SIZE)
     yield EmitterLightPass(ctx, SIZE, {})
+    yield GapPass(Lit(ctx, scene(floor()), 16).world, SIZE)
     yield TemporalFilter(ctx, SIZE)
 
 

@@ -137,7 +137,7 @@ def test_tiles_are_taken_where_memory_is_short(
     capsys.readouterr()
     monkeypatch.setattr(gl_limits, "LARGE", 0)
     monkeypatch.setattr(gl_limits, "_BESIDE", 0)
-    monkeypatch.setattr("irrsplat.renderer.renderer.TILE", 16)
+    monkeypatch.setattr("irrsplat.renderer.tiling.TILE", 16)
     monkeypatch.setattr(memory, "available", lambda: 300_000)
     assert cli.main([*words, str(tiled)]) == 0
     assert "size 60x50 is more than fits here at once; it is drawn in tiles of 16x16" in capsys.readouterr().err
@@ -153,7 +153,7 @@ def test_tiles_are_taken_beyond_the_largest_texture(monkeypatch: pytest.MonkeyPa
     world, size = room(), (1100, 2)
     whole = irrsplat.render(world, size, **CHEAP)
     monkeypatch.setattr(gl_limits, "largest", lambda ctx: 1099)
-    monkeypatch.setattr("irrsplat.renderer.renderer.TILE", 256)
+    monkeypatch.setattr("irrsplat.renderer.tiling.TILE", 256)
     with Renderer(world, size, **CHEAP) as renderer:
         assert renderer.notices == ("size 1100x2 is more than fits here at once; it is drawn in tiles of 256x256",)
         same(whole, renderer.render())

@@ -57,9 +57,8 @@ def test_small_ticks_come_to_what_whole_rounds_come_to(preset: dict[str, Any]) -
         assert told[-1].coverage == 1.0 and all(p.new >= 1 for p in told[:5])
         one, two = small.cache.read(), whole.cache.read()
     if "preset" not in preset:
-        assert {p.round for p in told if p.new == 0} == {p.round for p in other if p.new == 0}, (
-            "a round is whole when all is gathered"
-        )
+        ended = [{p.round for p in some if p.new == 0 and p.complete} for some in (told, other)]
+        assert ended[0] == ended[1] != set(), "a round is whole when all is gathered"
         assert np.array_equal(one["position"], two["position"])
         assert np.allclose(one["irradiance"], two["irradiance"], rtol=0.02, atol=1e-3 * two["irradiance"].mean())
     else:
@@ -276,7 +275,7 @@ def test_another_size_keeps_the_records(renderer: Renderer) -> None:
     assert frame.image.shape == (80, 96, 3) and frame.stats["converged"] and frame.stats["records"] < 2 * count
     with Renderer(room(), (96, 80), **FAST) as other:
         assert np.array_equal(frame.position, other.render().position)
-    for wrong in ((0, 4), (10**6, 3)):
+    for wrong in ((0, 4), (10**6, 10**6)):
         with pytest.raises(InputError):
             renderer.resize(wrong)
     assert renderer.size == (96, 80)

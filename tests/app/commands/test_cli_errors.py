@@ -170,4 +170,4 @@ def test_a_machine_without_gl(refused: Callable[..., str], place: Path, monkeypa
 
 
 def test_beyond_the_gl_limit(refused: Callable[..., str], place: Path) -> None:
-    assert "limit" in refused([*RENDER, "--size", "1000000", "1"])
+    assert "limit" in refused([*RENDER, "--size", "1000000", "1", "--tile-size", "0"])
