@@ -118,6 +118,28 @@ def test_views_in_passing_are_not_searched(monkeypatch: pytest.MonkeyPatch) -> N
         assert looks
 
 
+def test_a_long_search_comes_to_the_records_of_a_render(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It goes on for as many ticks as it takes: these count as no rounds without gain."""
+    scene, size = plate(0.005), (48, 36)
+    with irrsplat.Renderer(scene, size=size, bounces=1, radius_max=50.0) as whole:
+        rounds = whole.render(CLOSE).stats["rounds"]
+        wanted = whole.cache.read()["position"]
+    search, looks = GapPass.__call__, 0
+
+    def slow(self: GapPass, gbuffer: Any, camera: Camera, settings: Settings, start: int, budget: Budget) -> Search:
+        nonlocal looks
+        looks += 1
+        return search(self, gbuffer, camera, settings, start, budget) if looks > 30 else Search(start, False)
+
+    monkeypatch.setattr(GapPass, "__call__", slow)
+    with irrsplat.Renderer(scene, size=size, bounces=1, radius_max=50.0) as renderer:
+        while not (progress := renderer.frame(CLOSE, seconds=10.0)[1]).done:
+            pass
+        found = renderer.cache.read()["position"]
+    assert looks > 30 and progress.round == rounds and progress.coverage == 1.0
+    assert np.array_equal(np.unique(found, axis=0), np.unique(wanted, axis=0))
+
+
 @pytest.mark.parametrize("seed", [0, 1])
 def test_light_in_gaps(seed: int) -> None:
     """Beneath small plates 6 mm above a table it is as dark as Lambert's formula says, though the records around reach there.
