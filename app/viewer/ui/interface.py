@@ -85,6 +85,7 @@ class Interface:
             self.legends.draw_magnified(cursor)
         actions.messages.expire()
         if not panels.hidden or actions.messages.errors:
-            draw_messages(actions.messages, self.layout, numbers=panels.hud and not panels.hidden)
+            numbers = panels.hud and not panels.hidden
+            draw_messages(actions.messages, self.layout, numbers, typing=panels.open)
         if own_cursor:
             imgui.set_mouse_cursor(imgui.MouseCursor_.arrow)

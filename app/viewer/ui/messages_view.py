@@ -19,8 +19,9 @@ def draw_waiting(text: str) -> None:
     imgui.end()
 
 
-def draw_messages(messages: Messages, layout: Layout, numbers: bool) -> None:
-    """Draw the lines on show, in front of everything where there is no room beside it. numbers: whether those are on show."""
+def draw_messages(messages: Messages, layout: Layout, numbers: bool, typing: bool) -> None:
+    """Draw the lines on show, in front of all panels where there is no room beside them. numbers: whether those are on show.
+    typing: a dialog is open that takes text, and stays in front."""
     if not messages.lines:
         return
     view, (left, right) = imgui.get_main_viewport(), layout.free_span(numbers)
@@ -34,7 +35,8 @@ def draw_messages(messages: Messages, layout: Layout, numbers: bool) -> None:
     else:
         imgui.set_next_window_bg_alpha(0.9 * max(message.opacity(now) for message in messages.lines))
     imgui.begin("messages", None, PLAIN | (0 if errors else imgui.WindowFlags_.no_inputs))
-    imgui.internal.bring_window_to_display_front(imgui.internal.get_current_window())
+    if not typing:
+        imgui.internal.bring_window_to_display_front(imgui.internal.get_current_window())
     imgui.push_text_wrap_pos(width - 2.0 * imgui.get_style().window_padding.x)
     for message in messages.lines:
         imgui.push_style_var(imgui.StyleVar_.alpha, max(message.opacity(now), 0.01))
