@@ -21,8 +21,9 @@ All = Literal["all"]
 Value = bool | int | float | str  # of one setting
 Kind = Literal["bool", "choice", "int", "float"]
 
-# of the weight, the same in shaders/records/weight.glsl and on the CPU
 LEAST_TILE, MOST_TILE = 16, 4096  # pixels along a side of the tiles that a picture is drawn in
+
+# of the weight, the same in shaders/records/weight.glsl and on the CPU
 LEAST_ERROR = 1e-3  # w = 1/max(e, this) stays finite
 IN_FRONT = 0.05  # of R: how far in front of a pixel's surface, or behind it, a record may lie
 BORROW_REACH = (
@@ -201,7 +202,8 @@ class Settings:
         "of that of a square with as many pixels", low=0, high=50, unit="%",
     )  # fmt: skip
     radius_max: float = _declare(
-        7.0, "float", "splat", "greatest radius a·R of a splat on screen, in percent of the same height; 0 is no limit",
+        7.0, "float", "splat", "greatest radius a·R of a splat on screen, in percent of the image height; of a strip, "
+        "as the least; 0 is no limit",
         low=0, high=100, unit="%",
     )  # fmt: skip
     coarse: bool = _declare(

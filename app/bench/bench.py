@@ -95,7 +95,7 @@ def _scene(scene: Scene, size: Size, presets: Sequence[str], bounces: int | All,
     runs: list[Run] = []
     empty: dict[str, Timing] = {}
     for preset in presets:
-        with irrsplat.Renderer(scene, size=size, preset=preset, bounces=bounces) as renderer:
+        with irrsplat.Renderer(scene, size=size, preset=preset, bounces=bounces, tile_size=0) as renderer:
             if not about:
                 about |= machine.about(renderer.about)
                 print(f"{about['renderer']}, {about['cpus']} CPUs, {in_words(bounces)}")

@@ -89,7 +89,7 @@ def run(scenes: Sequence[Scene], size: tuple[int, int], preset: str) -> list[dic
 def measure(scene: Scene, size: tuple[int, int], preset: str, frames: int) -> Iterator[Flicker]:
     """The films "film" and "frozen" by the bench's flight through `scene`."""
     path = Path(route(scene).keys, frames)
-    with Renderer(scene, size, preset) as renderer:
+    with Renderer(scene, size, preset, tile_size=0) as renderer:
         for frozen in (False, True):
             renderer.forget(lights=False)
             if frozen:

@@ -118,7 +118,7 @@ def measure(
     words on what goes on."""
     path = route(scene)
     cameras = [path.camera(t) for t in np.linspace(0.0, path.frames - 1, frames or FRAMES)]
-    with Renderer(scene, size, preset) as renderer:
+    with Renderer(scene, size, preset, tile_size=0) as renderer:
         tell(f"{scene.name}: compiling, and the surface cache")
         renderer.converge(cameras[0])
         renderer.forget(lights=False)

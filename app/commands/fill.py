@@ -65,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
     lost.tell(scene, flight, args.size, args.turntable is not None)
     if args.on is not None:
         return _fill_on(args, scene, flight)
-    with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, **args.values) as renderer:
+    with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, tile_size=0, **args.values) as renderer:
         if os.path.exists(args.cache):
             rendering.load_cache(renderer, args)
         for notice in (*scene.notices, *renderer.notices):

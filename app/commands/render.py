@@ -157,6 +157,9 @@ def run(args: argparse.Namespace) -> int:
         frozen.check(args)
     if args.on is not None and not (keeps and flights.flies(args)):
         raise InputError(_FROZEN_ALONE)
+    if args.tile_size and (args.on is not None or args.falsecolor == "light"):
+        other = "--on" if args.on is not None else "--falsecolor light"
+        raise InputError(f"--tile-size and {other} do not go together; leave one of them out")
 
     import irrsplat
 
@@ -169,7 +172,9 @@ def run(args: argparse.Namespace) -> int:
         lost.tell(scene, flight, args.size, args.turntable is not None)
     if flight is not None and args.on is not None:
         return _render_on(args, scene, flight, made, buffers, files)
-    tiles = {} if args.tile_size is None else {"tile_size": args.tile_size}
+    # the light of lamps alone is drawn of whole views
+    tile_size = 0 if args.falsecolor == "light" else args.tile_size
+    tiles = {} if tile_size is None else {"tile_size": tile_size}
     made_with = {"preset": args.preset, **tiles, **args.values}
     with irrsplat.Renderer(scene, size=tuple(args.size), **made_with) as renderer:
         if args.cache is not None and (keeps or os.path.exists(args.cache)):

@@ -162,7 +162,7 @@ def _renderer(job: Job) -> Renderer:
         raise InputError(
             f"the scene of this worker was made {reason}; bring its files to the same state on all machines", job.scene
         )
-    made = irrsplat.Renderer(scene, job.size, job.preset, **job.values)
+    made = irrsplat.Renderer(scene, job.size, job.preset, tile_size=0, **job.values)
     _kept[job] = made
     return made
 

@@ -94,7 +94,7 @@ def measurer(scene: Scene, camera: Camera, args: Namespace, tell: Tell) -> Measu
     size, judge = tuple(args.size), _judge(scene, camera, args, tell)
 
     def measure(preset: str, values: SettingValues, tell: Tell) -> Measured:
-        with irrsplat.Renderer(scene, size=size, preset=preset, **values) as renderer:
+        with irrsplat.Renderer(scene, size=size, preset=preset, tile_size=0, **values) as renderer:
             frame = renderer.render(camera, progress=lambda now: tell(now.coverage, f"{now.records} records"))
         stats = frame.stats
         if stats.get("interrupted"):
@@ -116,7 +116,7 @@ def _judge(scene: Scene, camera: Camera, args: Namespace, tell: Tell) -> Callabl
         return lambda frame: compare(frame, traced_truth)
     import irrsplat
 
-    with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, **args.values) as renderer:
+    with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, tile_size=0, **args.values) as renderer:
         tell(0.0, "gathering the truth")
         truth = gather(renderer, camera)
     return lambda frame: errors(frame.irradiance[tuple(truth.pixels.T)], truth.irradiance)

@@ -43,7 +43,7 @@ def run(scene: Scene, camera: Camera, args: Namespace) -> int:
         return 0
     import irrsplat
 
-    with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, **args.values) as renderer:
+    with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, tile_size=0, **args.values) as renderer:
         frame, rows = (_against_trace if args.truth == "trace" else _against_gather)(renderer, scene, camera, args)
     stats = frame.stats
     if stats.get("interrupted"):

@@ -478,8 +478,9 @@ class Renderer(Tenant):
         gather: False leaves the cache as it is, so that the view depends on records, camera and settings alone, to the bit, and
         not on what was rendered before; stats["uncovered"] counts the pixels that no record reaches, which borrow the light of
         those around unless the setting `fill_holes` is off.
-        Ctrl-C ends the rounds, or the samples, early: stats["converged"] is False then. Raises InputError for `figures`, or a
-        `quality` among the settings, where nothing is to be gathered: both need records of their own.
+        Ctrl-C ends the rounds, or the samples, early: stats["converged"] is False then; while tiles are drawn it leaves no frame.
+        Raises InputError for `figures`, or a `quality` among the settings, where nothing is to be gathered: both need records of their
+        own.
         """
         check_names(buffers)
         if not gather and (figures or self.settings.quality):

@@ -98,7 +98,16 @@ class FinerSites(Owner):
         return self._further(count) > _WORTH * count
 
     def refine(self, shadows: ShadowMaps, budget: Budget) -> bool:
-        """Go on with the next refinement, as far as the budget goes; whether it is done now."""
+        """Go on with the next refinement, as far as the budget goes; whether it is done now. One that fails begins anew."""
+        try:
+            return self._refine(shadows, budget)
+        except BaseException:  # its generators are at their end
+            work, self._work = self._work, None
+            if work is not None and work.laid_out is not None and work.laid_out is not self.held.laid_out:
+                work.laid_out.release()
+            raise
+
+    def _refine(self, shadows: ShadowMaps, budget: Budget) -> bool:
         work = self._work or self._begun()
         self._work = work = self._chosen(work, budget)
         if work.laid_out is None or not self._linked(work, shadows, budget):

@@ -16,6 +16,7 @@ from irrsplat.surface_cache import clustering
 from irrsplat.surface_cache.site_layout import DARK_VALUE, FIRST_SITE, VOXEL, Clusters, SiteChooser, SiteLayout
 from irrsplat.surface_cache.tessellation import Tessellation, cell_corners, tessellate
 
+_HALVES = 2  # steps along the side of a cell that is cut
 _SAME = 0.25  # of the new spacing: how near to a site a corner is served by it
 _ALIKE = 0.95  # cosine between the normals of both
 _OF_CELL, _IN_VOXEL = 1.8, 0.7  # further sites of a cell that is cut, and of the first one in a voxel that is too small for that
@@ -133,7 +134,8 @@ class SiteSplitter:
             leaves.corners.reshape(-1, 3),
             leaves.normals.reshape(-1, 3),
         )
-        tessellation = tessellate(vertices, np.arange(3 * len(leaves)).reshape(-1, 3), spacing, chooser.offset)
+        # lookups go by halves; where steps were longer than was asked for, there would be more
+        tessellation = tessellate(vertices, np.arange(3 * len(leaves)).reshape(-1, 3), spacing, chooser.offset, most=_HALVES)
         members = clustering.both_sides(tessellation, chooser.offset)
         keys, face = clustering.voxel_keys(members, VOXEL * spacing), np.tile(leaves.face[tessellation.face], 2)
         points = len(tessellation.face)

@@ -49,15 +49,16 @@ class Tessellation:
         return corners
 
 
-def tessellate(vertices: np.ndarray, faces: np.ndarray, spacing: float, inset: float) -> Tessellation:
-    """The tessellation whose steps are at most `spacing` metres long, or longer where that would make more than _MAX_CELLS cells.
+def tessellate(vertices: np.ndarray, faces: np.ndarray, spacing: float, inset: float, most: int | None = None) -> Tessellation:
+    """The tessellation whose steps are at most `spacing` metres long, or longer where that would make more than _MAX_CELLS cells,
+    or more than `most` steps along a side.
 
     vertices: (V, WIDTH), rows as core/vertex_layout.py has them; faces: (F, 3), as scene.flatten.flatten gives them.
     """
     p, normals = (vertex_column(vertices, name)[faces].astype(float) for name in ("position", "normal"))
     edges = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
     longest = np.sqrt(np.max([(e * e).sum(1) for e in (*edges, edges[1] - edges[0])], axis=0, initial=0.0))
-    n = steps(longest, spacing)
+    n = steps(longest, spacing) if most is None else np.minimum(steps(longest, spacing), most)
     first = np.cumsum(n * n) - n * n
     table = np.zeros((len(faces), 3, 4), np.float32)
     table[:, 0, :3], table[:, 0, 3] = p[:, 0], n

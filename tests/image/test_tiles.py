@@ -19,7 +19,7 @@ from irrsplat.gpu.target import pixels
 from irrsplat.gpu.world import World
 from irrsplat.image import gbuffer
 from irrsplat.image.frame import RECORDS
-from irrsplat.image.gbuffer import GBufferPass
+from irrsplat.image.gbuffer import GBufferPass, GBufferTarget
 from irrsplat.lighting import gl_limits, memory
 from irrsplat.scene.model import Camera, Material, Part, measure, part_of
 from tests.image.test_normal_maps import bumpy, tilted
@@ -218,3 +218,19 @@ def test_a_strip_takes_about_as_many_records_as_a_square(size: tuple[int, int]) 
         return int(frame.stats["records"])
 
     assert 0.5 < records(size) / records((80, 80)) < 1.5
+
+
+def test_no_target_is_longer_than_a_texture_can_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A long strip of few pixels is drawn by cells as well."""
+    made: list[tuple[int, int]] = []
+    create = GBufferTarget.__init__
+
+    def noted(self: GBufferTarget, ctx: moderngl.Context, size: tuple[int, int]) -> None:
+        made.append(size)
+        create(self, ctx, size)
+
+    monkeypatch.setattr(GBufferTarget, "__init__", noted)
+    with Renderer(room(), (9000, 2), tile_size=512, **CHEAP) as renderer:
+        frame = renderer.render(buffers=("image",))
+    assert frame.image.shape == (2, 9000, 3) and frame.stats["converged"]
+    assert made and max(max(size) for size in made) <= 1024

@@ -11,6 +11,7 @@ import pytest
 
 import irrsplat
 from irrsplat.core.buffers import HitLight, Sites
+from irrsplat.core.vertex_layout import PARTS, WIDTH
 from irrsplat.gather.look import gather_records
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.trace import TraceGather
@@ -109,3 +110,13 @@ def test_unevenness_is_the_greatest_difference_around() -> None:
     E[FIRST_SITE:] = np.array([1.0, 1.5, 4.0, 4.0])[:, None]
     values = np.array([[2, 2, 3], [3, 4, 4], [5, 5, 5], [0, 1, 5]])
     assert unevenness(values, E).tolist() == [2.5, 2.5, 0.0, 0.0]
+
+
+def test_cells_are_cut_in_halves_however_long_they_are() -> None:
+    """Of a sliver whose steps are longer than was asked for, too: lookups go by four cells."""
+    sliver = np.zeros((3, WIDTH), np.float32)
+    sliver[:, PARTS["position"]], sliver[:, PARTS["normal"]] = [(0, 0, 0), (10, 0, 0), (0, 0, 0.1)], (0, 1, 0)
+    faces = np.array([[0, 1, 2]])
+    assert tessellation.tessellate(sliver, faces, 0.5, 0.0).table[0, 0, 3] > 2
+    cut = tessellation.tessellate(sliver, faces, 0.5, 0.0, most=2)
+    assert cut.table[0, 0, 3] == 2 and len(np.unique(cut.corners)) == 12 and cut.area.sum() == pytest.approx(0.5)

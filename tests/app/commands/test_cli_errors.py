@@ -169,5 +169,13 @@ def test_a_machine_without_gl(refused: Callable[..., str], place: Path, monkeypa
     assert "libgl1" in refused(RENDER, 1)
 
 
+def test_tiles_are_not_for_everything(refused: Callable[..., str], place: Path) -> None:
+    tiles = "--tile-size", "64"
+    assert "--tile-size and --falsecolor light" in refused([*RENDER, *tiles, "--falsecolor"])
+    (place / "a.cache").write_bytes(b"")
+    flight = "--turntable", "4", "--cache", "a.cache", "--cache-mode", "frozen", "--on", "tcp://127.0.0.1:9"
+    assert "--tile-size and --on" in refused(["render", "plain.scene", "-o", "a.gif", *tiles, *flight])
+
+
 def test_beyond_the_gl_limit(refused: Callable[..., str], place: Path) -> None:
     assert "limit" in refused([*RENDER, "--size", "1000000", "1", "--tile-size", "0"])
