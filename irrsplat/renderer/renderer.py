@@ -479,8 +479,8 @@ class Renderer(Tenant):
         not on what was rendered before; stats["uncovered"] counts the pixels that no record reaches, which borrow the light of
         those around unless the setting `fill_holes` is off.
         Ctrl-C ends the rounds, or the samples, early: stats["converged"] is False then; while tiles are drawn it leaves no frame.
-        Raises InputError for `figures`, or a `quality` among the settings, where nothing is to be gathered: both need records of their
-        own.
+        Raises InputError for `figures`, or a `quality` among the settings, where nothing is to be gathered: both need records of
+        their own.
         """
         check_names(buffers)
         if not gather and (figures or self.settings.quality):
