@@ -2,7 +2,8 @@
 
 Where records contradict each other at a pixel, less of their reach counts there, so that further ones are asked for; where their
 rays are found to be too few for the error aimed at, all look along four times as many. The picture of a step stays until the next
-one is complete. Its error is measured (error_estimate.py); the records of the tests serve the next step.
+one is complete, or until the surface cache is refined. Its error is measured (error_estimate.py); the records of the tests serve
+the next step.
 """
 
 from __future__ import annotations
@@ -103,6 +104,7 @@ class Refiner(Owner):
         self.scheduler, self.cache, self.size = scheduler, scheduler.cache, size
         self._splats = [ViewSplats(ctx, size, gradients, timers) for _ in range(2)]  # of the picture on show, and of the next one
         self._reach = [float_texture(ctx, size, 1) for _ in range(2)]
+        self._lacking: tuple[int, tuple[float, float | None]] | None = None  # after so many refinements of the surface cache
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
@@ -112,7 +114,12 @@ class Refiner(Owner):
         """The refinement of a view that is covered by records whose sums are `splats`."""
         cache = self.cache
         base = Base(cache.count, cache.limits(cache.count).copy(), self.scheduler.adaptation.state())
-        return Refinement(base, splats, Levels(np.zeros(self.size[::-1], "f4"), camera))
+        state = Refinement(base, splats, Levels(np.zeros(self.size[::-1], "f4"), camera))
+        surface = self.scheduler.gatherer.surface_now
+        if surface is None or self._lacking is None or not surface.refinements or surface.refinements != self._lacking[0]:
+            return state
+        lacking = self._lacking[1]  # a view before has refined it, and found what it lacks
+        return replace(state, lit=lacking[1] is not None, lacking=lacking)
 
     def leave(self, state: Refinement) -> None:
         """Forget the records of the refinement; the others reach as far as before, and hold what they have come to hold."""
@@ -161,7 +168,8 @@ class Refiner(Owner):
             rays = float(np.sqrt(np.mean((weights * state.changes).sum(0) ** 2)))
         else:
             between = _STILL * float(np.sqrt((weights * state.changes**2).sum(0).mean()))
-        index = state.step % 2
+        self._lacking, index = (surface.refinements, (rays, between)), state.step % 2
+        self.scheduler.limit_radii(replace(state.fill, limited=True))  # the last test's records are new
         splats = self._splats[index].update(
             cache, gbuffer, camera, self.scheduler.settings, 1, self._reach[index] if state.step else None
         )

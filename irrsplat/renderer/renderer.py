@@ -478,7 +478,8 @@ class Renderer(Tenant):
         gather: False leaves the cache as it is, so that the view depends on records, camera and settings alone, to the bit, and
         not on what was rendered before; stats["uncovered"] counts the pixels that no record reaches, which borrow the light of
         those around unless the setting `fill_holes` is off.
-        Ctrl-C ends the rounds, or the samples, early: stats["converged"] is False then; while tiles are drawn it leaves no frame.
+        Ctrl-C ends the rounds, or the samples, early: stats["converged"] is False then. Of a picture in
+        tiles, those that are left get one sample a pixel; a second Ctrl-C ends it without a frame.
         Raises InputError for `figures`, or a `quality` among the settings, where nothing is to be gathered: both need records of
         their own.
         """
@@ -544,11 +545,14 @@ class Renderer(Tenant):
                 stats = counted(done.progress, time.perf_counter() - start, progress)
             samples = 1 if stats["interrupted"] else samples
             on_share = sample_progress(progress, stats)
-            arrays, view, none_reach = self._tiles.draw(self._state, here, done.progress, buffers, not gather, samples, on_share)
+            drawn = self._tiles.draw(self._state, here, done.progress, buffers, not gather, samples, on_share)
+            arrays, view, none_reach, stopped = drawn
             stops = self._tiles.stops(self._state, arrays["image"])
         finally:
             self.stages.free_buffers()
             self._state = replace(self._state, tile=kept)
+        if stopped:
+            samples, stats = 1, stats | {"interrupted": True, "converged": False}
         if not gather:
             stats["uncovered"] = none_reach
         stats |= self._described(samples, stops)

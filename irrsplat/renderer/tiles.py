@@ -180,12 +180,12 @@ class Tiles:
         frozen: bool,
         samples: int,
         on_share: Callable[[float], None] | None,
-    ) -> tuple[dict[str, np.ndarray], View, int]:
+    ) -> tuple[dict[str, np.ndarray], View, int, bool]:
         """The image, and the buffers of these names (None: all), of the whole picture by the records that there are; the last
-        tile's view; and how many pixels no record reaches (where `frozen`).
+        tile's view; how many pixels no record reaches (where `frozen`); and whether Ctrl-C came.
 
-        done: how far the view has come. samples: of a pixel. on_share: called with the share of the tiles that are drawn. Ctrl-C
-        ends it without a picture.
+        done: how far the view has come. samples: of a pixel. on_share: called with the share of the tiles that are drawn. After
+        Ctrl-C the tiles that are left get one sample a pixel; a second one ends it without a picture.
         """
         settings, shadows = state.settings, self._followed(state)
         self.cache.mark_seen(reaching(self.cache, 0, camera, state.size, settings))
@@ -193,22 +193,31 @@ class Tiles:
         arrays: dict[str, np.ndarray] = {}
         margin = _MARGIN + (smooth_radius(state.size) if settings.smooth else 0)
         size = tuple(min(side, state.tile + 2 * margin) for side in state.size)
-        here, none_reach, view = replace(state, size=(size[0], size[1])), 0, None
+        here, none_reach, view, stopped = replace(state, size=(size[0], size[1])), 0, None, False
         tiles = list(_grid(state.size, (state.tile, state.tile)))
         for number, (left, bottom) in enumerate(tiles):
             x, y = (min(max(0, at - margin), side - own) for at, side, own in zip((left, bottom), state.size, size, strict=True))
-            part = Part(state.size, (x, y), here.size)
-            view = self._drawn(here, part_of(camera, part), shadows, done, frozen, samples)
+            seen = part_of(camera, Part(state.size, (x, y), here.size))
+            try:
+                view = self._drawn(here, seen, shadows, done, frozen, samples)
+            except KeyboardInterrupt:
+                if stopped:
+                    raise
+                stopped, samples = True, 1
+                view = self._drawn(here, seen, shadows, done, frozen, samples)
             wide, high = min(state.tile, state.size[0] - left), min(state.tile, state.size[1] - bottom)
             rows = slice(state.size[1] - bottom - high, state.size[1] - bottom)
             mine = slice(y + size[1] - bottom - high, y + size[1] - bottom), slice(left - x, left - x + wide)
             self._keep(view, wanted, arrays, state.size, (rows, slice(left, left + wide)), mine)
             if frozen:
                 none_reach += uncovered(view, mine)
-            if on_share is not None:
-                on_share((number + 1) / len(tiles))
+            if on_share is not None and not stopped:
+                try:
+                    on_share((number + 1) / len(tiles))
+                except KeyboardInterrupt:
+                    stopped, samples = True, 1
         assert view is not None
-        return arrays, view, none_reach
+        return arrays, view, none_reach, stopped
 
     def _drawn(self, here: State, camera: Camera, shadows: ShadowMaps, done: Progress, frozen: bool, samples: int) -> View:
         """The picture of a part."""

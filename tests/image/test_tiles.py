@@ -20,7 +20,9 @@ from irrsplat.gpu.world import World
 from irrsplat.image import gbuffer
 from irrsplat.image.frame import RECORDS
 from irrsplat.image.gbuffer import GBufferPass, GBufferTarget
+from irrsplat.image.view import View
 from irrsplat.lighting import gl_limits, memory
+from irrsplat.renderer.tiles import Tiles
 from irrsplat.scene.model import Camera, Material, Part, measure, part_of
 from tests.image.test_normal_maps import bumpy, tilted
 from tests.image.test_textures import square
@@ -178,16 +180,37 @@ def test_what_needs_the_whole_view_is_refused() -> None:
             Renderer(room(), (40, 30), tile_size=wrong, **CHEAP)  # type: ignore[arg-type]
 
 
-def test_an_interruption_between_tiles_leaves_no_picture(monkeypatch: pytest.MonkeyPatch) -> None:
-    with Renderer(room(), (40, 30), tile_size=16, **CHEAP, samples=2) as renderer:
+def test_an_interruption_leaves_the_other_tiles_one_sample(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Between tiles or in one; a second one leaves no picture. The records are kept."""
+    with Renderer(room(), (40, 30), tile_size=16, **CHEAP, samples=2) as renderer, Renderer(room(), (40, 30), **CHEAP) as plain:
 
         def stop(progress: Any) -> None:
             if progress.sampled > 0.5:
                 raise KeyboardInterrupt
 
-        with pytest.raises(KeyboardInterrupt):
-            renderer.render(progress=stop)
+        frame, one = renderer.render(progress=stop), plain.render()
+        assert frame.stats["interrupted"] and not frame.stats["converged"] and frame.stats["samples"] == 1
+        rest = slice(0, 30 - 16), slice(32, 40)  # the last tile
+        assert np.array_equal(frame.image[rest], one.image[rest]) and not np.array_equal(frame.image, one.image)
+        assert np.array_equal(frame.irradiance, one.irradiance)
         count = renderer.cache.count
+        drawn, times = Tiles._drawn, 0
+
+        def stopped(*given: Any) -> View:
+            nonlocal times
+            times += 1
+            if times in stops:
+                raise KeyboardInterrupt
+            return drawn(*given)
+
+        monkeypatch.setattr(Tiles, "_drawn", stopped)
+        stops = {3}
+        frame = renderer.render()
+        assert frame.stats["interrupted"] and np.array_equal(frame.image[rest], one.image[rest])
+        times, stops = 0, {3, 4}
+        with pytest.raises(KeyboardInterrupt):
+            renderer.render()
+        monkeypatch.undo()
         assert renderer.render().stats["records"] == count > 0
 
 

@@ -124,6 +124,30 @@ def test_the_surface_cache_is_refined_in_ticks_until_the_scene_changes(tmp_path:
         assert not gatherer.refine_surface(shadows, Budget(None))  # it is made anew first
 
 
+def test_a_later_view_knows_what_the_surface_cache_lacks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It begins with what the view before has found out, and refines no sites that are fine enough."""
+    monkeypatch.setattr(site_layout, "POINTS", (100, 100))
+    scene = irrsplat.load(write_room(tmp_path))
+    camera = scene.camera()
+    other = replace(camera, fov=0.9 * camera.fov)
+    with Renderer(scene, SIZE, **(COARSE | {"bounces": 2})) as renderer:
+        for seen in (camera, other):
+            renderer.converge(seen)
+            while not (progress := renderer.refine(seen, 0.03, seconds=0.2)[1]).refined:
+                pass
+            refinement, surface = renderer._resting._refinement, renderer.scheduler.gatherer.surface_now
+            assert refinement is not None and surface is not None and progress.error is not None
+            rays, between = refinement.lacking
+            if seen is camera:
+                known, count = (rays, between), surface.refinements
+                assert count >= 2 and rays > 0.0 and between is not None
+        assert rays == known[0] and (surface.refinements > count or between == known[1])
+        renderer.converge(camera)
+        renderer.refine(camera, 0.03, seconds=1e-4)
+        refinement = renderer._resting._refinement
+        assert refinement is not None and refinement.lit and refinement.lacking == (rays, between)
+
+
 def test_records_are_corrected_by_what_a_refined_surface_cache_changes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """They come to what gathering them again by the refined cache says, but for a tenth of the change; and that is told."""
     monkeypatch.setattr(site_layout, "POINTS", (100, 100))

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from irrsplat.gpu.program import Program
+from irrsplat.gpu.target import Target
 from irrsplat.image.view import read
 from tests.app.viewer.test_viewer_leaks import CREATORS
 from tests.support.viewing import Driver, viewing, write_room
@@ -146,7 +147,19 @@ def idle(driver: Driver, spied: Counter[str], frames: int = 5) -> Counter[str]:
     settle(driver)
     driver.frame(2)  # what was opened has its place now
     spied.clear()
-    driver.frame(frames)
+    viewer, copies = driver.viewer, Counter[bool]()
+    copy = viewer.copy
+
+    def counted(picture: Target, target: Target) -> None:
+        copies[picture is viewer.canvas and target.gl.glo == viewer.wnd.fbo.glo] += 1
+        copy(picture, target)
+
+    viewer.copy = counted  # type: ignore[method-assign]
+    try:
+        driver.frame(frames)
+    finally:
+        del viewer.copy
+    assert copies == {True: frames}, "each frame puts the picture into the window"
     return spied
 
 
