@@ -58,7 +58,7 @@ def tessellate(vertices: np.ndarray, faces: np.ndarray, spacing: float, inset: f
     p, normals = (vertex_column(vertices, name)[faces].astype(float) for name in ("position", "normal"))
     edges = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
     longest = np.sqrt(np.max([(e * e).sum(1) for e in (*edges, edges[1] - edges[0])], axis=0, initial=0.0))
-    n = steps(longest, spacing) if most is None else np.minimum(steps(longest, spacing), most)
+    n = steps(longest, spacing, most)
     first = np.cumsum(n * n) - n * n
     table = np.zeros((len(faces), 3, 4), np.float32)
     table[:, 0, :3], table[:, 0, 3] = p[:, 0], n
@@ -105,10 +105,11 @@ def cell_corners(tessellation: Tessellation) -> np.ndarray:
     return corners
 
 
-def steps(longest: np.ndarray, spacing: float) -> np.ndarray:
-    """(F,) the steps n of triangles by their longest edges (F,) in metres."""
+def steps(longest: np.ndarray, spacing: float, most: int | None = None) -> np.ndarray:
+    """(F,) the steps n of triangles by their longest edges (F,) in metres, no more than `most`."""
+    bound = 1e6 if most is None else most
     while True:
-        n = np.maximum(np.ceil(np.minimum(longest / spacing - 1e-6, 1e6)), 1.0).astype(np.intp)
+        n = np.maximum(np.ceil(np.minimum(longest / spacing - 1e-6, bound)), 1.0).astype(np.intp)
         if (n * n).sum() <= len(n) + _MAX_CELLS:
             return n
         spacing *= 1.25

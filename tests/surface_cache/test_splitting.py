@@ -118,5 +118,7 @@ def test_cells_are_cut_in_halves_however_long_they_are() -> None:
     sliver[:, PARTS["position"]], sliver[:, PARTS["normal"]] = [(0, 0, 0), (10, 0, 0), (0, 0, 0.1)], (0, 1, 0)
     faces = np.array([[0, 1, 2]])
     assert tessellation.tessellate(sliver, faces, 0.5, 0.0).table[0, 0, 3] > 2
+    long = np.full(40_000, 100.0)  # many slivers are cut as one is, and leave others as fine as they were
+    assert set(tessellation.steps(np.append(long, 1.0), 0.5, most=2)) == {2}
     cut = tessellation.tessellate(sliver, faces, 0.5, 0.0, most=2)
     assert cut.table[0, 0, 3] == 2 and len(np.unique(cut.corners)) == 12 and cut.area.sum() == pytest.approx(0.5)
