@@ -146,8 +146,8 @@ class RecordScheduler(Owner):
         self, state: ViewState, screen: Screen, shadows: ShadowMaps, camera: Camera, budget: Budget, side: int = 0
     ) -> tuple[ViewState, RoundResult]:
         """Gather where the `screen` lacks records, as gather_missing does."""
-        if state.seeking_gaps:
-            return self._after(state, state, NOTHING_ASKED, screen, budget)
+        if state.seeking_gaps:  # then the view is examined once more: its records may be others by now
+            return self._seek_gaps(state, screen, budget), replace(NOTHING_ASKED, complete=False)
         return self._after(state, *self._ask(state, screen, shadows, camera, budget, side), screen, budget)
 
     def _after(

@@ -33,8 +33,8 @@ class FakeRenderer:
     told: Progress
     notices: tuple[str, ...] = ()
 
-    def __init__(self, scene: Any, size: tuple[int, int], preset: str, **settings: Any) -> None:
-        type(self).asked = SimpleNamespace(scene=scene, size=size, preset=preset, settings=settings)
+    def __init__(self, scene: Any, size: tuple[int, int], preset: str, tile_size: int | None = None, **settings: Any) -> None:
+        type(self).asked = SimpleNamespace(scene=scene, size=size, preset=preset, tile_size=tile_size, settings=settings)
 
     def __enter__(self) -> FakeRenderer:
         return self
