@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import time
 from collections.abc import Sequence
 
@@ -280,7 +281,8 @@ def run(
 
     notices: lines to show at first. cache: the file that its records are kept in; update: even where that is of another state of
     the scene. loading: how `scene` was read. Raises GLError where no window can be had, and InputError for a size that none can
-    have, and where there is such a file, but not of this scene and these settings.
+    have, and where there is such a file, but not of this scene and these settings; KeyboardInterrupt, when all is closed, after
+    Ctrl-C.
     """
     wnd = open_window(size or preferences.size or SIZE)
     if size is not None and not wnd.headless and (smaller := (wnd.width, wnd.height)) != size:
@@ -293,8 +295,10 @@ def run(
             viewer.actions.say(notice)
         try:
             viewer.cache_file = None if cache is None else CacheFile(cache, viewer.actions, update)
-            with signals(viewer.end):
+            with signals(viewer.end) as came:
                 viewer.loop()
+            if signal.SIGINT in came:
+                raise KeyboardInterrupt
         finally:
             problem = viewer.close()
         return problem

@@ -160,13 +160,28 @@ class Desktop:
 
 
 @contextmanager
-def signals(called: Callable[[], None]) -> Iterator[None]:
-    """While this lasts, `called` is called where the system asks the program to end (SIGTERM), or its terminal is gone (SIGHUP,
-    where there is that)."""
-    numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
-    before = {number: signal.signal(number, lambda *_: called()) for number in numbers}
+def signals(called: Callable[[], None]) -> Iterator[list[int]]:
+    """While this lasts, `called` is called where somebody asks the program to end: by Ctrl-C (SIGINT) or SIGTERM, or since its
+    terminal is gone (SIGHUP, where there is that). Yields the numbers of the signals that came.
+
+    Python raises KeyboardInterrupt anywhere, also in a library's callback, where it is lost; a call at least is heard. A second
+    Ctrl-C raises it all the same. What the program was started to ignore, as by nohup, it ignores.
+    """
+    came: list[int] = []
+
+    def take(number: int, _: object) -> None:
+        if number == signal.SIGINT and number in came:
+            raise KeyboardInterrupt
+        came.append(number)
+        called()
+
+    numbers = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    before = {number: signal.getsignal(number) for number in numbers}
+    taken = {number: handler for number, handler in before.items() if handler is not signal.SIG_IGN}
+    for number in taken:
+        signal.signal(number, take)
     try:
-        yield
+        yield came
     finally:
-        for number, handler in before.items():
+        for number, handler in taken.items():
             signal.signal(number, handler)

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import ctypes
 import os
+import signal
 import sys
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from functools import cache
 from importlib import metadata
+from types import FrameType
 from typing import Any, TypedDict
 
 import moderngl
@@ -87,6 +90,47 @@ def prepare() -> None:
 def is_gone(ctx: moderngl.Context) -> bool:
     """Whether its owner has released `ctx`, and all that was made in it."""
     return isinstance(ctx.mglo, moderngl.InvalidObject)
+
+
+def link(ctx: moderngl.Context, vertex: str, fragment: str, geometry: str | None) -> moderngl.Program:
+    """A program of these shaders' texts; raises moderngl.Error where they do not compile or link.
+
+    moderngl's C code calls Python for each of a program's members, and ends the process where that raises: what raises there is
+    a signal's handler, as Ctrl-C's. So signals wait until the program is there.
+    """
+    with _signals_held():
+        return ctx.program(vertex_shader=vertex, fragment_shader=fragment, geometry_shader=geometry)
+
+
+@contextmanager
+def _signals_held() -> Iterator[None]:
+    """While this lasts, signals to which Python code answers wait; afterwards it does. In other threads than the main one, to
+    which Python gives them, nothing happens."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    answers: dict[int, Any] = {}
+    came: list[int] = []
+    holding = True
+
+    def answer(number: int, frame: FrameType | None) -> None:
+        if holding:
+            came.append(number)
+        else:  # between the end and its handler's return
+            answers[number](number, frame)
+
+    try:
+        for number in signal.valid_signals():
+            if callable(handler := signal.getsignal(number)):
+                answers[number] = handler
+                signal.signal(number, answer)
+        yield
+    finally:
+        for number, handler in answers.items():
+            signal.signal(number, handler)
+        holding = False
+        for number in came:
+            answers[number](number, None)
 
 
 def check_alive(ctx: moderngl.Context) -> None:

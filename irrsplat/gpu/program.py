@@ -10,7 +10,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.vertex_layout import ATTRIBUTES, FORMAT
-from irrsplat.gpu import self_test, shader_source
+from irrsplat.gpu import context, self_test, shader_source
 from irrsplat.gpu.geometry import Geometry, MeshletGeometry
 from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.target import Target
@@ -97,7 +97,7 @@ class Program:
         if "gl_PrimitiveID" in fragment and not self_test.abilities(self.ctx).numbers_triangles:
             geometry, fragment = shader_source.numbering_triangles(vertex, fragment, self._defines)
         try:
-            return self.ctx.program(vertex_shader=vertex, fragment_shader=fragment, geometry_shader=geometry)
+            return context.link(self.ctx, vertex, fragment, geometry)
         except moderngl.Error as error:
             log = str(error)
             guilty = sources[0] if "vertex_shader" in log.lower().replace(" ", "_") else sources[1]

@@ -113,7 +113,7 @@ def _drawing(
         depth = kept(ctx.depth_texture(_SIZE))
         target = kept(ctx.framebuffer(textures, depth))
         text = fragment if fragment.startswith("#version") else "#version 330 core\n" + fragment
-        program = kept(ctx.program(vertex_shader=vertex, fragment_shader=text, geometry_shader=geometry))
+        program = kept(context.link(ctx, vertex, text, geometry))
         target.use()
         target.clear()
         ctx.enable_only(moderngl.NOTHING)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import moderngl
@@ -50,6 +52,45 @@ def test_advice_names_the_package(message: str, package: str, monkeypatch: pytes
         context.create()
     assert str(error.value).endswith(package) or f" {package}" in str(error.value)
     assert "\n" not in str(error.value)
+
+
+LINKED = """
+import os, signal, sys
+import _moderngl
+import moderngl
+from irrsplat.gpu import context
+
+number = getattr(signal, sys.argv[1])
+signal.signal(signal.SIGTERM, signal.default_int_handler)
+plain, sent = _moderngl.make_uniform, 0
+
+def make_uniform(*values):
+    global sent
+    sent += 1
+    os.kill(os.getpid(), number)
+    return plain(*values)
+
+ctx = context.create()
+_moderngl.make_uniform = make_uniform
+before = [signal.getsignal(one) for one in (signal.SIGINT, signal.SIGTERM)]
+try:
+    context.link(
+        ctx,
+        "#version 330\\nuniform vec4 place; void main() { gl_Position = place; }",
+        "#version 330\\nout vec4 color; void main() { color = vec4(1.0); }",
+        None,
+    )
+except KeyboardInterrupt:
+    after = [signal.getsignal(one) for one in (signal.SIGINT, signal.SIGTERM)]
+    print("interrupted", sent, before == after)
+"""
+
+
+@pytest.mark.parametrize("number", ["SIGINT", "SIGTERM"])
+def test_a_signal_while_a_program_is_linked_comes_after_it(number: str) -> None:
+    """In a process of its own, since moderngl crashes where it comes amid."""
+    done = subprocess.run([sys.executable, "-c", LINKED, number], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (0, "interrupted 1 True\n"), done.stderr
 
 
 def test_the_watch_sees_gl_errors(pytester: pytest.Pytester) -> None:

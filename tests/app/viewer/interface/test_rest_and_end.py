@@ -103,13 +103,28 @@ def test_steps_of_one_thing_are_one_line_of_the_log() -> None:
 
 def test_signals_are_taken_while_it_lasts_and_no_longer() -> None:
     called: list[int] = []
-    before = [signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)]
-    with signals(lambda: called.append(1)):
-        os.kill(os.getpid(), signal.SIGTERM)
-        os.kill(os.getpid(), signal.SIGHUP)
-        time.sleep(0.01)
-    assert called == [1, 1]
-    assert [signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)] == before
+    numbers = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
+    before = [signal.getsignal(number) for number in numbers]
+    with signals(lambda: called.append(1)) as came:
+        for number in numbers:
+            os.kill(os.getpid(), number)
+            time.sleep(0.01)
+        with pytest.raises(KeyboardInterrupt):  # the second one ends whatever is under way
+            os.kill(os.getpid(), signal.SIGINT)
+            time.sleep(0.01)
+    assert called == [1, 1, 1] and came == list(numbers)
+    assert [signal.getsignal(number) for number in numbers] == before
+
+
+def test_a_signal_that_is_ignored_stays_ignored() -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup leaves it
+    try:
+        with signals(lambda: pytest.fail("called")) as came:
+            os.kill(os.getpid(), signal.SIGHUP)
+            time.sleep(0.01)
+        assert came == [] and signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGHUP, before)
 
 
 def seconds_of(process: int) -> float:
