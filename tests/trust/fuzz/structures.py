@@ -316,7 +316,8 @@ def _cache(draw: st.DrawFn) -> bytes:
         elif what == 2:
             arrays[name] = np.zeros(arrays[name].shape, draw(st.sampled_from(["U9", "S3", "c8", "f2", "i1", "M8[s]", "?"])))
         elif what == 3 and name == "about":
-            arrays[name] = np.array(json.dumps(_changed(draw, json.loads(str(arrays[name])), draw(st.integers(1, 3)))))
+            about = json.loads(str(readers.cache_arrays()["about"]))
+            arrays[name] = np.array(json.dumps(_changed(draw, about, draw(st.integers(1, 3)))))
         elif what == 4 and name == "about":
             arrays[name] = np.array(
                 draw(st.sampled_from(["", "[]", "{}", "[" * 9999, "NaN", '{"key": 3}', '{"key": {}, "about": []}']))
