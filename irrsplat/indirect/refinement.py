@@ -93,6 +93,7 @@ class Refinement:
     finer: np.ndarray = field(default_factory=lambda: np.zeros(0, np.intp))
     fill: ViewState = ViewState()
     ended: bool = False
+    broken: bool = False
 
 
 class Refiner(Owner):

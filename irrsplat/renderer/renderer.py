@@ -241,6 +241,8 @@ class Renderer(Tenant):
     def _refine(self, camera: Camera, target: float, seconds: float | None) -> tuple[View, Progress]:
         """The same for a camera relative to the origin."""
         budget = Budget(seconds)
+        if self._resting.broken:
+            self._resting.leave()
         if not self._resting.begun or not self._resting.rests(self._state, camera):
             state, view = self._state, self._state.view
             shown = self._round.view_state(state, camera) is view and view.ended and view.pixel_stride == 1

@@ -34,6 +34,11 @@ class RestingView(Owner):
         """Whether a view is refined now."""
         return self._refinement is not None
 
+    @property
+    def broken(self) -> bool:
+        """Whether its refinement was interrupted, and has to begin anew."""
+        return self._refinement is not None and self._refinement.broken
+
     @staticmethod
     def possible(settings: Settings) -> bool:
         """Whether there is anything to refine in views by these settings."""
@@ -62,7 +67,7 @@ class RestingView(Owner):
                 if self._refinement.ended or budget.left <= 0.0:
                     break
         except BaseException:  # what the cache holds is no longer what the step says: it is not gone on with
-            self._refinement = replace(self._refinement, ended=True, check=None)
+            self._refinement = replace(self._refinement, broken=True, check=None)
             raise
 
     def shown(self, state: State, camera: Camera) -> Round:

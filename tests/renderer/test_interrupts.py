@@ -7,18 +7,24 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import moderngl
 import numpy as np
 import pytest
 
+import irrsplat
 from irrsplat import Renderer
 from irrsplat.gpu.target import pixels
+from irrsplat.image.view import Progress
 from irrsplat.indirect import record_gatherer
+from irrsplat.surface_cache import site_layout
 from tests.renderer.test_move import BOX, shift
+from tests.renderer.test_refinement import COARSE
 from tests.renderer.test_renderer import FAST, room
 from tests.support.interrupts import run
+from tests.support.viewing import write_room
 from tests.support.worlds import lamp
 
 SIZE = 32, 24
@@ -94,6 +100,35 @@ def test_what_counts_as_current_is(ctx: moderngl.Context, act: Callable[[Rendere
             gathered_again = at_rest(renderer)["records"][:count]
             off = np.abs(found["records"] - gathered_again).max() / gathered_again.mean()
             assert off < (0.1 if act is act_move else 0.005), f"line {number}: records"  # a move renews what it changes enough
+
+
+@pytest.mark.slow
+def test_a_refinement_that_was_interrupted_begins_anew(
+    ctx: moderngl.Context, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The next call comes to the error aimed at, as if nothing had been, and to the same picture within twice that."""
+    monkeypatch.setattr(site_layout, "POINTS", (100, 100))
+    scene, target, pictures = irrsplat.load(write_room(tmp_path)), 0.03, []
+
+    def refined(renderer: Renderer) -> Progress:
+        progress = None
+        while progress is None or not progress.refined:
+            progress = renderer.refine(None, target, 0.05)[1]
+        return progress
+
+    lines = 0
+    for share in (None, *np.linspace(0.0, 1.0, PLACES + 1, endpoint=False)[1:].tolist()):
+        with Renderer(scene, (64, 48), ctx=ctx, **(COARSE | {"bounces": 3})) as renderer:
+            renderer.converge()
+            if share is None:
+                lines, _ = run(lambda: refined(renderer))
+            else:
+                run(lambda: refined(renderer), int(share * lines))
+            progress = refined(renderer)
+            assert progress.error is not None and progress.error <= target, f"{share} of {lines} lines"
+            pictures.append(pixels(renderer.refine(None, target)[0].image).copy())
+    for picture in pictures[1:]:
+        assert np.sqrt(((picture - pictures[0]) ** 2).mean()) < 2.0 * target * pictures[0].mean()
 
 
 def test_a_gather_that_fails_leaves_no_record_without_values(ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> None:
