@@ -248,9 +248,11 @@ class Session(Owner):
         return renderer.preset, renderer.settings
 
     def source(self, side: int) -> ViewSource:
-        """What a side's buffers are shown of: the last tick's view."""
+        """What a side's buffers are shown of: the last tick's view. Raises InputError before the first tick of a scene."""
         if (snapshot := self.snapshot(side)) is not None:
             return ViewSource(self.renderers[0], snapshot.view, self.exposure, origin=self.origin)
+        if not self.views:
+            raise InputError("there is no picture of this scene yet")
         i = side if len(self.views) == 2 and self.options.split == "presets" else 0
         renderer, view = self.renderers[i], self.views[i]
         truth = self.truth(view.camera, renderer.settings)

@@ -10,6 +10,7 @@ import pytest
 
 from irrsplat.app.common.version import version
 from irrsplat.app.viewer.input.hints import HINTS, Hints
+from irrsplat.app.viewer.input.keys import KEYS
 from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.show.remaining_time import RemainingTime, Work, in_words
 from irrsplat.app.viewer.show.whereabouts import outside
@@ -18,7 +19,26 @@ from irrsplat.app.viewer.ui.windows.about import PAGES
 from irrsplat.core import paths
 from irrsplat.image.view import Progress
 from irrsplat.scene.model import Camera
-from tests.support.viewing import RIGHT, Driver, push
+from tests.support.viewing import LEFT, RIGHT, Driver, push
+
+
+
+def test_keys_and_clicks_before_the_first_picture_end_nothing(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A scene is open, and has not been drawn yet: each key does what it says, or says why it cannot."""
+    monkeypatch.setattr(type(driver.actions), "trace", lambda self: None)  # takes minutes
+    driver.actions.open("furnace")
+    assert not driver.session.views
+    for key in KEYS:
+        if key.action not in ("quit", "fullscreen"):
+            driver.actions.press(key)
+    for button in (LEFT, RIGHT):
+        driver.button(True, button)
+        driver.button(False, button)
+    told = [message.text for _, message in driver.actions.messages.log]
+    assert not driver.session.views and "there is no picture of this scene yet" in told
+    driver.frame(3)
+    assert driver.session.views
+
 
 # ---- hints -------------------------------------------------------------------------------------------------------------
 
