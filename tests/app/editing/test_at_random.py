@@ -225,6 +225,7 @@ def compare(driver: Driver, draw: Draw) -> None:
     session = driver.session
     way = str(draw.choice(["off", "off", "buffers", "presets", "snapshot"]))
     if way == "snapshot" and not session.snapshots:
+        driver.frame()  # there is no picture to keep before the first one
         push(driver, "K")
     session.split(way)  # type: ignore[arg-type]
     if way == "presets":
