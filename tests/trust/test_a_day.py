@@ -1,7 +1,8 @@
 """A day's use in minutes: through all bundled scenes, lap after lap, with anything that a user may do thrown at random.
 
 No OpenGL error, no message of one, no hole at rest, no more records than may be kept, and memory that does not grow: after each
-lap, brought into the same state, it is within GROWTH of what it was after the first.
+lap, brought into the same state, it is within GROWTH of the most that the first third of the laps came to. In that third all is used
+for the first time that loads a library or keeps something for good.
 
 IRRSPLAT_LAPS: through all scenes; without it, two through a few. IRRSPLAT_ACTIONS: in each scene of a lap (4). IRRSPLAT_SEED:
 which (1). With -s, memory is told.
@@ -29,7 +30,7 @@ SEED = int(os.environ.get("IRRSPLAT_SEED", "1"))
 DT = 0.1  # seconds of a frame
 KEPT = 2500  # records at most
 GROWTH = 1.05
-OBJECTS = 12  # of OpenGL may come after the first lap: programs of overlays at first use, the interface's letters
+OBJECTS = 12  # of OpenGL may come after that: programs of overlays at first use, the interface's letters
 EDITED = 3  # meshes that edits need
 
 
@@ -105,5 +106,6 @@ def test_a_day(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
                 file.unlink()
     told = ", ".join(f"{one:.0f}" for one in memory)
     print(f"\n{LAPS * ACTIONS * (len(SCENES) + 1)} actions, {frames} frames; MiB after each lap: {told}; objects: {objects}")
-    assert max(memory[1:]) <= GROWTH * memory[0], f"MiB after each lap: {told}"
-    assert max(objects[1:]) <= objects[0] + OBJECTS, f"objects of OpenGL after each lap: {objects}"
+    first = max(LAPS // 3, 1)
+    assert max(memory[first:]) <= GROWTH * max(memory[:first]), f"MiB after each lap: {told}"
+    assert max(objects[first:]) <= max(objects[:first]) + OBJECTS, f"objects of OpenGL after each lap: {objects}"
