@@ -1,7 +1,7 @@
 """A day's use in minutes: through all bundled scenes, lap after lap, with anything that a user may do thrown at random.
 
 No OpenGL error, no message of one, no hole at rest, no more records than may be kept, and memory that does not grow: after each
-lap, brought into the same state, it is within GROWTH of the most that the first third of the laps came to. In that third all is used
+lap, brought into the same state, it is within GROWTH of the most that the first third of the laps came to, in which all is used
 for the first time that loads a library or keeps something for good.
 
 IRRSPLAT_LAPS: through all scenes; without it, two through a few. IRRSPLAT_ACTIONS: in each scene of a lap (4). IRRSPLAT_SEED:

@@ -22,7 +22,6 @@ from irrsplat.scene.model import Camera
 from tests.support.viewing import LEFT, RIGHT, Driver, push
 
 
-
 def test_keys_and_clicks_before_the_first_picture_end_nothing(driver: Driver, monkeypatch: pytest.MonkeyPatch) -> None:
     """A scene is open, and has not been drawn yet: each key does what it says, or says why it cannot."""
     monkeypatch.setattr(type(driver.actions), "trace", lambda self: None)  # takes minutes
