@@ -26,6 +26,7 @@ from irrsplat.records.weight import behind_wall, own_radii, record_distance, rec
 from irrsplat.settings import Settings
 
 _AT_ONCE = 4096  # records that are held against the others together
+_LUNES = 0.75  # as in shaders/records/weight.glsl
 _FAINT, _LEAST_KNOWN = 0.1, 1e-3  # as known_share of shaders/records/weight.glsl has them
 _NEAR = 3.0  # as in shaders/indirect/effective_weight.glsl
 # times the Σw that a pixel asks below: a record was asked for at one pixel, and those around it are to be served too. At 1, up
@@ -136,7 +137,7 @@ class _Table:
         if settings.gradients:
             if settings.walls:
                 counts &= ~behind_wall(apart, axis, n_k, columns["walls"][other])
-            Y = np.einsum("pcx,c,px->p", columns["vectors"][other], LUMINANCE, n)
+            Y = self._turned(columns["vectors"][other], n, n_k)
             trust = np.minimum(1.0, self.radii[other, 1] / np.maximum(reach[:, 1], 1e-30))
             slope = trust * np.einsum("pcx,c,px->p", columns["gradient"][other], LUMINANCE, apart)
             there = self._extrapolated(Y, slope, apart, n_k, axis, columns["curvature"][other] * (trust * trust)[:, None])
@@ -144,6 +145,13 @@ class _Table:
             Y = there
         k = w if settings.kernel == "cut" else np.maximum(w - 1.0 / settings.a, 0.0)
         return np.where(counts, np.stack([w, k, k * Y, k * Y * Y]), 0.0)
+
+    @staticmethod
+    def _turned(vectors: np.ndarray, n: np.ndarray, n_k: np.ndarray) -> np.ndarray:
+        """turned() of shaders/records/weight.glsl, of luminance."""
+        M = np.einsum("pcx,c->px", vectors, LUMINANCE)
+        found: np.ndarray = (M * n).sum(1) + _LUNES * (1.0 - (n * n_k).sum(1)) * (M * n_k).sum(1)
+        return found
 
     def _extrapolated(
         self, Y: np.ndarray, slope: np.ndarray, apart: np.ndarray, n_k: np.ndarray, axis: np.ndarray, curvature: np.ndarray

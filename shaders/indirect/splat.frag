@@ -61,7 +61,7 @@ void main()
     float lent = w <= least ? borrowed_weight(apart, n, v_normal, v_borrow) : 0.0;
     if (w <= least && lent <= 0.0) discard;
 #if GRADIENTS
-    vec3 E = n * v_m;  // the irradiance vector turns with the normal
+    vec3 E = turned(v_m, n, v_normal);
 #if NORMAL_MAPS
     E = bent_irradiance(E, n, texel_at(lit_normal, pixel).xyz, v_m);
 #endif
@@ -78,7 +78,7 @@ void main()
     // w - 1/a falls to zero at the rim of the record's sphere, so that the rim does not show; the paper's kernel ends with a step
     float k = cut ? w : w - least;
 #if GRADIENTS
-    // E = n·M + (p - p_k)·∇E: the gradient moves with the point
+    // (p - p_k)·∇E: the gradient moves with the point
     float Y_k = dot(E, LUMINANCE);
     E = extrapolated(E, apart * v_g, apart, v_normal, v_axis, v_curvature);
     float known = known_share(Y_k, dot(E, LUMINANCE));

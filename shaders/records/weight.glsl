@@ -5,7 +5,8 @@ uniform float a;  // the error that is tolerated (Ward et al. 1988)
 
 const float BORROWED = 1e-6;  // greatest weight at a point that a record does not reach
 const float FAINT = 0.1;        // of a record's luminance: below it, what the expansion says is not believed
-const float DEEP = 0.3;       // of their distance: how far a record may lie above the tangent plane of a point that borrows from it
+const float LUNES = 0.75;       // of (1 - n·n_k)·E: what n·M lacks on a surface that is turned away from the record's
+const float DEEP = 0.3;         // of their distance: how far a record may lie above the tangent plane of a point that borrows from it
 
 // Constants from irrsplat/settings.py: LEAST_ERROR keeps the weight finite; IN_FRONT is how far in front of the point's surface or
 // behind it a record may lie, as a share of R.
@@ -42,9 +43,18 @@ float borrowed_weight(vec3 apart, vec3 n, vec3 n_k, float reach)
     return BORROWED * near / max(reach * reach, 1e-30) * pow(max(dot(n, n_k), 0.0), 4.0);
 }
 
+// The irradiance on a surface of unit normal n by a record's irradiance vectors M, whose own normal is n_k: W/m². n·M counts light
+// below the surface as negative, and lacks what n_k's own surface hides from the record: of even light both are half of
+// (1 - n·n_k)·E_k. The first is seen; the second is taken for half as bright (docs/METHOD.md, 4.1).
+vec3 turned(mat3 M, vec3 n, vec3 n_k)
+{
+    return n * M + LUNES * (1.0 - dot(n, n_k)) * (n_k * M);
+}
+
 // The irradiance at p by a Taylor expansion about the record (Ward and Heckbert 1992), of second order where that is known.
-// E: n·M, W/m². slope: ∇E·apart, W/m². curvature: second derivatives along `axis` and across it in the tangent plane of n_k, as
-// shares of the irradiance, 1/m². The second-order term changes E by at most half, and the result lies between black and 2·E.
+// E: turned() to the point's normal, W/m². slope: ∇E·apart, W/m². curvature: second derivatives along `axis` and across it in the
+// tangent plane of n_k, as shares of the irradiance, 1/m². The second-order term changes E by at most half, and the result lies
+// between black and 2·E.
 vec3 extrapolated(vec3 E, vec3 slope, vec3 apart, vec3 n_k, vec3 axis, vec2 curvature)
 {
     float up = dot(apart, n_k), along = dot(apart, axis), across = max(dot(apart, apart) - up * up - along * along, 0.0);

@@ -172,7 +172,7 @@ def splat(seen: View, records: Table, settings: Settings) -> tuple[np.ndarray, n
         k = np.where(speaks, w if settings.kernel == "cut" else w - 1.0 / a, 0.0)
         E: np.ndarray = np.broadcast_to(E_k, seen.position.shape)
         if settings.gradients:
-            E = seen.normal @ M.T
+            E = seen.normal @ M.T + 0.75 * (1.0 - cosine)[..., None] * (M @ n_k)
             moved = E + apart @ (gradient.T * trust)
             if settings.second_order and known:
                 across = (apart**2).sum(-1) - along**2 - (apart @ n_k) ** 2
@@ -288,7 +288,7 @@ def test_records_lend_to_pixels_close_by_that_they_do_not_reach(ctx: moderngl.Co
     lends = (d < 1.0) & ~deep & ((apart[..., 0] < 0.2) | (not gradients))
     assert not weight[..., 0].any() and np.array_equal(sums[..., 3] > 0.0, lends) and lends.sum() > 20
     assert np.allclose(sums[lends, 3], 1e-6 * (1.0 - d[lends] ** 2) * turned[2] ** 4, rtol=1e-3, atol=1e-10)
-    E = records.M[0] @ turned if gradients else records.E[0]
+    E = records.M[0] @ turned + 0.75 * (1.0 - turned[2]) * records.M[0, :, 2] if gradients else records.E[0]
     assert np.allclose(sums[lends, :3], sums[lends, 3:] * np.maximum(E, 0.0), rtol=1e-3)
     square = sums[..., 3] * max(E @ LUMINANCE, 0.0) ** 2
     assert square.any() and np.allclose(weight[..., 1], square, rtol=1e-3, atol=1e-12)
@@ -316,6 +316,25 @@ def test_a_quadratic_field_is_extrapolated_exactly(ctx: moderngl.Context, second
     assert served.sum() > 100
     off = np.abs(sums[served][:, :3] / sums[served][:, 3:] - truth[served]) / truth[served]
     assert off.max() < 1e-3 if second_order else off.max() > 0.05
+
+
+@pytest.mark.parametrize("angle", [0.0, 10.0, 20.0])
+def test_even_light_hardly_falls_as_the_surface_turns(ctx: moderngl.Context, angle: float) -> None:
+    """L in every direction: E = π·L on any normal. A record on another normal sees the light of its own half alone, of which
+    n·M is the cosine; of what that lacks a quarter is left."""
+    position, depth = on_plane(CAMERA, SIZE, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    colour = np.array([1.0, 0.5, 2.0])
+    records = table(1)
+    records.p[0], records.n[0], records.limit[0] = position[14, 18], (0, 0, 1), 1.0
+    records.E[0], records.M[0], records.gradient[0] = np.pi * colour, np.pi * np.outer(colour, (0, 0, 1)), 0.0
+    records.axis[0], records.bend[0], records.walls[0] = (1, 0, 0), 0.1, 0.0
+    turned = np.array([np.sin(np.radians(angle)), 0.0, np.cos(np.radians(angle))])
+    seen = View(position, np.broadcast_to(turned, position.shape), depth)
+    sums, _ = drawn(ctx, seen, records, replace(BASE, second_order=False))
+    served = sums[..., 3] > 0.0
+    assert served.sum() > 20
+    lacks = 1.0 - sums[served][:, :3] / sums[served][:, 3:] / (np.pi * colour)
+    assert np.abs(lacks).max() <= 0.26 * (1.0 - turned[2]) + 1e-4
 
 
 def test_a_record_without_light_extrapolates_none(ctx: moderngl.Context) -> None:

@@ -104,7 +104,7 @@ def truth(made: Made, settings: Settings) -> np.ndarray:
     front = np.abs(np.einsum("ijx,ijx->ij", apart, made.n[None] + made.n[:, None])) / 2.0
     alike = made.n @ made.n.T >= 0.7
     witness = (d > 0.0) & (x < 2.0 * settings.a) & alike & (front <= 0.05 * radii[:, 1:])
-    here = M @ made.n.T
+    here = M @ made.n.T + 0.75 * (1.0 - made.n @ made.n.T) * (M * made.n).sum(1)[:, None]
     across = d**2 - along**2 - np.einsum("ijx,ix->ij", apart, made.n) ** 2
     more = np.clip((bend[:, :1] * along**2 + bend[:, 1:] * across) / 2.0, -0.5, 0.5)
     said = np.clip(here * (1.0 + more) + np.einsum("ix,ijx->ij", gradient, apart), 0.0, np.maximum(2.0 * here, 0.0))
