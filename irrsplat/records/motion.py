@@ -76,7 +76,7 @@ def winding(position: np.ndarray, mesh: Mesh) -> np.ndarray:
 def passed_through(start: np.ndarray, end: np.ndarray, change: SceneChange) -> np.ndarray:
     """(N,) whether a triangle that has not moved stands between points (N, 3) and others (N, 3), metres.
 
-    What a mesh has carried through a floor sees another light from there than what is above, and may be near enough to speak for it.
+    What a mesh has carried through a floor sees other light than what is above, and may be near enough to speak for it.
     """
     found = np.zeros(len(start), bool)
     for number, mesh in enumerate(change.old.meshes if len(start) else ()):

@@ -361,7 +361,7 @@ class RecordCache(Owner):
 
     def move_with_meshes(self, change: SceneChange) -> np.ndarray:
         """Let records on meshes that have moved move along with what they hold, and raise `due` by what others see of that.
-        Returns the numbers of the records to keep: those that are not within what has moved now, nor carried through what has not."""
+        Returns the numbers of the records to keep: those not within what has moved now, nor carried through what has not."""
         columns = {name: self._columns[name].copy() for name in ("position", "normal", "geometric", "probe", "due")}
         there = {name: array[: self.count] for name, array in columns.items()}
         triangle = self._columns["triangle"][: self.count]
