@@ -1,4 +1,4 @@
-"""What a moved mesh does to records: those on it are carried along, those near it are dropped."""
+"""What a moved mesh does to records: those on it are carried along, those near it, or carried through a surface, are dropped."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ _LIFT = 1e-3  # of a mesh's diagonal: how far above its surface a point is held 
 _AT_ONCE = 1 << 18  # pairs of a point and a triangle
 _ON_IT = 0.3  # for points on what has moved: all around them is elsewhere, though most of it is far away
 _LEAST_CONCERN = 0.01  # for points that see nothing of what has moved, but perhaps its shadow
+_ROUNDING = 1e-6  # of the coordinates: a point that is nearer to a plane has not passed through it
 _RIGID = 1e-3  # how far, by rounding of its triangles, the map of a rigid motion may be from a rotation
 
 
@@ -70,6 +71,42 @@ def winding(position: np.ndarray, mesh: Mesh) -> np.ndarray:
         volume = (a * np.cross(b, c)).sum(-1)
         sums += np.arctan2(volume, x * y * z + (a * b).sum(-1) * z + (b * c).sum(-1) * x + (c * a).sum(-1) * y).sum(1)
     return sums / (2.0 * np.pi)
+
+
+def passed_through(start: np.ndarray, end: np.ndarray, change: SceneChange) -> np.ndarray:
+    """(N,) whether a triangle that has not moved stands between points (N, 3) and others (N, 3), metres.
+
+    What a mesh has carried through a floor sees other light than what is above, and may be near enough to speak for it.
+    """
+    found = np.zeros(len(start), bool)
+    for number, mesh in enumerate(change.old.meshes if len(start) else ()):
+        if number not in change.moved and len(mesh.faces):
+            found |= _blocked(start, end, mesh.positions[mesh.faces])
+    return found
+
+
+def _blocked(start: np.ndarray, end: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """(N,) the same of triangles (T, 3, 3). Where these are many, the points are parted, so that each part has its own few."""
+    low, high = np.minimum(start, end).min(0), np.maximum(start, end).max(0)
+    corners = corners[((corners.min(1) <= high) & (corners.max(1) >= low)).all(1)]
+    found, half = np.zeros(len(start), bool), len(start) // 2
+    if half and len(start) * len(corners) > _AT_ONCE:
+        order = np.argsort((start + end)[:, np.argmax(high - low)], kind="stable")
+        for part in (order[:half], order[half:]):
+            found[part] = _blocked(start[part], end[part], corners)
+        return found
+    a, b, c = corners.astype(float).swapaxes(0, 1)
+    normal = unit(np.cross(b - a, c - a))
+    before, after = (points @ normal.T - (a * normal).sum(1) for points in (start, end))
+    rounding = _ROUNDING * max(float(np.abs(low).max()), float(np.abs(high).max()))
+    points, triangles = np.nonzero((before * after < 0.0) & (np.abs(after) > rounding))
+    height = before[points, triangles]
+    share = height / (height - after[points, triangles])
+    at = start[points] + share[:, None] * (end[points] - start[points])
+    three = corners[triangles].astype(float)
+    sides = np.cross(np.roll(three, -1, axis=1) - three, at[:, None] - three)
+    found[points[((sides * normal[triangles, None]).sum(-1) >= 0.0).all(1)]] = True
+    return found
 
 
 def concerned(position: np.ndarray, normal: np.ndarray, triangle: np.ndarray, change: SceneChange) -> np.ndarray:

@@ -18,7 +18,7 @@ from irrsplat.core.vectors import unit
 from irrsplat.gpu import texel_table
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import float_texture
-from irrsplat.records.motion import carried, concerned, swallowed
+from irrsplat.records.motion import carried, concerned, passed_through, swallowed
 from irrsplat.scene.change import SceneChange
 from irrsplat.scene.model import Camera
 
@@ -361,7 +361,7 @@ class RecordCache(Owner):
 
     def move_with_meshes(self, change: SceneChange) -> np.ndarray:
         """Let records on meshes that have moved move along with what they hold, and raise `due` by what others see of that.
-        Returns the numbers of the records to keep: those that are not within what has moved now."""
+        Returns the numbers of the records to keep: those not within what has moved now, nor carried through what has not."""
         columns = {name: self._columns[name].copy() for name in ("position", "normal", "geometric", "probe", "due")}
         there = {name: array[: self.count] for name, array in columns.items()}
         triangle = self._columns["triangle"][: self.count]
@@ -370,6 +370,7 @@ class RecordCache(Owner):
         there["due"] += concerned(self.positions, geometric, triangle, change)
         moved = carried(self.positions, triangle, change)
         if len(moved.numbers):
+            kept[moved.numbers] &= ~passed_through(self.positions[moved.numbers].astype(float), moved.position, change)
             there["position"][moved.numbers, :3] = moved.position
             for name in ("normal", "geometric"):
                 there[name][moved.numbers, :3] = moved.normals(there[name][moved.numbers, :3])

@@ -31,6 +31,10 @@ flat in vec3 v_irradiance;
 layout(location = 0) out vec4 out_sums;     // k·E, k
 layout(location = 1) out vec2 out_weight;   // w, and k·Y², where Y is the luminance of E
 
+// How far from a record, in radii a·R, a pixel may lie that it lends to. Much farther away it does not know what light there is: the
+// dark floor below a hovering block would lend to the floor beside it, where few pixels need a record since others have been there.
+const float LENT_WITHIN = 1.5;
+
 #if NORMAL_MAPS
 // The irradiance on a normal m bent away from the surface's own n, where it is E. n·M and m·M count light below m's horizon as
 // negative; what the surface lets through of it is a lune of n's hemisphere. Of light that is affine in the direction, and as bright
@@ -58,7 +62,8 @@ void main()
 #if REFINED
     least /= texel_at(reach, ivec2(gl_FragCoord.xy)).r;
 #endif
-    float lent = w <= least ? borrowed_weight(apart, n, v_normal, v_borrow) : 0.0;
+    bool lends = w <= least && record_distance(apart, v_axis, v_radii) <= LENT_WITHIN * a;
+    float lent = lends ? borrowed_weight(apart, n, v_normal, v_borrow) : 0.0;
     if (w <= least && lent <= 0.0) discard;
 #if GRADIENTS
     vec3 E = turned(v_m, n, v_normal);

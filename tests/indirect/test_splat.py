@@ -270,14 +270,15 @@ def test_an_ellipse_lies_as_its_axis_does(ctx: moderngl.Context) -> None:
 
 @pytest.mark.parametrize("gradients", [True, False])
 def test_records_lend_to_pixels_close_by_that_they_do_not_reach(ctx: moderngl.Context, gradients: bool) -> None:
-    """Up to four pixels away, on their own side of a wall and not deep below, what they say of the normal at next to no weight,
-    and its square; with `borrow` 0, nothing."""
+    """Up to four pixels away, and one and a half times as far as they reach, on their own side of a wall and not deep below, what
+    they say of the normal at next to no weight, and its square; with `borrow` 0, nothing."""
     position, depth = on_plane(CAMERA, SIZE, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
     turned = unit(np.array([1.0, 0.0, 1.0]))
     seen = View(position, np.broadcast_to(turned, position.shape), depth)
     records = table(1)
     records.p[0], records.n[0], records.axis[0], records.limit[0] = position[14, 18], (0, 0, 1), (1, 0, 0), 1.0
-    records.bend[0], records.walls[0] = 1e8, (1.0 / 0.2, 0.0, 0.0, 0.0)
+    records.bend[0], records.R[0], records.farthest[0], records.gradient[0] = (2.0, 18.0), 0.4, 2.0, 0.0
+    records.walls[0] = 1.0 / 0.2, 0.0, 0.0, 0.0
     settings = replace(BASE, gradients=gradients)
     sums, weight = drawn(ctx, seen, records, settings)
     apart = position - position[14, 18]
@@ -285,8 +286,11 @@ def test_records_lend_to_pixels_close_by_that_they_do_not_reach(ctx: moderngl.Co
         4.0 * 2.0 * np.tan(np.radians(25.0)) * np.linalg.norm(np.subtract(CAMERA.eye, position[14, 18])) / SIZE[1]
     )
     deep = apart @ turned < -0.3 * np.linalg.norm(apart, axis=-1)
-    lends = (d < 1.0) & ~deep & ((apart[..., 0] < 0.2) | (not gradients))
-    assert not weight[..., 0].any() and np.array_equal(sums[..., 3] > 0.0, lends) and lends.sum() > 20
+    radii = np.array([1.0, 1.0 / 3.0]) if gradients else np.array([0.4, 0.4])
+    far = np.linalg.norm((apart @ [[1, 0], [0, 1], [0, 0]]) / (BASE.a * radii), axis=-1) > 1.5
+    lends = (d < 1.0) & ~deep & ~far & ((apart[..., 0] < 0.2) | (not gradients))
+    assert ((d < 1.0) & ~deep & far).sum() > 5
+    assert not weight[..., 0].any() and np.array_equal(sums[..., 3] > 0.0, lends) and lends.sum() > 12
     assert np.allclose(sums[lends, 3], 1e-6 * (1.0 - d[lends] ** 2) * turned[2] ** 4, rtol=1e-3, atol=1e-10)
     E = records.M[0] @ turned + 0.75 * (1.0 - turned[2]) * records.M[0, :, 2] if gradients else records.E[0]
     assert np.allclose(sums[lends, :3], sums[lends, 3:] * np.maximum(E, 0.0), rtol=1e-3)

@@ -307,6 +307,13 @@ SHADERS = (
         ("tests/indirect/test_splat.py::test_records_lend_to_pixels_close_by_that_they_do_not_reach[True]",),
     ),
     Mutant(
+        "records lend to pixels whose light they do not know",
+        "shaders/indirect/splat.frag",
+        "<= LENT_WITHIN * a",
+        "<= 1e9 * a",
+        ("tests/indirect/test_splat.py::test_records_lend_to_pixels_close_by_that_they_do_not_reach[True]",),
+    ),
+    Mutant(
         "upsampling takes every square for a plane",
         "shaders/indirect/upsample.frag",
         "abs(dot(plane.xyz, p.xyz) - plane.w) <= MAX_RISE * pixel * p.w;",
