@@ -20,10 +20,11 @@ PICTURES = 8  # after the last change, over which all of it follows
 
 @dataclass(frozen=True)
 class _Shown:
-    """The last picture: its irradiance, by which camera, of what and of which scene, and how many more of the same follow until
-    it is what the records say. dimming: the factors by which all light has changed since, of red, green and blue."""
+    """The last picture: its irradiance and how its surfaces were turned, by which camera, of what and of which scene, and how
+    many more of the same follow until it is what the records say. dimming: the factors by which all light has changed since, of
+    red, green and blue."""
 
-    texture: moderngl.Texture
+    target: Target
     camera: Camera
     subject: object
     scene: object
@@ -86,6 +87,7 @@ class TemporalFilter(Owner):
             now,
             state=DrawState(depth="1") if filling else DrawState(),
             position=gbuffer.position,
+            normal=gbuffer.normal,
             sums=splats.sums,
             pixel_stride=stride,
             **self._before(shown, splats.sums),
@@ -95,7 +97,7 @@ class TemporalFilter(Owner):
         if surface is not None:
             seen = {name: getattr(gbuffer, name) for name in ("position", "normal", "albedo", "emission")}
             self.fill(now, state=DrawState(depth="<", depth_write=False), **seen, pixel_stride=stride, **surface)
-        self._shown = _Shown(now.textures[0], camera, subject, scene, left)
+        self._shown = _Shown(now, camera, subject, scene, left)
         return replace(splats, sums=now.textures[0]) if left or filling else splats
 
     def _share(self, subject: object, scene: object) -> float:
@@ -109,24 +111,26 @@ class TemporalFilter(Owner):
         """Where the next picture's irradiance goes: not over the last one's."""
         made = self.targets.setdefault(size, [])
         for target in made:
-            if shown is None or shown.texture is not target.textures[0]:
+            if shown is None or shown.target is not target:
                 return target
-        made.append(Target(self.ctx, size, (4,), depth=True))
+        made.append(Target(self.ctx, size, (4, 1), depth=True))
         return made[-1]
 
     def _before(self, shown: _Shown | None, nothing: moderngl.Texture) -> Uniforms:
         """The uniforms of the last picture; `nothing` is a texture to bind where there was none."""
         if shown is None:
             nowhere: Uniforms = {"clip_from_world": np.eye(4), "shown_place": (0.0, 0.0, 0.0, 0.0)}
-            return {"fading": False, "shown": nothing, "dimming": (1.0, 1.0, 1.0), **nowhere}
-        camera, (width, height), texels = shown.camera, self.size, np.array(shown.texture.size)
-        stride = -(-width // shown.texture.width)
+            return {"fading": False, "shown": nothing, "shown_facing": nothing, "dimming": (1.0, 1.0, 1.0), **nowhere}
+        camera, (width, height), texels = shown.camera, self.size, np.array(shown.target.size)
+        stride = -(-width // shown.target.size[0])
+        irradiance, facing = (SampledTexture(texture, self.linear) for texture in shown.target.textures)
         # the texel of pixel x is x/stride: its centre is at x/stride + 1/2, and x + 1/2 = width·(clip + 1)/2
         scale = 0.5 * np.array(self.size) / stride / texels
         offset = scale + (0.5 - 0.5 / stride) / texels
         return {
             "fading": True,
-            "shown": SampledTexture(shown.texture, self.linear),
+            "shown": irradiance,
+            "shown_facing": facing,
             "dimming": shown.dimming,
             "clip_from_world": camera.clip_from_view(width / height, 1e-3, 1e3) @ camera.view_from_world,
             "shown_place": (*scale.tolist(), *offset.tolist()),

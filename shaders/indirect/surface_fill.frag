@@ -1,5 +1,6 @@
 // Holes, while a view fills: the marked pixels take what the surface cache says.
 #include "lib/octahedral.glsl"
+#include "lib/same_surface.glsl"
 #include "lib/texel.glsl"
 #include "surface_cache/lookup.glsl"
 
@@ -9,12 +10,15 @@ uniform sampler2D albedo;
 uniform sampler2D emission;
 uniform int pixel_stride;    // pixels of the g-buffer per pixel drawn, in x and y
 
-layout(location = 0) out vec4 out_sums;  // E/depth, 1/depth
+layout(location = 0) out vec4 out_sums;    // E/depth, 1/depth
+layout(location = 1) out float out_facing;
 
 void main()
 {
     ivec2 pixel = ivec2(gl_FragCoord.xy) * pixel_stride;
     vec4 p = texel_at(position, pixel);
-    vec3 g = octahedral_decode(vec2(texel_at(normal, pixel).w, texel_at(albedo, pixel).w));
+    vec4 n = texel_at(normal, pixel);
+    vec3 g = octahedral_decode(vec2(n.w, texel_at(albedo, pixel).w));
     out_sums = vec4(surface_irradiance(int(texel_at(emission, pixel).w), p.xyz, g), 1.0) / p.w;
+    out_facing = facing_of(n.xyz);
 }

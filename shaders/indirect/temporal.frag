@@ -1,10 +1,13 @@
 // Irradiance that changes smoothly from picture to picture: a share of what the records say now, the rest of what the last picture
 // showed at the same place of the world. Pixels that neither knows are marked in the depth buffer, for surface_fill.frag.
+#include "lib/same_surface.glsl"
 #include "lib/texel.glsl"
 
 uniform sampler2D position;    // g-buffer
+uniform sampler2D normal;
 uniform sampler2D sums;        // Σ k·E, Σ k
 uniform sampler2D shown;       // the last picture's: E/depth, 1/depth; 0 where it knew nothing; linearly filtered
+uniform sampler2D shown_facing;  // how its surfaces were turned, as facing_of says; linearly filtered
 uniform vec3 dimming;          // factors on its irradiance: all light has changed by these since
 uniform mat4 clip_from_world;  // of the last picture
 uniform vec4 shown_place;      // scale and offset from clip space to `shown`
@@ -13,9 +16,11 @@ uniform bool fading;           // whether there is a last picture; else all is w
 uniform bool filling;          // whether pixels without records take what the last picture showed, or are marked
 uniform float share;           // of what the records say, 0..1
 
-layout(location = 0) out vec4 out_sums;  // E/depth, 1/depth
+layout(location = 0) out vec4 out_sums;    // E/depth, 1/depth
+layout(location = 1) out float out_facing;
 
 const float OTHER_DEPTH = 0.02;  // relative difference: so far from where it is to be seen, what is seen is another surface
+const float OTHER_FACING = 0.1;  // the same for how it is turned
 
 void main()
 {
@@ -25,7 +30,9 @@ void main()
     vec4 clip = clip_from_world * vec4(p.xyz, 1.0);  // w: depth in the last picture
     vec2 place = clip.xy / clip.w * shown_place.xy + shown_place.zw;
     vec4 before = textureLod(shown, place, 0.0);
-    bool known = fading && p.w > 0.0 && abs(before.a * clip.w - 1.0) <= OTHER_DEPTH && place == clamp(place, 0.0, 1.0);
+    out_facing = facing_of(texel_at(normal, pixel * pixel_stride).xyz);
+    bool same = abs(before.a * clip.w - 1.0) <= OTHER_DEPTH && abs(textureLod(shown_facing, place, 0.0).r - out_facing) <= OTHER_FACING;
+    bool known = fading && p.w > 0.0 && same && place == clamp(place, 0.0, 1.0);
     vec3 E = s.rgb / max(s.a, 1e-20), E_before = dimming * before.rgb / max(before.a, 1e-20);
     E = s.a > 0.0 ? (known ? mix(E_before, E, share) : E) : E_before;
     bool shows = p.w > 0.0 && (s.a > 0.0 || filling && known);
