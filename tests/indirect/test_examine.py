@@ -133,7 +133,7 @@ def test_small_groups_of_pixels_borrow_where_there_is_something_to_borrow(ctx: m
 
 def test_what_does_not_fit_to_the_pixels_beside_is_not_borrowed(ctx: moderngl.Context) -> None:
     """Lone pixels in a plane, amid others of 1 or 3 W/m²: they borrow what is at least a quarter of the darkest and at most four
-    times the brightest of these. Beside surfaces that face elsewhere, and where all is darker than what is dark, they borrow all."""
+    times the brightest of these. Beside surfaces that face elsewhere, and where all is darker than what is dark, all is lent."""
     size, borrow, dark = (40, 30), 9, 1e-3
     data = made_up(size, 5)
     data["normal"][:], data["depth"][:], data["weight"][:], data["sums"][:] = (0.0, 1.0, 0.0), 1.0, 4.0 * TOLERANCE, 1.0

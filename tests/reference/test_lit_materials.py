@@ -217,7 +217,7 @@ def test_a_view_of_the_tracer_is_that_of_the_caster(mitsuba: Any) -> None:
 
 
 def test_a_facet_beside_another_keeps_its_normal(mitsuba: Any) -> None:
-    """Facets 9° apart, one of them with a texture: a pixel on their edge, whose centre sees one of them, has that one's normal."""
+    """Facets 9° apart, one with a texture: a pixel on their edge, whose centre sees one of them, has that one's normal."""
     from irrsplat.reference import trace_view
 
     rise = float(np.tan(np.radians(9.0)))
