@@ -38,12 +38,13 @@ class LookupTable(Owner):
         like: LookupTable | None = None,
     ) -> None:
         self._rows, self._known, self._made_of = rows, known, (rows, cells)
-        alike = like is not None and like._made_of[0] is rows, like is not None and like._made_of[1] is cells
         self._own: list[Resource] = []
+        triangles = like if like is not None and like._made_of[0] is rows else None
+        same = like if like is not None and like._made_of[1] is cells else None
         self.values = self._texture(ctx, np.zeros((-(-most // TABLE_COLUMNS), TABLE_COLUMNS, 4)))
-        self.cells = like.cells if like is not None and alike[1] else self._texture(ctx, table_rows(cells))
-        self.triangles = like.triangles if like is not None and alike[0] else self._texture(ctx, table_rows(rows))
-        self.leaves = like.leaves if like is not None and alike[0] else self._texture(ctx, table_rows(rows[order]))
+        self.cells: moderngl.Texture = same.cells if same else self._texture(ctx, table_rows(cells))
+        self.triangles: moderngl.Texture = triangles.triangles if triangles else self._texture(ctx, table_rows(rows))
+        self.leaves: moderngl.Texture = triangles.leaves if triangles else self._texture(ctx, table_rows(rows[order]))
 
     def _texture(self, ctx: moderngl.Context, table: np.ndarray) -> moderngl.Texture:
         self._own.append(made := table_texture(ctx, table))
@@ -93,8 +94,8 @@ class LaidOut(Owner):
     def __init__(self, ctx: moderngl.Context, layout: SiteLayout, order: np.ndarray, like: LaidOut | None = None) -> None:
         self.layout = layout
         self.records = RecordCache(ctx)
-        other = None if like is None else like.table
-        self.table = LookupTable(ctx, layout.tessellation.table, layout.cells, MAX_SITES, order, like=other)
+        other: LookupTable | None = None if like is None else like.table
+        self.table: LookupTable = LookupTable(ctx, layout.tessellation.table, layout.cells, MAX_SITES, order, like=other)
         if len(layout.sites):
             self.records.append(layout.sites)
             self.records.invalidate()
