@@ -38,7 +38,7 @@ uint random(uvec2 tile)
 const float BADLY = 0.15;
 const float LENT = 0.6;
 
-const float APART = 4.0;   // what is lent may be so many times as bright as the pixels beside it that records reach, or as dark
+const float APART = 8.0;   // what is lent may be so many times as bright as the pixels beside it that records reach, or as dark
 const float FLUSH = 0.95;  // cosine: pixels beside one whose normals make less of an angle lie on its surface
 
 float weight_at(ivec2 pixel)
