@@ -9,9 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from irrsplat.core.beside import started
 from irrsplat.core.buffers import GBuffer, Sites
 from irrsplat.core.errors import InputError
 from irrsplat.core.vectors import octahedral_decode
@@ -29,6 +31,13 @@ _NEAR = 2.0  # times the gap's height: where a record lies so near, and no highe
 _NEIGHBOURS = 4  # records that are looked at about each place
 _RAYS = 9  # of a pixel
 _REACH = 8.0  # percent of the image height: the greatest reach where the settings have no limit
+
+
+def _nearest() -> Any:
+    """The class of trees of points that find those nearest to others."""
+    from scipy.spatial import cKDTree
+
+    return cKDTree
 
 
 @dataclass(frozen=True)
@@ -55,12 +64,10 @@ class Gaps:
 
         The order of the pixels makes no difference.
         """
-        from scipy.spatial import cKDTree
-
         sites, bare = self.sites, np.ones(len(self.sites), bool)
         if len(sites) and len(records):
             count = min(_NEIGHBOURS, len(records))
-            number = cKDTree(records).query(sites.position, count)[1].reshape(len(sites), count)
+            number = _nearest()(records).query(sites.position, count)[1].reshape(len(sites), count)
             away = records[number] - sites.position[:, None]
             above, height = np.einsum("nkx,nx->nk", away, sites.geometric), self.height[:, None]
             bare = ~((np.linalg.norm(away, axis=-1) < _NEAR * height) & (np.abs(above) < 0.5 * height)).any(1)
@@ -93,6 +100,7 @@ class GapPass(Owner):
         self.program = Program(world.ctx, "indirect/gaps", "lib/fullscreen", world.material_defines)
         self.target = Target(world.ctx, size, (1,))
         self._pace = Pace(world.ctx)  # of rows
+        started(_nearest)  # its import takes half a second, and the search many ticks
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""

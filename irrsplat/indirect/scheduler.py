@@ -161,6 +161,8 @@ class RecordScheduler(Owner):
             state = self._seek_gaps(state, screen, budget)
             if not state.gaps_sought:
                 return state, replace(result, complete=False)
+        if not (result.new or state.queue is not None or self.adaptation.compare(self.settings, budget)):
+            return state, replace(result, complete=False)
         gained = state.coverage > before.coverage or state.holes < before.holes_before
         state = replace(
             state,

@@ -6,13 +6,14 @@ radius_limit_pass.py finds how far each record may reach; here it is decided whe
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import moderngl
 import numpy as np
 
 from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.records.radius_limit_pass import RadiusLimitPass
 from irrsplat.records.record_cache import RecordCache
@@ -51,6 +52,23 @@ class _Progress:
     inputs: tuple[object, ...] | None = None
 
 
+@dataclass(frozen=True)
+class _Partly:
+    """What ticks have done of a comparison of all records: `done` of them by `inputs`, of `count` in the cache, all before number
+    `first` compared already. before: (N,) the limits that there were at its beginning."""
+
+    inputs: tuple[object, ...]
+    first: int
+    count: int
+    before: np.ndarray
+    done: int = 0
+    complete: bool = False
+
+    def begun_by(self, inputs: tuple[object, ...], first: int, count: int) -> bool:
+        """Whether it is the comparison of these."""
+        return (self.inputs, self.first, self.count) == (inputs, first, count)
+
+
 class AdaptiveRadius(Owner):
     """Keeps the limits of the radii of a cache's records up to date."""
 
@@ -59,6 +77,7 @@ class AdaptiveRadius(Owner):
         self._made_for = settings.gradients, settings.neighbours
         self.limit_pass = RadiusLimitPass(ctx, *self._made_for)
         self._progress = _Progress()
+        self._partly: _Partly | None = None
         self._floor_of = 0, 0  # how many records, and how many refreshes, the cache's luminance floor is of
 
     def owned(self) -> tuple[Resource | None, ...]:
@@ -78,6 +97,9 @@ class AdaptiveRadius(Owner):
         done = self._progress
         limited, compared = (int(np.searchsorted(numbers, count)) for count in (done.limited, done.compared))
         self._progress = _Progress(limited, compared, done.inputs)
+        if self._partly is not None:
+            before = self._partly.before
+            self._partly = replace(self._partly, before=before[numbers[numbers < len(before)]], count=-1)  # it begins anew
 
     def __call__(self, settings: Settings, old_too: bool) -> bool:
         """Compare the new records with each other and the old ones, or all of them if their light or the settings have changed.
@@ -102,16 +124,43 @@ class AdaptiveRadius(Owner):
         self._progress = _Progress(cache.count, cache.count if old_too else compared, inputs)
         return changed
 
+    def compare(self, settings: Settings, budget: Budget) -> bool:
+        """Go on with what a call with `old_too` will do, as far as the budget goes; whether all of it is done, so that the call
+        has no more to do than to say what has changed. Splats of old records hold until then."""
+        cache, inputs, done = self.cache, self._inputs(_values(settings)), self._progress
+        waits = len(cache.stale) or inputs != done.inputs or done.limited != cache.count or done.compared == cache.count
+        if waits or not (settings.adapt > 0.0 or settings.neighbours):
+            return True
+        partly = self._partly
+        if partly is None or not partly.begun_by(inputs, done.compared, cache.count):
+            # of one that was left before its end, what it found the limits to be holds: no splats have been made since
+            before = cache.limits(cache.count).copy()
+            if partly is not None:
+                before[: len(partly.before)] = partly.before
+            partly = _Partly(inputs, done.compared, cache.count, before)
+        if not partly.complete:
+            with self.timers("adapt"):
+                found, complete = self.limit_pass(cache, partly.first, settings, True, partly.done, budget)
+            partly = replace(partly, done=found, complete=complete)
+        self._partly = partly
+        return partly.complete
+
     def _limit(self, settings: Settings, first: int, limited: int, old: bool, same: bool) -> bool:
         """Write the limits of the records from `first` on; whether the inputs, or the first `limited` of the limits, changed."""
         cache = self.cache
         with self.timers("adapt"):
-            before = cache.limits(limited)
-            if (settings.adapt > 0.0 or settings.neighbours) and cache.count:
+            before, partly = cache.limits(limited), self._partly
+            if partly is not None:
+                before = np.concatenate([partly.before, before[len(partly.before) :]])[:limited]
+            inputs = self._inputs(_values(settings))
+            done = old and partly is not None and partly.complete and partly.begun_by(inputs, first, cache.count)
+            if not done and (settings.adapt > 0.0 or settings.neighbours) and cache.count:
                 self.limit_pass(cache, first, settings, old)
             elif not same:
                 cache.reset_limits()
             changed = not same or not np.array_equal(before, cache.limits(limited))
+            if changed or old:
+                self._partly = None
         cache.revision += changed  # where nothing has changed, the splats of old records still hold
         return changed
 
@@ -131,6 +180,7 @@ class AdaptiveRadius(Owner):
             self._progress = _Progress(state.limited, state.compared, self._inputs(state.settings))
         else:
             self._progress = _Progress()
+        self._partly = None
         self._floor_of = self.cache.count, self.cache.refresh_count
 
 

@@ -16,6 +16,7 @@ from irrsplat.gpu import texel_table
 from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target, float_texture, table_texture
+from irrsplat.gpu.time_budget import Budget, Pace
 from irrsplat.records import point_grid
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.records.weight import record_defines, record_uniforms
@@ -46,31 +47,49 @@ class RadiusLimitPass(Owner):
         self.found = Target(ctx, _TABLE, (1,))
         self.out: Target | None = None  # the cache's own texture
         self._grids: dict[tuple[int, int], _Grid] = {}
+        self._pace = Pace(ctx)  # of records
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
         return (self.program, self.write, self.targets, self.found, self.out, *self._grids.values())
 
-    def __call__(self, cache: RecordCache, first: int, settings: Settings, old: bool = True) -> None:
-        """Limit the records from number `first` on by all others; old: also those before `first`, by those from there on."""
+    def __call__(
+        self, cache: RecordCache, first: int, settings: Settings, old: bool = True, start: int = 0, budget: Budget | None = None
+    ) -> tuple[int, bool]:
+        """Limit the records from number `first` on by all others; old: also those before `first`, by those from there on.
+
+        budget: how far this call goes (None: to the end); `start`: how many records earlier ones have limited, with the same
+        records in the cache. Returns how many are limited now, and whether that is all of them.
+        """
         if first == cache.count:
-            return
+            return 0, True
         limit = cache.records.textures["limit"]
         if self.out is None or self.out.textures[0] is not limit:
             if self.out is not None:
                 self.out.release()
             self.out = Target(self.ctx, cache.records.size, textures=[limit])
         everything = self._grids_of(cache.positions, 0)
-        self._limit(cache, np.arange(first, cache.count), everything, settings, DrawState())
+        works = [(np.arange(first, cache.count), everything, DrawState())]
         if first and old:
-            near = _near(cache, first, settings)
-            self._limit(cache, near, self._grids_of(cache.positions, first), settings, DrawState(blend="min"))
+            works.append((_near(cache, first, settings), self._grids_of(cache.positions, first), DrawState(blend="min")))
+        works = [(numbers[np.argsort(grids[0].cells.find(cache.positions[numbers]), kind="stable")], grids, state)
+                 for numbers, grids, state in works]  # fmt: skip
+        total = sum(len(numbers) for numbers, _, _ in works)
+        for count in self._pace.batches(total - start, total, budget or Budget(None)):
+            before = 0
+            for numbers, grids, state in works:
+                low, high = (min(max(end - before, 0), len(numbers)) for end in (start, start + count))
+                if low < high:
+                    self._limit(cache, numbers[low:high], grids, settings, state)
+                before += len(numbers)
+            start += count
+        return start, start == total
 
     def _limit(self, cache: RecordCache, numbers: np.ndarray, others: list[_Grid], settings: Settings, state: DrawState) -> None:
-        """Limit the records of these numbers by those in the grids; state: how a limit is combined with the one in the cache."""
+        """Limit the records of these numbers, those that lie near each other together, by those in the grids; state: how a limit
+        is combined with the one in the cache."""
         assert self.out is not None
         records, width = cache.records, _TABLE[0]
-        numbers = numbers[np.argsort(others[0].cells.find(cache.positions[numbers]), kind="stable")]
         for start in range(0, len(numbers), _TABLE[0] * _TABLE[1]):
             part = numbers[start : start + _TABLE[0] * _TABLE[1]]
             texel_table.write(self.targets, 0, part[:, None])

@@ -153,17 +153,19 @@ def at_points(
 def over_pixels(tracer: Tracer, camera: Camera, size: tuple[int, int], centre: Visible) -> tuple[np.ndarray, np.ndarray]:
     """(H, W, 3) albedo and mapped normal as means over every pixel, of what lies on the surface that its centre sees.
 
-    A texture may be finer than a pixel, and no renderer shows the texel that happens to lie in the middle.
+    A texture may be finer than a pixel, and no renderer shows the texel that happens to lie in the middle. Of normals only what
+    maps bend them by is averaged: a bevel that shares the pixel would else turn the flat side that its centre sees.
     """
-    albedo, normal = centre.albedo.copy(), centre.normal.copy()
+    albedo, bent = centre.albedo.copy(), centre.normal - centre.smooth
     count = np.ones((*centre.seen.shape, 1))
     for dx, dy in _within_a_pixel(_FINE):
         sub = view(tracer, camera, size, dx, dy).image(size)
         near = np.abs(((sub.position - centre.position) * centre.smooth).sum(-1)) <= PLANE * tracer.scene.diagonal
         same = sub.seen & centre.seen & near & ((sub.smooth * centre.smooth).sum(-1) >= np.cos(np.radians(ANGLE)))
         albedo += np.where(same[..., None], sub.albedo, 0.0)
-        normal += np.where(same[..., None], sub.normal, 0.0)
+        bent += np.where(same[..., None], sub.normal - sub.smooth, 0.0)
         count += same[..., None]
+    normal = centre.smooth + bent / count
     length = np.linalg.norm(normal, axis=-1, keepdims=True)
     return albedo / count, np.where(length > 0.0, normal / np.where(length > 0.0, length, 1.0), centre.normal)
 

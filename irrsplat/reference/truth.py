@@ -17,7 +17,7 @@ from irrsplat.reference.disk_cache import folder
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import preset
 
-VERSION = 5  # of what is traced and how; older files in the cache are not read
+VERSION = 6  # of what is traced and how; older files in the cache are not read
 MOST_BOUNCES = preset(bounces="all").most_bounces  # what a surface of reflectance ρ adds after N is ρ^N of the first one's
 MOST_SAMPLES = 131_072  # what is in flight at once fits into memory
 NOTHING = "the camera sees no smooth surface, so there is nothing to compare; give another camera or a larger size"

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
+from irrsplat.core.beside import beside
 from irrsplat.core.buffers import HitLight, ShadowMaps
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.time_budget import Budget, Pace
@@ -15,9 +17,9 @@ from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.lookup_table import Held, LaidOut, LookupTable
-from irrsplat.surface_cache.site_layout import DARK_VALUE, FIRST_SITE, MAX_SITES, SKY_VALUE, SiteChooser
+from irrsplat.surface_cache.site_layout import DARK_VALUE, FIRST_SITE, MAX_SITES, SKY_VALUE, SiteChooser, SiteLayout
 from irrsplat.surface_cache.site_rays import SiteRays
-from irrsplat.surface_cache.site_splitting import SiteSplitter, SplitLayout, leaves_of
+from irrsplat.surface_cache.site_splitting import SiteSplitter, SplitLayout, uncut
 from irrsplat.surface_cache.transport import BouncedLight, Transport, sum_bounces
 
 _MORE, _ROOM = 0.75, 0.7  # of the sites, and of those that there may be beside them: how many a refinement adds
@@ -42,7 +44,8 @@ def bounces_of(E_1: np.ndarray, transport: Transport | None, area: np.ndarray, s
 @dataclass(frozen=True, eq=False)
 class _Work:
     """The next refinement, as far as it is made. E_1: (K, 3) of the first K sites, by more rays. choosing: its sites; once they
-    are chosen, `cut` has them, and `laid_out`. transport: between them; None where no bounce needs it. made: bounces so far."""
+    are chosen, `cut` has them, None where no cell is cut, and `laid_out`. transport: between them; None where no bounce needs it.
+    made: bounces so far."""
 
     E_1: np.ndarray
     choosing: Generator[float, None, SplitLayout] | None = None
@@ -74,7 +77,7 @@ class FinerSites(Owner):
         self.held, self.refinements = base, 0
         self._base, self._before = base, base
         self._pace, self._link_pace = Pace(world.ctx), Pace(world.ctx)
-        self._cut = SplitLayout(base.laid_out.layout, leaves_of(base.laid_out.layout.tessellation))
+        self._cut: SplitLayout | None = None  # made by the first refinement that cuts cells
         self._E_1 = np.zeros((FIRST_SITE, 3), np.float32)  # of the sites that have it by more rays
         self._transport: Transport | None = transport
         self._work: _Work | None = None
@@ -129,11 +132,22 @@ class FinerSites(Owner):
     def _begun(self) -> _Work:
         assert self.held.light is not None and self.held.laid_out is not None
         if not self.refinements:
-            same = LaidOut(self.world.ctx, self.held.laid_out.layout, self.world.tree.order)
-            return _Work(self._E_1, None, self._cut, same, self._transport)
+            same = self._laid_out(self.held.laid_out.layout)
+            return _Work(self._E_1, None, None, same, self._transport)
         E = self.held.light.irradiance
-        splitter = SiteSplitter(self.chooser, E.astype(float), self._further(len(E)))
-        return _Work(self._E_1, splitter.split(self._cut))
+        return _Work(self._E_1, self._split(SiteSplitter(self.chooser, E.astype(float), self._further(len(E)))))
+
+    def _split(self, splitter: SiteSplitter) -> Generator[float, None, SplitLayout]:
+        """Choose further sites."""
+        assert self._base.laid_out is not None
+        cut = self._cut
+        if cut is None:  # seconds for a million triangles
+            cut = yield from beside(partial(uncut, self._base.laid_out.layout), 0.0)
+        return (yield from splitter.split(cut))
+
+    def _laid_out(self, layout: SiteLayout) -> LaidOut:
+        """Sites on the GPU, by the base's tables as far as they are the same."""
+        return LaidOut(self.world.ctx, layout, self.world.tree.order, self._base.laid_out)
 
     def _chosen(self, work: _Work, budget: Budget) -> _Work:
         """Go on choosing the sites."""
@@ -146,7 +160,7 @@ class FinerSites(Owner):
                     return work
         except StopIteration as end:
             cut: SplitLayout = end.value
-        laid_out, transport = LaidOut(self.world.ctx, cut.layout, self.world.tree.order), None
+        laid_out, transport = self._laid_out(cut.layout), None
         if self.settings.most_bounces > 2:
             transport = Transport(laid_out.records.count, self.rays.linking_gather(laid_out.records.count).share.size)
             transport.known[:FIRST_SITE] = True
@@ -195,7 +209,7 @@ class FinerSites(Owner):
 
     def _hold(self, work: _Work) -> None:
         """Let lookups find its values."""
-        assert work.cut is not None and work.laid_out is not None and work.made is not None
+        assert work.laid_out is not None and work.made is not None
         work.laid_out.table.write(work.made.irradiance)
         gone, self._before = self._before, self.held
         if gone is not self._base and gone.laid_out is not None:

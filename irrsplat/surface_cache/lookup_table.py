@@ -23,21 +23,36 @@ class LookupTable(Owner):
 
     rows: (T, 3, 4) of the triangles that light sees, as Tessellation.table has them. cells: as SiteLayout.cells has them.
     most: how many values there may be. order: (T,) the scene's numbers of the triangles, as the tree of rays counts them.
-    known: False where the first row stands for all triangles.
+    known: False where the first row stands for all triangles. like: one that outlives this one, of the same triangles in the same
+    order; what was made of the same arrays is borrowed from it.
     """
 
     def __init__(
-        self, ctx: moderngl.Context, rows: np.ndarray, cells: np.ndarray, most: int, order: np.ndarray, known: bool = True
+        self,
+        ctx: moderngl.Context,
+        rows: np.ndarray,
+        cells: np.ndarray,
+        most: int,
+        order: np.ndarray,
+        known: bool = True,
+        like: LookupTable | None = None,
     ) -> None:
-        self._rows, self._known = rows, known
-        self.cells = table_texture(ctx, table_rows(cells))
-        self.values = table_texture(ctx, np.zeros((-(-most // TABLE_COLUMNS), TABLE_COLUMNS, 4)))
-        self.triangles = table_texture(ctx, table_rows(rows))
-        self.leaves = table_texture(ctx, table_rows(rows[order]))
+        self._rows, self._known, self._made_of = rows, known, (rows, cells)
+        self._own: list[Resource] = []
+        triangles = like if like is not None and like._made_of[0] is rows else None
+        same = like if like is not None and like._made_of[1] is cells else None
+        self.values = self._texture(ctx, np.zeros((-(-most // TABLE_COLUMNS), TABLE_COLUMNS, 4)))
+        self.cells: moderngl.Texture = same.cells if same else self._texture(ctx, table_rows(cells))
+        self.triangles: moderngl.Texture = triangles.triangles if triangles else self._texture(ctx, table_rows(rows))
+        self.leaves: moderngl.Texture = triangles.leaves if triangles else self._texture(ctx, table_rows(rows[order]))
+
+    def _texture(self, ctx: moderngl.Context, table: np.ndarray) -> moderngl.Texture:
+        self._own.append(made := table_texture(ctx, table))
+        return made
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
-        return (self.cells, self.values, self.triangles, self.leaves)
+        """What this frees: all but what is borrowed."""
+        return tuple(self._own)
 
     def uniforms(self, order: TriangleOrder) -> Uniforms:
         """The uniforms, for shaders that number triangles in this order."""
@@ -73,12 +88,14 @@ def unknown(ctx: moderngl.Context) -> LookupTable:
 
 
 class LaidOut(Owner):
-    """Sites on the GPU: a record for each value, in the order of the values, and the table by which these are looked up."""
+    """Sites on the GPU: a record for each value, in the order of the values, and the table by which these are looked up.
+    like: one that outlives this one, of the same triangles in the same order: tables of a million take most of a second."""
 
-    def __init__(self, ctx: moderngl.Context, layout: SiteLayout, order: np.ndarray) -> None:
+    def __init__(self, ctx: moderngl.Context, layout: SiteLayout, order: np.ndarray, like: LaidOut | None = None) -> None:
         self.layout = layout
         self.records = RecordCache(ctx)
-        self.table = LookupTable(ctx, layout.tessellation.table, layout.cells, MAX_SITES, order)
+        other: LookupTable | None = None if like is None else like.table
+        self.table: LookupTable = LookupTable(ctx, layout.tessellation.table, layout.cells, MAX_SITES, order, like=other)
         if len(layout.sites):
             self.records.append(layout.sites)
             self.records.invalidate()

@@ -64,6 +64,11 @@ class SplitLayout:
     leaves: Leaves
 
 
+def uncut(layout: SiteLayout) -> SplitLayout:
+    """A layout of which no cell is cut."""
+    return SplitLayout(layout, leaves_of(layout.tessellation))
+
+
 def unevenness(values: np.ndarray, E: np.ndarray) -> np.ndarray:
     """(K,) W/m²: how much light changes around the sides of cells at whose corners are these `values` (K, 3), by E (S, 3).
 

@@ -38,6 +38,9 @@ uint random(uvec2 tile)
 const float BADLY = 0.15;
 const float LENT = 0.6;
 
+const float APART = 8.0;   // what is lent may be so many times as bright as the pixels beside it that records reach, or as dark
+const float FLUSH = 0.95;  // cosine: pixels beside one whose normals make less of an angle lie on its surface
+
 float weight_at(ivec2 pixel)
 {
     float share = 1.0;
@@ -45,6 +48,24 @@ float weight_at(ivec2 pixel)
     share = texel_at(reach, pixel).r;
 #endif
     return effective_weight(texel_at(weight, pixel).rg, texel_at(sums, pixel), share);
+}
+
+// Whether what is lent to a pixel fits to what records say of the pixels beside it on its surface: one record alone may lend, of
+// another shelf, and nothing contradicts it.
+bool fits(ivec2 pixel, float lent)
+{
+    vec3 n = texel_at(normal, pixel * pixel_stride).xyz;
+    float darkest = 1e30, brightest = 0.0;
+    for (int i = 0; i < 9; ++i)
+    {
+        ivec2 at = clamp(pixel + texel_of_square(i, 3) - 1, max(begin, 0), min(end, textureSize(weight, 0)) - 1);
+        vec2 w = texel_at(weight, at).rg;
+        if (w.r <= 0.0 || w.r >= NOTHING_SEEN || dot(texel_at(normal, at * pixel_stride).xyz, n) < FLUSH) continue;
+        float Y = deviation_and_mean(w, texel_at(sums, at)).y;
+        darkest = min(darkest, Y);
+        brightest = max(brightest, Y);
+    }
+    return brightest <= 0.0 || (max(lent, luminance_floor) * APART >= darkest && lent <= APART * max(brightest, luminance_floor));
 }
 
 // Whether a pixel that asks lies in so small a group of such pixels that it does with what records beside it lend. Of every other
@@ -56,6 +77,7 @@ bool borrows(ivec2 pixel)
     vec4 said = texel_at(sums, pixel);
     vec2 told = deviation_and_mean(texel_at(weight, pixel).rg, said);
     bool reached = texel_at(weight, pixel).r > 0.0, lent = said.a > 0.0 && told.x <= LENT * max(told.y, luminance_floor);
+    if (!reached && lent) lent = fits(pixel, told.y);
     if (reached ? weight_at(pixel) < tolerance * spread / BADLY : !lent) few = 0;
     for (int i = 0; few > 0 && i < (2 * around + 1) * (2 * around + 1); ++i)
     {

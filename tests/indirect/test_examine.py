@@ -53,7 +53,9 @@ def examine(
     borrow: int = 0,
     stride: int = 1,
 ) -> tuple[Examination, int]:
-    gbuffer = gbuffer_of(ctx, data["position"], data["normal"], data["depth"], geometric=data["geometric"])
+    names = ("position", "normal", "depth", "geometric")
+    surface = {name: data[name].repeat(stride, axis=0).repeat(stride, axis=1) for name in names}
+    gbuffer = gbuffer_of(ctx, surface["position"], surface["normal"], surface["depth"], geometric=surface["geometric"])
     weight, sums, there = float_texture(ctx, size, 2), float_texture(ctx, size, 4), data["depth"] > 0.0
     pair = np.stack([np.where(there, data["weight"], NOTHING_SEEN), np.where(there, data["squares"], 0.0)], -1)
     weight.write(pair[::-1].astype("f4").tobytes())
@@ -61,7 +63,7 @@ def examine(
     examination = ExaminePass(ctx)
     settings = Settings(tolerance=TOLERANCE, spread=spread, seed=seed, borrow=borrow)
     found = examination(gbuffer, SplatBuffer(sums, weight, dark, stride), settings)
-    return found, tile_side(size, stride)
+    return found, tile_side((stride * size[0], stride * size[1]), stride)
 
 
 def tiles(values: np.ndarray, side: int, fill: float) -> np.ndarray:
@@ -108,6 +110,8 @@ def test_small_groups_of_pixels_borrow_where_there_is_something_to_borrow(ctx: m
     other badly a pixel asks all the same, and where none is near, or those that lend contradict each other."""
     size, borrow, spread = (90, 130), 9, 0.05
     data = made_up(size, 3)
+    apart = np.concatenate([np.eye(3), -np.eye(3), np.ones((1, 3)), -np.ones((1, 3)), [[1.0, -1.0, 1.0]]])  # no two faces alike
+    data["normal"] = np.tile((apart / np.linalg.norm(apart, axis=1)[:, None]).reshape(3, 3, 3), (50, 50, 1))[: size[1], : size[0]]
     data["weight"] = np.where(np.random.default_rng(1).random(data["weight"].shape) < 0.6, 4.0 * TOLERANCE, data["weight"])
     lent = np.random.default_rng(2).random(data["weight"].shape) < 0.5
     lent &= data["weight"] == 0.0
@@ -125,6 +129,32 @@ def test_small_groups_of_pixels_borrow_where_there_is_something_to_borrow(ctx: m
     for cause in (small & ~mild, small & lent & ~mild, ~small & mild, small & mild & reached, small & mild & ~reached):
         assert (asks & cause).sum() > 5
     assert np.array_equal(found.asking, tiles(asks & ~(small & mild), side, 0).sum(-1))
+
+
+def test_what_does_not_fit_to_the_pixels_beside_is_not_borrowed(ctx: moderngl.Context) -> None:
+    """Lone pixels in a plane, amid others of 1 or 3 W/m²: they borrow what is at least an eighth of the darkest and at most eight
+    times the brightest of these. Beside surfaces that face elsewhere, and where all is darker than what is dark, all is lent."""
+    size, borrow, dark = (40, 30), 9, 1e-3
+    data = made_up(size, 5)
+    data["normal"][:], data["depth"][:], data["weight"][:], data["sums"][:] = (0.0, 1.0, 0.0), 1.0, 4.0 * TOLERANCE, 1.0
+    data["sums"][:, ::2, :3] = 3.0
+    lone = np.zeros(data["weight"].shape, bool)
+    lone[2:-2:4, 2:-2:4] = True
+    rng = np.random.default_rng(6)
+    lent = np.where(lone, rng.choice([0.0, 0.1, 0.15, 2.0, 23.0, 25.0], lone.shape), 0.0)
+    turned = lone & (rng.random(lone.shape) < 0.3)
+    data["normal"][turned] = (1.0, 0.0, 0.0)
+    faint = np.arange(size[0]) >= 24
+    data["sums"][:, faint, :3] *= 1e-6
+    lent[:, faint] *= 1e-6
+    data["weight"][lone] = 0.0
+    data["sums"][lone] = 1e-6 * np.concatenate([np.repeat(lent[lone][:, None], 3, 1), np.ones((lone.sum(), 1))], axis=1)
+    mean = data["sums"][..., :3] @ LUMINANCE / data["sums"][..., 3]
+    data["squares"] = data["sums"][..., 3] * mean**2
+    found, side = examine(ctx, size, data, dark=dark, borrow=borrow)
+    odd = lone & ~turned & ~faint & ((lent < 0.125) | (lent > 24.0))
+    assert odd.sum() > 5 and (lone & turned & ~faint & (lent < 0.125)).any() and (lone & ~turned & ~odd & ~faint).any()
+    assert np.array_equal(found.asking, tiles(odd, side, 0).sum(-1))
 
 
 def test_equal_pixels_of_a_tile_are_chosen_at_random(ctx: moderngl.Context) -> None:

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 import irrsplat
+from irrsplat.gpu.time_budget import Budget
+from irrsplat.records.adaptive_radius import AdaptiveRadius
 from irrsplat.records.radius_limit_pass import RadiusLimitPass
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.settings import Settings, SettingValues
@@ -214,6 +216,26 @@ def test_turned_off_and_on_again() -> None:
         after = renderer.render()
     assert np.array_equal(after.records_position, before.records_position)
     assert np.array_equal(after.weight, before.weight)
+
+
+def test_all_records_are_compared_over_several_ticks() -> None:
+    """As far as a tick's budget goes; the same limits as in one go, and no splat is made anew before the end."""
+    with irrsplat.Renderer(room(), size=SIZE, **FAST) as renderer:
+        renderer.converge()
+        cache, settings = renderer.cache, renderer.settings
+        expected = cache.limits(cache.count).copy()
+        adaptation = AdaptiveRadius(renderer.ctx, settings, cache, renderer.timers)
+        adaptation(settings, old_too=False)
+        cache.reset_limits()
+        revision, ticks = cache.revision, 1
+        assert not adaptation.compare(settings, Budget(1e-9))
+        while not adaptation.compare(settings, Budget(1e-9)):
+            ticks += 1
+            assert cache.revision == revision
+        assert ticks > 3 and np.array_equal(cache.limits(cache.count), expected) and (expected < 1.0).any()
+        assert adaptation(settings, old_too=True) and cache.revision == revision + 1
+        assert adaptation.compare(settings, Budget(1e-9)) and not adaptation(settings, old_too=True)
+        adaptation.release()
 
 
 def test_the_limits_of_many_are_those_of_the_few_near_them(ctx: moderngl.Context) -> None:

@@ -216,6 +216,21 @@ def test_a_view_of_the_tracer_is_that_of_the_caster(mitsuba: Any) -> None:
     assert spread[0] == pytest.approx(spread[1] / 4.0, rel=0.15)  # 16 more texels a pixel
 
 
+def test_a_facet_beside_another_keeps_its_normal(mitsuba: Any) -> None:
+    """Facets 9° apart, one with a texture: a pixel on their edge, whose centre sees one of them, has that one's normal."""
+    from irrsplat.reference import trace_view
+
+    rise = float(np.tan(np.radians(9.0)))
+    paint = Material(albedo_texture=Texture(image(255, 128, 0)))
+    left, right = worn(quad((-1, 0, 1), (0.9, 0, 0), (0, 0, -2), paint)), quad((-0.1, 0, 1), (1.1, 1.1 * rise, 0), (0, 0, -2))
+    truth = trace_view.trace(scene(left, right, sky=1.0, camera=CAMERA), CAMERA, (40, 30), 1, 1, lambda share: None)
+    facets = np.array([[0.0, 1.0, 0.0], np.array([-rise, 1.0, 0.0]) / np.hypot(rise, 1.0)])
+    normal = truth["normal"][truth["valid"]]
+    off = np.linalg.norm(normal[:, None] - facets, axis=-1)
+    assert (off.argmin(1) == 0).any() and (off.argmin(1) == 1).any()
+    assert off.min(1).max() < 1e-5
+
+
 def test_a_camera_a_thousand_diagonals_away_is_precise(mitsuba: Any) -> None:
     """So far away an orthographic view is set up; float32 knows such distances to 1e-4 of the diagonal only."""
     world = scene(worn(floor(1.0)), quad((-0.2, 0.3, -0.2), (0, 0, 0.4), (0.4, 0, 0)))

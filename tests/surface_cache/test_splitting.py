@@ -6,6 +6,7 @@ from collections.abc import Generator
 from pathlib import Path
 from typing import TypeVar
 
+import moderngl
 import numpy as np
 import pytest
 
@@ -21,6 +22,7 @@ from irrsplat.records.record_cache import RecordCache
 from irrsplat.renderer import Renderer
 from irrsplat.surface_cache import site_layout, tessellation
 from irrsplat.surface_cache.cache import SurfaceCache
+from irrsplat.surface_cache.lookup_table import LookupTable
 from irrsplat.surface_cache.site_layout import FIRST_SITE, SiteChooser
 from irrsplat.surface_cache.site_splitting import SiteSplitter, SplitLayout, leaves_of, unevenness
 from tests.support.viewing import write_room
@@ -122,3 +124,16 @@ def test_cells_are_cut_in_halves_however_long_they_are() -> None:
     assert set(tessellation.steps(np.append(long, 1.0), 0.5, most=2)) == {2}
     cut = tessellation.tessellate(sliver, faces, 0.5, 0.0, most=2)
     assert cut.table[0, 0, 3] == 2 and len(np.unique(cut.corners)) == 12 and cut.area.sum() == pytest.approx(0.5)
+
+
+def test_tables_of_the_same_arrays_are_borrowed(ctx: moderngl.Context) -> None:
+    """A refinement of the same cells needs none of its own but for the values; one that cuts cells keeps the triangles'."""
+    rows, cells, order = np.ones((5, 3, 4)), np.ones((7, 2, 4)), np.arange(5)[::-1]
+    base = LookupTable(ctx, rows, cells, 3, order)
+    same, cut = (LookupTable(ctx, rows, one, 3, order, like=base) for one in (cells, np.ones((9, 2, 4))))
+    tables = [(one.triangles, one.leaves, one.cells) for one in (base, same, cut)]
+    assert tables[1] == tables[0] and tables[2][:2] == tables[0][:2] and cut.cells is not base.cells
+    assert set(same.owned()) == {same.values} and set(cut.owned()) == {cut.values, cut.cells}
+    assert len(set(base.owned())) == 4 and len({one.values for one in (base, same, cut)}) == 3
+    for one in (same, cut, base):
+        one.release()
