@@ -120,10 +120,10 @@ def _signals_held() -> Iterator[None]:
             answers[number](number, frame)
 
     try:
-        for number in signal.valid_signals():
-            if callable(handler := signal.getsignal(number)):
-                answers[number] = handler
-                signal.signal(number, answer)
+        for one in signal.valid_signals():
+            if callable(handler := signal.getsignal(one)):
+                answers[one] = handler
+                signal.signal(one, answer)
         yield
     finally:
         for number, handler in answers.items():

@@ -85,9 +85,9 @@ def test_flicker_is_less_with_fading_than_without(monkeypatch: pytest.MonkeyPatc
     """Few records a frame on the way; a flight with all records there is the measure's floor."""
     scene, frames = room(), 4
     monkeypatch.setattr(flicker, "TICK", TICK)
-    monkeypatch.setattr(flicker, "Renderer", lambda *given, **more: Renderer(*given, **LIGHT, **more))
+    monkeypatch.setattr(flicker, "Renderer", lambda *given, **more: Renderer(*given, **(LIGHT | more)))
     first, second, settled = flicker.measure(scene, (48, 36), frames=frames)
     assert [f.case for f in (first, second, settled)] == ["first", "second", "settled"]
     assert settled.rms < 0.05 and first.records <= second.records <= settled.records
-    monkeypatch.setattr(flicker, "Renderer", lambda *given, **more: Renderer(*given, **{**LIGHT, "fade": False}, **more))
+    monkeypatch.setattr(flicker, "Renderer", lambda *given, **more: Renderer(*given, **(LIGHT | {"fade": False} | more)))
     assert first.rms < 0.6 * next(flicker.measure(scene, (48, 36), frames=frames)).rms

@@ -141,7 +141,7 @@ def test_a_later_view_knows_what_the_surface_cache_lacks(tmp_path: Path, monkeyp
             if seen is camera:
                 known, count = (rays, between), surface.refinements
                 assert count >= 2 and rays > 0.0 and between is not None
-        assert rays == known[0] and (surface.refinements > count or between == known[1])
+        assert surface is not None and rays == known[0] and (surface.refinements > count or between == known[1])
         renderer.converge(camera)
         renderer.refine(camera, 0.03, seconds=1e-4)
         refinement = renderer._resting._refinement

@@ -43,12 +43,17 @@ def anything(driver: Driver, draw: np.random.Generator, often: np.ndarray) -> st
             return key.shown
     if draw.random() < 0.1:
         actions, session = driver.actions, driver.session
+
+        def snapshot() -> None:
+            if session.views:  # there is no picture to keep before the first one
+                session.forget_snapshot(session.keep_snapshot(0))
+
         acts = {
             "reload": actions.reload,
             "screenshot": actions.screenshot,
             "record": actions.record,
             "play": actions.play,
-            "snapshot": lambda: session.forget_snapshot(session.keep_snapshot(0)),
+            "snapshot": snapshot,
         }
         name = str(draw.choice(list(acts)))
         acts[name]()
