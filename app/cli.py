@@ -51,8 +51,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         return fail(str(error), 2)
     except IrrsplatError as error:
         return fail(str(error), 1)
-    except KeyboardInterrupt:
-        return fail("interrupted; nothing more was written", INTERRUPTED)
+    except KeyboardInterrupt as interrupted:
+        return fail(str(interrupted) or "interrupted; nothing more was written", INTERRUPTED)
     except BrokenPipeError:  # `irrsplat info | head`: the reader has seen enough
         with suppress(OSError, ValueError):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -293,14 +293,15 @@ def run(
         viewer = Viewer(wnd, scene, source, preferences, camera, loading)
         for notice in notices:
             viewer.actions.say(notice)
+        came: list[int] = []
         try:
             viewer.cache_file = None if cache is None else CacheFile(cache, viewer.actions, update)
             with signals(viewer.end) as came:
                 viewer.loop()
-            if signal.SIGINT in came:
-                raise KeyboardInterrupt
         finally:
             problem = viewer.close()
+        if signal.SIGINT in came:
+            raise KeyboardInterrupt(f"interrupted; {problem or 'what the window keeps is written'}")
         return problem
     finally:
         wnd.destroy()

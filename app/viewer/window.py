@@ -177,7 +177,7 @@ def signals(called: Callable[[], None]) -> Iterator[list[int]]:
 
     numbers = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
     before = {number: signal.getsignal(number) for number in numbers}
-    taken = {number: handler for number, handler in before.items() if handler is not signal.SIG_IGN}
+    taken = {number: handler for number, handler in before.items() if handler not in (None, signal.SIG_IGN)}
     for number in taken:
         signal.signal(number, take)
     try:

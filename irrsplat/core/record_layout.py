@@ -56,7 +56,7 @@ COLUMNS: dict[str, Column] = {
             ("vector_r.xyz", "vector_g.xyz", "vector_b.xyz"),
             "W/m²",
             "gather",
-            "irradiance vectors M = ∫ L·ω·dω of red, green and blue: E = n·M for a normal n near n_k",
+            "irradiance vectors M = ∫ L·ω·dω of red, green and blue: E is nearly n·M for a normal n near n_k",
         ),
         Column(
             "gradient",

@@ -116,7 +116,7 @@ def _signals_held() -> Iterator[None]:
     def answer(number: int, frame: FrameType | None) -> None:
         if holding:
             came.append(number)
-        else:  # between the end and its handler's return
+        else:  # between the end and the return of its own handler
             answers[number](number, frame)
 
     try:
@@ -126,9 +126,9 @@ def _signals_held() -> Iterator[None]:
                 signal.signal(one, answer)
         yield
     finally:
+        holding = False
         for number, handler in answers.items():
             signal.signal(number, handler)
-        holding = False
         for number in came:
             answers[number](number, None)
 

@@ -108,9 +108,12 @@ class Pace:
         self._overhead = 0.0  # of a batch, as the number of items that cost as much
 
     def _affordable(self, seconds: float) -> float:
-        """The estimated size of a batch that takes so many seconds; 1 before anything was measured."""
+        """The estimated size of a batch that takes so many seconds; 1 before anything was measured, infinite for work that takes no
+        time by the clock."""
         batches, n, _, t, _ = self._sums
-        return seconds * (n + batches * self._overhead) / t - self._overhead if batches else 1.0
+        if not batches:
+            return 1.0
+        return seconds * (n + batches * self._overhead) / t - self._overhead if t > 0.0 else np.inf
 
     @property
     def _efficient(self) -> float:
@@ -122,6 +125,8 @@ class Pace:
         """Refit the line with a batch of `count` items in `seconds`; stuck: it was as large as time allowed, not as wanted."""
         self._sums = _DECAY * self._sums + np.array([1.0, count, count * count, seconds, count * seconds])
         batches, n, nn, t, nt = self._sums
+        if t <= 0.0:
+            return
         spread, prior, mean = batches * nn - n * n, _PRIOR_VARIANCE * batches * nn, t / n
         marginal = (batches * nt - n * t + prior * t / (n + batches * self._overhead)) / (spread + prior)
         self._overhead = (t / min(max(marginal, _LEAST_MARGINAL_COST * mean), mean) - n) / batches
@@ -141,7 +146,7 @@ class Pace:
                 affordable, efficient, most = self._affordable(budget.left), self._efficient, min(count, 4 * last + _FIRST_STEP)
                 if done and affordable < min(efficient, count):
                     return  # the next tick does more in that time
-                count = min(most, int(max(affordable, efficient)))
+                count = int(min(most, max(affordable, efficient)))
                 self.ctx.finish()  # so that earlier draws are not measured as part of this batch
             start = now()
             yield count

@@ -39,7 +39,7 @@ def checked(size: tuple[int, int]) -> tuple[int, int]:
 def view_bytes(scene: Scene, settings: Settings, picture_alone: bool) -> int:
     """Bytes a pixel that a view by these settings takes while it is rendered: g-buffer, splat buffer, picture, samples.
     picture_alone: nothing but image and alpha is read of it."""
-    gbuffer, splats, image, direct, summed = 68, 35, 20, 16, 20  # summed: by the filter in time, or with holes filled
+    gbuffer, splats, image, direct, summed = 68, 35, 20, 16, 24  # summed: by the filter in time, or with holes filled
     gbuffer += 16 if any(material.normal_texture for material in scene.materials) else 0
     gbuffer += 36 if any(material.filters for material in scene.materials) else 0
     emitters = 32 if settings.emitters_apart else 0

@@ -136,13 +136,14 @@ class AdaptiveRadius(Owner):
             # of one that was left before its end, what it found the limits to be holds: no splats have been made since
             before = cache.limits(cache.count).copy()
             if partly is not None:
-                before[: len(partly.before)] = partly.before
+                before[: len(partly.before)] = partly.before[: len(before)]  # records may have gone
             partly = _Partly(inputs, done.compared, cache.count, before)
         if not partly.complete:
+            self._partly = partly  # also where the pass is interrupted, which has changed limits by then
             with self.timers("adapt"):
                 found, complete = self.limit_pass(cache, partly.first, settings, True, partly.done, budget)
             partly = replace(partly, done=found, complete=complete)
-        self._partly = partly
+            self._partly = partly
         return partly.complete
 
     def _limit(self, settings: Settings, first: int, limited: int, old: bool, same: bool) -> bool:

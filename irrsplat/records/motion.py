@@ -17,6 +17,7 @@ _LIFT = 1e-3  # of a mesh's diagonal: how far above its surface a point is held 
 _AT_ONCE = 1 << 18  # pairs of a point and a triangle
 _ON_IT = 0.3  # for points on what has moved: all around them is elsewhere, though most of it is far away
 _LEAST_CONCERN = 0.01  # for points that see nothing of what has moved, but perhaps its shadow
+_SHORTEST = 1e-4  # of a way: parts of it are not cut further
 _ROUNDING = 1e-6  # of the coordinates: a point that is nearer to a plane has not passed through it
 _RIGID = 1e-3  # how far, by rounding of its triangles, the map of a rigid motion may be from a rotation
 
@@ -79,26 +80,44 @@ def passed_through(start: np.ndarray, end: np.ndarray, change: SceneChange) -> n
     What a mesh has carried through a floor sees other light than what is above, and may be near enough to speak for it.
     """
     found = np.zeros(len(start), bool)
-    for number, mesh in enumerate(change.old.meshes if len(start) else ()):
-        if number not in change.moved and len(mesh.faces):
+    if not len(start):
+        return found
+    low, high = np.minimum(start, end).min(0), np.maximum(start, end).max(0)
+    for number, mesh in enumerate(change.old.meshes):
+        beside = number in change.moved or not len(mesh.faces)
+        if not beside and (mesh.positions.min(0) <= high).all() and (mesh.positions.max(0) >= low).all():
             found |= _blocked(start, end, mesh.positions[mesh.faces])
     return found
 
 
-def _blocked(start: np.ndarray, end: np.ndarray, corners: np.ndarray) -> np.ndarray:
-    """(N,) the same of triangles (T, 3, 3). Where these are many, the points are parted, so that each part has its own few."""
-    low, high = np.minimum(start, end).min(0), np.maximum(start, end).max(0)
+def _blocked(start: np.ndarray, end: np.ndarray, corners: np.ndarray, part: tuple[float, float] = (0.0, 1.0)) -> np.ndarray:
+    """(N,) the same of triangles (T, 3, 3) in the box about a `part` of the ways. Where these are many, ways that are longer than
+    the points lie apart are cut in halves, and else the points are parted, so that each has its own few."""
+    begins, ends = (start + share * (end - start) for share in part)
+    low, high = np.minimum(begins, ends).min(0), np.maximum(begins, ends).max(0)
     corners = corners[((corners.min(1) <= high) & (corners.max(1) >= low)).all(1)]
-    found, half = np.zeros(len(start), bool), len(start) // 2
-    if half and len(start) * len(corners) > _AT_ONCE:
-        order = np.argsort((start + end)[:, np.argmax(high - low)], kind="stable")
-        for part in (order[:half], order[half:]):
-            found[part] = _blocked(start[part], end[part], corners)
-        return found
+    if len(start) * len(corners) > _AT_ONCE:
+        apart = np.ptp(begins, axis=0)
+        if np.abs(ends - begins).max() > apart.max() and part[1] - part[0] > _SHORTEST:
+            middle = 0.5 * (part[0] + part[1])
+            halves = (part[0], middle), (middle, part[1])
+            return _blocked(start, end, corners, halves[0]) | _blocked(start, end, corners, halves[1])
+        if len(start) > 1:
+            found, half = np.zeros(len(start), bool), len(start) // 2
+            order = np.argsort(begins[:, np.argmax(apart)], kind="stable")
+            for some in (order[:half], order[half:]):
+                found[some] = _blocked(start[some], end[some], corners, part)
+            return found
+    return _crosses(start, end, corners)
+
+
+def _crosses(start: np.ndarray, end: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """(N,) whether the whole ways cross one of the triangles (T, 3, 3)."""
+    found = np.zeros(len(start), bool)
     a, b, c = corners.astype(float).swapaxes(0, 1)
     normal = unit(np.cross(b - a, c - a))
     before, after = (points @ normal.T - (a * normal).sum(1) for points in (start, end))
-    rounding = _ROUNDING * max(float(np.abs(low).max()), float(np.abs(high).max()))
+    rounding = _ROUNDING * max(float(np.abs(start).max()), float(np.abs(end).max()))
     points, triangles = np.nonzero((before * after < 0.0) & (np.abs(after) > rounding))
     height = before[points, triangles]
     share = height / (height - after[points, triangles])

@@ -370,7 +370,9 @@ class RecordCache(Owner):
         there["due"] += concerned(self.positions, geometric, triangle, change)
         moved = carried(self.positions, triangle, change)
         if len(moved.numbers):
-            kept[moved.numbers] &= ~passed_through(self.positions[moved.numbers].astype(float), moved.position, change)
+            there_still = kept[moved.numbers]
+            ways = self.positions[moved.numbers[there_still]].astype(float), moved.position[there_still]
+            kept[moved.numbers[there_still]] = ~passed_through(*ways, change)
             there["position"][moved.numbers, :3] = moved.position
             for name in ("normal", "geometric"):
                 there[name][moved.numbers, :3] = moved.normals(there[name][moved.numbers, :3])

@@ -76,7 +76,7 @@ class LookupTable(Owner):
         rows, corners = self._rows.copy(), corners[: len(order)]
         rows[:, 0, :3] = corners[:, 0]
         rows[:, 1:, :3] = corners[:, 1:] - corners[:, :1]
-        self._rows = rows
+        self._rows, self._made_of = rows, (rows, self._made_of[1])
         self.triangles.write(np.ascontiguousarray(table_rows(rows), "f4").tobytes())
         self.leaves.write(np.ascontiguousarray(table_rows(rows[order]), "f4").tobytes())
 

@@ -65,7 +65,7 @@ bool fits(ivec2 pixel, float lent)
         darkest = min(darkest, Y);
         brightest = max(brightest, Y);
     }
-    return brightest <= 0.0 || (max(lent, luminance_floor) * APART >= darkest && lent <= APART * max(brightest, luminance_floor));
+    return darkest > brightest || (max(lent, luminance_floor) * APART >= darkest && lent <= APART * max(brightest, luminance_floor));
 }
 
 // Whether a pixel that asks lies in so small a group of such pixels that it does with what records beside it lend. Of every other

@@ -36,15 +36,15 @@ layout(location = 1) out vec2 out_weight;   // w, and k·Y², where Y is the lum
 const float LENT_WITHIN = 1.5;
 
 #if NORMAL_MAPS
-// The irradiance on a normal m bent away from the surface's own n, where it is E. n·M and m·M count light below m's horizon as
+// The irradiance on a normal m bent away from the surface's own n, where it is E = n·M. n·M and m·M count light below m's horizon as
 // negative; what the surface lets through of it is a lune of n's hemisphere. Of light that is affine in the direction, and as bright
 // at n as at the horizon on the mean, that is (1 - n·m)·(E/2 - 2/π·M·t), t being the direction in which m is tilted, to second order
 // (docs/METHOD.md, 4.1).
 vec3 bent_irradiance(vec3 E, vec3 n, vec3 m, mat3 M)
 {
     float c = clamp(dot(n, m), 0.0, 1.0);
-    vec3 turned = m * M, sideways = (turned - c * E) * sqrt((1.0 - c) / (1.0 + c));  // (1 - c)·M·t
-    return turned + max((1.0 - c) * 0.5 * E - 2.0 * INV_PI * sideways, 0.0);
+    vec3 bent = m * M, sideways = (bent - c * E) * sqrt((1.0 - c) / (1.0 + c));  // (1 - c)·M·t
+    return bent + max((1.0 - c) * 0.5 * E - 2.0 * INV_PI * sideways, 0.0);
 }
 #endif
 
@@ -68,7 +68,7 @@ void main()
 #if GRADIENTS
     vec3 E = turned(v_m, n, v_normal);
 #if NORMAL_MAPS
-    E = bent_irradiance(E, n, texel_at(lit_normal, pixel).xyz, v_m);
+    E += bent_irradiance(n * v_m, n, texel_at(lit_normal, pixel).xyz, v_m) - n * v_m;
 #endif
 #else
     vec3 E = v_irradiance;

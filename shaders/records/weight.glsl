@@ -1,4 +1,5 @@
-// The weight of a record at a point, and the irradiance that it extrapolates there. irrsplat/records/weight.py has the same in numpy.
+// The weight of a record at a point, and the irradiance that it extrapolates there. irrsplat/records/weight.py and
+// merge.py have the same in numpy.
 #include "generated/constants.glsl"
 
 uniform float a;  // the error that is tolerated (Ward et al. 1988)

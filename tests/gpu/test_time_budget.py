@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+import moderngl
 import numpy as np
 import pytest
 
@@ -154,3 +155,11 @@ def test_ticks_that_go_by_rays_do_the_same_on_every_machine() -> None:
                     machine.sizes.append(count)
         found.append(machine.sizes)
     assert found[0] == found[1] and 0.7 < sum(found[0]) / 200.0 < 1.3
+
+
+def test_work_that_takes_no_time_by_the_clock_is_done_at_once(ctx: moderngl.Context) -> None:
+    """As what sends no rays, where a clock goes by rays."""
+    with time_budget.going_by(time_budget.RayClock(1e6)):
+        pace = Pace(ctx)
+        assert sum(pace.batches(500, 1000, Budget(0.01))) == 500
+        assert sum(pace.batches(500, 1000, Budget(0.01))) == 500

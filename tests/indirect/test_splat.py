@@ -322,8 +322,17 @@ def test_a_quadratic_field_is_extrapolated_exactly(ctx: moderngl.Context, second
     assert off.max() < 1e-3 if second_order else off.max() > 0.05
 
 
+class FlatMap(View):
+    """A picture of which a normal map bends no normal."""
+
+    def gbuffer(self, ctx: moderngl.Context) -> GBuffer:
+        plain = super().gbuffer(ctx)
+        return replace(plain, mapped_normal=plain.normal)
+
+
+@pytest.mark.parametrize("kind", [View, FlatMap])
 @pytest.mark.parametrize("angle", [0.0, 10.0, 20.0])
-def test_even_light_hardly_falls_as_the_surface_turns(ctx: moderngl.Context, angle: float) -> None:
+def test_even_light_hardly_falls_as_the_surface_turns(ctx: moderngl.Context, angle: float, kind: type[View]) -> None:
     """L in every direction: E = π·L on any normal. A record on another normal sees the light of its own half alone, of which
     n·M is the cosine; of what that lacks a quarter is left."""
     position, depth = on_plane(CAMERA, SIZE, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
@@ -333,7 +342,7 @@ def test_even_light_hardly_falls_as_the_surface_turns(ctx: moderngl.Context, ang
     records.E[0], records.M[0], records.gradient[0] = np.pi * colour, np.pi * np.outer(colour, (0, 0, 1)), 0.0
     records.axis[0], records.bend[0], records.walls[0] = (1, 0, 0), 0.1, 0.0
     turned = np.array([np.sin(np.radians(angle)), 0.0, np.cos(np.radians(angle))])
-    seen = View(position, np.broadcast_to(turned, position.shape), depth)
+    seen = kind(position, np.broadcast_to(turned, position.shape), depth)
     sums, _ = drawn(ctx, seen, records, replace(BASE, second_order=False))
     served = sums[..., 3] > 0.0
     assert served.sum() > 20

@@ -16,6 +16,7 @@ from irrsplat.gpu.target import pixels
 from irrsplat.gpu.time_budget import Budget, RayClock, going_by
 from irrsplat.image.view import read
 from irrsplat.indirect.change_probe import change, correction, take_in
+from irrsplat.records import motion
 from irrsplat.records.motion import carried, concerned, passed_through, swallowed, winding
 from irrsplat.records.record_cache import PROBED, RecordCache
 from irrsplat.scene.change import SceneChange
@@ -138,6 +139,19 @@ def test_what_passes_through_a_surface_is_told() -> None:
     assert not passed_through(start[:0], end[:0], change).any()
     both = moved(moved(world, world.meshes, 1, shift(0.0, -0.3)), world.meshes, 0, shift(0.0, -0.3))
     assert not passed_through(start, end, SceneChange.between(world, both)).any()
+
+
+@pytest.mark.parametrize("length", [0.05, 0.5, 4.0])
+def test_ways_through_many_triangles_are_held_against_those_about_them(length: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Long and short ones, side by side, come to what holding each against all triangles does."""
+    draw = np.random.default_rng(5)
+    start = draw.uniform(-1.0, 1.0, (60, 3)) * (0.2, 0.2, 0.02)
+    end = start + length * np.array([0.6, 0.64, 0.48])
+    corners = draw.uniform(-0.5, 4.0, (3000, 1, 3)) + draw.normal(0.0, 0.08, (3000, 3, 3))
+    expected = motion._crosses(start, end, corners)
+    monkeypatch.setattr(motion, "_AT_ONCE", 256)
+    assert np.array_equal(motion._blocked(start, end, corners), expected)
+    assert expected.any() == (length > 0.1) and not expected.all()
 
 
 @pytest.mark.parametrize("rigid", [True, False], ids=["rigid", "mirrored and stretched"])
