@@ -108,8 +108,8 @@ class Pace:
         self._overhead = 0.0  # of a batch, as the number of items that cost as much
 
     def _affordable(self, seconds: float) -> float:
-        """The estimated size of a batch that takes so many seconds; 1 before anything was measured, infinite for work that takes no
-        time by the clock."""
+        """The estimated size of a batch that takes so many seconds: 1 before anything was measured, infinite for work that takes
+        the clock no time."""
         batches, n, _, t, _ = self._sums
         if not batches:
             return 1.0

@@ -96,18 +96,22 @@ def _blocked(start: np.ndarray, end: np.ndarray, corners: np.ndarray, part: tupl
     begins, ends = (start + share * (end - start) for share in part)
     low, high = np.minimum(begins, ends).min(0), np.maximum(begins, ends).max(0)
     corners = corners[((corners.min(1) <= high) & (corners.max(1) >= low)).all(1)]
-    if len(start) * len(corners) > _AT_ONCE:
-        apart = np.ptp(begins, axis=0)
-        if np.abs(ends - begins).max() > apart.max() and part[1] - part[0] > _SHORTEST:
-            middle = 0.5 * (part[0] + part[1])
-            halves = (part[0], middle), (middle, part[1])
-            return _blocked(start, end, corners, halves[0]) | _blocked(start, end, corners, halves[1])
-        if len(start) > 1:
-            found, half = np.zeros(len(start), bool), len(start) // 2
-            order = np.argsort(begins[:, np.argmax(apart)], kind="stable")
-            for some in (order[:half], order[half:]):
-                found[some] = _blocked(start[some], end[some], corners, part)
-            return found
+    found = np.zeros(len(start), bool)
+    if len(start) * len(corners) <= _AT_ONCE:
+        return _crosses(start, end, corners)
+    apart = np.ptp(begins, axis=0)
+    if np.abs(ends - begins).max() > apart.max() and part[1] - part[0] > _SHORTEST:
+        middle = 0.5 * (part[0] + part[1])
+        for half in ((part[0], middle), (middle, part[1])):
+            left = np.flatnonzero(~found)
+            if len(left):
+                found[left] = _blocked(start[left], end[left], corners, half)
+        return found
+    if len(start) > 1:
+        order = np.argsort(begins[:, np.argmax(apart)], kind="stable")
+        for some in (order[: len(start) // 2], order[len(start) // 2 :]):
+            found[some] = _blocked(start[some], end[some], corners, part)
+        return found
     return _crosses(start, end, corners)
 
 
