@@ -23,13 +23,14 @@ from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target, pixels
 from irrsplat.gpu.time_budget import Budget, Pace
 from irrsplat.gpu.world import World
-from irrsplat.scene.model import Camera, part_drawn
+from irrsplat.scene.model import Camera, Part, part_drawn
 from irrsplat.settings import IN_FRONT, Settings
 
 _APART = 0.0125  # of the image height: about how far sites lie apart
 _NEAR = 2.0  # times the gap's height: where a record lies so near, and no higher than half of it, no other is wanted
 _NEIGHBOURS = 4  # records that are looked at about each place
 _RAYS = 9  # of a pixel
+_FINE = 250  # rows of a picture: in one of twice as many one pixel of four is looked at, and so on
 _REACH = 8.0  # percent of the image height: the greatest reach where the settings have no limit
 
 
@@ -81,8 +82,8 @@ class Gaps:
 
 @dataclass(frozen=True)
 class Search:
-    """How far a search for the gaps of a view has come: `rows` of its pixels are looked at. gaps: what was found, None before all
-    are, and where there are none to look for."""
+    """How far a search for the gaps of a view has come: `rows` of its squares are looked at. gaps: what was found, None before
+    all are, and where there are none to look for."""
 
     rows: int
     complete: bool
@@ -98,7 +99,7 @@ class GapPass(Owner):
     def __init__(self, world: World, size: tuple[int, int]) -> None:
         self.world, self.size = world, size
         self.program = Program(world.ctx, "indirect/gaps", "lib/fullscreen", world.material_defines)
-        self.target = Target(world.ctx, size, (1,))
+        self.target: Target | None = None
         self._pace = Pace(world.ctx)  # of rows
         started(_nearest)  # its import takes half a second, and the search many ticks
 
@@ -108,6 +109,7 @@ class GapPass(Owner):
 
     def __call__(self, gbuffer: GBuffer, camera: Camera, settings: Settings, start: int, budget: Budget) -> Search:
         """Look for the gaps of a view, or of the part of it that `camera` draws, from row `start` on, as far as the budget goes.
+        Of a large picture one pixel of each small square is looked at, as sites in gaps lie some pixels apart anyway.
 
         The rows before it have to be of the last call. Where a scene has too many triangles for rays, there is nothing to find.
         """
@@ -115,14 +117,19 @@ class GapPass(Owner):
             rays = self.world.ray_uniforms
         except InputError:
             return NOTHING_TO_FIND
-        width, height = self.size
+        part = part_drawn(camera, self.size)
+        stride, first, (width, height) = _squares(part)
+        target = self._target((self.size[0] // stride + 2, self.size[1] // stride + 2))
         for rows in self._pace.batches(height - start, height, budget, width * _RAYS):
             self.program(
-                self.target,
+                target,
                 scissor=(0, start, width, rows),
                 position=gbuffer.position,
                 normal=gbuffer.normal,
                 albedo=gbuffer.albedo,
+                stride=stride,
+                corner=part.corner,
+                first=first,
                 eye=camera.eye,
                 height=IN_FRONT / settings.a * (settings.radius_max or _REACH) / 100.0 * camera.measure(self.size),
                 near=OFFSET * self.world.scene.diagonal,
@@ -130,17 +137,40 @@ class GapPass(Owner):
             )
             start += rows
         complete = start == height
-        return Search(start, complete, self._found(gbuffer, camera) if complete else None)
+        return Search(start, complete, self._found(target, gbuffer, camera, part) if complete else None)
 
-    def _found(self, gbuffer: GBuffer, camera: Camera) -> Gaps:
+    def _target(self, size: tuple[int, int]) -> Target:
+        """Where the search of views with at most so many squares goes."""
+        if self.target is None or self.target.size != size:
+            if self.target is not None:
+                self.target.release()
+                self.target = None
+            self.target = Target(self.world.ctx, size, (1,))
+        return self.target
+
+    def _found(self, target: Target, gbuffer: GBuffer, camera: Camera, part: Part) -> Gaps:
         """The gaps, once all rows are looked at."""
-        height, part = self.target.read()[..., 0], part_drawn(camera, self.size)
-        x, y = (np.arange(n) + first for n, first in zip(self.size, part.corner, strict=True))
-        inside = ((y >= 0) & (y < part.whole[1]))[::-1, None] & (x >= 0) & (x < part.whole[0])
-        at = np.nonzero((height > 0.0) & inside)
+        stride, first, (width, height) = _squares(part)
+        square = np.stack(np.meshgrid(first[0] + np.arange(width), first[1] + np.arange(height)), axis=-1)
+        pixel = stride * square + square[..., ::-1] % stride  # as in the shader, from the whole picture's corner
+        inside = ((pixel >= 0) & (pixel < part.whole)).all(-1)
+        found = target.read()[::-1, :, 0][:height, :width]
+        which = np.nonzero((found > 0.0) & inside)
+        x, y = (pixel[which] - part.corner).T
+        at, gap = (self.size[1] - 1 - y, x), found[which]
         textures = gbuffer.position, gbuffer.normal, gbuffer.albedo, gbuffer.emission
-        position, normal, albedo, emission = (pixels(texture)[at] for texture in textures)
+        none = np.zeros((0, 4), "f4")  # reading a large picture's buffers back takes longer than the search
+        position, normal, albedo, emission = (pixels(texture)[at] if len(gap) else none for texture in textures)
         geometric, triangle = octahedral_decode(normal[:, 3], albedo[:, 3]), emission[:, 3].astype(np.intp)
         distance = np.linalg.norm(position[:, :3] - np.asarray(camera.eye, "f4"), axis=1)
         sites = Sites(position[:, :3], normal[:, :3], geometric, triangle)
-        return Gaps(sites, height[at], _APART * camera.measure(self.size) * distance)
+        return Gaps(sites, gap, _APART * camera.measure(self.size) * distance)
+
+
+def _squares(part: Part) -> tuple[int, tuple[int, int], tuple[int, int]]:
+    """The side in pixels of the squares of which one pixel each is looked at, the first one's column and row, counted in the
+    whole picture, and how many there are across and up."""
+    stride = max(1, round(part.whole[1] / _FINE))
+    first = part.corner[0] // stride, part.corner[1] // stride
+    across, up = (-(-(at + side) // stride) - begin for at, side, begin in zip(part.corner, part.size, first, strict=True))
+    return stride, first, (across, up)

@@ -7,6 +7,9 @@
 uniform sampler2D position;  // g-buffer
 uniform sampler2D normal;
 uniform sampler2D albedo;
+uniform int stride;          // one pixel of each square of so many is looked at
+uniform ivec2 corner;        // of what is drawn, in pixels from that of the whole picture
+uniform ivec2 first;         // square that is looked at
 uniform vec3 eye;
 uniform float height;        // of the highest gap, metres at distance 1 from the eye
 uniform float near;          // metres above the surface from where rays begin
@@ -18,7 +21,10 @@ const float FACING = 0.5;  // cosine between the normals from which on it faces 
 
 void main()
 {
-    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    // another pixel of each square, so that no thin strip lies between all of them
+    ivec2 square = first + ivec2(gl_FragCoord.xy), pixel = stride * square + ivec2(mod(vec2(square.yx), float(stride))) - corner;
+    out_gap = 0.0;
+    if (pixel != clamp(pixel, ivec2(0), textureSize(position, 0) - 1)) return;
     vec4 p = texel_at(position, pixel);
     vec3 g = octahedral_decode(vec2(texel_at(normal, pixel).w, texel_at(albedo, pixel).w));
     vec3 t = normalize(abs(g.y) < 0.9 ? cross(vec3(0.0, 1.0, 0.0), g) : cross(vec3(1.0, 0.0, 0.0), g)), b = cross(g, t);

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import irrsplat
+from irrsplat.gather import gaps
 from irrsplat.gather.gaps import GapPass, Gaps, Search
 from irrsplat.gpu.target import pixels
 from irrsplat.gpu.time_budget import Budget
@@ -96,6 +97,31 @@ def test_a_search_in_parts_finds_the_same(ctx: moderngl.Context) -> None:
             calls += 1
     assert found.gaps is not None and calls > 1
     assert np.array_equal(found.gaps.sites.position, whole.sites.position) and np.array_equal(found.gaps.height, whole.height)
+
+
+def test_of_a_large_picture_one_pixel_of_each_square_is_looked_at(ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A ninth of the pixels in gaps, and one close to each of the others."""
+    scene = plate(0.5 * HIGHEST)
+    every, position, _ = gaps_of(ctx, scene)
+    monkeypatch.setattr(gaps, "_FINE", SIZE[1] // 3)
+    few, *_ = gaps_of(ctx, scene)
+    pixel_of = {tuple(place): divmod(i, SIZE[0]) for i, place in enumerate(position.reshape(-1, 3))}
+    of_all, of_few = (np.array([pixel_of[tuple(place)] for place in found.sites.position]) for found in (every, few))
+    heights = {tuple(pixel): height for pixel, height in zip(of_all.tolist(), every.height, strict=True)}
+    assert all(heights[tuple(pixel)] == height for pixel, height in zip(of_few.tolist(), few.height, strict=True))
+    assert 0.8 < 9.0 * len(of_few) / len(of_all) < 1.2
+    assert np.abs(of_all[:, None] - of_few).max(-1).min(1).max() <= 4
+
+
+def test_gaps_of_a_picture_in_tiles_are_those_of_the_whole(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where squares of which one pixel is looked at lie across the tiles' edges."""
+    monkeypatch.setattr(gaps, "_FINE", 20)
+    scene, frames = plate(0.005), []
+    for tile in (0, 16):
+        with irrsplat.Renderer(scene, size=(80, 60), bounces=1, gather_size=16, tile_size=tile) as renderer:
+            frames.append(renderer.render())
+    assert np.array_equal(frames[0].irradiance, frames[1].irradiance)
+    assert frames[0].stats["records"] == frames[1].stats["records"]
 
 
 def test_views_in_passing_are_not_searched(monkeypatch: pytest.MonkeyPatch) -> None:
