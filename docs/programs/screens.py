@@ -77,6 +77,8 @@ def whole(viewer: Viewer) -> None:
     actions, options = viewer.actions, viewer.actions.session.options
     settled(viewer)
     actions.session.change(0, **{name: getattr(preset("default"), name) for name in SETTINGS})  # as it opens
+    for _ in range(12):  # until the times of ticks are those of its own budget
+        viewer.frame(DT)
     keep(viewer, "viewer/window", settle=False)
     actions.session.change(0, **SETTINGS)
     for hint in HINTS:
