@@ -22,11 +22,10 @@ from irrsplat.core.color import LUMINANCE
 from irrsplat.core.record_layout import COLUMNS, GATHERED
 from irrsplat.records.cache_file import CacheState, selected
 from irrsplat.records.record_cache import luminance_floor
-from irrsplat.records.weight import behind_wall, own_radii, record_distance, record_weight
+from irrsplat.records.weight import LUNES, behind_wall, own_radii, record_distance, record_weight
 from irrsplat.settings import Settings
 
 _AT_ONCE = 4096  # records that are held against the others together
-_LUNES = 0.75  # as in shaders/records/weight.glsl
 _FAINT, _LEAST_KNOWN = 0.1, 1e-3  # as known_share of shaders/records/weight.glsl has them
 _NEAR = 3.0  # as in shaders/indirect/effective_weight.glsl
 # times the Σw that a pixel asks below: a record was asked for at one pixel, and those around it are to be served too. At 1, up
@@ -150,7 +149,7 @@ class _Table:
     def _turned(vectors: np.ndarray, n: np.ndarray, n_k: np.ndarray) -> np.ndarray:
         """turned() of shaders/records/weight.glsl, of luminance."""
         M = np.einsum("pcx,c->px", vectors, LUMINANCE)
-        found: np.ndarray = (M * n).sum(1) + _LUNES * (1.0 - (n * n_k).sum(1)) * (M * n_k).sum(1)
+        found: np.ndarray = (M * n).sum(1) + LUNES * (1.0 - (n * n_k).sum(1)) * (M * n_k).sum(1)
         return found
 
     def _extrapolated(

@@ -11,10 +11,12 @@ from irrsplat.core.color import LUMINANCE
 from irrsplat.scene.model import Camera
 from irrsplat.settings import IN_FRONT, LEAST_ERROR, Settings
 
+LUNES = 0.75  # of (1 - n·n_k)·E: what n·M lacks on a surface that is turned away from the record's (docs/METHOD.md, 4.1)
+
 
 def record_defines(gradients: bool) -> dict[str, object]:
     """What shaders/records/weight.glsl and record.glsl are compiled for: records with derivatives or without."""
-    return {"GRADIENTS": int(gradients), "LEAST_ERROR": LEAST_ERROR, "IN_FRONT": IN_FRONT}
+    return {"GRADIENTS": int(gradients), "LEAST_ERROR": LEAST_ERROR, "IN_FRONT": IN_FRONT, "LUNES": LUNES}
 
 
 def record_uniforms(settings: Settings) -> Uniforms:

@@ -37,10 +37,10 @@ class LookupTable(Owner):
         known: bool = True,
         like: LookupTable | None = None,
     ) -> None:
-        self._rows, self._known, self._made_of = rows, known, (rows, cells)
+        self._rows, self._cells, self._known = rows, cells, known
         self._own: list[Resource] = []
-        triangles = like if like is not None and like._made_of[0] is rows else None
-        same = like if like is not None and like._made_of[1] is cells else None
+        triangles = like if like is not None and like._rows is rows else None
+        same = like if like is not None and like._cells is cells else None
         self.values = self._texture(ctx, np.zeros((-(-most // TABLE_COLUMNS), TABLE_COLUMNS, 4)))
         self.cells: moderngl.Texture = same.cells if same else self._texture(ctx, table_rows(cells))
         self.triangles: moderngl.Texture = triangles.triangles if triangles else self._texture(ctx, table_rows(rows))
@@ -76,7 +76,7 @@ class LookupTable(Owner):
         rows, corners = self._rows.copy(), corners[: len(order)]
         rows[:, 0, :3] = corners[:, 0]
         rows[:, 1:, :3] = corners[:, 1:] - corners[:, :1]
-        self._rows, self._made_of = rows, (rows, self._made_of[1])
+        self._rows = rows
         self.triangles.write(np.ascontiguousarray(table_rows(rows), "f4").tobytes())
         self.leaves.write(np.ascontiguousarray(table_rows(rows[order]), "f4").tobytes())
 

@@ -6,11 +6,10 @@ uniform float a;  // the error that is tolerated (Ward et al. 1988)
 
 const float BORROWED = 1e-6;  // greatest weight at a point that a record does not reach
 const float FAINT = 0.1;        // of a record's luminance: below it, what the expansion says is not believed
-const float LUNES = 0.75;       // of (1 - n·n_k)·E: what n·M lacks on a surface that is turned away from the record's
 const float DEEP = 0.3;         // of their distance: how far a record may lie above the tangent plane of a point that borrows from it
 
-// Constants from irrsplat/settings.py: LEAST_ERROR keeps the weight finite; IN_FRONT is how far in front of the point's surface or
-// behind it a record may lie, as a share of R.
+// Constants from irrsplat/records/weight.py: LEAST_ERROR keeps the weight finite; IN_FRONT is how far in front of the point's surface or
+// behind it a record may lie, as a share of R; LUNES is the share of (1 - n·n_k)·E that n·M lacks on a surface turned to n.
 
 // How far p is from a record in radii: apart = p - p_k in metres; R: radii along `axis` and across it, metres.
 float record_distance(vec3 apart, vec3 axis, vec2 R)
