@@ -323,10 +323,8 @@ def _cache(draw: st.DrawFn) -> bytes:
                 draw(st.sampled_from(["", "[]", "{}", "[" * 9999, "NaN", '{"key": 3}', '{"key": {}, "about": []}']))
             )
         elif arrays[name].dtype.kind in "fi":
-            arrays[name] = np.full_like(
-                arrays[name],
-                draw(st.sampled_from([0, -1, 2**30, 7])) if arrays[name].dtype.kind == "i" else draw(st.floats(width=32)),
-            )
+            value = draw(st.sampled_from([0, -1, 2**30, 7])) if arrays[name].dtype.kind == "i" else draw(st.floats(width=32))
+            arrays[name] = np.full(arrays[name].shape, value).astype(arrays[name].dtype)  # wraps where it is too much
         if name not in arrays or not len(arrays):
             break
     return readers.npz(arrays)
