@@ -1,7 +1,8 @@
 """Films: the pictures of a flight as one .mp4, .webm or .gif, encoded by FFmpeg's libraries through PyAV.
 
-Equal pictures give equal files: one thread encodes, colours are converted by exact arithmetic, and no date is written. They are
-tagged as what they are: BT.709 primaries with sRGB's transfer curve, and BT.709's matrix at limited range.
+Equal pictures give equal files: one thread encodes, colours are converted by exact arithmetic, no date is written, and x264
+uses no AVX-512: with it, its look-ahead reads memory that nothing was written to. Films are tagged as what they are: BT.709
+primaries with sRGB's transfer curve, and BT.709's matrix at limited range.
 """
 
 from __future__ import annotations
@@ -45,6 +46,7 @@ _BY_ENDING = {
     ".gif": _Codec("gif", "pal8", (), False, {}, {"loop": "0"}),
 }
 ENDINGS = tuple(_BY_ENDING)
+_NO_AVX512 = {"x264-params": "asm=avx2"}  # every processor with AVX-512 has AVX2
 _EXACT = "flags=bicubic+accurate_rnd+full_chroma_int+full_chroma_inp+bitexact"
 _TO_YUV = f"{_EXACT}:in_range=full:out_range=limited:out_color_matrix=bt709"
 _TAGS = 1, 13, 1, 1  # by ITU-T H.273: BT.709's primaries, sRGB's curve, BT.709's matrix; limited range
@@ -113,7 +115,8 @@ def _encode(part: Path, pictures: Sequence[Path], codec: _Codec, encoding: Encod
     make = _converted if codec.crf else _with_palette
     with av.open(str(part), "w", options={"fflags": "+bitexact", **codec.file_options}) as file:
         crf = {"crf": str(codec.crf[quality])} if codec.crf else {}
-        stream: Any = file.add_stream(codec.name, rate=encoding.rate, options={**codec.options, **crf})
+        kept_to = _NO_AVX512 if codec.name == "libx264" and _has_avx512() else {}
+        stream: Any = file.add_stream(codec.name, rate=encoding.rate, options={**codec.options, **crf, **kept_to})
         stream.width, stream.height, stream.pix_fmt = width, height, codec.pixels
         context = stream.codec_context
         context.thread_count = 1
@@ -122,6 +125,15 @@ def _encode(part: Path, pictures: Sequence[Path], codec: _Codec, encoding: Encod
         for frame in make(frames, (width, height), encoding, codec.pixels, _DITHER[quality]):
             file.mux(stream.encode(frame))
         file.mux(stream.encode(None))
+
+
+def _has_avx512() -> bool:
+    """Whether this processor has AVX-512, as far as numpy knows."""
+    try:
+        from numpy._core._multiarray_umath import __cpu_features__
+    except ImportError:  # it has moved
+        return False
+    return bool(__cpu_features__.get("AVX512F"))
 
 
 def _read(picture: Path, even: bool) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import subprocess
 import sys
 import time
@@ -82,6 +83,25 @@ def test_quality_is_bytes_against_error(tmp_path: Path) -> None:
         sizes.append((tmp_path / "a.mp4").stat().st_size)
         errors.append(np.abs(decoded(tmp_path / "a.mp4")[1][1].mean(2) - noise.mean(2)).mean())
     assert sizes[0] < sizes[1] < sizes[2] and errors[0] > errors[1] > errors[2]
+
+
+def test_equal_pictures_give_equal_films(tmp_path: Path) -> None:
+    """Whatever lies in the memory that the encoder asks for; glibc fills it with one byte or another."""
+    rows, columns = np.mgrid[:240, :320]
+    pictures = []
+    for i in range(6):
+        red, green, blue = np.sin((columns + 3 * i) / 19), np.cos((rows - 2 * i) / 17), np.sin(columns * rows / 900)
+        Image.fromarray((128 + 100 * np.stack([red, green, blue], -1)).astype(np.uint8)).save(tmp_path / f"{i}.png")
+        pictures.append(str(tmp_path / f"{i}.png"))
+    program = (
+        "import sys; from pathlib import Path; from irrsplat.app.film import video; "
+        "[video.write(sys.argv[1] + e, [Path(p) for p in sys.argv[2:]], video.Encoding()) for e in video.ENDINGS]"
+    )
+    for fill in ("85", "170"):
+        environment = os.environ | {"MALLOC_PERTURB_": fill}
+        subprocess.run([sys.executable, "-c", program, str(tmp_path / fill), *pictures], check=True, env=environment)
+    for ending in video.ENDINGS:
+        assert (tmp_path / f"85{ending}").read_bytes() == (tmp_path / f"170{ending}").read_bytes(), ending
 
 
 def test_a_film_appears_whole_or_not_at_all(pictures: list[Path], tmp_path: Path) -> None:
