@@ -681,8 +681,8 @@ CORE = (
     Mutant(
         "overhead of batches not counted",
         "irrsplat/gpu/time_budget.py",
-        "(n + batches * self._overhead) / t - self._overhead if batches else 1.0",
-        "n / t if batches else 1.0",
+        "return seconds * (n + batches * self._overhead) / t - self._overhead if",
+        "return seconds * n / t if",
         ("tests/gpu/test_time_budget.py::test_a_tick_is_filled_and_not_overrun",),
     ),
     Mutant(
@@ -766,8 +766,8 @@ CORE = (
     Mutant(
         "sample's camera shifted the other way",
         "irrsplat/image/jitter.py",
-        "matrix[:2, 2] -= 2.0",
-        "matrix[:2, 2] += 2.0",
+        "shift = -offset[0] / whole[0], -offset[1] / whole[1]",
+        "shift = offset[0] / whole[0], offset[1] / whole[1]",
         ("tests/image/test_antialias.py::test_the_camera_beside_sees_at_the_centre_what_the_camera_saw_off_it[offset1]",),
     ),
     Mutant(
@@ -921,7 +921,7 @@ APP = (
         "app/cli.py",
         "    except InputError as error:\n        return fail(str(error), 2)",
         "    except InputError as error:\n        return fail(str(error), 1)",
-        ("tests/app/commands/test_cli_errors.py::test_a_wrong_command_line_is_one_line_and_exit_status_2[argv0-COMMAND]",),
+        ("tests/app/commands/test_cli_errors.py::test_a_wrong_command_line_is_one_line_and_exit_status_2[argv1-paint]",),
     ),
     Mutant(
         "only the last output is written",
