@@ -10,6 +10,7 @@ import pytest
 
 import irrsplat
 from irrsplat.gpu.time_budget import Budget
+from irrsplat.gpu.timers import Timers
 from irrsplat.records.adaptive_radius import AdaptiveRadius
 from irrsplat.records.radius_limit_pass import RadiusLimitPass
 from irrsplat.records.record_cache import RecordCache
@@ -49,12 +50,9 @@ class Made:
         self.dark = 0.5
         self.ctx = ctx
 
-    def limits(self, settings: Settings, *parts: int) -> np.ndarray:
-        """What the pass leaves, the records coming in parts that end at the given counts, and at last all.
-
-        -n in place of a count: the last n are forgotten again.
-        """
-        cache = RecordCache(self.ctx)
+    def append(self, cache: RecordCache, count: int) -> None:
+        """Append the records that it lacks of the first `count`."""
+        new = slice(cache.count, count)
         columns = {
             "vectors": self.M,
             "gradient": self.gradient,
@@ -63,14 +61,21 @@ class Made:
             "max_radius": self.farthest,
             "walls": self.walls.reshape(-1, 4),
         }
+        cache.append(sites(self.p[new], self.n[new]), np.column_stack([self.E, self.R])[new])
+        write_columns(cache.records, new.start, **{name: values[new] for name, values in columns.items()})
+
+    def limits(self, settings: Settings, *parts: int) -> np.ndarray:
+        """What the pass leaves, the records coming in parts that end at the given counts, and at last all.
+
+        -n in place of a count: the last n are forgotten again.
+        """
+        cache = RecordCache(self.ctx)
         one, first = RadiusLimitPass(self.ctx, settings.gradients, settings.neighbours), 0
         for count in (*parts, len(self.p)):
             if count < 0:
                 cache.truncate(first := first + count)
                 continue
-            new = slice(first, count)
-            cache.append(sites(self.p[new], self.n[new]), np.column_stack([self.E, self.R])[new])
-            write_columns(cache.records, first, **{name: values[new] for name, values in columns.items()})
+            self.append(cache, count)
             cache.luminance_floor = self.dark
             one(cache, first, settings)
             first = count
@@ -236,6 +241,39 @@ def test_all_records_are_compared_over_several_ticks() -> None:
         assert adaptation(settings, old_too=True) and cache.revision == revision + 1
         assert adaptation.compare(settings, Budget(1e-9)) and not adaptation(settings, old_too=True)
         adaptation.release()
+
+
+@pytest.mark.parametrize("stopped", [0, 2])
+def test_old_records_are_compared_with_new_ones_over_several_ticks(ctx: moderngl.Context, stopped: int) -> None:
+    """The old ones have been compared with each other: the same limits as in one go, also where further records come after a tick
+    or two, so that it begins anew."""
+    settings, made = BASE, Made(ctx, 1800)
+    found = []
+    for by_ticks in (False, True):
+        cache = RecordCache(ctx)
+        adaptation = AdaptiveRadius(ctx, settings, cache, Timers(ctx, software=True))
+        made.append(cache, 1200)
+        adaptation(settings, old_too=True)
+        old = cache.limits(1200).copy()
+        for count in (1500, 1800):
+            made.append(cache, count)
+            adaptation(settings, old_too=False)
+            assert np.array_equal(cache.limits(1200), old)
+            if by_ticks and count < 1800:
+                assert not any(adaptation.compare(settings, Budget(1e-9)) for _ in range(stopped))
+                old = cache.limits(1200).copy()
+        if by_ticks:
+            ticks = 1
+            while not adaptation.compare(settings, Budget(1e-9)):
+                ticks += 1
+            assert ticks > 2
+        revision = cache.revision
+        assert adaptation(settings, old_too=True) and cache.revision == revision + 1
+        found.append(cache.limits(1800).copy())
+        adaptation.release()
+        cache.release()
+    assert (found[0][:1200] < old).any()
+    assert np.array_equal(*found)
 
 
 def test_the_limits_of_many_are_those_of_the_few_near_them(ctx: moderngl.Context) -> None:
