@@ -187,13 +187,13 @@ class Driver:
             error = self.viewer.ctx.error
             assert error == "GL_NO_ERROR", error
 
-    def settle(self, most: int = 400) -> None:
-        """Frames until nothing is left to do, and one more, which shows it."""
+    def settle(self, most: int = 400, when: str = "") -> None:
+        """Frames until nothing is left to do, and one more, which shows it. when: for the message where that takes too long."""
         for _ in range(most):
             self.frame()
             if self.session.at_rest:
                 return self.frame()
-        pytest.fail(f"not at rest after {most} frames: {self.session.progress}")
+        pytest.fail(f"not at rest after {most} frames {when}: {self.session.progress}")
 
     def window(self) -> np.ndarray:
         """What the window shows: (H, W, 3) uint8, top row first."""

@@ -29,6 +29,9 @@ ACTIONS = int(os.environ.get("IRRSPLAT_ACTIONS", "4"))
 SEED = int(os.environ.get("IRRSPLAT_SEED", "1"))
 DT = 0.1  # seconds of a frame
 KEPT = 2500  # records at most
+REST = (
+    20_000  # frames at most: on a loaded machine each does less, and a preset that is shown beside the quick one refines for long
+)
 GROWTH = 1.05
 OBJECTS = 12  # of OpenGL may come after that: programs of overlays at first use, the interface's letters
 EDITED = 3  # meshes that edits need
@@ -71,7 +74,7 @@ def check(driver: Driver, done: list[str]) -> None:
     if session.path_recorder.recording is not None:
         driver.actions.record()  # which ends the recording
     session.path_recorder.stop()
-    driver.settle(4000)
+    driver.settle(REST, f"after {done}, with {[(r.preset, r.cache.count, r.settings) for r in session.active]}")
     for view, progress, renderer in zip(session.views, session.progress, session.active, strict=True):
         assert renderer.cache.count <= renderer.settings.max_records, f"{renderer.cache.count} records after {done}"
         left = holes(view)
@@ -104,7 +107,7 @@ def test_a_day(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
                 assert driver.wnd.ctx.error == "GL_NO_ERROR", f"after {done}"
             driver.reset()
             driver.actions.reload()
-            driver.settle(4000)
+            driver.settle(REST)
             memory.append(resident())
             objects.append(watch.alive().total())
             for file in tmp_path.glob("*-*-*"):
