@@ -29,7 +29,7 @@ ACTIONS = int(os.environ.get("IRRSPLAT_ACTIONS", "4"))
 SEED = int(os.environ.get("IRRSPLAT_SEED", "1"))
 DT = 0.1  # seconds of a frame
 KEPT = 2500  # records at most
-REST = (
+REST = 20_000  # frames at most: each does less on a loaded machine, and a preset beside the quick one refines for long
     20_000  # frames at most: on a loaded machine each does less, and a preset that is shown beside the quick one refines for long
 )
 GROWTH = 1.05
