@@ -30,37 +30,6 @@ SEED = int(os.environ.get("IRRSPLAT_SEED", "1"))
 DT = 0.1  # seconds of a frame
 KEPT = 2500  # records at most
 REST = 20_000  # frames at most: each does less on a loaded machine, and a preset beside the quick one refines for long
-GROWTH of the most that the first third of the laps came to, in which all is used
-for the first time that loads a library or keeps something for good.
-
-IRRSPLAT_LAPS: through all scenes; without it, two through a few. IRRSPLAT_ACTIONS: in each scene of a lap (4). IRRSPLAT_SEED:
-which (1). With -s, memory is told.
-"""
-
-from __future__ import annotations
-
-import os
-from pathlib import Path
-
-import numpy as np
-import pytest
-
-from irrsplat.app.viewer.input.keys import KEYS
-from irrsplat.scene import bundled
-from tests.app.editing.test_at_random import ACTS, QUICK
-from tests.app.viewer.test_viewer_leaks import LEFT_OUT, Watch, resident
-from tests.renderer.test_no_holes import holes
-from tests.support.viewing import Driver, viewing, write_room
-
-LAPS = int(os.environ.get("IRRSPLAT_LAPS", "2"))
-SCENES = tuple(bundled()) if "IRRSPLAT_LAPS" in os.environ else ("furnace",)
-ACTIONS = int(os.environ.get("IRRSPLAT_ACTIONS", "4"))
-SEED = int(os.environ.get("IRRSPLAT_SEED", "1"))
-DT = 0.1  # seconds of a frame
-KEPT = 2500  # records at most
-REST = 20_000  # frames at most: each does less on a loaded machine, and a preset beside the quick one refines for long
-    20_000  # frames at most: on a loaded machine each does less, and a preset that is shown beside the quick one refines for long
-)
 GROWTH = 1.05
 OBJECTS = 12  # of OpenGL may come after that: programs of overlays at first use, the interface's letters
 EDITED = 3  # meshes that edits need
