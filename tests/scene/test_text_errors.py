@@ -131,6 +131,7 @@ def test_a_malformed_light_is_an_error_with_its_place(write, text, line, says):
         (TRIANGLE + "f 1/ 2/ 3/\n", 5, "'1/' is no corner"),
         (TRIANGLE + "f 1/1/1/1 2 3\n", 5, "'1/1/1/1' is no corner"),
         (TRIANGLE + "f 1 2 3.5\n", 5, "'3.5' is no corner"),
+        ("v 0 0 0\nf / / /\n", 2, "'/' is no corner"),
         (TRIANGLE + "f 1 2 x\n", 5, "'x' is no corner"),
         (TRIANGLE + "f 1 2 99999999999999999999\n", 5, "is no corner"),
         ("hello\nworld\n", None, "no line of this file is OBJ"),

@@ -130,6 +130,8 @@ def integers(text: bytes, count: int) -> np.ndarray | None:
 
 
 def _read(text: bytes, kind: type[np.float64] | type[np.int64], count: int) -> np.ndarray | None:
+    if text.isspace():  # numpy takes blanks for a number
+        return None if count else np.zeros(0, kind)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # it stops, and warns, at the first that is no number
         try:
