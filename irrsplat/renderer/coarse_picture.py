@@ -21,8 +21,10 @@ from irrsplat.scene.model import Camera
 
 
 class CoarsePicturePass(Owner):
-    """Draws image and alpha into the textures of `target`, which it borrows, by lights of the kinds that light_defines tells: what
-    upsampling, DirectPass and CompositePass make one after the other of a view without filters and normal maps."""
+    """Draws image and alpha into the textures of `target`, which it borrows, by lights of the kinds that light_defines tells.
+
+    It is what upsampling, DirectPass and CompositePass make one after the other of a view without filters and normal maps.
+    """
 
     def __init__(self, ctx: moderngl.Context, target: Target, lights: Mapping[str, int]) -> None:
         self.depth = depth_texture(ctx, target.size)  # where pixels are marked that are to be searched for
