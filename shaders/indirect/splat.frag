@@ -52,18 +52,20 @@ void main()
 {
     ivec2 pixel = pixel_stride * ivec2(gl_FragCoord.xy);
     vec4 p = texel_at(position, pixel);
+    if (p.w == 0.0) discard;
     vec3 apart = p.xyz - v_place, n = texel_at(normal, pixel).xyz;
+#if GRADIENTS
+    if (behind_wall(apart, v_axis, v_normal, v_walls)) discard;
+#endif
     float w = record_weight(apart, v_axis, v_radii, n, v_normal, in_front);
     float least = 1.0 / a;
 #if REFINED
     least /= texel_at(reach, ivec2(gl_FragCoord.xy)).r;
 #endif
-    bool reached = w > least;
-    bool lends = !reached && record_distance(apart, v_axis, v_radii) <= LENT_WITHIN * a;
+    bool lends = w <= least && record_distance(apart, v_axis, v_radii) <= LENT_WITHIN * a;
     float lent = lends ? borrowed_weight(apart, n, v_normal, v_borrow) : 0.0;
-    bool counts = p.w > 0.0 && (reached || lent > 0.0);
+    if (w <= least && lent <= 0.0) discard;
 #if GRADIENTS
-    counts = counts && !behind_wall(apart, v_axis, v_normal, v_walls);
     vec3 E = turned(v_m, n, v_normal);
 #if NORMAL_MAPS
     E += bent_irradiance(n * v_m, n, texel_at(lit_normal, pixel).xyz, v_m) - n * v_m;
@@ -71,19 +73,24 @@ void main()
 #else
     vec3 E = v_irradiance;
 #endif
-    // w - 1/a falls to zero at the rim of the record's sphere, so that the rim does not show; the paper's kernel ends with a step.
-    // What is lent leaves Σw at 0: the pixel still asks, unless few do.
-    float k = reached ? (cut ? w : w - least) : lent;
+    if (w <= least)
+    {
+        out_sums = lent * vec4(max(E, vec3(0.0)), 1.0);
+        float Y = max(dot(E, LUMINANCE), 0.0);
+        out_weight = vec2(0.0, lent * Y * Y);  // the pixel still asks, unless few do
+        return;
+    }
+    // w - 1/a falls to zero at the rim of the record's sphere, so that the rim does not show; the paper's kernel ends with a step
+    float k = cut ? w : w - least;
 #if GRADIENTS
     // (p - p_k)·∇E: the gradient moves with the point
-    vec3 told = extrapolated(E, apart * v_g, apart, v_normal, v_axis, v_curvature);
-    float known = reached ? known_share(dot(E, LUMINANCE), dot(told, LUMINANCE)) : 1.0;
+    float Y_k = dot(E, LUMINANCE);
+    E = extrapolated(E, apart * v_g, apart, v_normal, v_axis, v_curvature);
+    float known = known_share(Y_k, dot(E, LUMINANCE));
     w *= known;
     k *= known;
-    E = reached ? told : max(E, vec3(0.0));
 #endif
-    float Y = max(dot(E, LUMINANCE), 0.0);
-    // a sum of nothing in place of a discard: software renderers add faster where no shader discards
-    out_sums = counts ? k * vec4(E, 1.0) : vec4(0.0);
-    out_weight = counts ? vec2(reached ? w : 0.0, k * Y * Y) : vec2(0.0);
+    out_sums = k * vec4(E, 1.0);
+    float Y = dot(E, LUMINANCE);
+    out_weight = vec2(w, k * Y * Y);
 }
