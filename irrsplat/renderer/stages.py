@@ -192,8 +192,8 @@ class Stages(Owner):
                 if filling and surface is None:
                     sums = composite_pass.filled(sums, direct, gbuffer, backdrop)
                 image, alpha, sums = composite_pass(sums, direct, gbuffer, backdrop, camera, settings, emitters)
-            made = Parts(direct, splats, sums)
-            return View(camera, gbuffer, lambda: made, image, alpha, backdrop=backdrop, fading=left > 0)
+            whole = Parts(direct, splats, sums)
+            return View(camera, gbuffer, lambda: whole, image, alpha, backdrop=backdrop, fading=left > 0)
 
         return self._memo.get("picture", (subject, left), compose)
 
