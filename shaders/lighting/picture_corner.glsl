@@ -1,0 +1,1 @@
+uniform ivec2 picture_corner;  // the pixel of the whole picture that is the first one here
