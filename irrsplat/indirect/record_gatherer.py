@@ -31,7 +31,7 @@ from irrsplat.surface_cache.lamp_parts import LINEAR, MOST, LampPart, alone, rec
 
 _FEWEST = 16  # side of a gather: where it is less, noise is not told well by its own rays
 _LOOKS = 0.35  # of a tick: looking at what has changed may take that much in any case
-_PATIENCE = 1.0  # seconds that ticks wait for the rays' tree and work at a first surface cache before records are gathered without, holding one bounce
+_PATIENCE = 1.0  # seconds that ticks wait for the tree and work at a first surface cache before records are gathered without it
 _WORTHWHILE = 2.0  # times as long must it still take then, since all of these records are gathered again when it is there
 
 
@@ -445,7 +445,7 @@ class RecordGatherer(Owner):
         return early or surface.result is not None
 
     @property
-    def _awaits_surface(self) -> bool:
+    def awaits_surface(self) -> bool:
         """Whether what is gathered now is gathered again once there is a first surface cache."""
         return self._basis.wants_surface and self._basis.resumed is None and self.surface_now is None
 
@@ -480,9 +480,9 @@ class RecordGatherer(Owner):
 
     def gather(self, shadows: ShadowMaps, sites: Sites, budget: Budget, size: int = 0, near: bool = False) -> int:
         """Add records at `sites` to the cache, as many as the budget has time for, and at least one; how many. size: the side of
-        their gather; 0: as the settings say. near: they are to serve only what is near, and may do with fewer rays. So may all that
-        hold one bounce until the first surface cache is there, and are gathered again then."""
-        few = self._fewer if budget.limited and not size and self._awaits_surface else 0
+        their gather; 0: as the settings say. near: they are to serve only what is near, and may do with fewer rays. So may all
+        that hold one bounce until the first surface cache is there, and are gathered again then."""
+        few = self._fewer if budget.limited and not size and self.awaits_surface else 0
         done, look = 0, self._gather_at(few or size)
         for count in self._pace(few or size).batches(len(sites), look.capacity, budget, look.share.size):
             first = self.cache.append(sites[done : done + count])

@@ -2,8 +2,9 @@
 
 The tree is split level by level, at the least surface area cost among some bins (Wald 2007, "On fast Construction of SAH-based
 Bounding Volume Hierarchies"): first cells of some triangles each, then the triangles in these (after
-Garanzha, Pantaleoni, McAllister 2011, "Simpler and Faster HLBVH with Work Queues"). It is stored in depth-first order, each node with a link to what follows its subtree, once for
-each octant of ray directions, so that the nearer child comes first (after Hachisuka 2015, "MTBVH").
+Garanzha, Pantaleoni, McAllister 2011, "Simpler and Faster HLBVH with Work Queues"). It is stored in depth-first order, each node
+with a link to what follows its subtree, once for each octant of ray directions, so that the nearer child comes first (after
+Hachisuka 2015, "MTBVH").
 """
 
 from __future__ import annotations
@@ -93,9 +94,8 @@ def _tree(boxes: np.ndarray) -> _Tree:
     roots, nodes = int(np.count_nonzero(top.left < 0)), len(top.left)
     number = np.concatenate([np.flatnonzero(top.left < 0), nodes + np.arange(len(below.left) - roots)])
     left, axis, first, count = (np.zeros(nodes + len(below.left) - roots, np.intp) for _ in range(4))
-    for array, above, under in ((left, top.left, np.where(below.left < 0, -1, below.left + nodes - roots)), (axis, top.axis, below.axis)):
-        array[:nodes] = above
-        array[number] = under
+    left[:nodes], axis[:nodes] = top.left, top.axis
+    left[number], axis[number] = np.where(below.left < 0, -1, below.left + nodes - roots), below.axis
     first[number], count[number] = below.first, below.count
     inner = [*top.inner, *(number[level] for level in below.inner)]
     bounds = np.empty((6, len(left)), np.float32)

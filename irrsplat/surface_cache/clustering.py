@@ -76,7 +76,9 @@ def voxel_keys(members: Members, size: float) -> np.ndarray:
     """(M,) int64, equal for members in one voxel of `size` metres whose normals lie in the same one of 24 parts of the sphere."""
     low = [float(at.min(initial=np.inf)) for at in members.position.T]
     # + 0.37: walls often lie on round numbers, which should not be a voxel's border
-    x, y, z = (((at.astype(float) - least) / size + 0.37).astype(np.int64) for at, least in zip(members.position.T, low, strict=True))
+    x, y, z = (
+        ((at.astype(float) - least) / size + 0.37).astype(np.int64) for at, least in zip(members.position.T, low, strict=True)
+    )
     normal = np.ascontiguousarray(members.normal.T)  # by columns: the same along the short axis takes ten times as long
     a, b, c = (sum(n * share for n, share in zip(normal, column, strict=True)) for column in _ROTATION.T.astype(np.float32))
     widest = np.where(np.maximum(np.abs(b), np.abs(c)) <= np.abs(a), 0, np.where(np.abs(c) <= np.abs(b), 1, 2))

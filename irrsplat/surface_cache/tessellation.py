@@ -96,15 +96,20 @@ def tessellate(vertices: np.ndarray, faces: np.ndarray, spacing: float, inset: f
 
 
 def _place_small(
-    made: Tessellation, p: np.ndarray, normals: np.ndarray, faces: np.ndarray, at: np.ndarray, plane: tuple[np.ndarray, np.ndarray]
+    made: Tessellation,
+    p: np.ndarray,
+    normals: np.ndarray,
+    faces: np.ndarray,
+    at: np.ndarray,
+    plane: tuple[np.ndarray, np.ndarray],
 ) -> None:
     """Fill in the points `at` (N,) of very small `faces` (N,), one each, which are most of a fine mesh.
 
     p, normals: (F, 3, 3) of all triangles' corners. plane: (F, 3) their unit normals and (F,) their areas.
     """
     facing, area = plane[0][faces], plane[1][faces]
-    made.position[at] = (p[faces, 0] + p[faces, 1] + p[faces, 2]) / 3.0
-    normal = (normals[faces, 0] + normals[faces, 1] + normals[faces, 2]) / 3.0
+    place, normal = (np.take(of[:, 0] + of[:, 1] + of[:, 2], faces, axis=0) / 3.0 for of in (p, normals))
+    made.position[at] = place
     length = np.sqrt(np.einsum("nx,nx->n", normal, normal))
     length *= np.sign(np.einsum("nx,nx->n", normal, facing))
     known = length != 0.0
