@@ -136,7 +136,8 @@ class TraceGather(Gather):
         """Have Embree trace the rays of records with these rows of `frames`; the uniforms that tell what they hit."""
         if self.first_hits is None:
             return {}
-        found = self.world.caster.first_hits(rows[4, :, :3], rows[:3, :, :3].swapaxes(0, 1), self.rays).ravel()
+        hits = self.world.caster.first_hits(rows[4, :, :3], rows[:3, :, :3].swapaxes(0, 1), self.rays)
+        found = np.take(self.tree.places, hits.ravel(), mode="wrap")  # -1 finds the last
         lines = -(-len(found) // TABLE_COLUMNS)
         found = np.pad(found, (0, lines * TABLE_COLUMNS - len(found)))
         self.first_hits.write(found.tobytes(), viewport=(0, 0, TABLE_COLUMNS, lines))

@@ -24,6 +24,7 @@ class _Tables(Owner):
 
     corners: np.ndarray
     order: np.ndarray
+    places: np.ndarray
     count: int  # nodes for each octant of ray directions
     grid: np.ndarray
     nodes: moderngl.Texture
@@ -79,6 +80,12 @@ class BvhTable(Owner):
         return self._tables.order
 
     @property
+    def places(self) -> np.ndarray:
+        """(T + 1,) int32 the other way: the tree's number of each triangle that light sees, by the scene's; at the end, where -1
+        finds it, -1."""
+        return self._tables.places
+
+    @property
     def ray_uniforms(self) -> Uniforms:
         """The uniforms of shaders/lib/bvh.glsl."""
         tables = self._tables
@@ -116,4 +123,6 @@ def _tables(ctx: moderngl.Context, vertices: np.ndarray, faces: np.ndarray, coun
         cut_out = bvh.order >= counts.solid
         leaves[cut_out, 0, 3] = -1.0 - leaves[cut_out, 0, 3]  # marks them
     triangles, table = table_texture(ctx, table_rows(leaves)), table_texture(ctx, table_rows(vertex_texels(vertices)))
-    return _Tables(corners, bvh.order, bvh.nodes.shape[1], bvh.grid, nodes, triangles, table)
+    places = np.full(counts.lit + 1, -1, np.int32)
+    places[bvh.order] = np.arange(counts.lit)
+    return _Tables(corners, bvh.order, places, bvh.nodes.shape[1], bvh.grid, nodes, triangles, table)

@@ -6,6 +6,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import Uniforms
+from irrsplat.core.vectors import triangle_normals
 from irrsplat.core.vertex_layout import WIDTH, vertex_column, vertex_texels
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import table_texture
@@ -74,7 +75,7 @@ class Geometry(Owner):
         self.indices = ctx.buffer(np.ascontiguousarray(faces if len(faces) else np.zeros((1, 3)), "i4").tobytes())
         self.ctx = ctx
         self.corners = vertex_column(vertices, "position")[faces]
-        self.planes = table_texture(ctx, _planes(self.corners.astype(float)))
+        self.planes = table_texture(ctx, _planes(self.corners))
         self._meshlet_geometry: MeshletGeometry | None = None
         self.counts = counts or FaceCounts(0, len(faces))
         self.parts = {
@@ -111,7 +112,7 @@ class Geometry(Owner):
         self.vertices.write(np.ascontiguousarray(vertices, "f4").tobytes())
         self.indices.write(np.ascontiguousarray(faces, "i4").tobytes())
         self.corners = vertex_column(vertices, "position")[faces]
-        self.planes.write(_planes(self.corners.astype(float)).astype("f4").tobytes())
+        self.planes.write(_planes(self.corners).tobytes())
         if self._meshlet_geometry is not None:
             self._meshlet_geometry.update(vertices, faces)
 
@@ -130,6 +131,8 @@ class Geometry(Owner):
 
 def _planes(corners: np.ndarray) -> np.ndarray:
     """(R, C, 4) a table of the planes of triangles (F, 3, 3): unit normal by their winding, distance from the origin."""
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
-    return table_rows(np.column_stack([normals, (normals * corners.mean(1)).sum(1)])[:, None])
+    normals, _ = triangle_normals(corners)
+    rows = np.empty((len(corners), 1, 4), np.float32)
+    rows[:, 0, :3] = normals.T
+    rows[:, 0, 3] = sum(normals[i] * (corners[..., i].astype(float) @ np.full(3, 1.0 / 3.0)) for i in range(3))
+    return table_rows(rows)

@@ -48,7 +48,7 @@ class World(Owner):
         self._scene = scene
         self._uploaded: tuple[Mesh, ...] | None = scene.meshes  # None while what is on the GPU is neither before nor after a move
         self._tree: BvhTable | None = None
-        self._caster: tuple[np.ndarray, Future[RayCaster]] | None = None  # of these `corners` of the tree
+        self._caster: tuple[np.ndarray, Future[RayCaster]] | None = None  # of these `corners` of the geometry
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
@@ -104,16 +104,22 @@ class World(Owner):
 
     @property
     def caster(self) -> RayCaster:
-        """The tree's triangles in its order, as Embree has them, made when first wanted and again when they have moved."""
+        """The triangles that light sees by the scene's numbers, as Embree has them, made when first wanted and again when they
+        have moved."""
         return self._casting().result()
 
+    def expect_caster(self) -> None:
+        """Begin `caster` beside all else where it takes long, since it will be wanted."""
+        if self.geometry.triangles >= _LARGE:
+            self._casting()
+
     def _casting(self) -> Future[RayCaster]:
-        """The making of that, in a thread where it takes long."""
-        tree = self.tree
-        if self._caster is None or self._caster[0] is not tree.corners:
+        """The making of `caster`, in a thread where it takes long."""
+        corners = self.geometry.corners
+        if self._caster is None or self._caster[0] is not corners:
             vertices, faces, _ = flatten(self._scene)
-            make = partial(RayCaster, vertex_column(vertices, "position"), faces[tree.order])
-            self._caster = tree.corners, started(make) if len(tree.order) >= _LARGE else done(make)
+            make = partial(RayCaster, vertex_column(vertices, "position"), faces[: self.geometry.counts.lit])
+            self._caster = corners, started(make) if len(corners) >= _LARGE else done(make)
         return self._caster[1]
 
     def wait_for_tree(self, seconds: float, caster: bool = False) -> bool:

@@ -44,9 +44,8 @@ class SceneParts:
             count = len(mesh.faces)
             if not count:
                 continue
-            starts, corners = np.arange(0, count, _MOST), mesh.positions[mesh.faces]
-            low = np.minimum.reduceat(corners.min(1), starts)
-            high = np.maximum.reduceat(corners.max(1), starts)
+            starts, corners = np.arange(0, count, _MOST), mesh.positions.T[:, mesh.faces.ravel()]  # (3, 3 F)
+            low, high = (extreme.reduceat(corners, 3 * starts, axis=1).T for extreme in (np.minimum, np.maximum))
             closed = mesh.closed and sort_of(mesh) == CLOSED
             inner = np.stack([low.min(0), high.max(0)]) if closed else np.array([[-np.inf] * 3, [np.inf] * 3])
             boxes.append(np.concatenate([np.stack([low, high], 1), np.tile(inner, (len(low), 1, 1))], 1))

@@ -31,7 +31,7 @@ from irrsplat.surface_cache.lamp_parts import LINEAR, MOST, LampPart, alone, rec
 
 _FEWEST = 16  # side of a gather: where it is less, noise is not told well by its own rays
 _LOOKS = 0.35  # of a tick: looking at what has changed may take that much in any case
-_PATIENCE = 1.0  # seconds that ticks work at a first surface cache before records are gathered without, holding one bounce
+_PATIENCE = 1.0  # seconds that ticks wait for the tree and work at a first surface cache before records are gathered without it
 _WORTHWHILE = 2.0  # times as long must it still take then, since all of these records are gathered again when it is there
 
 
@@ -53,8 +53,8 @@ class Basis:
     kind: how a record sees the world, "trace", "embree", "raster" or "plane". moved: whether something has changed, and which
     records that concerns is still to be found out. changing: whether something has since records were last renewed.
     relit: whether lights or materials have, and the surface cache is not made by these yet.
-    resumed: the statistics of records from a file, as long as their surface cache is not made. waited: seconds that the first
-    surface cache has taken so far.
+    resumed: the statistics of records from a file, as long as their surface cache is not made. awaited: seconds that ticks have
+    waited for the rays' tree. waited: those that the first surface cache has taken so far.
     """
 
     scene: Scene
@@ -64,6 +64,7 @@ class Basis:
     changing: bool = False
     relit: bool = False
     resumed: BounceStatistics | None = None
+    awaited: float = 0.0
     waited: float = 0.0
 
     @cached_property
@@ -97,6 +98,8 @@ class RecordGatherer(Owner):
         self.ctx, self.world, self.cache, self.timers = world.ctx, world, cache, timers
         self.atlas: Atlas | None = None  # what the last batch of records saw
         self._basis = Basis(world.scene, settings, autotune.kind(world.ctx, world.scene, settings))
+        if self._casts and settings.most_bounces > 0:
+            world.expect_caster()
         self._made = Workshop()
         self._memo = Memo()
         self._parts: dict[Light, LampPart] = {}  # of lamps whose colours have changed, the last ones; what is known of them
@@ -360,7 +363,9 @@ class RecordGatherer(Owner):
         """
         if self._basis.resumed is not None and not budget.limited and not len(self.cache.stale):
             return True
+        start = now()
         if budget.limited and not self.world.wait_for_tree(budget.left, self._casts):
+            self._basis = replace(self._basis, awaited=self._basis.awaited + now() - start)
             return False
         return self._advance(shadows, budget)
 
@@ -440,11 +445,16 @@ class RecordGatherer(Owner):
         return early or surface.result is not None
 
     @property
+    def awaits_surface(self) -> bool:
+        """Whether what is gathered now is gathered again once there is a first surface cache."""
+        return self._basis.wants_surface and self._basis.resumed is None and self.surface_now is None
+
+    @property
     def _waits_long(self) -> bool:
         """Whether ticks have worked at the first surface cache for long, and will, as far as one can tell."""
         waited, made = self._basis.waited, self.surface_share
         left = waited * (1.0 - made) / made if made > 0.0 else np.inf
-        return min(waited, left / _WORTHWHILE) > _PATIENCE
+        return min(self._basis.awaited + waited, left / _WORTHWHILE) > _PATIENCE
 
     def settle(self, shadows: ShadowMaps, budget: Budget) -> None:
         """Hold records against what has changed, those first that it may concern most: correct what they hold, and make those
@@ -470,13 +480,19 @@ class RecordGatherer(Owner):
 
     def gather(self, shadows: ShadowMaps, sites: Sites, budget: Budget, size: int = 0, near: bool = False) -> int:
         """Add records at `sites` to the cache, as many as the budget has time for, and at least one; how many. size: the side of
-        their gather; 0: as the settings say. near: they are to serve only what is near, and may do with fewer rays."""
-        done, look = 0, self._gather_at(size)
-        for count in self._pace(size).batches(len(sites), look.capacity, budget, look.share.size):
+        their gather; 0: as the settings say. near: they are to serve only what is near, and may do with fewer rays. So may all
+        that hold one bounce until the first surface cache is there, and are gathered again then."""
+        few = self._fewer if budget.limited and not size and self.awaits_surface else 0
+        done, look = 0, self._gather_at(few or size)
+        for count in self._pace(few or size).batches(len(sites), look.capacity, budget, look.share.size):
             first = self.cache.append(sites[done : done + count])
             numbers = first + np.arange(count)
             try:
-                sizes = self._gather(shadows, numbers, size, np.full(count, near))
+                if few:
+                    self._look(shadows, numbers, few)
+                    sizes = np.full(count, few if near else 0)
+                else:
+                    sizes = self._gather(shadows, numbers, size, np.full(count, near))
                 self.cache.set_gather_sizes(numbers, sizes)
             except BaseException:
                 self.cache.truncate(first)  # they hold nothing

@@ -21,6 +21,7 @@ from irrsplat.settings import Settings
 
 Made = TypeVar("Made", bound="HasProgress")
 _RENEWAL = 0.6  # of the time for gathering that stale records may take while pixels without a record wait too
+_ROUGHLY = 0.9  # coverage from which on ticks work at the first surface cache alone, without further records of one bounce
 
 
 class Rounds:
@@ -54,6 +55,8 @@ class Rounds:
 
         bounces = settings.most_bounces > 0
         ready = gather and bounces and scheduler.prepare(shadows, budget.part(1.0, costs.splat + later))
+        if ready and budget.limited and view.coverage > _ROUGHLY and scheduler.gatherer.awaits_surface:
+            ready = False  # what is gathered now is gathered again soon
         renewed = 0
         if ready:
             share = 1.0 if view.coverage == 1.0 else _RENEWAL

@@ -1,8 +1,10 @@
 """A bounding volume hierarchy over triangles: what a ray may hit, as tables that a shader traverses without a stack.
 
 The tree is split level by level, at the least surface area cost among some bins (Wald 2007, "On fast Construction of SAH-based
-Bounding Volume Hierarchies"). It is stored in depth-first order, each node with a link to what follows its subtree, once for
-each octant of ray directions, so that the nearer child comes first (after Hachisuka 2015, "MTBVH").
+Bounding Volume Hierarchies"): first cells of some triangles each, then the triangles in these (after
+Garanzha, Pantaleoni, McAllister 2011, "Simpler and Faster HLBVH with Work Queues"). It is stored in depth-first order, each node
+with a link to what follows its subtree, once for each octant of ray directions, so that the nearer child comes first (after
+Hachisuka 2015, "MTBVH").
 """
 
 from __future__ import annotations
@@ -15,6 +17,9 @@ LEAF = 4  # triangles of a leaf at most; two bits of the shader's tables hold th
 STEPS = 65533  # of the grid to which boxes are rounded, along an axis; with a margin of one on either side they fit in 16 bits
 _MARGIN = 0.05  # steps by which a box is larger than its content: more than what a shader's rounding may lose
 _BINS = 16  # per node and level at most
+_TOGETHER = 32  # triangles that are split from each other last: splitting all of them from the root on took twice as long
+_DEPTH = 10  # levels of the octree whose cells hold so many
+_SIZES = 1 / 8, 1 / 32  # of the whole: triangles of different sizes lie in different cells
 _LEVELS = 40  # after which nodes are halved by number: triangles whose sizes grow by powers would make a tree without end
 _FAR = np.float32(1e18)  # metres, an empty box's corners; its area is still a number
 
@@ -42,9 +47,15 @@ def build(corners: np.ndarray) -> Bvh:
         link = np.arange(1, 9, dtype=np.uint32)[:, None, None]
         nodes = np.concatenate([np.broadcast_to(np.array([0xFFFFFFFF, 0xFFFF, 0], np.uint32), (8, 1, 3)), link], axis=2)
         return Bvh(nodes, np.array([[0.0] * 3, [1.0] * 3], np.float32), np.zeros(0, np.intp))
-    tree = _tree(np.concatenate([corners.min(1), -corners.max(1)], axis=1).T.copy())
+    tree = _tree(_boxes(corners))
     grid = _grid(tree.boxes[:3, 0], -tree.boxes[3:, 0])
     return Bvh(_table(tree, grid), grid, tree.order)
+
+
+def _boxes(corners: np.ndarray) -> np.ndarray:
+    """(6, F) the boxes of triangles (F, 3, 3), as _Tree has them."""
+    a, b, c = (np.ascontiguousarray(corners[:, k].T) for k in range(3))  # numpy takes long over axes as short as 3
+    return np.concatenate([np.minimum(np.minimum(a, b), c), -np.maximum(np.maximum(a, b), c)])
 
 
 def _grid(low: np.ndarray, high: np.ndarray) -> np.ndarray:
@@ -75,14 +86,103 @@ class _Tree:
 
 
 def _tree(boxes: np.ndarray) -> _Tree:
-    """The tree of triangles with these boxes (6, F)."""
-    live, counts, part = np.arange(boxes.shape[1]), np.array([boxes.shape[1]]), boxes  # those not in leaves yet, node by node
+    """The tree of triangles with these boxes (6, F): that of the cells in which they lie, and below it one for each of these."""
+    cells = _cells(boxes)
+    top = _levels(cells.boxes, np.array([len(cells.count)]), cells.count)
+    below = _levels(boxes, np.add.reduceat(cells.count[top.order], top.first[top.left < 0]), None, cells.triangles(top.order))
+    # a leaf of the upper tree is a root of the lower ones, which come first there; all of their other nodes follow the upper ones
+    roots, nodes = int(np.count_nonzero(top.left < 0)), len(top.left)
+    number = np.concatenate([np.flatnonzero(top.left < 0), nodes + np.arange(len(below.left) - roots)])
+    left, axis, first, count = (np.zeros(nodes + len(below.left) - roots, np.intp) for _ in range(4))
+    left[:nodes], axis[:nodes] = top.left, top.axis
+    left[number], axis[number] = np.where(below.left < 0, -1, below.left + nodes - roots), below.axis
+    first[number], count[number] = below.first, below.count
+    inner = [*top.inner, *(number[level] for level in below.inner)]
+    bounds = np.empty((6, len(left)), np.float32)
+    leaves = number[below.left < 0]
+    bounds[:, leaves] = np.minimum.reduceat(np.take(boxes, below.order, axis=1), first[leaves], axis=1)
+    for level in reversed(inner):
+        bounds[:, level] = np.minimum(bounds[:, left[level]], bounds[:, left[level] + 1])
+    return _Tree(bounds, left, axis, first, count, inner, below.order)
+
+
+@dataclass(frozen=True)
+class _Cells:
+    """The cells in which triangles lie: their boxes (6, C) together, how many each one has, count (C,), and all of them cell by
+    cell, order (F,)."""
+
+    boxes: np.ndarray
+    count: np.ndarray
+    order: np.ndarray
+
+    def triangles(self, cells: np.ndarray) -> np.ndarray:
+        """(F,) the triangles of all `cells` (C,), one cell after the other."""
+        count, start = self.count[cells], (np.cumsum(self.count) - self.count)[cells]
+        within = np.arange(len(self.order)) - np.repeat(np.cumsum(count) - count, count)
+        found: np.ndarray = self.order[np.repeat(start, count) + within]
+        return found
+
+
+def _cells(boxes: np.ndarray) -> _Cells:
+    """The cells of an octree by the triangles' centres, cut down to _TOGETHER triangles in each or to its last level; large
+    triangles lie apart from small ones, whose boxes they would swell."""
+    centre, wide = boxes[:3] - boxes[3:], -(boxes[:3] + boxes[3:]).min(axis=0)
+    start = centre.min(axis=1, keepdims=True)
+    whole = np.maximum((centre.max(axis=1, keepdims=True) - start).max(), np.float32(1e-30))
+    code = np.zeros(boxes.shape[1], np.int64)
+    for axis, at in enumerate(np.minimum((centre - start) * np.float32(1 << _DEPTH) / whole, (1 << _DEPTH) - 1).astype(np.int64)):
+        code |= _spread(at) << axis
+    for size in _SIZES:
+        code += (2.0 * wide > size * whole).astype(np.int64) << 3 * _DEPTH  # centres are twice as far apart as they seem
+    packed = np.sort(code << 32 | np.arange(len(code)))
+    order, differs = packed & 0xFFFFFFFF, np.full(len(packed), -1)
+    differs[1:] = (packed[1:] ^ packed[:-1]) >> 32
+    begin = np.flatnonzero(differs >> 3 * _DEPTH)
+    for depth in range(1, _DEPTH + 1):
+        count = np.diff(begin, append=len(code))
+        if count.max() <= _TOGETHER:
+            break
+        many = np.repeat(count > _TOGETHER, count)
+        many[begin] = True
+        begin = np.flatnonzero(many & (differs >> 3 * (_DEPTH - depth) != 0))
+    bounds = np.minimum.reduceat(np.take(boxes, order, axis=1), begin, axis=1)
+    return _Cells(bounds, np.diff(begin, append=len(code)), order)
+
+
+def _spread(number: np.ndarray) -> np.ndarray:
+    """(N,) int64: numbers of _DEPTH bits with two zeros before each bit."""
+    for shift, mask in ((16, 0xFF0000FF), (8, 0x0F00F00F), (4, 0xC30C30C3), (2, 0x49249249)):
+        number = (number | number << shift) & mask
+    return number
+
+
+@dataclass(frozen=True)
+class _Levels:
+    """Trees of some roots, level by level, as _Tree has them, of leaves that hold `count` items, `order` leaf by leaf."""
+
+    left: np.ndarray
+    axis: np.ndarray
+    first: np.ndarray
+    count: np.ndarray
+    inner: list[np.ndarray]
+    order: np.ndarray
+
+
+def _levels(boxes: np.ndarray, counts: np.ndarray, weights: np.ndarray | None, items: np.ndarray | None = None) -> _Levels:
+    """Split nodes of so many items each, `counts`, until LEAF of them are left, or of items with weights (N,) one, or as many as
+    weigh _TOGETHER.
+
+    boxes: (6, N) of the items. items: their numbers, root by root (default: all, in their order)."""
+    live = np.arange(boxes.shape[1]) if items is None else items  # those not in leaves yet, node by node
+    part = boxes if items is None else np.take(boxes, items, axis=1)
     lefts, axes, numbers = [], [], []
     inner: list[np.ndarray] = []
     order: list[np.ndarray] = []
     done = 0  # nodes in the levels before
     while len(counts):
         leaf = counts <= LEAF
+        if weights is not None:
+            leaf = (counts == 1) | (np.add.reduceat(weights[live], np.cumsum(counts) - counts) <= _TOGETHER)
         keep = np.repeat(~leaf, counts)
         order.append(live[~keep])
         numbers.append(np.where(leaf, counts, 0))
@@ -94,25 +194,24 @@ def _tree(boxes: np.ndarray) -> _Tree:
             live, part = live[keep], part[:, keep]
         counts = counts[~leaf]
         if len(counts):
-            place, axis[~leaf], nearer = _split(part, counts, len(inner) > _LEVELS)
+            weight = None if weights is None else weights[live]
+            place, axis[~leaf], nearer = _split(part, counts, weight, len(inner) > _LEVELS)
             live, part = live[place], np.take(part, place, axis=1)
             counts = np.stack([nearer, counts - nearer], axis=1).ravel()
         lefts.append(left)
         axes.append(axis)
-    left, count, triangles = np.concatenate(lefts), np.concatenate(numbers), np.concatenate(order)
-    first = np.cumsum(count) - count
-    bounds = np.empty((6, len(left)), np.float32)
-    bounds[:, left < 0] = np.minimum.reduceat(np.take(boxes, triangles, axis=1), first[left < 0], axis=1)
-    for nodes in reversed(inner):
-        bounds[:, nodes] = np.minimum(bounds[:, left[nodes]], bounds[:, left[nodes] + 1])
-    return _Tree(bounds, left, np.concatenate(axes), first, count, inner, triangles)
+    count = np.concatenate(numbers)
+    return _Levels(np.concatenate(lefts), np.concatenate(axes), np.cumsum(count) - count, count, inner, np.concatenate(order))
 
 
-def _split(boxes: np.ndarray, counts: np.ndarray, halve: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _split(
+    boxes: np.ndarray, counts: np.ndarray, weights: np.ndarray | None, halve: bool
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Split N nodes, each of which has `counts` (N,) of the boxes (6, B), across the axis along which centres spread most.
 
     Returns the boxes' new order, in which each node's left ones come first, the axes (N,), and how many boxes are left (N,).
-    halve: split by number at any cost, as is done where all centres coincide.
+    weights: (B,) how many triangles each box has; None: one. halve: split by number at any cost, as is done where all centres
+    coincide.
     """
     nodes, total = len(counts), boxes.shape[1]
     bins = int(np.clip(2 * total // nodes, 4, _BINS))
@@ -132,11 +231,20 @@ def _split(boxes: np.ndarray, counts: np.ndarray, halve: bool) -> tuple[np.ndarr
     bounds = np.full((6, nodes * bins), _FAR, np.float32)
     bounds[:, filled] = np.minimum.reduceat(np.take(boxes, place, axis=1), begin, axis=1)
     binned = bounds.reshape(6, nodes, bins)
-    number = np.zeros(nodes * bins, np.intp)
-    number[filled] = np.diff(begin, append=total)
-    number = np.cumsum(number.reshape(nodes, bins), axis=1)[:, :-1]
-    cost = _area(np.minimum.accumulate(binned, axis=2)[..., :-1]) * number
-    cost += _area(np.minimum.accumulate(binned[..., ::-1], axis=2)[..., -2::-1]) * (counts[:, None] - number)
+
+    def up_to_each(of_bins: np.ndarray) -> np.ndarray:
+        """(N, bins - 1) the sums of what lies left of each split."""
+        sums = np.zeros(nodes * bins, np.intp)
+        sums[filled] = of_bins
+        left: np.ndarray = np.cumsum(sums.reshape(nodes, bins), axis=1)[:, :-1]
+        return left
+
+    number = up_to_each(np.diff(begin, append=total))
+    weight, whole = number, counts
+    if weights is not None:
+        weight, whole = up_to_each(np.add.reduceat(weights[place], begin)), np.add.reduceat(weights, starts)
+    cost = _area(np.minimum.accumulate(binned, axis=2)[..., :-1]) * weight
+    cost += _area(np.minimum.accumulate(binned[..., ::-1], axis=2)[..., -2::-1]) * (whole[:, None] - weight)
     cost[(number == 0) | (number == counts[:, None])] = np.inf
     best = np.argmin(cost, axis=1)
     return place, axis, np.where(np.isfinite(cost[at, best]) & (not halve), number[at, best], counts // 2)

@@ -47,7 +47,7 @@ def area_means(pixels: np.ndarray, side: int, weighted: bool) -> np.ndarray:
         values = np.stack(both, axis=-1).view(np.float32)
         if weighted:
             values = np.concatenate([values, values * values[..., 3:4]], axis=-1)
-        thin = rows[:, used[0] : used[-1] + 1] @ values.reshape(len(part), -1)
+        thin = np.einsum("rh,hv->rv", rows[:, used[0] : used[-1] + 1], values.reshape(len(part), -1))
         out[start : start + step] = _means_across(thin.reshape(len(rows), width, -1), side)
     if not weighted:
         return out

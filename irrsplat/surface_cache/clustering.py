@@ -74,15 +74,15 @@ def unlit_interiors(scene: Scene) -> np.ndarray:
 
 def voxel_keys(members: Members, size: float) -> np.ndarray:
     """(M,) int64, equal for members in one voxel of `size` metres whose normals lie in the same one of 24 parts of the sphere."""
-    low = np.array([x.min() for x in members.position.T]) if len(members) else 0.0
+    low = [float(at.min(initial=np.inf)) for at in members.position.T]
     # + 0.37: walls often lie on round numbers, which should not be a voxel's border
-    voxel = ((members.position.astype(float) - low) / size + 0.37).astype(np.int64)
-    a, b, c = np.ascontiguousarray(
-        (members.normal @ _ROTATION).T
-    )  # by columns: the same along the short axis takes ten times as long
+    x, y, z = (
+        ((at.astype(float) - least) / size + 0.37).astype(np.int64) for at, least in zip(members.position.T, low, strict=True)
+    )
+    normal = np.ascontiguousarray(members.normal.T)  # by columns: the same along the short axis takes ten times as long
+    a, b, c = (sum(n * share for n, share in zip(normal, column, strict=True)) for column in _ROTATION.T.astype(np.float32))
     widest = np.where(np.maximum(np.abs(b), np.abs(c)) <= np.abs(a), 0, np.where(np.abs(c) <= np.abs(b), 1, 2))
     face = 8 * widest + (a < 0.0) + 2 * (b < 0.0) + 4 * (c < 0.0)
-    x, y, z = voxel.T
     key: np.ndarray = (((x << 19 | y) << 19 | z) << 5) | face
     return key
 
@@ -109,13 +109,18 @@ def choose_sites(
     those `most` have one that are largest. Returns the sites (K,), as numbers of members, and which of them is each member's,
     (M,), -1 where its cluster has none.
     """
-    _, cluster, counts = np.unique(keys, return_inverse=True, return_counts=True)
-    cluster = cluster.ravel()
+    order = np.argsort(keys, kind="stable")
+    begin = np.flatnonzero(np.diff(keys[order], prepend=-1))
+    counts = np.diff(begin, append=len(keys))
+    cluster = np.empty(len(keys), np.intp)
+    cluster[order] = in_order = np.repeat(np.arange(len(counts)), counts)
     apart = np.zeros(len(keys))
     for x in position.T:
         mean = np.bincount(cluster, weights=x, minlength=len(counts)) / counts
         apart += (x - mean[cluster]) ** 2
-    chosen = np.lexsort((apart, cluster))[np.cumsum(counts) - counts]
+    apart = apart[order]
+    nearest = np.flatnonzero(apart == np.minimum.reduceat(apart, begin)[in_order]) if len(keys) else order
+    chosen = order[nearest[np.flatnonzero(np.diff(in_order[nearest], prepend=-1))]]  # the first of them
     size = np.bincount(cluster, weights=area, minlength=len(counts))
     kept = np.argsort(-size, kind="stable")[:most]
     kept = np.sort(kept[size[kept] >= min_area])

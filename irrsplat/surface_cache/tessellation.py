@@ -7,9 +7,11 @@ triangle is one.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 
+from irrsplat.core.vectors import triangle_normals
 from irrsplat.core.vertex_layout import vertex_column
 
 _MAX_CELLS = 1 << 17  # beyond one for every triangle
@@ -57,7 +59,8 @@ def tessellate(vertices: np.ndarray, faces: np.ndarray, spacing: float, inset: f
     """
     p, normals = (vertex_column(vertices, name)[faces].astype(float) for name in ("position", "normal"))
     edges = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
-    longest = np.sqrt(np.max([(e * e).sum(1) for e in (*edges, edges[1] - edges[0])], axis=0, initial=0.0))
+    lengths = (np.einsum("fx,fx->f", e, e) for e in (*edges, edges[1] - edges[0]))
+    longest = np.sqrt(reduce(np.maximum, lengths))
     n = steps(longest, spacing, most)
     first = np.cumsum(n * n) - n * n
     table = np.zeros((len(faces), 3, 4), np.float32)
@@ -65,9 +68,8 @@ def tessellate(vertices: np.ndarray, faces: np.ndarray, spacing: float, inset: f
     table[:, 1, :3], table[:, 1, 3] = edges[0], first
     table[:, 2, :3] = edges[1]
 
-    cross = np.cross(*edges)
-    size = np.linalg.norm(cross, axis=1)
-    geometric = cross / np.maximum(size, 1e-300)[:, None]
+    unit, size = triangle_normals(p)
+    geometric = np.ascontiguousarray(unit.T)
     face = np.repeat(np.arange(len(faces)), n * n)
     small = longest[face] <= _SMALL * spacing
     ends = np.cumsum(np.where(small, 1, 3))  # where each cell's points end
@@ -75,23 +77,44 @@ def tessellate(vertices: np.ndarray, faces: np.ndarray, spacing: float, inset: f
     count = int(ends[-1]) if len(ends) else 0
     position, shading, facing = np.empty((3, count, 3), np.float32)
     made = Tessellation(table, corners, position, shading, facing, np.empty(count, np.intp), np.empty(count))
-    for points, cells in ((1, np.flatnonzero(small)), (3, np.flatnonzero(~small))):  # most cells of a fine mesh have one
-        of, at = face[cells], corners[cells, :points]
-        i, j = _corners(cells - first[of], n[of])
-        u, v = i / n[of][:, None], j / n[of][:, None]  # of the edges, (C, 3)
-        if points == 1:
-            u, v = u.mean(1, keepdims=True), v.mean(1, keepdims=True)
-        place = p[of, None, 0] + u[..., None] * edges[0][of, None] + v[..., None] * edges[1][of, None]
-        inward = place.mean(1, keepdims=True) - place
-        length = np.linalg.norm(inward, axis=-1, keepdims=True)
-        position[at] = place + inward * np.minimum(inset / np.maximum(length, 1e-300), 0.5)
-        normal = np.einsum("ckj,cjx->ckx", np.stack([1.0 - u - v, u, v], axis=-1), normals[of])
-        normal *= np.sign((normal * geometric[of, None]).sum(-1, keepdims=True))
-        length = np.linalg.norm(normal, axis=-1, keepdims=True)
-        shading[at] = np.where(length > 0.0, normal / np.maximum(length, 1e-300), geometric[of, None])
-        facing[at], made.face[at] = geometric[of, None], of[:, None]
-        made.area[at] = 1.0 / points * (0.5 * size / (n * n))[of, None]
+    _place_small(made, p, normals, np.flatnonzero(longest <= _SMALL * spacing), corners[small, 0], (geometric, size))
+    cells = np.flatnonzero(~small)
+    of, at = face[cells], corners[cells]
+    i, j = _corners(cells - first[of], n[of])
+    u, v = i / n[of][:, None], j / n[of][:, None]  # of the edges, (C, 3)
+    place = p[of, None, 0] + u[..., None] * edges[0][of, None] + v[..., None] * edges[1][of, None]
+    inward = place.mean(1, keepdims=True) - place
+    length = np.linalg.norm(inward, axis=-1, keepdims=True)
+    position[at] = place + inward * np.minimum(inset / np.maximum(length, 1e-300), 0.5)
+    normal = np.einsum("ckj,cjx->ckx", np.stack([1.0 - u - v, u, v], axis=-1), normals[of])
+    normal *= np.sign((normal * geometric[of, None]).sum(-1, keepdims=True))
+    length = np.linalg.norm(normal, axis=-1, keepdims=True)
+    shading[at] = np.where(length > 0.0, normal / np.maximum(length, 1e-300), geometric[of, None])
+    facing[at], made.face[at] = geometric[of, None], of[:, None]
+    made.area[at] = 1.0 / 3.0 * (size / (n * n))[of, None]
     return made
+
+
+def _place_small(
+    made: Tessellation,
+    p: np.ndarray,
+    normals: np.ndarray,
+    faces: np.ndarray,
+    at: np.ndarray,
+    plane: tuple[np.ndarray, np.ndarray],
+) -> None:
+    """Fill in the points `at` (N,) of very small `faces` (N,), one each, which are most of a fine mesh.
+
+    p, normals: (F, 3, 3) of all triangles' corners. plane: (F, 3) their unit normals and (F,) their areas.
+    """
+    facing, area = plane[0][faces], plane[1][faces]
+    place, normal = (np.take(of[:, 0] + of[:, 1] + of[:, 2], faces, axis=0) / 3.0 for of in (p, normals))
+    made.position[at] = place
+    length = np.sqrt(np.einsum("nx,nx->n", normal, normal))
+    length *= np.sign(np.einsum("nx,nx->n", normal, facing))
+    known = length != 0.0
+    made.normal[at] = np.where(known[:, None], normal / np.where(known, length, 1.0)[:, None], facing)
+    made.geometric[at], made.face[at], made.area[at] = facing, faces, area
 
 
 def cell_corners(tessellation: Tessellation) -> np.ndarray:

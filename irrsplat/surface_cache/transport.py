@@ -111,7 +111,8 @@ def _rest(before: np.ndarray, last: np.ndarray, area: np.ndarray) -> np.ndarray:
     for channel, r in enumerate(own.T):
         one, two = before[:, channel].astype(float), last[:, channel].astype(float)
         one = np.where(two > 0.0, one, 0.0)  # the light of sites that see none, such as a roof's in the sun, is not passed on
-        most = max(area @ two / max(area @ one, 1e-300), np.sqrt(area @ two**2 / max(area @ one**2, 1e-300)))
+        sums = [(_total(area, term), _total(area, term * term)) for term in (one, two)]
+        most = max(sums[1][0] / max(sums[0][0], 1e-300), np.sqrt(sums[1][1] / max(sums[0][1], 1e-300)))
         order = np.argsort(r, kind="stable")
         median = r[order][np.searchsorted(np.cumsum(area[order]), 0.5 * area.sum()) :][:1]  # none of no sites
         fade = np.minimum(np.maximum(r, median), most)
@@ -132,5 +133,11 @@ def _share(rest: np.ndarray, total: np.ndarray, area: np.ndarray) -> float:
         order = np.argsort(share, kind="stable")
         kept = order[np.cumsum(area[order]) <= (1.0 - POCKETS) * area.sum()]
         counted = float(area[kept].sum())
-        found.append(float(area[kept] @ share[kept]) / counted if counted > 0.0 else 0.0)
+        found.append(_total(area[kept], share[kept]) / counted if counted > 0.0 else 0.0)
     return max(found)
+
+
+def _total(area: np.ndarray, values: np.ndarray) -> float:
+    """Σ area·values, both (S,). BLAS shares so little out to all processors, and waits for them: where others keep these busy, a
+    thousand times as long."""
+    return float(np.einsum("s,s->", area, values))

@@ -15,6 +15,7 @@ from irrsplat.core.vertex_layout import WIDTH
 from irrsplat.gpu import shader_source
 from irrsplat.gpu.bvh_table import BvhTable
 from irrsplat.gpu.target import Target, table_texture
+from irrsplat.scene import bvh as bvh_module
 from irrsplat.scene.bvh import LEAF, Bvh, build
 from tests.support.worlds import sphere
 
@@ -278,6 +279,19 @@ def test_the_build_has_no_loop_over_triangles() -> None:
     """Levels are all that is looped over: 16 times as many triangles have four levels more, not 16 times as many calls."""
     few, many = calls(1000), calls(16_000)
     assert many < 2 * few, (few, many)
+
+
+def test_few_levels_split_all_triangles(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From the root on it would be twelve times; cells are split in place of the triangles in them."""
+    split, boxes = bvh_module._split, list[int]()
+
+    def counted(part: np.ndarray, *rest: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        boxes.append(part.shape[1])
+        return split(part, *rest)
+
+    monkeypatch.setattr(bvh_module, "_split", counted)
+    build(soup(20_000, size=0.01))
+    assert sum(boxes) < 8 * 20_000
 
 
 def test_looking_costs_the_logarithm_of_the_triangles() -> None:

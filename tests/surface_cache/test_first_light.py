@@ -14,6 +14,7 @@ from irrsplat import Renderer
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.image.view import Progress
 from irrsplat.indirect import record_gatherer
+from irrsplat.renderer import rounds
 from irrsplat.surface_cache import site_layout, site_rays
 from tests.renderer.test_renderer import FAST, SIZE, room
 from tests.support.worlds import lamp
@@ -71,6 +72,36 @@ def test_one_bounce_is_shown_before_all_are_known(ctx: moderngl.Context, tmp_pat
         fresh.load_cache(tmp_path / "early")
         assert len(fresh.cache.stale) == fresh.cache.count, "the file does not pass them as finished"
         assert same_light(fresh)
+
+
+def test_what_will_be_gathered_again_takes_few_rays(ctx: moderngl.Context) -> None:
+    settings = {**ALL, "gather_size": 32, "ray_noise": 4.0}
+    with Renderer(room(), SIZE, ctx=ctx, **settings) as renderer:
+        early = ticks(renderer, lambda now: now.records > 20)
+        assert early.surface < 1.0
+        where, values = renderer.cache.sites(slice(0, early.records)), renderer.cache.read()["irradiance"][: early.records]
+    with Renderer(room(), SIZE, ctx=ctx, **{**settings, "bounces": 1}) as one:
+        one.frame(gather=False)
+        assert one.shadows is not None
+        one.scheduler.gatherer.gather(one.shadows, where, Budget(None), size=16)
+        assert np.array_equal(one.cache.read()["irradiance"], values)
+
+
+def test_a_rough_picture_of_one_bounce_is_enough(ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From some coverage on, ticks work at the surface cache alone until it is there."""
+    monkeypatch.setattr(rounds, "_ROUGHLY", 0.0)
+    with Renderer(room(), SIZE, ctx=ctx, **ALL) as renderer:
+        early = ticks(renderer, lambda now: now.coverage > 0.0)
+        assert early.surface < 1.0 and early.coverage < 1.0
+        made: list[int] = []
+
+        def there(now: Progress) -> bool:
+            made.append(now.new)
+            return now.surface == 1.0
+
+        ticks(renderer, there)
+        assert len(made) > 1 and not any(made[:-1])
+        assert ticks(renderer, lambda now: now.still).coverage == 1.0
 
 
 def relit(renderer: Renderer) -> None:
