@@ -3,23 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Generic, TypeVar
+from typing import TypeVar
 
 T = TypeVar("T")
-
-
-class Deferred(Generic[T]):
-    """A result that is made when it is first asked for, by `make`."""
-
-    def __init__(self, make: Callable[[], T]) -> None:
-        self._make = make
-        self._made: list[T] = []
-
-    def __call__(self) -> T:
-        """The result."""
-        if not self._made:
-            self._made.append(self._make())
-        return self._made[0]
 
 
 class Memo:

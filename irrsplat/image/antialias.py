@@ -90,8 +90,7 @@ class Antialiaser(Owner):
             means = buffers.mean(1, view.gbuffer, view.direct, view.sums, view.sums, behind, inputs.settings.mix)
             image, direct, indirect, emission, alpha = means
             self._source = view
-            parts = replace(view.parts(), direct=direct)
-            self._sampled = replace(view, image=image, parts=lambda: parts, indirect=indirect, emission=emission, alpha=alpha)
+            self._sampled = replace(view, image=image, direct=direct, indirect=indirect, emission=emission, alpha=alpha)
         if self._sampled.samples == samples:
             return self._sampled
         first = done = self._sampled.samples

@@ -20,20 +20,11 @@ from irrsplat.scene.model import Camera
 
 
 @dataclass(frozen=True)
-class Parts:
-    """What a picture is made of at every pixel: direct light, the splat buffer, and the sums whose quotient is the irradiance."""
-
-    direct: moderngl.Texture
-    splats: SplatBuffer
-    sums: moderngl.Texture
-
-
-@dataclass(frozen=True)
 class View:
     """One round's picture as GPU handles, valid until the next round: what the viewer shows and `render` reads back.
 
     camera: relative to the scene's origin, as the g-buffer's positions are.
-    parts: drawn when they are first asked for, where the picture was drawn without them.
+    sums: (Σ k·E, Σ k), whose quotient E the picture is made of: the splat buffer's own, or smoothed.
     samples: of a pixel. Of more than one, the first at its centre, `image`, `direct`, `indirect`, `emission` (the sky's
     too) and `alpha` are the means; of one alone, indirect and emission follow from the rest. All others are of the centre.
     backdrop: what stands where nothing is seen. fading: whether E is not yet what the records say, but on the way there from what
@@ -42,7 +33,9 @@ class View:
 
     camera: Camera
     gbuffer: GBuffer
-    parts: Callable[[], Parts]
+    direct: moderngl.Texture
+    splats: SplatBuffer
+    sums: moderngl.Texture
     image: moderngl.Texture
     alpha: moderngl.Texture
     samples: int = 1
@@ -50,21 +43,6 @@ class View:
     emission: moderngl.Texture | None = None
     backdrop: Backdrop = Backdrop()
     fading: bool = False
-
-    @property
-    def direct(self) -> moderngl.Texture:
-        """Direct outgoing radiance."""
-        return self.parts().direct
-
-    @property
-    def splats(self) -> SplatBuffer:
-        """What the records say of every pixel."""
-        return self.parts().splats
-
-    @property
-    def sums(self) -> moderngl.Texture:
-        """(Σ k·E, Σ k), whose quotient E the picture is made of: the splat buffer's own, or smoothed."""
-        return self.parts().sums
 
     def _repr_png_(self) -> bytes:
         """The picture as a PNG, by its own exposure: a notebook shows the view while it is valid."""

@@ -115,14 +115,9 @@ class ViewSplats(Owner):
         if self._upsampled is None or self._upsampled[0] is not splats:
             self._upsampled = None
             with self.timers("upsample"):
-                self._upsampled = splats, self.upsampler(splats, gbuffer, camera)
+                self.upsample_pass = self.upsample_pass or UpsamplePass(self.ctx, self.size)
+                self._upsampled = splats, self.upsample_pass(splats, gbuffer, camera)
         return self._upsampled[1]
-
-    @property
-    def upsampler(self) -> UpsamplePass:
-        """Brings sums of every other pixel to all of them."""
-        self.upsample_pass = self.upsample_pass or UpsamplePass(self.ctx, self.size)
-        return self.upsample_pass
 
     def read(self, records: Records, gbuffer: GBuffer, camera: Camera, settings: Settings) -> np.ndarray:
         """(H, W, 4) the sums (Σ k·E, Σ k) of these records alone at every pixel, top row first."""

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import moderngl
 
-from irrsplat.core.buffers import GBuffer, SplatBuffer, Uniforms
+from irrsplat.core.buffers import GBuffer, SplatBuffer
 from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
@@ -19,32 +21,32 @@ class UpsamplePass(Owner):
     """
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
-        self.ctx, self.size = ctx, size
-        self.squares = Program(ctx, "upsample/squares", "lib/fullscreen")
-        self.between = Program(ctx, "upsample/between", "lib/fullscreen")
-        self.search = Program(ctx, "upsample/search", "lib/fullscreen")
+        self.size = size
+        self.squares = Program(ctx, "indirect/upsample_squares", "lib/fullscreen")
+        self.between = Program(ctx, "indirect/upsample", "lib/fullscreen")
+        self.search = Program(ctx, "indirect/upsample_search", "lib/fullscreen")
         self.target = Target(ctx, ((size[0] + 1) // 2, (size[1] + 1) // 2), (4, 4))
         self.target.textures[0].filter = moderngl.LINEAR, moderngl.LINEAR
-        self.out: Target | None = None  # made when it is first wanted: most pictures are drawn without
+        self.out = Target(ctx, size, (4, 2), depth=True)
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
         return (self.squares, self.between, self.search, self.target, self.out)
 
-    def prepared(self, splats: SplatBuffer, gbuffer: GBuffer, camera: Camera) -> Uniforms:
-        """The uniforms of shaders/upsample/between.glsl for these sums, drawn into textures of this pass's own."""
-        seen: Uniforms = {"position": gbuffer.position, "normal": gbuffer.normal}
-        self.squares(self.target, **seen, sums=splats.sums, weight=splats.weight)
-        irradiance, planes = self.target.textures
-        return {"irradiance": irradiance, "planes": planes, "pixel": camera.pixel(self.size)}
-
     def __call__(self, splats: SplatBuffer, gbuffer: GBuffer, camera: Camera) -> SplatBuffer:
         """For every pixel the sums of one record instead of all: E and 1, and Σw as between its neighbours; the textures are this
         pass's own."""
-        self.out = self.out or Target(self.ctx, self.size, (4, 2), depth=True)
-        squares = self.prepared(splats, gbuffer, camera)
-        self.between(self.out, state=DrawState(depth="1"), position=gbuffer.position, **squares)
-        seen: Uniforms = {"position": gbuffer.position, "normal": gbuffer.normal}
+        seen: dict[str, Any] = {"position": gbuffer.position, "normal": gbuffer.normal}
+        self.squares(self.target, **seen, sums=splats.sums, weight=splats.weight)
+        irradiance, planes = self.target.textures
+        self.between(
+            self.out,
+            state=DrawState(depth="1"),
+            position=gbuffer.position,
+            irradiance=irradiance,
+            planes=planes,
+            pixel=camera.pixel(self.size),
+        )
         self.search(self.out, state=DrawState(depth="<", depth_write=False), **seen, sums=splats.sums, weight=splats.weight)
         sums, weight = self.out.textures
         return SplatBuffer(sums, weight, splats.luminance_floor)

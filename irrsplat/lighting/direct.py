@@ -22,11 +22,6 @@ class Headlamp:
     intensity: float
 
 
-def headlamp_uniform(headlamp: Headlamp | None) -> tuple[float, ...]:
-    """The uniform of shaders/lighting/direct_light.glsl."""
-    return (0.0, 0.0, 0.0, 0.0) if headlamp is None else (*headlamp.position, headlamp.intensity)
-
-
 class DirectPass(Owner):
     """Draws the direct outgoing radiance of a view of `size` (width, height), by lights of the kinds that light_defines tells.
 
@@ -56,7 +51,7 @@ class DirectPass(Owner):
         rotation: of the pattern of shadow samples, radians.
         """
         target = target or self.target
-        lamp = headlamp_uniform(headlamp)
+        lamp = (0.0, 0.0, 0.0, 0.0) if headlamp is None else (*headlamp.position, headlamp.intensity)
         uniforms: Uniforms = {
             "position": gbuffer.position,
             "normal": gbuffer.normal,

@@ -8,7 +8,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import GBuffer, ShadowMaps, SplatBuffer
-from irrsplat.core.memo import Deferred, Memo
+from irrsplat.core.memo import Memo
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
@@ -19,7 +19,7 @@ from irrsplat.image.composite import CompositePass, MeterPass
 from irrsplat.image.emitter_light import EmitterLightPass
 from irrsplat.image.gbuffer import GBufferPass
 from irrsplat.image.texture_maps import TextureMaps
-from irrsplat.image.view import Parts, View
+from irrsplat.image.view import View
 from irrsplat.indirect.scheduler import RecordScheduler
 from irrsplat.indirect.splat_buffer import ViewSplats
 from irrsplat.indirect.temporal_filter import TemporalFilter
@@ -28,7 +28,6 @@ from irrsplat.lighting.emitter_table import emitter_table
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.lighting.sky import sky_maps
-from irrsplat.renderer.coarse_picture import CoarsePicturePass
 from irrsplat.renderer.state import Round, State
 from irrsplat.scene.model import Camera
 
@@ -60,11 +59,6 @@ class Stages(Owner):
     def _direct_pass(self, state: State) -> DirectPass:
         size, defines = state.size, light_defines(state.scene)
         return self._passes.get("direct", (size, defines), lambda: DirectPass(self.ctx, size, defines))
-
-    def _coarse_picture_pass(self, state: State) -> CoarsePicturePass:
-        size, defines, composite = state.size, light_defines(state.scene), self.composite_pass(state)
-        made_of = size, defines, composite
-        return self._passes.get("coarse picture", made_of, lambda: CoarsePicturePass(self.ctx, composite.target, defines))
 
     def _emitter_pass(self, state: State) -> EmitterLightPass | None:
         """Samples the light of emitters at pixels; None where the records hold it, or there are none."""
@@ -164,23 +158,12 @@ class Stages(Owner):
             with self.timers("emitters"):
                 return emitter_pass(gbuffer, self.world, settings)
 
-        def parts(splats: SplatBuffer) -> Parts:
-            splats = self.splats(state).at_every_pixel(splats, gbuffer, camera)
-            return Parts(self._memo.get("direct", (gbuffer, shadows, headlamp), light), splats, splats.sums)
-
         def compose() -> View:
             splats = done.splats
             if fading or surface is not None:
                 with self.timers("composite"):
                     found = None if surface is None else surface.uniforms()["scene"]
                     splats = temporal_filter(splats, gbuffer, camera, subject, shadows, found)
-            apart = settings.smooth or emitter_pass is not None or (filling and surface is None) or done.sparing
-            if splats.pixel_stride > 1 and not apart and gbuffer.filters is None and gbuffer.mapped_normal is None:
-                with self.timers("picture"):
-                    coarse, upsampler = self._coarse_picture_pass(state), self.splats(state).upsampler
-                    image, alpha = coarse(splats, upsampler, gbuffer, shadows, headlamp, backdrop, camera, settings.mix)
-                made = Deferred(lambda: parts(splats))
-                return View(camera, gbuffer, made, image, alpha, backdrop=backdrop, fading=left > 0)
             splats = self.splats(state).at_every_pixel(splats, gbuffer, camera)
             sums = splats.sums
             if done.sparing:
@@ -192,8 +175,7 @@ class Stages(Owner):
                 if filling and surface is None:
                     sums = composite_pass.filled(sums, direct, gbuffer, backdrop)
                 image, alpha, sums = composite_pass(sums, direct, gbuffer, backdrop, camera, settings, emitters)
-            whole = Parts(direct, splats, sums)
-            return View(camera, gbuffer, lambda: whole, image, alpha, backdrop=backdrop, fading=left > 0)
+            return View(camera, gbuffer, direct, splats, sums, image, alpha, backdrop=backdrop, fading=left > 0)
 
         return self._memo.get("picture", (subject, left), compose)
 

@@ -1,8 +1,8 @@
 // The radiance behind everything: the sky's, or none where the backdrop is no light. irrsplat/image/backdrop.py has the uniforms.
-#include "lighting/picture_corner.glsl"
 #include "lighting/sky.glsl"
 
 uniform mat3 pixel_rays;      // times (x, y, 1) in pixels of the whole picture: a ray's direction, of any length
+uniform ivec2 picture_corner; // the pixel of the whole picture that is the first one here
 uniform int sky_is_seen;  // 0: the backdrop is something else, which is no light
 #if SKY_MAP
 uniform sampler2D sky_seen;  // W/(m² sr), equirectangular with its middle to the north, bottom row first, with coarser levels

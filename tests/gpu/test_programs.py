@@ -35,7 +35,6 @@ from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.lighting.site_light import SiteLightPass
 from irrsplat.records.coverage_pass import CoveragePass
 from irrsplat.records.radius_limit_pass import RadiusLimitPass
-from irrsplat.renderer.coarse_picture import CoarsePicturePass
 from irrsplat.scene.model import Image, Light, Material, Texture
 from irrsplat.surface_cache.view import SurfaceViewPass
 from irrsplat.surface_cache.visibility import VisibilityPass
@@ -56,8 +55,6 @@ LIT = {
     "gather/raster_shade",
     "gather/trace",
     "lighting/site_light",
-    "upsample/picture",
-    "upsample/picture_search",
 }  # stages whose shaders go by the lights
 
 
@@ -72,8 +69,6 @@ def lit(ctx: moderngl.Context, lights: tuple[Light, ...]) -> Iterator[Owner]:
         yield TraceGather(world, 8, 1, surface=surface)
     yield TraceGather(world, 8, 1, surface=True, hits=True)
     yield SiteLightPass(ctx, defines, 8)
-    with Target(ctx, SIZE, (4, 1)) as picture:
-        yield CoarsePicturePass(ctx, picture, defines)
 
 
 def unlit(ctx: moderngl.Context) -> Iterator[Owner]:

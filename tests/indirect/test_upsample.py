@@ -10,7 +10,6 @@ import pytest
 
 import irrsplat
 from irrsplat.core.buffers import NOTHING_SEEN, SplatBuffer
-from irrsplat.core.memo import Deferred
 from irrsplat.gpu.target import pixels, table_texture
 from irrsplat.indirect.upsample import UpsamplePass
 from irrsplat.renderer import Renderer
@@ -91,30 +90,6 @@ def test_small_views_and_those_without_coarse_splat_every_pixel_at_once(size: tu
     with Renderer(irrsplat.load("cornell"), size=size, preset="preview", bounces=1, coarse=coarse) as renderer:
         _, progress = renderer.frame()
         assert progress.new > 0 and renderer.splats.pixel_stride == every
-
-
-@pytest.mark.parametrize("shining", [False, True])
-def test_a_moving_picture_in_one_draw_is_that_of_its_parts(shining: bool) -> None:
-    """Direct light, upsampled indirect light and emission, before a sky and lit by a lamp at the eye."""
-    scene = irrsplat.load("cornell")
-    if shining:
-        lit = replace(scene.meshes[0], material=replace(scene.meshes[0].material, emission=(0.2, 0.1, 0.3)))
-        scene = replace(scene, sky=(0.3, 0.4, 0.5), sky_gradient=(0.1, 0.0, 0.2), meshes=(lit, *scene.meshes[1:]))
-    camera = scene.camera()
-    aside = replace(camera, eye=(camera.eye[0] + 0.3, *camera.eye[1:]), target=(camera.target[0] + 1.5, *camera.target[1:]))
-    with Renderer(scene, size=(400, 400), preset="preview", bounces=1) as renderer:
-        for one in (camera, aside, camera):  # then nothing is missing in the view that is moved to
-            renderer.converge(one)
-        renderer.carry_headlamp(3.0)
-        view, _ = renderer.frame(aside)
-        assert isinstance(view.parts, Deferred) and renderer.splats.pixel_stride == 2
-        image, alpha, seen = pixels(view.image).copy(), pixels(view.alpha).copy(), pixels(view.gbuffer.position)[..., 3] > 0.0
-        parts = view.parts()
-        assert view.parts() is parts, "they are drawn once"
-        drawn = renderer.composite_pass(parts.sums, parts.direct, view.gbuffer, view.backdrop, aside, renderer.settings)
-        whole, covered = pixels(drawn[0]), pixels(drawn[1])
-    assert 0.01 < (~seen).mean() < 0.5 and image[seen].min() > 0.0
-    assert np.allclose(image, whole, rtol=1e-5, atol=1e-7) and np.array_equal(alpha, covered)
 
 
 def test_an_object_between_four_pixels_of_a_wall_takes_no_light_from_it(ctx: moderngl.Context) -> None:

@@ -315,7 +315,7 @@ SHADERS = (
     ),
     Mutant(
         "upsampling takes every square for a plane",
-        "shaders/upsample/between.glsl",
+        "shaders/indirect/upsample.frag",
         "abs(dot(plane.xyz, p.xyz) - plane.w) <= MAX_RISE * pixel * p.w;",
         "abs(dot(plane.xyz, p.xyz) - plane.w) <= 1e9 * pixel * p.w;",
         ("tests/indirect/test_upsample.py::test_an_object_between_four_pixels_of_a_wall_takes_no_light_from_it",),

@@ -1,21 +1,25 @@
-// Upsampling of the other pixels: the mean of those of the sixteen coarse pixels around that lie on their own surface (joint
-// bilateral upsampling, Kopf et al. 2007).
+// Upsampling, second draw: the marked pixels take the mean of those of the sixteen coarse pixels around that lie on their own
+// surface (joint bilateral upsampling, Kopf et al. 2007).
 #include "lib/same_surface.glsl"
 #include "lib/texel.glsl"
+#include "generated/constants.glsl"
 
 uniform sampler2D position;  // g-buffer, of all pixels
 uniform sampler2D normal;
 uniform sampler2D sums;      // Σ k·E, Σ k of the coarse pixels
+uniform sampler2D weight;
+
+layout(location = 0) out vec4 out_sums;    // E and 1
+layout(location = 1) out vec2 out_weight;  // Σw of a coarse pixel, and Y²
 
 const float OTHER_SURFACE = 1e-4;  // weight of coarse pixels on other surfaces: they decide only where there is none on this one
 
-// E and 1 at a pixel; 0 where none of the sixteen has a record.
-vec4 searched(ivec2 pixel)
+void main()
 {
-    ivec2 first = pixel / 2, last = textureSize(sums, 0) - 1;
+    ivec2 pixel = ivec2(gl_FragCoord.xy), first = pixel / 2, last = textureSize(sums, 0) - 1;
     vec3 p = texel_at(position, pixel).xyz, n = texel_at(normal, pixel).xyz;
     vec2 offset = 0.5 * vec2(pixel - 2 * first);
-    vec4 found = vec4(0.0);
+    out_sums = vec4(0.0);
     for (int i = 0; i < 16; ++i)
     {
         ivec2 off = ivec2(i & 3, i >> 2) - 1, at = clamp(first + off, ivec2(0), last);
@@ -23,7 +27,9 @@ vec4 searched(ivec2 pixel)
         vec4 sum = texel_at(sums, at);
         float cosine = max(dot(n, m), 0.01), apart = distance(vec2(off), offset);
         float share = exp2(-2.0 * apart * apart) * (same_surface(p, n, q, m) ? 1.0 : OTHER_SURFACE * pow(cosine, 4.0));
-        found += sum.a > 0.0 ? share * vec4(sum.rgb / sum.a, 1.0) : vec4(0.0);
+        out_sums += sum.a > 0.0 ? share * vec4(sum.rgb / sum.a, 1.0) : vec4(0.0);
     }
-    return found.a > 0.0 ? found / found.a : vec4(0.0);
+    out_sums = out_sums.a > 0.0 ? out_sums / out_sums.a : vec4(0.0);
+    float Y = dot(out_sums.rgb, LUMINANCE);
+    out_weight = vec2(texel_at(weight, first).r, Y * Y);
 }

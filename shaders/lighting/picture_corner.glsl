@@ -1,1 +1,0 @@
-uniform ivec2 picture_corner;  // the pixel of the whole picture that is the first one here
