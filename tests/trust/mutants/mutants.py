@@ -832,8 +832,8 @@ SCENES = (
     Mutant(
         "box of a node without its second child",
         "irrsplat/scene/bvh.py",
-        "np.minimum(bounds[:, left[nodes]], bounds[:, left[nodes] + 1])",
-        "np.minimum(bounds[:, left[nodes]], bounds[:, left[nodes]])",
+        "np.minimum(bounds[:, left[level]], bounds[:, left[level] + 1])",
+        "np.minimum(bounds[:, left[level]], bounds[:, left[level]])",
         ("tests/gpu/test_bvh.py::test_every_triangle_is_in_one_leaf_and_within_the_boxes_above_it[five]",),
     ),
     Mutant(
