@@ -29,7 +29,7 @@ ACTIONS = int(os.environ.get("IRRSPLAT_ACTIONS", "4"))
 SEED = int(os.environ.get("IRRSPLAT_SEED", "1"))
 DT = 0.1  # seconds of a frame
 KEPT = 2500  # records at most
-REST = 20_000  # frames at most: each does less on a loaded machine, and a preset beside the quick one refines for long
+REST = 20_000  # frames at most until all is at rest: on a loaded machine each does less
 GROWTH = 1.05
 OBJECTS = 12  # of OpenGL may come after that: programs of overlays at first use, the interface's letters
 EDITED = 3  # meshes that edits need
@@ -72,6 +72,8 @@ def check(driver: Driver, done: list[str]) -> None:
     if session.path_recorder.recording is not None:
         driver.actions.record()  # which ends the recording
     session.path_recorder.stop()
+    for side in range(len(session.active)):  # a key may have brought a preset that refines for minutes
+        session.change(side, viewer_samples=0, viewer_quality=0.0)
     driver.settle(REST, f"after {done}, with {[(r.preset, r.cache.count, r.settings) for r in session.active]}")
     for view, progress, renderer in zip(session.views, session.progress, session.active, strict=True):
         assert renderer.cache.count <= renderer.settings.max_records, f"{renderer.cache.count} records after {done}"
