@@ -67,22 +67,30 @@ def _grid(low: np.ndarray, high: np.ndarray) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class _Tree:
-    """N nodes, level by level.
+class _Levels:
+    """Trees of some roots, N nodes level by level.
 
-    boxes: (6, N) the least corner and the negative of the greatest, so that the minimum over boxes bounds all of them.
     left: (N,) the left child; the right one is the next; -1: a leaf. axis: (N,) of the split.
-    first, count: (N,) of leaves the first triangle and their number. inner: the numbers of the nodes that
-    are no leaves, level by level. order: the triangles, leaf by leaf.
+    first, count: (N,) of leaves the first item and their number. inner: the numbers of the nodes that
+    are no leaves, level by level. order: the items, leaf by leaf.
     """
 
-    boxes: np.ndarray
     left: np.ndarray
     axis: np.ndarray
     first: np.ndarray
     count: np.ndarray
     inner: list[np.ndarray]
     order: np.ndarray
+
+
+@dataclass(frozen=True)
+class _Tree(_Levels):
+    """The tree of all triangles.
+
+    boxes: (6, N) the least corner and the negative of the greatest, so that the minimum over boxes bounds all of them.
+    """
+
+    boxes: np.ndarray
 
 
 def _tree(boxes: np.ndarray) -> _Tree:
@@ -103,7 +111,7 @@ def _tree(boxes: np.ndarray) -> _Tree:
     bounds[:, leaves] = np.minimum.reduceat(np.take(boxes, below.order, axis=1), first[leaves], axis=1)
     for level in reversed(inner):
         bounds[:, level] = np.minimum(bounds[:, left[level]], bounds[:, left[level] + 1])
-    return _Tree(bounds, left, axis, first, count, inner, below.order)
+    return _Tree(left, axis, first, count, inner, below.order, bounds)
 
 
 @dataclass(frozen=True)
@@ -154,18 +162,6 @@ def _spread(number: np.ndarray) -> np.ndarray:
     for shift, mask in ((16, 0xFF0000FF), (8, 0x0F00F00F), (4, 0xC30C30C3), (2, 0x49249249)):
         number = (number | number << shift) & mask
     return number
-
-
-@dataclass(frozen=True)
-class _Levels:
-    """Trees of some roots, level by level, as _Tree has them, of leaves that hold `count` items, `order` leaf by leaf."""
-
-    left: np.ndarray
-    axis: np.ndarray
-    first: np.ndarray
-    count: np.ndarray
-    inner: list[np.ndarray]
-    order: np.ndarray
 
 
 def _levels(boxes: np.ndarray, counts: np.ndarray, weights: np.ndarray | None, items: np.ndarray | None = None) -> _Levels:
