@@ -13,7 +13,7 @@ from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.core.vertex_layout import TEXELS, vertex_column, vertex_texels
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import table_texture
-from irrsplat.gpu.texel_table import table_rows
+from irrsplat.gpu.texel_table import chosen_rows, table_rows, write
 from irrsplat.scene.bvh import Bvh, build
 from irrsplat.scene.seen_by_light import FaceCounts
 
@@ -115,14 +115,18 @@ def _tables(ctx: moderngl.Context, vertices: np.ndarray, faces: np.ndarray, coun
     limit = int(ctx.info["GL_MAX_TEXTURE_SIZE"])
     if max(bvh.nodes[..., 0].size, len(vertices), len(faces)) > TABLE_COLUMNS * limit or limit < max(TEXELS, 3) * TABLE_COLUMNS:
         raise InputError(f"{len(faces)} triangles are too many to trace here: use --gather raster")
-    rows = table_rows(bvh.nodes.reshape(-1, 1, 4))
-    nodes = ctx.texture((rows.shape[1], rows.shape[0]), 4, np.ascontiguousarray(rows).tobytes(), dtype="u4")
+    texels = bvh.nodes.reshape(-1, 4)
+    nodes = ctx.texture((TABLE_COLUMNS, max(-(-len(texels) // TABLE_COLUMNS), 1)), 4, dtype="u4")
     nodes.filter = moderngl.NEAREST, moderngl.NEAREST
-    leaves = np.concatenate([corners[bvh.order], faces[bvh.order, :, None]], axis=-1, dtype="f4")
+    write(nodes, 0, texels)
+    points = np.empty((len(vertices), 4), "f4")
+    points[:, :3], points[:, 3] = vertex_column(vertices, "position"), np.arange(len(vertices))
+    leaves = chosen_rows(points, faces[bvh.order])
     if counts.cut_out:
+        first_corners = leaves.reshape(-1, 3, 4)[: len(bvh.order), 0]
         cut_out = bvh.order >= counts.solid
-        leaves[cut_out, 0, 3] = -1.0 - leaves[cut_out, 0, 3]  # marks them
-    triangles, table = table_texture(ctx, table_rows(leaves)), table_texture(ctx, table_rows(vertex_texels(vertices)))
+        first_corners[cut_out, 3] = -1.0 - first_corners[cut_out, 3]  # marks them
+    triangles, table = table_texture(ctx, leaves), table_texture(ctx, table_rows(vertex_texels(vertices)))
     places = np.full(counts.lit + 1, -1, np.int32)
     places[bvh.order] = np.arange(counts.lit)
     return _Tables(corners, bvh.order, places, bvh.nodes.shape[1], bvh.grid, nodes, triangles, table)

@@ -32,7 +32,7 @@ def table_texture(ctx: moderngl.Context, rows: np.ndarray) -> moderngl.Texture:
     """An RGBA32F texture that holds `rows` (R, C, 4): texel (c, r) is rows[r, c]."""
     rows = np.ascontiguousarray(rows, "f4")
     texture = float_texture(ctx, (rows.shape[1], rows.shape[0]))
-    texture.write(rows.tobytes())
+    texture.write(rows)
     return texture
 
 

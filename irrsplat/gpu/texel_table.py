@@ -19,15 +19,23 @@ def table_rows(items: np.ndarray) -> np.ndarray:
     return table.reshape(rows, TABLE_COLUMNS * texels, 4)
 
 
+def chosen_rows(texels: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+    """The table of N items, each of the `texels` (M, 4) of its T `numbers` (N, T), as `table_rows` lays it out."""
+    count, each = numbers.shape
+    rows = max(-(-count // TABLE_COLUMNS), 1)
+    table = np.zeros((rows * TABLE_COLUMNS * each, 4), texels.dtype)
+    np.take(texels, numbers.ravel(), axis=0, out=table[: count * each], mode="clip")  # unlike "raise", without a copy
+    return table.reshape(rows, TABLE_COLUMNS * each, 4)
+
+
 # ---- runs of texels: number i is texel (i % width, i // width) -----------------------------------------------------------
 
 
 def write(texture: moderngl.Texture, first: int, values: np.ndarray) -> None:
-    """Put `values` (N, C) into the float texture's texels from number `first` on."""
-    values = np.ascontiguousarray(values, "f4")
+    """Put `values` (N, C) into the texture's texels from number `first` on."""
+    values = np.ascontiguousarray(values, texture.dtype)
     for start, box in _boxes(first, len(values), texture.width):
-        part = values[start : start + box[2] * box[3]]
-        texture.write(part.tobytes(), viewport=box)
+        texture.write(values[start : start + box[2] * box[3]], viewport=box)
 
 
 def read(ctx: moderngl.Context, texture: moderngl.Texture, first: int, last: int) -> np.ndarray:

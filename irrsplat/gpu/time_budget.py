@@ -16,6 +16,7 @@ _FIRST_STEP = 64  # items: the largest first batch of a tick; each further one m
 _DECAY = 0.7  # weight of a measured batch relative to the one after it
 _PRIOR_VARIANCE = 0.05  # relative variance of batch sizes at which new measurements weigh as much as the present estimate
 _LEAST_MARGINAL_COST = 0.1  # of an item's mean cost: the least that one more item in the same batch is taken to cost
+_COLD = 4.0  # times what the second batch takes: a first one that took more compiled programs and made tables, and tells nothing
 _EXPLORE = 0.1  # relative growth of the estimated overhead while all batches have the same size
 
 
@@ -100,11 +101,13 @@ class Pace:
     exponentially less weight. Where a budget does not even hold the overhead, a batch is as large as makes both terms equal: half
     of its time is then of use. Batches of one size alone do not tell the terms apart: the overhead is then taken to be greater
     after each of them, so that a larger batch is tried before long.
+    A first batch that took far longer than the second is forgotten.
     """
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
         self._sums = np.zeros(5)  # weighted, of 1, n, n², t and n·t over the batches of n items in t seconds
+        self._cold: float | None = None  # seconds of the first batch, until there is a second one
         self._overhead = 0.0  # of a batch, as the number of items that cost as much
 
     def _affordable(self, seconds: float) -> float:
@@ -123,6 +126,12 @@ class Pace:
 
     def _learn(self, count: int, seconds: float, stuck: bool) -> None:
         """Refit the line with a batch of `count` items in `seconds`; stuck: it was as large as time allowed, not as wanted."""
+        if not self._sums[0]:
+            self._cold = seconds
+        elif self._cold is not None:
+            if self._cold > _COLD * seconds:
+                self._sums[:], self._overhead = 0.0, 0.0
+            self._cold = None
         self._sums = _DECAY * self._sums + np.array([1.0, count, count * count, seconds, count * seconds])
         batches, n, nn, t, nt = self._sums
         if t <= 0.0:

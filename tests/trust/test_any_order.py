@@ -61,7 +61,7 @@ SETTINGS: dict[str, tuple[Any, ...]] = {
 }  # fmt: skip; without `gradients` there are no walls either, which keep records from what is behind them
 EXACT = "position", "normal", "albedo", "depth", "direct", "emission"
 AS_SEEDS = 1.5  # times as much as two seeds do may a picture differ from a new renderer's
-SEEDS = 6  # that are tried before a picture counts as wrong
+SEEDS = 24  # that are tried before a picture counts as wrong: one of eight may miss a strip of light that is a pixel wide
 DARK = 1e-3  # W/m²: a mean that is less counts as this; with the only lamp in the closed box, 3 of 1000 rasters saw a lit texel
 LEAST = 0.02  # of the mean: differences of the size of a seed's are not looked for below this
 

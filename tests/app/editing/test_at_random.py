@@ -225,8 +225,9 @@ def compare(driver: Driver, draw: Draw) -> None:
     session = driver.session
     way = str(draw.choice(["off", "off", "buffers", "presets", "snapshot"]))
     if way == "snapshot" and not session.snapshots:
-        driver.frame()  # there is no picture to keep before the first one
-        push(driver, "K")
+        while not session.views:  # there is no picture to keep before the first one
+            driver.frame()
+        session.keep_snapshot(0)
     session.split(way)  # type: ignore[arg-type]
     if way == "presets":
         session.change(1, **QUICK)
