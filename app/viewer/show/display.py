@@ -21,6 +21,7 @@ from irrsplat.app.viewer.show.whereabouts import Whereabouts
 from irrsplat.core.memo import Memo
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
+from irrsplat.renderer import Renderer
 
 _DIVIDER = (1.0, 1.0, 1.0)  # display colour of the line between two sides
 
@@ -36,6 +37,7 @@ class Display(Owner):
         self.comparison = Comparison(session, self.buffer_view)
         self.line_profile = LineProfile(session.ctx)
         self._memo = Memo()
+        self._renderers: list[Renderer] = []  # those on show at the last update
         self.margins = Margins()  # that tiles leave free for the interface
 
     def owned(self) -> tuple[Resource, ...]:
@@ -45,6 +47,9 @@ class Display(Owner):
     def update(self, screen: Target, cursor: tuple[int, int] | None = None) -> InspectedRecord | None:
         """As `draw`, where the screen does not hold that very picture already."""
         options, session = self.session.options, self.session
+        if self._renderers != session.renderers:
+            self._renderers = list(session.renderers)
+            self.inspector.forget()
         self.comparison.update()
         shown = (0, 1) if session.compared else [side for side, _ in session.sides()]
         sides = [self._inputs(side) for side in shown], session.compared and self.comparison.inputs

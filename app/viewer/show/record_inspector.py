@@ -44,6 +44,12 @@ class RecordInspector(Owner):
         """What this frees."""
         return (self._made,)
 
+    def forget(self) -> None:
+        """Let go of what was made for the renderers so far, which would stay in memory with their scenes."""
+        self._made.clear()
+        self._memo.forget()
+        self.gather_pass = None
+
     def table(self, side: int, source: ViewSource) -> RecordTable:
         """The records of a side on the CPU, read again once they have changed."""
         cache = source.renderer.cache

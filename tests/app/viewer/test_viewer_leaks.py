@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import gc
 import random
+import weakref
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
@@ -180,3 +181,38 @@ def test_a_quarter_of_a_minute_of_anything_leaves_nothing_behind(tmp_path: Path,
     assert [one for _, one in watch.made if all(one is not other for other in own)] == [], (
         "after closing, but for the window's own"
     )
+
+
+def test_nothing_of_the_scene_before_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Once another scene is open, nothing holds a renderer or a scene of before: a large one is gigabytes."""
+    monkeypatch.setenv("IRRSPLAT_CONFIG", str(tmp_path / "config"))
+    with viewing(write_room(tmp_path), (320, 240), radius_min=4.0, radius_max=40.0, budget=20.0) as driver:
+        session, actions = driver.session, driver.actions
+        driver.reset()
+        options = session.options
+        driver.move(120.0, 120.0)
+        driver.frame(2)
+        options.inspect = True
+        driver.frame(2)
+        assert driver.viewer.inspected is not None
+        options.points = options.discs = options.sites = options.wire = True
+        for name in [name for name in BUFFERS if not BUFFERS[name].needs_truth]:
+            actions.show(name)
+            driver.frame(2)
+        for way in (*(way for way in SPLITS if way != "snapshot"), "off"):
+            session.split(way)
+            if way == "presets":
+                driver.quicken()
+            driver.frame(3)
+        session.forget_snapshot(session.keep_snapshot(0))
+        lamp = actions.editor.lamps[0]
+        actions.editor.set_lamp(0, lamp.moved((0.2, 0.5, 0.1)))
+        driver.frame(3)
+        options.inspect = options.points = options.discs = options.sites = options.wire = False
+        actions.show("image")
+        driver.frame(2)
+        before = [weakref.ref(thing) for renderer in session.renderers for thing in (renderer, renderer.world, renderer.scene)]
+        actions.open("furnace")
+        driver.settle()
+        gc.collect()
+        assert [one() for one in before if one() is not None] == []
