@@ -13,7 +13,7 @@ from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.core.vertex_layout import TEXELS, vertex_column, vertex_texels
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import table_texture
-from irrsplat.gpu.texel_table import chosen_rows, table_rows, write
+from irrsplat.gpu.texel_table import chosen_rows, row_count, table_rows, write
 from irrsplat.scene.bvh import Bvh, build
 from irrsplat.scene.seen_by_light import FaceCounts
 
@@ -116,7 +116,7 @@ def _tables(ctx: moderngl.Context, vertices: np.ndarray, faces: np.ndarray, coun
     if max(bvh.nodes[..., 0].size, len(vertices), len(faces)) > TABLE_COLUMNS * limit or limit < max(TEXELS, 3) * TABLE_COLUMNS:
         raise InputError(f"{len(faces)} triangles are too many to trace here: use --gather raster")
     texels = bvh.nodes.reshape(-1, 4)
-    nodes = ctx.texture((TABLE_COLUMNS, max(-(-len(texels) // TABLE_COLUMNS), 1)), 4, dtype="u4")
+    nodes = ctx.texture((TABLE_COLUMNS, row_count(len(texels))), 4, dtype="u4")
     nodes.filter = moderngl.NEAREST, moderngl.NEAREST
     write(nodes, 0, texels)
     points = np.empty((len(vertices), 4), "f4")

@@ -10,10 +10,15 @@ import numpy as np
 from irrsplat.core.glsl import TABLE_COLUMNS
 
 
+def row_count(items: int) -> int:
+    """The rows of a table of so many items, at least one."""
+    return max(-(-items // TABLE_COLUMNS), 1)
+
+
 def table_rows(items: np.ndarray) -> np.ndarray:
     """Items (N, T, 4) of T texels each laid out as a table, at least one row: (R, TABLE_COLUMNS·T, 4), zeros at the end."""
     count, texels = items.shape[:2]
-    rows = max(-(-count // TABLE_COLUMNS), 1)
+    rows = row_count(count)
     table = np.zeros((rows * TABLE_COLUMNS, texels, 4), items.dtype)
     table[:count] = items
     return table.reshape(rows, TABLE_COLUMNS * texels, 4)
@@ -22,7 +27,7 @@ def table_rows(items: np.ndarray) -> np.ndarray:
 def chosen_rows(texels: np.ndarray, numbers: np.ndarray) -> np.ndarray:
     """The table of N items, each of the `texels` (M, 4) of its T `numbers` (N, T), as `table_rows` lays it out."""
     count, each = numbers.shape
-    rows = max(-(-count // TABLE_COLUMNS), 1)
+    rows = row_count(count)
     table = np.zeros((rows * TABLE_COLUMNS * each, 4), texels.dtype)
     np.take(texels, numbers.ravel(), axis=0, out=table[: count * each], mode="clip")  # unlike "raise", without a copy
     return table.reshape(rows, TABLE_COLUMNS * each, 4)

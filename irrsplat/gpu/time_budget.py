@@ -100,8 +100,8 @@ class Pace:
     A batch of n items is taken to cost overhead + n·(marginal cost): a line fitted through the measured batches, older ones with
     exponentially less weight. Where a budget does not even hold the overhead, a batch is as large as makes both terms equal: half
     of its time is then of use. Batches of one size alone do not tell the terms apart: the overhead is then taken to be greater
-    after each of them, so that a larger batch is tried before long.
-    A first batch that took far longer than the second is forgotten.
+    after each of them, so that a larger batch is tried before long. A first batch that took far longer than the second is
+    forgotten.
     """
 
     def __init__(self, ctx: moderngl.Context) -> None:

@@ -10,7 +10,7 @@ from irrsplat.core.errors import InputError
 from irrsplat.core.glsl import MAX_EMITTER_CLUSTERS, TABLE_COLUMNS
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import table_texture
-from irrsplat.gpu.texel_table import table_rows
+from irrsplat.gpu.texel_table import row_count, table_rows
 from irrsplat.gpu.world import World
 from irrsplat.scene.emitters import emitters
 
@@ -78,7 +78,7 @@ def emitter_table(world: World) -> EmitterTable | None:
 
 def _pairs(ctx: moderngl.Context, values: np.ndarray) -> moderngl.Texture:
     """A table of texels with two numbers each, by number; values: (N, 2)."""
-    rows = -(-max(len(values), 1) // TABLE_COLUMNS)
+    rows = row_count(len(values))
     texels = np.zeros((rows * TABLE_COLUMNS, 2), "f4")
     texels[: len(values)] = values
     texture = ctx.texture((TABLE_COLUMNS, rows), 2, texels.tobytes(), dtype="f4")

@@ -225,8 +225,8 @@ def compare(driver: Driver, draw: Draw) -> None:
     session = driver.session
     way = str(draw.choice(["off", "off", "buffers", "presets", "snapshot"]))
     if way == "snapshot" and not session.snapshots:
-        while not session.views:  # there is no picture to keep before the first one
-            driver.frame()
+        if not session.views:  # there is no picture to keep before the first one
+            driver.settle()
         session.keep_snapshot(0)
     session.split(way)  # type: ignore[arg-type]
     if way == "presets":
