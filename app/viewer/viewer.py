@@ -153,6 +153,8 @@ class Viewer(Owner):
         self.copy(self.canvas, target)
         if actions.editor.mesh is not None and not actions.panels.hidden:
             self.outline(target, self.session.source(0), actions.editor.mesh, self.wnd.pixel_ratio)
+        elif actions.editor.mesh is None:
+            self.outline.forget()
         magnified = cursor is not None and self.controls.magnifying
         if cursor is not None and magnified:
             self.magnifier.draw(target, self.canvas.textures[0], cursor)

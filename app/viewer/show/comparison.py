@@ -73,6 +73,10 @@ class Comparison(Owner):
         shown = ((BUFFERS[self.session.buffer(side)], self.session.source(side).truth) for side in (0, 1))
         return any(buffer.needs_truth and truth is not None and truth.lattice.stride > 1 for buffer, truth in shown)
 
+    def forget(self) -> None:
+        """Know nothing of what was compared."""
+        self.flip.subject = None
+
     def draw(self, target: Target) -> None:
         """Draw it over the whole target."""
         if self.session.options.compare == "FLIP":

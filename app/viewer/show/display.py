@@ -49,7 +49,9 @@ class Display(Owner):
         options, session = self.session.options, self.session
         if self._renderers != session.renderers:
             self._renderers = list(session.renderers)
-            self.inspector.forget()
+            # what they know of a scene that is no longer open
+            for known in (self.inspector, self.whereabouts, self.comparison, self.markers, self._memo):
+                known.forget()
         self.comparison.update()
         shown = (0, 1) if session.compared else [side for side, _ in session.sides()]
         sides = [self._inputs(side) for side in shown], session.compared and self.comparison.inputs

@@ -46,6 +46,10 @@ class Markers(Owner):
         """What this frees."""
         return (self.programs, self.colours, self.number)
 
+    def forget(self) -> None:
+        """Keep nothing of the scene that was drawn."""
+        self.programs.forget()
+
     def points(
         self,
         target: Target,

@@ -29,6 +29,11 @@ class Outline(Owner):
         """What this frees."""
         return (self.line, self._made)
 
+    def forget(self) -> None:
+        """Keep nothing of the scene whose mesh was outlined."""
+        self._made.clear()
+        self._memo.forget()
+
     def __call__(self, target: Target, source: ViewSource, mesh: int, density: float) -> None:
         """Draw the line around a mesh of the source's scene. density: pixels per window coordinate."""
         scene, camera, size = source.scene, source.view.camera, target.size

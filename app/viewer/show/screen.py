@@ -31,6 +31,11 @@ class Programs(Owner):
         """What this frees."""
         return tuple(self._made.values())
 
+    def forget(self) -> None:
+        """Free all of them, and with them the geometry of scenes that they have drawn."""
+        while self._made:
+            self._made.popitem()[1].release()
+
     def __call__(self, fragment: str, vertex: str = "lib/fullscreen", defines: Mapping[str, object] | None = None) -> Program:
         """The program of these shaders and defines."""
         key = f"{fragment} {vertex} {sorted((defines or {}).items())}"

@@ -33,6 +33,11 @@ class Whereabouts(Owner):
         """What this frees."""
         return (self.program, self.target)
 
+    def forget(self) -> None:
+        """Know nothing of what was looked at."""
+        self._world, self._shown = None, 0.0
+        self._memo.forget()
+
     def lost(self, source: ViewSource, is_first: bool) -> bool:
         """Whether the camera of the source's view is outside of the scene and sees nothing of it, or only its other side.
 

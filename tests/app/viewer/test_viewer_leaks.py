@@ -196,14 +196,23 @@ def test_nothing_of_the_scene_before_stays(tmp_path: Path, monkeypatch: pytest.M
         driver.frame(2)
         assert driver.viewer.inspected is not None
         options.points = options.discs = options.sites = options.wire = True
+        before: list[weakref.ref[object]] = []
         for name in [name for name in BUFFERS if not BUFFERS[name].needs_truth]:
             actions.show(name)
             driver.frame(2)
+            before += [weakref.ref(view) for view in session.views]
+        actions.show("image")
         for way in (*(way for way in SPLITS if way != "snapshot"), "off"):
             session.split(way)
             if way == "presets":
                 driver.quicken()
             driver.frame(3)
+            for options.compare in ("difference", "FLIP", "divided"):
+                driver.frame(3)
+                before += [weakref.ref(view) for view in session.views]
+        actions.editor.mesh = 0
+        driver.frame(2)
+        before += [weakref.ref(thing) for thing in (session.renderers[0].world.geometry, *session.renderers[0].scene.meshes)]
         session.forget_snapshot(session.keep_snapshot(0))
         lamp = actions.editor.lamps[0]
         actions.editor.set_lamp(0, lamp.moved((0.2, 0.5, 0.1)))
@@ -211,7 +220,7 @@ def test_nothing_of_the_scene_before_stays(tmp_path: Path, monkeypatch: pytest.M
         options.inspect = options.points = options.discs = options.sites = options.wire = False
         actions.show("image")
         driver.frame(2)
-        before = [weakref.ref(thing) for renderer in session.renderers for thing in (renderer, renderer.world, renderer.scene)]
+        before += [weakref.ref(thing) for renderer in session.renderers for thing in (renderer, renderer.world, renderer.scene)]
         actions.open("furnace")
         driver.settle()
         gc.collect()

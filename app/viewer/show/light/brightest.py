@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from weakref import ref
+
 import moderngl
 import numpy as np
 
@@ -22,7 +24,7 @@ class BrightestLight(Owner):
     def __init__(self, ctx: moderngl.Context) -> None:
         self.programs, self.target = Programs(ctx), Target(ctx, _LATTICE, (4,))
         self.found = 0.0  # W/m², weighted as luminance is
-        self._view: View | None = None
+        self._view: ref[View] | None = None  # weak: it knows its scene, which may no longer be open
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
@@ -30,7 +32,7 @@ class BrightestLight(Owner):
 
     def look(self, renderer: Renderer, view: View) -> None:
         """Look at the view, where that is another one than before."""
-        if view is self._view:
+        if self._view is not None and view is self._view():
             return
         self.programs("viewer/light_level")(
             self.target,
@@ -42,4 +44,4 @@ class BrightestLight(Owner):
         )
         light, seen = self.target.read()[..., :2].reshape(-1, 2).T
         self.found = float(np.percentile(light[seen > 0.0], PERCENTILE)) if seen.any() else 0.0
-        self._view = view
+        self._view = ref(view)
