@@ -5,8 +5,8 @@ EXR layers, NPZ keys, overlays and the documentation are made from `CHANNELS`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
@@ -212,6 +212,16 @@ class Sites:
 
     def __len__(self) -> int:
         return len(self.position)
+
+    @staticmethod
+    def joined(parts: Sequence[Sites]) -> Sites:
+        """The sites of all parts, which know the same of theirs."""
+
+        def column(name: str) -> Any:
+            columns = [getattr(part, name) for part in parts]
+            return None if columns[0] is None else np.concatenate(columns)
+
+        return Sites(*(column(one.name) for one in fields(Sites)))
 
     def frame_rotations(self, numbers: np.ndarray) -> np.ndarray:
         """(N,) what the rotations of the frames are drawn from, for records here that have these `numbers` (N,)."""

@@ -18,19 +18,20 @@ from irrsplat.core.buffers import GBuffer, Sites
 from irrsplat.core.errors import InputError
 from irrsplat.core.vectors import octahedral_decode
 from irrsplat.gather.record_frame import OFFSET
+from irrsplat.gather.squares import Squares
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target, pixels
 from irrsplat.gpu.time_budget import Budget, Pace
 from irrsplat.gpu.world import World
-from irrsplat.scene.model import Camera, Part, part_drawn
+from irrsplat.scene.model import Camera, part_drawn
 from irrsplat.settings import IN_FRONT, Settings
 
 _APART = 0.0125  # of the image height: about how far sites lie apart
 _NEAR = 2.0  # times the gap's height: where a record lies so near, and no higher than half of it, no other is wanted
 _NEIGHBOURS = 4  # records that are looked at about each place
 _RAYS = 9  # of a pixel
-_FINE = 250  # rows of a picture: in one of twice as many one pixel of four is looked at, and so on
+_FINE = 250  # rows of squares, of which one pixel each is looked at
 _REACH = 8.0  # percent of the image height: the greatest reach where the settings have no limit
 
 
@@ -53,12 +54,8 @@ class Gaps:
     @staticmethod
     def joined(parts: Sequence[Gaps]) -> Gaps:
         """The gaps of all parts of a view."""
-        sites = [part.sites for part in parts]
-        joined = (
-            np.concatenate([getattr(one, name) for one in sites]) for name in ("position", "normal", "geometric", "triangle")
-        )
         height, apart = (np.concatenate([getattr(part, name) for part in parts]) for name in ("height", "apart"))
-        return Gaps(Sites(*joined), height, apart)
+        return Gaps(Sites.joined([part.sites for part in parts]), height, apart)
 
     def without(self, records: np.ndarray) -> Sites:
         """Sites for gaps in which none of the `records` (N, 3), metres, lies near: one in each cube as wide as they lie apart.
@@ -117,9 +114,8 @@ class GapPass(Owner):
             rays = self.world.ray_uniforms
         except InputError:
             return NOTHING_TO_FIND
-        part = part_drawn(camera, self.size)
-        stride, first, (width, height) = _squares(part)
-        target = self._target((self.size[0] // stride + 2, self.size[1] // stride + 2))
+        squares = Squares.of(part_drawn(camera, self.size), _FINE)
+        (width, height), target = squares.size, self._target(squares.most(self.size))
         for rows in self._pace.batches(height - start, height, budget, width * _RAYS):
             self.program(
                 target,
@@ -127,9 +123,7 @@ class GapPass(Owner):
                 position=gbuffer.position,
                 normal=gbuffer.normal,
                 albedo=gbuffer.albedo,
-                stride=stride,
-                corner=part.corner,
-                first=first,
+                **squares.uniforms,
                 eye=camera.eye,
                 height=IN_FRONT / settings.a * (settings.radius_max or _REACH) / 100.0 * camera.measure(self.size),
                 near=OFFSET * self.world.scene.diagonal,
@@ -137,7 +131,7 @@ class GapPass(Owner):
             )
             start += rows
         complete = start == height
-        return Search(start, complete, self._found(target, gbuffer, camera, part) if complete else None)
+        return Search(start, complete, self._found(target, gbuffer, camera, squares) if complete else None)
 
     def _target(self, size: tuple[int, int]) -> Target:
         """Where the search of views with at most so many squares goes."""
@@ -148,15 +142,12 @@ class GapPass(Owner):
             self.target = Target(self.world.ctx, size, (1,))
         return self.target
 
-    def _found(self, target: Target, gbuffer: GBuffer, camera: Camera, part: Part) -> Gaps:
+    def _found(self, target: Target, gbuffer: GBuffer, camera: Camera, squares: Squares) -> Gaps:
         """The gaps, once all rows are looked at."""
-        stride, first, (width, height) = _squares(part)
-        square = np.stack(np.meshgrid(first[0] + np.arange(width), first[1] + np.arange(height)), axis=-1)
-        pixel = stride * square + square[..., ::-1] % stride  # as in the shader, from the whole picture's corner
-        inside = ((pixel >= 0) & (pixel < part.whole)).all(-1)
+        width, height = squares.size
         found = target.read()[::-1, :, 0][:height, :width]
-        which = np.nonzero((found > 0.0) & inside)
-        x, y = (pixel[which] - part.corner).T
+        which = np.nonzero((found > 0.0) & squares.inside)
+        x, y = (squares.pixels[which] - squares.part.corner).T
         at, gap = (self.size[1] - 1 - y, x), found[which]
         textures = gbuffer.position, gbuffer.normal, gbuffer.albedo, gbuffer.emission
         none = np.zeros((0, 4), "f4")  # reading a large picture's buffers back takes longer than the search
@@ -165,12 +156,3 @@ class GapPass(Owner):
         distance = np.linalg.norm(position[:, :3] - np.asarray(camera.eye, "f4"), axis=1)
         sites = Sites(position[:, :3], normal[:, :3], geometric, triangle)
         return Gaps(sites, gap, _APART * camera.measure(self.size) * distance)
-
-
-def _squares(part: Part) -> tuple[int, tuple[int, int], tuple[int, int]]:
-    """The side in pixels of the squares of which one pixel each is looked at, the first one's column and row, counted in the
-    whole picture, and how many there are across and up."""
-    stride = max(1, round(part.whole[1] / _FINE))
-    first = part.corner[0] // stride, part.corner[1] // stride
-    across, up = (-(-(at + side) // stride) - begin for at, side, begin in zip(part.corner, part.size, first, strict=True))
-    return stride, first, (across, up)

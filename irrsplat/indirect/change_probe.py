@@ -16,8 +16,7 @@ from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.settings import WIDE
 
-SIDE = 16  # side² directions, a small part of a gather's
-LIGHT_SAMPLES = 16  # to emitters at most, beside these
+SIDE = 16  # side² directions, a small part of a gather's, and at most so many light samples
 MAX_RECORDS = 4096  # probed at once
 _PROBED = ("irradiance", "radius", "vectors", "gradient")  # the columns of a probe, in this order
 _MOST_GROWTH = 2.0  # of a record at a time, by what the surface cache says

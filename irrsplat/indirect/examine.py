@@ -17,6 +17,7 @@ import numpy as np
 from irrsplat.core.buffers import GBuffer, Sites, SplatBuffer, Uniforms
 from irrsplat.core.vectors import octahedral_decode
 from irrsplat.gather.gaps import Search
+from irrsplat.gather.spot_check import Spots
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
@@ -79,7 +80,8 @@ class Screen:
     sums in both directions.
 
     sums: an object that is another one when these are. examine: finds what is missing, by settings. gaps: goes on
-    looking for the view's gaps from a row on, as far as a budget goes.
+    looking for the view's gaps from a row on, as far as a budget goes. spots: the places for a spot check, where every pixel has
+    sums; None where there is to be no check.
     """
 
     size: tuple[int, int]
@@ -87,6 +89,7 @@ class Screen:
     sums: object
     examine: Callable[[Settings], Examination]
     gaps: Callable[[int, Budget], Search]
+    spots: Callable[[], Spots] | None
 
 
 class ExaminePass(Owner):

@@ -10,6 +10,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import Atlas, GBuffer, HitLight, ShadowMaps, Sites
+from irrsplat.core.color import LUMINANCE
 from irrsplat.core.memo import Memo
 from irrsplat.gather import autotune
 from irrsplat.gather.look import Gather, gather_records
@@ -18,7 +19,7 @@ from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.time_budget import Budget, Pace, now
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
-from irrsplat.indirect.change_probe import LIGHT_SAMPLES, MAX_RECORDS, SIDE, ChangeProbe, follow_surface, take_in
+from irrsplat.indirect.change_probe import MAX_RECORDS, SIDE, ChangeProbe, follow_surface, take_in
 from irrsplat.lighting.emitter_table import emitter_table
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.records.dimming import dim
@@ -29,6 +30,7 @@ from irrsplat.settings import SETTINGS, Settings
 from irrsplat.surface_cache.cache import SurfaceCache
 from irrsplat.surface_cache.lamp_parts import LINEAR, MOST, LampPart, alone, recoloured
 
+_GLANCES_FROM = 64  # side of a gather, of which a glance's rays are a small part
 _FEWEST = 16  # side of a gather: where it is less, noise is not told well by its own rays
 _LOOKS = 0.35  # of a tick: looking at what has changed may take that much in any case
 _PATIENCE = 1.0  # seconds that ticks wait for the tree and work at a first surface cache before records are gathered without it
@@ -146,19 +148,47 @@ class RecordGatherer(Owner):
         way = *replace(basis, settings=settings).way, basis.lights, self._emitters(settings)
         return self._made.get(f"gather of {size}", way, lambda: autotune.gather_pass(self.world, settings))
 
+    def _probes_of(self, name: str, side: int, gradients: bool) -> ChangeProbe:
+        """Looks along side² rays, and at most as many light samples as these are wide, as records are gathered."""
+        basis, samples = self._basis, min(self._basis.settings.light_samples, side)
+        settings = replace(basis.settings, gather=basis.kind, gather_size=side, light_samples=samples)
+        inputs = (
+            basis.wants_surface,
+            basis.lights,
+            basis.kind,
+            samples,
+            settings.emitters_apart,
+            self._emitters(settings),
+            gradients,
+        )
+
+        def make() -> ChangeProbe:
+            return ChangeProbe(autotune.gather_pass(self.world, settings, MAX_RECORDS), gradients)
+
+        return self._made.get(name, inputs, make)
+
     @property
     def probes(self) -> ChangeProbe:
         """A rough look from records, to find out which of them a change concerns."""
+        return self._probes_of("probes", SIDE, self._basis.settings.gradients)
+
+    @property
+    def may_glance(self) -> bool:
+        """Whether `glance` takes far less time than a record: along rays, of which records have many more."""
         basis = self._basis
-        samples = min(basis.settings.light_samples, LIGHT_SAMPLES)
-        # as records are gathered
-        settings = replace(basis.settings, gather=basis.kind, gather_size=SIDE, light_samples=samples)
-        inputs = basis.wants_surface, basis.lights, basis.kind, samples, settings.emitters_apart, self._emitters(settings)
+        return basis.kind in ("trace", "embree") and basis.settings.gather_size >= _GLANCES_FROM
 
-        def make() -> ChangeProbe:
-            return ChangeProbe(autotune.gather_pass(self.world, settings, MAX_RECORDS), settings.gradients)
-
-        return self._made.get("probes", (*inputs, settings.gradients), make)
+    def glance(self, shadows: ShadowMaps, sites: Sites, budget: Budget, side: int) -> np.ndarray:
+        """(K,) float64 W/m²: roughly the luminance of E at the first of the `sites`, as many as the budget has time for. side:
+        of their gathers."""
+        look, light, done = self._probes_of(f"glances of {side}", side, gradients=False), self.light(shadows), 0
+        pace = self._memo.get(f"pace of glances {side}", look, lambda: Pace(self.ctx))
+        found = [np.zeros(0)]
+        for count in pace.batches(len(sites), MAX_RECORDS, budget, look.gather.share.size):
+            with self.timers("examine"):
+                found.append(look(light, sites[done : done + count], self.settings.seed)[:, :3].astype(float) @ LUMINANCE)
+            done += count
+        return np.concatenate(found)
 
     @property
     def reduce_pass(self) -> ReducePass:

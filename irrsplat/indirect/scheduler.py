@@ -9,6 +9,7 @@ import numpy as np
 
 from irrsplat.core.buffers import GBuffer, ShadowMaps, Sites, SplatBuffer
 from irrsplat.gather.gaps import NOTHING_TO_FIND, GapPass, Search
+from irrsplat.gather.spot_check import LOOKS, PlacesChecked, SpotCheck, SpotPass, Spots
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import pixels
 from irrsplat.gpu.time_budget import Budget
@@ -30,6 +31,7 @@ from irrsplat.scene.change import SceneChange
 from irrsplat.scene.model import Camera, Part, Scene, measure
 from irrsplat.settings import Settings
 
+_ROOMY = 0.1  # of the records that there may be: with room for fewer, views are not checked
 _REACH = 8.0  # percent of the image height by which the first sites lie apart where radii have no upper limit
 
 
@@ -59,6 +61,7 @@ class RecordScheduler(Owner):
         self.adaptation = AdaptiveRadius(world.ctx, settings, cache, timers)
         self.flight_order = FlightOrder()
         self._passes = Workshop()
+        self._checked = PlacesChecked()
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
@@ -85,13 +88,18 @@ class RecordScheduler(Owner):
         """Go on with other settings and another state of the scene: records that these concern become stale, those close to
         where something has moved from or to are forgotten. change: from `change_to`. shadows: those of the scene before, None
         where they are not drawn."""
+        bounces = self.settings.most_bounces
         kept = self.gatherer.follow(settings, change, shadows)
+        other_lights = change and change.dimming is None
+        if other_lights or self.settings.most_bounces != bounces:  # light differs otherwise from place to place
+            self._checked.forget()
         if kept is not None:
             self.adaptation.keep(kept)
         self.adaptation.change(self.settings)
 
     def expire(self) -> None:
         """Gather everything again."""
+        self._checked.forget()
         self.gatherer.expire()
 
     # ---- rounds ----------------------------------------------------------------------------------------------------
@@ -137,21 +145,26 @@ class RecordScheduler(Owner):
             splats,
             lambda settings: self.examined(gbuffer, splats, settings),
             lambda start, budget: NOTHING_TO_FIND if scan or side else self.gaps(gbuffer, camera, start, budget),
+            None if scan or side else lambda: self.spots(gbuffer, splats, camera),
         )
         if scan:
-            return self._after(state, *self._scan(state, gbuffer, splats, shadows, camera, budget), screen, budget)
+            return self._after(state, *self._scan(state, gbuffer, splats, shadows, camera, budget), screen, shadows, budget)
         return self.gather_asked(state, screen, shadows, camera, budget, side)
 
     def gather_asked(
         self, state: ViewState, screen: Screen, shadows: ShadowMaps, camera: Camera, budget: Budget, side: int = 0
     ) -> tuple[ViewState, RoundResult]:
         """Gather where the `screen` lacks records, as gather_missing does."""
+        if state.queue is None:
+            self._checked.holding(self.cache.count)  # records may have gone since
         if state.seeking_gaps:  # then the view is examined once more: its records may be others by now
             return self._seek_gaps(state, screen, budget), replace(NOTHING_ASKED, complete=False)
-        return self._after(state, *self._ask(state, screen, shadows, camera, budget, side), screen, budget)
+        if state.check is not None:
+            return self._check(state, screen, shadows, budget), replace(NOTHING_ASKED, complete=False)
+        return self._after(state, *self._ask(state, screen, shadows, camera, budget, side), screen, shadows, budget)
 
     def _after(
-        self, before: ViewState, state: ViewState, result: RoundResult, screen: Screen, budget: Budget
+        self, before: ViewState, state: ViewState, result: RoundResult, screen: Screen, shadows: ShadowMaps, budget: Budget
     ) -> tuple[ViewState, RoundResult]:
         """How far the view has come by a look at it and its `result`."""
         state = replace(state, coverage=1.0 - state.missing)
@@ -160,6 +173,10 @@ class RecordScheduler(Owner):
         if not (result.new or state.gaps_sought):
             state = self._seek_gaps(state, screen, budget)
             if not state.gaps_sought:
+                return state, replace(result, complete=False)
+        if not (result.new or state.queue is not None or state.checked or state.pixel_stride > 1):
+            state = self._check(state, screen, shadows, budget)
+            if state.queue is None and not state.checked:
                 return state, replace(result, complete=False)
         if not (result.new or state.queue is not None or self.adaptation.compare(self.settings, budget)):
             return state, replace(result, complete=False)
@@ -226,12 +243,43 @@ class RecordScheduler(Owner):
         sites = None if found.gaps is None else found.gaps.without(self.cache.positions)[: self.room]
         return replace(state, gap_rows=found.rows, gaps_sought=found.complete, queue=sites or None, near=True)
 
+    def spots(self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera) -> Spots:
+        """The places of a view, or of the part of it that `camera` draws, for a spot check, as SpotPass has them."""
+        size = gbuffer.position.size
+        with self.timers("examine"):
+            return self._passes.get("spots", size, lambda: SpotPass(self.ctx, size))(gbuffer, splats, camera)
+
+    def _check(self, state: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget) -> ViewState:
+        """Go on with the spot check of a view that asks for no more, as far as the budget goes: records are to be gathered next
+        where what the others say is far off. None where there is little room for further ones, nor where the settings let
+        records contradict each other."""
+        check, gatherer = state.check, self.gatherer
+        if check is None:
+            roomy = self.room > _ROOMY * self.settings.max_records
+            if screen.spots is None or not self.settings.spread or not roomy or not gatherer.may_glance:
+                return replace(state, checked=True)
+            check = SpotCheck.of(self._checked.left(screen.spots()))
+        while True:
+            more = gatherer.glance(shadows, check.spots.sites[len(check.found) :], budget, LOOKS[check.stage])
+            check = replace(check, found=np.concatenate([check.found, more]))
+            if not check.looked:
+                return replace(state, check=check)
+            if check.last:
+                break
+            check = check.next
+            if budget.left <= 0.0:
+                return replace(state, check=check)
+        sites = check.contradicting.sites[: self.room]
+        self._checked.note(check.whole, self.cache.count + len(sites))
+        return replace(state, check=None, checked=True, queue=sites or None, near=False, stalled_rounds=0)
+
     def _room(self, wanted: int, camera: Camera, size: tuple[int, int]) -> int:
         """How many more records there may be, once those are evicted that are in the way of `wanted` new ones, if they may be."""
         numbers = kept(self.cache, wanted, camera, size, self.settings)
         if numbers is not None:
             self.cache.keep_only(numbers)
             self.adaptation.keep(numbers)
+            self._checked.forget()
         return self.room
 
     @property
@@ -301,10 +349,12 @@ class RecordScheduler(Owner):
         gatherer = self.gatherer
         # a change that the records have not been held against yet: all of them will be stale
         bounces, settings = gatherer.bounces(self.settings), asdict(self.settings)
-        return CacheState(self.cache.state(gatherer.unsettled), self.adaptation.state(), bounces, settings)
+        records = self.cache.state(gatherer.unsettled)
+        return CacheState(records, self.adaptation.state(), bounces, settings, self._checked.holding(self.cache.count))
 
     def restore(self, state: CacheState) -> None:
         """Go on with the records of a file, in place of those that there are."""
         self.cache.restore(state.records)
         self.adaptation.restore(state.adapted, self.settings)
+        self._checked.restore(state.checked, self.cache.count)
         self.gatherer.go_on_with(cast(BounceStatistics, dict(state.bounces)))

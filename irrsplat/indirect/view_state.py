@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from irrsplat.core.buffers import Sites, SplatBuffer
+from irrsplat.gather.spot_check import SpotCheck
 from irrsplat.indirect import paper_scan
 from irrsplat.scene.model import Camera
 
@@ -26,6 +27,8 @@ class ViewState:
     limited: bool = False  # whether the old records have been held against each other for this view
     gap_rows: int | None = None  # of pixels that were looked at for gaps; None: it may be a view in passing
     gaps_sought: bool = False  # whether all have been, and records are wanted in those that were found
+    check: SpotCheck | None = None  # how far the spot check has come
+    checked: bool = False  # whether it is done, and records are wanted where it found the others wrong
     settled: tuple[object, tuple[object, ...]] | None = None  # the splats and criteria at which nothing was asked for
     looked_at: tuple[SplatBuffer, tuple[object, ...]] | None = None  # those of `coverage`, found while nothing was gathered
 

@@ -32,6 +32,7 @@ from irrsplat.settings import SETTINGS, Settings
 FORMAT = 6  # to be raised whenever the content of files changes, or what records are gathered from
 _NAME = b"irrsplat record cache "
 _DIGEST = hashlib.sha256().digest_size
+_CHECKED = "checked"  # the array of where checks have looked from, in files of this version and later ones
 _REMEDY = "remove it to have it made anew, or name another file"
 
 
@@ -50,13 +51,14 @@ class CacheState:
 
     records: the arrays of RecordCache.state. adapted: how far the records' radii are adapted. bounces: how the records were
     gathered and with how many bounces, by the names that the statistics have for it. settings: those that
-    they were made by, all of them.
+    they were made by, all of them. checked: (K,) int64, where checks of the records have looked from.
     """
 
     records: Mapping[str, np.ndarray]
     adapted: AdaptiveRadiusState
     bounces: Mapping[str, object]
     settings: Mapping[str, object] = field(default_factory=dict)
+    checked: np.ndarray = field(default_factory=lambda: np.zeros(0, np.int64))
 
 
 @dataclass(frozen=True)
@@ -128,7 +130,7 @@ def selected(state: CacheState, numbers: np.ndarray) -> CacheState:
     records["limit"] = np.ones_like(records["limit"])
     irradiance = records["content"][:, GATHERED.index("irradiance"), :3]
     records["dark"] = np.array(record_cache.luminance_floor(irradiance))
-    return replace(state, records=records, adapted=AdaptiveRadiusState())
+    return replace(state, records=records, adapted=AdaptiveRadiusState(), checked=np.zeros(0, np.int64))
 
 
 def carried_over(state: CacheState, then: Earlier) -> CacheState:
@@ -153,7 +155,7 @@ def write(path: files.Pathlike, key: CacheKey, state: CacheState, scene: SceneSt
     about = {"adapted": state.adapted.as_json(), "bounces": dict(state.bounces), "settings": dict(state.settings)}
     text = json.dumps({"key": asdict(key), "about": about, "scene": scene.as_json()})
     payload = io.BytesIO()
-    arrays: dict[str, np.ndarray] = {"about": np.array(text), **scene.arrays, **state.records}
+    arrays: dict[str, np.ndarray] = {"about": np.array(text), _CHECKED: state.checked, **scene.arrays, **state.records}
     np.savez(payload, **arrays)  # type: ignore[arg-type]  # numpy's stub takes the arrays for its flag allow_pickle
     data = payload.getvalue()
     files.write_bytes(path, _NAME + b"%d\n" % FORMAT + hashlib.sha256(data).digest() + data)
@@ -195,10 +197,13 @@ def read_any(path: files.Pathlike) -> Content:
         if not isinstance(made_for.settings, dict) or not isinstance(about["settings"], dict):
             raise ValueError("settings")
         scene = SceneStamp.read(header["scene"], arrays)
+        checked = arrays.pop(_CHECKED, np.zeros(0, np.int64))
+        if checked.dtype != np.int64 or checked.ndim != 1 or (np.diff(checked) <= 0).any():
+            raise ValueError(_CHECKED)
         records = {name: array for name, array in arrays.items() if name not in scene.arrays}
         record_cache.check_state(records)
         adapted = AdaptiveRadiusState.from_json(about["adapted"])
-        return Content(made_for, CacheState(records, adapted, dict(about["bounces"]), about["settings"]), scene)
+        return Content(made_for, CacheState(records, adapted, dict(about["bounces"]), about["settings"], checked), scene)
     except files.DAMAGE as error:
         raise InputError(f"a damaged record cache ({type(error).__name__}); {_REMEDY}", path) from error
 

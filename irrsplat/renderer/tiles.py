@@ -14,6 +14,7 @@ import numpy as np
 
 from irrsplat.core.buffers import CHANNELS, ShadowMaps
 from irrsplat.gather.gaps import NOTHING_TO_FIND, Gaps, Search
+from irrsplat.gather.spot_check import Spots
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.image.composite import meter_block, smooth_radius
 from irrsplat.image.tonemap import automatic_exposure
@@ -116,6 +117,7 @@ class Tiles:
             sums,
             lambda settings: self._examine(state, camera, pixel_stride, settings),
             lambda start, budget: self._gaps(state, camera, budget),
+            lambda: self._spots(state, camera),
         )
 
     def _examine(self, state: State, camera: Camera, stride: int, settings: Settings) -> Examination:
@@ -168,6 +170,17 @@ class Tiles:
                 return NOTHING_TO_FIND
             found.append(gaps)
         return Search(state.size[1], True, Gaps.joined(found))
+
+    def _spots(self, state: State, camera: Camera) -> Spots:
+        """The places of all tiles for a spot check."""
+        found: list[Spots] = []
+        here = replace(state, size=(state.tile, state.tile))
+        for corner in _grid(state.size, here.size):
+            seen = part_of(camera, Part(state.size, corner, here.size))
+            gbuffer = self.stages.draw_gbuffer(here, seen)
+            splats = self.stages.splats(here).update(self.cache, gbuffer, seen, state.settings, 1, noted=False)
+            found.append(self.scheduler.spots(gbuffer, splats, seen))
+        return Spots.joined(found)
 
     # ---- the picture -----------------------------------------------------------------------------------------------
 

@@ -21,8 +21,7 @@ const float FACING = 0.5;  // cosine between the normals from which on it faces 
 
 void main()
 {
-    // another pixel of each square, so that no thin strip lies between all of them
-    ivec2 square = first + ivec2(gl_FragCoord.xy), pixel = stride * square + ivec2(mod(vec2(square.yx), float(stride))) - corner;
+    ivec2 pixel = pixel_of_square(first + ivec2(gl_FragCoord.xy), stride) - corner;
     out_gap = 0.0;
     if (pixel != clamp(pixel, ivec2(0), textureSize(position, 0) - 1)) return;
     vec4 p = texel_at(position, pixel);

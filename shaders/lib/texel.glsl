@@ -12,3 +12,10 @@ ivec2 texel_of_square(int i, int side)
     int row = int((float(i) + 0.5) / float(side));
     return ivec2(i - row * side, row);
 }
+
+// The pixel of a square of side² pixels, in column square.x and row square.y of such squares, that stands for it: another one in each, so that no
+// thin strip lies between all of them. In floats, as above.
+ivec2 pixel_of_square(ivec2 square, int side)
+{
+    return side * square + ivec2(mod(vec2(square.yx), float(side)));
+}

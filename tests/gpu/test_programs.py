@@ -15,6 +15,7 @@ from irrsplat.core import paths
 from irrsplat.gather.gaps import GapPass
 from irrsplat.gather.raster import MeshletDraw, SingleDraw
 from irrsplat.gather.reduce import ReducePass
+from irrsplat.gather.spot_check import SpotPass
 from irrsplat.gather.trace import TraceGather
 from irrsplat.gpu import program, shader_source
 from irrsplat.gpu.program import Program, programs_of
@@ -84,7 +85,7 @@ def unlit(ctx: moderngl.Context) -> Iterator[Owner]:
     yield textured(ctx)
     yield ExaminePass(ctx)
     yield MeterPass(ctx)
-    for sized in (GBufferPass, CompositePass, MeanPass, UpsamplePass):
+    for sized in (GBufferPass, CompositePass, MeanPass, UpsamplePass, SpotPass):
         yield sized(ctx, SIZE)
     yield EmitterLightPass(ctx, SIZE, {})
     yield GapPass(Lit(ctx, scene(floor()), 16).world, SIZE)

@@ -1,0 +1,29 @@
+// One pixel of each square of a view: where it lies, and what the records say of its light, so that a look from there can be held against it.
+#include "generated/constants.glsl"
+#include "lib/texel.glsl"
+
+uniform sampler2D position;  // g-buffer
+uniform sampler2D normal;
+uniform sampler2D albedo;
+uniform sampler2D emission;
+uniform sampler2D sums;      // Σ k·E, Σ k, of every pixel
+uniform int stride;          // one pixel of each square of so many is looked at
+uniform ivec2 corner;        // of what is drawn, in pixels from that of the whole picture
+uniform ivec2 first;         // square that is looked at
+
+layout(location = 0) out vec4 out_position;  // w: 1 where records say something, and the surface reflects more than it emits
+layout(location = 1) out vec4 out_normal;    // its shading normal, geometric normal octahedral .x
+layout(location = 2) out vec4 out_rest;      // geometric normal octahedral .y, luminance of E in W/m², triangle, 0
+
+void main()
+{
+    ivec2 pixel = pixel_of_square(first + ivec2(gl_FragCoord.xy), stride) - corner;
+    out_position = out_normal = out_rest = vec4(0.0);
+    if (pixel != clamp(pixel, ivec2(0), textureSize(position, 0) - 1)) return;
+    vec4 p = texel_at(position, pixel), a = texel_at(albedo, pixel), e = texel_at(emission, pixel), s = texel_at(sums, pixel);
+    float said = s.a > 0.0 ? dot(s.rgb, LUMINANCE) / s.a : 0.0;
+    bool wanted = p.w > 0.0 && s.a > 0.0 && dot(e.rgb, LUMINANCE) * PI <= dot(a.rgb, LUMINANCE) * said;
+    out_position = vec4(p.xyz, wanted ? 1.0 : 0.0);
+    out_normal = texel_at(normal, pixel);
+    out_rest = vec4(a.w, said, e.w, 0.0);
+}
