@@ -217,7 +217,7 @@ class Renderer(Tenant):
         if shown is not None and not done.progress.still:
             older = replace(shown, age=shown.age + now() - start)
             self._state = replace(self._state, shown=older)
-            return shown.view, done.progress
+            return shown.view, replace(done.progress, fading=shown.view.fading)
         start = now()
         view = self.stages.draw_picture(self._state, done, fading=budget.limited and self.settings.fade)
         if budget.limited and (self._state.shown is None or view is not self._state.shown.view):
