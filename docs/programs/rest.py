@@ -7,12 +7,12 @@ truth in tests/reference, and the estimate. What is measured stays in out/rest.j
 from __future__ import annotations
 
 import json
-import re
 import sys
 import time
 from pathlib import Path
 
 import numpy as np
+from tables import between
 
 import irrsplat
 from irrsplat.app.common.plot import Line, loglog, palette
@@ -88,9 +88,8 @@ def main() -> None:
     )
     page = ROOT / "docs" / "METHOD.md"
     text = page.read_text(encoding="utf-8")
-    marks = "<!-- rest: made by docs/programs/rest.py -->\n", "<!-- end of rest -->"
-    inner = re.compile(re.escape(marks[0]) + ".*?" + re.escape(marks[1]), re.S)
-    page.write_text(inner.sub(lambda _: marks[0] + table({k: found[k] for k in keys}) + marks[1], text), encoding="utf-8")
+    made = table({key: found[key] for key in keys})
+    page.write_text(between(text, "rest", "rest", made), encoding="utf-8")
 
 
 if __name__ == "__main__":

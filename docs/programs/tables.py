@@ -55,14 +55,18 @@ def keys() -> str:
     return table(("key", "what"), rows)
 
 
+def between(text: str, program: str, name: str, made: str) -> str:
+    """A page's `text` with what stands between its marks of this `name` replaced by what the `program` has made."""
+    start = f"<!-- {name}: made by docs/programs/{program}.py -->\n"
+    text, count = re.subn(f"({re.escape(start)}).*?(<!-- end -->)", lambda m: m[1] + made + m[2], text, flags=re.S)
+    assert count == 1, f"the page has no place for {name}, made by docs/programs/{program}.py"
+    return text
+
+
 def filled(text: str) -> str:
     """`text` with each marked table made anew."""
     for name, make in (("buffers", buffers), ("settings", settings), ("presets", presets), ("keys", keys)):
-        start = f"<!-- {name}: made by docs/programs/tables.py -->\n"
-        text, count = re.subn(
-            f"({re.escape(start)}).*?(<!-- end -->)", lambda m, make=make: m[1] + make() + m[2], text, flags=re.S
-        )
-        assert count == 1, f"docs/reference.md has no place for the table of {name}"
+        text = between(text, "tables", name, make())
     return text
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from pathlib import Path
+
+from tables import between
 
 import irrsplat
 from irrsplat.app import grammar
@@ -48,8 +49,7 @@ def main() -> None:
     made["paper"] = "\n" + table(against)
     text = PAGE.read_text(encoding="utf-8")
     for key, value in made.items():
-        start = f"<!-- {key}: made by docs/programs/techniques.py -->\n"
-        text = re.sub(f"({re.escape(start)}).*?(<!-- end -->)", lambda m, value=value: m[1] + value + m[2], text, flags=re.S)
+        text = between(text, "techniques", key, value)
     PAGE.write_text(text, encoding="utf-8")
 
 

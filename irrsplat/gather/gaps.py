@@ -20,7 +20,7 @@ from irrsplat.core.vectors import octahedral_decode
 from irrsplat.gather.record_frame import OFFSET
 from irrsplat.gather.squares import Squares
 from irrsplat.gpu.program import Program
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import Target, pixels
 from irrsplat.gpu.time_budget import Budget, Pace
 from irrsplat.gpu.world import World
@@ -96,13 +96,13 @@ class GapPass(Owner):
     def __init__(self, world: World, size: tuple[int, int]) -> None:
         self.world, self.size = world, size
         self.program = Program(world.ctx, "indirect/gaps", "lib/fullscreen", world.material_defines)
-        self.target: Target | None = None
+        self.targets = Workshop()
         self._pace = Pace(world.ctx)  # of rows
         started(_nearest)  # its import takes half a second, and the search many ticks
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.program, self.target)
+        return (self.program, self.targets)
 
     def __call__(self, gbuffer: GBuffer, camera: Camera, settings: Settings, start: int, budget: Budget) -> Search:
         """Look for the gaps of a view, or of the part of it that `camera` draws, from row `start` on, as far as the budget goes.
@@ -115,7 +115,8 @@ class GapPass(Owner):
         except InputError:
             return NOTHING_TO_FIND
         squares = Squares.of(part_drawn(camera, self.size), _FINE)
-        (width, height), target = squares.size, self._target(squares.most(self.size))
+        (width, height), size = squares.size, squares.most(self.size)
+        target = self.targets.get("target", size, lambda: Target(self.world.ctx, size, (1,)))
         for rows in self._pace.batches(height - start, height, budget, width * _RAYS):
             self.program(
                 target,
@@ -132,15 +133,6 @@ class GapPass(Owner):
             start += rows
         complete = start == height
         return Search(start, complete, self._found(target, gbuffer, camera, squares) if complete else None)
-
-    def _target(self, size: tuple[int, int]) -> Target:
-        """Where the search of views with at most so many squares goes."""
-        if self.target is None or self.target.size != size:
-            if self.target is not None:
-                self.target.release()
-                self.target = None
-            self.target = Target(self.world.ctx, size, (1,))
-        return self.target
 
     def _found(self, target: Target, gbuffer: GBuffer, camera: Camera, squares: Squares) -> Gaps:
         """The gaps, once all rows are looked at."""

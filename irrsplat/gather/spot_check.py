@@ -17,7 +17,7 @@ from irrsplat.core.buffers import GBuffer, Sites, SplatBuffer
 from irrsplat.core.vectors import octahedral_decode
 from irrsplat.gather.squares import Squares
 from irrsplat.gpu.program import Program
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import Target
 from irrsplat.scene.model import Camera, part_drawn
 
@@ -78,24 +78,20 @@ class SpotPass(Owner):
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.ctx, self.size = ctx, size
         self.program = Program(ctx, "indirect/spots", "lib/fullscreen")
-        self.target: Target | None = None
+        self.targets = Workshop()
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.program, self.target)
+        return (self.program, self.targets)
 
     def __call__(self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera) -> Spots:
         """Those of a view, or of the part of it that `camera` draws, every pixel of which is splatted, where records say
         something and the surface reflects more than it emits."""
         squares = Squares.of(part_drawn(camera, self.size), _ROWS)
         (width, height), size = squares.size, squares.most(self.size)
-        if self.target is None or self.target.size != size:
-            if self.target is not None:
-                self.target.release()
-                self.target = None
-            self.target = Target(self.ctx, size, (4, 4, 4))
+        target = self.targets.get("target", size, lambda: Target(self.ctx, size, (4, 4, 4)))
         self.program(
-            self.target,
+            target,
             position=gbuffer.position,
             normal=gbuffer.normal,
             albedo=gbuffer.albedo,
@@ -103,7 +99,7 @@ class SpotPass(Owner):
             sums=splats.sums,
             **squares.uniforms,
         )
-        position, normal, rest = (self.target.read(i)[::-1][:height, :width] for i in range(3))
+        position, normal, rest = (target.read(i)[::-1][:height, :width] for i in range(3))
         there = (position[..., 3] > 0.0) & squares.inside
         position, normal, rest, pixel = position[there], normal[there], rest[there], squares.pixels[there]
         geometric = octahedral_decode(normal[:, 3], rest[:, 0])

@@ -19,7 +19,7 @@ from irrsplat.core.vectors import octahedral_decode
 from irrsplat.gather.gaps import Search
 from irrsplat.gather.spot_check import Spots
 from irrsplat.gpu.program import Program
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import Target
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.scene.model import Part, measure
@@ -99,11 +99,11 @@ class ExaminePass(Owner):
         self.ctx = ctx
         # by whether the view is refined
         self.programs = [Program(ctx, "indirect/examine", "lib/fullscreen", {"REFINED": refined}) for refined in (0, 1)]
-        self.target: Target | None = None
+        self.targets = Workshop()
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (*self.programs, self.target)
+        return (*self.programs, self.targets)
 
     def __call__(self, gbuffer: GBuffer, splats: SplatBuffer, settings: Settings, part: Part | None = None) -> Examination:
         """Every tile's count of pixels that ask, by `tolerance` and `spread`, and the worst served of them.
@@ -117,13 +117,10 @@ class ExaminePass(Owner):
         begin = [-(at // stride) for at in corner]
         end = splats.weight.size if part is None else tuple(-(-n // stride) + at for n, at in zip(whole, begin, strict=True))
         tiles = -(-splats.weight.width // side), -(-splats.weight.height // side)
-        if self.target is None or self.target.size != tiles:
-            if self.target is not None:
-                self.target.release()
-            self.target = Target(self.ctx, tiles, (4, 4, 4))
+        target = self.targets.get("target", tiles, lambda: Target(self.ctx, tiles, (4, 4, 4)))
         refined: Uniforms = {} if splats.reach is None else {"reach": splats.reach}
         self.programs[int(splats.reach is not None)](
-            self.target,
+            target,
             pixel_stride=splats.pixel_stride,
             side=side,
             first_tile=tuple(-first // side for first in begin),
@@ -143,7 +140,7 @@ class ExaminePass(Owner):
             seed=settings.seed,
             borrow=settings.borrow,
         )
-        position, normal, rest = (self.target.read(i) for i in range(3))
+        position, normal, rest = (target.read(i) for i in range(3))
         octahedral = np.stack([normal[..., 3], rest[..., 0]], axis=-1)
         triangle, weight = rest[..., 3], rest[..., 1]
         return Examination(position[..., 3], rest[..., 2], position[..., :3], normal[..., :3], octahedral, triangle, weight)

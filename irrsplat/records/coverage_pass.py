@@ -7,7 +7,7 @@ import numpy as np
 
 from irrsplat.core.buffers import GBuffer, Records
 from irrsplat.gpu.program import Program
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import Target
 from irrsplat.records.weight import record_defines, view_radius_uniforms
 from irrsplat.scene.model import Camera
@@ -23,22 +23,19 @@ class CoveragePass(Owner):
     def __init__(self, ctx: moderngl.Context, gradients: bool) -> None:
         self.ctx = ctx
         self.program = Program(ctx, "records/coverage", "lib/fullscreen", record_defines(gradients))
-        self.target: Target | None = None
+        self.targets = Workshop()
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.program, self.target)
+        return (self.program, self.targets)
 
     def __call__(self, records: Records, gbuffer: GBuffer, camera: Camera, settings: Settings) -> np.ndarray:
         """(N,) float32, about how many pixels each record serves; 0 for records that are hidden or off the screen."""
-        if self.target is None or self.target.size != records.size:
-            if self.target is not None:
-                self.target.release()
-            self.target = Target(self.ctx, records.size, (1,))
+        target = self.targets.get("target", records.size, lambda: Target(self.ctx, records.size, (1,)))
         width, height = gbuffer.position.size
         columns = records.size[0]
         self.program(
-            self.target,
+            target,
             scissor=(0, 0, columns, -(-records.count // columns)),
             **records.uniforms,
             count=records.count,
@@ -49,5 +46,5 @@ class CoveragePass(Owner):
             normal=gbuffer.normal,
             in_front=settings.in_front,
         )
-        pixels: np.ndarray = np.frombuffer(self.target.textures[0].read(), "f4")[: records.count]
+        pixels: np.ndarray = np.frombuffer(target.textures[0].read(), "f4")[: records.count]
         return pixels

@@ -8,7 +8,7 @@ import numpy as np
 from irrsplat.core.buffers import GBuffer, Sites, Uniforms
 from irrsplat.core.vectors import octahedral_encode
 from irrsplat.gpu.program import Program
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import Target, table_texture
 from irrsplat.gpu.texel_table import table_rows
 
@@ -19,24 +19,21 @@ class SurfaceViewPass(Owner):
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
         self.program = Program(ctx, "surface_cache/view", "lib/fullscreen")
-        self.target: Target | None = None
+        self.targets = Workshop()
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.program, self.target)
+        return (self.program, self.targets)
 
     def __call__(self, gbuffer: GBuffer, surface: Uniforms) -> moderngl.Texture:
         """RGBA32F texture of indirect irradiance in W/m²; a: 1 where a surface is seen, else 0. It is this pass's own.
 
         surface: the cache's uniforms for triangles numbered as in the scene.
         """
-        if self.target is None or self.target.size != gbuffer.position.size:
-            if self.target is not None:
-                self.target.release()
-            self.target = Target(self.ctx, gbuffer.position.size, (4,))
-        g = gbuffer
-        self.program(self.target, position=g.position, normal=g.normal, albedo=g.albedo, emission=g.emission, **surface)
-        return self.target.textures[0]
+        g, size = gbuffer, gbuffer.position.size
+        target = self.targets.get("target", size, lambda: Target(self.ctx, size, (4,)))
+        self.program(target, position=g.position, normal=g.normal, albedo=g.albedo, emission=g.emission, **surface)
+        return target.textures[0]
 
     def at(self, sites: Sites, surface: Uniforms) -> np.ndarray:
         """(N, 3) indirect irradiance at `sites`, W/m²; their triangles must be known."""
