@@ -25,10 +25,10 @@ from irrsplat.lighting.light_table import light_defines
 from irrsplat.records.dimming import dim
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.change import SceneChange
-from irrsplat.scene.model import Light, Scene
+from irrsplat.scene.model import Scene
 from irrsplat.settings import SETTINGS, Settings
 from irrsplat.surface_cache.cache import SurfaceCache
-from irrsplat.surface_cache.lamp_parts import LINEAR, MOST, LampPart, alone, recoloured
+from irrsplat.surface_cache.lamp_parts import LINEAR, LampPart, LampParts, alone, brighten, recoloured
 
 _GLANCES_FROM = 64  # side of a gather, of which a glance's rays are a small part
 _FEWEST = 16  # side of a gather: where it is less, noise is not told well by its own rays
@@ -104,11 +104,11 @@ class RecordGatherer(Owner):
             world.expect_caster()
         self._made = Workshop()
         self._memo = Memo()
-        self._parts: dict[Light, LampPart] = {}  # of lamps whose colours have changed, the last ones; what is known of them
+        self._parts = LampParts(self.ctx)
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self._made, *self._parts.values())
+        return (self._made, self._parts)
 
     def free_passes(self) -> None:
         """Free what records are gathered with, to be made again when it is wanted; the surface cache stays."""
@@ -257,7 +257,7 @@ class RecordGatherer(Owner):
         except BaseException:
             cache.truncate(0)
             self._made.clear()
-            self._forget_parts()
+            self._parts.forget()
             self._basis = new
             raise
         return kept
@@ -274,7 +274,8 @@ class RecordGatherer(Owner):
         if change.dimming is not None:
             dim(cache, change.dimming)
         elif brighter is not None:
-            self._add(brighter)
+            surface_now = self.surface_now
+            brighten(cache, brighter, alike=surface_now is None or not surface_now.refined)
         elif change:
             new = replace(new, moved=True, changing=True, relit=old.relit or change.looks_otherwise, resumed=None)
         surface = self._made.find("surface", SurfaceCache)
@@ -290,13 +291,13 @@ class RecordGatherer(Owner):
         elif change.looks_otherwise and change.dimming is None and brighter is None:
             cache.due[:] += 1.0
             cache.invalidate(np.arange(cache.count))
-        self._keep_parts(change, was == settings)
+        self._parts.follow(change, was == settings)
         self._basis = new
         return kept
 
     def expire(self) -> None:
         """Gather everything again."""
-        self._forget_parts()
+        self._parts.forget()
         self._basis = replace(self._basis, resumed=None)
         self.cache.invalidate()
         surface = self._made.find("surface", SurfaceCache)
@@ -316,38 +317,9 @@ class RecordGatherer(Owner):
             or basis.resumed is not None
         ):
             return None
-        if any(lamp not in self._parts for lamp in found) or (basis.wants_surface and (surface is None or not surface.complete)):
+        if basis.wants_surface and (surface is None or not surface.complete):
             return None
-        parts = {self._parts[lamp]: colour for lamp, colour in found.items()}
-        return parts if all(part.ids.size and (part.sites is not None) >= basis.wants_surface for part in parts) else None
-
-    def _add(self, brighter: dict[LampPart, np.ndarray]) -> None:
-        """Let all records hold so much more of these lamps, and make those stale of which it is not known how much that is."""
-        cache = self.cache
-        rows = {part: part.rows(cache) for part in brighter}
-        known = np.all([found >= 0 for found in rows.values()], axis=0)
-        surface = self.surface_now
-        alike, stale = surface is None or not surface.refined, ~known
-        for part, colour in brighter.items():
-            stale[part.add(cache, np.where(known, rows[part], -1), colour, alike)] = True
-        if stale.any():
-            cache.due[stale] += 1.0
-            cache.invalidate(np.flatnonzero(stale))
-
-    def _keep_parts(self, change: SceneChange, same_settings: bool) -> None:
-        """Keep the parts while only colours change, and begin those of lamps that have been recoloured."""
-        lately = recoloured(change)
-        if not same_settings or (change and lately is None):
-            keep: list[Light] = []
-        else:
-            keep = list(dict.fromkeys([*(lately or {} if change.dimming is None else {}), *self._parts]))[:MOST]
-        for lamp in set(self._parts) - set(keep):
-            self._parts.pop(lamp).release()
-        self._parts = {lamp: self._parts.get(lamp) or LampPart(self.ctx) for lamp in keep}
-
-    def _forget_parts(self) -> None:
-        while self._parts:
-            self._parts.popitem()[1].release()
+        return self._parts.of(found, with_sites=basis.wants_surface)
 
     def answers(self, change: SceneChange) -> bool:
         """Whether what records hold by the lamps of another state of the scene is known at once, but for a few of them."""
@@ -356,7 +328,7 @@ class RecordGatherer(Owner):
     @property
     def to_learn(self) -> int:
         """Of how many records the part of some lamp is still to be gathered, whose colour may change again."""
-        return sum(int(np.count_nonzero(part.rows(self.cache) < 0)) for part in self._parts.values())
+        return sum(len(part.unknown(self.cache)) for _, part in self._parts)
 
     def learn(self, shadows: ShadowMaps, budget: Budget) -> None:
         """Go on with the parts of lamps whose colours have changed, while nothing else is to be gathered."""
@@ -365,13 +337,13 @@ class RecordGatherer(Owner):
             return
         if basis.wants_surface and (surface is None or not surface.complete):
             return
-        for lamp, part in self._parts.items():
+        for lamp, part in self._parts:
             part.records.truncate(len(part.ids))  # Ctrl-C may have left more
             lit = alone(shadows, basis.scene.lights, lamp)
             if surface is not None and not surface.learn(part, lit, budget):
                 return
             light = HitLight(lit, None if surface is None else surface.uniforms(part.table))
-            (missing,) = np.nonzero(part.rows(cache) < 0)
+            missing = part.unknown(cache)
             for size in np.unique(cache.gather_sizes[missing]).tolist():
                 numbers, done = missing[cache.gather_sizes[missing] == size], 0
                 look = self._gather_at(size)
@@ -381,7 +353,7 @@ class RecordGatherer(Owner):
                     gather_records(look, self.reduce_pass, light, part.records, rows, self.settings.seed, self.timers)
                     part.note(cache.ids[chosen], cache.gather_sizes[chosen])
                     done += count
-            if (part.rows(cache) < 0).any():
+            if len(part.unknown(cache)):
                 return
 
     # ---- the surface cache -----------------------------------------------------------------------------------------
@@ -604,7 +576,7 @@ class RecordGatherer(Owner):
     def go_on_with(self, bounces: BounceStatistics) -> None:
         """The cache has records from a file now, which were gathered with these `bounces`; their surface cache is made when
         further records are wanted."""
-        self._forget_parts()
+        self._parts.forget()
         surface = self.surface
         complete = surface is None or surface.complete or not self._basis.wants_surface
         self._basis = replace(self._basis, moved=False, resumed=None if complete else bounces)

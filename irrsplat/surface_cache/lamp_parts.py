@@ -7,6 +7,7 @@ else shines is so little beside it that it does not count.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import moderngl
@@ -93,6 +94,10 @@ class LampPart(Owner):
         rows[same] = found[same]
         return rows
 
+    def unknown(self, cache: RecordCache) -> np.ndarray:
+        """The numbers of those records of the cache whose part is not known here."""
+        return np.flatnonzero(self.rows(cache) < 0)
+
     def note(self, ids: np.ndarray, sizes: np.ndarray) -> None:
         """Records of these ids and sides have been added to `records`."""
         self.ids, self.sizes = np.append(self.ids, ids), np.append(self.sizes, sizes)
@@ -117,3 +122,54 @@ class LampPart(Owner):
         cache.refresh_count += 1
         lossy: np.ndarray = numbers[other_rays & (lost > _LOSS * after["irradiance"].max(1))]
         return lossy
+
+
+def brighten(cache: RecordCache, brighter: Mapping[LampPart, np.ndarray], alike: bool) -> None:
+    """Let all records of the cache hold so much more of these lamps, colours (3,), and make those stale of which it is not known
+    how much that is. alike: whether they were lit by such a surface cache as their parts."""
+    rows = {part: part.rows(cache) for part in brighter}
+    known = np.all([found >= 0 for found in rows.values()], axis=0)
+    stale = ~known
+    for part, colour in brighter.items():
+        stale[part.add(cache, np.where(known, rows[part], -1), colour, alike)] = True
+    if stale.any():
+        cache.due[stale] += 1.0
+        cache.invalidate(np.flatnonzero(stale))
+
+
+class LampParts(Owner):
+    """The parts of those lamps whose colours have changed last, MOST of them."""
+
+    def __init__(self, ctx: moderngl.Context) -> None:
+        self.ctx = ctx
+        self._parts: dict[Light, LampPart] = {}
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return tuple(self._parts.values())
+
+    def __iter__(self) -> Iterator[tuple[Light, LampPart]]:
+        return iter(list(self._parts.items()))
+
+    def of(self, colours: Mapping[Light, np.ndarray], with_sites: bool) -> dict[LampPart, np.ndarray] | None:
+        """The parts of these lamps with their `colours`; None where one is not known yet, or `with_sites` not that of sites."""
+        if any(lamp not in self._parts for lamp in colours):
+            return None
+        parts = {self._parts[lamp]: colour for lamp, colour in colours.items()}
+        return parts if all(part.ids.size and (part.sites is not None) >= with_sites for part in parts) else None
+
+    def follow(self, change: SceneChange, same_settings: bool) -> None:
+        """Keep the parts while only colours change, and begin those of lamps that have been recoloured."""
+        lately = recoloured(change)
+        if not same_settings or (change and lately is None):
+            keep: list[Light] = []
+        else:
+            keep = list(dict.fromkeys([*(lately or {} if change.dimming is None else {}), *self._parts]))[:MOST]
+        for lamp in set(self._parts) - set(keep):
+            self._parts.pop(lamp).release()
+        self._parts = {lamp: self._parts.get(lamp) or LampPart(self.ctx) for lamp in keep}
+
+    def forget(self) -> None:
+        """Free them all."""
+        while self._parts:
+            self._parts.popitem()[1].release()
