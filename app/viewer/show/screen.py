@@ -10,7 +10,7 @@ import numpy as np
 from irrsplat.core.buffers import GBuffer, Uniforms
 from irrsplat.core.color import srgb
 from irrsplat.gpu.program import Program
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import Region, Screen, Target
 from irrsplat.image.tonemap import viridis
 from irrsplat.scene.model import Camera
@@ -25,23 +25,20 @@ class Programs(Owner):
 
     def __init__(self, ctx: moderngl.Context) -> None:
         self.ctx = ctx
-        self._made: dict[str, Program] = {}
+        self._made = Workshop()
 
     def owned(self) -> tuple[Resource, ...]:
         """What this frees."""
-        return tuple(self._made.values())
+        return (self._made,)
 
     def forget(self) -> None:
         """Free all of them, and with them the geometry of scenes that they have drawn."""
-        while self._made:
-            self._made.popitem()[1].release()
+        self._made.clear()
 
     def __call__(self, fragment: str, vertex: str = "lib/fullscreen", defines: Mapping[str, object] | None = None) -> Program:
         """The program of these shaders and defines."""
         key = f"{fragment} {vertex} {sorted((defines or {}).items())}"
-        if key not in self._made:
-            self._made[key] = Program(self.ctx, fragment, vertex, defines)
-        return self._made[key]
+        return self._made.get(key, None, lambda: Program(self.ctx, fragment, vertex, defines))
 
 
 def colours(ctx: moderngl.Context) -> moderngl.Texture:
