@@ -5,7 +5,7 @@ EXR layers, NPZ keys, overlays and the documentation are made from `CHANNELS`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
@@ -201,7 +201,8 @@ class Sites:
     """Where records are to be made, numpy float32: `position`, shading `normal` and `geometric` normal, each (N, 3).
 
     triangle: (N,) the numbers of the triangles that they lie on, where known. frame_rotation: (N,) what the rotations
-    of the frames that they look in are drawn from; without it, the records' own numbers.
+    of the frames that they look in are drawn from; without it, the records' own numbers. screen: (N,) metres that the image is
+    high there, in the view that asks for the record; None, or 0: not known.
     """
 
     position: np.ndarray
@@ -209,6 +210,7 @@ class Sites:
     geometric: np.ndarray
     triangle: np.ndarray | None = None
     frame_rotation: np.ndarray | None = None
+    screen: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.position)
@@ -228,21 +230,27 @@ class Sites:
         return numbers if self.frame_rotation is None else self.frame_rotation
 
     def __getitem__(self, rows: slice | np.ndarray) -> Sites:
-        triangle, rotation = (None if one is None else one[rows] for one in (self.triangle, self.frame_rotation))
-        return Sites(self.position[rows], self.normal[rows], self.geometric[rows], triangle, rotation)
+        columns = (getattr(self, one.name) for one in fields(Sites))
+        chosen: list[Any] = [None if column is None else column[rows] for column in columns]
+        return Sites(*chosen)
 
 
 @dataclass(frozen=True)
 class LightSamples:
     """How emitters are looked for beside what a gather's rays find of them by chance.
 
-    uniforms: those of shaders/gather/light_samples.frag that do not depend on the batch. strata: whether the gather's rays are
-    cosine-stratified; else it is a hemicube. materials: World.material_defines.
+    count: of a record. rows: (5, N, 4) float32, of the batch's records, what Atlas.frames holds. uniforms: those of
+    shaders/gather/light_samples/sum.frag that do not depend on the batch. strata: whether the gather's rays are strata, or else a
+    hemicube's. materials: World.material_defines. free: tells of lines from points (N, 3) to others (N, 3), metres, which of
+    them nothing crosses; None: that is for the shader to find out.
     """
 
+    count: int
+    rows: np.ndarray
     uniforms: Uniforms
     strata: bool
     materials: Mapping[str, int]
+    free: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None
 
 
 @dataclass(frozen=True)
@@ -254,9 +262,10 @@ class Atlas:
     table: RGBA32F texture of one cell, xyz direction in the record's frame (tangent, bitangent, normal), w cosθ·dω.
     edges: RGBA32F texture of two texels a texel, see hemisphere.edge_table.
     frames: RGBA32F texture; texels (i, 0..2) are record i's tangent, bitangent and normal, (i, 3) its geometric normal in
-    that frame and, w, its number in the cache.
+    that frame and, w, its number in the cache; (i, 4) is where it looks from and, w, how far beside that others look at
+    light samples, metres.
     count: the number of records. block: the texels that the first reduction step sums at once, as (width, height).
-    light_samples: the light samples that are to be taken as well; (i, 4) of frames is then where record i looks from.
+    light_samples: the light samples that are to be taken as well.
     rays: like the table, with the directions in which the texels look; None: those of the table.
     """
 

@@ -13,6 +13,7 @@ TABLE_COLUMNS = 1024  # items in a row of every table that shaders look things u
 NEIGHBOUR_STRIDE = 4096  # a texel's neighbour is packed into one float as row·NEIGHBOUR_STRIDE + column (gather/hemicube.py)
 VIEW_ROWS = 8  # rows of numbers that describe a face through which a record looks, see shaders/gather/raster_views.glsl
 MAX_EMITTER_CLUSTERS = 32  # of emissive triangles, among which light samples are shared out
+EYES_BESIDE = 6  # in a circle about a record, from which light samples are looked at as well
 SKY_RAY_TEXELS = 3.0  # a ray looks at texels of this share of its solid angle: once interpolated, they are as wide as it is
 FALSE_COLOURS = 64  # of the scale that light is shown by in the viewer
 
@@ -25,6 +26,7 @@ CONSTANTS: dict[str, int | float | tuple[float, ...]] = {
     "NEIGHBOUR_STRIDE": NEIGHBOUR_STRIDE,
     "VIEW_ROWS": VIEW_ROWS,
     "MAX_EMITTER_CLUSTERS": MAX_EMITTER_CLUSTERS,
+    "EYES_BESIDE": EYES_BESIDE,
     "FALSE_COLOURS": FALSE_COLOURS,
     "SKY_RAY_TEXELS": SKY_RAY_TEXELS,
     "NOTHING_SEEN": NOTHING_SEEN,

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import moderngl
+import numpy as np
 
 from irrsplat.core.buffers import Atlas, LightSamples, TriangleOrder, Uniforms
+from irrsplat.core.glsl import EYES_BESIDE
 from irrsplat.gpu.program import DrawState, Program
-from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import Target
+from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.gpu.target import Target, float_texture
 from irrsplat.gpu.world import World
 from irrsplat.lighting.emitter_table import EmitterTable, emitter_table
+
+_RAYS = 64  # of a fragment in one draw: llvmpipe ends a shader's loops, without a word, after 65 536 rounds of them in all
+_SHORT = 1e-4  # of the way, by which a line of sight ends before the emitter
+
+Free = Callable[[np.ndarray, np.ndarray], np.ndarray]  # as LightSamples.free
 
 
 class EmitterSearch:
@@ -19,11 +26,12 @@ class EmitterSearch:
 
     apart: not at all, since what they send out is sampled at the pixels; rays that hit them bring what they reflect. rays: the
     density of its rays as shaders/gather/ray_density.glsl has it. strata: whether they are cosine-stratified; else they are a
-    hemicube's texels.
+    hemicube's texels. embree: that tells which samples are seen, but where something is cut out, which only shaders know.
     """
 
-    def __init__(self, world: World, samples: int, rays: float, strata: bool, apart: bool = False) -> None:
+    def __init__(self, world: World, samples: int, rays: float, strata: bool, apart: bool = False, embree: bool = False) -> None:
         self.world, self.rays, self.strata = world, rays, strata
+        self.embree = embree and not world.material_defines["CUT_OUTS"]
         known = (samples > 0 or apart) and emitter_table(world) is not None
         self.apart = apart and known
         self.samples = samples if known and not apart else 0
@@ -47,14 +55,14 @@ class EmitterSearch:
             return {}
         return {**table.ray_uniforms(order, self.samples), **({"rays": self.rays} if self.strata else {})}
 
-    @property
-    def light_samples(self) -> LightSamples | None:
-        """What an Atlas says of them."""
+    def light_samples(self, rows: np.ndarray) -> LightSamples | None:
+        """What an Atlas of records with these `rows` (5, N, 4) of its frames says of them."""
         table = self._table if self.samples else None
         if table is None:
             return None
         uniforms = {**table.sample_uniforms(self.samples), **self.world.trace_uniforms, "rays": self.rays}
-        return LightSamples(uniforms, self.strata, self.world.material_defines)
+        free = self.world.caster.free if self.embree else None
+        return LightSamples(self.samples, rows, uniforms, self.strata, self.world.material_defines, free)
 
 
 class LightSamplePass(Owner):
@@ -63,31 +71,74 @@ class LightSamplePass(Owner):
     def __init__(self, ctx: moderngl.Context, gradients: bool) -> None:
         self.ctx, self.gradients = ctx, gradients
         self._programs: dict[tuple[object, ...], Program] = {}
+        self._ends = Program(ctx, "gather/light_samples/ends", "lib/fullscreen")
+        self._targets = Workshop()
         for strata in (False, True):
-            self._program(strata, {})
+            self._program({"STRATA": int(strata), "SEEN": 0})
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return tuple(self._programs.values())
+        return (*self._programs.values(), self._ends, self._targets)
 
-    def _program(self, strata: bool, materials: Mapping[str, int]) -> Program:
+    def _program(self, defines: Mapping[str, int]) -> Program:
         """The program for rays of this kind and these materials."""
-        defines = {"GRADIENTS": int(self.gradients), "STRATA": int(strata), **{name: on for name, on in materials.items() if on}}
+        defines = {"GRADIENTS": int(self.gradients), **defines}
         key = (*defines.items(),)
         if key not in self._programs:
-            self._programs[key] = Program(self.ctx, "gather/light_samples", "lib/fullscreen", defines)
+            self._programs[key] = Program(self.ctx, "gather/light_samples/sum", "lib/fullscreen", defines)
         return self._programs[key]
 
     def __call__(self, target: Target, atlas: Atlas, blocks: tuple[int, int], used: tuple[int, int, int, int]) -> None:
         """Add to the sums in `target`, `blocks` of them a cell, in the rectangle `used`."""
-        if atlas.light_samples is None:
+        samples = atlas.light_samples
+        if samples is None:
             return
-        self._program(atlas.light_samples.strata, atlas.light_samples.materials)(
-            target,
-            state=DrawState(blend="add"),
-            scissor=used,
-            frames=atlas.frames,
-            blocks=blocks,
-            columns=atlas.columns,
-            **atlas.light_samples.uniforms,
-        )
+        materials = {name: on for name, on in samples.materials.items() if on}
+        known: Uniforms = {} if samples.free is None else {"seen": self._seen(atlas, samples, samples.free)}
+        program = self._program({"STRATA": int(samples.strata), "SEEN": int(bool(known)), **materials})
+        step = samples.count if known else _RAYS // self._eyes * blocks[0] * blocks[1]
+        for first in range(0, samples.count, step):
+            program(
+                target,
+                state=DrawState(blend="add"),
+                scissor=used,
+                frames=atlas.frames,
+                blocks=blocks,
+                columns=atlas.columns,
+                span=(first, min(first + step, samples.count)),
+                **samples.uniforms,
+                **known,
+            )
+
+    @property
+    def _eyes(self) -> int:
+        """From how many places each sample is looked at."""
+        return 1 + EYES_BESIDE if self.gradients else 1
+
+    def _seen(self, atlas: Atlas, samples: LightSamples, free: Free) -> moderngl.Texture:
+        """The texture `seen` of shaders/gather/light_samples/sum.frag."""
+        across, rows, most = samples.count, atlas.count, atlas.frames.width
+        ends = self._targets.get("ends", (across, most), lambda: Target(self.ctx, (across, most), (4,)))
+        uniforms = {name: value for name, value in samples.uniforms.items() if name in self._ends.uniforms}
+        self._ends(ends, scissor=(0, 0, across, rows), frames=atlas.frames, **uniforms)
+        found = np.frombuffer(ends.gl.read((0, 0, across, rows), 4, dtype="f4"), "f4").reshape(rows, across, 4)
+        seen = self._targets.get("seen", (across, most), lambda: float_texture(self.ctx, (across + 1, most), 1))
+        bits = self._bits(samples.rows, found[..., :3], found[..., 3] > 0.0, free)
+        seen.write(bits.astype("f4").tobytes(), viewport=(0, 0, across + 1, rows))
+        return seen
+
+    def _bits(self, rows: np.ndarray, away: np.ndarray, possible: np.ndarray, free: Free) -> np.ndarray:
+        """(N, S + 1) int, as the texture `seen` has it: of records with these `rows` (5, N, 4), which of their eyes see each of S
+        samples, `away` (N, S, 3) from the first, metres. No light comes where it is not `possible` (N, S)."""
+        (count, across), eye = possible.shape, rows[4, :, :3]
+        bits = np.zeros((count, across + 1), np.int32)
+        record, sample = np.nonzero(possible)
+        ends = eye[record] + away[record, sample] * np.float32(1.0 - _SHORT)
+        bits[record, sample] = free(eye[record], ends)
+        for k in range(1, self._eyes):
+            angle = 2.0 * np.pi * (k - 1) / EYES_BESIDE
+            beside = eye + rows[4, :, 3:] * (np.cos(angle) * rows[0, :, :3] + np.sin(angle) * rows[1, :, :3]).astype("f4")
+            reached = free(eye, beside)
+            bits[:, across] |= reached << k
+            bits[record, sample] |= free(beside[record], ends) << k
+        return bits

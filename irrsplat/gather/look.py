@@ -20,6 +20,9 @@ from irrsplat.gpu.world import World
 from irrsplat.lighting.sky import sky_maps, sky_uniforms
 from irrsplat.records.record_cache import RecordCache
 
+_BESIDE = 0.02  # of the height of the image: how far beside a record others look at its light samples
+_SCREEN = 0.25  # of the scene's diagonal: the image's height where it is not known
+
 
 class Gather(Owner):
     """A gather bound to its `world`, which it follows when that moves; made for the world's lights (see light_defines).
@@ -42,6 +45,13 @@ class Gather(Owner):
     def offset(self) -> float:
         """How far above its surface a record looks from, metres."""
         return OFFSET * self.world.scene.diagonal
+
+    def steps(self, sites: Sites) -> np.ndarray:
+        """(N,) metres: how far beside each site other eyes look at its light samples: about as far as a record serves pixels, so
+        that they tell how light changes over that."""
+        screen = np.zeros(len(sites)) if sites.screen is None else sites.screen
+        known = np.where(screen > 0.0, screen, _SCREEN * self.world.scene.diagonal)
+        return np.maximum(_BESIDE * known, self.offset)
 
     @property
     def radii(self) -> tuple[float, float]:

@@ -85,7 +85,7 @@ class RasterGather(Gather):
         described = np.zeros((5, count, 4), "f4")
         described[:4] = frame_rows(frame, sites, numbers)
         described[:2, :, 3] = sample_offsets(rotations, seed).T
-        described[4, :, :3] = eye
+        described[4, :, :3], described[4, :, 3] = eye, self.steps(sites)
         self.frames.write(described.tobytes(), viewport=(0, 0, count, 5))
         rows = self._views(frame, eye)
         self.views.write(rows.reshape(-1, count, 4).astype("f4").tobytes(), viewport=(0, 0, count, VIEW_ROWS * len(self.faces)))
@@ -99,7 +99,7 @@ class RasterGather(Gather):
         target = self.target = draw(self.world, light, Views(rows, self.views, used, self.offset, searched))
         block = (self.side // 4, self.side // 4)
         radiance, planes = target.textures
-        samples = self.emitters.light_samples
+        samples = self.emitters.light_samples(described)
         return Atlas(radiance, planes, self.table, self.edges, self.frames, count, self.columns, self.cell, block, samples)
 
     def _views(self, frame: np.ndarray, eye: np.ndarray) -> np.ndarray:

@@ -58,7 +58,9 @@ class TraceGather(Gather):
         self.edges = table_texture(ctx, stratum_edges(self.side))
         rays = np.concatenate([ray_directions(self.side).reshape(*table.shape[:2], 3), table[..., 3:]], axis=-1)
         self.looks = table_texture(ctx, rays)
-        self.emitters = EmitterSearch(world, light_samples, self.share.size / np.pi, strata=True, apart=emitters_apart)
+        self.emitters = EmitterSearch(
+            world, light_samples, self.share.size / np.pi, strata=True, apart=emitters_apart, embree=embree
+        )
         self.program = Program(
             ctx,
             "gather/trace",
@@ -97,7 +99,7 @@ class TraceGather(Gather):
         rotations = sites.frame_rotations(numbers)
         rows[:4] = frame_rows(tangent_frames(sites.normal, rotations, seed), sites, numbers)
         rows[:2, :, 3] = sample_offsets(rotations, seed).T
-        rows[4, :, :3] = eye_positions(sites, self.tree.corners, self.offset)
+        rows[4, :, :3], rows[4, :, 3] = eye_positions(sites, self.tree.corners, self.offset), self.steps(sites)
         self.frames.write(rows.tobytes(), viewport=(0, 0, count, 5))
         hits = self._trace(rows)
         lines, rest = divmod(count, self.columns)
@@ -117,7 +119,7 @@ class TraceGather(Gather):
                 )
         block = (self.side // 4, self.side // 4)
         radiance, planes = self.target.textures[:2]
-        samples = self.emitters.light_samples
+        samples = self.emitters.light_samples(rows)
         return Atlas(
             radiance,
             planes,

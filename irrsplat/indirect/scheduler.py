@@ -217,9 +217,7 @@ class RecordScheduler(Owner):
         if not len(queue):
             return replace(state, queue=None), NOTHING_ASKED
         self.gatherer.resume(shadows, budget)
-        first = self.cache.count
-        done = self.gatherer.gather(shadows, queue, budget, side, state.near)
-        self.cache.note_asked(first, camera, screen.size)
+        done = self.gatherer.gather(shadows, _asked_by(queue, camera, screen.size), budget, side, state.near)
         state = replace(state, queue=queue[done:] if done < len(queue) else None)
         return state, RoundResult(done, state.queue is None)
 
@@ -331,7 +329,7 @@ class RecordScheduler(Owner):
         with self.timers("gather" if scan.warmed < self.settings.warmup else "examine"):
             sites, values, missing = scan.ask(pixels(splats.weight)[..., 0], record, camera, self.settings)
         if len(sites):
-            self.cache.note_asked(self.cache.append(sites, values), camera, gbuffer.position.size)
+            self.cache.append(_asked_by(sites, camera, gbuffer.position.size), values)
         return replace(state, missing=missing), RoundResult(len(sites), not record.stopped)
 
     # ---- for files, the viewer and the statistics -------------------------------------------------------------------------
@@ -358,3 +356,9 @@ class RecordScheduler(Owner):
         self.adaptation.restore(state.adapted, self.settings)
         self._checked.restore(state.checked, self.cache.count)
         self.gatherer.go_on_with(cast(BounceStatistics, dict(state.bounces)))
+
+
+def _asked_by(sites: Sites, camera: Camera, size: tuple[int, int]) -> Sites:
+    """The same sites, asked for by a view of `size` (width, height) from `camera`."""
+    distance = np.linalg.norm(sites.position - np.asarray(camera.eye, "f4"), axis=1)
+    return replace(sites, screen=camera.measure(size) * distance)

@@ -20,7 +20,6 @@ from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import float_texture
 from irrsplat.records.motion import carried, concerned, passed_through, swallowed
 from irrsplat.scene.change import SceneChange
-from irrsplat.scene.model import Camera
 
 _FLOOR = 0.02  # of the records' mean luminance: see RecordCache.update_luminance_floor
 _ROWS = 4  # of the textures at first; doubled whenever they are full
@@ -131,7 +130,8 @@ class RecordCache(Owner):
         columns["triangle"][new] = -1 if sites.triangle is None else sites.triangle
         columns["epoch"][new], columns["last_view"][new] = self.invalidation_epoch, self._view
         columns["values_read"][new], columns["probe"][new], columns["drift"][new], columns["due"][new] = False, 0.0, 0.0, 0.0
-        columns["gather_size"][new], columns["rough"][new], columns["screen"][new] = 0, False, 0.0
+        columns["gather_size"][new], columns["rough"][new] = 0, False
+        columns["screen"][new] = 0.0 if sites.screen is None else sites.screen
         columns["id"][new] = self._next_id + np.arange(len(sites))
         columns["frame_rotation"][new] = sites.frame_rotations(columns["id"][new])
         for name in ("position", "normal"):
@@ -192,7 +192,7 @@ class RecordCache(Owner):
         triangle = self._columns["triangle"][numbers]
         position, normal, geometric = (self._columns[name][numbers, :3] for name in ("position", "normal", "geometric"))
         known = triangle if (triangle >= 0).all() else None
-        return Sites(position, normal, geometric, known, self._columns["frame_rotation"][numbers])
+        return Sites(position, normal, geometric, known, *(self._columns[name][numbers] for name in ("frame_rotation", "screen")))
 
     def number_of(self, id: int) -> int | None:
         """The number that the record of this id has now; None where it is gone."""
@@ -326,11 +326,6 @@ class RecordCache(Owner):
             next_id = int(self._columns["id"][count - 1]) + 1 if count else 0
             self.count, self._stale, self._next_id = count, None, next_id
             self.revision += 1
-
-    def note_asked(self, first: int, camera: Camera, size: tuple[int, int]) -> None:
-        """Say that a view of `size` (width, height) from `camera` has asked for the records from number `first` on."""
-        distance = np.linalg.norm(self.positions[first:] - np.asarray(camera.eye, "f4"), axis=1)
-        self._columns["screen"][first : self.count] = camera.measure(size) * distance
 
     def mark_seen(self, numbers: np.ndarray) -> None:
         """Say that a new view has begun, with these records in it."""

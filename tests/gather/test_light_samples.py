@@ -22,6 +22,8 @@ from tests.support.worlds import Gathered, Lit, box, floor, gathered, material, 
 UP = np.array((0.0, 1.0, 0.0))
 EMITTER = (1.0, 2.0, 3.0)  # W/(m² sr), different in each channel
 ROOM = box((-2, 0, -2), (2, 3, 2), material(0.5), outward=False)
+PENUMBRA = quad((-0.1, 2.9, -0.2), (0.2, 0, 0), (0, 0, 0.4), material(0.0, 5.0))
+BOARD = quad((-2, 1.45, -2), (2, 0, 0), (0, 0, 4))  # its edge at x = 0, halfway up: the penumbra reaches from -0.1 to 0.1
 
 
 def panel(height: float = 1.2) -> Mesh:
@@ -96,13 +98,77 @@ def test_a_small_bulb_lights_all_records_alike(ctx: moderngl.Context, samples: i
 
 def test_what_stands_in_the_way_casts_a_shadow(ctx: moderngl.Context) -> None:
     """Across the edge of a board's shadow, of which a panel's breadth makes a penumbra: the share of the panel that is seen."""
-    lamp = quad((-0.1, 2.9, -0.2), (0.2, 0, 0), (0, 0, 0.4), material(0.0, 5.0))
-    board = quad((-2, 1.45, -2), (2, 0, 0), (0, 0, 4))  # its edge at x = 0: the penumbra reaches from -0.1 to 0.1
     x = np.linspace(-0.15, 0.15, 31)
     where = np.column_stack([x, np.zeros((31, 2))])
-    with Lit(ctx, scene(ROOM, lamp, board)) as lit, Lit(ctx, scene(ROOM, lamp)) as free:
+    with Lit(ctx, scene(ROOM, PENUMBRA, BOARD)) as lit, Lit(ctx, scene(ROOM, PENUMBRA)) as free:
         seen = look(lit, where, UP, 256).E[:, 0] / look(free, where, UP, 256).E[:, 0]
     assert np.allclose(seen, np.clip(0.5 + x / 0.2, 0.0, 1.0), atol=0.03)
+
+
+def half_hidden(p: np.ndarray) -> np.ndarray:
+    """(N,) what of the panel's light comes to points (N, 3) on the floor, where the board hides what lies at less than -x."""
+    corners = np.broadcast_to(PENUMBRA.positions.astype(float), (len(p), 4, 3)).copy()
+    corners[..., 0] = np.maximum(corners[..., 0], -p[:, 0, None])
+    return 5.0 * polygon_vector(corners, p)[:, 1]
+
+
+@pytest.mark.parametrize("kind", ["trace", "embree", "raster"])
+def test_a_gradient_knows_how_a_shadow_moves(ctx: moderngl.Context, kind: str) -> None:
+    """In a penumbra light changes by what comes out of the shadow from place to place: Lambert's formula of the part of a panel
+    that is seen, and its differences. The penumbra is straight, so that E bends little in it: by the panel's own 1/r² alone."""
+    rng = np.random.default_rng(6)
+    where = np.column_stack([rng.uniform(-0.06, 0.06, 32), np.zeros(32), rng.uniform(-0.5, 0.5, 32)])
+    step = 0.01 * np.eye(3)
+    truth = np.array([(half_hidden(where + d) - half_hidden(where - d)) / 0.02 for d in step[[0, 2]]]).T
+    with Lit(ctx, scene(ROOM, PENUMBRA, BOARD)) as lit:
+        found = look(lit, where, UP, 1024, kind)
+    off = np.linalg.norm(found.gradient[:, 0][:, [0, 2]] - truth, axis=1) / np.linalg.norm(truth, axis=1)
+    assert np.median(off) < 0.06
+    assert (found.gradient[:, 0, 0] * truth[:, 0]).sum() / (truth[:, 0] ** 2).sum() == pytest.approx(1.0, abs=0.03)
+
+
+def test_second_derivatives_know_where_a_shadow_begins(ctx: moderngl.Context) -> None:
+    """Just where a penumbra ends, light bends: from the slope of E to none, over as far as the record's own eyes reach. Along the
+    edge of the shadow, and far from it, it does not."""
+    x = np.array([-0.1, 0.1, 0.5])  # the dark end, the bright one, the open
+    where = np.column_stack([x, np.zeros((3, 2))])
+    with Lit(ctx, scene(ROOM, PENUMBRA, BOARD)) as lit:
+        found = look(lit, where, UP, 1024)
+    Y = found.E[:, 0]
+    across = found.bend[1, np.abs(found.bend[1]).argmax()] * Y[1]
+    slope = np.diff(half_hidden(np.array([[0.07, 0, 0], [0.09, 0, 0]])))[0] / 0.02
+    step = 0.02 * 0.25 * scene(ROOM).diagonal
+    # at eyes beside it at angles θ from the way into the light E changes by slope·step·min(cosθ, 0), of which
+    # Σ change·(1 + 2·cos 2θ)/(3·step²) makes -1 to -2/√3 slope/step, by how the circle is turned
+    assert 0.97 < -across * step / slope < 1.03 * 2.0 / np.sqrt(3.0)
+    assert np.abs(found.axis[1, 2]) > 0.98, "it bends least along the shadow's edge"
+    assert np.abs(found.bend[2]).max() < 0.02 * np.abs(found.bend[1]).max()
+
+
+def test_eyes_behind_a_wall_tell_nothing(ctx: moderngl.Context) -> None:
+    """A centimetre from a wall, with a panel in full sight: that there is no light in the wall says nothing of the room."""
+    lamp = panel()
+    corners = lamp.positions.astype(float)
+    where = np.array([(-0.99, 0.0, z) for z in np.linspace(-0.5, 0.5, 8)])
+    step = 1e-3 * np.eye(3)
+    truth = np.array(
+        [[(polygon_vector(corners, p + d) - polygon_vector(corners, p - d)) @ UP / 2e-3 for d in step] for p in where]
+    )
+    for kind in ("trace", "embree"):
+        with Lit(ctx, scene(floor(6.0, -0.001, material(0.0)), box((-2, -1, -3), (-1, 3, 3), material(0.0)), lamp)) as lit:
+            found = look(lit, where, UP, 256, kind)
+        assert np.allclose(found.gradient[:, 0], EMITTER[0] * truth, atol=0.01 * np.abs(truth).max())
+
+
+def test_embree_and_shaders_see_the_same(ctx: moderngl.Context) -> None:
+    """The same samples, whoever finds out whether anything stands before them: E, M and ∇E of records in a penumbra and
+    in the open, but for single samples at an edge."""
+    where = np.column_stack([np.linspace(-0.15, 0.4, 24), np.zeros((24, 2))])
+    with Lit(ctx, scene(ROOM, PENUMBRA, BOARD)) as lit:
+        one, other = (look(lit, where, UP, 256, kind) for kind in ("trace", "embree"))
+    for name in ("E", "M", "gradient"):
+        a, b = getattr(one, name), getattr(other, name)
+        assert np.abs(a - b).max() < 0.02 * np.abs(a).max() and np.median(np.abs(a - b)) < 1e-5 * np.abs(a).max()
 
 
 def test_what_shines_over_much_of_all_surfaces_is_left_to_the_rays(ctx: moderngl.Context) -> None:
@@ -120,17 +186,19 @@ def test_scenes_without_emitters_are_gathered_as_before(ctx: moderngl.Context) -
         assert pass_(lit.light, sites((0, 1, 0), UP), np.arange(1), 0).light_samples is None
 
 
-def lamps(*centres: float) -> Scene:
-    """A corridor along x with a bulb at each of these places."""
-    bulbs = [sphere((x, 2.2, 0.0), 0.05, material(0.0, 1e3), 8, 16) for x in centres]
+def lamps(**brightness: float) -> Scene:
+    """A corridor along x with a bulb of these radiances at its near end, its far one, or both."""
+    places = {"near": -9.0, "far": 9.0}
+    bulbs = [sphere((places[name], 2.2, 0.0), 0.05, material(0.0, L), 8, 16) for name, L in brightness.items()]
     return scene(box((-10, 0, -2), (10, 3, 2), outward=False), *bulbs)
 
 
 def test_near_lamps_get_most_of_the_samples(ctx: moderngl.Context) -> None:
-    """Between two lamps 18 m apart, E near one is as sure as if there were one."""
+    """By a lamp, with another one 18 m away that is thirty times as bright, E is nearly as sure as if there were one:
+    two thirds of the samples go to the near one, where by power alone it would be one in thirty."""
     where = np.random.default_rng(3).uniform((-9.8, 0, -1.8), (-7.0, 0, 1.8), (32, 3))
-    with Lit(ctx, lamps(-9.0)) as one, Lit(ctx, lamps(-9.0, 9.0)) as two:
-        truth = look(one, where, UP, 4096).E[:, 0]
+    with Lit(ctx, lamps(near=1e3, far=3e4)) as two:
+        truth = look(two, where, UP, 4096).E[:, 0]
         assert relative(look(two, where, UP, 128).E[:, 0], truth) < 0.06
 
 

@@ -1,0 +1,122 @@
+// What light samples add to the sums of a block of a record: points of emitters, seen by shadow rays. Each counts by the balance
+// heuristic, so that what rays find by chance (emitters_hit.glsl) and these together are all that emitters bring.
+// Where a record has derivatives, eyes in a circle beside it look at the same points: what each of them sees, and the record does
+// not, tells how shadows move (docs/METHOD.md, 3.8).
+#include "gather/light_samples/sample.glsl"
+#include "gather/ray_density.glsl"
+
+uniform ivec2 blocks;    // of a cell
+uniform int columns;     // cells per row
+uniform vec2 span;       // of the samples: its first one, and the one after its last
+#if SEEN
+uniform sampler2D seen;  // texel (s, i): whether sample s of record i is seen, bit 0, and from the eyes beside it, the bits from 1 on;
+                         // texel (emitter_samples, i): to which of these the way is free
+#endif
+
+layout(location = 0) out vec4 out_sums;
+layout(location = 1) out vec2 out_share;
+#if GRADIENTS
+layout(location = 2) out vec4 out_m_r;
+layout(location = 3) out vec4 out_m_g;
+layout(location = 4) out vec4 out_m_b;
+layout(location = 5) out vec4 out_g_r;
+layout(location = 6) out vec4 out_g_g;
+layout(location = 7) out vec4 out_g_b;
+#endif
+
+// From the eye to eye number k (from 1 on) beside it, in metres; number 0 is the eye itself.
+vec3 beside(int k, Viewpoint from)
+{
+    float angle = float(k - 1) * (2.0 * PI / float(EYES_BESIDE));
+    return k == 0 ? vec3(0.0) : from.step * (cos(angle) * from.frame[0] + sin(angle) * from.frame[1]);
+}
+
+// Which of the first so many eyes see what lies `away` from the first one, by bits.
+int seeing(int eyes, Viewpoint from, vec3 away, bool possible)
+{
+    int bits = 0;
+    for (int k = 0; k < eyes; ++k)
+    {
+        vec3 aside = beside(k, from), way = away - aside;
+        bits |= emitter_free(from.eye + aside, way, length(way), possible) ? 1 << k : 0;
+    }
+    return bits;
+}
+
+void main()
+{
+    ivec2 at = ivec2(gl_FragCoord.xy), place = at / blocks, inside = at - place * blocks;
+    int record = place.y * columns + place.x;
+    Viewpoint from = viewpoint(record);
+    vec3 E = vec3(0.0);
+#if GRADIENTS
+    mat3 M = mat3(0.0), G = mat3(0.0);
+    vec3 H = vec3(0.0);
+#if SEEN
+    int reached = int(texelFetch(seen, ivec2(int(emitter_samples), record), 0).r);
+#else
+    int reached = 0;
+    for (int k = 1; k <= EYES_BESIDE; ++k)
+    {
+        vec3 aside = beside(k, from);
+        reached |= emitter_free(from.eye, aside, from.step, true) ? 1 << k : 0;
+    }
+#endif
+#endif
+    for (float s = span.x + float(inside.y * blocks.x + inside.x); s < span.y; s += float(blocks.x * blocks.y))
+    {
+        LightSample point = light_sample(s, from);
+#if SEEN
+        int bits = int(texelFetch(seen, ivec2(int(s), record), 0).r);
+#else
+        int bits = seeing(GRADIENTS > 0 ? EYES_BESIDE + 1 : 1, from, point.away, point.possible);
+#endif
+        if (bits == 0) continue;
+        vec3 x = point.x, m = point.m;
+        float r = point.r, r2 = r * r, r4 = r2 * r2, visible = float(bits & 1);
+
+        // density of samples, and of rays, on the emitter: m⁻²
+        float samples = emitter_samples * point.emitter.density * point.emitter.importance / from.importance;
+        float found = ray_density(x / r) * point.cosine / r2;
+        vec3 L = emitter_radiance(point.emitter.triangle, point.share, 1.0 / samples) / (samples + found / WORTH);
+        float height = x.z, facing = point.cosine * r, f = height * facing / r4;
+        E += visible * f * L;
+#if GRADIENTS
+        // of the visibility V, by a polynomial through what the eyes see: the six of one circle tell all of its second derivatives
+        vec2 dV = vec2(0.0);
+        vec3 ddV = vec3(0.0);  // xx, xy, yy
+        for (int k = 1; k <= EYES_BESIDE; ++k)
+        {
+            // to where nobody can go, it goes on as it comes from the other side
+            int opposite = (k - 1 + EYES_BESIDE / 2) % EYES_BESIDE + 1;
+            float there = float((bits >> k) & 1), other = float((bits >> opposite) & 1);
+            float change = ((reached >> k) & 1) > 0 ? there - visible : ((reached >> opposite) & 1) > 0 ? visible - other : 0.0;
+            float angle = float(k - 1) * (2.0 * PI / float(EYES_BESIDE)), c = cos(2.0 * angle), d = sin(2.0 * angle);
+            dV += change * vec2(cos(angle), sin(angle));
+            ddV += change * vec3(1.0 + 2.0 * c, 2.0 * d, 1.0 - 2.0 * c);
+        }
+        dV *= 2.0 / (float(EYES_BESIDE) * from.step);
+        ddV *= 2.0 / (float(EYES_BESIDE) * from.step * from.step);
+
+        // E goes as V·f, f = (n·x)(m·x)/r⁴; as the record moves by δ, x changes by -δ
+        vec3 df = 4.0 * f / r2 * x - (height * m + vec3(0.0, 0.0, facing)) / r4;
+        vec3 xx = vec3(x.x * x.x, x.x * x.y, x.y * x.y), mx = vec3(2.0 * m.x * x.x, m.x * x.y + m.y * x.x, 2.0 * m.y * x.y);
+        vec3 ddf = 24.0 * f / r4 * xx - 4.0 * height / (r4 * r2) * mx - 4.0 * f / r2 * vec3(1.0, 0.0, 1.0);
+        vec3 both = vec3(2.0 * df.x * dV.x, df.x * dV.y + df.y * dV.x, 2.0 * df.y * dV.y);
+        M += outerProduct(x * (visible * facing / r4), L);
+        G += outerProduct(visible * df + f * vec3(dV, 0.0), L);
+        H += dot(L, LUMINANCE) * (visible * ddf + both + f * ddV);
+#endif
+    }
+    // the other channels are no sums of light
+    out_sums = vec4(E, 0.0);
+    out_share = vec2(0.0);
+#if GRADIENTS
+    out_m_r = vec4(M[0], H.x);
+    out_m_g = vec4(M[1], H.y);
+    out_m_b = vec4(M[2], H.z);
+    out_g_r = vec4(G[0], 0.0);
+    out_g_g = vec4(G[1], 0.0);
+    out_g_b = vec4(G[2], 0.0);
+#endif
+}
