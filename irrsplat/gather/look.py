@@ -20,7 +20,7 @@ from irrsplat.gpu.world import World
 from irrsplat.lighting.sky import sky_maps, sky_uniforms
 from irrsplat.records.record_cache import RecordCache
 
-_BESIDE = 0.02  # of the height of the image: how far beside a record others look at its light samples
+_BESIDE = 0.014  # of the height of the image: how far beside a record others look at its light samples
 _SCREEN = 0.25  # of the scene's diagonal: the image's height where it is not known
 
 

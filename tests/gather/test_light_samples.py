@@ -137,7 +137,7 @@ def test_second_derivatives_know_where_a_shadow_begins(ctx: moderngl.Context) ->
     Y = found.E[:, 0]
     across = found.bend[1, np.abs(found.bend[1]).argmax()] * Y[1]
     slope = np.diff(half_hidden(np.array([[0.07, 0, 0], [0.09, 0, 0]])))[0] / 0.02
-    step = 0.02 * 0.25 * scene(ROOM).diagonal
+    step = 0.014 * 0.25 * scene(ROOM).diagonal
     # at eyes beside it at angles θ from the way into the light E changes by slope·step·min(cosθ, 0), of which
     # Σ change·(1 + 2·cos 2θ)/(3·step²) makes -1 to -2/√3 slope/step, by how the circle is turned
     assert 0.97 < -across * step / slope < 1.03 * 2.0 / np.sqrt(3.0)
