@@ -118,11 +118,12 @@ class LightSamplePass(Owner):
     def _seen(self, atlas: Atlas, samples: LightSamples, free: Free) -> moderngl.Texture:
         """The texture `seen` of shaders/gather/light_samples/sum.frag."""
         across, rows, most = samples.count, atlas.count, atlas.frames.width
-        ends = self._targets.get("ends", (across, most), lambda: Target(self.ctx, (across, most), (4,)))
+        # gathers of several sizes take turns, and each keeps its own
+        ends = self._targets.get(f"ends of {across} {most}", (), lambda: Target(self.ctx, (across, most), (4,)))
         uniforms = {name: value for name, value in samples.uniforms.items() if name in self._ends.uniforms}
         self._ends(ends, scissor=(0, 0, across, rows), frames=atlas.frames, **uniforms)
         found = np.frombuffer(ends.gl.read((0, 0, across, rows), 4, dtype="f4"), "f4").reshape(rows, across, 4)
-        seen = self._targets.get("seen", (across, most), lambda: float_texture(self.ctx, (across + 1, most), 1))
+        seen = self._targets.get(f"seen of {across} {most}", (), lambda: float_texture(self.ctx, (across + 1, most), 1))
         bits = self._bits(samples.rows, found[..., :3], found[..., 3] > 0.0, free)
         seen.write(bits.astype("f4").tobytes(), viewport=(0, 0, across + 1, rows))
         return seen
