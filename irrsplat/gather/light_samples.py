@@ -135,11 +135,13 @@ class LightSamplePass(Owner):
         bits = np.zeros((count, across + 1), np.int32)
         record, sample = np.nonzero(possible)
         ends = eye[record] + away[record, sample] * np.float32(1.0 - _SHORT)
-        bits[record, sample] = free(eye[record], ends)
-        for k in range(1, self._eyes):
-            angle = 2.0 * np.pi * (k - 1) / EYES_BESIDE
-            beside = eye + rows[4, :, 3:] * (np.cos(angle) * rows[0, :, :3] + np.sin(angle) * rows[1, :, :3]).astype("f4")
-            reached = free(eye, beside)
-            bits[:, across] |= reached << k
-            bits[record, sample] |= free(beside[record], ends) << k
+        angle = np.arange(self._eyes - 1)[:, None, None] * (2.0 * np.pi / EYES_BESIDE)
+        beside = eye + rows[4, :, 3:] * (np.cos(angle) * rows[0, :, :3] + np.sin(angle) * rows[1, :, :3]).astype("f4")
+        # all lines at once: few of them are traced in hardly less time
+        starts = np.concatenate([eye[record], beside[:, record].reshape(-1, 3), np.tile(eye, (len(beside), 1))])
+        found = free(starts, np.concatenate([np.tile(ends, (self._eyes, 1)), beside.reshape(-1, 3)]))
+        lines = self._eyes * len(record)
+        order = np.arange(self._eyes)[:, None]
+        bits[record, sample] = (found[:lines].reshape(self._eyes, -1) << order).sum(0)
+        bits[:, across] = (found[lines:].reshape(-1, count) << order[1:]).sum(0)
         return bits

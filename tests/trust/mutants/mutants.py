@@ -105,8 +105,8 @@ SHADERS = (
     Mutant(
         "eyes behind a wall count",
         "irrsplat/gather/light_samples.py",
-        "reached = free(eye, beside)",
-        "reached = np.ones(count, bool)",
+        "np.tile(eye, (len(beside), 1))",
+        "beside.reshape(-1, 3)",
         _LIGHT_SAMPLES,
     ),
     Mutant(
