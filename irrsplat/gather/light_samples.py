@@ -8,7 +8,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import Atlas, LightSamples, TriangleOrder, Uniforms
-from irrsplat.core.glsl import EYES_BESIDE
+from irrsplat.core.glsl import EYES_BESIDE, SHORT
 from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import Target, float_texture
@@ -16,7 +16,6 @@ from irrsplat.gpu.world import World
 from irrsplat.lighting.emitter_table import EmitterTable, emitter_table
 
 _RAYS = 64  # of a fragment in one draw: llvmpipe ends a shader's loops, without a word, after 65 536 rounds of them in all
-_SHORT = 1e-4  # of the way, by which a line of sight ends before the emitter
 
 Free = Callable[[np.ndarray, np.ndarray], np.ndarray]  # as LightSamples.free
 
@@ -134,7 +133,7 @@ class LightSamplePass(Owner):
         (count, across), eye = possible.shape, rows[4, :, :3]
         bits = np.zeros((count, across + 1), np.int32)
         record, sample = np.nonzero(possible)
-        ends = eye[record] + away[record, sample] * np.float32(1.0 - _SHORT)
+        ends = eye[record] + away[record, sample] * np.float32(1.0 - SHORT)
         angle = np.arange(self._eyes - 1)[:, None, None] * (2.0 * np.pi / EYES_BESIDE)
         beside = eye + rows[4, :, 3:] * (np.cos(angle) * rows[0, :, :3] + np.sin(angle) * rows[1, :, :3]).astype("f4")
         # all lines at once: few of them are traced in hardly less time

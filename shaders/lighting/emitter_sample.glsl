@@ -8,8 +8,6 @@
 uniform sampler2D emitter_triangles;  // a texel each: its number in the tree, the share of its cluster's power up to it, the density
                                       // of samples in the cluster, m⁻², and 1 if only its front can be seen
 
-const float SHORT = 1e-4;  // of the way, by which a shadow ray ends before the emitter
-
 struct Emitter
 {
     int triangle;      // its place in the tree's order

@@ -115,7 +115,7 @@ def half_hidden(p: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("kind", ["trace", "embree", "raster"])
 def test_a_gradient_knows_how_a_shadow_moves(ctx: moderngl.Context, kind: str) -> None:
     """In a penumbra light changes by what comes out of the shadow from place to place: Lambert's formula of the part of a panel
-    that is seen, and its differences. The penumbra is straight, so that E bends little in it: by the panel's own 1/r² alone."""
+    that is seen, and its differences."""
     rng = np.random.default_rng(6)
     where = np.column_stack([rng.uniform(-0.06, 0.06, 32), np.zeros(32), rng.uniform(-0.5, 0.5, 32)])
     step = 0.01 * np.eye(3)
