@@ -13,7 +13,8 @@ from importlib.util import find_spec
 import numpy as np
 
 INSTALL = "pip install 'irrsplat[embree]'"
-_TASK = 1 << 16  # rays that a thread traces in one go, about: few enough to share them out evenly
+_MOST = 1 << 16  # rays that a thread traces in one go, about: few enough to share them out evenly
+_LEAST = 1 << 12  # below that, going about it takes as long
 
 
 def available() -> bool:
@@ -25,6 +26,11 @@ def available() -> bool:
 def _threads() -> ThreadPoolExecutor:
     """Threads for all casters; embreex lets go of the interpreter while it traces."""
     return ThreadPoolExecutor(os.cpu_count(), "irrsplat-rays")
+
+
+def _task(rays: int) -> int:
+    """How many of so many `rays` a thread traces in one go."""
+    return min(max(-(-rays // (os.cpu_count() or 1)), _LEAST), _MOST)
 
 
 class RayCaster:
@@ -51,7 +57,7 @@ class RayCaster:
         origins: (N, 3) metres. frames: (N, 3, 3), rows tangent, bitangent, normal, in which the `directions` (R, 3) are given.
         """
         hits = np.full((len(origins), len(directions)), -1, np.int32)
-        scene, step = self._scene, max(1, _TASK // len(directions))
+        scene, step = self._scene, max(1, _task(hits.size) // len(directions))
         if scene is None:
             return hits
         origins, frames, directions = (np.asarray(array, np.float32) for array in (origins, frames, directions))
@@ -68,18 +74,18 @@ class RayCaster:
 
     def free(self, starts: np.ndarray, ends: np.ndarray) -> np.ndarray:
         """(N,) whether nothing stands between points (N, 3) and others (N, 3), metres."""
-        scene, found = self._scene, np.ones(len(starts), bool)
+        scene, found, step = self._scene, np.ones(len(starts), bool), _task(len(starts))
         if scene is None:
             return found
         starts, ends = (np.asarray(points, np.float32) for points in (starts, ends))
 
         def look(first: int) -> None:
             """Along the lines from there on."""
-            some = slice(first, first + _TASK)
+            some = slice(first, first + step)
             away = ends[some] - starts[some]
             hits = scene.run(starts[some], away, np.ones(len(away), np.float32), query="OCCLUDED")  # up to their ends
             found[some] = hits < 0
 
-        for _ in _threads().map(look, range(0, len(starts), _TASK)):
+        for _ in _threads().map(look, range(0, len(starts), step)):
             pass
         return found
