@@ -169,8 +169,8 @@ class Settings:
         "irradiance to so many percent; 0: all rays for every record", low=0, high=100, unit="%",
     )  # fmt: skip
     light_samples: int = _declare(
-        512, "int", "gather", "shadow rays of a record to emissive surfaces, beside the rays that find some by chance; 0: off",
-        low=0, high=4096,
+        512, "int", "gather", "shadow rays of a record to emissive surfaces, and at most as many to what lamps light close by, "
+        "beside the rays that find them by chance; 0: off", low=0, high=4096,
     )  # fmt: skip
     gradients: bool = _declare(True, "bool", "splat", "records say how irradiance changes with place and normal around them")
     second_order: bool = _declare(True, "bool", "splat", "records say how their gradients change around them as well")

@@ -237,14 +237,16 @@ class Sites:
 
 @dataclass(frozen=True)
 class LightSamples:
-    """How emitters are looked for beside what a gather's rays find of them by chance.
+    """How light of one kind is looked for beside what a gather's rays find of it by chance.
 
-    count: of a record. rows: (5, N, 4) float32, of the batch's records, what Atlas.frames holds. uniforms: those of
-    shaders/gather/light_samples/sum.frag that do not depend on the batch. strata: whether the gather's rays are strata, or else a
-    hemicube's. materials: World.material_defines. free: tells of lines from points (N, 3) to others (N, 3), metres, which of
-    them nothing crosses; None: that is for the shader to find out.
+    of: what is sampled: "emitters", or "virtual lights" (irrsplat/lighting/virtual_lights.py). count: of a record. rows:
+    (5, N, 4) float32, of the batch's records, what Atlas.frames holds. uniforms: those of
+    shaders/gather/light_samples/sum.frag that do not depend on the batch. strata: whether the gather's rays are strata, or
+    else a hemicube's. materials: World.material_defines. free: tells of lines from points (N, 3) to others (N, 3), metres,
+    which of them nothing crosses; None: that is for the shader to find out.
     """
 
+    of: Literal["emitters", "virtual lights"]
     count: int
     rows: np.ndarray
     uniforms: Uniforms
@@ -278,7 +280,7 @@ class Atlas:
     columns: int
     cell: tuple[int, int]
     block: tuple[int, int]
-    light_samples: LightSamples | None = None
+    light_samples: tuple[LightSamples, ...] = ()
     rays: moderngl.Texture | None = None
 
 

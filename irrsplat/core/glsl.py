@@ -14,6 +14,10 @@ NEIGHBOUR_STRIDE = 4096  # a texel's neighbour is packed into one float as row·
 VIEW_ROWS = 8  # rows of numbers that describe a face through which a record looks, see shaders/gather/raster_views.glsl
 MAX_EMITTER_CLUSTERS = 32  # of emissive triangles, among which light samples are shared out
 EYES_BESIDE = 6  # in a circle about a record, from which light samples are looked at as well
+WORTH = (
+    4.0  # rays that a light sample is worth: a ray near an emitter's rim hits it or misses it, a light sample sees it for certain
+)
+VIRTUAL_SETS = 8  # of virtual lights; with one set for all records its error would be theirs
 SHORT = 1e-4  # of the way, by which a shadow ray ends before the emitter
 SKY_RAY_TEXELS = 3.0  # a ray looks at texels of this share of its solid angle: once interpolated, they are as wide as it is
 FALSE_COLOURS = 64  # of the scale that light is shown by in the viewer
@@ -28,6 +32,8 @@ CONSTANTS: dict[str, int | float | tuple[float, ...]] = {
     "VIEW_ROWS": VIEW_ROWS,
     "MAX_EMITTER_CLUSTERS": MAX_EMITTER_CLUSTERS,
     "EYES_BESIDE": EYES_BESIDE,
+    "WORTH": WORTH,
+    "VIRTUAL_SETS": VIRTUAL_SETS,
     "SHORT": SHORT,
     "FALSE_COLOURS": FALSE_COLOURS,
     "SKY_RAY_TEXELS": SKY_RAY_TEXELS,

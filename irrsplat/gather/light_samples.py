@@ -1,67 +1,91 @@
-"""Light samples: shadow rays from records to points of emitters, whose light is added to what the reduction sums."""
+"""Light samples: shadow rays from records to points that send out light, which is added to what the reduction sums."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from typing import Any, Literal
 
 import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import Atlas, LightSamples, TriangleOrder, Uniforms
+from irrsplat.core.buffers import Atlas, HitLight, LightSamples, TriangleOrder, Uniforms
 from irrsplat.core.glsl import EYES_BESIDE, SHORT
 from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import Target, float_texture
 from irrsplat.gpu.world import World
 from irrsplat.lighting.emitter_table import EmitterTable, emitter_table
+from irrsplat.lighting.virtual_lights import VirtualLights, virtual_lights
 
 _RAYS = 64  # of a fragment in one draw: llvmpipe ends a shader's loops, without a word, after 65 536 rounds of them in all
 
 Free = Callable[[np.ndarray, np.ndarray], np.ndarray]  # as LightSamples.free
 
 
-class EmitterSearch:
-    """How a gather of `world` looks for emitters: by `samples` light samples a record, 0 where there is nothing to look for.
+class LightSearch:
+    """How a gather of `world` looks for what is small and bright: by so many `samples` a record for emitters, and by at most as
+    many for what lamps light close by (irrsplat/lighting/virtual_lights.py); 0: by rays alone.
 
-    apart: not at all, since what they send out is sampled at the pixels; rays that hit them bring what they reflect. rays: the
-    density of its rays as shaders/gather/ray_density.glsl has it. strata: whether they are cosine-stratified; else they are a
-    hemicube's texels. embree: that tells which samples are seen, but where something is cut out, which only shaders know.
+    apart: not for emitters, since what they send out is sampled at the pixels; rays that hit them bring what they reflect.
+    rays: the density of its rays as shaders/gather/ray_density.glsl has it. strata: whether they are cosine-stratified; else
+    they are a hemicube's texels. embree: that tells which samples are seen, but where something is cut out, which only shaders
+    know.
     """
 
     def __init__(self, world: World, samples: int, rays: float, strata: bool, apart: bool = False, embree: bool = False) -> None:
         self.world, self.rays, self.strata = world, rays, strata
+        self.samples = samples
         self.embree = embree and not world.material_defines["CUT_OUTS"]
         known = (samples > 0 or apart) and emitter_table(world) is not None
         self.apart = apart and known
-        self.samples = samples if known and not apart else 0
+        self._emitter_samples = samples if known and not apart else 0
 
     @property
-    def _table(self) -> EmitterTable | None:
-        """The table of the world as it is now; None where no ray has to know of it."""
-        return emitter_table(self.world) if self.samples or self.apart else None
+    def _emitters(self) -> EmitterTable | None:
+        """The emitters of the world as it is now; None where no ray has to know of them."""
+        return emitter_table(self.world) if self._emitter_samples or self.apart else None
+
+    @property
+    def _virtual(self) -> VirtualLights | None:
+        """The virtual lights of the world as it is now; None where there are none."""
+        return virtual_lights(self.world, self.samples, self.rays) if self._may_be_virtual else None
+
+    @property
+    def _may_be_virtual(self) -> bool:
+        """Whether there may be virtual lights, wherever the world's lamps are."""
+        return self.samples > 0 and any(not light.directional for light in self.world.scene.lights)
 
     @property
     def defines(self) -> dict[str, int]:
-        """What the gather's shaders are compiled for; nothing is compiled where there are no emitters."""
-        known = self.samples > 0 or self.apart
-        return {"EMITTERS": int(known), "STRATA": int(self.strata), **({"EMITTERS_APART": 1} if self.apart else {})}
+        """What the gather's shaders are compiled for; nothing is compiled where there are neither emitters nor lamps."""
+        known = self._emitter_samples > 0 or self.apart
+        kinds = {"EMITTERS": int(known), "VIRTUAL_LIGHTS": int(self._may_be_virtual), "STRATA": int(self.strata)}
+        return {**kinds, **({"EMITTERS_APART": 1} if self.apart else {})}
 
     def ray_uniforms(self, order: TriangleOrder) -> Uniforms:
-        """The uniforms of shaders/lighting/emitters_hit.glsl for a gather that numbers triangles in this order, and of
-        ray_density.glsl where its rays are strata."""
-        table = self._table
-        if table is None:
-            return {}
-        return {**table.ray_uniforms(order, self.samples), **({"rays": self.rays} if self.strata else {})}
+        """The uniforms of shaders/lighting/emitters_hit.glsl for a gather that numbers triangles in this order, of
+        virtual_lights_hit.glsl, and of ray_density.glsl where its rays are strata."""
+        emitters, virtual, found = self._emitters, self._virtual, dict[str, Any]()
+        if emitters is not None:
+            found |= emitters.ray_uniforms(order, self._emitter_samples)
+        if self._may_be_virtual:
+            found["virtual_lights"] = np.zeros((len(self.world.scene.lights), 4)) if virtual is None else virtual.reach
+        return {**found, "rays": self.rays} if found and self.strata else found
 
-    def light_samples(self, rows: np.ndarray) -> LightSamples | None:
-        """What an Atlas of records with these `rows` (5, N, 4) of its frames says of them."""
-        table = self._table if self.samples else None
-        if table is None:
-            return None
-        uniforms = {**table.sample_uniforms(self.samples), **self.world.trace_uniforms, "rays": self.rays}
-        free = self.world.caster.free if self.embree else None
-        return LightSamples(self.samples, rows, uniforms, self.strata, self.world.material_defines, free)
+    def light_samples(self, rows: np.ndarray, light: HitLight) -> tuple[LightSamples, ...]:
+        """What an Atlas of records with these `rows` (5, N, 4) of its frames says of them, lit by this."""
+        emitters, virtual = self._emitters if self._emitter_samples else None, self._virtual
+        sources: list[tuple[Literal["emitters", "virtual lights"], int, Uniforms]] = []
+        if emitters is not None:
+            sources.append(("emitters", self._emitter_samples, emitters.sample_uniforms(self._emitter_samples)))
+        if virtual is not None:
+            sources.append(("virtual lights", virtual.count, virtual.sample_uniforms(light.shadows)))
+        free = self.world.caster.free if sources and self.embree else None
+        common: Uniforms = {**self.world.trace_uniforms, "rays": self.rays} if sources else {}
+        return tuple(
+            LightSamples(of, count, rows, {**common, **uniforms}, self.strata, self.world.material_defines, free)
+            for of, count, uniforms in sources
+        )
 
 
 class LightSamplePass(Owner):
@@ -70,14 +94,12 @@ class LightSamplePass(Owner):
     def __init__(self, ctx: moderngl.Context, gradients: bool) -> None:
         self.ctx, self.gradients = ctx, gradients
         self._programs: dict[tuple[object, ...], Program] = {}
-        self._ends = Program(ctx, "gather/light_samples/ends", "lib/fullscreen")
+        self._ends = [Program(ctx, "gather/light_samples/ends", "lib/fullscreen", {"VIRTUAL": of}) for of in (0, 1)]
         self._targets = Workshop()
-        for strata in (False, True):
-            self._program({"STRATA": int(strata), "SEEN": 0})
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (*self._programs.values(), self._ends, self._targets)
+        return (*self._programs.values(), *self._ends, self._targets)
 
     def _program(self, defines: Mapping[str, int]) -> Program:
         """The program for rays of this kind and these materials."""
@@ -89,12 +111,17 @@ class LightSamplePass(Owner):
 
     def __call__(self, target: Target, atlas: Atlas, blocks: tuple[int, int], used: tuple[int, int, int, int]) -> None:
         """Add to the sums in `target`, `blocks` of them a cell, in the rectangle `used`."""
-        samples = atlas.light_samples
-        if samples is None:
-            return
+        for samples in atlas.light_samples:
+            self._add(target, atlas, samples, blocks, used)
+
+    def _add(
+        self, target: Target, atlas: Atlas, samples: LightSamples, blocks: tuple[int, int], used: tuple[int, int, int, int]
+    ) -> None:
+        """Add those of one kind."""
         materials = {name: on for name, on in samples.materials.items() if on}
         known: Uniforms = {} if samples.free is None else {"seen": self._seen(atlas, samples, samples.free)}
-        program = self._program({"STRATA": int(samples.strata), "SEEN": int(bool(known)), **materials})
+        kind = {"STRATA": int(samples.strata), "VIRTUAL": _virtual(samples), "SEEN": int(bool(known))}
+        program = self._program({**kind, **materials})
         step = samples.count if known else _RAYS // self._eyes * blocks[0] * blocks[1]
         for first in range(0, samples.count, step):
             program(
@@ -104,8 +131,9 @@ class LightSamplePass(Owner):
                 frames=atlas.frames,
                 blocks=blocks,
                 columns=atlas.columns,
+                samples=samples.count,
                 span=(first, min(first + step, samples.count)),
-                **samples.uniforms,
+                **program.known(samples.uniforms),
                 **known,
             )
 
@@ -116,13 +144,14 @@ class LightSamplePass(Owner):
 
     def _seen(self, atlas: Atlas, samples: LightSamples, free: Free) -> moderngl.Texture:
         """The texture `seen` of shaders/gather/light_samples/sum.frag."""
-        across, rows, most = samples.count, atlas.count, atlas.frames.width
-        # gathers of several sizes take turns, and each keeps its own
-        ends = self._targets.get(f"ends of {across} {most}", (), lambda: Target(self.ctx, (across, most), (4,)))
-        uniforms = {name: value for name, value in samples.uniforms.items() if name in self._ends.uniforms}
-        self._ends(ends, scissor=(0, 0, across, rows), frames=atlas.frames, **uniforms)
+        across, rows = samples.count, atlas.count
+        # gathers of several sizes take turns, and each keeps its own; how many virtual lights there are changes as lamps move
+        size = 1 << across.bit_length(), atlas.frames.width
+        ends = self._targets.get(f"ends of {size}", (), lambda: Target(self.ctx, size, (4,)))
+        program = self._ends[_virtual(samples)]
+        program(ends, scissor=(0, 0, across, rows), frames=atlas.frames, **program.known(samples.uniforms))
         found = np.frombuffer(ends.gl.read((0, 0, across, rows), 4, dtype="f4"), "f4").reshape(rows, across, 4)
-        seen = self._targets.get(f"seen of {across} {most}", (), lambda: float_texture(self.ctx, (across + 1, most), 1))
+        seen = self._targets.get(f"seen of {size}", (), lambda: float_texture(self.ctx, size, 1))
         bits = self._bits(samples.rows, found[..., :3], found[..., 3] > 0.0, free)
         seen.write(bits.astype("f4").tobytes(), viewport=(0, 0, across + 1, rows))
         return seen
@@ -144,3 +173,8 @@ class LightSamplePass(Owner):
         bits[record, sample] = (found[:lines].reshape(self._eyes, -1) << order).sum(0)
         bits[:, across] = (found[lines:].reshape(-1, count) << order[1:]).sum(0)
         return bits
+
+
+def _virtual(samples: LightSamples) -> int:
+    """VIRTUAL of shaders/gather/light_samples/sample.glsl."""
+    return int(samples.of == "virtual lights")

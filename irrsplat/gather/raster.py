@@ -15,7 +15,7 @@ import numpy as np
 from irrsplat.core.buffers import Atlas, HitLight, Sites, Uniforms
 from irrsplat.core.glsl import TABLE_COLUMNS, VIEW_ROWS
 from irrsplat.gather.hemicube import edge_table, faces, hemisphere_table
-from irrsplat.gather.light_samples import EmitterSearch
+from irrsplat.gather.light_samples import LightSearch
 from irrsplat.gather.look import Gather
 from irrsplat.gather.record_frame import atlas_grid, eye_positions, frame_rows, sample_offsets, tangent_frames
 from irrsplat.gpu.geometry import MeshletGeometry
@@ -64,8 +64,8 @@ class RasterGather(Gather):
         self.columns, self.capacity = atlas_grid(self.cell, capacity, int(ctx.info["GL_MAX_TEXTURE_SIZE"]))
         self.size = self.columns * self.cell[0], self.capacity // self.columns * self.cell[1]
         samples = 0 if kind == "plane" else light_samples
-        self.emitters = EmitterSearch(world, samples, (self.side / 2.0) ** 2, strata=False, apart=emitters_apart)
-        kinds = {**light_defines(world.scene), **world.material_defines, **self.emitters.defines}
+        self.search = LightSearch(world, samples, (self.side / 2.0) ** 2, strata=False, apart=emitters_apart)
+        kinds = {**light_defines(world.scene), **world.material_defines, **self.search.defines}
         self.defines = {**kinds, "SURFACE": int(surface)}
         self.single_draw: SingleDraw | None = None  # either is made when it is first wanted
         self.meshlet_draw: MeshletDraw | None = None
@@ -95,11 +95,11 @@ class RasterGather(Gather):
         else:
             draw = self.meshlet_draw = self.meshlet_draw or MeshletDraw(self.ctx, self.size, self.defines)
         used = (0, 0, self.size[0], -(-count // self.columns) * self.cell[1])
-        searched = self.emitters.ray_uniforms(self.triangle_order)
+        searched = self.search.ray_uniforms(self.triangle_order)
         target = self.target = draw(self.world, light, Views(rows, self.views, used, self.offset, searched))
         block = (self.side // 4, self.side // 4)
         radiance, planes = target.textures
-        samples = self.emitters.light_samples(described)
+        samples = self.search.light_samples(described, light)
         return Atlas(radiance, planes, self.table, self.edges, self.frames, count, self.columns, self.cell, block, samples)
 
     def _views(self, frame: np.ndarray, eye: np.ndarray) -> np.ndarray:
@@ -150,7 +150,7 @@ class SingleDraw(Owner):
     """One draw of all triangles in all views, into an atlas of `size` texels."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], defines: Mapping[str, int]) -> None:
-        self.program = Program(ctx, "gather/raster", defines={"EMITTERS": 0, **defines, "MESHLETS": 0})
+        self.program = Program(ctx, "gather/raster", defines={"EMITTERS": 0, "VIRTUAL_LIGHTS": 0, **defines, "MESHLETS": 0})
         self.target = Target(ctx, size, (4, 4), depth=True)
 
     def owned(self) -> tuple[Resource | None, ...]:
@@ -182,7 +182,7 @@ class MeshletDraw(Owner):
         cut_outs = {name: defines.get(name, 0) for name in ("TEXTURES", "CUT_OUTS")}
         self.find_triangles = Program(ctx, "gather/raster_triangle", "gather/raster", {"MESHLETS": 1})
         self.find_cut_outs = Program(ctx, "gather/raster_triangle", "gather/raster", {"MESHLETS": 1, **cut_outs})
-        self.shade = Program(ctx, "gather/raster_shade", defines={"EMITTERS": 0, **defines, "MESHLETS": 0})
+        self.shade = Program(ctx, "gather/raster_shade", defines={"EMITTERS": 0, "VIRTUAL_LIGHTS": 0, **defines, "MESHLETS": 0})
         self.triangle = Target(ctx, size, (1,), depth=True)
         self.target = Target(ctx, size, (4, 4))
         self.pairs: moderngl.Texture | None = None

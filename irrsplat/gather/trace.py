@@ -11,7 +11,7 @@ import numpy as np
 
 from irrsplat.core.buffers import Atlas, HitLight, Sites, Uniforms
 from irrsplat.core.glsl import TABLE_COLUMNS
-from irrsplat.gather.light_samples import EmitterSearch
+from irrsplat.gather.light_samples import LightSearch
 from irrsplat.gather.look import Gather
 from irrsplat.gather.record_frame import atlas_grid, eye_positions, frame_rows, sample_offsets, tangent_frames
 from irrsplat.gather.stratified import ray_directions, stratum_edges, stratum_table
@@ -58,9 +58,7 @@ class TraceGather(Gather):
         self.edges = table_texture(ctx, stratum_edges(self.side))
         rays = np.concatenate([ray_directions(self.side).reshape(*table.shape[:2], 3), table[..., 3:]], axis=-1)
         self.looks = table_texture(ctx, rays)
-        self.emitters = EmitterSearch(
-            world, light_samples, self.share.size / np.pi, strata=True, apart=emitters_apart, embree=embree
-        )
+        self.search = LightSearch(world, light_samples, self.share.size / np.pi, strata=True, apart=emitters_apart, embree=embree)
         self.program = Program(
             ctx,
             "gather/trace",
@@ -68,7 +66,7 @@ class TraceGather(Gather):
             defines={
                 **light_defines(world.scene),
                 **world.material_defines,
-                **self.emitters.defines,
+                **self.search.defines,
                 "SURFACE": int(surface),
                 "HITS": int(hits),
                 "KNOWN_HITS": int(embree),
@@ -115,11 +113,11 @@ class TraceGather(Gather):
                     near=self.offset,
                     **hits,
                     **(self.world.trace_uniforms | self.world.box_uniforms | light.uniforms(self.triangle_order)),
-                    **self.emitters.ray_uniforms(self.triangle_order),
+                    **self.search.ray_uniforms(self.triangle_order),
                 )
         block = (self.side // 4, self.side // 4)
         radiance, planes = self.target.textures[:2]
-        samples = self.emitters.light_samples(rows)
+        samples = self.search.light_samples(rows, light)
         return Atlas(
             radiance,
             planes,

@@ -9,6 +9,7 @@ from typing import Any, Literal
 import moderngl
 import numpy as np
 
+from irrsplat.core.buffers import Uniforms
 from irrsplat.core.vertex_layout import ATTRIBUTES, FORMAT
 from irrsplat.gpu import context, self_test, shader_source
 from irrsplat.gpu.geometry import Geometry, MeshletGeometry
@@ -117,6 +118,10 @@ class Program:
             self._take(self._linked(self._source))
         assert self._gl is not None
         return self._gl
+
+    def known(self, uniforms: Uniforms) -> dict[str, Any]:
+        """Those that the shaders declare."""
+        return {name: value for name, value in uniforms.items() if name in self.uniforms}
 
     def __call__(
         self,

@@ -80,6 +80,11 @@ def _tiles(light: Light, scene: Scene, side: int) -> tuple[np.ndarray, float, fl
     return rows, scale, 0.0
 
 
+def near_plane(scene: Scene) -> float:
+    """Metres: what is nearer to a lamp casts no shadow."""
+    return _NEAR * scene.diagonal
+
+
 @dataclass(frozen=True)
 class LightTable:
     """The lights' numbers, and the tiles of their shadow maps.
@@ -96,7 +101,7 @@ class LightTable:
 
 def light_table(scene: Scene, side: int) -> LightTable:
     """The table of the scene's lights for shadow tiles of `side` texels."""
-    near = _NEAR * scene.diagonal
+    near = near_plane(scene)
     table = np.zeros((max(len(scene.lights), 1), LIGHT_ROWS, 4))
     tiles: list[np.ndarray] = []
     nears: list[float] = []

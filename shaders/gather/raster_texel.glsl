@@ -7,6 +7,9 @@
 #if EMITTERS
 #include "lighting/emitters_hit.glsl"
 #endif
+#if VIRTUAL_LIGHTS
+#include "lighting/virtual_lights/hit.glsl"
+#endif
 #if SURFACE
 #include "surface_cache/lookup.glsl"
 #endif
@@ -70,15 +73,26 @@ void see(int triangle, Met met, Vertex point, Material material)
 {
     vec3 g = met.g;
     Receiver receiver = Receiver(v_eye + met.away, shading_normal(point.normal, g), g);
+    float far = length(met.away), length_q = length(met.q);  // a texel takes up |(right × up)·q|/|q|³ steradians
+    float texels = length_q * length_q * length_q / abs(dot(cross(v_right, v_up), met.q));
+#if VIRTUAL_LIGHTS
+    vec3 E = vec3(0.0);
+    for (int light = 0; light < LIGHTS; ++light)
+    {
+        float spread;
+        vec3 brought = light_irradiance(light, receiver, spread);
+        if (brought.r + brought.g + brought.b > 0.0) brought *= visibility(light, receiver, 1, vec2(1.0, 0.0));
+        E += brought * lamp_share(light, receiver.p, spread, met.away, g, texels);
+    }
+#else
     vec3 E = direct_irradiance(receiver, 1, vec2(1.0, 0.0));
+#endif
 #if SURFACE
     E += surface_irradiance(triangle, receiver.p, g);
 #endif
 #if EMITTERS
-    float far = length(met.away), length_q = length(met.q);  // a texel takes up |(right × up)·q|/|q|³ steradians
-    float texels = length_q * length_q * length_q / abs(dot(cross(v_right, v_up), met.q));
     material.emission *= ray_share(triangle, v_eye, met.away / far, far, g, texels);
 #endif
-    out_radiance = vec4(outgoing_radiance(material, E), max(length(met.away), 0.05 * near));
+    out_radiance = vec4(outgoing_radiance(material, E), max(far, 0.05 * near));
     out_plane = vec4(g / min(met.k, -0.05 * near), 0.0);
 }

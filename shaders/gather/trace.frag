@@ -9,6 +9,11 @@
 #include "gather/within_box.glsl"
 #if EMITTERS
 #include "lighting/emitters_hit.glsl"
+#endif
+#if VIRTUAL_LIGHTS
+#include "lighting/virtual_lights/hit.glsl"
+#endif
+#if EMITTERS || VIRTUAL_LIGHTS
 #include "gather/ray_density.glsl"
 #endif
 #if SURFACE
@@ -92,7 +97,13 @@ void main()
             vec3 middle = 0.25 * (left[i] + right[i] + right[i + 1] + left[i + 1]);
             footprint = vec3[](left[i] - middle, right[i] - middle, right[i + 1] - middle, left[i + 1] - middle);
             footprint_area = 0.5 * length(cross(right[i + 1] - left[i], left[i + 1] - right[i])) + 1e-30;
-            sum += light_irradiance(light, Receiver(receiver.p + middle, receiver.n, g));
+            float spread;
+            vec3 part = light_irradiance(light, Receiver(receiver.p + middle, receiver.n, g), spread);
+#if VIRTUAL_LIGHTS
+            vec3 way = away + middle;
+            part *= lamp_share(light, receiver.p + middle, spread, way, g, ray_density(way * frame / length(way)));
+#endif
+            sum += part;
         }
         if (sum.r + sum.g + sum.b > 0.0) E += sum / float(PARTS) * visibility(light, receiver, 1, vec2(1.0, 0.0));
     }

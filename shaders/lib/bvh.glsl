@@ -130,3 +130,11 @@ bool bvh_free(vec3 a, vec3 b)
     float far = length(b - a);
     return far == 0.0 || bvh_between(a, (b - a) / far, 0.0, far).t >= far;
 }
+
+// Whether nothing stands between the eye and what lies `away` from it. Where it is not `possible` that light comes from there, no
+// ray is sent.
+bool bvh_way_free(vec3 eye, vec3 away, float r, bool possible)
+{
+    float far = possible ? r * (1.0 - SHORT) : -1.0;  // then no box is entered, wherever the eye is
+    return bvh_between(eye, away / r, 0.0, far).t >= far && possible;
+}

@@ -150,7 +150,7 @@ void main()
         // of the solid angle, what one of its points stands for
         float taken = omega >= SMALL ? omega : abs(dot(area, away)) / (r * r * r);
         bool possible = cosine > 0.0 && dot(g, away) > 0.0 && taken > 0.0;
-        if (!emitter_free(eye, away, r, possible)) continue;
+        if (!bvh_way_free(eye, away, r, possible)) continue;
         float luminance = chosen.density * emitter_clusters[2 * chosen.cluster + 1].x;
         vec3 L = emitter_radiance(chosen.triangle, share, length(area) / (16.0 * emitter_samples));
         E += L * (cosine * taken * sum * all / (float(candidates) * luminance * omega * height));

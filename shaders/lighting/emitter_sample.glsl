@@ -59,14 +59,6 @@ vec3 even_point(float u, float v)
     return vec3(1.0 - u, u * (1.0 - v), u * v);
 }
 
-// Whether nothing stands between the eye and what lies r metres `away` from it. Where it is not `possible` that light comes from there,
-// no ray is sent.
-bool emitter_free(vec3 eye, vec3 away, float r, bool possible)
-{
-    float far = possible ? r * (1.0 - SHORT) : -1.0;  // then no box is entered, wherever the eye is
-    return bvh_between(eye, away / r, 0.0, far).t >= far && possible;
-}
-
 // The radiance of the triangle at that point, a mean over so many m² about it; none where it is cut out.
 vec3 emitter_radiance(int triangle, vec3 share, float area)
 {

@@ -8,10 +8,6 @@ uniform vec4 emitter_clusters[2 * MAX_EMITTER_CLUSTERS];  // centre, radius²; p
 uniform int emitter_cluster_count;
 uniform float emitter_samples;  // of each record
 
-// How many rays a light sample is worth in the balance heuristic: where a ray near an emitter's rim hits it or misses it, a light
-// sample sees it for certain.
-const float WORTH = 4.0;
-
 // The power of cluster i over the square of its distance from p; in the cluster's ball, of the ball's radius.
 float cluster_importance(int i, vec3 p)
 {

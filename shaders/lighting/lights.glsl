@@ -202,8 +202,8 @@ float footprint_mean(vec3 to_lamp)
 }
 #endif
 
-// Unshadowed irradiance of light i at the receiver.
-vec3 light_irradiance(int i, Receiver r)
+// Unshadowed irradiance of light i at the receiver, and cosθ/d² there, m⁻²: the share of a lamp's steradian that meets a square metre.
+vec3 light_irradiance(int i, Receiver r, out float spread)
 {
     int row = i * LIGHT_ROWS;
     vec4 position = light_table[row + LIGHT_POSITION];
@@ -215,12 +215,15 @@ vec3 light_irradiance(int i, Receiver r)
     float d2 = max(dot(to_light, to_light), 1e-20);
     float d = sqrt(d2);
     vec3 l = to_light / d;
-    float cosine = dot(r.g, l) > 0.0 ? max(dot(r.n, l), 0.0) : 0.0;
+    float facing = dot(r.g, l), cosine = facing > 0.0 ? max(dot(r.n, l), 0.0) : 0.0;
+    spread = max(facing, 0.0) / d2;
 #if defined(FOOTPRINT) && LIGHTS_WITH_SQUARE
-    float facing = dot(r.g, l);
     // seen from afar a footprint is as good as a point, and its solid angle would be lost in rounding
     if (!parallel && falloff.x + falloff.y == 0.0 && facing > 1e-3 && footprint_area > 1e-3 * d2)
-        cosine *= footprint_mean(to_light) * d2 / facing;
+    {
+        spread = footprint_mean(to_light);
+        cosine *= spread * d2 / facing;
+    }
 #endif
     float strength = parallel ? 1.0 : 1.0 / max(dot(falloff.xyz, vec3(1.0, d, d2)), 1e-20);
 #if LIGHTS_WITH_CONE
@@ -237,6 +240,12 @@ vec3 light_irradiance(int i, Receiver r)
     strength *= luminaire_intensity(i, -l);
 #endif
     return min(color * cosine * strength, vec3(1e30));  // finite even where a lamp touches a surface
+}
+
+vec3 light_irradiance(int i, Receiver r)
+{
+    float spread;
+    return light_irradiance(i, r, spread);
 }
 
 // What light i adds to it.

@@ -6,5 +6,5 @@ layout(location = 0) out vec4 out_away;  // from the eye, metres; w: 1 where lig
 void main()
 {
     LightSample found = light_sample(floor(gl_FragCoord.x), viewpoint(int(gl_FragCoord.y)));
-    out_away = vec4(found.away, found.possible ? 1.0 : 0.0);
+    out_away = vec4(found.source.away, found.possible ? 1.0 : 0.0);
 }

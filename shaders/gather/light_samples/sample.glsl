@@ -1,5 +1,15 @@
-// One of a record's light samples: which point of an emitter it is, and how the record sees that.
+// One of a record's light samples: a point that sends out light, and how the record sees that. With VIRTUAL these are virtual lights
+// (irrsplat/lighting/virtual_lights.py), else points of emitters.
+#if VIRTUAL
+#include "lib/bvh.glsl"
+
+uniform sampler2D virtual_places;    // VIRTUAL_SETS of them one above another, a column of three texels each: where it is, and how
+                                     // densely those of its set lie there, m⁻²; its normal, turned to the lamp, and the lamp's number; the
+                                     // shares of its triangle's corners, and that triangle's place in the tree
+uniform sampler2D virtual_radiance;  // a texel each: what it sends out, W/(m² sr)
+#else
 #include "lighting/emitter_sample.glsl"
+#endif
 
 uniform sampler2D frames;  // texels (i, 0..3) as in reduce_blocks.frag, w of 0 and 1: two random numbers, (i, 4): the eye, and how far
                            // beside it others look from, metres
@@ -14,7 +24,7 @@ struct Viewpoint
     vec3 eye;          // where it looks from
     float step;        // metres, to the eyes beside it
     vec2 shift;        // of its lattice of samples
-    float importance;  // of all clusters
+    float importance;  // of all clusters of emitters
 };
 
 Viewpoint viewpoint(int record)
@@ -23,34 +33,80 @@ Viewpoint viewpoint(int record)
     vec4 eye = texelFetch(frames, ivec2(record, 4), 0);
     mat3 frame = mat3(tangent.xyz, bitangent.xyz, texelFetch(frames, ivec2(record, 2), 0).xyz);
     vec3 g = texelFetch(frames, ivec2(record, 3), 0).xyz;
-    return Viewpoint(frame, g, eye.xyz, eye.w, vec2(tangent.w, bitangent.w), all_importance(eye.xyz));
+#if VIRTUAL
+    float importance = 0.0;
+#else
+    float importance = all_importance(eye.xyz);
+#endif
+    return Viewpoint(frame, g, eye.xyz, eye.w, vec2(tangent.w, bitangent.w), importance);
 }
 
-struct LightSample
+// What is sampled.
+struct Source
 {
-    Emitter emitter;
-    vec3 share;     // of the triangle's corners
-    vec3 away;      // from the eye to the point, metres
-    vec3 x;         // the same in the record's frame
-    vec3 m;         // the emitter's normal in that frame, turned away from the record
-    float r;        // metres
-    float cosine;   // at the emitter
-    bool possible;  // whether light may come from there, if nothing stands in the way
+    vec3 away;       // from the eye, metres
+    vec3 normal;     // unit
+    bool one_sided;  // whether light comes from the normal's side alone
+    float density;   // of samples about there, m⁻²
+#if VIRTUAL
+    vec3 L;          // W/(m² sr)
+#else
+    int triangle;    // its place in the tree
+    vec3 share;      // of its corners
+#endif
 };
 
+#if VIRTUAL
+// Number s of one of the sets, which are dealt out to records at random.
+Source source(float s, Viewpoint from)
+{
+    ivec2 number = ivec2(int(s), min(int(from.shift.x * float(VIRTUAL_SETS)), VIRTUAL_SETS - 1)), at = ivec2(1, 3) * number;
+    vec4 place = texelFetch(virtual_places, at, 0);
+    vec3 normal = texelFetch(virtual_places, at + ivec2(0, 1), 0).xyz, L = texelFetch(virtual_radiance, number, 0).rgb;
+    return Source(place.xyz - from.eye, normal, true, place.w, L);
+}
+
+vec3 source_radiance(Source source)
+{
+    return source.L;
+}
+#else
 // Number s of the samples, a lattice in the unit square, shifted from record to record: along it the emitters, across it each
 // triangle.
-LightSample light_sample(float s, Viewpoint from)
+Source source(float s, Viewpoint from)
 {
     Emitter chosen = choose_emitter(fract(s / emitter_samples + from.shift.x) * from.importance, from.eye);
     vec3 share = even_point(chosen.rest, fract(s * GOLDEN + from.shift.y));
     int triangle = chosen.triangle;
     vec3 a = bvh_corner(triangle, 0).xyz, b = bvh_corner(triangle, 1).xyz, c = bvh_corner(triangle, 2).xyz;
     vec3 away = share.x * a + share.y * b + share.z * c - from.eye, normal = normalize(cross(b - a, c - a));
-    vec3 x = away * from.frame, m = normal * from.frame;
+    float density = emitter_samples * chosen.density * chosen.importance / from.importance;
+    return Source(away, normal, chosen.one_sided, density, triangle, share);
+}
+
+vec3 source_radiance(Source source)
+{
+    return emitter_radiance(source.triangle, source.share, 1.0 / source.density);
+}
+#endif
+
+struct LightSample
+{
+    Source source;
+    vec3 x;         // from the eye to it in the record's frame, metres
+    vec3 m;         // its normal in that frame, turned away from the record
+    float r;        // metres
+    float cosine;   // at the source
+    bool possible;  // whether light may come from there, if nothing stands in the way
+};
+
+LightSample light_sample(float s, Viewpoint from)
+{
+    Source found = source(s, from);
+    vec3 x = found.away * from.frame, m = found.normal * from.frame;
     bool behind = dot(m, x) > 0.0;
     m = behind ? m : -m;
     float r = length(x), cosine = dot(m, x) / r;
-    bool possible = x.z > 0.0 && dot(x, from.g) > 0.0 && cosine > 0.0 && !(behind && chosen.one_sided);
-    return LightSample(chosen, share, away, x, m, r, cosine, possible);
+    bool possible = x.z > 0.0 && dot(x, from.g) > 0.0 && cosine > 0.0 && !(behind && found.one_sided);
+    return LightSample(found, x, m, r, cosine, possible);
 }

@@ -7,10 +7,11 @@
 
 uniform ivec2 blocks;    // of a cell
 uniform int columns;     // cells per row
-uniform vec2 span;       // of the samples: its first one, and the one after its last
+uniform int samples;     // of a record
+uniform vec2 span;       // of these: the first one, and the one after the last
 #if SEEN
 uniform sampler2D seen;  // texel (s, i): whether sample s of record i is seen, bit 0, and from the eyes beside it, the bits from 1 on;
-                         // texel (emitter_samples, i): to which of these the way is free
+                         // texel (samples, i): to which of these the way is free
 #endif
 
 layout(location = 0) out vec4 out_sums;
@@ -38,7 +39,7 @@ int seeing(int eyes, Viewpoint from, vec3 away, bool possible)
     for (int k = 0; k < eyes; ++k)
     {
         vec3 aside = beside(k, from), way = away - aside;
-        bits |= emitter_free(from.eye + aside, way, length(way), possible) ? 1 << k : 0;
+        bits |= bvh_way_free(from.eye + aside, way, length(way), possible) ? 1 << k : 0;
     }
     return bits;
 }
@@ -53,13 +54,13 @@ void main()
     mat3 M = mat3(0.0), G = mat3(0.0);
     vec3 H = vec3(0.0);
 #if SEEN
-    int reached = int(texelFetch(seen, ivec2(int(emitter_samples), record), 0).r);
+    int reached = int(texelFetch(seen, ivec2(samples, record), 0).r);
 #else
     int reached = 0;
     for (int k = 1; k <= EYES_BESIDE; ++k)
     {
         vec3 aside = beside(k, from);
-        reached |= emitter_free(from.eye, aside, from.step, true) ? 1 << k : 0;
+        reached |= bvh_way_free(from.eye, aside, from.step, true) ? 1 << k : 0;
     }
 #endif
 #endif
@@ -69,16 +70,14 @@ void main()
 #if SEEN
         int bits = int(texelFetch(seen, ivec2(int(s), record), 0).r);
 #else
-        int bits = seeing(GRADIENTS > 0 ? EYES_BESIDE + 1 : 1, from, point.away, point.possible);
+        int bits = seeing(GRADIENTS > 0 ? EYES_BESIDE + 1 : 1, from, point.source.away, point.possible);
 #endif
         if (bits == 0) continue;
         vec3 x = point.x, m = point.m;
         float r = point.r, r2 = r * r, r4 = r2 * r2, visible = float(bits & 1);
 
-        // density of samples, and of rays, on the emitter: m⁻²
-        float samples = emitter_samples * point.emitter.density * point.emitter.importance / from.importance;
-        float found = ray_density(x / r) * point.cosine / r2;
-        vec3 L = emitter_radiance(point.emitter.triangle, point.share, 1.0 / samples) / (samples + found / WORTH);
+        float found = ray_density(x / r) * point.cosine / r2;  // rays that meet there, m⁻²
+        vec3 L = source_radiance(point.source) / (point.source.density + found / WORTH);
         float height = x.z, facing = point.cosine * r, f = height * facing / r4;
         E += visible * f * L;
 #if GRADIENTS

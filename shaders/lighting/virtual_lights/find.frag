@@ -1,0 +1,35 @@
+// Where rays of lamps end: VIRTUAL_SETS rows a lamp, a texel a ray. The rays of each row are spread evenly over the sphere, and so are
+// those of all rows of a lamp together.
+#include "generated/constants.glsl"
+#include "lib/bvh.glsl"
+
+uniform sampler2D lamps;  // two texels each: where it is; the axis of its cone, and the cosine of half its angle, -1 for all around
+uniform float rays;       // of each row
+uniform float near;       // metres: nothing nearer casts a shadow
+
+layout(location = 0) out vec4 out_place;   // metres; how far from the lamp, FARTHEST_HIT: nothing is lit
+layout(location = 1) out vec4 out_normal;  // geometric, turned to the lamp; the triangle's place in the tree
+layout(location = 2) out vec4 out_share;   // of the triangle's corners
+
+const float GOLDEN_ANGLE = 2.39996323;
+
+void main()
+{
+    int row = int(gl_FragCoord.y);
+    ivec2 lamp = ivec2(0, row / VIRTUAL_SETS);
+    float set = float(row % VIRTUAL_SETS), number = floor(gl_FragCoord.x);
+    vec3 from = texelFetch(lamps, lamp, 0).xyz;
+    vec4 axis = texelFetch(lamps, lamp + ivec2(1, 0), 0);
+    vec3 right = normalize(abs(axis.y) < 0.9 ? cross(vec3(0.0, 1.0, 0.0), axis.xyz) : cross(vec3(1.0, 0.0, 0.0), axis.xyz));
+
+    // a spiral on the sphere, of which each turn takes up as much of it (Swinbank and Purser 2006)
+    float z = 1.0 - 2.0 * (number + (set + 0.5) / float(VIRTUAL_SETS)) / rays, r = sqrt(max(1.0 - z * z, 0.0));
+    float angle = GOLDEN_ANGLE * (number + rays * set);
+    vec3 d = r * (cos(angle) * right + sin(angle) * cross(axis.xyz, right)) + z * axis.xyz;
+    Hit hit = bvh_closest(from, d, near);
+    vec3 a = bvh_corner(hit.triangle, 0).xyz, b = bvh_corner(hit.triangle, 1).xyz, c = bvh_corner(hit.triangle, 2).xyz;
+    vec3 g = normalize(cross(b - a, c - a));
+    out_place = vec4(from + hit.t * d, z > axis.w ? hit.t : FARTHEST_HIT);
+    out_normal = vec4(dot(g, d) > 0.0 ? -g : g, float(hit.triangle));
+    out_share = vec4(hit.share, 0.0);
+}

@@ -1,0 +1,29 @@
+// What virtual lights send out: what a lamp brings to the place of each, as that reflects it. A texel each.
+#include "lighting/lights.glsl"
+#include "generated/vertex_table.glsl"
+#include "lib/bvh.glsl"
+#include "lib/material.glsl"
+#include "lib/material_table.glsl"
+#include "lib/normals.glsl"
+
+uniform sampler2D places;  // `virtual_places` of gather/light_samples/sample.glsl
+
+layout(location = 0) out vec4 out_radiance;  // W/(m² sr)
+
+void main()
+{
+    ivec2 at = ivec2(1, 3) * ivec2(gl_FragCoord.xy);
+    vec4 place = texelFetch(places, at, 0), normal = texelFetch(places, at + ivec2(0, 1), 0);
+    vec4 share = texelFetch(places, at + ivec2(0, 2), 0);
+    int triangle = int(share.w);
+    ivec3 number = bvh_vertices(triangle);
+    Vertex A = vertex_at(number.x), B = vertex_at(number.y), C = vertex_at(number.z), point = interpolate(share.xyz, A, B, C);
+#if TEXTURES
+    Material material = material_mean(point, texture_area(1.0 / place.w, A, B, C));
+#else
+    Material material = material_of(point);
+#endif
+    vec3 g = normal.xyz;
+    vec3 E = light_irradiance(int(normal.w), Receiver(place.xyz, shading_normal(point.normal, g), g));
+    out_radiance = vec4(reflected_radiance(material, E), 0.0);
+}
