@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from itertools import product
 from typing import Any, Literal
 
 import moderngl
@@ -96,6 +97,8 @@ class LightSamplePass(Owner):
         self._programs: dict[tuple[object, ...], Program] = {}
         self._ends = [Program(ctx, "gather/light_samples/ends", "lib/fullscreen", {"VIRTUAL": of}) for of in (0, 1)]
         self._targets = Workshop()
+        for strata, virtual in product((0, 1), (0, 1)):
+            self._program({"STRATA": strata, "VIRTUAL": virtual, "SEEN": 0})
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""

@@ -36,7 +36,7 @@ class VirtualLights(Owner):
     def __init__(self, world: World, samples: int, rays: float) -> None:
         self.world = world
         kinds = light_defines(world.scene), world.material_defines
-        self._passes = world.derived.get("virtual light passes", kinds, lambda: _Passes(world))
+        self._passes = world.derived.get("virtual light passes", kinds, lambda: VirtualLightPasses(world))
         spots = self._spots(
             np.array([i for i, light in enumerate(world.scene.lights) if not light.directional], int), samples, rays
         )
@@ -129,7 +129,7 @@ class _Spots:
         return found
 
 
-class _Passes(Owner):
+class VirtualLightPasses(Owner):
     """What finds virtual lights, and makes them shine; for the kinds of lamps and materials that the world has now."""
 
     def __init__(self, world: World) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -61,14 +62,18 @@ def test_it_passes_what_is_cut_out(ctx: moderngl.Context) -> None:
 def test_all_bounces_are_the_same(ctx: moderngl.Context) -> None:
     """The sites of the surface cache, and the records that it lights, in a closed room."""
     inside = scene(box((-2, -1, -2), (2, 5, 2), material(0.7), outward=False), floor(0.5), lights=(lamp((0.3, 1.5, 0.2), 5.0),))
-    pictures = []
-    for kind in ("trace", "embree"):
-        with Renderer(inside, (16, 16), ctx=ctx, gather=kind, gather_size=8, shadow_size=64) as renderer:
-            frame = renderer.render(ABOVE)
-            assert frame.stats["gathered_by"] == kind
-            pictures.append(frame.irradiance)
-    assert pictures[0].mean() > 0.1
-    assert np.abs(pictures[1] - pictures[0]).max() < 0.01 * pictures[0].mean()
+    for samples in (0, 512):
+        pictures = []
+        for kind in ("trace", "embree"):
+            settings: Any = {"gather": kind, "gather_size": 8, "shadow_size": 64, "light_samples": samples}
+            with Renderer(inside, (16, 16), ctx=ctx, **settings) as renderer:
+                frame = renderer.render(ABOVE)
+                assert frame.stats["gathered_by"] == kind
+                pictures.append(frame.irradiance)
+        off = np.abs(pictures[1] - pictures[0]) / pictures[0].mean()
+        assert pictures[0].mean() > 0.1
+        # a shadow ray that grazes an edge may be free by one and not by the other
+        assert off.max() < (0.1 if samples else 0.01) and off.mean() < 0.003
 
 
 def test_without_it_the_others_go_on(ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import product
 from typing import Any
 
 import moderngl
@@ -34,6 +35,7 @@ from irrsplat.lighting.direct import DirectPass
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.shadow_maps import ShadowPass
 from irrsplat.lighting.site_light import SiteLightPass
+from irrsplat.lighting.virtual_lights import VirtualLightPasses
 from irrsplat.records.coverage_pass import CoveragePass
 from irrsplat.records.radius_limit_pass import RadiusLimitPass
 from irrsplat.scene.model import Image, Light, Material, Texture
@@ -56,6 +58,8 @@ LIT = {
     "gather/raster_shade",
     "gather/trace",
     "lighting/site_light",
+    "lighting/virtual_lights/find",
+    "lighting/virtual_lights/shine",
 }  # stages whose shaders go by the lights
 
 
@@ -64,12 +68,13 @@ def lit(ctx: moderngl.Context, lights: tuple[Light, ...]) -> Iterator[Owner]:
     world = Lit(ctx, scene(floor(), lights=lights), 16).world
     defines = light_defines(world.scene)
     yield DirectPass(ctx, SIZE, defines)
-    for surface in (False, True):
+    for surface, samples in product((False, True), (0, 16)):
         for gather in (SingleDraw, MeshletDraw):
-            yield gather(ctx, SIZE, {**defines, "SURFACE": int(surface)})
-        yield TraceGather(world, 8, 1, surface=surface)
-    yield TraceGather(world, 8, 1, surface=True, hits=True)
+            yield gather(ctx, SIZE, {**defines, "SURFACE": int(surface), "VIRTUAL_LIGHTS": int(samples > 0)})
+        yield TraceGather(world, 8, 1, surface=surface, light_samples=samples)
+        yield TraceGather(world, 8, 1, surface=True, hits=True, light_samples=samples)
     yield SiteLightPass(ctx, defines, 8)
+    yield VirtualLightPasses(world)
 
 
 def unlit(ctx: moderngl.Context) -> Iterator[Owner]:

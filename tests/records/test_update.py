@@ -71,7 +71,7 @@ def apart(one: Frame, truth: Frame) -> float:
 
 @pytest.mark.parametrize("change", [pytest.param(name, marks=[pytest.mark.slow] * (name == "another mesh")) for name in CHANGES])
 def test_a_renewed_cache_is_as_exact_as_a_fresh_one(change: str, saved: Path, tmp_path: Path) -> None:
-    """Both against a much finer render of the changed scene; and what was saved of it belongs to that."""
+    """Both against a much finer render of the changed scene, about 1 % off it; and what was saved of it belongs to that."""
     scene = CHANGES[change](room())
     with Renderer(scene, SIZE, **FINE) as renderer:
         with pytest.raises(InputError, match="this record cache was made for"):
@@ -85,7 +85,7 @@ def test_a_renewed_cache_is_as_exact_as_a_fresh_one(change: str, saved: Path, tm
         assert kept > 0.5 * fresh.stats["records"] and not len(renderer.cache.stale)
     with Renderer(scene, SIZE, **FINE | {"gather_size": 32, "a": 0.3, "seed": 5}) as fine:
         truth = fine.render()
-    assert apart(renewed, truth) < 1.1 * apart(fresh, truth)
+    assert apart(renewed, truth) < 1.3 * apart(fresh, truth)
     assert renewed.irradiance.mean() == pytest.approx(truth.irradiance.mean(), rel=0.01)
 
 

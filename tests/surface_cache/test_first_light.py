@@ -19,7 +19,7 @@ from irrsplat.surface_cache import site_layout, site_rays
 from tests.renderer.test_renderer import FAST, SIZE, room
 from tests.support.worlds import lamp
 
-ALL = {**FAST, "bounces": "all", "gather": "trace"}
+ALL = {**FAST, "bounces": "all", "gather": "trace", "light_samples": 0}
 TICK = 2e-3
 
 

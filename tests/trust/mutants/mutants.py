@@ -82,6 +82,20 @@ SHADERS = (
         _LIGHT_SAMPLES,
     ),
     Mutant(
+        "what rays find of spots that lamps light counted whole",
+        "shaders/lighting/virtual_lights/hit.glsl",
+        "return 1.0 - samples / max(found + samples, 1e-30);",
+        "return 1.0;",
+        ("tests/gather/test_virtual_lights.py",),
+    ),
+    Mutant(
+        "one set of virtual lights for all records",
+        "shaders/gather/light_samples/sample.glsl",
+        "min(int(from.shift.x * float(VIRTUAL_SETS)), VIRTUAL_SETS - 1)",
+        "0",
+        ("tests/gather/test_virtual_lights.py",),
+    ),
+    Mutant(
         "light samples' gradient without the emitter's turning",
         "shaders/gather/light_samples/sum.frag",
         "(height * m + vec3(0.0, 0.0, facing)) / r4;",
