@@ -40,6 +40,8 @@ class LightSearch:
         known = (samples > 0 or apart) and emitter_table(world) is not None
         self.apart = apart and known
         self._emitter_samples = samples if known and not apart else 0
+        # whether there may be virtual lights, wherever the world's lamps are; shaders are compiled for it
+        self._may_be_virtual = samples > 0 and any(not light.directional for light in world.scene.lights)
 
     @property
     def _emitters(self) -> EmitterTable | None:
@@ -52,11 +54,6 @@ class LightSearch:
         return virtual_lights(self.world, self.samples, self.rays) if self._may_be_virtual else None
 
     @property
-    def _may_be_virtual(self) -> bool:
-        """Whether there may be virtual lights, wherever the world's lamps are."""
-        return self.samples > 0 and any(not light.directional for light in self.world.scene.lights)
-
-    @property
     def defines(self) -> dict[str, int]:
         """What the gather's shaders are compiled for; nothing is compiled where there are neither emitters nor lamps."""
         known = self._emitter_samples > 0 or self.apart
@@ -65,7 +62,7 @@ class LightSearch:
 
     def ray_uniforms(self, order: TriangleOrder) -> Uniforms:
         """The uniforms of shaders/lighting/emitters_hit.glsl for a gather that numbers triangles in this order, of
-        virtual_lights_hit.glsl, and of ray_density.glsl where its rays are strata."""
+        virtual_lights/hit.glsl, and of ray_density.glsl where its rays are strata."""
         emitters, virtual, found = self._emitters, self._virtual, dict[str, Any]()
         if emitters is not None:
             found |= emitters.ray_uniforms(order, self._emitter_samples)
