@@ -139,13 +139,14 @@ def errors(before: Scene, change: Any, after: Scene, seeds: int = 2, **settings:
 
 
 def test_after_other_lights_errors_are_those_of_a_fresh_render() -> None:
-    """Those of two seeds swing by a third, either way; over five of them, what was relit is not worse."""
+    """Over five seeds, for a single pixel at the foot of a box may double either one's."""
     before = irrsplat.load("cornell")
     (old,) = before.lights
     x, y, z = old.position
     new = replace(old, position=(x - 1.0, y, z), color=(34.0, 9.6, 0.8))
     after = replace(before, lights=(new,))
-    fresh, relit = errors(before, lambda r: r.relight(after.lights), after, bounces=1, gather_size=32, shadow_size=512)
+    settings: Any = {"bounces": 1, "gather_size": 32, "shadow_size": 512}
+    fresh, relit = errors(before, lambda r: r.relight(after.lights), after, seeds=5, **settings)
     assert 0.001 < fresh < 0.1 and relit < 1.4 * fresh
 
 

@@ -73,12 +73,13 @@ void main()
         int bits = seeing(GRADIENTS > 0 ? EYES_BESIDE + 1 : 1, from, point.source.away, point.possible);
 #endif
         if (bits == 0) continue;
-        vec3 x = point.x, m = point.m;
-        float r = point.r, r2 = r * r, r4 = r2 * r2, visible = float(bits & 1);
+        // in units of r, since r⁻⁶ is more than a float holds where a scene is very small
+        vec3 w = point.x / point.r, m = point.m;
+        float r = point.r, r2 = r * r, height = w.z, facing = point.cosine, visible = float(bits & 1);
 
-        float found = ray_density(x / r) * point.cosine / r2;  // rays that meet there, m⁻²
+        float found = ray_density(w) * facing / r2;  // rays that meet there, m⁻²
         vec3 L = source_radiance(point.source) / (point.source.density + found / WORTH);
-        float height = x.z, facing = point.cosine * r, f = height * facing / r4;
+        float f = height * facing / r2;
         E += visible * f * L;
 #if GRADIENTS
         // of the visibility V, by a polynomial through what the eyes see: the six of one circle tell all of its second derivatives
@@ -98,11 +99,11 @@ void main()
         ddV *= 2.0 / (float(EYES_BESIDE) * from.step * from.step);
 
         // E goes as V·f, f = (n·x)(m·x)/r⁴; as the record moves by δ, x changes by -δ
-        vec3 df = 4.0 * f / r2 * x - (height * m + vec3(0.0, 0.0, facing)) / r4;
-        vec3 xx = vec3(x.x * x.x, x.x * x.y, x.y * x.y), mx = vec3(2.0 * m.x * x.x, m.x * x.y + m.y * x.x, 2.0 * m.y * x.y);
-        vec3 ddf = 24.0 * f / r4 * xx - 4.0 * height / (r4 * r2) * mx - 4.0 * f / r2 * vec3(1.0, 0.0, 1.0);
+        vec3 df = (4.0 * height * facing * w - height * m - vec3(0.0, 0.0, facing)) / (r2 * r);
+        vec3 ww = vec3(w.x * w.x, w.x * w.y, w.y * w.y), mw = vec3(2.0 * m.x * w.x, m.x * w.y + m.y * w.x, 2.0 * m.y * w.y);
+        vec3 ddf = 4.0 * height * (6.0 * facing * ww - mw - facing * vec3(1.0, 0.0, 1.0)) / (r2 * r2);
         vec3 both = vec3(2.0 * df.x * dV.x, df.x * dV.y + df.y * dV.x, 2.0 * df.y * dV.y);
-        M += outerProduct(x * (visible * facing / r4), L);
+        M += outerProduct(w * (visible * facing / r2), L);
         G += outerProduct(visible * df + f * vec3(dV, 0.0), L);
         H += dot(L, LUMINANCE) * (visible * ddf + both + f * ddV);
 #endif

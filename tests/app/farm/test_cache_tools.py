@@ -44,7 +44,7 @@ def test_the_tools(place: Path, capsys: pytest.CaptureFixture[str], refused: Cal
     assert capsys.readouterr().out == f"c.cache: {c} of {a + b} records; {a + b - c} were left out, served by others\n"
     assert cli.main(["cache", "prune", "c.cache", "-o", "d.cache", "--most", "100"]) == 0 and count("d.cache") == 100
     size = (place / "c.cache").stat().st_size
-    assert cli.main(["cache", "prune", "c.cache", "-o", "d.cache", "--most", f"{0.6e-3 * size:.1f}kB"]) == 0
+    assert cli.main(["cache", "prune", "c.cache", "-o", "d.cache", "--most", f"{0.6e-3 * size:.3f}kB"]) == 0
     assert 0.55 * size < (place / "d.cache").stat().st_size <= 0.6 * size
     assert cli.main(["cache", "prune", "d.cache", "-o", "d.cache"]) == 0
     capsys.readouterr()

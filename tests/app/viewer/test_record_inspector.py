@@ -9,6 +9,7 @@ import moderngl
 import numpy as np
 import pytest
 
+import irrsplat
 from irrsplat.app.viewer.show.record_inspector import RecordInspector
 from irrsplat.app.viewer.show.record_table import RecordTable, read
 from irrsplat.app.viewer.show.screen import Texels
@@ -123,10 +124,12 @@ def hemispheres(ctx: moderngl.Context, world: Scene, kind: str) -> np.ndarray:
         return picture(texture)
 
 
-def test_a_record_that_is_gathered_again_is_the_same(cornell: ShownView, table: RecordTable) -> None:
-    """E = Σ L·cosθ·dω over the texels of its cell is what the cache has, and the picture is their radiance."""
-    source = replace(cornell.source, exposure=1.0)
-    with RecordInspector(cornell.renderer.ctx, cornell.buffer_view) as inspector:
+def test_a_record_that_is_gathered_again_is_the_same(ctx: moderngl.Context) -> None:
+    """E = Σ L·cosθ·dω over the texels of its cell is what the cache has, where no light samples take a share of that; and the
+    picture is their radiance."""
+    made = shown_view(irrsplat.load("cornell"), gather="raster", light_samples=0)
+    with made, RecordInspector(ctx, made.buffer_view) as inspector:
+        table, source = read(made.renderer.cache.records), replace(made.source, exposure=1.0)
         for number in (0, 33, len(table) - 1):
             texture = inspector.hemisphere(number, source)
             gather = inspector.gather_pass

@@ -104,6 +104,7 @@ def test_steps_of_one_thing_are_one_line_of_the_log() -> None:
 def test_signals_are_taken_while_it_lasts_and_no_longer() -> None:
     called: list[int] = []
     numbers = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)  # whatever started the tests
     before = [signal.getsignal(number) for number in numbers]
     with signals(lambda: called.append(1)) as came:
         for number in numbers:
