@@ -14,9 +14,7 @@ NEIGHBOUR_STRIDE = 4096  # a texel's neighbour is packed into one float as row·
 VIEW_ROWS = 8  # rows of numbers that describe a face through which a record looks, see shaders/gather/raster_views.glsl
 MAX_EMITTER_CLUSTERS = 32  # of emissive triangles, among which light samples are shared out
 EYES_BESIDE = 6  # in a circle about a record, from which light samples are looked at as well
-WORTH = (
-    4.0  # rays that a light sample is worth: a ray near an emitter's rim hits it or misses it, a light sample sees it for certain
-)
+WORTH = 4.0  # rays that a light sample is worth: near an emitter's rim a ray hits or misses, a light sample sees it for certain
 VIRTUAL_SETS = 8  # of virtual lights; with one set for all records its error would be theirs
 SHORT = 1e-4  # of the way, by which a shadow ray ends before the emitter
 SKY_RAY_TEXELS = 3.0  # a ray looks at texels of this share of its solid angle: once interpolated, they are as wide as it is

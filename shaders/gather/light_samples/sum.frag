@@ -1,5 +1,6 @@
-// What light samples add to the sums of a block of a record: points of emitters, seen by shadow rays. Each counts by the balance
-// heuristic, so that what rays find by chance (emitters_hit.glsl) and these together are all that emitters bring.
+// What light samples add to the sums of a block of a record: points that send out light, seen by shadow rays. Each counts by the
+// balance heuristic, so that what rays find of that light by chance (lighting/emitters_hit.glsl, lighting/virtual_lights/hit.glsl)
+// and these together are all of it.
 // Where a record has derivatives, eyes in a circle beside it look at the same points: what each of them sees, and the record does
 // not, tells how shadows move (docs/METHOD.md, 3.8).
 #include "gather/light_samples/sample.glsl"
