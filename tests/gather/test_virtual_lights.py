@@ -32,7 +32,7 @@ def from_ceiling(where: np.ndarray, normal: np.ndarray) -> np.ndarray:
     x, height = np.asarray(LAMP.position), HEIGHT - 1e-3
     h = height - x[1]
     # equal shares of the lamp's light: 1 - h/√(h² + s²) is even
-    share, angle = (np.arange(4000) + 0.5) / 4000, (np.arange(256) + 0.5) * (2.0 * np.pi / 256)
+    share, angle = (np.arange(1000) + 0.5) / 1000, (np.arange(64) + 0.5) * (2.0 * np.pi / 64)
     s = h * np.sqrt(1.0 / (1.0 - share) ** 2 - 1.0)
     at = np.stack(np.broadcast_arrays(x[0] + s[:, None] * np.cos(angle), height, x[2] + s[:, None] * np.sin(angle)), axis=-1)
     inside = (np.abs(at[..., ::2]) < 3.99).all(-1)

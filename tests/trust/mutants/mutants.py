@@ -98,15 +98,15 @@ SHADERS = (
     Mutant(
         "light samples' gradient without the emitter's turning",
         "shaders/gather/light_samples/sum.frag",
-        "(height * m + vec3(0.0, 0.0, facing)) / r4;",
-        "vec3(0.0, 0.0, facing) / r4;",
+        "- height * m - vec3(0.0, 0.0, facing)) / (r2 * r);",
+        "- vec3(0.0, 0.0, facing)) / (r2 * r);",
         _LIGHT_SAMPLES,
     ),
     Mutant(
         "light samples' Hessian by 20/r⁴ instead of 24/r⁴",
         "shaders/gather/light_samples/sum.frag",
-        "24.0 * f / r4 * xx",
-        "20.0 * f / r4 * xx",
+        "(6.0 * facing * ww",
+        "(5.0 * facing * ww",
         _LIGHT_SAMPLES,
     ),
     Mutant(
