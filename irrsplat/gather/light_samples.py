@@ -19,6 +19,7 @@ from irrsplat.lighting.emitter_table import EmitterTable, emitter_table
 from irrsplat.lighting.virtual_lights import VirtualLights, virtual_lights
 
 _RAYS = 64  # of a fragment in one draw: llvmpipe ends a shader's loops, without a word, after 65 536 rounds of them in all
+_VIRTUAL_SHARE = 0.25  # of a record's rays, as many virtual lights at most
 
 Free = Callable[[np.ndarray, np.ndarray], np.ndarray]  # as LightSamples.free
 
@@ -35,11 +36,12 @@ class LightSearch:
 
     def __init__(self, world: World, samples: int, rays: float, strata: bool, apart: bool = False, embree: bool = False) -> None:
         self.world, self.rays, self.strata = world, rays, strata
-        self.samples = samples
         self.embree = embree and not world.material_defines["CUT_OUTS"]
         known = (samples > 0 or apart) and emitter_table(world) is not None
         self.apart = apart and known
         self._emitter_samples = samples if known and not apart else 0
+        # rays bring noise of their own, which more of these do not mend
+        self._virtual_samples = min(samples, max(int(_VIRTUAL_SHARE * np.pi * rays), 1))
         # whether there may be virtual lights, wherever the world's lamps are; shaders are compiled for it
         self._may_be_virtual = samples > 0 and any(not light.directional for light in world.scene.lights)
 
@@ -51,7 +53,7 @@ class LightSearch:
     @property
     def _virtual(self) -> VirtualLights | None:
         """The virtual lights of the world as it is now; None where there are none."""
-        return virtual_lights(self.world, self.samples, self.rays) if self._may_be_virtual else None
+        return virtual_lights(self.world, self._virtual_samples, self.rays) if self._may_be_virtual else None
 
     @property
     def defines(self) -> dict[str, int]:

@@ -99,7 +99,7 @@ def test_what_counts_as_current_is(ctx: moderngl.Context, act: Callable[[Rendere
             renderer.renew()
             gathered_again = at_rest(renderer)["records"][:count]
             off = np.abs(found["records"] - gathered_again).max() / gathered_again.mean()
-            assert off < (0.1 if act is act_move else 0.005), f"line {number}: records"  # a move renews what it changes enough
+            assert off < (0.15 if act is act_move else 0.005), f"line {number}: records"  # a move renews what it changes enough
 
 
 @pytest.mark.slow

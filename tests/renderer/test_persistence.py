@@ -90,7 +90,7 @@ def test_incremental_splats_are_one_full_splat_bit_for_bit() -> None:
     """What the rounds added up one after the other is what one draw of all records gives: a picture depends on records alone."""
     with Renderer(room(), SIZE, **FAST) as fresh:
         rounds = fresh.render()
-        fresh.render(turned(FRONT, 90.0))
+        fresh.render(turned(FRONT, 180.0))  # whose records do not tell those of the first view how far these reach
         cleared = fresh.render()  # drawn anew: every record in one go, those of the other view last
         count = rounds.stats["records"]
         fresh.cache.truncate(count)
