@@ -162,14 +162,13 @@ class PlacesChecked:
 
     def forget(self) -> None:
         """Nowhere."""
-        self.cells = np.zeros(0, np.int64)  # ascending
+        self.cells = np.zeros(0, np.int64)  # (K,) ascending
         self._records = 0
 
-    def holding(self, records: int) -> np.ndarray:
-        """(K,) int64 the cells, ascending, where there are so many `records` now; none where some have gone."""
+    def forget_if_fewer(self, records: int) -> None:
+        """Nowhere, if there are so many `records` now that some must have gone."""
         if records < self._records:
             self.forget()
-        return self.cells
 
     def restore(self, cells: np.ndarray, records: int) -> None:
         """Go on from these cells, with so many records."""

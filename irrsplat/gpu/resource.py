@@ -109,11 +109,6 @@ class Workshop(Owner):
         for name in list(self._made):
             self.drop(name)
 
-    def drop_but(self, *kept: str) -> None:
-        """Free everything but the resources of these names."""
-        for name in self._made.keys() - set(kept):
-            self.drop(name)
-
     def get(self, name: str, inputs: object, make: Callable[[], Made]) -> Made:
         """The resource called `name`, made of these `inputs`, which are compared by ==."""
         found = self._made.get(name)

@@ -2,31 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property
-from typing import TypedDict
+from dataclasses import replace
 
 import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import Atlas, GBuffer, HitLight, ShadowMaps, Sites
 from irrsplat.core.color import LUMINANCE
-from irrsplat.core.memo import Memo
 from irrsplat.gather import autotune
 from irrsplat.gather.look import Gather, gather_records
-from irrsplat.gather.reduce import ReducePass
 from irrsplat.gpu.resource import Owner, Resource, Workshop
-from irrsplat.gpu.time_budget import Budget, Pace, now
+from irrsplat.gpu.time_budget import Budget, now
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
-from irrsplat.indirect.change_probe import MAX_RECORDS, SIDE, ChangeProbe, follow_surface, take_in
-from irrsplat.lighting.emitter_table import emitter_table
-from irrsplat.lighting.light_table import light_defines
+from irrsplat.indirect.basis import Basis, BounceStatistics
+from irrsplat.indirect.change_probe import MAX_RECORDS, ChangeProbe, follow_surface, take_in
+from irrsplat.indirect.gathers import Gathers
 from irrsplat.records.dimming import dim
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.change import SceneChange
 from irrsplat.scene.model import Scene
-from irrsplat.settings import SETTINGS, Settings
+from irrsplat.settings import Settings
 from irrsplat.surface_cache.cache import SurfaceCache
 from irrsplat.surface_cache.lamp_parts import LINEAR, LampPart, LampParts, alone, brighten, recoloured
 
@@ -35,56 +31,6 @@ _FEWEST = 16  # side of a gather: where it is less, noise is not told well by it
 _LOOKS = 0.35  # of a tick: looking at what has changed may take that much in any case
 _PATIENCE = 1.0  # seconds that ticks wait for the tree and work at a first surface cache before records are gathered without it
 _WORTHWHILE = 2.0  # times as long must it still take then, since all of these records are gathered again when it is there
-
-
-class BounceStatistics(TypedDict):
-    """How records are gathered, and with how many bounces.
-
-    bounces_converged: whether further ones would add hardly anything; None where not all are wanted.
-    """
-
-    gathered_by: str
-    bounces: int
-    bounces_converged: bool | None
-
-
-@dataclass(frozen=True)
-class Basis:
-    """What the records of the cache are gathered by: the one value that changes as scene and settings do.
-
-    kind: how a record sees the world, "trace", "embree", "raster" or "plane". moved: whether something has changed, and which
-    records that concerns is still to be found out. changing: whether something has since records were last renewed.
-    relit: whether lights or materials have, and the surface cache is not made by these yet.
-    resumed: the statistics of records from a file, as long as their surface cache is not made. awaited: seconds that ticks have
-    waited for the rays' tree. waited: those that the first surface cache has taken so far.
-    """
-
-    scene: Scene
-    settings: Settings
-    kind: str
-    moved: bool = False
-    changing: bool = False
-    relit: bool = False
-    resumed: BounceStatistics | None = None
-    awaited: float = 0.0
-    waited: float = 0.0
-
-    @cached_property
-    def lights(self) -> dict[str, int]:
-        """The kinds of lights that gathers are compiled for."""
-        return light_defines(self.scene)
-
-    @property
-    def way(self) -> tuple[object, ...]:
-        """What a record at its place says, and how well, depends on these."""
-        settings = self.settings
-        rays = settings.gather_size, settings.ray_noise, settings.light_samples
-        return self.kind, *rays, settings.emitters_apart, self.wants_surface
-
-    @property
-    def wants_surface(self) -> bool:
-        """Whether records are lit by a surface cache: for more than one bounce."""
-        return self.settings.most_bounces > 1
 
 
 class RecordGatherer(Owner):
@@ -102,18 +48,18 @@ class RecordGatherer(Owner):
         self._basis = Basis(world.scene, settings, autotune.kind(world.ctx, world.scene, settings))
         if self._casts and settings.most_bounces > 0:
             world.expect_caster()
-        self._made = Workshop()
-        self._memo = Memo()
+        self.gathers = Gathers(world)
+        self._made = Workshop()  # the surface cache
         self._parts = LampParts(self.ctx)
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self._made, self._parts)
+        return (self.gathers, self._made, self._parts)
 
     def free_passes(self) -> None:
         """Free what records are gathered with, to be made again when it is wanted; the surface cache stays."""
         self.atlas = None
-        self._made.drop_but("surface")
+        self.gathers.clear()
 
     # ---- what gathers ----------------------------------------------------------------------------------------------
 
@@ -125,52 +71,12 @@ class RecordGatherer(Owner):
     @property
     def gather_pass(self) -> Gather:
         """How a record sees the world; the paper's algorithm gathers one at a time."""
-        return self._gather_of(self._basis)
-
-    def _gather_of(self, basis: Basis) -> Gather:
-        one = 1 if basis.settings.placement == "scan" else None
-        inputs = *basis.way, basis.lights, one, self._emitters(basis.settings)
-        return self._made.get("gather", inputs, lambda: autotune.gather_pass(self.world, basis.settings, capacity=one))
-
-    def _emitters(self, settings: Settings) -> bool:
-        """Whether gathers by these settings are compiled for emitters: where they look for some, and the scene has them now."""
-        return (settings.light_samples > 0 or settings.emitters_apart) and emitter_table(self.world) is not None
-
-    def _gather_at(self, size: int) -> Gather:
-        """The gather of this side, 0: the present one. Its light samples are as many in proportion to its rays, and no fewer than
-        those of the present one."""
-        basis, present = self._basis, self._basis.settings.gather_size
-        if size in (0, present):
-            return self.gather_pass
-        finer = max(size, present)
-        samples = min(basis.settings.light_samples * finer**2 // present**2, int(SETTINGS["light_samples"].high or 0))
-        settings = replace(basis.settings, gather=basis.kind, gather_size=size, light_samples=samples)
-        way = *replace(basis, settings=settings).way, basis.lights, self._emitters(settings)
-        return self._made.get(f"gather of {size}", way, lambda: autotune.gather_pass(self.world, settings))
-
-    def _probes_of(self, name: str, side: int, gradients: bool) -> ChangeProbe:
-        """Looks along side² rays, and at most as many light samples as these are wide, as records are gathered."""
-        basis, samples = self._basis, min(self._basis.settings.light_samples, side)
-        settings = replace(basis.settings, gather=basis.kind, gather_size=side, light_samples=samples)
-        inputs = (
-            basis.wants_surface,
-            basis.lights,
-            basis.kind,
-            samples,
-            settings.emitters_apart,
-            self._emitters(settings),
-            gradients,
-        )
-
-        def make() -> ChangeProbe:
-            return ChangeProbe(autotune.gather_pass(self.world, settings, MAX_RECORDS), gradients)
-
-        return self._made.get(name, inputs, make)
+        return self.gathers.of(self._basis)
 
     @property
     def probes(self) -> ChangeProbe:
         """A rough look from records, to find out which of them a change concerns."""
-        return self._probes_of("probes", SIDE, self._basis.settings.gradients)
+        return self.gathers.probes(self._basis)
 
     @property
     def may_glance(self) -> bool:
@@ -181,20 +87,13 @@ class RecordGatherer(Owner):
     def glance(self, shadows: ShadowMaps, sites: Sites, budget: Budget, side: int) -> np.ndarray:
         """(K,) float64 W/m²: roughly the luminance of E at the first of the `sites`, as many as the budget has time for. side:
         of their gathers."""
-        look, light, done = self._probes_of(f"glances of {side}", side, gradients=False), self.light(shadows), 0
-        pace = self._memo.get(f"pace of glances {side}", look, lambda: Pace(self.ctx))
+        look, light, done = self.gathers.glances(self._basis, side), self.light(shadows), 0
         found = [np.zeros(0)]
-        for count in pace.batches(len(sites), MAX_RECORDS, budget, look.gather.share.size):
+        for count in self.gathers.pace(look).batches(len(sites), MAX_RECORDS, budget, look.gather.share.size):
             with self.timers("examine"):
                 found.append(look(light, sites[done : done + count], self.settings.seed)[:, :3].astype(float) @ LUMINANCE)
             done += count
         return np.concatenate(found)
-
-    @property
-    def reduce_pass(self) -> ReducePass:
-        """What turns what records see into what they hold."""
-        gradients = self.settings.gradients
-        return self._made.get("reduce", gradients, lambda: ReducePass(self.ctx, gradients))
 
     @property
     def surface(self) -> SurfaceCache | None:
@@ -208,15 +107,6 @@ class RecordGatherer(Owner):
         """Whether Embree traces rays, from records or from the sites of the surface cache."""
         basis = self._basis
         return basis.kind == "embree" or (basis.wants_surface and autotune.ray_kind(self.ctx, basis.settings) == "embree")
-
-    def _pace(self, size: int) -> Pace:
-        """How much a batch of records costs the gather of this side."""
-        return self._memo.get(f"pace of {size}", self._gather_at(size), lambda: Pace(self.ctx))
-
-    @property
-    def _probe_pace(self) -> Pace:
-        """How much a batch of probes costs."""
-        return self._memo.get("probe pace", self.probes, lambda: Pace(self.ctx))
 
     def light(self, shadows: ShadowMaps) -> HitLight:
         """What lights the surfaces that records see."""
@@ -248,7 +138,7 @@ class RecordGatherer(Owner):
             cache.probes[unknown] = self._probe(shadows, unknown)
         try:
             self.world.follow(change)
-            self._gather_of(new)
+            self.gathers.of(new)
         except BaseException:
             self.world.follow(change.back)
             raise
@@ -256,6 +146,7 @@ class RecordGatherer(Owner):
             kept = self._follow_records(old, new, change)
         except BaseException:
             cache.truncate(0)
+            self.gathers.clear()
             self._made.clear()
             self._parts.forget()
             self._basis = new
@@ -346,11 +237,11 @@ class RecordGatherer(Owner):
             missing = part.unknown(cache)
             for size in np.unique(cache.gather_sizes[missing]).tolist():
                 numbers, done = missing[cache.gather_sizes[missing] == size], 0
-                look = self._gather_at(size)
-                for count in self._pace(size).batches(len(numbers), look.capacity, budget):
+                look = self.gathers.at(self._basis, size)
+                for count in self.gathers.pace(look).batches(len(numbers), look.capacity, budget):
                     chosen = numbers[done : done + count]
                     rows = part.records.append(cache.sites(chosen)) + np.arange(count)
-                    gather_records(look, self.reduce_pass, light, part.records, rows, self.settings.seed, self.timers)
+                    self._write(look, light, part.records, rows)
                     part.note(cache.ids[chosen], cache.gather_sizes[chosen])
                     done += count
             if len(part.unknown(cache)):
@@ -384,17 +275,17 @@ class RecordGatherer(Owner):
 
         What changes is little, and told well enough along a quarter of the rays, the same with the light before and after.
         """
-        surface, side, seed = self.surface_now, max(self.settings.gather_size // 2, _FEWEST), self.settings.seed
+        surface, side = self.surface_now, max(self.settings.gather_size // 2, _FEWEST)
         assert surface is not None
-        look, done, changes = self._gather_at(side), 0, [np.zeros((0, 3))]
+        look, done, changes = self.gathers.at(self._basis, side), 0, [np.zeros((0, 3))]
         lights = [HitLight(shadows, surface.uniforms(table)) for table in (surface.before, surface.lookup)]
-        for count in self._pace(side).batches(len(numbers), look.capacity, budget, 2 * look.share.size):
+        for count in self.gathers.pace(look).batches(len(numbers), look.capacity, budget, 2 * look.share.size):
             chosen = numbers[done : done + count]
             sites, found = self.cache.sites(chosen), []
             with RecordCache(self.ctx) as scratch:
                 rows = scratch.append(replace(sites, frame_rotation=sites.frame_rotations(chosen))) + np.arange(count)
                 for light in lights:
-                    gather_records(look, self.reduce_pass, light, scratch, rows, seed, self.timers)
+                    self._write(look, light, scratch, rows)
                     found.append(scratch.gathered(*LINEAR))
             held = self.cache.gathered(*LINEAR)
             after = {name: held[name][chosen] + found[1][name] - found[0][name] for name in LINEAR}
@@ -466,7 +357,7 @@ class RecordGatherer(Owner):
         cache = self.cache
         (numbers,) = np.nonzero(cache.due)
         numbers, done = numbers[np.argsort(-cache.due[numbers], kind="stable")], 0
-        for count in self._probe_pace.batches(len(numbers), MAX_RECORDS, budget, self.probes.gather.share.size):
+        for count in self.gathers.pace(self.probes).batches(len(numbers), MAX_RECORDS, budget, self.probes.gather.share.size):
             chosen = numbers[done : done + count]
             cache.invalidate(take_in(cache, chosen, self._probe(shadows, chosen), self.gather_pass.radii))
             done += count
@@ -485,8 +376,8 @@ class RecordGatherer(Owner):
         their gather; 0: as the settings say. near: they are to serve only what is near, and may do with fewer rays. So may all
         that hold one bounce until the first surface cache is there, and are gathered again then."""
         few = self._fewer if budget.limited and not size and self.awaits_surface else 0
-        done, look = 0, self._gather_at(few or size)
-        for count in self._pace(few or size).batches(len(sites), look.capacity, budget, look.share.size):
+        done, look = 0, self.gathers.at(self._basis, few or size)
+        for count in self.gathers.pace(look).batches(len(sites), look.capacity, budget, look.share.size):
             first = self.cache.append(sites[done : done + count])
             numbers = first + np.arange(count)
             try:
@@ -505,8 +396,8 @@ class RecordGatherer(Owner):
     def regather(self, shadows: ShadowMaps, numbers: np.ndarray, budget: Budget, size: int = 0) -> int:
         """Gather the records of these numbers again in place, as many as the budget has time for; how many. size: as in
         `gather`."""
-        done, look = 0, self._gather_at(size)
-        for count in self._pace(size).batches(len(numbers), look.capacity, budget, look.share.size):
+        done, look = 0, self.gathers.at(self._basis, size)
+        for count in self.gathers.pace(look).batches(len(numbers), look.capacity, budget, look.share.size):
             chosen = numbers[done : done + count]
             near = self.cache.gather_sizes[chosen] == self._fewer
             self.cache.mark_refreshed(chosen, self._gather(shadows, chosen, size, near))
@@ -518,8 +409,8 @@ class RecordGatherer(Owner):
         goes on changing from tick to tick, along a quarter of the rays: then more of them are of the scene as it is."""
         if not self.rushes(budget):
             return self.regather(shadows, numbers, budget)
-        self._basis, done, look = replace(self._basis, changing=False), 0, self._gather_at(self._fewer)
-        for count in self._pace(self._fewer).batches(len(numbers), look.capacity, budget, look.share.size):
+        self._basis, done, look = replace(self._basis, changing=False), 0, self.gathers.at(self._basis, self._fewer)
+        for count in self.gathers.pace(look).batches(len(numbers), look.capacity, budget, look.share.size):
             chosen = numbers[done : done + count]
             self._look(shadows, chosen, self._fewer)
             self.cache.mark_refreshed(chosen, self.cache.gather_sizes[chosen], rough=True)
@@ -547,7 +438,7 @@ class RecordGatherer(Owner):
             (tried,) = np.nonzero(near)
             self._look(shadows, numbers[tried], few)
             assert self.atlas is not None
-            even = self.reduce_pass.noise(self.atlas) <= 0.01 * self.settings.ray_noise
+            even = self.gathers.reduction(self.settings).noise(self.atlas) <= 0.01 * self.settings.ray_noise
             sizes[tried[even]] = few
             numbers = numbers[sizes != few]
         self._look(shadows, numbers, size)
@@ -562,9 +453,13 @@ class RecordGatherer(Owner):
 
     def _look(self, shadows: ShadowMaps, numbers: np.ndarray, size: int) -> None:
         """Gather the records of these numbers by a gather of this side; 0: as the settings say."""
-        light, seed = self.light(shadows), self.settings.seed
-        look = self._gather_at(size)
-        self.atlas = gather_records(look, self.reduce_pass, light, self.cache, numbers, seed, self.timers) or self.atlas
+        look = self.gathers.at(self._basis, size)
+        self.atlas = self._write(look, self.light(shadows), self.cache, numbers) or self.atlas
+
+    def _write(self, look: Gather, light: HitLight, records: RecordCache, numbers: np.ndarray) -> Atlas | None:
+        """Give `records` of these numbers what they gather by `look`; what the last batch saw."""
+        settings = self.settings
+        return gather_records(look, self.gathers.reduction(settings), light, records, numbers, settings.seed, self.timers)
 
     # ---- for files, the viewer and the statistics ------------------------------------------------------------------
 

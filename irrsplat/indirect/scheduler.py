@@ -16,9 +16,10 @@ from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.indirect import paper_scan
+from irrsplat.indirect.basis import BounceStatistics
 from irrsplat.indirect.examine import Examination, ExaminePass, Screen, tile_side
 from irrsplat.indirect.flight_order import FlightOrder
-from irrsplat.indirect.record_gatherer import BounceStatistics, RecordGatherer
+from irrsplat.indirect.record_gatherer import RecordGatherer
 from irrsplat.indirect.site_selection import choose, spacing
 from irrsplat.indirect.view_state import ViewState
 from irrsplat.records.adaptive_radius import AdaptiveRadius
@@ -156,7 +157,7 @@ class RecordScheduler(Owner):
     ) -> tuple[ViewState, RoundResult]:
         """Gather where the `screen` lacks records, as gather_missing does."""
         if state.queue is None:
-            self._checked.holding(self.cache.count)  # records may have gone since
+            self._checked.forget_if_fewer(self.cache.count)
         if state.seeking_gaps:  # then the view is examined once more: its records may be others by now
             return self._seek_gaps(state, screen, budget), replace(NOTHING_ASKED, complete=False)
         if state.check is not None:
@@ -348,7 +349,8 @@ class RecordScheduler(Owner):
         # a change that the records have not been held against yet: all of them will be stale
         bounces, settings = gatherer.bounces(self.settings), asdict(self.settings)
         records = self.cache.state(gatherer.unsettled)
-        return CacheState(records, self.adaptation.state(), bounces, settings, self._checked.holding(self.cache.count))
+        self._checked.forget_if_fewer(self.cache.count)
+        return CacheState(records, self.adaptation.state(), bounces, settings, self._checked.cells)
 
     def restore(self, state: CacheState) -> None:
         """Go on with the records of a file, in place of those that there are."""

@@ -88,8 +88,10 @@ def test_places_are_looked_at_once_unless_from_closer() -> None:
     assert len(done.left(replace(seen, distance=seen.distance / 8.0))) == 50  # from closer
     turned = replace(seen.sites, geometric=-seen.sites.geometric)
     assert len(done.left(replace(seen, sites=turned))) == 50  # the other side of a sheet
-    assert len(done.holding(10)) and len(done.left(seen)) == 0
-    assert not len(done.holding(9)) and len(done.left(seen)) == 50  # a record has gone
+    done.forget_if_fewer(10)
+    assert len(done.cells) and len(done.left(seen)) == 0
+    done.forget_if_fewer(9)  # a record has gone
+    assert not len(done.cells) and len(done.left(seen)) == 50
 
 
 def test_a_view_seen_again_is_not_looked_at_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,61 @@
+"""What the records of a cache are gathered by: scene, settings, and what of their changes is still to be followed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypedDict
+
+from irrsplat.lighting.light_table import light_defines
+from irrsplat.scene.model import Scene
+from irrsplat.settings import Settings
+
+
+class BounceStatistics(TypedDict):
+    """How records are gathered, and with how many bounces.
+
+    bounces_converged: whether further ones would add hardly anything; None where not all are wanted.
+    """
+
+    gathered_by: str
+    bounces: int
+    bounces_converged: bool | None
+
+
+@dataclass(frozen=True)
+class Basis:
+    """What the records of the cache are gathered by: the one value that changes as scene and settings do.
+
+    kind: how a record sees the world, "trace", "embree", "raster" or "plane". moved: whether something has changed, and which
+    records that concerns is still to be found out. changing: whether something has since records were last renewed.
+    relit: whether lights or materials have, and the surface cache is not made by these yet.
+    resumed: the statistics of records from a file, as long as their surface cache is not made. awaited: seconds that ticks have
+    waited for the rays' tree. waited: those that the first surface cache has taken so far.
+    """
+
+    scene: Scene
+    settings: Settings
+    kind: str
+    moved: bool = False
+    changing: bool = False
+    relit: bool = False
+    resumed: BounceStatistics | None = None
+    awaited: float = 0.0
+    waited: float = 0.0
+
+    @cached_property
+    def lights(self) -> dict[str, int]:
+        """The kinds of lights that gathers are compiled for."""
+        return light_defines(self.scene)
+
+    @property
+    def way(self) -> tuple[object, ...]:
+        """What a record at its place says, and how well, depends on these."""
+        settings = self.settings
+        rays = settings.gather_size, settings.ray_noise, settings.light_samples
+        return self.kind, *rays, settings.emitters_apart, self.wants_surface
+
+    @property
+    def wants_surface(self) -> bool:
+        """Whether records are lit by a surface cache: for more than one bounce."""
+        return self.settings.most_bounces > 1

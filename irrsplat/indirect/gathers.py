@@ -1,0 +1,86 @@
+"""What records are gathered with: gathers along many and few rays, rough looks, and the reduction; made when first used."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from weakref import WeakKeyDictionary
+
+from irrsplat.gather import autotune
+from irrsplat.gather.look import Gather
+from irrsplat.gather.reduce import ReducePass
+from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.gpu.time_budget import Pace
+from irrsplat.gpu.world import World
+from irrsplat.indirect.basis import Basis
+from irrsplat.indirect.change_probe import MAX_RECORDS, SIDE, ChangeProbe
+from irrsplat.lighting.emitter_table import emitter_table
+from irrsplat.settings import SETTINGS, Settings
+
+
+class Gathers(Owner):
+    """Those of a `world`, each made anew when what it depends on has changed."""
+
+    def __init__(self, world: World) -> None:
+        self.ctx, self.world = world.ctx, world
+        self._made = Workshop()
+        self._paces: WeakKeyDictionary[Gather | ChangeProbe, Pace] = WeakKeyDictionary()
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self._made,)
+
+    def clear(self) -> None:
+        """Free them all, to be made again when they are wanted."""
+        self._made.clear()
+
+    def of(self, basis: Basis) -> Gather:
+        """How a record sees the world; the paper's algorithm gathers one at a time."""
+        one = 1 if basis.settings.placement == "scan" else None
+        inputs = *basis.way, basis.lights, one, self._emitters(basis.settings)
+        return self._made.get("gather", inputs, lambda: autotune.gather_pass(self.world, basis.settings, capacity=one))
+
+    def at(self, basis: Basis, size: int) -> Gather:
+        """The gather of this side, 0: as the settings say. Its light samples are as many in proportion to its rays, and no fewer
+        than the settings'."""
+        present = basis.settings.gather_size
+        if size in (0, present):
+            return self.of(basis)
+        finer = max(size, present)
+        samples = min(basis.settings.light_samples * finer**2 // present**2, int(SETTINGS["light_samples"].high or 0))
+        settings = replace(basis.settings, gather=basis.kind, gather_size=size, light_samples=samples)
+        way = *replace(basis, settings=settings).way, basis.lights, self._emitters(settings)
+        return self._made.get(f"gather of {size}", way, lambda: autotune.gather_pass(self.world, settings))
+
+    def probes(self, basis: Basis) -> ChangeProbe:
+        """A rough look from records, to find out which of them a change concerns."""
+        return self._rough("probes", basis, SIDE, basis.settings.gradients)
+
+    def glances(self, basis: Basis, side: int) -> ChangeProbe:
+        """A look along side² rays that tells E alone."""
+        return self._rough(f"glances of {side}", basis, side, gradients=False)
+
+    def reduction(self, settings: Settings) -> ReducePass:
+        """What turns what records see into what they hold."""
+        gradients = settings.gradients
+        return self._made.get("reduce", gradients, lambda: ReducePass(self.ctx, gradients))
+
+    def pace(self, look: Gather | ChangeProbe) -> Pace:
+        """How much a batch of one of these costs."""
+        if look not in self._paces:
+            self._paces[look] = Pace(self.ctx)
+        return self._paces[look]
+
+    def _rough(self, name: str, basis: Basis, side: int, gradients: bool) -> ChangeProbe:
+        """Looks along side² rays, and at most as many light samples as these are wide, as records are gathered."""
+        samples = min(basis.settings.light_samples, side)
+        settings = replace(basis.settings, gather=basis.kind, gather_size=side, light_samples=samples)
+        way = *replace(basis, settings=settings).way, basis.lights, self._emitters(settings), gradients
+
+        def make() -> ChangeProbe:
+            return ChangeProbe(autotune.gather_pass(self.world, settings, MAX_RECORDS), gradients)
+
+        return self._made.get(name, way, make)
+
+    def _emitters(self, settings: Settings) -> bool:
+        """Whether gathers by these settings are compiled for emitters: where they look for some, and the scene has them now."""
+        return (settings.light_samples > 0 or settings.emitters_apart) and emitter_table(self.world) is not None
