@@ -16,10 +16,10 @@ from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.indirect import paper_scan
-from irrsplat.indirect.basis import BounceStatistics
 from irrsplat.indirect.examine import Examination, ExaminePass, Screen, tile_side
 from irrsplat.indirect.flight_order import FlightOrder
-from irrsplat.indirect.record_gatherer import RecordGatherer
+from irrsplat.indirect.gathering.basis import BounceStatistics
+from irrsplat.indirect.gathering.record_gatherer import RecordGatherer
 from irrsplat.indirect.site_selection import choose, spacing
 from irrsplat.indirect.view_state import ViewState
 from irrsplat.records.adaptive_radius import AdaptiveRadius

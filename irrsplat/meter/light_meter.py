@@ -20,7 +20,7 @@ from irrsplat.core.words import GREATEST
 from irrsplat.gather.record_frame import OFFSET
 from irrsplat.gpu.resource import Resource, Tenant
 from irrsplat.gpu.time_budget import Budget
-from irrsplat.indirect.record_gatherer import RecordGatherer
+from irrsplat.indirect.gathering.record_gatherer import RecordGatherer
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.lighting.site_light import SiteLightPass
 from irrsplat.meter.lit_scene import LitScene

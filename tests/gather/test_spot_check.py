@@ -13,7 +13,7 @@ import pytest
 import irrsplat
 from irrsplat.core.buffers import Sites
 from irrsplat.gather.spot_check import PlacesChecked, SpotCheck, Spots
-from irrsplat.indirect.record_gatherer import RecordGatherer
+from irrsplat.indirect.gathering.record_gatherer import RecordGatherer
 from irrsplat.scene.model import Camera, Scene
 from tests.support import worlds
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from irrsplat import Frame, InputError, Renderer
-from irrsplat.indirect.record_gatherer import RecordGatherer
+from irrsplat.indirect.gathering.record_gatherer import RecordGatherer
 from irrsplat.records import cache_file
 from irrsplat.scene.model import Scene
 from irrsplat.scene.motion import moved

@@ -13,7 +13,7 @@ from irrsplat import Renderer
 from irrsplat.gather import autotune
 from irrsplat.gpu.bvh_table import BvhTable
 from irrsplat.gpu.target import pixels
-from irrsplat.indirect.change_probe import ChangeProbe
+from irrsplat.indirect.gathering.change_probe import ChangeProbe
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene import change, ray_caster
 from irrsplat.scene.flatten import flatten

@@ -18,7 +18,7 @@ import irrsplat
 from irrsplat import Renderer
 from irrsplat.gpu.target import pixels
 from irrsplat.image.view import Progress
-from irrsplat.indirect import record_gatherer
+from irrsplat.indirect.gathering import record_gatherer
 from irrsplat.surface_cache import site_layout
 from tests.renderer.test_move import BOX, shift
 from tests.renderer.test_refinement import COARSE

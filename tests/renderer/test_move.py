@@ -15,7 +15,7 @@ from irrsplat import InputError, Renderer
 from irrsplat.gpu.target import pixels
 from irrsplat.gpu.time_budget import Budget, RayClock, going_by
 from irrsplat.image.view import read
-from irrsplat.indirect.change_probe import change, correction, take_in
+from irrsplat.indirect.gathering.change_probe import change, correction, take_in
 from irrsplat.records import motion
 from irrsplat.records.motion import carried, concerned, passed_through, swallowed, winding
 from irrsplat.records.record_cache import PROBED, RecordCache

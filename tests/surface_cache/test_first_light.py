@@ -13,7 +13,7 @@ import pytest
 from irrsplat import Renderer
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.image.view import Progress
-from irrsplat.indirect import record_gatherer
+from irrsplat.indirect.gathering import record_gatherer
 from irrsplat.renderer import rounds
 from irrsplat.surface_cache import site_layout, site_rays
 from tests.renderer.test_renderer import FAST, SIZE, room

@@ -425,9 +425,9 @@ CORE = (
     # ---- rays
     Mutant(
         "uneven light does with few rays, and even light does not",
-        "irrsplat/indirect/record_gatherer.py",
-        "self.reduce_pass.noise(self.atlas) <= 0.01",
-        "self.reduce_pass.noise(self.atlas) >= 0.01",
+        "irrsplat/indirect/gathering/record_gatherer.py",
+        "self.gathers.reduction(self.settings).noise(self.atlas) <= 0.01",
+        "self.gathers.reduction(self.settings).noise(self.atlas) >= 0.01",
         ("tests/indirect/test_ray_noise.py::test_uneven_light_takes_all_rays",),
     ),
     Mutant(
@@ -525,7 +525,7 @@ CORE = (
     # ---- which records are made, drawn, kept and gathered again
     Mutant(
         "records of one bounce stay when all bounces are known",
-        "irrsplat/indirect/record_gatherer.py",
+        "irrsplat/indirect/gathering/record_gatherer.py",
         "            if first and basis.resumed is None:\n                self.cache.invalidate()",
         "            if first and basis.resumed is None:\n                pass",
         ("tests/surface_cache/test_first_light.py::test_one_bounce_is_shown_before_all_are_known",),
@@ -687,7 +687,7 @@ CORE = (
     ),
     Mutant(
         "records without values after a failed gather",
-        "irrsplat/indirect/record_gatherer.py",
+        "irrsplat/indirect/gathering/record_gatherer.py",
         "                self.cache.truncate(first)  # they hold nothing\n",
         "",
         ("tests/renderer/test_interrupts.py::test_a_gather_that_fails_leaves_no_record_without_values",),

@@ -15,9 +15,9 @@ from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.time_budget import Budget, now
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
-from irrsplat.indirect.basis import Basis, BounceStatistics
-from irrsplat.indirect.change_probe import MAX_RECORDS, ChangeProbe, follow_surface, take_in
-from irrsplat.indirect.gathers import Gathers
+from irrsplat.indirect.gathering.basis import Basis, BounceStatistics
+from irrsplat.indirect.gathering.change_probe import MAX_RECORDS, ChangeProbe, follow_surface, take_in
+from irrsplat.indirect.gathering.gathers import Gathers
 from irrsplat.records.dimming import dim
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.change import SceneChange

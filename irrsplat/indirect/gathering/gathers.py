@@ -11,8 +11,8 @@ from irrsplat.gather.reduce import ReducePass
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.time_budget import Pace
 from irrsplat.gpu.world import World
-from irrsplat.indirect.basis import Basis
-from irrsplat.indirect.change_probe import MAX_RECORDS, SIDE, ChangeProbe
+from irrsplat.indirect.gathering.basis import Basis
+from irrsplat.indirect.gathering.change_probe import MAX_RECORDS, SIDE, ChangeProbe
 from irrsplat.lighting.emitter_table import emitter_table
 from irrsplat.settings import SETTINGS, Settings
 
