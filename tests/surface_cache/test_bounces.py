@@ -15,7 +15,7 @@ import irrsplat
 from irrsplat import Renderer
 from irrsplat.core.buffers import Sites
 from irrsplat.gpu.time_budget import Budget
-from irrsplat.indirect import record_gatherer
+from irrsplat.indirect.gathering import record_gatherer
 from irrsplat.scene.model import Mesh, Scene
 from irrsplat.sky.environment import Environment
 from irrsplat.surface_cache import site_layout, site_rays
