@@ -15,6 +15,7 @@ from irrsplat.scene.model import Camera, Light, Scene
 
 if TYPE_CHECKING:
     from irrsplat.image.view import Progress
+    from irrsplat.records.cache_file import CacheState
     from irrsplat.renderer import Renderer
 
 REPETITIONS = 3
@@ -80,16 +81,16 @@ def measure(renderer: Renderer, tell: Callable[[str], object] = lambda words: No
     machine.forget_peak()
     warm_up(renderer, camera)
     tell(f"{name}: empty")
-    empty = from_records(renderer, camera, 0)
-    records = middle(empty).records
+    empty = from_records(renderer, camera)
+    kept = records_of(renderer)
     yield result("empty", empty, camera)
     tell(f"{name}: warm")
-    yield result("warm", from_records(renderer, camera, records), camera)
+    yield result("warm", from_records(renderer, camera, kept), camera)
     tell(f"{name}: moved")
-    yield result("moved", from_records(renderer, turned_camera, records), turned_camera)
+    yield result("moved", from_records(renderer, turned_camera, kept), turned_camera)
     if scene.lights:
         tell(f"{name}: light")
-        renderer.cache.truncate(records)
+        _restore(renderer, kept)
         renderer.converge(camera)
         yield result("light", relit(renderer, camera), camera)
         renderer.relight(scene.lights)
@@ -129,16 +130,29 @@ def shifted(scene: Scene) -> tuple[Light, ...]:
     return replace(first, position=(x, y, z)), *others
 
 
-def from_records(renderer: Renderer, camera: Camera, records: int) -> list[Timing]:
-    """Some pictures, each from the first so many `records` of the cache; none: from nothing at all."""
+def from_records(renderer: Renderer, camera: Camera, kept: CacheState | None = None) -> list[Timing]:
+    """Some pictures, each from the records that are `kept`; None: from nothing at all."""
 
     def prepare(_: int) -> None:
-        if not records:
+        if kept is None:
             renderer.scheduler.expire()  # of further bounces, what surfaces send to each other
-        renderer.forget(records=not records, lights=not records)
-        renderer.cache.truncate(records)
+        renderer.forget(records=kept is None, lights=kept is None)
+        if kept is not None:
+            _restore(renderer, kept)
 
     return _repeated(renderer, camera, prepare)
+
+
+def records_of(renderer: Renderer) -> CacheState:
+    """The records that there are, and what goes with them."""
+    with renderer.ctx:
+        return renderer.scheduler.state()
+
+
+def _restore(renderer: Renderer, kept: CacheState) -> None:
+    """Go on with these records."""
+    with renderer.ctx:
+        renderer.scheduler.restore(kept)
 
 
 def relit(renderer: Renderer, camera: Camera) -> list[Timing]:

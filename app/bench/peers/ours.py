@@ -24,9 +24,10 @@ def measure(scene: Scene, size: tuple[int, int], bounces: int | All, views: Sequ
         with irrsplat.Renderer(scene, size=size, **values) as renderer:
             tell(f"irrsplat, a {values['a']:.3g}")
             cases.warm_up(renderer, first.camera)
-            empty = cases.middle(cases.from_records(renderer, first.camera, 0))
+            empty = cases.middle(cases.from_records(renderer, first.camera))
+            kept = cases.records_of(renderer)
             rmse = first.truth.error(renderer.render(first.camera).irradiance)
-            further = cases.middle(cases.from_records(renderer, second.camera, empty.records))
+            further = cases.middle(cases.from_records(renderer, second.camera, kept))
             further_rmse = second.truth.error(renderer.render(second.camera).irradiance)
             about = f"from the loaded scene and compiled shaders, on {renderer.about['renderer']}"
         assert rmse is not None
