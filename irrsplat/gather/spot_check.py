@@ -26,6 +26,7 @@ LOOKS = (4, 16, 32)  # sides of the gathers of the first looks, and of those fro
 _DOUBT = (0.55, 0.4, 0.4)  # of the greater of both luminances: what is off by more contradicts them
 _ROWS = 125  # of squares, of which one pixel each is looked from; of fewer than 1.5 times as many all are
 _FLOOR = 0.1  # of the mean of what records say: what is darker counts as if it were that
+_CELLS = 4.0  # of how far pixels lie apart: at most as wide are the cells of places looked at
 _COARSER = 3  # doublings of a place's width within which it counts as looked at from further away, too
 _MOST = 2_000_000  # places that are remembered
 
@@ -152,7 +153,8 @@ class SpotCheck:
 
 
 class PlacesChecked:
-    """Where checks have looked from, so that none looks again: cells of space about as wide as the pixels were apart.
+    """Where checks have looked from, so that none looks again: cells of space, two to four times as wide as the pixels were apart,
+    since another view's pixels lie between these.
 
     That holds while all records are there that were when it was noted, or were to be gathered by it.
     """
@@ -176,13 +178,13 @@ class PlacesChecked:
 
     def left(self, spots: Spots) -> Spots:
         """Those that no check has looked from, as closely or more so."""
-        return spots[~np.isin(_cells(spots.sites, 2.0 * spots.distance), self.cells)]
+        return spots[~np.isin(_cells(spots.sites, _CELLS * spots.distance), self.cells)]
 
     def note(self, spots: Spots, records: int) -> None:
         """These are looked from now; records: how many there are once those are gathered that this brings. Of more than can be
         remembered, the others are forgotten."""
         self._records = records
-        wide = [_cells(spots.sites, 2.0 * spots.distance * 2.0**doublings) for doublings in range(_COARSER + 1)]
+        wide = [_cells(spots.sites, _CELLS * spots.distance * 2.0**doublings) for doublings in range(_COARSER + 1)]
         cells = np.unique(np.concatenate([self.cells, *wide]))
         self.cells = cells if len(cells) <= _MOST else np.unique(np.concatenate(wide))
 
