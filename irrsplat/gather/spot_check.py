@@ -153,8 +153,8 @@ class SpotCheck:
 
 
 class PlacesChecked:
-    """Where checks have looked from, so that none looks again: cells of space, two to four times as wide as the pixels were apart,
-    since another view's pixels lie between these.
+    """Where checks have looked from, so that none looks again: cells of space, two to four times as wide as the pixels were
+    apart, since another view's pixels lie between these.
 
     That holds while all records are there that were when it was noted, or were to be gathered by it.
     """
