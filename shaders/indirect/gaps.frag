@@ -1,6 +1,7 @@
 // How high the gap is that a pixel lies in, where something that faces its surface hangs close above it, as a plate's rim above a table.
 #include "generated/constants.glsl"
 #include "lib/octahedral.glsl"
+#include "lib/normals.glsl"
 #include "lib/texel.glsl"
 #include "lib/bvh.glsl"
 
@@ -26,7 +27,7 @@ void main()
     if (pixel != clamp(pixel, ivec2(0), textureSize(position, 0) - 1)) return;
     vec4 p = texel_at(position, pixel);
     vec3 g = octahedral_decode(vec2(texel_at(normal, pixel).w, texel_at(albedo, pixel).w));
-    vec3 t = normalize(abs(g.y) < 0.9 ? cross(vec3(0.0, 1.0, 0.0), g) : cross(vec3(1.0, 0.0, 0.0), g)), b = cross(g, t);
+    vec3 t = perpendicular(g), b = cross(g, t);
     float most = p.w > 0.0 ? height * distance(p.xyz, eye) : 0.0, least = most;
     for (int i = 0; i <= AROUND && most > 0.0; ++i)
     {

@@ -1,5 +1,6 @@
 // A record as a quad that bounds its sphere of influence on screen (Jones 2010, figure 1); an instance is a record.
 #include "indirect/splat_depth.glsl"
+#include "lib/normals.glsl"
 #include "records/view_radius.glsl"
 
 in int in_number;                      // of the record
@@ -58,7 +59,7 @@ void main()
     float reach = r;  // along the view axis
     // in the plane through the centre that faces the eye, a half size of r·d/√(d² - r²) bounds the silhouette
     vec3 axis = to_eye / d;
-    vec3 u = normalize(abs(axis.y) < 0.9 ? cross(vec3(0.0, 1.0, 0.0), axis) : cross(vec3(1.0, 0.0, 0.0), axis));
+    vec3 u = perpendicular(axis);
     vec2 half_size = vec2(r * d / sqrt(d * d - r * r));
     if (in_front)
     {

@@ -7,3 +7,9 @@ vec3 shading_normal(vec3 n, vec3 g)
     n = size > 0.0 ? n / size : g;
     return dot(n, g) < 0.0 ? -n : n;
 }
+
+// A unit vector at right angles to the unit vector n.
+vec3 perpendicular(vec3 n)
+{
+    return normalize(abs(n.y) < 0.9 ? cross(vec3(0.0, 1.0, 0.0), n) : cross(vec3(1.0, 0.0, 0.0), n));
+}

@@ -1,11 +1,11 @@
 // Direct irradiance of lamps at sites of a table, each the mean over a disc of the area that it stands for: a lamp close to a wall
 // lights a spot that lies between the sites.
 #include "lighting/lights.glsl"
+#include "lib/normals.glsl"
 
 uniform sampler2D sites;  // three texels each: place and the area that it stands for, shading normal, geometric normal
 
 const int POINTS = 16;  // of a disc
-const float GOLDEN_ANGLE = 2.39996323;
 
 layout(location = 0) out vec4 out_irradiance;  // W/m²
 
@@ -14,7 +14,7 @@ void main()
     ivec2 at = ivec2(3, 1) * ivec2(gl_FragCoord.xy);
     vec4 p = texelFetch(sites, at, 0);
     vec3 n = texelFetch(sites, at + ivec2(1, 0), 0).xyz, g = texelFetch(sites, at + ivec2(2, 0), 0).xyz;
-    vec3 right = normalize(abs(g.y) < 0.9 ? cross(vec3(0.0, 1.0, 0.0), g) : cross(vec3(1.0, 0.0, 0.0), g)), up = cross(g, right);
+    vec3 right = perpendicular(g), up = cross(g, right);
     float part = INV_PI * p.w / float(POINTS);  // a point's share of the disc, as the square of a radius
     out_irradiance = vec4(0.0);
     for (int i = 0; i < LIGHTS; ++i)

@@ -1,6 +1,7 @@
 // A record of the cache, found by its number; irrsplat/core/record_layout.py is the table of what it holds.
 #include "generated/constants.glsl"
 #include "generated/record_columns.glsl"
+#include "lib/normals.glsl"
 #include "lib/table.glsl"
 
 uniform float luminance_floor;  // W/m²: an error counts in proportion to the luminance, or to this where it is darker
@@ -35,7 +36,7 @@ vec4 usable_walls(ivec2 texel)
 Ellipse record_ellipse(ivec2 texel)
 {
     vec3 n = record_normal(texel);
-    vec3 axis = normalize(abs(n.y) < 0.9 ? vec3(n.z, 0.0, -n.x) : vec3(0.0, -n.z, n.y));
+    vec3 axis = perpendicular(n);
     float R = record_radius(texel);
 #if GRADIENTS
     float slope = length(record_gradient(texel) * LUMINANCE), Y = dot(record_irradiance(texel), LUMINANCE);

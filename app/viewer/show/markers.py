@@ -140,7 +140,7 @@ class Markers(Owner):
                 instances=records.count,
                 state=_OVER,
                 scissor=region,
-                **{name: uniforms[name] for name in program.uniforms},
+                **program.known(uniforms),
             )
 
     def sites(
@@ -170,7 +170,7 @@ class Markers(Owner):
             instances=count,
             state=_OVER,
             scissor=region,
-            **{name: uniforms[name] for name in program.uniforms},
+            **program.known(uniforms),
         )
 
     def wireframe(self, target: Target, view: View, geometry: Geometry, *, region: Region | None = None) -> None:
@@ -213,7 +213,7 @@ class Markers(Owner):
                 numbers=self.number,
                 state=_OVER,
                 scissor=region,
-                **{name: uniforms[name] for name in program.uniforms},
+                **program.known(uniforms),
             )
         return int(self.query.samples)
 

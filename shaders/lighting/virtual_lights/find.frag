@@ -2,6 +2,7 @@
 // those of all rows of a lamp together.
 #include "generated/constants.glsl"
 #include "lib/bvh.glsl"
+#include "lib/normals.glsl"
 
 uniform sampler2D lamps;  // two texels each: where it is; the axis of its cone, and the cosine of half its angle, -1 for all around
 uniform float rays;       // of each row
@@ -11,8 +12,6 @@ layout(location = 0) out vec4 out_place;   // metres; how far from the lamp, FAR
 layout(location = 1) out vec4 out_normal;  // geometric, turned to the lamp; the triangle's place in the tree
 layout(location = 2) out vec4 out_share;   // of the triangle's corners
 
-const float GOLDEN_ANGLE = 2.39996323;
-
 void main()
 {
     int row = int(gl_FragCoord.y);
@@ -20,7 +19,7 @@ void main()
     float set = float(row % VIRTUAL_SETS), number = floor(gl_FragCoord.x);
     vec3 from = texelFetch(lamps, lamp, 0).xyz;
     vec4 axis = texelFetch(lamps, lamp + ivec2(1, 0), 0);
-    vec3 right = normalize(abs(axis.y) < 0.9 ? cross(vec3(0.0, 1.0, 0.0), axis.xyz) : cross(vec3(1.0, 0.0, 0.0), axis.xyz));
+    vec3 right = perpendicular(axis.xyz);
 
     // a spiral on the sphere, of which each turn takes up as much of it (Swinbank and Purser 2006)
     float z = 1.0 - 2.0 * (number + (set + 0.5) / float(VIRTUAL_SETS)) / rays, r = sqrt(max(1.0 - z * z, 0.0));
