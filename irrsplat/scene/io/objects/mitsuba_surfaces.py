@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
@@ -70,8 +71,12 @@ class Surfaces:
         self._images: dict[bytes, Image] = {}
 
     def meshes(self, shapes: Iterable[Any], diagonal: float) -> tuple[list[Mesh], int]:
-        """The meshes of the shapes, and how many degenerate triangles were left out. diagonal: of the whole scene."""
-        found, dropped = [], 0
+        """The meshes of the shapes, and how many degenerate triangles were left out. diagonal: of the whole scene.
+
+        They are ordered by name and content: Mitsuba's own order differs from load to load, and records must not.
+        """
+        found: list[list[Mesh]] = []
+        dropped = 0
         for shape in shapes:
             part = self._part(shape)
             if part is None:
@@ -79,10 +84,10 @@ class Surfaces:
             material = self._material(shape)
             mesh, lost = replace(part, material=material).mesh(Path(part.name or self.remarks.name), (0.0, 0.0, 0.0))
             dropped += lost
-            found.append(mesh)
-            if any(material.emission) and len(mesh.faces):
-                found += self._backing(shape, mesh, diagonal)
-        return found, dropped
+            lit = any(material.emission) and len(mesh.faces)
+            found.append([mesh, *(self._backing(shape, mesh, diagonal) if lit else [])])
+        found.sort(key=lambda meshes: _content(meshes[0]))
+        return [mesh for meshes in found for mesh in meshes], dropped
 
     # ---- shapes ------------------------------------------------------------------------------------------------------
 
@@ -219,6 +224,11 @@ def _picture(data: Any) -> np.ndarray:
 
 
 # ---- geometry --------------------------------------------------------------------------------------------------------------
+
+
+def _content(mesh: Mesh) -> tuple[str, str]:
+    """What tells a shape from others in every load of a file alike: its name and a hash of its corners and their order."""
+    return mesh.name, sha256(mesh.positions.tobytes() + mesh.faces.tobytes()).hexdigest()
 
 
 def _of_mesh(shape: Any) -> Part:
