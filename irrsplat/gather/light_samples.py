@@ -89,12 +89,15 @@ class LightSearch:
 
 
 class LightSamplePass(Owner):
-    """Adds the light samples of an atlas to the sums of its blocks; `gradients`: to those of M, ∇E and the Hessian, too."""
+    """Adds the light samples of an atlas to the sums of its blocks; `gradients`: to those of M, ∇E and the Hessian, too. places:
+    from how many places records look."""
 
-    def __init__(self, ctx: moderngl.Context, gradients: bool) -> None:
-        self.ctx, self.gradients = ctx, gradients
+    def __init__(self, ctx: moderngl.Context, gradients: bool, places: int = 1) -> None:
+        self.ctx, self.gradients, self.places = ctx, gradients, places
         self._programs: dict[tuple[object, ...], Program] = {}
-        self._ends = [Program(ctx, "gather/light_samples/ends", "lib/fullscreen", {"VIRTUAL": of}) for of in (0, 1)]
+        self._ends = [
+            Program(ctx, "gather/light_samples/ends", "lib/fullscreen", {"VIRTUAL": of, "PLACES": places}) for of in (0, 1)
+        ]
         self._targets = Workshop()
         for strata, virtual in product((0, 1), (0, 1)):
             self._program({"STRATA": strata, "VIRTUAL": virtual, "SEEN": 0})
@@ -105,7 +108,7 @@ class LightSamplePass(Owner):
 
     def _program(self, defines: Mapping[str, int]) -> Program:
         """The program for rays of this kind and these materials."""
-        defines = {"GRADIENTS": int(self.gradients), **defines}
+        defines = {"GRADIENTS": int(self.gradients), "PLACES": self.places, **defines}
         key = (*defines.items(),)
         if key not in self._programs:
             self._programs[key] = Program(self.ctx, "gather/light_samples/sum", "lib/fullscreen", defines)
@@ -159,16 +162,17 @@ class LightSamplePass(Owner):
         return seen
 
     def _bits(self, rows: np.ndarray, away: np.ndarray, possible: np.ndarray, free: Free) -> np.ndarray:
-        """(N, S + 1) int, as the texture `seen` has it: of records with these `rows` (5, N, 4), which of their eyes see each of S
-        samples, `away` (N, S, 3) from the first, metres. No light comes where it is not `possible` (N, S)."""
+        """(N, S + 1) int, as the texture `seen` has it: of records with these `rows` (5, N·places, 4), which of their eyes see
+        each of S samples, `away` (N, S, 3) from the first, metres. No light comes where it is not `possible` (N, S)."""
         (count, across), eye = possible.shape, rows[4, :, :3]
         bits = np.zeros((count, across + 1), np.int32)
         record, sample = np.nonzero(possible)
-        ends = eye[record] + away[record, sample] * np.float32(1.0 - SHORT)
+        start = eye[record * self.places + sample % self.places]
+        ends = start + away[record, sample] * np.float32(1.0 - SHORT)
         angle = np.arange(self._eyes - 1)[:, None, None] * (2.0 * np.pi / EYES_BESIDE)
         beside = eye + rows[4, :, 3:] * (np.cos(angle) * rows[0, :, :3] + np.sin(angle) * rows[1, :, :3]).astype("f4")
         # all lines at once: few of them are traced in hardly less time
-        starts = np.concatenate([eye[record], beside[:, record].reshape(-1, 3), np.tile(eye, (len(beside), 1))])
+        starts = np.concatenate([start, beside[:, record].reshape(-1, 3), np.tile(eye, (len(beside), 1))])
         found = free(starts, np.concatenate([np.tile(ends, (self._eyes, 1)), beside.reshape(-1, 3)]))
         lines = self._eyes * len(record)
         order = np.arange(self._eyes)[:, None]

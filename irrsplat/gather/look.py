@@ -6,6 +6,7 @@ Rasters (raster.py) and rays (trace.py) are two of its kinds; `gather_records` i
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Callable
 from contextlib import nullcontext
 from typing import ClassVar
 
@@ -28,8 +29,8 @@ class Gather(Owner):
     """A gather bound to its `world`, which it follows when that moves; made for the world's lights (see light_defines).
 
     kind: "raster", "plane", "trace" or "embree". capacity: records that one call takes at most. cell: texels, width and height,
-    of what a record sees. share: (height, width) cosθ·dω of each of them. triangle_order: how it numbers the triangles that it
-    hits.
+    of what a record sees. share: (height, width) cosθ·dω of each of them. places: from how many a record looks, see
+    Atlas.places. triangle_order: how it numbers the triangles that it hits.
     """
 
     kind: str
@@ -38,8 +39,8 @@ class Gather(Owner):
     share: np.ndarray
     triangle_order: ClassVar[TriangleOrder]
 
-    def __init__(self, world: World) -> None:
-        self.world = world
+    def __init__(self, world: World, places: int = 1) -> None:
+        self.world, self.places = world, places
 
     @property
     def offset(self) -> float:
@@ -72,17 +73,20 @@ def gather_records(
     numbers: np.ndarray,
     seed: int,
     timers: Timers | None = None,
+    where: Callable[[np.ndarray], Sites] | None = None,
 ) -> Atlas | None:
     """Gather the records of these `numbers` (N,) where the cache has them, and write what they hold into it.
 
-    As many at once as the gather takes. timers: count the stages "gather" and "reduce". Returns what the last batch saw, None for
-    no records.
+    As many at once as the gather takes. timers: count the stages "gather" and "reduce". where: from where those of these numbers
+    look, one record's after the other's; None: from where the cache has them. Returns what the last batch saw, None for no
+    records.
     """
     atlas, sky = None, sky_uniforms(gather.world.scene, sky_maps(gather.world))
+    where = where or cache.sites
     for first in range(0, len(numbers), gather.capacity):
         batch = numbers[first : first + gather.capacity]
         with timers("gather") if timers else nullcontext():
-            atlas = gather(light, cache.sites(batch), batch, seed)
+            atlas = gather(light, where(batch), np.repeat(batch, gather.places), seed)
         with timers("reduce") if timers else nullcontext():
             reduce(atlas, cache.records, sky, gather.radii)
     return atlas

@@ -78,6 +78,14 @@ def frame_rows(frame: np.ndarray, sites: Sites, numbers: np.ndarray) -> np.ndarr
     return rows
 
 
+def places_of_texels(cell: tuple[int, int], places: int) -> np.ndarray:
+    """(R,) from which of a record's `places` places each texel of its cell (width, height) looks, row by row, as
+    shaders/gather/places.glsl has it."""
+    x, y = np.meshgrid(np.arange(cell[0]), np.arange(cell[1]))
+    numbers: np.ndarray = ((x + 2 * y) % places).ravel()
+    return numbers
+
+
 def atlas_grid(cell: tuple[int, int], wanted: int | None, limit: int) -> tuple[int, int]:
     """Cells per row of an atlas, and how many it holds in all: about as many as are `wanted`, or by default what fits 96 MiB.
 

@@ -34,15 +34,16 @@ _STEPS = 2.2  # times more than E is off is what its steps from ray to ray add u
 
 
 class ReducePass(Owner):
-    """Sums the cells of an atlas, block by block and then record by record; `gradients`: M and ∇E too."""
+    """Sums the cells of an atlas, block by block and then record by record; `gradients`: M and ∇E too, which records have that
+    look from one place. places: from how many they do."""
 
-    def __init__(self, ctx: moderngl.Context, gradients: bool) -> None:
+    def __init__(self, ctx: moderngl.Context, gradients: bool, places: int = 1) -> None:
         self.ctx = ctx
-        defines = {"GRADIENTS": int(gradients)}
+        defines = {"GRADIENTS": int(gradients), "PLACES": places}
         self.components = (4, 2, 4, 4, 4, 4, 4, 4) if gradients else (4, 2)
         self.blocks = [Program(ctx, "gather/reduce_blocks", "lib/fullscreen", defines | {"SKY_MAP": m}) for m in (0, 1)]
         self.total = Program(ctx, "gather/reduce_total", defines=defines | {"WIDE": WIDE})
-        self.light_samples = LightSamplePass(ctx, gradients)
+        self.light_samples = LightSamplePass(ctx, gradients, places)
         self.targets: dict[tuple[int, int], Target] = {}  # by their size, which an atlas decides
         self.target: Target | None = None  # the last call's
         self.out: Target | None = None  # the cache's own textures

@@ -13,7 +13,7 @@ from irrsplat.core.buffers import Atlas, HitLight, Sites, Uniforms
 from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gather.light_samples import LightSearch
 from irrsplat.gather.look import Gather
-from irrsplat.gather.record_frame import atlas_grid, eye_positions, frame_rows, sample_offsets, tangent_frames
+from irrsplat.gather.record_frame import atlas_grid, eye_positions, frame_rows, places_of_texels, sample_offsets, tangent_frames
 from irrsplat.gather.stratified import ray_directions, stratum_edges, stratum_table
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Resource
@@ -27,7 +27,8 @@ class TraceGather(Gather):
 
     capacity: how many records one call takes at most (default: what a 96 MiB atlas holds). surface: the light that it is called
     with has a surface cache, too. hits: of that cache it is only noted which of its values speak for what the rays hit, for the
-    method `hits`. light_samples: a record's shadow rays to emitters, beside the rays that may find some; with emitters_apart
+    method `hits`; met: and where that is, for the method `met`. places: from how many each record looks, see
+    Atlas.places. light_samples: a record's shadow rays to emitters, beside the rays that may find some; with emitters_apart
     neither counts. Raises InputError for more triangles than the GPU's textures hold, and where embreex is wanted and missing.
     """
 
@@ -41,11 +42,13 @@ class TraceGather(Gather):
         *,
         surface: bool = False,
         hits: bool = False,
+        met: bool = False,
+        places: int = 1,
         light_samples: int = 0,
         emitters_apart: bool = False,
         embree: bool = False,
     ) -> None:
-        super().__init__(world)
+        super().__init__(world, places)
         self.ctx = ctx = world.ctx
         self.tree = world.tree
         self.side = max(4, side // 4 * 4)  # so that blocks fill a cell
@@ -56,8 +59,10 @@ class TraceGather(Gather):
         self.directions = table[..., :3].reshape(-1, 3)  # their directions in a record's frame
         self.table = table_texture(ctx, table)
         self.edges = table_texture(ctx, stratum_edges(self.side))
-        rays = np.concatenate([ray_directions(self.side).reshape(*table.shape[:2], 3), table[..., 3:]], axis=-1)
-        self.looks = table_texture(ctx, rays)
+        self.rays = ray_directions(self.side)
+        looks = np.concatenate([self.rays.reshape(*table.shape[:2], 3), table[..., 3:]], axis=-1)
+        self.looks = table_texture(ctx, looks)
+        self.places_of_texels = places_of_texels(self.cell, places)
         self.search = LightSearch(world, light_samples, self.share.size / np.pi, strata=True, apart=emitters_apart, embree=embree)
         self.program = Program(
             ctx,
@@ -69,36 +74,37 @@ class TraceGather(Gather):
                 **self.search.defines,
                 "SURFACE": int(surface),
                 "HITS": int(hits),
+                "MET": int(met),
+                "PLACES": places,
                 "KNOWN_HITS": int(embree),
             },
         )
-        self.outputs = (4, 4, 4, 4) if hits else (4, 4)
+        self.outputs = (4,) * (2 + 2 * hits + 2 * met)
         limit, count = int(ctx.info["GL_MAX_TEXTURE_SIZE"]), self.share.size
-        self.columns, self.capacity = atlas_grid(self.cell, capacity, limit)
+        self.columns, self.capacity = atlas_grid(self.cell, capacity, limit // places)
         self.first_hits: moderngl.Texture | None = None
         if embree:
-            self.rays = ray_directions(self.side)
             self.columns, self.capacity = atlas_grid(self.cell, min(self.capacity, limit * TABLE_COLUMNS // count), limit)
             self.first_hits = integer_texture(ctx, (TABLE_COLUMNS, -(-self.capacity * count // TABLE_COLUMNS)))
         self.target: Target | None = None
-        self.frames = float_texture(ctx, (self.capacity, 5))
+        self.frames = float_texture(ctx, (self.capacity * places, 5))
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
         return (self.table, self.edges, self.looks, self.program, self.target, self.frames, self.first_hits)
 
     def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
-        """What records at `sites` (at most `capacity`) see; `numbers` (N,) are theirs in the cache."""
+        """What records at `sites` (at most `capacity`, or so many times `places`) see; `numbers` (N,) are theirs in the cache."""
         if self.target is None:
             down = self.capacity // self.columns
             self.target = Target(self.ctx, (self.columns * self.cell[0], down * self.cell[1]), self.outputs)
-        count = len(sites)
-        rows = np.zeros((5, count, 4), "f4")
+        looks, count = len(sites), len(sites) // self.places
+        rows = np.zeros((5, looks, 4), "f4")
         rotations = sites.frame_rotations(numbers)
         rows[:4] = frame_rows(tangent_frames(sites.normal, rotations, seed), sites, numbers)
-        rows[:2, :, 3] = sample_offsets(rotations, seed).T
+        rows[:2, :, 3] = sample_offsets(rotations // self.places, seed).T  # the samples of all places are one pattern
         rows[4, :, :3], rows[4, :, 3] = eye_positions(sites, self.tree.corners, self.offset), self.steps(sites)
-        self.frames.write(rows.tobytes(), viewport=(0, 0, count, 5))
+        self.frames.write(rows.tobytes(), viewport=(0, 0, looks, 5))
         hits = self._trace(rows)
         lines, rest = divmod(count, self.columns)
         width, height = self.cell
@@ -130,13 +136,18 @@ class TraceGather(Gather):
             block,
             samples,
             self.looks,
+            self.places,
         )
 
     def _trace(self, rows: np.ndarray) -> Uniforms:
         """Have Embree trace the rays of records with these rows of `frames`; the uniforms that tell what they hit."""
         if self.first_hits is None:
             return {}
-        hits = self.world.caster.first_hits(rows[4, :, :3], rows[:3, :, :3].swapaxes(0, 1), self.rays)
+        hits = np.empty((rows.shape[1] // self.places, self.share.size), np.int32)
+        for place in range(self.places):
+            eyes, texels = slice(place, None, self.places), self.places_of_texels == place
+            found = self.world.caster.first_hits(rows[4, eyes, :3], rows[:3, eyes, :3].swapaxes(0, 1), self.rays[texels])
+            hits[:, texels] = found
         found = np.take(self.tree.places, hits.ravel(), mode="wrap")  # -1 finds the last
         lines = -(-len(found) // TABLE_COLUMNS)
         found = np.pad(found, (0, lines * TABLE_COLUMNS - len(found)))
@@ -149,15 +160,25 @@ class TraceGather(Gather):
         Of each hit the numbers of three values of the surface cache, their weights (all 0 where nothing was hit or no value is
         known), and the reflectance there, each (N, R, 3).
         """
-        assert self.target is not None
-        lines, (width, height) = self.target.size[1] // self.cell[1], self.cell
-        first, second = (
-            np.frombuffer(texture.read(), "f4")
-            .reshape(lines, height, self.columns, width, 4)
-            .swapaxes(1, 2)
-            .reshape(-1, width * height, 4)[:count]
-            for texture in self.target.textures[2:]
-        )
+        first, second = self._read((2, 3), count)
         weights = np.stack([first[..., 3], second[..., 3], 1.0 - first[..., 3] - second[..., 3]], axis=-1)
         weights[first[..., 0] < 0.0] = 0.0
         return np.maximum(first[..., :3], 0.0).astype(np.intp), weights, second[..., :3]
+
+    def met(self, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Where these rays hit: position and shading normal on the side that they hit, (N, R, 3) each, and the triangle's number
+        in the scene, (N, R). Where nothing was hit it means nothing."""
+        place, normal = self._read((4, 5), count)
+        return place[..., :3], normal[..., :3], self.tree.order[place[..., 3].astype(np.intp)]
+
+    def _read(self, outputs: tuple[int, ...], count: int) -> list[np.ndarray]:
+        """(N, R, 4) each, these outputs of the last call's first `count` records."""
+        assert self.target is not None
+        lines, (width, height) = self.target.size[1] // self.cell[1], self.cell
+        return [
+            np.frombuffer(self.target.textures[number].read(), "f4")
+            .reshape(lines, height, self.columns, width, 4)
+            .swapaxes(1, 2)
+            .reshape(-1, width * height, 4)[:count]
+            for number in outputs
+        ]

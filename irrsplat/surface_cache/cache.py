@@ -29,7 +29,7 @@ from irrsplat.surface_cache.follower import Follower
 from irrsplat.surface_cache.lamp_parts import SCALE, LampPart, SitePart
 from irrsplat.surface_cache.lookup_table import Held, LaidOut, LookupTable, unknown
 from irrsplat.surface_cache.site_layout import FIRST_SITE, MAX_SITES, SiteChooser, SiteLayout
-from irrsplat.surface_cache.site_rays import SiteRays
+from irrsplat.surface_cache.site_rays import PlaceSearch, SiteRays
 from irrsplat.surface_cache.transport import BouncedLight, Transport
 from irrsplat.surface_cache.view import SurfaceViewPass
 
@@ -70,6 +70,7 @@ class SurfaceCache(Owner):
         self._pace, self._quick_pace = Pace(self.ctx), Pace(self.ctx)
         self._choosing: Generator[float, None, SiteLayout] | None = None
         self._chosen = 0.0  # the share of the choice of sites that is done
+        self._searching: PlaceSearch | None = None  # for the places that these look from
         self._laid_out: LaidOut | None = None  # the sites of the scene as it is; None while they are still to be chosen
         self.transport: Transport | None = None  # between these
         self._bouncing: Iterator[BouncedLight] | None = None
@@ -202,6 +203,9 @@ class SurfaceCache(Owner):
             self.transport = self._follower = None
         if moved and self._follower is not None:
             self._follower.move(change)
+            held = self._held.laid_out
+            if held is not None and held.places is not None:
+                held.places = held.places.moved(change)
         elif moved or not np.array_equal(old.unlit, unlit):  # a lamp went into a closed mesh, or out
             self._drop_sites()
         if change.other_sky:  # which sites one value does for depends on whether it is the same all around
@@ -257,6 +261,7 @@ class SurfaceCache(Owner):
         laid_out = self._held.laid_out
         if part.sites is not None or laid_out is None:
             return part.sites is not None
+        assert laid_out.places is not None
         count, light = laid_out.records.count, HitLight(shadows, self.uniforms(laid_out.table))
         if not part.site_records.count:
             part.site_records.append(laid_out.records.sites(slice(0, count)))
@@ -265,7 +270,7 @@ class SurfaceCache(Owner):
         with self.timers("surface"):
             for batch in self._pace.batches(count - part.sites_done, gather.capacity, budget):
                 numbers = part.sites_done + np.arange(batch)
-                self._rays.light(gather, light, part.site_records, numbers)
+                self._rays.light(gather, light, part.site_records, numbers, laid_out.places.of)
                 part.sites_done += batch
             if part.sites_done < count:
                 return False
@@ -295,7 +300,7 @@ class SurfaceCache(Owner):
     def _drop_sites(self) -> None:
         """Choose the sites again; those whose values are in use stay until there are others."""
         before, self._laid_out = self._laid_out, None
-        self._choosing = self.transport = None
+        self._choosing = self._searching = self.transport = None
         self._bounce_again()
         if before is not None and before is not self._held.laid_out:
             before.release()
@@ -311,7 +316,7 @@ class SurfaceCache(Owner):
                 if self._follow(shadows, budget):
                     return True
                 laid_out = self._lay_out(budget)
-                if laid_out is None:
+                if laid_out is None or not self._find_places(laid_out, shadows, budget):
                     return False
                 self._gather_sites(laid_out, shadows, budget)
                 if len(laid_out.records.stale):
@@ -321,7 +326,7 @@ class SurfaceCache(Owner):
                     return False
                 self._hold(laid_out, made, shadows)
         except BaseException:
-            self._choosing = self._bouncing = None  # a generator that was interrupted is over
+            self._choosing = self._searching = self._bouncing = None  # a generator that was interrupted is over
             raise
         return True
 
@@ -344,15 +349,16 @@ class SurfaceCache(Owner):
 
     def _gather_some(self, laid_out: LaidOut, follower: Follower, shadows: ShadowMaps, budget: Budget) -> np.ndarray:
         """Gather those sites again around which most has changed, as many as the budget has time for; their numbers."""
-        records, done = laid_out.records, 0
+        records, places, done = laid_out.records, laid_out.places, 0
+        assert places is not None
         gather, light = self._rays.gather_for(records.count, quick=True), HitLight(shadows, self.uniforms(laid_out.table))
         order = follower.order
         order = order[order >= FIRST_SITE]
         for count in self._quick_pace.batches(len(order), gather.capacity, budget, gather.share.size):
             numbers = order[done : done + count]
-            self._rays.light(gather, light, records, numbers)
+            self._rays.light(gather, light, records, numbers, places.of)
             if not follower.transport.known[numbers].all():
-                self._rays.link(gather, follower.transport, records.sites(numbers), numbers)
+                self._rays.link(gather, follower.transport, places, numbers)
             records.mark_refreshed(numbers)
             done += count
         return order[:done]
@@ -373,9 +379,21 @@ class SurfaceCache(Owner):
                 return None
         return self._laid_out
 
+    def _find_places(self, laid_out: LaidOut, shadows: ShadowMaps, budget: Budget) -> bool:
+        """Find out from where the sites look; whether that is known."""
+        if laid_out.places is None:
+            if self._searching is None:
+                self._searching = PlaceSearch(self._rays, laid_out)
+            laid_out.places = self._searching.go_on(shadows, budget)
+            if laid_out.places is None:
+                return False
+            self._searching = None
+        return True
+
     def _gather_sites(self, laid_out: LaidOut, shadows: ShadowMaps, budget: Budget) -> None:
         """Gather E_1 at the sites that lack it, and which sites their rays meet where these are not known yet."""
-        records, settings = laid_out.records, self._basis.settings
+        records, places, settings = laid_out.records, laid_out.places, self._basis.settings
+        assert places is not None
         gather = self._rays.gather_for(records.count)
         if settings.most_bounces > 2 and self.transport is None:
             records.invalidate()
@@ -386,9 +404,9 @@ class SurfaceCache(Owner):
         light = HitLight(shadows, self.uniforms(laid_out.table))
         for count in self._pace.batches(len(stale), gather.capacity, budget, gather.share.size):
             numbers = stale[done : done + count]
-            self._rays.light(gather, light, records, numbers)
+            self._rays.light(gather, light, records, numbers, places.of)
             if self.transport is not None and not self.transport.known[numbers].all():
-                self._rays.link(gather, self.transport, records.sites(numbers), numbers)
+                self._rays.link(gather, self.transport, places, numbers)
             records.mark_refreshed(numbers)
             done += count
 

@@ -18,12 +18,13 @@ from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.lookup_table import Held, LaidOut, LookupTable
 from irrsplat.surface_cache.site_layout import DARK_VALUE, FIRST_SITE, MAX_SITES, SKY_VALUE, SiteChooser, SiteLayout
-from irrsplat.surface_cache.site_rays import SiteRays
+from irrsplat.surface_cache.site_rays import PlaceSearch, SiteRays
 from irrsplat.surface_cache.site_splitting import SiteSplitter, SplitLayout, uncut
 from irrsplat.surface_cache.transport import BouncedLight, Transport, sum_bounces
 
 _MORE, _ROOM = 0.75, 0.7  # of the sites, and of those that there may be beside them: how many a refinement adds
 _WORTH = 0.1  # of the sites: fewer are not worth one
+_SAME = 1e-6  # of its area: by how much a site's may differ that speaks for the same surface
 
 
 def with_known(E_1: np.ndarray, scene: Scene) -> np.ndarray:
@@ -43,14 +44,16 @@ def bounces_of(E_1: np.ndarray, transport: Transport | None, area: np.ndarray, s
 
 @dataclass(frozen=True, eq=False)
 class _Work:
-    """The next refinement, as far as it is made. E_1: (K, 3) of the first K sites, by more rays. choosing: its sites; once they
-    are chosen, `cut` has them, None where no cell is cut, and `laid_out`. transport: between them; None where no bounce needs it.
-    made: bounces so far."""
+    """The next refinement, as far as it is made. E_1: (S, 3) of the sites, by more rays where it is `known` (S,). choosing: the
+    sites; once they are chosen, `cut` has them, None where no cell is cut, and `laid_out`. searching: for their places.
+    transport: between them; None where no bounce needs it. made: bounces so far."""
 
     E_1: np.ndarray
+    known: np.ndarray
     choosing: Generator[float, None, SplitLayout] | None = None
     cut: SplitLayout | None = None
     laid_out: LaidOut | None = None
+    searching: PlaceSearch | None = None
     transport: Transport | None = None
     making: Iterator[BouncedLight] | None = None
     made: BouncedLight | None = None
@@ -78,7 +81,9 @@ class FinerSites(Owner):
         self._base, self._before = base, base
         self._pace, self._link_pace = Pace(world.ctx), Pace(world.ctx)
         self._cut: SplitLayout | None = None  # made by the first refinement that cuts cells
-        self._E_1 = np.zeros((FIRST_SITE, 3), np.float32)  # of the sites that have it by more rays
+        count = base.laid_out.records.count
+        self._E_1 = np.zeros((count, 3), np.float32)  # of the sites, by more rays
+        self._known = np.arange(count) < FIRST_SITE  # which of them have it
         self._transport: Transport | None = transport
         self._work: _Work | None = None
 
@@ -113,11 +118,10 @@ class FinerSites(Owner):
     def _refine(self, shadows: ShadowMaps, budget: Budget) -> bool:
         work = self._work or self._begun()
         self._work = work = self._chosen(work, budget)
-        if work.laid_out is None or not self._linked(work, shadows, budget):
+        if work.laid_out is None:
             return False
-        self._work = work = self._lit(work, shadows, budget)
-        assert work.laid_out is not None
-        if len(work.E_1) < work.laid_out.records.count:
+        self._work = work = self._placed(work, shadows, budget)
+        if work.searching is not None or not self._linked(work, shadows, budget) or not self._lit(work, shadows, budget):
             return False
         self._work = work = self._bounced(work, budget)
         if work.made is None or not work.made.complete:
@@ -133,9 +137,10 @@ class FinerSites(Owner):
         assert self.held.light is not None and self.held.laid_out is not None
         if not self.refinements:
             same = self._laid_out(self.held.laid_out.layout)
-            return _Work(self._E_1, None, None, same, self._transport)
+            same.places = self.held.laid_out.places
+            return _Work(self._E_1, self._known, laid_out=same, transport=self._transport)
         E = self.held.light.irradiance
-        return _Work(self._E_1, self._split(SiteSplitter(self.chooser, E.astype(float), self._further(len(E)))))
+        return _Work(self._E_1, self._known, self._split(SiteSplitter(self.chooser, E.astype(float), self._further(len(E)))))
 
     def _split(self, splitter: SiteSplitter) -> Generator[float, None, SplitLayout]:
         """Choose further sites."""
@@ -164,38 +169,53 @@ class FinerSites(Owner):
         if self.settings.most_bounces > 2:
             transport = Transport(laid_out.records.count, self.rays.linking_gather(laid_out.records.count).share.size)
             transport.known[:FIRST_SITE] = True
-        return replace(work, choosing=None, cut=cut, laid_out=laid_out, transport=transport)
+        searching = PlaceSearch(self.rays, laid_out)
+        return replace(work, choosing=None, cut=cut, laid_out=laid_out, searching=searching, transport=transport)
+
+    def _placed(self, work: _Work, shadows: ShadowMaps, budget: Budget) -> _Work:
+        """Go on with the search for the places of the sites. Those that speak for the same surface as before keep theirs."""
+        found = None if work.searching is None else work.searching.go_on(shadows, budget)
+        if found is None:
+            return work
+        before, laid_out = self.held.laid_out, work.laid_out
+        assert before is not None and before.places is not None and laid_out is not None
+        area, now = before.layout.area, laid_out.layout.area
+        same = np.flatnonzero(np.abs(now[: len(area)] - area) <= _SAME * area)
+        laid_out.places = before.places.onto(found, same)
+        E_1, known = np.zeros((len(now), 3), np.float32), np.arange(len(now)) < FIRST_SITE
+        E_1[same], known[same] = work.E_1[same], work.known[same]
+        return replace(work, searching=None, E_1=E_1, known=known)
 
     def _linked(self, work: _Work, shadows: ShadowMaps, budget: Budget) -> bool:
         """Go on with the transport between the sites; whether it is known."""
         assert work.laid_out is not None
-        transport, records, done = work.transport, work.laid_out.records, 0
+        transport, records, places, done = work.transport, work.laid_out.records, work.laid_out.places, 0
         if transport is None or transport is self._transport:
             return True
+        assert places is not None
         gather, table, left = self.rays.linking_gather(records.count), work.laid_out.table, np.flatnonzero(~transport.known)
         light = HitLight(shadows, {"scene": table.uniforms("scene"), "tree": table.uniforms("tree")})
         for count in self._link_pace.batches(len(left), gather.capacity, budget, gather.share.size):
             numbers = left[done : done + count]
-            self.rays.light(gather, light, records, numbers)
-            self.rays.link(gather, transport, records.sites(numbers), numbers)
+            self.rays.light(gather, light, records, numbers, places.of)
+            self.rays.link(gather, transport, places, numbers)
             done += count
         return done == len(left)
 
-    def _lit(self, work: _Work, shadows: ShadowMaps, budget: Budget) -> _Work:
-        """Go on gathering E_1 at the sites that lack it by more rays."""
-        assert self._base.laid_out is not None and work.laid_out is not None
-        sites, E_1, done = work.laid_out.layout.sites, [work.E_1], len(work.E_1)
-        if done == len(sites):
-            return work
+    def _lit(self, work: _Work, shadows: ShadowMaps, budget: Budget) -> bool:
+        """Go on gathering E_1 at the sites that lack it by more rays; whether all have it."""
+        assert self._base.laid_out is not None and work.laid_out is not None and work.laid_out.places is not None
+        sites, places, left, done = work.laid_out.layout.sites, work.laid_out.places, np.flatnonzero(~work.known), 0
         gather = self.rays.finer_gather(self._base.laid_out.records.count)
         with RecordCache(self.world.ctx) as scratch:
-            for count in self._pace.batches(len(sites) - done, gather.capacity, budget, gather.share.size):
-                numbers = np.arange(done, done + count)
-                rows = scratch.append(replace(sites[numbers], frame_rotation=numbers)) + np.arange(count)
-                self.rays.light(gather, HitLight(shadows), scratch, rows)
+            for count in self._pace.batches(len(left), gather.capacity, budget, gather.share.size):
+                scratch.append(sites[left[done : done + count]])
+                rows = np.arange(done, done + count)
+                self.rays.light(gather, HitLight(shadows), scratch, rows, lambda rows: places.of(left[rows]))
                 done += count
-            E_1.append(scratch.read()["irradiance"])
-        return replace(work, E_1=np.concatenate(E_1))
+            work.E_1[left[:done]] = scratch.read()["irradiance"]
+        work.known[left[:done]] = True
+        return done == len(left)
 
     def _bounced(self, work: _Work, budget: Budget) -> _Work:
         """Go on with the sum of all bounces."""
@@ -215,5 +235,5 @@ class FinerSites(Owner):
         if gone is not self._base and gone.laid_out is not None:
             gone.laid_out.release()
         self.held = Held(work.laid_out.table, work.laid_out, work.made, complete=True)
-        self._cut, self._E_1, self._transport, self._work = work.cut, work.E_1, work.transport, None
+        self._cut, self._E_1, self._known, self._transport, self._work = work.cut, work.E_1, work.known, work.transport, None
         self.refinements += 1

@@ -15,6 +15,7 @@ from irrsplat.gpu.target import table_texture
 from irrsplat.gpu.texel_table import table_rows
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.surface_cache.site_layout import MAX_SITES, SiteLayout
+from irrsplat.surface_cache.site_places import Places
 from irrsplat.surface_cache.transport import BouncedLight
 
 
@@ -89,10 +90,12 @@ def unknown(ctx: moderngl.Context) -> LookupTable:
 
 class LaidOut(Owner):
     """Sites on the GPU: a record for each value, in the order of the values, and the table by which these are looked up.
+    places: where they look from; None until that is known.
     like: one that outlives this one, of the same triangles in the same order: tables of a million take most of a second."""
 
     def __init__(self, ctx: moderngl.Context, layout: SiteLayout, order: np.ndarray, like: LaidOut | None = None) -> None:
         self.layout = layout
+        self.places: Places | None = None
         self.records = RecordCache(ctx)
         other: LookupTable | None = None if like is None else like.table
         self.table: LookupTable = LookupTable(ctx, layout.tessellation.table, layout.cells, MAX_SITES, order, like=other)

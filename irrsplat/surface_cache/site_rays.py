@@ -2,25 +2,34 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Generator
+from functools import partial
+
 import numpy as np
 
-from irrsplat.core.buffers import HitLight, Sites
+from irrsplat.core.beside import beside
+from irrsplat.core.buffers import HitLight, ShadowMaps, Sites
 from irrsplat.gather.autotune import ray_kind
 from irrsplat.gather.look import gather_records
 from irrsplat.gather.record_frame import tangent_frames
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.trace import TraceGather
 from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.gpu.time_budget import Budget, Pace
 from irrsplat.gpu.world import World
 from irrsplat.lighting.emitter_table import emitter_table
 from irrsplat.lighting.light_table import light_defines
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.settings import Settings
+from irrsplat.surface_cache.lookup_table import LaidOut
+from irrsplat.surface_cache.site_layout import FIRST_SITE
+from irrsplat.surface_cache.site_places import PLACES, Places, Survey
 from irrsplat.surface_cache.transport import Transport
 from irrsplat.surface_cache.visibility import VisibilityPass, seen_by_embree
 
 RAYS = 10 << 18  # of all sites together, about: where these are many, what lights a record is the mean of more of them
 SIDES = (8, 16)  # the least and the greatest: side² rays a site
+_SURVEY = 4  # side² rays a site
 _LIGHT_SAMPLES = 0.25  # of its rays: a site's shadow rays to emitters, at most
 _BATCH = 128  # sites gathered at once, at most
 
@@ -31,12 +40,13 @@ class SiteRays(Owner):
     def __init__(self, world: World, settings: Settings) -> None:
         self.ctx, self.world, self.settings = world.ctx, world, settings
         self._visibility = VisibilityPass(self.ctx, world.material_defines)
-        self._reduce = ReducePass(self.ctx, gradients=False)
+        self._reduce = ReducePass(self.ctx, gradients=False, places=PLACES)
+        self._survey_reduce = ReducePass(self.ctx, gradients=False)
         self._made = Workshop()
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self._visibility, self._reduce, self._made)
+        return (self._visibility, self._reduce, self._survey_reduce, self._made)
 
     @property
     def _embree(self) -> bool:
@@ -59,32 +69,100 @@ class SiteRays(Owner):
         """Twice as many rays in either direction from so many sites, which ask for nothing but the light that they meet."""
         return self._gather("finer gather", 2 * self.gather_for(sites).side, links=False)
 
-    def _gather(self, name: str, side: int, links: bool) -> TraceGather:
-        """Rays of this side; links: which sites they meet is told, too."""
+    def survey_gather(self) -> TraceGather:
+        """Few rays from each site itself, of which it is told where they hit."""
+        return self._gather("survey", _SURVEY, links=True, survey=True)
+
+    def _gather(self, name: str, side: int, links: bool, survey: bool = False) -> TraceGather:
+        """Rays of this side from the places of sites; links: which sites they meet is told, too. survey: from the sites
+        themselves, and it is told where they meet others."""
         lights, samples = light_defines(self.world.scene), min(self.settings.light_samples, int(_LIGHT_SAMPLES * side**2))
         embree, emitters = self._embree, samples > 0 and emitter_table(self.world) is not None
         return self._made.get(
             name,
             (side, lights, samples, embree, emitters),
-            lambda: TraceGather(self.world, side, _BATCH, surface=links, hits=links, light_samples=samples, embree=embree),
+            lambda: TraceGather(
+                self.world,
+                side,
+                _BATCH,
+                surface=links,
+                hits=links,
+                met=survey,
+                places=1 if survey else PLACES,
+                light_samples=samples,
+                embree=embree,
+            ),
         )
 
-    def light(self, gather: TraceGather, light: HitLight, records: RecordCache, numbers: np.ndarray) -> None:
-        """Gather E_1 at the sites of these `numbers` in `records`."""
-        gather_records(gather, self._reduce, light, records, numbers, self.settings.seed)
+    def light(
+        self,
+        gather: TraceGather,
+        light: HitLight,
+        records: RecordCache,
+        numbers: np.ndarray,
+        places: Callable[[np.ndarray], Sites],
+    ) -> None:
+        """Gather E_1 at the sites of these `numbers` in `records`, from their `places`, see Places.of."""
+        gather_records(gather, self._reduce, light, records, numbers, self.settings.seed, where=places)
 
-    def link(self, gather: TraceGather, transport: Transport, sites: Sites, numbers: np.ndarray) -> None:
-        """Fill the rows `numbers` of the transport by what the rays of the last gather met, from these sites."""
-        transport.fill(numbers, self._shares(gather, sites, numbers), gather.hits(len(numbers)))
+    def link(self, gather: TraceGather, transport: Transport, places: Places, numbers: np.ndarray) -> None:
+        """Fill the rows `numbers` of the transport by what the rays of the last gather met, from these places."""
+        transport.fill(numbers, self._shares(gather, places.of(numbers)), gather.hits(len(numbers)))
 
-    def _shares(self, gather: TraceGather, sites: Sites, numbers: np.ndarray) -> np.ndarray:
-        """(N, R) cosθ·dω of the rays of sites, 0 for those below the surface."""
-        frames = tangent_frames(sites.normal, sites.frame_rotations(numbers), self.settings.seed)
-        below = np.einsum("nij,nj->ni", frames, sites.geometric) @ gather.directions.T <= 0.0
-        return np.where(below, 0.0, gather.share.ravel())
+    def survey(self, gather: TraceGather, light: HitLight, records: RecordCache, survey: Survey, numbers: np.ndarray) -> None:
+        """Let the survey take in what rays from the sites of these `numbers` meet, and `records` E_1 by them."""
+        gather_records(gather, self._survey_reduce, light, records, numbers, self.settings.seed)
+        share = self._shares(gather, records.sites(numbers))
+        survey.take_in(numbers, share, gather.hits(len(numbers)), gather.met(len(numbers)))
+
+    def _shares(self, gather: TraceGather, sites: Sites) -> np.ndarray:
+        """(N, R) cosθ·dω of the rays from these places, those of N sites, 0 for those below the surface."""
+        assert sites.frame_rotation is not None
+        frames = tangent_frames(sites.normal, sites.frame_rotation, self.settings.seed)
+        upward = np.einsum("nij,nj->ni", frames, sites.geometric).reshape(-1, gather.places, 3)
+        share = np.empty((len(upward), gather.share.size))
+        for place in range(gather.places):
+            texels = gather.places_of_texels == place
+            below = upward[:, place] @ gather.directions[texels].T <= 0.0
+            share[:, texels] = np.where(below, 0.0, gather.share.ravel()[texels])
+        return share
 
     def see(self, lines: np.ndarray) -> np.ndarray:
         """(N,) which of these sight lines (N, 3, 3) are free; what is cut out, only shaders know."""
         if self._embree and not self.world.material_defines["CUT_OUTS"]:
             return seen_by_embree(self.world.caster, lines)
         return self._visibility(self.world.ray_uniforms, lines)
+
+
+class PlaceSearch:
+    """The search for the places that the sites `laid_out` look from, by a survey along few rays."""
+
+    def __init__(self, rays: SiteRays, laid_out: LaidOut) -> None:
+        self._rays, self._laid_out, self._pace = rays, laid_out, Pace(rays.ctx)
+        records = laid_out.records
+        gather = rays.survey_gather()
+        self._survey = Survey(records.sites(slice(0, records.count)), gather.share.size)
+        self._drawing: Generator[None, None, Places] | None = None
+
+    def go_on(self, shadows: ShadowMaps, budget: Budget) -> Places | None:
+        """Go on as far as the budget goes; the places, once they are found."""
+        rays, laid_out, survey = self._rays, self._laid_out, self._survey
+        records, gather = laid_out.records, rays.survey_gather()
+        light = HitLight(shadows, {"scene": laid_out.table.uniforms("scene"), "tree": laid_out.table.uniforms("tree")})
+        for count in self._pace.batches(records.count - survey.done, gather.capacity, budget, gather.share.size):
+            rays.survey(gather, light, records, survey, survey.done + np.arange(count))
+        if survey.done < records.count:
+            return None
+        if self._drawing is None:
+            E_1 = records.read()["irradiance"]
+            E_1[:FIRST_SITE] = 0.0
+            area, corners = laid_out.layout.area, rays.world.tree.corners
+            self._drawing = beside(partial(survey.places, E_1, area, corners, rays.settings.seed), None)
+        try:
+            while True:
+                next(self._drawing)
+                if budget.left <= 0.0:
+                    return None
+        except StopIteration as end:
+            found: Places = end.value
+            return found

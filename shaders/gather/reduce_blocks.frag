@@ -1,5 +1,6 @@
 // First step of the reduction: the sums over one block of a record's cell.
 #include "generated/constants.glsl"
+#include "gather/places.glsl"
 #include "lighting/sky.glsl"
 
 uniform sampler2D radiance;  // the atlas: rgb radiance, a distance (0: nothing hit)
@@ -9,7 +10,7 @@ uniform sampler2D table;     // one cell: direction in the record's frame, cosθ
 uniform sampler2D rays;      // the same with the directions in which the texels look
 #endif
 uniform sampler2D edges;     // two texels a texel: the edges to its right and upper neighbours, and which those are
-uniform sampler2D frames;    // texel (i, 3): record i's geometric normal in its frame
+uniform sampler2D frames;    // texels (i, 0..2): the frame at place i, (i, 3): the geometric normal in it
 uniform ivec2 cell;          // texels of a cell
 uniform ivec2 block;         // texels of a block
 uniform int columns;         // cells per row
@@ -45,17 +46,26 @@ vec4 seen(ivec2 corner, ivec2 texel, vec4 direction, SkyFrame sky_there)
     return s.a > 0.0 ? vec4(s.rgb, 1.0 / s.a) : vec4(sky_along(direction, sky_there), 0.0);
 }
 
+// Frame, geometric normal in it and sky at a place that a record looks from.
+void looks_from(int place, out mat3 frame, out vec3 g, out SkyFrame sky_there)
+{
+    frame = mat3(texelFetch(frames, ivec2(place, 0), 0).xyz, texelFetch(frames, ivec2(place, 1), 0).xyz,
+                 texelFetch(frames, ivec2(place, 2), 0).xyz);
+    g = texelFetch(frames, ivec2(place, 3), 0).xyz;
+    sky_there = sky_frame(frame);
+}
+
 void main()
 {
     ivec2 first = ivec2(gl_FragCoord.xy) * block;
     ivec2 place = first / cell, corner = place * cell, inside = first - corner;
-    vec3 g = texelFetch(frames, ivec2(place.y * columns + place.x, 3), 0).xyz;
     out_sums = vec4(0.0);
     out_share = vec2(0.0);
     int record = place.y * columns + place.x;
-    mat3 frame = mat3(texelFetch(frames, ivec2(record, 0), 0).xyz, texelFetch(frames, ivec2(record, 1), 0).xyz,
-                      texelFetch(frames, ivec2(record, 2), 0).xyz);
-    SkyFrame sky_there = sky_frame(frame);
+    mat3 frame;
+    vec3 g;
+    SkyFrame sky_there;
+    looks_from(place_of_texel(record, ivec2(0)), frame, g, sky_there);
 #if GRADIENTS
     mat3 M = mat3(0.0), G = mat3(0.0);
     vec3 H = vec3(0.0);
@@ -66,6 +76,9 @@ void main()
     for (int y = inside.y; y < inside.y + block.y; ++y)
         for (int x = inside.x; x < inside.x + block.x; ++x)
         {
+#if PLACES > 1
+            looks_from(place_of_texel(record, ivec2(x, y)), frame, g, sky_there);
+#endif
             vec4 direction = texelFetch(table, ivec2(x, y), 0);
             if (dot(direction.xyz, g) <= 0.0) continue;  // below the surface itself
             vec4 L = seen(corner, ivec2(x, y), direction, sky_there);

@@ -1,6 +1,7 @@
 // Last step of the reduction: a record's blocks become its irradiance, its harmonic mean distance and its gradients.
 #include "generated/constants.glsl"
 #include "generated/record_outputs.glsl"
+#include "gather/places.glsl"
 
 uniform sampler2D sums;
 uniform sampler2D share;
@@ -12,7 +13,7 @@ uniform sampler2D sums_g_r;
 uniform sampler2D sums_g_g;
 uniform sampler2D sums_g_b;
 #endif
-uniform sampler2D frames;    // texels (i, 0..2): the batch's record i's tangent, bitangent, normal
+uniform sampler2D frames;    // texels (i, 0..2): tangent, bitangent, normal at place i
 uniform ivec2 blocks;        // per cell
 uniform int columns;         // cells per row
 uniform vec2 radii;          // metres: the least and the greatest radius there is
@@ -58,9 +59,9 @@ void main()
 #endif
     // Ward et al. 1988: R = Σ cosθ·dω / Σ (cosθ·dω / r)
     float R = clamp(solid / max(total.a, 1e-30), radii.x, radii.y);
-    vec3 normal = texelFetch(frames, ivec2(i, 2), 0).xyz;
+    vec3 normal = texelFetch(frames, ivec2(i * PLACES, 2), 0).xyz;
 #if GRADIENTS
-    mat3 world = mat3(texelFetch(frames, ivec2(i, 0), 0).xyz, texelFetch(frames, ivec2(i, 1), 0).xyz, normal);
+    mat3 world = mat3(texelFetch(frames, ivec2(i * PLACES, 0), 0).xyz, texelFetch(frames, ivec2(i * PLACES, 1), 0).xyz, normal);
     M = world * M;
     G = world * G;
     // the Hessian's eigenvalues, and the axis of the lesser of them

@@ -1,7 +1,8 @@
 // A point for each record of the batch, on its own texel of the cache.
+#include "gather/places.glsl"
 #include "lib/table.glsl"
 
-uniform sampler2D frames;  // texel (i, 3), w: the batch's record i's number in the cache
+uniform sampler2D frames;  // texel (i, 3), w: the number in the cache of the record that looks from place i
 uniform ivec2 table;       // columns and rows of the cache
 
 flat out int v_index;
@@ -9,6 +10,6 @@ flat out int v_index;
 void main()
 {
     v_index = gl_VertexID;
-    int number = int(texelFetch(frames, ivec2(gl_VertexID, 3), 0).w);
+    int number = int(texelFetch(frames, ivec2(gl_VertexID * PLACES, 3), 0).w);
     gl_Position = table_point(number, table);
 }

@@ -6,6 +6,7 @@
 #include "lib/material_table.glsl"
 #include "lib/normals.glsl"
 #include "lib/bvh.glsl"
+#include "gather/places.glsl"
 #include "gather/within_box.glsl"
 #if EMITTERS
 #include "lighting/emitters_hit.glsl"
@@ -20,7 +21,7 @@
 #include "surface_cache/lookup.glsl"
 #endif
 
-uniform sampler2D frames;    // texels (i, 0..2): record i's tangent, bitangent and normal, (i, 4): where it looks from
+uniform sampler2D frames;    // texels (i, 0..2): tangent, bitangent and normal at place i, (i, 4): where is looked from
 uniform ivec2 cell;          // azimuths and elevations of a record
 uniform int columns;         // cells per row
 uniform float near;          // metres
@@ -34,6 +35,10 @@ layout(location = 1) out vec4 out_plane;     // of what is hit: 1/distance in th
 layout(location = 2) out vec4 out_values;  // numbers of the three values of the surface cache at the hit, weight of the first
 layout(location = 3) out vec4 out_albedo;  // reflectance there, weight of the second; the third's is the rest
 #endif
+#if MET
+layout(location = 4) out vec4 out_place;   // where that is, and on which triangle
+layout(location = 5) out vec4 out_normal;  // the shading normal there
+#endif
 
 const float FARTHEST = 4.0;  // times the ray's length, where a corner looks past the plane's horizon
 const int PARTS = 4;         // of a stratum
@@ -42,9 +47,10 @@ void main()
 {
     vec2 place = floor(gl_FragCoord.xy / vec2(cell)), inside = gl_FragCoord.xy - place * vec2(cell);
     int record = int(place.y) * columns + int(place.x);
-    mat3 frame = mat3(texelFetch(frames, ivec2(record, 0), 0).xyz, texelFetch(frames, ivec2(record, 1), 0).xyz,
-                      texelFetch(frames, ivec2(record, 2), 0).xyz);
-    vec3 eye = texelFetch(frames, ivec2(record, 4), 0).xyz;
+    int from = place_of_texel(record, ivec2(inside));
+    mat3 frame = mat3(texelFetch(frames, ivec2(from, 0), 0).xyz, texelFetch(frames, ivec2(from, 1), 0).xyz,
+                      texelFetch(frames, ivec2(from, 2), 0).xyz);
+    vec3 eye = texelFetch(frames, ivec2(from, 4), 0).xyz;
 
     // equal steps of azimuth and of sin²θ are equal shares of E; the middle of both stands for the stratum
     vec3 azimuth = (inside.x + vec3(0.0, -0.5, 0.5)) * (2.0 * PI / float(cell.x));
@@ -115,6 +121,11 @@ void main()
     out_albedo = lit ? vec4(material.albedo, look.weights.y) : vec4(0.0);
 #elif SURFACE
     E += surface_irradiance(hit.triangle, receiver.p, g);
+#endif
+#if MET
+    // MET goes with HITS
+    out_place = vec4(receiver.p, float(hit.triangle));
+    out_normal = vec4(receiver.n, 0.0);
 #endif
     vec3 L = outgoing_radiance(material, E);
     out_radiance = hit.t < FARTHEST_HIT ? vec4(L, max(hit.t, 0.05 * near)) : vec4(0.0);

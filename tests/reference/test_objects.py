@@ -219,7 +219,7 @@ def test_light_agrees_with_mitsubas_path_tracer(mitsuba: Any, name: str, bias: f
 
 
 def test_a_file_of_mitsuba_loads_alike_each_time(mitsuba: Any, tmp_path: Any) -> None:
-    """Mitsuba has shapes without a name in another order at each load: records would lie elsewhere, and no truth be found again."""
+    """Mitsuba has shapes without a name in another order at each load: records would lie elsewhere, and truths be lost."""
     shape = '<shape type="rectangle"><transform name="to_world"><translate x="{}" /></transform></shape>'
     path = tmp_path / "row.xml"
     path.write_text(f'<scene version="3.0.0">{"".join(shape.format(3 * i) for i in range(40))}</scene>')

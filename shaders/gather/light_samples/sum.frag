@@ -5,6 +5,7 @@
 // not, tells how shadows move (docs/METHOD.md, 3.8).
 #include "gather/light_samples/sample.glsl"
 #include "gather/ray_density.glsl"
+#include "gather/places.glsl"
 
 uniform ivec2 blocks;    // of a cell
 uniform int columns;     // cells per row
@@ -49,7 +50,7 @@ void main()
 {
     ivec2 at = ivec2(gl_FragCoord.xy), place = at / blocks, inside = at - place * blocks;
     int record = place.y * columns + place.x;
-    Viewpoint from = viewpoint(record);
+    Viewpoint from = viewpoint(place_of_sample(record, 0));
     vec3 E = vec3(0.0);
 #if GRADIENTS
     mat3 M = mat3(0.0), G = mat3(0.0);
@@ -67,6 +68,9 @@ void main()
 #endif
     for (float s = span.x + float(inside.y * blocks.x + inside.x); s < span.y; s += float(blocks.x * blocks.y))
     {
+#if PLACES > 1
+        from = viewpoint(place_of_sample(record, int(s)));
+#endif
         LightSample point = light_sample(s, from);
 #if SEEN
         int bits = int(texelFetch(seen, ivec2(int(s), record), 0).r);

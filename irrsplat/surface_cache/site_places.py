@@ -1,0 +1,159 @@
+"""Where the sites of a surface cache look from: places where rays from elsewhere meet the surface that each speaks for.
+
+A site speaks for all of its cluster: the bright and the dark side of a moulding, a table with and without what stands on it.
+Where its middle is dark, and what others see of the cluster bright, a room whose light comes by such surfaces loses some at each
+bounce. So the rays of a site start from PLACES places, drawn from where rays of other sites hit what it speaks for, each hit by
+its share of the light that is passed on. What the site says is then the mean over what others see of it: a Galerkin projection
+(Zatz 1993, "Galerkin Radiosity") by the measure of the hits, which keeps the light that is passed on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from irrsplat.core.buffers import Sites
+from irrsplat.core.vectors import triangle_normals
+from irrsplat.records.motion import carried
+from irrsplat.scene.change import SceneChange
+from irrsplat.surface_cache.site_layout import FIRST_SITE
+from irrsplat.surface_cache.transport import Transport, sum_bounces
+
+PLACES = 8  # of a site
+_BOUNCES = 8  # along which the importance of sites is followed
+_BRIGHT = 0.5  # of the mean: brighter sites count as this, or few of them would draw all places
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """PLACES places of each of S sites, one site's after the other's: `sites`, (S·PLACES,), with their triangles."""
+
+    sites: Sites
+
+    def of(self, numbers: np.ndarray) -> Sites:
+        """The places of the sites of these numbers (N,), (N·PLACES,)."""
+        rows = _rows(numbers)
+        return replace(self.sites[rows], frame_rotation=rows)
+
+    def moved(self, change: SceneChange) -> Places:
+        """Those on meshes that have moved where these are now."""
+        assert self.sites.triangle is not None
+        moved = carried(self.sites.position, self.sites.triangle, change)
+        columns = {name: getattr(self.sites, name).copy() for name in ("position", "normal", "geometric")}
+        columns["position"][moved.numbers] = moved.position
+        for name in ("normal", "geometric"):
+            columns[name][moved.numbers] = moved.normals(columns[name][moved.numbers])
+        return Places(replace(self.sites, **columns))
+
+    def onto(self, others: Places, numbers: np.ndarray) -> Places:
+        """The places of `others`, which may have more sites, but those of these numbers (N,) as they are here."""
+        rows = _rows(numbers)
+        columns = {name: getattr(others.sites, name).copy() for name in ("position", "normal", "geometric", "triangle")}
+        for name, column in columns.items():
+            column[rows] = getattr(self.sites, name)[rows]
+        return Places(Sites(**columns))
+
+
+def _rows(numbers: np.ndarray) -> np.ndarray:
+    """(N·PLACES,) the rows of the places of the sites of these numbers (N,)."""
+    rows: np.ndarray = (PLACES * numbers[:, None] + np.arange(PLACES)).ravel()
+    return rows
+
+
+@dataclass(frozen=True, eq=False)
+class _Hits:
+    """N hits of rays from the sites `origin` (N,).
+
+    sites: (N, 3) those that speak for the place, and share: (N, 3) of what the ray carries, how much comes to each. position and
+    shading normal: (N, 3). triangle: (N,).
+    """
+
+    origin: np.ndarray
+    sites: np.ndarray
+    share: np.ndarray
+    position: np.ndarray
+    normal: np.ndarray
+    triangle: np.ndarray
+
+
+class Survey:
+    """What a few rays from each of the `sites` (S,) find: what they hit, and by `transport` how light is passed on. Of the sites
+    the first `done` have sent theirs."""
+
+    def __init__(self, sites: Sites, rays: int) -> None:
+        self.sites, self.done = sites, FIRST_SITE
+        self.transport = Transport(len(sites), rays)
+        none = np.zeros((0, 3), np.float32)
+        self._hits = [_Hits(np.zeros(0, np.intp), none.astype(np.intp), none, none, none, np.zeros(0, np.intp))]
+
+    def take_in(
+        self,
+        numbers: np.ndarray,
+        share: np.ndarray,
+        hits: tuple[np.ndarray, np.ndarray, np.ndarray],
+        met: tuple[np.ndarray, np.ndarray, np.ndarray],
+    ) -> None:
+        """Take in the rays of the sites of these numbers (N,): what they hit, as Transport.fill has it, and where, as
+        TraceGather.met has it."""
+        self.transport.fill(numbers, share, hits)
+        sites, weights, albedo = hits
+        part = weights * (share * albedo.mean(-1))[..., None]
+        part[sites < FIRST_SITE] = 0.0
+        rays = np.nonzero(part.any(-1))
+        self._hits.append(_Hits(numbers[rays[0]], sites[rays], part[rays], *(column[rays] for column in met)))
+        self.done += len(numbers)
+
+    def places(self, E_1: np.ndarray, area: np.ndarray, corners: np.ndarray, seed: int) -> Places:
+        """Places for the sites, by E_1 (S, 3) at them and the `area` (S,) that each stands for, in a scene of triangles with
+        these `corners` (F, 3, 3). A site that no ray met looks from where it lies."""
+        hits = _Hits(*(np.concatenate([getattr(one, column.name) for one in self._hits]) for column in fields(_Hits)))
+        E, importance = self._light(E_1, area)
+        carried_on = hits.share.sum(1)
+        nearest = hits.sites[np.arange(len(hits.sites)), hits.share.argmax(1)]
+        light = (hits.share * E[hits.sites]).sum(1) / carried_on
+        drawn = _drawn(nearest, importance[hits.origin] * carried_on, light, len(self.sites), seed)
+        met = drawn >= 0
+        hit, at = drawn[met], np.repeat(np.arange(len(self.sites)), PLACES)
+        assert self.sites.triangle is not None
+        columns = [getattr(self.sites, name)[at] for name in ("position", "normal", "geometric", "triangle")]
+        position, normal, geometric, triangle = columns
+        position[met], normal[met], triangle[met] = hits.position[hit], hits.normal[hit], hits.triangle[hit]
+        upward = triangle_normals(corners[triangle[met]])[0].T
+        below = ((self.sites.position[hits.origin[hit]] - position[met]) * upward).sum(1) < 0.0
+        geometric[met] = np.where(below[:, None], -upward, upward)
+        return Places(Sites(position, normal, geometric, triangle))
+
+    def _light(self, E_1: np.ndarray, area: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(S,) about how bright the sites are, W/m², and how much each counts for what is seen, straight or by way of up to
+        _BOUNCES others. Where people look is not known; but for what is very bright, they see surfaces by the light there."""
+        *_, bounced = sum_bounces(E_1, self.transport, area, _BOUNCES, False)
+        E = bounced.irradiance.mean(1).astype(float)
+        whole = float(area.sum())
+        mean = float(np.einsum("s,s->", area, E)) / whole if whole > 0.0 else 0.0
+        importance = seen = area * np.minimum(E, _BRIGHT * mean)
+        backward = [matrix.T for matrix in self.transport.matrices]
+        for _ in range(_BOUNCES):
+            seen = sum(matrix @ seen for matrix in backward) / len(backward)
+            importance = importance + seen
+        return E, importance
+
+
+def _drawn(sites: np.ndarray, weight: np.ndarray, light: np.ndarray, count: int, seed: int) -> np.ndarray:
+    """(count·PLACES,) for each of `count` sites the numbers of hits on it, where `sites` (N,) tells the site of each; -1 for a
+    site without any.
+
+    They are drawn by their `weight` (N,), at equal steps of it from a start by chance, in the order of their `light` (N,), so
+    that dark and bright ones come in by their shares.
+    """
+    order = np.flatnonzero(weight > 0.0)
+    order = order[np.lexsort((light[order], sites[order]))]
+    bounds = np.searchsorted(sites[order], np.arange(count + 1))
+    sums = np.append(0.0, np.cumsum(weight[order]))
+    start = np.random.default_rng(seed).random(count)
+    steps = (np.arange(PLACES) + start[:, None]) / PLACES
+    first, after = bounds[:-1, None], bounds[1:, None]
+    at = np.searchsorted(sums[1:], sums[first] + steps * (sums[after] - sums[first]), side="right")
+    at = np.clip(at, first, np.maximum(after - 1, first))
+    drawn = np.append(order, -1)[np.minimum(at, len(order))]
+    return np.where(first < after, drawn, -1).ravel()
