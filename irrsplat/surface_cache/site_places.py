@@ -3,8 +3,8 @@
 A site speaks for all of its cluster: the bright and the dark side of a moulding, a table with and without what stands on it.
 Where its middle is dark, and what others see of the cluster bright, a room whose light comes by such surfaces loses some at each
 bounce. So the rays of a site start from PLACES places, drawn from where rays of other sites hit what it speaks for, each hit by
-its share of the light that is passed on. What the site says is then the mean over what others see of it: a Galerkin projection
-(Zatz 1993, "Galerkin Radiosity") by the measure of the hits, which keeps the light that is passed on.
+its share of what is passed on. What the site says is then the mean over what others see of it: a Galerkin projection (Zatz 1993,
+"Galerkin Radiosity") by the measure of the hits, which keeps the light that is passed on.
 """
 
 from __future__ import annotations
@@ -18,11 +18,10 @@ from irrsplat.core.vectors import triangle_normals
 from irrsplat.records.motion import carried
 from irrsplat.scene.change import SceneChange
 from irrsplat.surface_cache.site_layout import FIRST_SITE
-from irrsplat.surface_cache.transport import Transport, sum_bounces
+from irrsplat.surface_cache.transport import Transport
 
 PLACES = 8  # of a site
 _BOUNCES = 8  # along which the importance of sites is followed
-_BRIGHT = 0.5  # of the mean: brighter sites count as this, or few of them would draw all places
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,15 +103,13 @@ class Survey:
         self._hits.append(_Hits(numbers[rays[0]], sites[rays], part[rays], *(column[rays] for column in met)))
         self.done += len(numbers)
 
-    def places(self, E_1: np.ndarray, area: np.ndarray, corners: np.ndarray, seed: int) -> Places:
-        """Places for the sites, by E_1 (S, 3) at them and the `area` (S,) that each stands for, in a scene of triangles with
-        these `corners` (F, 3, 3). A site that no ray met looks from where it lies."""
+    def places(self, R: np.ndarray, area: np.ndarray, corners: np.ndarray, seed: int) -> Places:
+        """Places for the sites, by the harmonic mean distance R (S,) to what each sees, metres, and the `area` (S,) that each
+        stands for, in a scene of triangles with these `corners` (F, 3, 3). A site that no ray met looks from where it lies."""
         hits = _Hits(*(np.concatenate([getattr(one, column.name) for one in self._hits]) for column in fields(_Hits)))
-        E, importance = self._light(E_1, area)
-        carried_on = hits.share.sum(1)
         nearest = hits.sites[np.arange(len(hits.sites)), hits.share.argmax(1)]
-        light = (hits.share * E[hits.sites]).sum(1) / carried_on
-        drawn = _drawn(nearest, importance[hits.origin] * carried_on, light, len(self.sites), seed)
+        weight = self._importance(R, area)[hits.origin] * hits.share.sum(1)
+        drawn = _drawn(nearest, weight, len(self.sites), seed)
         met = drawn >= 0
         hit, at = drawn[met], np.repeat(np.arange(len(self.sites)), PLACES)
         assert self.sites.triangle is not None
@@ -124,30 +121,25 @@ class Survey:
         geometric[met] = np.where(below[:, None], -upward, upward)
         return Places(Sites(position, normal, geometric, triangle))
 
-    def _light(self, E_1: np.ndarray, area: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(S,) about how bright the sites are, W/m², and how much each counts for what is seen, straight or by way of up to
-        _BOUNCES others. Where people look is not known; but for what is very bright, they see surfaces by the light there."""
-        *_, bounced = sum_bounces(E_1, self.transport, area, _BOUNCES, False)
-        E = bounced.irradiance.mean(1).astype(float)
-        whole = float(area.sum())
-        mean = float(np.einsum("s,s->", area, E)) / whole if whole > 0.0 else 0.0
-        importance = seen = area * np.minimum(E, _BRIGHT * mean)
+    def _importance(self, R: np.ndarray, area: np.ndarray) -> np.ndarray:
+        """(S,) how much the light of each site counts for what is seen, straight or by way of up to _BOUNCES others.
+
+        Where people look from is not known: a surface counts the more, the more space there is before it to see it from. Lamps
+        do not count, so that places stay when they change.
+        """
+        importance = seen = area * np.where(area > 0.0, np.sqrt(R), 0.0)
         backward = [matrix.T for matrix in self.transport.matrices]
         for _ in range(_BOUNCES):
             seen = sum(matrix @ seen for matrix in backward) / len(backward)
             importance = importance + seen
-        return E, importance
+        return importance
 
 
-def _drawn(sites: np.ndarray, weight: np.ndarray, light: np.ndarray, count: int, seed: int) -> np.ndarray:
+def _drawn(sites: np.ndarray, weight: np.ndarray, count: int, seed: int) -> np.ndarray:
     """(count·PLACES,) for each of `count` sites the numbers of hits on it, where `sites` (N,) tells the site of each; -1 for a
-    site without any.
-
-    They are drawn by their `weight` (N,), at equal steps of it from a start by chance, in the order of their `light` (N,), so
-    that dark and bright ones come in by their shares.
-    """
+    site without any. They are drawn by their `weight` (N,), at equal steps of it from a start by chance."""
     order = np.flatnonzero(weight > 0.0)
-    order = order[np.lexsort((light[order], sites[order]))]
+    order = order[np.argsort(sites[order], kind="stable")]
     bounds = np.searchsorted(sites[order], np.arange(count + 1))
     sums = np.append(0.0, np.cumsum(weight[order]))
     start = np.random.default_rng(seed).random(count)

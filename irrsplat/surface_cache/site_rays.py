@@ -22,7 +22,6 @@ from irrsplat.lighting.light_table import light_defines
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.lookup_table import LaidOut
-from irrsplat.surface_cache.site_layout import FIRST_SITE
 from irrsplat.surface_cache.site_places import PLACES, Places, Survey
 from irrsplat.surface_cache.transport import Transport
 from irrsplat.surface_cache.visibility import VisibilityPass, seen_by_embree
@@ -110,7 +109,7 @@ class SiteRays(Owner):
         transport.fill(numbers, self._shares(gather, places.of(numbers)), gather.hits(len(numbers)))
 
     def survey(self, gather: TraceGather, light: HitLight, records: RecordCache, survey: Survey, numbers: np.ndarray) -> None:
-        """Let the survey take in what rays from the sites of these `numbers` meet, and `records` E_1 by them."""
+        """Let the survey take in what rays from the sites of these `numbers` meet, and `records` how far away that is."""
         gather_records(gather, self._survey_reduce, light, records, numbers, self.settings.seed)
         share = self._shares(gather, records.sites(numbers))
         survey.take_in(numbers, share, gather.hits(len(numbers)), gather.met(len(numbers)))
@@ -154,10 +153,8 @@ class PlaceSearch:
         if survey.done < records.count:
             return None
         if self._drawing is None:
-            E_1 = records.read()["irradiance"]
-            E_1[:FIRST_SITE] = 0.0
-            area, corners = laid_out.layout.area, rays.world.tree.corners
-            self._drawing = beside(partial(survey.places, E_1, area, corners, rays.settings.seed), None)
+            R, area, corners = records.read()["radius"], laid_out.layout.area, rays.world.tree.corners
+            self._drawing = beside(partial(survey.places, R, area, corners, rays.settings.seed), None)
         try:
             while True:
                 next(self._drawing)
