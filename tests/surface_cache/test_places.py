@@ -177,14 +177,14 @@ def test_places_ride_along_with_their_triangles() -> None:
 @pytest.mark.parametrize("light_samples", [0, 64])
 def test_a_gather_from_places_is_made_of_gathers_from_each(ctx: moderngl.Context, light_samples: int) -> None:
     """Texel by texel each of 8 places has its turn: the same bits as in a gather from that place alone. From 8 times the same
-    place, the sums are those of one; from 8 others, about the mean of theirs."""
+    place, the sums are those of one; from 8 others, about the mean of theirs: a panel shines, which few of the rays find."""
     panel = irrsplat.Material(albedo=(0.0, 0.0, 0.0), emission=(4.0, 3.0, 2.0))
     lamp = irrsplat.make_mesh(
         [(-0.5, 2.4, -0.5), (0.5, 2.4, -0.5), (0.5, 2.4, 0.5), (-0.5, 2.4, 0.5)], [(0, 1, 2), (0, 2, 3)], panel
     )
     room = grooves()
     with Renderer(
-        irrsplat.make_scene([*room.meshes, lamp], room.lights, room.cameras),
+        irrsplat.make_scene([*room.meshes, lamp], cameras=room.cameras),
         (48, 36),
         bounces=1,
         gather="trace",
@@ -218,7 +218,7 @@ def test_a_gather_from_places_is_made_of_gathers_from_each(ctx: moderngl.Context
                 apart.append(sites)
                 gather_records(one, sums_of_one, light, apart, np.arange(count), 0)
                 mean = apart.read()["irradiance"].reshape(-1, PLACES, 3).mean(1)
-            assert np.sqrt(np.mean((together - mean) ** 2)) < 0.1 * mean.mean()
+            assert np.sqrt(np.mean((together - mean) ** 2)) < (0.05 if light_samples else 0.5) * mean.mean()
 
             gather_records(many, sums_of_many, light, cache, numbers, 0, where=lambda rows: same)
             E = cache.read()["irradiance"]
