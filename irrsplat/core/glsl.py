@@ -11,7 +11,7 @@ from irrsplat.core.material_layout import MATERIAL_ROWS, MaterialRow
 
 TABLE_COLUMNS = 1024  # items in a row of every table that shaders look things up in by number; a power of two
 NEIGHBOUR_STRIDE = 4096  # a texel's neighbour is packed into one float as row·NEIGHBOUR_STRIDE + column (gather/hemicube.py)
-VIEW_ROWS = 8  # rows of numbers that describe a face through which a record looks, see shaders/gather/raster_views.glsl
+VIEW_ROWS = 8  # rows of numbers that describe a face through which a record looks, see shaders/gather/raster/views.glsl
 MAX_EMITTER_CLUSTERS = 32  # of emissive triangles, among which light samples are shared out
 EYES_BESIDE = 6  # in a circle about a record, from which light samples are looked at as well
 WORTH = 4.0  # rays that a light sample is worth: near an emitter's rim a ray hits or misses, a light sample sees it for certain

@@ -97,3 +97,14 @@ def sphere(count: int) -> np.ndarray:
     height, angle = 1.0 - (2.0 * i + 1.0) / count, i * np.pi * (3.0 - np.sqrt(5.0))
     level = np.sqrt(1.0 - height * height)
     return np.stack([level * np.cos(angle), level * np.sin(angle), height], axis=1)
+
+
+def morton_codes(coordinates: np.ndarray) -> np.ndarray:
+    """(N,) int64: the bits of coordinates (3, N) in 0 … 1023, without their fractions, in turn. Points that are close to one
+    another mostly have close codes."""
+    code = np.zeros(coordinates.shape[1], np.int64)
+    for axis, number in enumerate(coordinates.astype(np.int64)):
+        for shift, mask in ((16, 0xFF0000FF), (8, 0x0F00F00F), (4, 0xC30C30C3), (2, 0x49249249)):
+            number = (number | number << shift) & mask
+        code |= number << axis
+    return code

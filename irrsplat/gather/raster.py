@@ -103,7 +103,7 @@ class RasterGather(Gather):
         return Atlas(radiance, planes, self.table, self.edges, self.frames, count, self.columns, self.cell, block, samples)
 
     def _views(self, frame: np.ndarray, eye: np.ndarray) -> np.ndarray:
-        """(F, 8, N, 4) float64: the rows of shaders/gather/raster_views.glsl for records with these frames (N, 3, 3) and eyes
+        """(F, 8, N, 4) float64: the rows of shaders/gather/raster/views.glsl for records with these frames (N, 3, 3) and eyes
         (N, 3)."""
         count = len(eye)
         rows = np.zeros((len(self.faces), VIEW_ROWS, count, 4))
@@ -124,7 +124,7 @@ class RasterGather(Gather):
 class Views:
     """The views of one call: F faces of N records.
 
-    rows: (F, 8, N, 4), as shaders/gather/raster_views.glsl reads them from `texture`. used: the rectangle of the atlas that they
+    rows: (F, 8, N, 4), as shaders/gather/raster/views.glsl reads them from `texture`. used: the rectangle of the atlas that they
     fill, (x, y, width, height) texels. near: the records' offset above their surfaces, metres. emitters: the uniforms by
     which what they see counts beside light samples.
     """
@@ -150,7 +150,7 @@ class SingleDraw(Owner):
     """One draw of all triangles in all views, into an atlas of `size` texels."""
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], defines: Mapping[str, int]) -> None:
-        self.program = Program(ctx, "gather/raster", defines={"EMITTERS": 0, "VIRTUAL_LIGHTS": 0, **defines, "MESHLETS": 0})
+        self.program = Program(ctx, "gather/raster/draw", defines={"EMITTERS": 0, "VIRTUAL_LIGHTS": 0, **defines, "MESHLETS": 0})
         self.target = Target(ctx, size, (4, 4), depth=True)
 
     def owned(self) -> tuple[Resource | None, ...]:
@@ -180,9 +180,9 @@ class MeshletDraw(Owner):
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int], defines: Mapping[str, int]) -> None:
         self.ctx = ctx
         cut_outs = {name: defines.get(name, 0) for name in ("TEXTURES", "CUT_OUTS")}
-        self.find_triangles = Program(ctx, "gather/raster_triangle", "gather/raster", {"MESHLETS": 1})
-        self.find_cut_outs = Program(ctx, "gather/raster_triangle", "gather/raster", {"MESHLETS": 1, **cut_outs})
-        self.shade = Program(ctx, "gather/raster_shade", defines={"EMITTERS": 0, "VIRTUAL_LIGHTS": 0, **defines, "MESHLETS": 0})
+        self.find_triangles = Program(ctx, "gather/raster/triangle", "gather/raster/draw", {"MESHLETS": 1})
+        self.find_cut_outs = Program(ctx, "gather/raster/triangle", "gather/raster/draw", {"MESHLETS": 1, **cut_outs})
+        self.shade = Program(ctx, "gather/raster/shade", defines={"EMITTERS": 0, "VIRTUAL_LIGHTS": 0, **defines, "MESHLETS": 0})
         self.triangle = Target(ctx, size, (1,), depth=True)
         self.target = Target(ctx, size, (4, 4))
         self.pairs: moderngl.Texture | None = None

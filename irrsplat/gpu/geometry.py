@@ -52,7 +52,7 @@ class MeshletGeometry(Owner):
 
     @property
     def uniforms(self) -> Uniforms:
-        """The uniforms by which shaders/gather/raster_shade.frag finds the triangle that a texel sees."""
+        """The uniforms by which shaders/gather/raster/shade.frag finds the triangle that a texel sees."""
         return {"triangle_table": self.triangle_table, "vertex_table": self.vertex_table}
 
     def owned(self) -> tuple[Resource, ...]:

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from irrsplat.core.vectors import morton_codes
+
 LEAF = 4  # triangles of a leaf at most; two bits of the shader's tables hold their number
 STEPS = 65533  # of the grid to which boxes are rounded, along an axis; with a margin of one on either side they fit in 16 bits
 _MARGIN = 0.05  # steps by which a box is larger than its content: more than what a shader's rounding may lose
@@ -137,9 +139,7 @@ def _cells(boxes: np.ndarray) -> _Cells:
     centre, wide = boxes[:3] - boxes[3:], -(boxes[:3] + boxes[3:]).min(axis=0)
     start = centre.min(axis=1, keepdims=True)
     whole = np.maximum((centre.max(axis=1, keepdims=True) - start).max(), np.float32(1e-30))
-    code = np.zeros(boxes.shape[1], np.int64)
-    for axis, at in enumerate(np.minimum((centre - start) * np.float32(1 << _DEPTH) / whole, (1 << _DEPTH) - 1).astype(np.int64)):
-        code |= _spread(at) << axis
+    code = morton_codes(np.minimum((centre - start) * np.float32(1 << _DEPTH) / whole, (1 << _DEPTH) - 1))
     for size in _SIZES:
         code += (2.0 * wide > size * whole).astype(np.int64) << 3 * _DEPTH  # centres are twice as far apart as they seem
     packed = np.sort(code << 32 | np.arange(len(code)))
@@ -155,13 +155,6 @@ def _cells(boxes: np.ndarray) -> _Cells:
         begin = np.flatnonzero(many & (differs >> 3 * (_DEPTH - depth) != 0))
     bounds = np.minimum.reduceat(np.take(boxes, order, axis=1), begin, axis=1)
     return _Cells(bounds, np.diff(begin, append=len(code)), order)
-
-
-def _spread(number: np.ndarray) -> np.ndarray:
-    """(N,) int64: numbers of _DEPTH bits with two zeros before each bit."""
-    for shift, mask in ((16, 0xFF0000FF), (8, 0x0F00F00F), (4, 0xC30C30C3), (2, 0x49249249)):
-        number = (number | number << shift) & mask
-    return number
 
 
 def _levels(boxes: np.ndarray, counts: np.ndarray, weights: np.ndarray | None, items: np.ndarray | None = None) -> _Levels:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from irrsplat.core.buffers import Sites
-from irrsplat.core.vectors import triangle_normals
+from irrsplat.core.vectors import morton_codes, triangle_normals
 from irrsplat.records.motion import carried
 from irrsplat.scene.change import SceneChange
 from irrsplat.surface_cache.site_layout import FIRST_SITE
@@ -109,7 +109,7 @@ class Survey:
         hits = _Hits(*(np.concatenate([getattr(one, column.name) for one in self._hits]) for column in fields(_Hits)))
         nearest = hits.sites[np.arange(len(hits.sites)), hits.share.argmax(1)]
         weight = self._importance(R, area)[hits.origin] * hits.share.sum(1)
-        drawn = _drawn(nearest, weight, len(self.sites), seed)
+        drawn = _drawn(nearest, weight, hits.position, len(self.sites), seed)
         met = drawn >= 0
         hit, at = drawn[met], np.repeat(np.arange(len(self.sites)), PLACES)
         assert self.sites.triangle is not None
@@ -135,11 +135,19 @@ class Survey:
         return importance
 
 
-def _drawn(sites: np.ndarray, weight: np.ndarray, count: int, seed: int) -> np.ndarray:
+def _drawn(sites: np.ndarray, weight: np.ndarray, position: np.ndarray, count: int, seed: int) -> np.ndarray:
     """(count·PLACES,) for each of `count` sites the numbers of hits on it, where `sites` (N,) tells the site of each; -1 for a
-    site without any. They are drawn by their `weight` (N,), at equal steps of it from a start by chance."""
+    site without any.
+
+    They are drawn by their `weight` (N,), at equal steps of it from a start by chance, along a way through their `position`
+    (N, 3) that goes from close to close: so all parts of what a site speaks for come in by their shares.
+    """
     order = np.flatnonzero(weight > 0.0)
-    order = order[np.argsort(sites[order], kind="stable")]
+    at = position[order]
+    low = at.min(0, initial=np.inf)
+    extent = max(float((at.max(0, initial=-np.inf) - low).max()), 1e-30)
+    way = morton_codes(((at - low) * (1023.0 / extent)).T)
+    order = order[np.lexsort((way, sites[order]))]
     bounds = np.searchsorted(sites[order], np.arange(count + 1))
     sums = np.append(0.0, np.cumsum(weight[order]))
     start = np.random.default_rng(seed).random(count)

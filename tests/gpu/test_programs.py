@@ -53,9 +53,9 @@ KINDS: dict[str, tuple[Light, ...]] = {
 
 LIT = {
     "lighting/direct",
-    "gather/raster",
-    "gather/raster_triangle",
-    "gather/raster_shade",
+    "gather/raster/draw",
+    "gather/raster/triangle",
+    "gather/raster/shade",
     "gather/trace",
     "lighting/site_light",
     "lighting/virtual_lights/find",

@@ -22,6 +22,7 @@ from irrsplat.renderer import Renderer
 from irrsplat.settings import SettingValues
 from irrsplat.surface_cache import site_layout
 from irrsplat.surface_cache.site_layout import FIRST_SITE
+from irrsplat.surface_cache.site_places import PLACES
 from tests.support.viewing import write_room
 
 SIZE = (64, 48)
@@ -104,11 +105,13 @@ def test_the_surface_cache_is_refined_in_ticks_until_the_scene_changes(tmp_path:
         gatherer, shadows = renderer.scheduler.gatherer, renderer.draw_shadows()
         surface = gatherer.surface_now
         assert surface is not None and surface.result is not None
-        fine = TraceGather(renderer.world, 64)
-        with fine, ReducePass(renderer.ctx, gradients=False) as reduce, RecordCache(renderer.ctx) as cache:
-            cache.append(surface.sites)
-            gather_records(fine, reduce, HitLight(shadows), cache, np.arange(cache.count), seed=0)
-            true = cache.read()["irradiance"]
+        laid_out, fine = surface._laid_out, TraceGather(renderer.world, 64, places=PLACES)
+        assert laid_out is not None and laid_out.places is not None
+        numbers, places = np.arange(FIRST_SITE, laid_out.records.count), laid_out.places.of
+        with fine, ReducePass(renderer.ctx, gradients=False, places=PLACES) as reduce, RecordCache(renderer.ctx) as cache:
+            cache.append(laid_out.layout.sites)
+            gather_records(fine, reduce, HitLight(shadows), cache, numbers, seed=0, where=places)
+            true = cache.read()["irradiance"][FIRST_SITE:]
 
         def off() -> float:
             assert surface.result is not None

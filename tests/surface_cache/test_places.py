@@ -12,7 +12,7 @@ import trimesh
 
 import irrsplat
 from irrsplat.core.buffers import HitLight, Sites
-from irrsplat.core.vectors import triangle_normals
+from irrsplat.core.vectors import morton_codes, triangle_normals
 from irrsplat.gather.look import gather_records
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.trace import TraceGather
@@ -128,7 +128,8 @@ def test_hits_are_drawn_by_their_weights() -> None:
     rng = np.random.default_rng(3)
     sites, weight = rng.integers(0, 5, 60), rng.random(60)
     sites[sites == 3], weight[::7] = 4, 0.0
-    drawn = _drawn(sites, weight, 6, seed=1).reshape(6, PLACES)
+    position = rng.random((60, 3))
+    drawn = _drawn(sites, weight, position, 6, seed=1).reshape(6, PLACES)
     assert (drawn[[3, 5]] == -1).all()
     for site in (0, 1, 2, 4):
         assert (sites[drawn[site]] == site).all()
@@ -136,10 +137,26 @@ def test_hits_are_drawn_by_their_weights() -> None:
         expected = PLACES * np.where(sites == site, weight, 0.0) / weight[sites == site].sum()
         assert (np.abs(times - expected) < 1.0).all() and not times[weight == 0.0].any()
     means = np.mean(
-        [np.bincount(_drawn(sites, weight, 6, seed=seed).reshape(6, PLACES)[0], minlength=60) for seed in range(400)], 0
+        [np.bincount(_drawn(sites, weight, position, 6, seed=seed).reshape(6, PLACES)[0], minlength=60) for seed in range(400)], 0
     )
     expected = PLACES * np.where(sites == 0, weight, 0.0) / weight[sites == 0].sum()
     assert np.abs(means - expected).max() < 0.1
+
+
+def test_codes_have_the_bits_of_coordinates_in_turn() -> None:
+    """By plain loops."""
+    at = np.random.default_rng(2).integers(0, 1024, (3, 40))
+    codes = [sum((int(at[axis, i]) >> bit & 1) << 3 * bit + axis for bit in range(10) for axis in range(3)) for i in range(40)]
+    assert morton_codes(at + 0.5).tolist() == codes
+
+
+def test_all_parts_of_a_site_come_in_by_their_shares() -> None:
+    """Of 1000 hits along a line of 1 m the drawn ones lie about an eighth of it apart."""
+    position = np.zeros((1000, 3))
+    position[:, 2] = np.random.default_rng(5).random(1000)
+    for seed in range(20):
+        drawn = np.sort(position[_drawn(np.zeros(1000, np.intp), np.ones(1000), position, 1, seed), 2])
+        assert np.abs(np.diff(drawn) - 1.0 / PLACES).max() < 0.05
 
 
 def test_places_of_chosen_sites_stay() -> None:

@@ -209,7 +209,7 @@ SHADERS = (
     ),
     Mutant(
         "π left out of what a texel brings",
-        "shaders/gather/raster_texel.glsl",
+        "shaders/gather/raster/texel.glsl",
         "outgoing_radiance(material, E)",
         "outgoing_radiance(material, PI * E)",
         ("tests/gather/test_analytic.py::test_what_a_texel_sees_of_a_lit_plane",),

@@ -1,6 +1,6 @@
 // The scene as many records see it at once: an instance is one face of one record, drawn into its own cell of an atlas. Where MESHLETS
 // triangles are drawn, it is one meshlet in such a face, and it is only marked which triangle is seen.
-#include "gather/raster_views.glsl"
+#include "gather/raster/views.glsl"
 #include "lib/table.glsl"
 
 in vec3 in_position;

@@ -1,5 +1,5 @@
 // The faces that records look through, each as a rectangle of the atlas: four vertices, and an instance for each face of each record.
-#include "gather/raster_views.glsl"
+#include "gather/raster/views.glsl"
 
 uniform int faces;   // of a record
 uniform vec2 atlas;  // texels

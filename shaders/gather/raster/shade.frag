@@ -1,8 +1,8 @@
-// The same as raster.frag where it is known which triangle each texel sees: one that many hide behind is lit alone.
-#include "gather/raster_texel.glsl"
+// The same as draw.frag where it is known which triangle each texel sees: one that many hide behind is lit alone.
+#include "gather/raster/texel.glsl"
 #include "generated/vertex_table.glsl"
 
-uniform sampler2D seen;            // the triangle that each texel of the atlas sees, as raster_triangle.frag has it
+uniform sampler2D seen;            // the triangle that each texel of the atlas sees, as triangle.frag has it
 uniform sampler2D triangle_table;  // a texel a triangle, in rows of TABLE_COLUMNS: its corners' numbers, and its own in the scene
 
 void main()

@@ -18,7 +18,7 @@ vec4 view_row(ivec2 record_and_face, int row)
 }
 
 #if !MESHLETS
-flat out vec2 v_centre;  // as gather/raster_texel.glsl takes them
+flat out vec2 v_centre;  // as gather/raster/texel.glsl takes them
 flat out vec3 v_eye;
 flat out vec3 v_right;
 flat out vec3 v_up;

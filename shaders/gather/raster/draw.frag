@@ -1,5 +1,5 @@
 // Radiance that leaves the surface towards the record, drawn as the scene is: whatever is in front comes last.
-#include "gather/raster_texel.glsl"
+#include "gather/raster/texel.glsl"
 #include "generated/interpolated.glsl"
 #if CUT_OUTS
 #include "lib/cut_outs.glsl"
