@@ -30,7 +30,7 @@ RAYS = 10 << 18  # of all sites together, about: where these are many, what ligh
 SIDES = (8, 16)  # the least and the greatest: side² rays a site
 _SURVEY = 4  # side² rays a site
 _LIGHT_SAMPLES = 0.25  # of its rays: a site's shadow rays to emitters, at most
-_BATCH = 128  # sites gathered at once, at most
+_BATCH, _SURVEY_BATCH = 128, 1024  # sites gathered at once, at most, and of which is told where their few rays hit
 
 
 class SiteRays(Owner):
@@ -76,6 +76,7 @@ class SiteRays(Owner):
         """Rays of this side from the places of sites; links: which sites they meet is told, too. survey: from the sites
         themselves, and it is told where they meet others."""
         lights, samples = light_defines(self.world.scene), min(self.settings.light_samples, int(_LIGHT_SAMPLES * side**2))
+        samples = 0 if survey else samples  # how much light there is does not count for that
         embree, emitters = self._embree, samples > 0 and emitter_table(self.world) is not None
         return self._made.get(
             name,
@@ -83,7 +84,7 @@ class SiteRays(Owner):
             lambda: TraceGather(
                 self.world,
                 side,
-                _BATCH,
+                _SURVEY_BATCH if survey else _BATCH,
                 surface=links,
                 hits=links,
                 met=survey,
