@@ -269,8 +269,6 @@ class Atlas:
     count: the number of records. block: the texels that the first reduction step sums at once, as (width, height).
     light_samples: the light samples that are to be taken as well.
     rays: like the table, with the directions in which the texels look; None: those of the table.
-    places: from how many each record looks, in turn (shaders/gather/places.glsl); frames tells of those of record i in so many
-    texels from (i·places, …) on.
     """
 
     radiance: moderngl.Texture
@@ -284,7 +282,6 @@ class Atlas:
     block: tuple[int, int]
     light_samples: tuple[LightSamples, ...] = ()
     rays: moderngl.Texture | None = None
-    places: int = 1
 
 
 @dataclass(frozen=True, eq=False)

@@ -29,8 +29,9 @@ class Gather(Owner):
     """A gather bound to its `world`, which it follows when that moves; made for the world's lights (see light_defines).
 
     kind: "raster", "plane", "trace" or "embree". capacity: records that one call takes at most. cell: texels, width and height,
-    of what a record sees. share: (height, width) cosθ·dω of each of them. places: from how many a record looks, see
-    Atlas.places. triangle_order: how it numbers the triangles that it hits.
+    of what a record sees. share: (height, width) cosθ·dω of each of them. places: from how many a record looks, in turn
+    (shaders/gather/places.glsl); an atlas's `frames` then has so many columns for each record. triangle_order: how it numbers the
+    triangles that it hits.
     """
 
     kind: str

@@ -28,7 +28,7 @@ class TraceGather(Gather):
     capacity: how many records one call takes at most (default: what a 96 MiB atlas holds). surface: the light that it is called
     with has a surface cache, too. hits: of that cache it is only noted which of its values speak for what the rays hit, for the
     method `hits`; met: and where that is, for the method `met`. places: from how many each record looks, see
-    Atlas.places. light_samples: a record's shadow rays to emitters, beside the rays that may find some; with emitters_apart
+    Gather.places. light_samples: a record's shadow rays to emitters, beside the rays that may find some; with emitters_apart
     neither counts. Raises InputError for more triangles than the GPU's textures hold, and where embreex is wanted and missing.
     """
 
@@ -136,7 +136,6 @@ class TraceGather(Gather):
             block,
             samples,
             self.looks,
-            self.places,
         )
 
     def _trace(self, rows: np.ndarray) -> Uniforms:

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from contextlib import contextmanager
+from typing import TypeVar
 
 import moderngl
 import numpy as np
 
 from irrsplat.core.errors import InputError
+
+Result = TypeVar("Result")
 
 _GATHER_SHARE = 0.2  # of a tick: gathering may take that much in any case, so that the picture refines however slow the rest is
 _FIRST_STEP = 64  # items: the largest first batch of a tick; each further one may be this plus four times the one before
@@ -92,6 +95,17 @@ class Budget:
         if self.seconds is None or self.tick is None:
             return self
         return Budget(max(share * (self.left - reserve), _GATHER_SHARE * self.seconds, least * self.tick), self.tick)
+
+    def go_on(self, work: Generator[object, None, Result]) -> Result | None:
+        """Go on with `work`, by one step at least, as far as this goes; what it returns, None where this ends before."""
+        try:
+            while True:
+                next(work)
+                if self.left <= 0.0:
+                    return None
+        except StopIteration as end:
+            result: Result = end.value
+            return result
 
 
 class Pace:

@@ -169,8 +169,7 @@ class SurfaceCache(Owner):
     def uniforms(self, table: LookupTable | None = None) -> dict[TriangleOrder, Uniforms]:
         """The uniforms of shaders/surface_cache/lookup.glsl for triangles numbered either way, with this table or else with that
         in use."""
-        table = table or self.lookup
-        return {"scene": table.uniforms("scene"), "tree": table.uniforms("tree")}
+        return (table or self.lookup).uniforms_by_order
 
     def view(self, gbuffer: GBuffer) -> moderngl.Texture:
         """What the cache says of every pixel, as SurfaceViewPass has it; valid until the next call."""

@@ -158,13 +158,9 @@ class FinerSites(Owner):
         """Go on choosing the sites."""
         if work.laid_out is not None or work.choosing is None:
             return work
-        try:
-            while True:
-                next(work.choosing)
-                if budget.left <= 0.0:
-                    return work
-        except StopIteration as end:
-            cut: SplitLayout = end.value
+        cut = budget.go_on(work.choosing)
+        if cut is None:
+            return work
         laid_out, transport = self._laid_out(cut.layout), None
         if self.settings.most_bounces > 2:
             transport = Transport(laid_out.records.count, self.rays.linking_gather(laid_out.records.count).share.size)
@@ -194,7 +190,7 @@ class FinerSites(Owner):
             return True
         assert places is not None
         gather, table, left = self.rays.linking_gather(records.count), work.laid_out.table, np.flatnonzero(~transport.known)
-        light = HitLight(shadows, {"scene": table.uniforms("scene"), "tree": table.uniforms("tree")})
+        light = HitLight(shadows, table.uniforms_by_order)
         for count in self._link_pace.batches(len(left), gather.capacity, budget, gather.share.size):
             numbers = left[done : done + count]
             self.rays.light(gather, light, records, numbers, places.of)

@@ -64,6 +64,11 @@ class LookupTable(Owner):
             "surface_known": int(self._known),
         }
 
+    @property
+    def uniforms_by_order(self) -> dict[TriangleOrder, Uniforms]:
+        """The uniforms for shaders that number triangles either way."""
+        return {"scene": self.uniforms("scene"), "tree": self.uniforms("tree")}
+
     def write(self, values: np.ndarray) -> None:
         """Set the values, (S, 3) of W/m²."""
         rows = np.zeros((self.values.width * self.values.height, 4), "f4")

@@ -64,12 +64,12 @@ def _rows(numbers: np.ndarray) -> np.ndarray:
 class _Hits:
     """N hits of rays from the sites `origin` (N,).
 
-    sites: (N, 3) those that speak for the place, and share: (N, 3) of what the ray carries, how much comes to each. position and
-    shading normal: (N, 3). triangle: (N,).
+    site: (N,) the one that counts most for the place. share: (N,) how much the ray passes on. position and shading normal:
+    (N, 3). triangle: (N,).
     """
 
     origin: np.ndarray
-    sites: np.ndarray
+    site: np.ndarray
     share: np.ndarray
     position: np.ndarray
     normal: np.ndarray
@@ -83,8 +83,8 @@ class Survey:
     def __init__(self, sites: Sites, rays: int) -> None:
         self.sites, self.done = sites, FIRST_SITE
         self.transport = Transport(len(sites), rays)
-        none = np.zeros((0, 3), np.float32)
-        self._hits = [_Hits(np.zeros(0, np.intp), none.astype(np.intp), none, none, none, np.zeros(0, np.intp))]
+        no_numbers, no_points = np.zeros(0, np.intp), np.zeros((0, 3), np.float32)
+        self._hits = [_Hits(no_numbers, no_numbers, np.zeros(0), no_points, no_points, no_numbers)]
 
     def take_in(
         self,
@@ -100,16 +100,17 @@ class Survey:
         part = weights * (share * albedo.mean(-1))[..., None]
         part[sites < FIRST_SITE] = 0.0
         rays = np.nonzero(part.any(-1))
-        self._hits.append(_Hits(numbers[rays[0]], sites[rays], part[rays], *(column[rays] for column in met)))
+        part = part[rays]
+        site = sites[rays][np.arange(len(part)), part.argmax(1)]
+        self._hits.append(_Hits(numbers[rays[0]], site, part.sum(1), *(column[rays] for column in met)))
         self.done += len(numbers)
 
     def places(self, R: np.ndarray, area: np.ndarray, corners: np.ndarray, seed: int) -> Places:
         """Places for the sites, by the harmonic mean distance R (S,) to what each sees, metres, and the `area` (S,) that each
         stands for, in a scene of triangles with these `corners` (F, 3, 3). A site that no ray met looks from where it lies."""
         hits = _Hits(*(np.concatenate([getattr(one, column.name) for one in self._hits]) for column in fields(_Hits)))
-        nearest = hits.sites[np.arange(len(hits.sites)), hits.share.argmax(1)]
-        weight = self._importance(R, area)[hits.origin] * hits.share.sum(1)
-        drawn = _drawn(nearest, weight, hits.position, len(self.sites), seed)
+        weight = self._importance(R, area)[hits.origin] * hits.share
+        drawn = _drawn(hits.site, weight, hits.position, len(self.sites), seed)
         met = drawn >= 0
         hit, at = drawn[met], np.repeat(np.arange(len(self.sites)), PLACES)
         assert self.sites.triangle is not None
@@ -143,10 +144,10 @@ def _drawn(sites: np.ndarray, weight: np.ndarray, position: np.ndarray, count: i
     (N, 3) that goes from close to close: so all parts of what a site speaks for come in by their shares.
     """
     order = np.flatnonzero(weight > 0.0)
-    at = position[order]
-    low = at.min(0, initial=np.inf)
-    extent = max(float((at.max(0, initial=-np.inf) - low).max()), 1e-30)
-    way = morton_codes(((at - low) * (1023.0 / extent)).T)
+    points = position[order]
+    low = points.min(0, initial=np.inf)
+    extent = max(float((points.max(0, initial=-np.inf) - low).max()), 1e-30)
+    way = morton_codes(((points - low) * (1023.0 / extent)).T)
     order = order[np.lexsort((way, sites[order]))]
     bounds = np.searchsorted(sites[order], np.arange(count + 1))
     sums = np.append(0.0, np.cumsum(weight[order]))

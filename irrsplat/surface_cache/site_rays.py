@@ -148,7 +148,7 @@ class PlaceSearch:
         """Go on as far as the budget goes; the places, once they are found."""
         rays, laid_out, survey = self._rays, self._laid_out, self._survey
         records, gather = laid_out.records, rays.survey_gather()
-        light = HitLight(shadows, {"scene": laid_out.table.uniforms("scene"), "tree": laid_out.table.uniforms("tree")})
+        light = HitLight(shadows, laid_out.table.uniforms_by_order)
         for count in self._pace.batches(records.count - survey.done, gather.capacity, budget, gather.share.size):
             rays.survey(gather, light, records, survey, survey.done + np.arange(count))
         if survey.done < records.count:
@@ -156,11 +156,4 @@ class PlaceSearch:
         if self._drawing is None:
             R, area, corners = records.read()["radius"], laid_out.layout.area, rays.world.tree.corners
             self._drawing = beside(partial(survey.places, R, area, corners, rays.settings.seed), None)
-        try:
-            while True:
-                next(self._drawing)
-                if budget.left <= 0.0:
-                    return None
-        except StopIteration as end:
-            found: Places = end.value
-            return found
+        return budget.go_on(self._drawing)
