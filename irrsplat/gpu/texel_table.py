@@ -8,6 +8,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.glsl import TABLE_COLUMNS
+from irrsplat.gpu.target import Target
 
 
 def row_count(items: int) -> int:
@@ -57,9 +58,10 @@ def read(ctx: moderngl.Context, texture: moderngl.Texture, first: int, last: int
 
 def copy(ctx: moderngl.Context, source: moderngl.Texture, target: moderngl.Texture) -> None:
     """Copy one texture into the first rows of another that is as wide and at least as high, on the GPU."""
-    windows = [ctx.framebuffer([texture]) for texture in (target, source)]
-    ctx.copy_framebuffer(*windows)
-    for window in windows:
+    into, of = (Target(ctx, texture.size, textures=[texture]) for texture in (target, source))
+    into.use()  # else a scissor of the last draw cuts off what is copied
+    ctx.copy_framebuffer(into.gl, of.gl)
+    for window in (into, of):
         window.release()
 
 
