@@ -20,7 +20,7 @@ from irrsplat.indirect.examine import Examination, ExaminePass, Screen, tile_sid
 from irrsplat.indirect.flight_order import FlightOrder
 from irrsplat.indirect.gathering.basis import BounceStatistics
 from irrsplat.indirect.gathering.record_gatherer import RecordGatherer
-from irrsplat.indirect.site_selection import choose, spacing
+from irrsplat.indirect.site_selection import chessboard, choose
 from irrsplat.indirect.view_state import ViewState
 from irrsplat.records.adaptive_radius import AdaptiveRadius
 from irrsplat.records.cache_file import CacheState
@@ -119,7 +119,7 @@ class RecordScheduler(Owner):
     def limit_radii(self, state: ViewState, last: bool = False) -> tuple[ViewState, bool]:
         """Hold new records against all others, as AdaptiveRadius does, and the old ones too where a view begins or, `last`, ends;
         whether any old one reaches otherwise now."""
-        changed = self.adaptation(self.settings, old_too=last or not state.limited)
+        changed = self.adaptation(self.settings, old_too=last or not state.limited, same_floor=state.queue is not None)
         return replace(state, limited=True), changed
 
     def missing(self, gbuffer: GBuffer, splats: SplatBuffer) -> float:
@@ -301,12 +301,14 @@ class RecordScheduler(Owner):
             reach = (settings.radius_max or _REACH) / 100.0 * measure(screen.size) / side  # tiles
             # of every other pixel a quarter of the tiles ask: about as many as would, were every pixel looked at
             asking, step = int(np.count_nonzero(found.asking)) * screen.pixel_stride**2, state.step
-            tiles = choose(found.asking, *spacing(step, reach, asking), settings.seed)
+            board = chessboard(step, reach, asking)
+            tiles = choose(found.asking, board, settings.seed + step)
             while asking and not len(tiles[0]):  # these fields of the chessboard ask for nothing: the next ones
                 step += 1
-                tiles = choose(found.asking, *spacing(step, reach, asking), settings.seed)
-            near = spacing(step, reach, asking)[0] == 1
-            return replace(state, missing=found.missing, holes=found.holes, step=step + 1, near=near), found.at(tiles)
+                board = chessboard(step, reach, asking)
+                tiles = choose(found.asking, board, settings.seed + step)
+            step += asking > 0  # looks that find nothing are no steps: there may be any number of them in small ticks
+            return replace(state, missing=found.missing, holes=found.holes, step=step, near=board.last), found.at(tiles)
 
     def _scan(
         self, state: ViewState, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps, camera: Camera, budget: Budget

@@ -3,40 +3,56 @@
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 _FEW = 256  # tiles that need a record: so few are served at once, without going from coarse to fine
+_FEWER = 64  # tiles that need a record: so few get one each; of more, neighbours would do with one together
 
 
-def spacing(step: int, reach: float, asking: int) -> tuple[int, int]:
-    """The width in tiles of the chessboard's squares, and the colour to use (-1: both), for a view's step 0, 1, 2, …
+class Chessboard(NamedTuple):
+    """Squares of the screen that get a record each in a round.
 
-    The squares shrink from the farthest reach of a record (`reach`, in tiles) to single tiles, with two steps for each width. If
-    only few tiles are `asking`, as after a small move of the camera, they are small from the start.
+    width: of a square, in tiles. colour: of the squares that are used, 0 or 1 (-1: both). last: whether none but such rounds
+    follow, so that there are records about each site already.
     """
-    if asking < _FEW:
-        return (2, -1) if step == 0 else (1, -1)
-    levels = max(int(math.log2(max(reach, 1.0))), 0)
-    level = step // 2
-    return (2 ** (levels - level), step % 2) if level < levels else (1, -1)
+
+    width: int
+    colour: int
+    last: bool
 
 
-def choose(asking: np.ndarray, spacing: int, phase: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-    """The (rows, columns) of the chosen tiles: one at random in each square of the chessboard that has any with asking > 0.
+def chessboard(step: int, reach: float, asking: int) -> Chessboard:
+    """What serves a view's step 0, 1, 2, … when so many tiles are `asking`.
 
-    spacing: the width of a square in tiles. phase: the colour of the squares, 0 or 1 (-1: both). The tiles come in random order,
-    so that the first few are spread over the screen.
+    The squares shrink from the farthest reach of a record (`reach`, in tiles) to two tiles, with two steps for each width; then
+    come those of two tiles of both colours, and single tiles where few are asking. If only few are from the start, as after a
+    small move of the camera, it is these at once.
+    """
+    levels = 0 if asking < _FEW else max(int(math.log2(max(reach, 1.0))), 0)
+    if step < 2 * levels:
+        return Chessboard(2 ** (levels - step // 2), step % 2, False)
+    if asking < _FEW and step == 0:
+        return Chessboard(2, -1, False)
+    return Chessboard(1 if asking < _FEWER else 2, -1, True)
+
+
+def choose(asking: np.ndarray, board: Chessboard, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """The (rows, columns) of the chosen tiles: one at random in each used square of the board that has any with asking > 0.
+
+    The tiles come in random order, so that the first few are spread over the screen.
     """
     height, width = asking.shape
     rows, columns = np.nonzero(asking > 0)
     if not len(rows):
         return rows, columns
-    squares = (rows // spacing) * -(-width // spacing) + columns // spacing
-    if phase >= 0:
-        mine = (rows // spacing + columns // spacing) % 2 == phase
+    side, colour = board.width, board.colour
+    squares = (rows // side) * -(-width // side) + columns // side
+    if colour >= 0:
+        mine = (rows // side + columns // side) % 2 == colour
         rows, columns, squares = rows[mine], columns[mine], squares[mine]
-    order = np.random.default_rng((seed, spacing, phase + 1)).permutation(height * width)[rows * width + columns]
+    order = np.random.default_rng((seed, side, colour + 1)).permutation(height * width)[rows * width + columns]
     pick = np.lexsort((order, squares))
     _, first = np.unique(squares[pick], return_index=True)
     chosen = pick[first][np.argsort(order[pick[first]])]

@@ -101,17 +101,18 @@ class AdaptiveRadius(Owner):
             before = self._partly.before
             self._partly = replace(self._partly, before=before[numbers[numbers < len(before)]], count=-1)  # it begins anew
 
-    def __call__(self, settings: Settings, old_too: bool) -> bool:
+    def __call__(self, settings: Settings, old_too: bool, same_floor: bool = False) -> bool:
         """Compare the new records with each other and the old ones, or all of them if their light or the settings have changed.
 
         old_too: let the limits of old records change as well. That costs new splats of them, and so it waits for the start of a
         view, when all splats are made anyway, or for its end, when it needs no more records. Returns whether the limit of an old
-        record has changed. Does nothing while records are stale: that they contradict refreshed ones would mean nothing.
+        record has changed. same_floor: keep the luminance floor, amid a round, so that it doesn't depend on how many ticks that
+        takes. Does nothing while records are stale: that they contradict refreshed ones would mean nothing.
         """
         cache = self.cache
         if len(cache.stale):
             return False
-        if settings.gradients and (cache.count, cache.refresh_count) != self._floor_of:
+        if settings.gradients and not same_floor and (cache.count, cache.refresh_count) != self._floor_of:
             self._floor_of = cache.count, cache.refresh_count
             cache.update_luminance_floor()
         inputs, done = self._inputs(_values(settings)), self._progress

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from irrsplat.records.record_cache import RecordCache
+from irrsplat.records.record_cache import RecordCache, luminance_floor
 
 _LINEAR = ("irradiance", "vectors", "gradient")  # the columns that go with the light; R and walls are geometry
 
@@ -19,7 +19,10 @@ def dim(cache: RecordCache, factor: np.ndarray) -> None:
     f = np.asarray(factor, np.float32)
     numbers = np.arange(cache.count)
     found = cache.gathered(*_LINEAR)
+    before = luminance_floor(cache.values[:, :3])
     cache.correct({name: values * (f if name == "irradiance" else f[:, None]) for name, values in found.items()}, numbers)
+    if before > 0.0:  # it counts as dark and as bright what did before
+        cache.luminance_floor *= luminance_floor(cache.values[:, :3]) / before
     cache.probes[:, :3] *= f
     cache.probes[:, 4:] *= np.tile(np.repeat(f, 3), 2)  # M and ∇E, three numbers of each channel
     cache.refresh_count += 1  # how far they reach is compared again

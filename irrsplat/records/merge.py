@@ -22,7 +22,7 @@ from irrsplat.core.color import LUMINANCE
 from irrsplat.core.record_layout import COLUMNS, GATHERED
 from irrsplat.records.cache_file import CacheState, selected
 from irrsplat.records.record_cache import luminance_floor
-from irrsplat.records.weight import LUNES, behind_wall, own_radii, record_distance, record_weight
+from irrsplat.records.weight import LUNES, behind_wall, error_scale, own_radii, record_distance, record_weight
 from irrsplat.settings import Settings
 
 _AT_ONCE = 4096  # records that are held against the others together
@@ -172,7 +172,7 @@ class _Table:
         deviation = np.sqrt(np.maximum(kYY / k - Y * Y, 0.0))
         least, spread = self.settings.threshold, self.settings.spread
         doubted = (weight < _NEAR * least) & (deviation > 0.0) & (spread > 0.0)
-        allowed = least * spread * np.maximum(Y, self.floor) / np.where(doubted, deviation, 1.0)
+        allowed = least * spread * error_scale(Y, self.floor) / np.where(doubted, deviation, 1.0)
         found: np.ndarray = np.where(doubted, np.minimum(weight, allowed), weight)
         return found
 

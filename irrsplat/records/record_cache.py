@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -21,7 +20,8 @@ from irrsplat.gpu.target import float_texture
 from irrsplat.records.motion import carried, concerned, passed_through, swallowed
 from irrsplat.scene.change import SceneChange
 
-_FLOOR = 0.02  # of the records' mean luminance: see RecordCache.update_luminance_floor
+_FLOOR = 0.015  # of the records' mean luminance: see RecordCache.update_luminance_floor
+_STEADY = 1.4  # the luminance floor stays as it is while it is at most so many times what it would be made now, or that less
 _ROWS = 4  # of the textures at first; doubled whenever they are full
 PROBED = 22  # numbers that a probe keeps of a record: E, R, M and ∇E
 
@@ -228,12 +228,13 @@ class RecordCache(Owner):
         return self._columns["drift"][: self.count]
 
     def update_luminance_floor(self) -> None:
-        """Set `luminance_floor` to a share of the records' mean luminance, rounded to a power of 2 so that it seldom changes.
+        """Set `luminance_floor` to a share of the records' mean luminance, where it isn't about that already: it seldom changes,
+        since all splats are made anew by it.
 
         Without it a room that no light enters would be filled with records that differ by nothing but noise.
         """
         floor = luminance_floor(self.values[:, :3])
-        if floor != self.luminance_floor:
+        if not floor <= self.luminance_floor * _STEADY <= floor * _STEADY**2:
             self.luminance_floor = floor
             self.revision += 1
 
@@ -457,9 +458,9 @@ class RecordCache(Owner):
 
 
 def luminance_floor(irradiance: np.ndarray) -> float:
-    """A share of the mean luminance of irradiance (N, 3) in W/m², rounded to a power of 2; 0 where there is none."""
+    """A share of the mean luminance of irradiance (N, 3) in W/m²; 0 where there is none."""
     mean = float((irradiance @ LUMINANCE).mean(dtype=float)) if len(irradiance) else 0.0
-    return 2.0 ** math.floor(math.log2(_FLOOR * mean)) if mean > 0.0 else 0.0
+    return _FLOOR * max(mean, 0.0)
 
 
 def check_state(state: Mapping[str, np.ndarray]) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from irrsplat.core.buffers import Uniforms
 from irrsplat.core.color import LUMINANCE
+from irrsplat.core.glsl import BRIGHT
 from irrsplat.scene.model import Camera
 from irrsplat.settings import IN_FRONT, LEAST_ERROR, Settings
 
@@ -29,6 +30,14 @@ def record_uniforms(settings: Settings) -> Uniforms:
     }
 
 
+def error_scale(Y: np.ndarray, luminance_floor: float) -> np.ndarray:
+    """(N,) W/m²: the luminance in proportion to which an error is judged where the luminance is Y (N,), as
+    shaders/records/error_scale.glsl has it."""
+    bright = BRIGHT * luminance_floor if luminance_floor > 0.0 else 1e30
+    found: np.ndarray = np.where(bright < Y, np.sqrt(bright * np.maximum(Y, 0.0)), np.maximum(Y, max(luminance_floor, 1e-20)))
+    return found
+
+
 def own_radii(columns: Mapping[str, np.ndarray], luminance_floor: float, settings: Settings) -> np.ndarray:
     """(N, 2) metres: R along the axis of records and across it, by what they know themselves, before any limit and before the
     factor a, as record_ellipse of shaders/records/record.glsl has it. columns: (N, …), of record_layout.COLUMNS."""
@@ -41,7 +50,8 @@ def own_radii(columns: Mapping[str, np.ndarray], luminance_floor: float, setting
     radii: np.ndarray = np.stack([R, R], axis=1)
     if settings.gradients and settings.radius == "hessian":
         known = columns["axis"].any(axis=1)
-        square = (2.0 * E / np.maximum(Y, 1e-20))[:, None] / np.maximum(np.abs(columns["curvature"]), 1e-14)
+        curvature = np.maximum(np.abs(columns["curvature"]), 1e-14)
+        square = (2.0 * error_scale(Y, luminance_floor) / np.maximum(Y, 1e-20))[:, None] / curvature
         radii[known] = np.minimum(np.sqrt(square), columns["max_radius"][:, None])[known]
     return radii
 

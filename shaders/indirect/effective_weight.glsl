@@ -1,8 +1,8 @@
 // The weight of a pixel as the examination counts it: a pixel needs a record where it is below the tolerance.
 #include "generated/constants.glsl"
+#include "records/error_scale.glsl"
 
 uniform float tolerance;        // Σw below which a pixel needs a record in any case
-uniform float luminance_floor;  // W/m²: the spread is judged in proportion to the luminance, or to this where it is darker
 uniform float spread;           // standard deviation of the records' luminances over their mean that is allowed (0: any)
 
 const float NEAR = 3.0;   // times the tolerance: so great a Σw has only a pixel close to a record, which is then right about it
@@ -22,5 +22,5 @@ float effective_weight(vec2 weight, vec4 sums, float share)
     weight.r *= weight.r < NOTHING_SEEN ? share : 1.0;
     vec2 told = deviation_and_mean(weight, sums);
     bool doubted = weight.r < NEAR * tolerance && spread > 0.0 && told.x > 0.0;
-    return doubted ? min(weight.r, tolerance * spread * share * max(told.y, luminance_floor) / told.x) : weight.r;
+    return doubted ? min(weight.r, tolerance * spread * share * error_scale(told.y) / told.x) : weight.r;
 }

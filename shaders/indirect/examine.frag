@@ -38,7 +38,10 @@ uint random(uvec2 tile)
 const float BADLY = 0.15;
 const float LENT = 0.6;
 
-const float APART = 8.0;   // what is lent may be so many times as bright as the pixels beside it that records reach, or as dark
+// What is lent may be so many times as bright as the pixels beside it that records reach, or as dark; and differ from each of
+// them by so much of what errors there are judged by, or at bright places: beside strong light, what looks alike can be far off.
+const float APART = 8.0;
+const float FAR_OFF = 0.5;
 const float FLUSH = 0.95;  // cosine: pixels beside one whose normals make less of an angle lie on its surface
 
 float weight_at(ivec2 pixel)
@@ -65,7 +68,9 @@ bool fits(ivec2 pixel, float lent)
         darkest = min(darkest, Y);
         brightest = max(brightest, Y);
     }
-    return darkest > brightest || (max(lent, luminance_floor) * APART >= darkest && lent <= APART * max(brightest, luminance_floor));
+    if (darkest > brightest) return true;
+    bool alike = max(lent, luminance_floor) * APART >= darkest && lent <= APART * max(brightest, luminance_floor);
+    return alike && max(lent - darkest, brightest - lent) <= FAR_OFF * error_scale(max(brightest, BRIGHT * luminance_floor));
 }
 
 // Whether a pixel that asks lies in so small a group of such pixels that it does with what records beside it lend. Of every other

@@ -53,7 +53,7 @@ void main()
         float Y_j = dot(record_irradiance(theirs), LUMINANCE);
         float Y_turned = dot(M, n_j) + LUNES * (1.0 - dot(n, n_j)) * dot(M, n);  // as turned() has it
         float Y_here = extrapolated(vec3(Y_turned), vec3(dot(gradient, apart)), apart, n, ellipse.axis, curvature).x;
-        float difference = abs(Y_here - Y_j) / max(max(Y, Y_j), max(luminance_floor, 1e-20));
+        float difference = abs(Y_here - Y_j) / error_scale(max(Y, Y_j));
         limit = difference * at * at > 0.0 ? min(limit, at / a * sqrt(adapt / difference)) : limit;
     }
     out_limit = limit;

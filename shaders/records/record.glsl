@@ -3,8 +3,8 @@
 #include "generated/record_columns.glsl"
 #include "lib/normals.glsl"
 #include "lib/table.glsl"
+#include "records/error_scale.glsl"
 
-uniform float luminance_floor;  // W/m²: an error counts in proportion to the luminance, or to this where it is darker
 uniform bool hessian;           // radii go by second derivatives; else by the harmonic mean distance
 uniform bool second_order;      // records extrapolate by second derivatives too
 uniform bool walls;             // records do not count behind the walls that stand on their surface
@@ -30,7 +30,7 @@ vec4 usable_walls(ivec2 texel)
 }
 
 // How far the record holds by what it knows itself, before it is scaled by a. With second derivatives, a·R is where the error of
-// the first-order expansion, ½·|E''|·d², comes to a²·E: R = √(2·E/|E''|) (after Schwarzhaupt, Jensen and Jarosz 2012, "Practical
+// the first-order expansion, ½·|E''|·d², comes to a² of E's error scale: R = √(2·E/|E''|) (after Schwarzhaupt, Jensen and Jarosz 2012, "Practical
 // Hessian-Based Error Control for Irradiance Caching"). Without, R is R_k, but at most E/|∇E| where the light changes fast (Křivánek et
 // al. 2006).
 Ellipse record_ellipse(ivec2 texel)
@@ -40,16 +40,16 @@ Ellipse record_ellipse(ivec2 texel)
     float R = record_radius(texel);
 #if GRADIENTS
     float slope = length(record_gradient(texel) * LUMINANCE), Y = dot(record_irradiance(texel), LUMINANCE);
-    float E = max(Y, max(luminance_floor, 1e-20));
     if (record_axis(texel) != vec3(0.0))
     {
         // record_curvature is E''/Y, so that 2·E/|E''| is 2·(E/Y)/|curvature|
-        float square = 2.0 * E / max(Y, 1e-20);
+        float square = 2.0 * error_scale(Y) / max(Y, 1e-20);
         vec2 radii = sqrt(square / max(abs(record_curvature(texel)), 1e-14));
         radii = min(radii, record_max_radius(texel));
         if (hessian) return Ellipse(record_axis(texel), radii.x, radii.y);
         axis = record_axis(texel);  // curvature and walls are given along it, also where the ellipse is a circle
     }
+    float E = max(Y, max(luminance_floor, 1e-20));
     R = slope * R > E ? E / slope : R;
 #endif
     return Ellipse(axis, R, R);

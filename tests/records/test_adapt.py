@@ -18,7 +18,7 @@ from irrsplat.settings import Settings, SettingValues
 from tests.renderer.test_renderer import FAST, SIZE, room
 from tests.support.truth import SIZE as FULL
 from tests.support.truth import compare, load_reference
-from tests.support.worlds import sites, write_columns
+from tests.support.worlds import error_scale, sites, write_columns
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
@@ -90,14 +90,14 @@ def truth(made: Made, settings: Settings) -> np.ndarray:
     """(N,) the least of the limits that the others set, as shares of a record's radii.
 
     A witness lies within two reaches, on the same surface, not beyond a wall. Of what record i says of j by Taylor's expansion
-    the error is off_ij, relative to the brighter or to what is dark; off·(x/a)² = adapt at the share that is allowed, x being
+    the error is off_ij, relative to what the brighter counts as; off·(x/a)² = adapt at the share that is allowed, x being
     |p_j - p_i| in radii.
     """
     Y, known = made.E @ LUMINANCE, made.axis.any(1)
     radii, M, gradient, bend = np.stack([made.R, made.R], 1), made.n * Y[:, None], np.zeros((len(Y), 3)), 0.0 * made.bend
     if settings.gradients:
         M, gradient = (np.einsum("ncx,c->nx", v, LUMINANCE) for v in (made.M, made.gradient))
-        E = np.maximum(Y, made.dark)
+        E = error_scale(Y, made.dark)
         radii = np.minimum(radii, (E / np.linalg.norm(gradient, axis=1))[:, None])
         if settings.radius == "hessian":
             bends = np.abs(made.bend[known]) * (Y / E)[known, None]
@@ -115,7 +115,7 @@ def truth(made: Made, settings: Settings) -> np.ndarray:
     across = d**2 - along**2 - np.einsum("ijx,ix->ij", apart, made.n) ** 2
     more = np.clip((bend[:, :1] * along**2 + bend[:, 1:] * across) / 2.0, -0.5, 0.5)
     said = np.clip(here * (1.0 + more) + np.einsum("ix,ijx->ij", gradient, apart), 0.0, np.maximum(2.0 * here, 0.0))
-    off = np.abs(said - Y[None]) / np.maximum(np.maximum(Y[None], Y[:, None]), made.dark)
+    off = np.abs(said - Y[None]) / error_scale(np.maximum(Y[None], Y[:, None]), made.dark)
     if settings.gradients and settings.walls:
         aside = np.einsum("ijx,ix->ij", apart, np.cross(made.n, made.axis))
         place = np.stack([along, aside], -1)

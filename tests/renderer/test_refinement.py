@@ -60,7 +60,7 @@ def test_a_view_that_is_not_complete_is_completed_first(renderer: Renderer) -> N
     """Asked for too early, refinement is the next frame; it does not keep the view from being filled."""
     renderer.forget()
     _, progress = renderer.frame(seconds=1e-4)
-    assert not progress.complete
+    assert not progress.done
     renderer.refine(None, 0.05, 1e-4)
     for _ in range(500):
         _, progress = renderer.frame(seconds=0.02)

@@ -171,6 +171,12 @@ def gathered(cache: RecordCache) -> Gathered:
     return Gathered(*cache.records.read(*names).values())
 
 
+def error_scale(Y: np.ndarray, dark: float) -> np.ndarray:
+    """What errors are judged in proportion to (docs/METHOD.md, 5.3): `dark` at least, of what is over 32 times that a mean."""
+    bright = 32.0 * dark if dark > 0.0 else np.inf
+    return np.maximum(np.where(bright < Y, np.sqrt(np.minimum(bright, 1e30) * np.maximum(Y, 0.0)), Y), dark)
+
+
 def records_of(ctx: moderngl.Context, luminance_floor: float = 0.0, **columns: np.ndarray) -> Records:
     """Records with these columns (N, …) by the names of record_layout.COLUMNS; what lies beyond the last one is rubbish."""
     count = len(columns["position"])

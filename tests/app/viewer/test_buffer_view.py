@@ -137,7 +137,7 @@ def test_asking_marks_exactly_the_pixels_that_ask(cornell: ShownView, target: Ta
     k = np.maximum(sums[..., 3], 1e-20)
     mean = sums[..., :3] @ (0.2126, 0.7152, 0.0722) / k
     floor = splats.luminance_floor
-    contradict = np.sqrt(np.maximum(squares / k - mean**2, 0.0)) > settings.spread * np.maximum(mean, floor)
+    contradict = np.sqrt(np.maximum(squares / k - mean**2, 0.0)) > settings.spread * worlds.error_scale(mean, floor)
     few = weight < settings.threshold
     asks = (few | (contradict & (weight < 3.0 * settings.threshold))) & cornell.seen
     assert (asks & ~few).any() and (asks & few).any()

@@ -311,7 +311,7 @@ def served(frame: irrsplat.Frame, records: Records, number: int, camera: Camera,
     )
     percent = 2.0 * np.tan(np.radians(camera.fov) / 2.0) * np.linalg.norm(p - camera.eye) / 100.0
     Y = e @ (0.2126, 0.7152, 0.0722)
-    radii = np.minimum(np.sqrt(2.0 * max(Y, records.luminance_floor) / Y / np.abs(curvature)), max_radius) * share
+    radii = np.minimum(np.sqrt(2.0 * worlds.error_scale(Y, records.luminance_floor) / Y / np.abs(curvature)), max_radius) * share
     R = np.clip(settings.a * radii, settings.radius_min * percent, settings.radius_max * percent) / settings.a
     apart, cosine = frame.position - p, frame.normal @ n
     along = apart @ axis

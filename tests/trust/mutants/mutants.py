@@ -433,8 +433,8 @@ CORE = (
     Mutant(
         "records that reach far do with few rays",
         "irrsplat/indirect/scheduler.py",
-        "spacing(step, reach, asking)[0] == 1",
-        "spacing(step, reach, asking)[0] >= 1",
+        "near=board.last",
+        "near=board.width >= 1",
         ("tests/indirect/test_ray_noise.py::test_only_records_of_the_closest_sites_do_with_few_rays",),
     ),
     Mutant(
@@ -568,8 +568,8 @@ CORE = (
     Mutant(
         "chessboard's other colour",
         "irrsplat/indirect/site_selection.py",
-        "(rows // spacing + columns // spacing) % 2 == phase",
-        "(rows // spacing + columns // spacing) % 2 != phase",
+        "(rows // side + columns // side) % 2 == colour",
+        "(rows // side + columns // side) % 2 != colour",
         ("tests/indirect/test_examine.py::test_sites_of_a_round_lie_apart",),
     ),
     Mutant(
