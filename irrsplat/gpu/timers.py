@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 
 import moderngl
 
@@ -17,25 +17,40 @@ class Timers:
         self.clock = "wall" if software else "gpu"
         self.enabled = enabled
         self._ms: dict[str, float] = {}
+        self._stage: str | None = None  # that time counts for now
+        self._since = 0.0  # seconds
+        self._running = ExitStack()  # of the query that runs, if any
         self._pending: list[tuple[str, moderngl.Query]] = []
         self._spare: list[moderngl.Query] = []
 
     @contextmanager
     def __call__(self, stage: str) -> Iterator[None]:
-        """Time what is drawn inside the `with` block under the name `stage`; blocks do not nest."""
+        """Time what is drawn inside the `with` block under the name `stage`. A block within it counts for its own stage alone."""
         if not self.enabled:
             yield
-        elif self.clock == "wall":
-            self.ctx.finish()
-            start = time.perf_counter()
+            return
+        outer = self._stage
+        self._count_for(stage)
+        try:
             yield
+        finally:
+            self._count_for(outer)
+
+    def _count_for(self, stage: str | None) -> None:
+        """What is drawn from now on belongs to `stage`. (OpenGL runs one timer at a time.)"""
+        if self.clock == "wall":
             self.ctx.finish()
-            self._add(stage, 1e3 * (time.perf_counter() - start))
+            now = time.perf_counter()
+            if self._stage is not None:
+                self._add(self._stage, 1e3 * (now - self._since))
+            self._since = now
         else:
-            query = self._spare.pop() if self._spare else self.ctx.query(time=True)
-            with query:
-                yield
-            self._pending.append((stage, query))
+            self._running.close()
+            if stage is not None:
+                query = self._spare.pop() if self._spare else self.ctx.query(time=True)
+                self._running.enter_context(query)
+                self._pending.append((stage, query))
+        self._stage = stage
 
     def _add(self, stage: str, ms: float) -> None:
         self._ms[stage] = self._ms.get(stage, 0.0) + ms

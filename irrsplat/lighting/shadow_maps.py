@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import moderngl
 
 from irrsplat.core.buffers import ShadowMaps
@@ -15,10 +17,10 @@ from irrsplat.lighting.luminaire_table import luminaire_rows, photometries, phot
 # Of closed meshes the back faces are drawn, the paper's remedy for shadow acne. Alone they leak light where a mesh touches what
 # it shades, as a box on the floor: so the front faces are drawn as well, pushed back a little.
 _DRAWS = (
-    ("open", DrawState(depth="<", depth_clamp=True)),
-    ("cut_out", DrawState(depth="<", depth_clamp=True)),
-    ("closed", DrawState(depth="<", depth_clamp=True, cull="front")),
-    ("closed", DrawState(depth="<", depth_clamp=True, cull="back", polygon_offset=(2.0, 16.0))),
+    ("open", DrawState(depth="<")),
+    ("cut_out", DrawState(depth="<")),
+    ("closed", DrawState(depth="<", cull="front")),
+    ("closed", DrawState(depth="<", cull="back", polygon_offset=(2.0, 16.0))),
 )
 
 
@@ -74,7 +76,8 @@ class ShadowPass(Owner):
                     self.target,
                     geometry=world.geometry,
                     part=part,
-                    state=state,
+                    # in a lamp's own tile what is before the near plane casts no shadow, with parallel light it does
+                    state=replace(state, depth_clamp=near == 0.0),
                     viewport=cell,
                     scissor=cell,
                     tile_right=matrix[0],

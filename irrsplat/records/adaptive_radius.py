@@ -102,7 +102,7 @@ class AdaptiveRadius(Owner):
             self._partly = replace(self._partly, before=before[numbers[numbers < len(before)]], count=-1)  # it begins anew
 
     def __call__(self, settings: Settings, old_too: bool, same_floor: bool = False) -> bool:
-        """Compare the new records with each other and the old ones, or all of them if their light or the settings have changed.
+        """Compare each new record with those before it; old ones as well, if their light or the settings have changed.
 
         old_too: let the limits of old records change as well. That costs new splats of them, and so it waits for the start of a
         view, when all splats are made anyway, or for its end, when it needs no more records. Returns whether the limit of an old

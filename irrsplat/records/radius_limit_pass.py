@@ -56,7 +56,8 @@ class RadiusLimitPass(Owner):
     def __call__(
         self, cache: RecordCache, first: int, settings: Settings, old: bool = True, start: int = 0, budget: Budget | None = None
     ) -> tuple[int, bool]:
-        """Limit the records from number `first` on by all others; old: also those before `first`, by those from there on.
+        """Limit the records from number `first` on, each by those of lower numbers, so that it doesn't matter how many come at
+        a time; old: by all others, and those before `first` by those from there on.
 
         budget: how far this call goes (None: to the end); `start`: how many records earlier ones have limited, with the same
         records in the cache. Returns how many are limited now, and whether that is all of them.
@@ -80,12 +81,14 @@ class RadiusLimitPass(Owner):
             for numbers, grids, state in works:
                 low, high = (min(max(end - before, 0), len(numbers)) for end in (start, start + count))
                 if low < high:
-                    self._limit(cache, numbers[low:high], grids, settings, state)
+                    self._limit(cache, numbers[low:high], grids, settings, state, old)
                 before += len(numbers)
             start += count
         return start, start == total
 
-    def _limit(self, cache: RecordCache, numbers: np.ndarray, others: list[_Grid], settings: Settings, state: DrawState) -> None:
+    def _limit(
+        self, cache: RecordCache, numbers: np.ndarray, others: list[_Grid], settings: Settings, state: DrawState, by_all: bool
+    ) -> None:
         """Limit the records of these numbers, those that lie near each other together, by those in the grids; state: how a limit
         is combined with the one in the cache."""
         assert self.out is not None
@@ -104,6 +107,7 @@ class RadiusLimitPass(Owner):
                     adapt=settings.adapt or _ANY,
                     targets=self.targets,
                     count=len(part),
+                    by_all=by_all,
                 )
             self.write(
                 self.out,

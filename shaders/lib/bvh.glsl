@@ -131,10 +131,10 @@ bool bvh_free(vec3 a, vec3 b)
     return far == 0.0 || bvh_between(a, (b - a) / far, 0.0, far).t >= far;
 }
 
-// Whether nothing stands between the eye and what lies `away` from it. Where it is not `possible` that light comes from there, no
-// ray is sent.
+// Whether nothing stands between the eye and what lies `away` from it, at the distance r. Where it is not `possible` that light
+// comes from there, or that is where the eye is (as with records that an atlas has no more of), no ray is sent.
 bool bvh_way_free(vec3 eye, vec3 away, float r, bool possible)
 {
-    float far = possible ? r * (1.0 - SHORT) : -1.0;  // then no box is entered, wherever the eye is
+    float far = possible && r > 0.0 ? r * (1.0 - SHORT) : -1.0;  // then no box is entered, wherever the eye is
     return bvh_between(eye, away / r, 0.0, far).t >= far && possible;
 }

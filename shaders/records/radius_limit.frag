@@ -9,6 +9,7 @@
 uniform float adapt;        // relative difference that is allowed at the rim of a record's ellipse
 uniform sampler2D targets;  // numbers of the records to limit, one a texel, row by row
 uniform int count;          // of those records
+uniform bool by_all;        // each is compared with those of higher numbers too, not only with those that came before it
 
 layout(location = 0) out float out_limit;
 
@@ -21,7 +22,8 @@ void main()
 {
     ivec2 here = ivec2(gl_FragCoord.xy);
     bool wanted = here.y * textureSize(targets, 0).x + here.x < count;
-    ivec2 texel = table_texel(int(texelFetch(targets, here, 0).r));
+    int number = int(texelFetch(targets, here, 0).r);
+    ivec2 texel = table_texel(number);
     vec3 p = record_position(texel), n = record_normal(texel);
     float Y = dot(record_irradiance(texel), LUMINANCE);
     vec3 M = n * Y, gradient = vec3(0.0);
@@ -42,7 +44,8 @@ void main()
     {
         vec3 apart = other.xyz - p;
         float at = record_distance(apart, ellipse.axis, R);
-        if (!found || at >= COMPARED_WITHIN * a || at <= 0.0 || behind_wall(apart, ellipse.axis, n, own_walls)) continue;
+        if (!found || !by_all && int(other.w) > number) continue;
+        if (at >= COMPARED_WITHIN * a || at <= 0.0 || behind_wall(apart, ellipse.axis, n, own_walls)) continue;
         ivec2 theirs = table_texel(int(other.w));
         vec3 n_j = record_normal(theirs);
         if (dot(n, n_j) < COMPARABLE_COSINE || abs(dot(apart, n + n_j)) * 0.5 > IN_FRONT * R.y) continue;

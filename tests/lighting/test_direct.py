@@ -112,6 +112,21 @@ def test_a_headlamp_lights_what_the_eye_sees_and_no_record() -> None:
         assert not renderer.render(ABOVE).direct.any()
 
 
+@pytest.mark.parametrize("above", [False, True])
+def test_what_touches_a_lamp_does_not_shade_it(ctx: moderngl.Context, above: bool) -> None:
+    """A sheet 1 mm below a lamp, or above it as a ceiling, is before the near plane of its shadow map: the floor is lit as if it
+    were not there. By the sun, which is far away, the same sheet shades the floor."""
+    light, height = lamp((0.0, 2.0, 0.0), 7.0), 2.001 if above else 1.999
+    parts = floor(4.0, 0.0, WHITE), floor(1.0, height, WHITE)
+    view = Camera((0.0, 1.9, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, -1.0), 80.0)
+    check_floor(ctx, f"touching_{above}", scene(*parts, lights=(light,), camera=view), light)
+    sun = Light((0.0, 1.0, 0.0), (1.0, 1.0, 1.0), directional=True)
+    p, _ = on_plane(view, SIZE, (0, 0, 0), UP)
+    aside = np.abs(p[..., [0, 2]]).max(-1)
+    shaded, rim = aside < 1.0, np.abs(aside - 1.0) < 0.05
+    check_floor(ctx, "under the sun", scene(*parts, lights=(sun,), camera=view), sun, dark=shaded, skip=rim)
+
+
 # ---- open sheets ------------------------------------------------------------------------------------------------------
 
 

@@ -64,10 +64,10 @@ class Made:
         cache.append(sites(self.p[new], self.n[new]), np.column_stack([self.E, self.R])[new])
         write_columns(cache.records, new.start, **{name: values[new] for name, values in columns.items()})
 
-    def limits(self, settings: Settings, *parts: int) -> np.ndarray:
+    def limits(self, settings: Settings, *parts: int, old: bool = True) -> np.ndarray:
         """What the pass leaves, the records coming in parts that end at the given counts, and at last all.
 
-        -n in place of a count: the last n are forgotten again.
+        -n in place of a count: the last n are forgotten again. old: earlier ones are limited by later ones, too.
         """
         cache = RecordCache(self.ctx)
         one, first = RadiusLimitPass(self.ctx, settings.gradients, settings.neighbours), 0
@@ -77,7 +77,7 @@ class Made:
                 continue
             self.append(cache, count)
             cache.luminance_floor = self.dark
-            one(cache, first, settings)
+            one(cache, first, settings, old)
             first = count
         found = np.frombuffer(cache.records.textures["limit"].read(), "f4").copy()
         one.release()
@@ -241,6 +241,21 @@ def test_all_records_are_compared_over_several_ticks() -> None:
         assert adaptation(settings, old_too=True) and cache.revision == revision + 1
         assert adaptation.compare(settings, Budget(1e-9)) and not adaptation(settings, old_too=True)
         adaptation.release()
+
+
+@pytest.mark.parametrize("parts", PARTS)
+def test_a_new_record_draws_back_for_earlier_ones_alone(ctx: moderngl.Context, parts: tuple[int, ...]) -> None:
+    """Until the old ones are compared as well; so it doesn't matter how many of them a tick has gathered."""
+    made = Made(ctx, 1800)
+    found, all_told = made.limits(BASE, *parts, old=False), made.limits(BASE)
+    assert np.array_equal(found, made.limits(BASE, old=False))
+    assert (found >= all_told).all() and found[1799] == all_told[1799]
+    assert 0.2 < (found[:1800] > all_told[:1800]).mean() < 0.8
+    few = Made(ctx, 1000)
+    for name, values in vars(few).items():
+        if isinstance(values, np.ndarray):
+            setattr(few, name, getattr(made, name)[:1000])
+    assert np.array_equal(few.limits(BASE)[999], found[999]) and found[999] < 1.0
 
 
 @pytest.mark.parametrize("stopped", [0, 2])

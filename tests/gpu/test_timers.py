@@ -1,0 +1,60 @@
+"""Times of stages, by the clock and by OpenGL's own timers."""
+
+from __future__ import annotations
+
+import time
+
+import moderngl
+import numpy as np
+import pytest
+
+import irrsplat
+from irrsplat.gpu.target import Target
+from irrsplat.gpu.timers import Timers
+from tests.renderer.test_renderer import FAST, room
+
+
+@pytest.mark.parametrize("software", [True, False])
+def test_a_stage_within_another_counts_alone(ctx: moderngl.Context, software: bool) -> None:
+    """OpenGL runs one timer at a time: a second one begun within it is an error, and the frame it belonged to would be lost."""
+    timers, target = Timers(ctx, software, enabled=True), Target(ctx, (512, 512), (4,))
+    for _ in range(2):
+        with timers("outer"):
+            target.clear()
+            with timers("inner"), timers("outer"):
+                target.clear()
+            with timers("inner"):
+                target.clear()
+        with timers("after"):
+            target.clear()
+    assert ctx.error == "GL_NO_ERROR"
+    told = timers.milliseconds()
+    assert list(told) == ["outer", "inner", "after"] and all(0.0 <= ms < 1e3 for ms in told.values()) and sum(told.values()) > 0.0
+    timers.clear()
+    assert timers.milliseconds() == {}
+    target.release()
+
+
+def test_what_a_stage_within_takes_is_not_in_the_outer_one(ctx: moderngl.Context) -> None:
+    timers = Timers(ctx, software=True, enabled=True)
+    with timers("outer"), timers("inner"):
+        time.sleep(0.05)
+    told = timers.milliseconds()
+    assert told["inner"] >= 50.0 > 2.0 * told["outer"]
+
+
+def test_a_stage_that_fails_ends(ctx: moderngl.Context) -> None:
+    timers = Timers(ctx, software=False, enabled=True)
+    with pytest.raises(KeyError), timers("outer"), timers("inner"):
+        raise KeyError
+    with timers("after"):
+        pass
+    assert ctx.error == "GL_NO_ERROR" and set(timers.milliseconds()) == {"outer", "inner", "after"}
+
+
+def test_a_picture_in_tiles_is_timed_by_the_gpu(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on hardware: there the examination draws the tiles' g-buffers within its own time."""
+    with irrsplat.Renderer(room(), (40, 30), **FAST, tile_size=16) as renderer:
+        monkeypatch.setattr(renderer.timers, "clock", "gpu")
+        frame = renderer.render()
+        assert {"gbuffer", "examine"} <= set(frame.stats["stages_ms"]) and np.isfinite(frame.image).all()
