@@ -52,7 +52,7 @@ APP_ROOMS = (
     "irrsplat.app",
 )
 MOST_ENTRIES = 14  # of a folder, its package markers not counted
-MARKERS = {"__init__.py", "__main__.py", "__pycache__", "py.typed", "conftest.py", ".DS_Store"}
+MARKERS = {"__init__.py", "__main__.py", "__pycache__", "py.typed", "conftest.py", ".DS_Store", "failures"}
 WITHOUT_OPENGL = ("irrsplat.core", "irrsplat.settings", "irrsplat.scene", "irrsplat.sky")
 OPENGL = ("moderngl", "glcontext", "OpenGL")
 WINDOWS = ("imgui_bundle", "imgui", "moderngl_window", "glfw", "pyglet")

@@ -15,6 +15,7 @@ from irrsplat.core.buffers import NOTHING_SEEN
 from irrsplat.gpu.target import pixels
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.indirect import paper_scan
+from irrsplat.indirect.view_state import ViewState
 from irrsplat.reference import fine_gather
 from irrsplat.scene.model import Camera, Light, Scene
 from tests.renderer.test_live import TICK, dimmed, ticks
@@ -111,6 +112,7 @@ def test_renewed_in_place_is_gathered_from_scratch(lights: tuple[Light, ...], bo
         assert fresh.shadows is not None and fresh.scheduler.prepare(fresh.shadows, Budget(None))
         fresh.scheduler.renew(fresh.shadows, fresh.gbuffer, FRONT, Budget(None))
         fresh.cache.luminance_floor = old.cache.luminance_floor  # it stays while it is about what these records would give
+        fresh.scheduler.limit_radii(ViewState(), last=True)  # with each other, as at a view's end
         theirs, found = pixels(fresh.frame(gather=False)[0].image), fresh.cache.read()
         mine = pixels(old.frame(gather=False)[0].image)
         assert old.cache.count >= count and all(np.array_equal(values, found[name]) for name, values in old.cache.read().items())
