@@ -188,7 +188,7 @@ class Settings:
     )
     walls: bool = _declare(True, "bool", "splat", "a record says nothing beyond the two nearest walls that stand on its surface")
     adapt: float = _declare(
-        0.4, "float", "splat", "how far records may contradict each other, of their light, before they reach less far; 0: off",
+        0.6, "float", "splat", "how far records may contradict each other, of their light, before they reach less far; 0: off",
         low=0, high=10,
     )  # fmt: skip
     neighbours: bool = _declare(

@@ -55,6 +55,13 @@ def few_sites(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.fixture
+def software() -> bool:
+    """Whether OpenGL is Mesa's software renderer. Hardware rounds otherwise: corners of triangles lie on a grid of 1/256 pixel,
+    and texture filters have weights in steps of as much."""
+    return bool(context.describe(context.shared())["software"])
+
+
+@pytest.fixture
 def ctx() -> Iterator[moderngl.Context]:
     """The session's OpenGL context, made current for this test (a Renderer of an earlier test may have left another current)."""
     shared = context.shared()

@@ -78,6 +78,7 @@ def test_all_bounces_are_the_same(ctx: moderngl.Context) -> None:
 
 def test_without_it_the_others_go_on(ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> None:
     """It is wanted on software renderers alone; where it is missing, auto goes by the shader, and who asks for it is told."""
+    monkeypatch.setattr(context, "describe", lambda ctx: {"software": True})
     assert autotune.kind(ctx, room(), Settings()) == "embree"
     monkeypatch.setattr(context, "describe", lambda ctx: {"software": False})
     assert autotune.kind(ctx, room(), Settings()) == "trace"

@@ -71,7 +71,7 @@ def test_blend(ctx: moderngl.Context, blend: float, weights: tuple[float, float]
     assert_pictures("blend_irradiance", irradiance, E, 1e-5 * 10)
 
 
-def test_before_the_first_record_light_is_guessed(ctx: moderngl.Context) -> None:
+def test_before_the_first_record_light_is_guessed(ctx: moderngl.Context, software: bool) -> None:
     """Half of the sky, by its irradiance, and π times the view's mean direct light; a record's light counts far more."""
     gbuffer, data = wall(ctx)
     seen, height = data["depth"] > 0.0, data["normal"][..., 1:2]
@@ -86,7 +86,8 @@ def test_before_the_first_record_light_is_guessed(ctx: moderngl.Context) -> None
     truth = np.pi * (0.5 * (np.array(SKY) + 2.0 / 3.0 * np.array((0.1, 0.2, 0.3)) * height) + 0.7)
     assert np.allclose(irradiance(), truth[seen], rtol=1e-3)
     k[90:110, 20:40] = np.where(seen[90:110, 20:40], 1.0, 0.0)
-    assert np.allclose(irradiance(), 9.0, rtol=1e-3)
+    # a picture's mean is its last mipmap, and how sides that are no powers of two are halved is the driver's choice
+    assert np.allclose(irradiance(), 9.0, rtol=1e-3 if software else 1e-2)
 
 
 def smoothed(ctx: moderngl.Context, E: np.ndarray, k: np.ndarray | float = 1.0) -> tuple[np.ndarray, dict[str, np.ndarray]]:

@@ -40,7 +40,7 @@ CAMERAS = {
 
 
 @pytest.mark.parametrize("name", CAMERAS)
-def test_a_plane_is_where_the_rays_meet_it(ctx: moderngl.Context, name: str) -> None:
+def test_a_plane_is_where_the_rays_meet_it(ctx: moderngl.Context, software: bool, name: str) -> None:
     """eye + t·ray with n·(eye + t·ray) = 0, t being the depth along the view axis; nothing beyond the plane's rim."""
     camera, size = CAMERAS[name]
     world = scene(floor(1.0, 0.0, material((0.2, 0.4, 0.6), (1, 2, 3))), camera=camera)
@@ -53,8 +53,9 @@ def test_a_plane_is_where_the_rays_meet_it(ctx: moderngl.Context, name: str) -> 
     on &= ~rim
     assert on.sum() > 20
     distance = np.linalg.norm(camera.eye)
-    assert np.allclose(found["position"][on], p[on], atol=1e-5 * distance)
-    assert np.allclose(found["depth"][on], t[on], rtol=1e-5)
+    snapped = 0.0 if software else 4.0 / 256.0 * pixel[on].max()  # metres, along a plane seen aslant
+    assert np.allclose(found["position"][on], p[on], atol=1e-5 * distance + snapped)
+    assert np.allclose(found["depth"][on], t[on], rtol=1e-5, atol=snapped)
     assert np.allclose(found["normal"][on], (0, 1, 0), atol=1e-6)
     assert np.allclose(found["geometric"][on], (0, 1, 0), atol=1e-6)
     assert np.allclose(found["albedo"][on], (0.2, 0.4, 0.6)) and np.allclose(found["emission"][on], (1, 2, 3))
@@ -100,7 +101,7 @@ def test_nothing_is_too_near_or_too_far(ctx: moderngl.Context, distance: float) 
     world = scene(near, box((-50, -50, -2000), (50, 50, -1990), material((0, 1, 0))), camera=camera)
     found = seen(ctx, world, camera, (16, 16))
     assert np.allclose(found["depth"], distance, rtol=1e-4)
-    assert (found["albedo"] == (1, 0, 0)).all()
+    assert np.allclose(found["albedo"], (1, 0, 0), atol=1e-6)
     alone = seen(ctx, scene(world.meshes[1], camera=camera), camera, (512, 512))
     assert (alone["depth"][alone["depth"] > 0] < 1990.1).all() and (alone["depth"] > 0).sum() > 20 * 20
 
@@ -110,7 +111,7 @@ def test_the_nearer_surface_wins(ctx: moderngl.Context) -> None:
     camera = Camera((0, 0, 3), (0, 0, 0), fov=40.0)
     red, green = (quad((-2, -2, z), (4, 0, 0), (0, 4, 0), material(c)) for z, c in ((0.0002, (1, 0, 0)), (0.0, (0, 1, 0))))
     for pair in ((red, green), (green, red)):
-        assert (seen(ctx, scene(*pair, camera=camera), camera, (16, 16))["albedo"] == (1, 0, 0)).all()
+        assert np.allclose(seen(ctx, scene(*pair, camera=camera), camera, (16, 16))["albedo"], (1, 0, 0), atol=1e-6)
 
 
 def test_a_second_view_forgets_the_first(ctx: moderngl.Context) -> None:

