@@ -48,7 +48,8 @@ class Timers:
             self._running.close()
             if stage is not None:
                 query = self._spare.pop() if self._spare else self.ctx.query(time=True)
-                self._running.enter_context(query)
+                query.__enter__()
+                self._running.callback(query.__exit__)
                 self._pending.append((stage, query))
         self._stage = stage
 
