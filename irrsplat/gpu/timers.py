@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from typing import cast
 
 import moderngl
 
@@ -48,8 +49,7 @@ class Timers:
             self._running.close()
             if stage is not None:
                 query = self._spare.pop() if self._spare else self.ctx.query(time=True)
-                query.__enter__()
-                self._running.callback(query.__exit__)
+                self._running.enter_context(cast(AbstractContextManager[object], query))
                 self._pending.append((stage, query))
         self._stage = stage
 
