@@ -225,7 +225,7 @@ class Settings:
         choices=("tiles", "scan"),
     )  # fmt: skip
     warmup: int = _declare(1000, "int", "examine", "the random first records of scan placement", low=0, high=100_000)
-    max_rounds: int = _declare(64, "int", "examine", "rounds after which render() stops and says so", low=1, high=10_000)
+    max_rounds: int = _declare(128, "int", "examine", "rounds after which render() stops and says so", low=1, high=10_000)
     max_records: int = _declare(
         200_000, "int", "examine", "records kept at most; to make room, those go that have been out of view for longest",
         low=100, high=4_000_000,

@@ -20,7 +20,7 @@ from irrsplat.indirect.examine import Examination, ExaminePass, Screen, tile_sid
 from irrsplat.indirect.flight_order import FlightOrder
 from irrsplat.indirect.gathering.basis import BounceStatistics
 from irrsplat.indirect.gathering.record_gatherer import RecordGatherer
-from irrsplat.indirect.site_selection import chessboard, choose
+from irrsplat.indirect.site_selection import FEWER, chessboard, choose
 from irrsplat.indirect.view_state import ViewState
 from irrsplat.records.adaptive_radius import AdaptiveRadius
 from irrsplat.records.cache_file import CacheState
@@ -162,6 +162,9 @@ class RecordScheduler(Owner):
             return self._seek_gaps(state, screen, budget), replace(NOTHING_ASKED, complete=False)
         if state.check is not None:
             return self._check(state, screen, shadows, budget), replace(NOTHING_ASKED, complete=False)
+        if state.closing and state.queue is None:
+            state, ended, _ = self._close(state, screen, shadows, budget)
+            return replace(state, rounds=state.rounds + ended), replace(NOTHING_ASKED, complete=False)
         return self._after(state, *self._ask(state, screen, shadows, camera, budget, side), screen, shadows, budget)
 
     def _after(
@@ -171,16 +174,13 @@ class RecordScheduler(Owner):
         state = replace(state, coverage=1.0 - state.missing)
         if not result.complete:
             return state, result
-        if not (result.new or state.gaps_sought):
-            state = self._seek_gaps(state, screen, budget)
-            if not state.gaps_sought:
+        few = state.asking < FEWER
+        state = replace(state, crowded=not few, closing=state.closing or (few and state.crowded))
+        settled = False
+        if not result.new:
+            state, ended, settled = self._close(state, screen, shadows, budget)
+            if not ended:
                 return state, replace(result, complete=False)
-        if not (result.new or state.queue is not None or state.checked or state.pixel_stride > 1):
-            state = self._check(state, screen, shadows, budget)
-            if state.queue is None and not state.checked:
-                return state, replace(result, complete=False)
-        if not (result.new or state.queue is not None or self.adaptation.compare(self.settings, budget)):
-            return state, replace(result, complete=False)
         gained = state.coverage > before.coverage or state.holes < before.holes_before
         state = replace(
             state,
@@ -188,14 +188,27 @@ class RecordScheduler(Owner):
             stalled_rounds=0 if gained else state.stalled_rounds + 1,
             holes_before=state.holes,
         )
-        if result.new:
-            return state, result
-        if state.queue is not None:  # of places in gaps
-            return state, replace(result, complete=False)
+        if settled:
+            state = replace(state, settled=(screen.sums, self.settings.asking))
+        return state, replace(result, complete=result.new > 0 or settled)
+
+    def _close(self, state: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget) -> tuple[ViewState, bool, bool]:
+        """Go on with what waits until hardly any tile asks, as far as the budget goes: gaps, the spot check and the reach of old
+        records. It makes many ask again, and so it doesn't wait until none does: the last few would take rounds of their own,
+        over and over. Returns whether one of these is done, and whether that was the last one and nothing has come of it."""
+        if not state.gaps_sought:
+            state = self._seek_gaps(state, screen, budget)
+            if not state.gaps_sought or state.queue is not None:
+                return state, state.gaps_sought, False
+        if not (state.checked or state.pixel_stride > 1):
+            state = self._check(state, screen, shadows, budget)
+            if not state.checked or state.queue is not None:
+                return state, state.checked, False
+        if not self.adaptation.compare(self.settings, budget):
+            return state, False, False
         state, limited = self.limit_radii(state, last=True)
-        if limited or state.pixel_stride > 1:  # then others may be missing
-            return replace(state, pixel_stride=1), replace(result, complete=False)
-        return replace(state, settled=(screen.sums, self.settings.asking)), result
+        unchanged = not limited and state.pixel_stride == 1  # else others may be missing
+        return replace(state, pixel_stride=1, closing=False), True, unchanged
 
     def _ask(
         self,
@@ -308,7 +321,8 @@ class RecordScheduler(Owner):
                 board = chessboard(step, reach, asking)
                 tiles = choose(found.asking, board, settings.seed + step)
             step += asking > 0  # looks that find nothing are no steps: there may be any number of them in small ticks
-            return replace(state, missing=found.missing, holes=found.holes, step=step, near=board.last), found.at(tiles)
+            state = replace(state, missing=found.missing, holes=found.holes, asking=asking, step=step, near=board.last)
+            return state, found.at(tiles)
 
     def _scan(
         self, state: ViewState, gbuffer: GBuffer, splats: SplatBuffer, shadows: ShadowMaps, camera: Camera, budget: Budget

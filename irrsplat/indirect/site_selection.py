@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 _FEW = 256  # tiles that need a record: so few are served at once, without going from coarse to fine
-_FEWER = 64  # tiles that need a record: so few get one each; of more, neighbours would do with one together
+FEWER = 64  # tiles that need a record: so few get one each; of more, neighbours would do with one together
 
 
 class Chessboard(NamedTuple):
@@ -35,7 +35,7 @@ def chessboard(step: int, reach: float, asking: int) -> Chessboard:
         return Chessboard(2 ** (levels - step // 2), step % 2, False)
     if asking < _FEW and step == 0:
         return Chessboard(2, -1, False)
-    return Chessboard(1 if asking < _FEWER else 2, -1, True)
+    return Chessboard(1 if asking < FEWER else 2, -1, True)
 
 
 def choose(asking: np.ndarray, board: Chessboard, seed: int) -> tuple[np.ndarray, np.ndarray]:

@@ -29,6 +29,8 @@ class ViewState:
     gaps_sought: bool = False  # whether all have been, and records are wanted in those that were found
     check: SpotCheck | None = None  # how far the spot check has come
     checked: bool = False  # whether it is done, and records are wanted where it found the others wrong
+    crowded: bool = False  # whether many tiles have asked at once since the records were last held against each other
+    closing: bool = False  # whether so few ask now that this is due, and all else that waits until hardly any does
     settled: tuple[object, tuple[object, ...]] | None = None  # the splats and criteria at which nothing was asked for
     looked_at: tuple[SplatBuffer, tuple[object, ...]] | None = None  # those of `coverage`, found while nothing was gathered
 
@@ -36,6 +38,7 @@ class ViewState:
     queue: Sites | None = None  # the sites that are still to be gathered; None between rounds
     near: bool = False  # whether they lie as close together as sites may: their records serve only what is near
     missing: float = 0.0  # share of the seen pixels that asked when it began
+    asking: int = 0  # tiles that asked when it began
     holes: int = 0  # tiles with a pixel that no record spoke for when it began
     holes_before: int = 0  # when the round before it began
     step: int = 0  # of the site selection, coarse to fine
