@@ -12,6 +12,8 @@ import irrsplat
 from irrsplat import Frame, Renderer
 from irrsplat.core.buffers import CHANNELS
 from irrsplat.image.tonemap import exposure_of
+from irrsplat.indirect.scheduler import RecordScheduler
+from irrsplat.indirect.site_selection import FEWER
 from irrsplat.scene.model import Camera, Scene
 from tests.support.worlds import box, floor, lamp, material, quad, scene
 
@@ -183,6 +185,30 @@ def test_a_round_without_sites_is_not_the_last_one(radius_max: float, at: tuple[
     frame = rendered(scene(thing, sky=1.0), (400, 400), Camera((0, 0, 2), (0, 0, 0)), radius_max=radius_max)
     assert frame.stats["converged"] and frame.stats["coverage"] == 1.0 and frame.stats["records"] > 0
     assert unserved(frame) == 0
+
+
+def test_what_makes_many_ask_does_not_wait_for_the_last_few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As soon as few tiles ask where many did, records are held against each other, and gaps and wrong places are looked for,
+    before any of the few gets a round of its own."""
+    told: list[int] = []  # how many tiles ask; -1: all of that is done
+    select, close = RecordScheduler._select, RecordScheduler._close
+
+    def selecting(*given: Any, **named: Any) -> Any:
+        found = select(*given, **named)
+        told.append(found[0].asking)
+        return found
+
+    def closing(*given: Any) -> Any:
+        found = close(*given)
+        if found[1] and found[0].queue is None:
+            told.append(-1)
+        return found
+
+    monkeypatch.setattr(RecordScheduler, "_select", selecting)
+    monkeypatch.setattr(RecordScheduler, "_close", closing)
+    assert rendered(room(), (240, 200), radius_max=20.0).stats["converged"]
+    turns = [after for many, few, after in zip(told, told[1:], told[2:], strict=False) if many >= FEWER > few > 0]
+    assert turns and set(turns) == {-1}
 
 
 def test_max_rounds_stops_and_says_so() -> None:
