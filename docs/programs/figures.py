@@ -13,6 +13,7 @@ from PIL import Image
 import irrsplat
 from irrsplat.core.color import LUMINANCE, srgb
 from irrsplat.image.frame import Frame
+from irrsplat.scene import bundled
 
 ROOT = Path(__file__).resolve().parents[2]
 IMAGES = ROOT / "docs" / "images"
@@ -39,7 +40,7 @@ def shown() -> tuple[list[str], list[str]]:
     pages = "".join(page.read_text(encoding="utf-8") for page in (ROOT / "README.md", *sorted(IMAGES.parent.rglob("*.md"))))
     names = list(dict.fromkeys(re.findall(r"[(/]images/([\w/-]+)\.png\)", pages)))
     figures = [f"{name}.png" for name in names if name.startswith("paper/")]
-    return figures, [name for name in names if "/" not in name and not name.startswith(("rims", "curve", "peers", "rest"))]
+    return figures, [name for name in names if name in bundled()]
 
 
 def slope(frame: Frame) -> tuple[np.ndarray, np.ndarray]:

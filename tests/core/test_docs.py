@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import re
 import shlex
 from pathlib import Path
@@ -9,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from irrsplat.app import grammar
+from irrsplat.scene import bundled
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")] + sorted((ROOT / "docs").rglob("*.md"))
@@ -61,3 +63,14 @@ def test_the_check_of_the_hessian_runs(capsys: pytest.CaptureFixture[str]) -> No
     (code,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs/METHOD.md").read_text(encoding="utf-8"), re.S)
     exec(compile(code, "METHOD.md", "exec"), {})
     assert max(map(float, capsys.readouterr().out.split())) < 2e-6
+
+
+def test_make_figures_makes_pictures_that_pages_show() -> None:
+    """Of the paper's six figures and of bundled scenes; other pictures beside these are other programs'."""
+    spec = importlib.util.spec_from_file_location("figures", ROOT / "docs/programs/figures.py")
+    assert spec is not None and spec.loader is not None
+    program = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(program)
+    figures, scenes = program.shown()
+    assert len(figures) >= 6 and scenes and set(scenes) <= set(bundled())
+    assert all((program.IMAGES / name).exists() for name in (*figures, *(f"{scene}.png" for scene in scenes)))
