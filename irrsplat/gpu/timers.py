@@ -49,8 +49,8 @@ class Timers:
             self._running.close()
             if stage is not None:
                 query = self._spare.pop() if self._spare else self.ctx.query(time=True)
+                self._running.callback(self._pending.append, (stage, query))  # once it has ended
                 self._running.enter_context(cast(AbstractContextManager[object], query))
-                self._pending.append((stage, query))
         self._stage = stage
 
     def _add(self, stage: str, ms: float) -> None:
