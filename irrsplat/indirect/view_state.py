@@ -29,8 +29,8 @@ class ViewState:
     gaps_sought: bool = False  # whether all have been, and records are wanted in those that were found
     check: SpotCheck | None = None  # how far the spot check has come
     checked: bool = False  # whether it is done, and records are wanted where it found the others wrong
-    crowded: bool = False  # whether many tiles have asked at once since the records were last held against each other
-    closing: bool = False  # whether so few ask now that this is due, and all else that waits until hardly any does
+    crowded: bool = False  # whether many tiles asked when the last complete round began
+    closing: bool = False  # whether what waits until hardly any tile asks is due: gaps, the spot check, the reach of old records
     settled: tuple[object, tuple[object, ...]] | None = None  # the splats and criteria at which nothing was asked for
     looked_at: tuple[SplatBuffer, tuple[object, ...]] | None = None  # those of `coverage`, found while nothing was gathered
 

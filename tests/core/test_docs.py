@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import re
 import shlex
 from pathlib import Path
@@ -11,6 +10,7 @@ import pytest
 
 from irrsplat.app import grammar
 from irrsplat.scene import bundled
+from tests.support.programs import program
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGES = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")] + sorted((ROOT / "docs").rglob("*.md"))
@@ -67,10 +67,7 @@ def test_the_check_of_the_hessian_runs(capsys: pytest.CaptureFixture[str]) -> No
 
 def test_make_figures_makes_pictures_that_pages_show() -> None:
     """Of the paper's six figures and of bundled scenes; other pictures beside these are other programs'."""
-    spec = importlib.util.spec_from_file_location("figures", ROOT / "docs/programs/figures.py")
-    assert spec is not None and spec.loader is not None
-    program = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(program)
-    figures, scenes = program.shown()
+    made = program("figures")
+    figures, scenes = made.shown()
     assert len(figures) >= 6 and scenes and set(scenes) <= set(bundled())
-    assert all((program.IMAGES / name).exists() for name in (*figures, *(f"{scene}.png" for scene in scenes)))
+    assert all((made.IMAGES / name).exists() for name in (*figures, *(f"{scene}.png" for scene in scenes)))

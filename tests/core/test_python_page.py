@@ -9,7 +9,6 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -19,6 +18,7 @@ from PIL import Image
 import irrsplat
 from irrsplat.core.files import eight_bits
 from irrsplat.image.tonemap import tonemap
+from tests.support.programs import program
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs/python.md").read_text(encoding="utf-8")
@@ -28,15 +28,6 @@ SMALL = (  # the same with less work: this is about the calls, not about their r
     ("size=(200, 200)", f"size=(24, 24), {QUICK}"),
     ('preset="default")', f'preset="default", {QUICK}, light_samples=16)'),
 )
-
-
-def host(name: str) -> ModuleType:
-    """A program of docs/programs/ as a module."""
-    spec = importlib.util.spec_from_file_location(name, ROOT / f"docs/programs/{name}.py")
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 def test_the_blocks_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -57,7 +48,7 @@ def test_the_window_shows_what_a_render_gives(monkeypatch: pytest.MonkeyPatch) -
     """Ticks until nothing changes, in a window in memory; the camera stands at time 0."""
     import moderngl_window
 
-    module = host("in_moderngl_window")
+    module = program("in_moderngl_window")
     monkeypatch.setattr(module.Host, "window_size", (48, 48))
     window = moderngl_window.get_local_window_cls("headless")(size=(48, 48), gl_version=(3, 3), backend="egl")
     moderngl_window.activate_context(window=window)

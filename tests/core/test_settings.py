@@ -2,33 +2,23 @@
 
 from __future__ import annotations
 
-import importlib.util
 from dataclasses import asdict
 from pathlib import Path
-from types import ModuleType
 from typing import get_type_hints
 
 import pytest
 
 from irrsplat.core.errors import InputError
 from irrsplat.settings import PRESETS, SETTINGS, Declaration, Settings, SettingValues, preset
+from tests.support.programs import program
 
 ROOT = Path(__file__).resolve().parents[2]
 FIXED = ("a", "tolerance", "blend", "exposure", "bounces", "gather", "smooth", "seed")  # names that others build on
 
 
-def module(path: Path) -> ModuleType:
-    """The script at `path`, imported."""
-    spec = importlib.util.spec_from_file_location(path.stem, path)
-    assert spec is not None and spec.loader is not None
-    it = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(it)
-    return it
-
-
 def test_the_tables_of_the_reference_are_current() -> None:
     text = (ROOT / "docs/reference.md").read_text(encoding="utf-8")
-    assert module(ROOT / "docs/programs/tables.py").filled(text) == text, "run: python docs/programs/tables.py"
+    assert program("tables").filled(text) == text, "run: python docs/programs/tables.py"
 
 
 def test_the_fixed_names_are_there() -> None:

@@ -162,8 +162,8 @@ def test_all_of_the_renderer_takes_a_map(bounces: int) -> None:
     seen = frames[0].alpha == 1.0
     assert 0.2 < seen.mean() < 0.9
     assert np.allclose(frames[0].emission, frames[1].emission, rtol=0.01)
-    for name in ("image", "irradiance"):
-        one, other = (getattr(frame, name)[seen] for frame in frames)
+    for pictures in ([frame.image for frame in frames], [frame.irradiance[seen] for frame in frames]):
+        one, other = pictures
         assert np.allclose(one, other, rtol=0.01 if bounces == 1 else 0.1)
         assert np.isclose(one, other, rtol=0.01).all(-1).mean() >= (1.0 if bounces == 1 else 0.97)
 
