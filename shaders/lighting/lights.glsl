@@ -77,18 +77,21 @@ struct Projected
     vec3 plane;   // dotted with (texel, 1): the depth of the tangent plane, as near/z in a perspective tile
     float own;    // near/z of the point
     float slack;  // factor on the plane's near/z within which a stored depth counts as the plane itself
+    float steps;  // of its depth from a texel to the next ones
     float slope;  // error of the stored depth where the plane is steep
 };
 
 const float BIAS = 0.1;       // of depth, in sizes of a texel
 const float SNAP = 0.02;      // texels by which a rasteriser may shift a triangle
 const float ROUNDING = 0.05;  // how far off its surface an interpolated position may lie, as a share of the near plane's distance
+const float BESIDE = 2.0;     // as BIAS: what lies so far behind the plane, and three steps of its slope, is not the receiver
 
-// 1 if the shadow map's texel `offset` texels from the receiver sees the receiver's tangent plane, 0 in shadow.
+// x: 1 if the shadow map's texel `offset` texels from the receiver sees the receiver's tangent plane, 0 in shadow.
 // The plane's depth is taken at the texel's centre, so that a plane does not shadow itself at any slope, and the bias has only to
 // cover what is not planar.
-
-float shadow_tap(Projected r, vec2 offset)
+// y: 1 if the texel knows of the receiver; 0 where its centre lies beyond an edge of the receiver, and sees what is far behind. In a
+// corner of two thin walls that is out of doors, although the one wall keeps the light from the other.
+vec2 shadow_tap(Projected r, vec2 offset)
 {
     vec2 texel = clamp(floor(r.texel + offset), vec2(0.0), vec2(shadow_layout.x - 1.0));
     float stored = texel_at(shadow_depth, ivec2(r.corner + texel)).r;
@@ -98,14 +101,17 @@ float shadow_tap(Projected r, vec2 offset)
     {
         float texels = r.width / r.range, own = r.q.z;
 #ifdef ANYWHERE
-        if (stored == 1.0) return 1.0;  // nothing there, for a receiver beyond the tile's depth
+        if (stored == 1.0) return vec2(1.0);  // nothing there, for a receiver beyond the tile's depth
 #endif
-        return stored >= clamp(expected, own - 99.0 * texels, own + 99.0 * texels) - r.slope - BIAS * texels - 1e-6 ? 1.0 : 0.0;
+        expected = clamp(expected, own - 99.0 * texels, own + 99.0 * texels);
+        bool lit = stored >= expected - r.slope - BIAS * texels - 1e-6;
+        return vec2(lit, stored <= expected + 3.0 * r.steps + BESIDE * texels + 1e-6);
     }
 #endif
     // depth = 1 - near/z: what is stored is affine in 1/z, and so is a plane
     expected = clamp(expected, 0.5 * r.own, 2.0 * r.own);
-    return 1.0 - stored <= expected * r.slack + r.slope + 2e-7 ? 1.0 : 0.0;
+    float found = 1.0 - stored;
+    return vec2(found <= expected * r.slack + r.slope + 2e-7, found >= expected * (2.0 - r.slack - BESIDE * r.width) - 3.0 * r.steps - 2e-7);
 }
 
 // The tile of a point light that sees d = p - light, with d and g in that tile's axes; light_table.py has the same six tiles.
@@ -172,12 +178,23 @@ float visibility(int i, Receiver r, int taps, vec2 rotation)
     vec3 m = parallel ? vec3(-t.m.xy / (abs(t.m.z) > 1e-6 ? t.m.z : 1e-6), 0.0) : t.m * (near / t.k);
     t.plane = vec3(m.xy * (2.0 / side), m.z - m.x - m.y);
     if (parallel) t.plane.z = t.q.z - dot(t.plane.xy, t.texel);
-    t.slope = SNAP * (abs(t.plane.x) + abs(t.plane.y));
-    if (taps == 1) return shadow_tap(t, vec2(0.0));
+    t.steps = abs(t.plane.x) + abs(t.plane.y);
+    t.slope = SNAP * t.steps;
+    if (taps == 1)
+    {
+        vec2 own = shadow_tap(t, vec2(0.0)), away = fract(t.texel) - 0.5;  // from the texel's centre: the receiver goes on there
+        if (own.y > 0.0) return own.x;
+        vec2 next = shadow_tap(t, abs(away.x) > abs(away.y) ? vec2(sign(away.x), 0.0) : vec2(0.0, sign(away.y)));
+        return next.y > 0.0 ? next.x : own.x;
+    }
     mat2 turn = mat2(rotation.x, rotation.y, -rotation.y, rotation.x);
-    float lit = 0.0;
-    for (int s = 0; s < taps; ++s) lit += shadow_tap(t, turn * (vec2(s & 1, s >> 1) - 0.5));  // texels
-    return lit / float(taps);
+    vec2 lit = vec2(0.0);
+    for (int s = 0; s < taps; ++s)
+    {
+        vec2 tap = shadow_tap(t, turn * (vec2(s & 1, s >> 1) - 0.5));  // texels
+        lit += vec2(tap.x * tap.y, tap.y);
+    }
+    return lit.y > 0.0 ? lit.x / lit.y : 1.0;
 }
 
 #ifdef FOOTPRINT
