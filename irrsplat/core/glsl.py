@@ -15,6 +15,7 @@ VIEW_ROWS = 8  # rows of numbers that describe a face through which a record loo
 MAX_EMITTER_CLUSTERS = 32  # of emissive triangles, among which light samples are shared out
 EYES_BESIDE = 6  # in a circle about a record, from which light samples are looked at as well
 WORTH = 4.0  # rays that a light sample is worth: near an emitter's rim a ray hits or misses, a light sample sees it for certain
+GOLDEN = 0.61803399  # the golden ratio's share of a step, whose multiples fill 0..1 evenly
 GOLDEN_ANGLE = 2.39996323  # radians, by which each point of a spiral is turned from the one before
 VIRTUAL_SETS = 8  # of virtual lights; with one set for all records its error would be theirs
 SHORT = 1e-4  # of the way, by which a shadow ray ends before the emitter
@@ -33,6 +34,7 @@ CONSTANTS: dict[str, int | float | tuple[float, ...]] = {
     "MAX_EMITTER_CLUSTERS": MAX_EMITTER_CLUSTERS,
     "EYES_BESIDE": EYES_BESIDE,
     "WORTH": WORTH,
+    "GOLDEN": GOLDEN,
     "GOLDEN_ANGLE": GOLDEN_ANGLE,
     "VIRTUAL_SETS": VIRTUAL_SETS,
     "SHORT": SHORT,

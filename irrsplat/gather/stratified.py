@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from irrsplat.core.glsl import NEIGHBOUR_STRIDE
+from irrsplat.core.glsl import GOLDEN, NEIGHBOUR_STRIDE
 
 
 def shape(side: int) -> tuple[int, int]:
@@ -23,10 +23,15 @@ def _edges(side: int) -> tuple[np.ndarray, np.ndarray]:
     return np.arcsin(np.sqrt(np.arange(m + 1) / m)), 2.0 * np.pi * np.arange(n + 1) / n
 
 
-def ray_directions(side: int) -> np.ndarray:
-    """(M·N, 3) float64: the rays' directions in a record's frame, through the middle of each stratum in sin²θ and φ."""
+def ray_directions(side: int, spread: bool = False) -> np.ndarray:
+    """(M·N, 3) float64: the rays' directions in a record's frame, through the middle of each stratum in sin²θ and φ.
+
+    spread: not through the middle in sin²θ, but at another height in each stratum of an elevation, in steps of the golden ratio.
+    Rays of few elevations that all go through the middle miss what is near the horizon."""
     m, n = shape(side)
-    square, azimuth = np.meshgrid((np.arange(m) + 0.5) / m, 2.0 * np.pi * (np.arange(n) + 0.5) / n, indexing="ij")
+    row, column = np.indices((m, n))
+    height = np.modf((column + 0.5 * row + 0.5) * GOLDEN)[0] if spread else 0.5
+    square, azimuth = (row + height) / m, 2.0 * np.pi * (column + 0.5) / n
     sine, cosine = np.sqrt(square), np.sqrt(1.0 - square)
     return np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine], axis=-1).reshape(-1, 3)
 

@@ -21,6 +21,8 @@ from irrsplat.gpu.target import Target, float_texture, integer_texture, table_te
 from irrsplat.gpu.world import World
 from irrsplat.lighting.light_table import light_defines
 
+_MIDDLES = 16  # a gather of this side, 8 elevations, and more from many places goes through the middles of its strata
+
 
 class TraceGather(Gather):
     """Traces side² rays a record, in the shader through the world's tree, or with `embree` by that.
@@ -59,7 +61,8 @@ class TraceGather(Gather):
         self.directions = table[..., :3].reshape(-1, 3)  # their directions in a record's frame
         self.table = table_texture(ctx, table)
         self.edges = table_texture(ctx, stratum_edges(self.side))
-        self.rays = ray_directions(self.side)
+        spread = places > 1 and self.side < _MIDDLES
+        self.rays = ray_directions(self.side, spread)
         looks = np.concatenate([self.rays.reshape(*table.shape[:2], 3), table[..., 3:]], axis=-1)
         self.looks = table_texture(ctx, looks)
         self.places_of_texels = places_of_texels(self.cell, places)
@@ -76,6 +79,7 @@ class TraceGather(Gather):
                 "HITS": int(hits),
                 "MET": int(met),
                 "PLACES": places,
+                "SPREAD": int(spread),
                 "KNOWN_HITS": int(embree),
             },
         )

@@ -55,6 +55,10 @@ void main()
     // equal steps of azimuth and of sin²θ are equal shares of E; the middle of both stands for the stratum
     vec3 azimuth = (inside.x + vec3(0.0, -0.5, 0.5)) * (2.0 * PI / float(cell.x));
     vec3 square = (inside.y + vec3(0.0, -0.5, 0.5)) / float(cell.y);
+#if SPREAD
+    // another height in each stratum of an elevation: see ray_directions
+    square.x = (floor(inside.y) + fract((inside.x + 0.5 * floor(inside.y)) * GOLDEN)) / float(cell.y);
+#endif
     vec3 x = cos(azimuth), y = sin(azimuth);
     vec3 d = normalize(frame * vec3(sqrt(square.x) * vec2(x.x, y.x), sqrt(1.0 - square.x)));
 

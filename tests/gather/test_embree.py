@@ -17,6 +17,7 @@ from irrsplat.scene import ray_caster
 from irrsplat.scene.change import SceneChange
 from irrsplat.scene.model import Texture
 from irrsplat.settings import Settings
+from irrsplat.surface_cache import site_rays
 from tests.gather.test_analytic import room
 from tests.gather.test_textures import UP, checker, image
 from tests.support.worlds import ABOVE, Lit, box, floor, lamp, material, quad, scene, sites
@@ -59,8 +60,10 @@ def test_it_passes_what_is_cut_out(ctx: moderngl.Context) -> None:
     assert np.allclose(found, truth, rtol=2e-3)
 
 
-def test_all_bounces_are_the_same(ctx: moderngl.Context) -> None:
-    """The sites of the surface cache, and the records that it lights, in a closed room."""
+@pytest.mark.parametrize("side", [8, 16])
+def test_all_bounces_are_the_same(ctx: moderngl.Context, side: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The sites of the surface cache, of so many rays along a side, and the records that it lights, in a closed room."""
+    monkeypatch.setattr(site_rays, "SIDES", (side, side))
     inside = scene(box((-2, -1, -2), (2, 5, 2), material(0.7), outward=False), floor(0.5), lights=(lamp((0.3, 1.5, 0.2), 5.0),))
     for samples in (0, 512):
         pictures = []

@@ -9,7 +9,7 @@ import pytest
 import irrsplat
 from irrsplat.core.buffers import Sites
 from irrsplat.core.glsl import NEIGHBOUR_STRIDE
-from irrsplat.gather.stratified import shape, stratum_edges, stratum_table
+from irrsplat.gather.stratified import ray_directions, shape, stratum_edges, stratum_table
 from tests.gather import test_gradients as occluder
 from tests.gather.test_analytic import (
     UP,
@@ -32,6 +32,21 @@ def test_strata_share_the_hemisphere_equally(side: int) -> None:
     vector = table[..., :3] * (table[..., 3] / table[..., 2])[..., None]
     assert np.allclose(vector.sum((0, 1)), [0.0, 0.0, np.pi], atol=1e-12)
     assert np.linalg.norm(vector, axis=-1).sum() == pytest.approx(2.0 * np.pi, rel=1.0 / side)
+
+
+@pytest.mark.parametrize("side", [8, 12])
+def test_spread_rays_fill_every_height(side: int) -> None:
+    """As many rays as is their share lie above any height in sin²θ, within one of an elevation's 2·side, and each in its stratum."""
+    rays = ray_directions(side, spread=True)
+    square, azimuth = 1.0 - rays[:, 2] ** 2, np.arctan2(rays[:, 1], rays[:, 0]) % (2.0 * np.pi)
+    assert np.allclose(np.linalg.norm(rays, axis=1), 1.0)
+    m, n = shape(side)
+    row, column = np.divmod(np.arange(side * side), n)
+    assert (np.floor(square * m) == row).all() and np.allclose(azimuth, 2.0 * np.pi * (column + 0.5) / n)
+    heights = np.linspace(0.0, 1.0, 999)
+    assert np.abs((square[:, None] < heights).mean(0) - heights).max() < 2.0 / (m * n)
+    middles = 1.0 - ray_directions(side)[:, 2] ** 2
+    assert not (middles > 1.0 - 0.45 / m).any() and (square > 1.0 - 0.45 / m).mean() > 0.4 / m
 
 
 def test_a_stratum_s_vector_is_its_integral() -> None:

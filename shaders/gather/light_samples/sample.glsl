@@ -1,5 +1,6 @@
 // One of a record's light samples: a point that sends out light, and how the record sees that. With VIRTUAL these are virtual lights
 // (irrsplat/lighting/virtual_lights.py), else points of emitters.
+#include "generated/constants.glsl"
 #if VIRTUAL
 #include "lib/bvh.glsl"
 
@@ -13,8 +14,6 @@ uniform sampler2D virtual_radiance;  // a texel each: what it sends out, W/(m² 
 
 uniform sampler2D frames;  // texels (i, 0..3) as in reduce_blocks.frag, w of 0 and 1: two random numbers, (i, 4): the eye, and how far
                            // beside it others look from, metres
-
-const float GOLDEN = 0.61803399;
 
 // A record as light samples take it.
 struct Viewpoint
