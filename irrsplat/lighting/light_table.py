@@ -67,7 +67,8 @@ def _tiles(light: Light, scene: Scene, side: int) -> tuple[np.ndarray, float, fl
     if light.directional:
         centre, radius = scene.bounds.mean(0), 0.5 * scene.diagonal * 1.001
         axes = _axes(-_unit(position))
-        scale = 1.0 / (radius * grow)
+        reach = float((np.abs(axes[:2]) @ (0.5 * np.ptp(scene.bounds, axis=0))).max())  # of the bounding box, across the light
+        scale = 1.0 / (1.001 * max(reach, _NARROWEST * radius) * grow)
         rows = np.concatenate([axes, -(axes @ centre)[:, None]], axis=1)
         rows[:2] *= scale
         rows[2] = (rows[2] + [0, 0, 0, radius]) / (2 * radius)

@@ -36,7 +36,7 @@ def test_strata_share_the_hemisphere_equally(side: int) -> None:
 
 @pytest.mark.parametrize("side", [8, 12])
 def test_spread_rays_fill_every_height(side: int) -> None:
-    """As many rays as is their share lie above any height in sin²θ, within one of an elevation's 2·side, and each in its stratum."""
+    """Above any height in sin²θ lie as many rays as is their share, within two, and each is in its stratum."""
     rays = ray_directions(side, spread=True)
     square, azimuth = 1.0 - rays[:, 2] ** 2, np.arctan2(rays[:, 1], rays[:, 0]) % (2.0 * np.pi)
     assert np.allclose(np.linalg.norm(rays, axis=1), 1.0)

@@ -351,3 +351,12 @@ def test_a_scene_that_is_a_point_can_be_lit() -> None:
     point = hidden(quad((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)), np.zeros(3))
     table = light_table(scene(point, lights=(Light((0.0, 2.0, 0.0), (1.0, 1.0, 1.0)),)), 64)
     assert np.isfinite(table.rows).all() and np.isfinite(table.tiles).all()
+
+
+@pytest.mark.parametrize("at", [(0.0, 1.0, 0.0), (1.0, 2.0, -0.5), (-3.0, 0.2, 1.0)])
+def test_a_directional_lamp_s_tile_is_no_wider_than_the_scene(at: tuple[float, float, float]) -> None:
+    """All corners of the bounding box are within it, and one is at its edge, but for the two texels around it."""
+    world = scene(box((-3.0, -0.5, -1.0), (1.0, 1.5, 2.0), WHITE), lights=(Light(at, (1, 1, 1), directional=True),))
+    (matrix,) = light_table(world, 512).tiles
+    q = world.corners @ matrix[:, :3].T + matrix[:, 3]
+    assert 0.98 < np.abs(q[:, :2]).max() < 1.0 and q[:, 2].min() > 0.0 and q[:, 2].max() < 1.0
