@@ -460,6 +460,27 @@ CORE = (
         ("tests/gather/test_trace.py::test_a_stratum_s_vector_is_its_integral",),
     ),
     Mutant(
+        "rays at other heights than Embree traces",
+        "shaders/gather/trace.frag",
+        "(inside.x + 0.5 * floor(inside.y)) * GOLDEN",
+        "(inside.x + 0.8 * floor(inside.y)) * GOLDEN",
+        ("tests/gather/test_embree.py::test_all_bounces_are_the_same[8]",),
+    ),
+    Mutant(
+        "light from texels that look past the receiver",
+        "shaders/lighting/lights.glsl",
+        "lit += vec2(tap.x * tap.y, tap.y);",
+        "lit += vec2(tap.x, 1.0);",
+        ("tests/lighting/test_direct.py::test_no_light_leaks_into_the_corners_of_thin_walls[sun]",),
+    ),
+    Mutant(
+        "a directional tile as wide as the diagonal",
+        "irrsplat/lighting/light_table.py",
+        "max(reach, _NARROWEST * radius)",
+        "radius",
+        ("tests/lighting/test_direct.py::test_a_directional_lamp_s_tile_is_no_wider_than_the_scene",),
+    ),
+    Mutant(
         "edge between elevations without a cosine",
         "irrsplat/gather/stratified.py",
         "np.broadcast_arrays(c * c * s * np.cos(middle), c * c * s * np.sin(middle), -s * s * c)",
