@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from irrsplat.core.buffers import Sites
+from irrsplat.core.glsl import GOLDEN
 
 OFFSET = 1e-4  # of the scene's diagonal: how far above its surface a record looks from
-_GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 _TEXELS = 3 << 20  # of an atlas by default: two RGBA32F textures of 48 MiB, and 12 MiB for a depth buffer
 
 
@@ -46,7 +46,7 @@ def tangent_frames(normal: np.ndarray, number: np.ndarray, seed: int) -> np.ndar
     b = x * y * a
     tangent = np.stack([1.0 + sign * x * x * a, sign * b, -sign * x], axis=-1)
     bitangent = np.stack([b, sign + y * y * a, -y], axis=-1)
-    angle = (2.0 * np.pi * np.modf((number + 1.0) * _GOLDEN + seed * math.sqrt(2.0))[0])[:, None]
+    angle = (2.0 * np.pi * np.modf((number + 1.0) * GOLDEN + seed * math.sqrt(2.0))[0])[:, None]
     return np.stack(
         [
             np.cos(angle) * tangent + np.sin(angle) * bitangent,

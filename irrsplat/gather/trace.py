@@ -61,8 +61,7 @@ class TraceGather(Gather):
         self.directions = table[..., :3].reshape(-1, 3)  # their directions in a record's frame
         self.table = table_texture(ctx, table)
         self.edges = table_texture(ctx, stratum_edges(self.side))
-        spread = places > 1 and self.side < _MIDDLES
-        self.rays = ray_directions(self.side, spread)
+        self.rays = ray_directions(self.side, spread=places > 1 and self.side < _MIDDLES)
         looks = np.concatenate([self.rays.reshape(*table.shape[:2], 3), table[..., 3:]], axis=-1)
         self.looks = table_texture(ctx, looks)
         self.places_of_texels = places_of_texels(self.cell, places)
@@ -79,7 +78,6 @@ class TraceGather(Gather):
                 "HITS": int(hits),
                 "MET": int(met),
                 "PLACES": places,
-                "SPREAD": int(spread),
                 "KNOWN_HITS": int(embree),
             },
         )
@@ -118,6 +116,7 @@ class TraceGather(Gather):
                     self.target,
                     scissor=area,
                     frames=self.frames,
+                    directions=self.looks,
                     cell=self.cell,
                     columns=self.columns,
                     near=self.offset,

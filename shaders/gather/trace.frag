@@ -22,6 +22,7 @@
 #endif
 
 uniform sampler2D frames;    // texels (i, 0..2): tangent, bitangent and normal at place i, (i, 4): where is looked from
+uniform sampler2D directions;  // of the rays in a record's frame, for each texel of a cell
 uniform ivec2 cell;          // azimuths and elevations of a record
 uniform int columns;         // cells per row
 uniform float near;          // metres
@@ -52,19 +53,15 @@ void main()
                       texelFetch(frames, ivec2(from, 2), 0).xyz);
     vec3 eye = texelFetch(frames, ivec2(from, 4), 0).xyz;
 
-    // equal steps of azimuth and of sin²θ are equal shares of E; the middle of both stands for the stratum
-    vec3 azimuth = (inside.x + vec3(0.0, -0.5, 0.5)) * (2.0 * PI / float(cell.x));
-    vec3 square = (inside.y + vec3(0.0, -0.5, 0.5)) / float(cell.y);
-#if SPREAD
-    // another height in each stratum of an elevation: see ray_directions
-    square.x = (floor(inside.y) + fract((inside.x + 0.5 * floor(inside.y)) * GOLDEN)) / float(cell.y);
-#endif
-    vec3 x = cos(azimuth), y = sin(azimuth);
-    vec3 d = normalize(frame * vec3(sqrt(square.x) * vec2(x.x, y.x), sqrt(1.0 - square.x)));
+    vec3 ray = texelFetch(directions, ivec2(inside), 0).xyz, d = normalize(frame * ray);
+    // equal steps of azimuth and of sin²θ are equal shares of E: the stratum's sides
+    vec2 azimuth = (inside.x + vec2(-0.5, 0.5)) * (2.0 * PI / float(cell.x));
+    vec2 square = (inside.y + vec2(-0.5, 0.5)) / float(cell.y);
+    vec2 x = cos(azimuth), y = sin(azimuth);
 
 #if KNOWN_HITS
-    int ray = (record * cell.y + int(inside.y)) * cell.x + int(inside.x);
-    Hit hit = bvh_known(eye, d, texelFetch(first_hits, table_texel(ray), 0).r);
+    int number = (record * cell.y + int(inside.y)) * cell.x + int(inside.x);
+    Hit hit = bvh_known(eye, d, texelFetch(first_hits, table_texel(number), 0).r);
 #else
     Hit hit = bvh_closest(eye, d, 0.0);
 #endif
@@ -80,8 +77,8 @@ void main()
     vec3 left[PARTS + 1], right[PARTS + 1];
     for (int i = 0; i <= PARTS; ++i)
     {
-        float u = mix(square.y, square.z, float(i) / float(PARTS)), s = sqrt(u), c = sqrt(max(1.0 - u, 0.0));
-        vec3 l = frame * vec3(s * x.y, s * y.y, c), r = frame * vec3(s * x.z, s * y.z, c);
+        float u = mix(square.x, square.y, float(i) / float(PARTS)), s = sqrt(u), c = sqrt(max(1.0 - u, 0.0));
+        vec3 l = frame * vec3(s * x.x, s * y.x, c), r = frame * vec3(s * x.y, s * y.y, c);
         left[i] = within_box(eye, l * min(k / min(dot(g, l), -1e-20), FARTHEST * hit.t)) - away;
         right[i] = within_box(eye, r * min(k / min(dot(g, r), -1e-20), FARTHEST * hit.t)) - away;
     }
@@ -89,13 +86,13 @@ void main()
     Receiver receiver = Receiver(eye + away, shading_normal(seen.normal, g), g);
 #if TEXTURES
     // the stratum is π/(cell.x·cell.y) of cosθ·dω, and sees that many steradians' t²/cosθ' of the surface
-    float solid = PI / (float(cell.x) * float(cell.y) * sqrt(1.0 - square.x));
+    float solid = PI / (float(cell.x) * float(cell.y) * ray.z);
     Material material = material_mean(seen, texture_area(solid * hit.t * hit.t / max(-dot(g, d), 0.05), A, B, C));
 #else
     Material material = material_of(seen);
 #endif
 #if EMITTERS
-    material.emission *= ray_share(hit.triangle, eye, d, hit.t, g, ray_density(vec3(0.0, 0.0, sqrt(1.0 - square.x))));
+    material.emission *= ray_share(hit.triangle, eye, d, hit.t, g, ray_density(ray));
 #endif
     vec3 E = vec3(0.0);
     for (int light = 0; light < LIGHTS; ++light)

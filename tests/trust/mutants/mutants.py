@@ -216,9 +216,9 @@ SHADERS = (
     ),
     Mutant(
         "ray through a stratum by equal steps of sinθ",
-        "shaders/gather/trace.frag",
-        "vec3(sqrt(square.x) * vec2(x.x, y.x), sqrt(1.0 - square.x))",
-        "vec3(square.x * vec2(x.x, y.x), sqrt(1.0 - square.x * square.x))",
+        "irrsplat/gather/stratified.py",
+        "sine, cosine = np.sqrt(square), np.sqrt(1.0 - square)",
+        "sine, cosine = square, np.sqrt(1.0 - square * square)",
         ("tests/gather/test_analytic.py::test_parallel_patch[0.5-1.0-trace-64]",),
     ),
     Mutant(
@@ -458,13 +458,6 @@ CORE = (
         "np.arcsin(np.sqrt(np.arange(m + 1) / m))",
         "np.arcsin(np.arange(m + 1) / m)",
         ("tests/gather/test_trace.py::test_a_stratum_s_vector_is_its_integral",),
-    ),
-    Mutant(
-        "rays at other heights than Embree traces",
-        "shaders/gather/trace.frag",
-        "(inside.x + 0.5 * floor(inside.y)) * GOLDEN",
-        "(inside.x + 0.8 * floor(inside.y)) * GOLDEN",
-        ("tests/gather/test_embree.py::test_all_bounces_are_the_same[8]",),
     ),
     Mutant(
         "light from texels that look past the receiver",
