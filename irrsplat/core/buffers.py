@@ -162,24 +162,21 @@ class ShadowMaps:
         return {**plain, "luminaire_table": self.luminaires, "photometry": self.photometry}
 
 
-TriangleOrder = Literal["scene", "tree"]  # triangles are numbered as in the scene, or as the tree of rays counts them
-
-
 @dataclass(frozen=True)
 class HitLight:
     """What lights the surfaces that a gather sees: the lamps with their shadow maps and, from the second bounce on, the surface
     cache.
 
-    surface: the uniforms of shaders/surface_cache/lookup.glsl and lib/bvh.glsl, for triangles numbered either way; None
-    for one bounce.
+    surface: the uniforms of shaders/surface_cache/lookup.glsl; None for one bounce.
     """
 
     shadows: ShadowMaps
-    surface: Mapping[TriangleOrder, Uniforms] | None = None
+    surface: Uniforms | None = None
 
-    def uniforms(self, order: TriangleOrder) -> Uniforms:
-        """The uniforms of both, for a gather that numbers triangles in this order."""
-        return {**self.shadows.uniforms, **(self.surface[order] if self.surface is not None else {})}
+    @property
+    def uniforms(self) -> Uniforms:
+        """The uniforms of both."""
+        return {**self.shadows.uniforms, **(self.surface or {})}
 
 
 @dataclass(frozen=True, eq=False)

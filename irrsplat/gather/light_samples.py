@@ -9,7 +9,7 @@ from typing import Any, Literal
 import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import Atlas, HitLight, LightSamples, TriangleOrder, Uniforms
+from irrsplat.core.buffers import Atlas, HitLight, LightSamples, Uniforms
 from irrsplat.core.glsl import EYES_BESIDE, SHORT
 from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource, Workshop
@@ -62,12 +62,13 @@ class LightSearch:
         kinds = {"EMITTERS": int(known), "VIRTUAL_LIGHTS": int(self._may_be_virtual), "STRATA": int(self.strata)}
         return {**kinds, **({"EMITTERS_APART": 1} if self.apart else {})}
 
-    def ray_uniforms(self, order: TriangleOrder) -> Uniforms:
-        """The uniforms of shaders/lighting/emitters_hit.glsl for a gather that numbers triangles in this order, of
-        virtual_lights/hit.glsl, and of ray_density.glsl where its rays are strata."""
+    @property
+    def ray_uniforms(self) -> Uniforms:
+        """The uniforms of shaders/lighting/emitters_hit.glsl, of virtual_lights/hit.glsl, and of ray_density.glsl where its rays
+        are strata."""
         emitters, virtual, found = self._emitters, self._virtual, dict[str, Any]()
         if emitters is not None:
-            found |= emitters.ray_uniforms(order, self._emitter_samples)
+            found |= emitters.ray_uniforms(self._emitter_samples)
         if self._may_be_virtual:
             found["virtual_lights"] = np.zeros((len(self.world.scene.lights), 4)) if virtual is None else virtual.reach
         return {**found, "rays": self.rays} if found and self.strata else found
@@ -81,7 +82,9 @@ class LightSearch:
         if virtual is not None:
             sources.append(("virtual lights", virtual.count, virtual.sample_uniforms(light.shadows)))
         free = self.world.caster.free if sources and self.embree else None
-        common: Uniforms = {**self.world.trace_uniforms, "rays": self.rays} if sources else {}
+        common: Uniforms = {}
+        if sources:
+            common = {**(self.world.trace_uniforms if free is None else self.world.hit_uniforms), "rays": self.rays}
         return tuple(
             LightSamples(of, count, rows, {**common, **uniforms}, self.strata, self.world.material_defines, free)
             for of, count, uniforms in sources

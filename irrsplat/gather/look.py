@@ -8,11 +8,10 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Callable
 from contextlib import nullcontext
-from typing import ClassVar
 
 import numpy as np
 
-from irrsplat.core.buffers import Atlas, HitLight, Sites, TriangleOrder
+from irrsplat.core.buffers import Atlas, HitLight, Sites
 from irrsplat.gather.record_frame import OFFSET
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gpu.resource import Owner
@@ -30,15 +29,13 @@ class Gather(Owner):
 
     kind: "raster", "plane", "trace" or "embree". capacity: records that one call takes at most. cell: texels, width and height,
     of what a record sees. share: (height, width) cosθ·dω of each of them. places: from how many a record looks, in turn
-    (shaders/gather/places.glsl); an atlas's `frames` then has so many columns for each record. triangle_order: how it numbers the
-    triangles that it hits.
+    (shaders/gather/places.glsl); an atlas's `frames` then has so many columns for each record.
     """
 
     kind: str
     capacity: int
     cell: tuple[int, int]
     share: np.ndarray
-    triangle_order: ClassVar[TriangleOrder]
 
     def __init__(self, world: World, places: int = 1) -> None:
         self.world, self.places = world, places

@@ -37,8 +37,6 @@ class RasterGather(Gather):
     emitters_apart, emitters do not count, however they are found.
     """
 
-    triangle_order = "scene"
-
     def __init__(
         self,
         world: World,
@@ -95,7 +93,7 @@ class RasterGather(Gather):
         else:
             draw = self.meshlet_draw = self.meshlet_draw or MeshletDraw(self.ctx, self.size, self.defines)
         used = (0, 0, self.size[0], -(-count // self.columns) * self.cell[1])
-        searched = self.search.ray_uniforms(self.triangle_order)
+        searched = self.search.ray_uniforms
         target = self.target = draw(self.world, light, Views(rows, self.views, used, self.offset, searched))
         block = (self.side // 4, self.side // 4)
         radiance, planes = target.textures
@@ -169,7 +167,7 @@ class SingleDraw(Owner):
             state=DrawState(depth="<", depth_clamp=True, clip_planes=5),
             atlas=self.target.size,
             **views.uniforms,
-            **(world.gather_uniforms | light.uniforms("scene") | views.emitters),
+            **(world.gather_uniforms | light.uniforms | views.emitters),
         )
         return self.target
 
@@ -219,7 +217,7 @@ class MeshletDraw(Owner):
             seen=self.triangle.textures[0],
             atlas=self.target.size,
             **views.uniforms,
-            **(light.uniforms("scene") | in_meshlets.uniforms | world.gather_uniforms | views.emitters),
+            **(light.uniforms | in_meshlets.uniforms | world.gather_uniforms | views.emitters),
         )
         return self.target
 

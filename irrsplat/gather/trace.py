@@ -34,8 +34,6 @@ class TraceGather(Gather):
     neither counts. Raises InputError for more triangles than the GPU's textures hold, and where embreex is wanted and missing.
     """
 
-    triangle_order = "tree"
-
     def __init__(
         self,
         world: World,
@@ -52,9 +50,9 @@ class TraceGather(Gather):
     ) -> None:
         super().__init__(world, places)
         self.ctx = ctx = world.ctx
-        self.tree = world.tree
         self.side = max(4, side // 4 * 4)  # so that blocks fill a cell
         self.kind = "embree" if embree else "trace"
+        self._uniforms()  # where there are too many triangles, it fails here
         table = stratum_table(self.side)
         self.cell = (table.shape[1], table.shape[0])
         self.share = table[..., 3]  # cosθ·dω of every texel of a cell
@@ -105,7 +103,7 @@ class TraceGather(Gather):
         rotations = sites.frame_rotations(numbers)
         rows[:4] = frame_rows(tangent_frames(sites.normal, rotations, seed), sites, numbers)
         rows[:2, :, 3] = sample_offsets(rotations // self.places, seed).T  # the samples of all places are one pattern
-        rows[4, :, :3], rows[4, :, 3] = eye_positions(sites, self.tree.corners, self.offset), self.steps(sites)
+        rows[4, :, :3], rows[4, :, 3] = eye_positions(sites, self.world.geometry.corners, self.offset), self.steps(sites)
         self.frames.write(rows.tobytes(), viewport=(0, 0, looks, 5))
         hits = self._trace(rows)
         lines, rest = divmod(count, self.columns)
@@ -121,8 +119,7 @@ class TraceGather(Gather):
                     columns=self.columns,
                     near=self.offset,
                     **hits,
-                    **(self.world.trace_uniforms | self.world.box_uniforms | light.uniforms(self.triangle_order)),
-                    **self.search.ray_uniforms(self.triangle_order),
+                    **(self._uniforms() | self.world.box_uniforms | light.uniforms | self.search.ray_uniforms),
                 )
         block = (self.side // 4, self.side // 4)
         radiance, planes = self.target.textures[:2]
@@ -141,6 +138,11 @@ class TraceGather(Gather):
             self.looks,
         )
 
+    def _uniforms(self) -> Uniforms:
+        """The uniforms of the scene. Where Embree tells what rays hit, a tree is needed only to go on through what is cut out."""
+        known = self.kind == "embree" and not self.world.material_defines["CUT_OUTS"]
+        return self.world.hit_uniforms if known else self.world.trace_uniforms
+
     def _trace(self, rows: np.ndarray) -> Uniforms:
         """Have Embree trace the rays of records with these rows of `frames`; the uniforms that tell what they hit."""
         if self.first_hits is None:
@@ -150,9 +152,8 @@ class TraceGather(Gather):
             eyes, texels = slice(place, None, self.places), self.places_of_texels == place
             found = self.world.caster.first_hits(rows[4, eyes, :3], rows[:3, eyes, :3].swapaxes(0, 1), self.rays[texels])
             hits[:, texels] = found
-        found = np.take(self.tree.places, hits.ravel(), mode="wrap")  # -1 finds the last
-        lines = -(-len(found) // TABLE_COLUMNS)
-        found = np.pad(found, (0, lines * TABLE_COLUMNS - len(found)))
+        lines = -(-hits.size // TABLE_COLUMNS)
+        found = np.pad(hits.ravel(), (0, lines * TABLE_COLUMNS - hits.size))
         self.first_hits.write(found.tobytes(), viewport=(0, 0, TABLE_COLUMNS, lines))
         return {"first_hits": self.first_hits}
 
@@ -171,7 +172,7 @@ class TraceGather(Gather):
         """Where these rays hit: position and shading normal on the side that they hit, (N, R, 3) each, and the triangle's number
         in the scene, (N, R). Where nothing was hit it means nothing."""
         place, normal = self._read((4, 5), count)
-        return place[..., :3], normal[..., :3], self.tree.order[place[..., 3].astype(np.intp)]
+        return place[..., :3], normal[..., :3], place[..., 3].astype(np.intp)
 
     def _read(self, outputs: tuple[int, ...], count: int) -> list[np.ndarray]:
         """(N, R, 4) each, these outputs of the last call's first `count` records."""

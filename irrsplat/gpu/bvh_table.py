@@ -1,4 +1,4 @@
-"""The bounding volume hierarchy that rays go through, as tables that shaders read."""
+"""The triangles that light sees, and the bounding volume hierarchy that rays go through, as tables that shaders read."""
 
 from __future__ import annotations
 
@@ -12,57 +12,41 @@ from irrsplat.core.errors import InputError
 from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.core.vertex_layout import TEXELS, vertex_column, vertex_texels
 from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import table_texture
+from irrsplat.gpu.target import integer_texture, table_texture
 from irrsplat.gpu.texel_table import chosen_rows, row_count, table_rows, write
-from irrsplat.scene.bvh import Bvh, build
+from irrsplat.scene.bvh import Bvh
 from irrsplat.scene.seen_by_light import FaceCounts
 
 
-@dataclass(frozen=True)
-class _Tables(Owner):
-    """The tables of one set of triangles, replaced as a whole when these move."""
-
-    corners: np.ndarray
-    order: np.ndarray
-    places: np.ndarray
-    count: int  # nodes for each octant of ray directions
-    grid: np.ndarray
-    nodes: moderngl.Texture
-    triangles: moderngl.Texture
-    vertices: moderngl.Texture
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
-        return (self.nodes, self.triangles, self.vertices)
-
-
-class BvhTable(Owner):
-    """A scene's triangles on the GPU as rays find them (shaders/lib/bvh.glsl).
+class TriangleTable(Owner):
+    """The triangles that light sees, by their numbers in the scene (shaders/lib/rays/triangles.glsl), with their vertices.
 
     vertices: (V, WIDTH) float32, rows as core/vertex_layout.py has them; faces: (F, 3) int, as scene.flatten gives them.
-    counts: of which sort the faces are (default: all open); those that light passes are not in the tree. bvh: what `tree_of` has
-    of these, where that is already made. Raises InputError for more triangles than the GPU's textures hold.
+    counts: of which sort the faces are (default: all open). Raises InputError for more than the GPU's textures hold.
     """
 
-    def __init__(
-        self,
-        ctx: moderngl.Context,
-        vertices: np.ndarray,
-        faces: np.ndarray,
-        counts: FaceCounts | None = None,
-        bvh: Bvh | None = None,
-    ) -> None:
-        self.ctx = ctx
-        self.counts = counts or FaceCounts(0, len(faces))
-        self._tables = _tables(ctx, vertices, faces, self.counts, bvh)
+    def __init__(self, ctx: moderngl.Context, vertices: np.ndarray, faces: np.ndarray, counts: FaceCounts | None = None) -> None:
+        self.ctx, self.counts = ctx, counts or FaceCounts(0, len(faces))
+        limit = _largest_table(ctx)
+        if max(len(vertices), len(faces)) > limit or limit < max(TEXELS, 3) * TABLE_COLUMNS**2:
+            raise too_many(len(faces))
+        self._tables = self._made(vertices, faces)
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
         return (self._tables,)
 
+    def _made(self, vertices: np.ndarray, faces: np.ndarray) -> _Tables:
+        points = np.empty((len(vertices), 4), "f4")
+        points[:, :3], points[:, 3] = vertex_column(vertices, "position"), np.arange(len(vertices))
+        corners = chosen_rows(points, faces[: self.counts.lit])
+        marks = corners.reshape(-1, 3, 4)[self.counts.solid : self.counts.lit, 0]
+        marks[:, 3] = -1.0 - marks[:, 3]  # of those that are cut out
+        return _Tables(table_texture(self.ctx, corners), table_texture(self.ctx, table_rows(vertex_texels(vertices))))
+
     def update(self, vertices: np.ndarray, faces: np.ndarray) -> None:
         """The same triangles elsewhere; whoever holds this table sees them there."""
-        before, self._tables = self._tables, _tables(self.ctx, vertices, faces, self.counts, None)
+        before, self._tables = self._tables, self._made(vertices, faces)
         before.release()
 
     def repaint(self, vertices: np.ndarray) -> None:
@@ -70,63 +54,63 @@ class BvhTable(Owner):
         self._tables.vertices.write(table_rows(vertex_texels(vertices)).astype("f4").tobytes())
 
     @property
-    def corners(self) -> np.ndarray:
-        """(F, 3, 3) float32: the triangles' corners in metres, in the scene's order."""
-        return self._tables.corners
-
-    @property
-    def order(self) -> np.ndarray:
-        """(T,) the scene's numbers of the triangles that light sees, in the order in which the tree counts them."""
-        return self._tables.order
-
-    @property
-    def places(self) -> np.ndarray:
-        """(T + 1,) int32 the other way: the tree's number of each triangle that light sees, by the scene's; at the end, where -1
-        finds it, -1."""
-        return self._tables.places
-
-    @property
-    def ray_uniforms(self) -> Uniforms:
-        """The uniforms of shaders/lib/bvh.glsl."""
-        tables = self._tables
-        return {
-            "bvh_nodes": tables.nodes,
-            "bvh_triangles": tables.triangles,
-            "bvh_count": tables.count,
-            "bvh_start": tables.grid[0],
-            "bvh_step": tables.grid[1],
-        }
+    def corner_uniforms(self) -> Uniforms:
+        """The uniforms of shaders/lib/rays/triangles.glsl."""
+        return {"triangle_corners": self._tables.corners}
 
     @property
     def uniforms(self) -> Uniforms:
         """The same, and the table of the vertices (generated/vertex_table.glsl)."""
-        return self.ray_uniforms | {"vertex_table": self._tables.vertices}
+        return self.corner_uniforms | {"vertex_table": self._tables.vertices}
 
 
-def tree_of(vertices: np.ndarray, faces: np.ndarray, counts: FaceCounts) -> Bvh:
-    """The tree of the triangles that light sees, as BvhTable takes them; without OpenGL, so that a thread can make it."""
-    return build(vertex_column(vertices, "position")[faces[: counts.lit]])
+@dataclass(frozen=True)
+class _Tables(Owner):
+    """The tables of one set of triangles, replaced as a whole when these move."""
+
+    corners: moderngl.Texture
+    vertices: moderngl.Texture
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.corners, self.vertices)
 
 
-def _tables(ctx: moderngl.Context, vertices: np.ndarray, faces: np.ndarray, counts: FaceCounts, bvh: Bvh | None) -> _Tables:
-    corners = vertex_column(vertices, "position")[faces]
-    if bvh is None:
-        bvh = build(corners[: counts.lit])
-    limit = int(ctx.info["GL_MAX_TEXTURE_SIZE"])
-    if max(bvh.nodes[..., 0].size, len(vertices), len(faces)) > TABLE_COLUMNS * limit or limit < max(TEXELS, 3) * TABLE_COLUMNS:
-        raise InputError(f"{len(faces)} triangles are too many to trace here: use --gather raster")
-    texels = bvh.nodes.reshape(-1, 4)
-    nodes = ctx.texture((TABLE_COLUMNS, row_count(len(texels))), 4, dtype="u4")
-    nodes.filter = moderngl.NEAREST, moderngl.NEAREST
-    write(nodes, 0, texels)
-    points = np.empty((len(vertices), 4), "f4")
-    points[:, :3], points[:, 3] = vertex_column(vertices, "position"), np.arange(len(vertices))
-    leaves = chosen_rows(points, faces[bvh.order])
-    if counts.cut_out:
-        first_corners = leaves.reshape(-1, 3, 4)[: len(bvh.order), 0]
-        cut_out = bvh.order >= counts.solid
-        first_corners[cut_out, 3] = -1.0 - first_corners[cut_out, 3]  # marks them
-    triangles, table = table_texture(ctx, leaves), table_texture(ctx, table_rows(vertex_texels(vertices)))
-    places = np.full(counts.lit + 1, -1, np.int32)
-    places[bvh.order] = np.arange(counts.lit)
-    return _Tables(corners, bvh.order, places, bvh.nodes.shape[1], bvh.grid, nodes, triangles, table)
+class BvhTable(Owner):
+    """A tree of triangles on the GPU, as shaders/lib/rays/bvh.glsl sends rays through it.
+
+    Raises InputError for more nodes than the GPU's textures hold.
+    """
+
+    def __init__(self, ctx: moderngl.Context, bvh: Bvh) -> None:
+        nodes, triangles = bvh.nodes.reshape(-1, 4), len(bvh.order)
+        if max(len(nodes), triangles) > _largest_table(ctx):
+            raise too_many(triangles)
+        self.nodes = ctx.texture((TABLE_COLUMNS, row_count(len(nodes))), 4, dtype="u4")
+        self.nodes.filter = moderngl.NEAREST, moderngl.NEAREST
+        write(self.nodes, 0, nodes)
+        self.leaves = integer_texture(ctx, (TABLE_COLUMNS, row_count(triangles)))
+        write(self.leaves, 0, bvh.order[:, None])
+        self.uniforms: Uniforms = {
+            "bvh_nodes": self.nodes,
+            "bvh_leaves": self.leaves,
+            "bvh_count": bvh.nodes.shape[1],
+            "bvh_start": bvh.grid[0],
+            "bvh_step": bvh.grid[1],
+        }
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.nodes, self.leaves)
+
+
+def _largest_table(ctx: moderngl.Context) -> int:
+    """How many items of a texel a table may have."""
+    return TABLE_COLUMNS * int(ctx.info["GL_MAX_TEXTURE_SIZE"])
+
+
+def too_many(triangles: int) -> InputError:
+    """What is wrong where a GPU's tables cannot hold so many."""
+    return InputError(
+        f"{triangles} triangles are too many for rays in shaders here: use --gather embree, or --gather raster --light-samples 0"
+    )

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import time
+from collections.abc import Callable
 from concurrent.futures import Future, wait
 from contextlib import ExitStack
 from functools import partial
+from typing import Any, TypeVar
 
 import moderngl
 import numpy as np
@@ -14,10 +15,11 @@ from irrsplat.core.beside import done, started
 from irrsplat.core.buffers import Uniforms
 from irrsplat.core.errors import InputError
 from irrsplat.core.vertex_layout import vertex_column
-from irrsplat.gpu.bvh_table import BvhTable, tree_of
+from irrsplat.gpu.bvh_table import BvhTable, TriangleTable
 from irrsplat.gpu.geometry import Geometry
 from irrsplat.gpu.material_table import MaterialTable
 from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.scene.bvh import Bvh, build
 from irrsplat.scene.change import SceneChange
 from irrsplat.scene.flatten import flatten
 from irrsplat.scene.looks import numbered_alike, runs
@@ -25,7 +27,9 @@ from irrsplat.scene.model import Mesh, Scene
 from irrsplat.scene.ray_caster import RayCaster
 from irrsplat.scene.seen_by_light import face_counts
 
-_LARGE = 100_000  # triangles from which a tree takes long enough to be begun before anybody wants it
+Made = TypeVar("Made")
+
+_LARGE = 100_000  # triangles from which a tree takes long enough to be built in a thread
 
 
 class World(Owner):
@@ -38,7 +42,6 @@ class World(Owner):
         self.ctx = ctx
         vertices, faces, _ = flatten(scene)
         counts = face_counts(scene)
-        self._planted = started(partial(tree_of, vertices, faces, counts)) if len(faces) >= _LARGE else None
         with ExitStack() as made:  # where the second fails, the first is freed
             self.geometry = made.enter_context(Geometry(ctx, vertices, faces, counts))
             self.materials = MaterialTable(ctx, scene, texture_memory)
@@ -47,12 +50,14 @@ class World(Owner):
         self.derived = Workshop()  # what others make of the scene as it is; it is freed with this
         self._scene = scene
         self._uploaded: tuple[Mesh, ...] | None = scene.meshes  # None while what is on the GPU is neither before nor after a move
+        self._triangles: TriangleTable | None = None
         self._tree: BvhTable | None = None
-        self._caster: tuple[np.ndarray, Future[RayCaster]] | None = None  # of these `corners` of the geometry
+        self._planted: tuple[np.ndarray, Future[Bvh]] | None = None  # of these `corners` of the geometry
+        self._caster: tuple[np.ndarray, Future[RayCaster]] | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.geometry, self.materials, self._tree, self.derived)
+        return (self.geometry, self.materials, self._triangles, self._tree, self.derived)
 
     @property
     def raster_uniforms(self) -> Uniforms:
@@ -71,14 +76,21 @@ class World(Owner):
         return {"low": low, "high": high}
 
     @property
+    def hit_uniforms(self) -> Uniforms:
+        """What shaders need that look at what rays hit."""
+        return self.triangles.uniforms | self.materials.light_uniforms
+
+    @property
     def trace_uniforms(self) -> Uniforms:
-        """What shaders need that send rays through the tree and look at what these hit."""
-        return self.tree.uniforms | self.materials.light_uniforms
+        """The same, and what they need to send rays through the tree."""
+        return self.hit_uniforms | self.tree.uniforms
 
     @property
     def ray_uniforms(self) -> Uniforms:
         """What shaders need that send rays through the tree, to find out whether they hit anything."""
-        return self.trace_uniforms if self.materials.defines["CUT_OUTS"] else self.tree.ray_uniforms
+        if self.materials.defines["CUT_OUTS"]:
+            return self.trace_uniforms
+        return self.triangles.corner_uniforms | self.tree.uniforms
 
     @property
     def material_defines(self) -> dict[str, int]:
@@ -95,12 +107,32 @@ class World(Owner):
         return self._scene is scene and self._uploaded is scene.meshes
 
     @property
+    def triangles(self) -> TriangleTable:
+        """The triangles as shaders look at them, made when first wanted. Raises InputError for more of them than the GPU can
+        hold."""
+        if self._triangles is None:
+            self._triangles = TriangleTable(self.ctx, *flatten(self._scene)[:2], self.geometry.counts)
+        return self._triangles
+
+    @property
     def tree(self) -> BvhTable:
-        """The triangles as rays find them, made when first wanted. Raises InputError for more of them than the GPU can hold."""
+        """The tree by which rays find them, made when first wanted and again when they have moved. Raises InputError for one that
+        is larger than the GPU can hold."""
         if self._tree is None:
-            bvh = self._planted.result() if self._planted is not None else None
-            self._tree, self._planted = BvhTable(self.ctx, *flatten(self._scene)[:2], self.geometry.counts, bvh), None
+            self._tree, self._planted = BvhTable(self.ctx, self._planting().result()), None
         return self._tree
+
+    def expect_tree(self) -> None:
+        """Begin `tree` beside all else where it takes long, since it will be wanted."""
+        if self._tree is None and self.geometry.triangles >= _LARGE:
+            self._planting()
+
+    def _planting(self) -> Future[Bvh]:
+        """The building of `tree`, in a thread where it takes long."""
+        corners = self.geometry.corners
+        if self._planted is None or self._planted[0] is not corners:
+            self._planted = corners, self._beside(partial(build, corners[: self.geometry.counts.lit]))
+        return self._planted[1]
 
     @property
     def caster(self) -> RayCaster:
@@ -119,16 +151,19 @@ class World(Owner):
         if self._caster is None or self._caster[0] is not corners:
             vertices, faces, _ = flatten(self._scene)
             make = partial(RayCaster, vertex_column(vertices, "position"), faces[: self.geometry.counts.lit])
-            self._caster = corners, started(make) if len(corners) >= _LARGE else done(make)
+            self._caster = corners, self._beside(make)
         return self._caster[1]
 
-    def wait_for_tree(self, seconds: float, caster: bool = False) -> bool:
-        """Wait so long for what `tree` needs, at most, and for the `caster`; whether that is there. Whoever asks again and again
+    def _beside(self, make: Callable[[], Made]) -> Future[Made]:
+        """The making of something for all triangles, in a thread where these are many."""
+        return started(make) if self.geometry.triangles >= _LARGE else done(make)
+
+    def wait(self, seconds: float, tree: bool = False, caster: bool = False) -> bool:
+        """Wait so long, at most, for what `tree` needs, and for the `caster`; whether that is there. Whoever asks again and again
         without waiting takes the interpreter from those who make it."""
-        end = time.perf_counter() + seconds
-        if self._planted is not None and not wait([self._planted], max(seconds, 0.0)).done:
-            return False
-        return not caster or bool(wait([self._casting()], max(end - time.perf_counter(), 0.0)).done)
+        wanted: list[Future[Any]] = [self._planting()] if tree and self._tree is None else []
+        wanted += [self._casting()] if caster else []
+        return not wait(wanted, max(seconds, 0.0)).not_done
 
     def follow(self, change: SceneChange) -> None:
         """Go on with the same meshes, lit otherwise, elsewhere or repainted; where they have moved, the triangles are uploaded
@@ -147,19 +182,20 @@ class World(Owner):
             try:
                 if change.repainted or before is None:
                     self.materials.update(scene)
-                if moved:
-                    self._planted = None
-                    if self._tree is not None:
-                        self._tree.update(vertices, faces)
+                if moved and self._triangles is not None:
+                    self._triangles.update(vertices, faces)
             except Exception:  # it is as it was; only an interruption may come after that
                 self._uploaded = None if change.repainted else before
                 raise
             if moved:
                 self.geometry.update(vertices, faces)
+                if self._tree is not None:
+                    self._tree.release()
+                    self._tree = None
             else:
                 self.geometry.repaint(vertices)
-                if self._tree is not None:
-                    self._tree.repaint(vertices)
+                if self._triangles is not None:
+                    self._triangles.repaint(vertices)
             found = runs(scene)
             if found != self.runs:
                 self.runs = found

@@ -239,7 +239,7 @@ class RecordScheduler(Owner):
         """Look for the gaps of a view, or of the part of it that `camera` draws, as GapPass does."""
         if not self.settings.in_front:
             return NOTHING_TO_FIND
-        if budget.limited and not self.gatherer.world.wait_for_tree(budget.left):
+        if budget.limited and not self.gatherer.world.wait(budget.left, tree=True):
             return Search(start, False)
         size = gbuffer.position.size
         gap_pass = self._passes.get("gaps", size, lambda: GapPass(self.gatherer.world, size))

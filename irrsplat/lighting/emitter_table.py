@@ -5,14 +5,17 @@ from __future__ import annotations
 import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import TriangleOrder, Uniforms
+from irrsplat.core.buffers import Uniforms
 from irrsplat.core.errors import InputError
 from irrsplat.core.glsl import MAX_EMITTER_CLUSTERS, TABLE_COLUMNS
+from irrsplat.core.vectors import morton_codes
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import table_texture
 from irrsplat.gpu.texel_table import row_count, table_rows
 from irrsplat.gpu.world import World
 from irrsplat.scene.emitters import emitters
+
+_STEPS = 1023  # of a curve that fills space, along an axis
 
 
 class EmitterTable(Owner):
@@ -22,11 +25,10 @@ class EmitterTable(Owner):
     """
 
     def __init__(self, world: World) -> None:
-        found, tree = emitters(world.scene), world.tree
-        in_tree = np.full(len(tree.corners), -1)
-        in_tree[tree.order] = np.arange(len(tree.order))
-        # cluster by cluster, and in each as the tree has them: neighbours in the list are neighbours in space
-        order = np.lexsort((in_tree[found.triangle], found.cluster))
+        found, corners = emitters(world.scene), world.geometry.corners
+        assert world.triangles  # samples find them there
+        # cluster by cluster, and in each along a curve: neighbours in the list are neighbours in space
+        order = np.lexsort((_along_a_curve(corners[found.triangle]), found.cluster))
         triangle, cluster, power = (x[order] for x in (found.triangle, found.cluster, found.luminance * found.area))
         self.count, clusters = len(found), len(found.radius)
         total = np.bincount(cluster, weights=power, minlength=clusters)
@@ -34,7 +36,7 @@ class EmitterTable(Owner):
         density = found.luminance[order] / total[cluster]
         before = np.cumsum(power) - power
         share = (before + power - before[first][cluster]) / total[cluster] if self.count else np.zeros(0)
-        rows = np.stack([in_tree[triangle], share, density, found.one_sided[order]], axis=-1)
+        rows = np.stack([triangle, share, density, found.one_sided[order]], axis=-1)
         self.triangles = table_texture(world.ctx, table_rows(rows[:, None].astype("f4")))
         known = np.zeros((MAX_EMITTER_CLUSTERS, 2, 4), "f4")
         known[:clusters, 0] = np.column_stack([found.centre, found.radius**2])
@@ -43,21 +45,18 @@ class EmitterTable(Owner):
             "emitter_clusters": known.reshape(-1, 4),
             "emitter_cluster_count": clusters,
         }
-        numbers = np.zeros((len(tree.corners), 2), "f4")
+        numbers = np.zeros((len(corners), 2), "f4")
         numbers[triangle] = np.stack([density, cluster], axis=-1)
-        self.numbers: dict[TriangleOrder, moderngl.Texture] = {
-            "scene": _pairs(world.ctx, numbers),
-            "tree": _pairs(world.ctx, numbers[tree.order]),
-        }
+        self.numbers = _pairs(world.ctx, numbers)
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.triangles, *self.numbers.values())
+        return (self.triangles, self.numbers)
 
-    def ray_uniforms(self, order: TriangleOrder, samples: int) -> Uniforms:
-        """The uniforms of shaders/lighting/emitters.glsl for what rays hit, triangles numbered in this order, where so many
-        `samples` look for emitters beside them."""
-        return {**self._common, "emitter_numbers": self.numbers[order], "emitter_samples": float(samples)}
+    def ray_uniforms(self, samples: int) -> Uniforms:
+        """The uniforms of shaders/lighting/emitters.glsl for what rays hit, where so many `samples` look for emitters beside
+        them."""
+        return {**self._common, "emitter_numbers": self.numbers, "emitter_samples": float(samples)}
 
     def sample_uniforms(self, samples: int) -> Uniforms:
         """The uniforms of shaders/lighting/emitters.glsl where so many `samples` are taken."""
@@ -74,6 +73,13 @@ def emitter_table(world: World) -> EmitterTable | None:
     except InputError:
         return None
     return table if table.count else None
+
+
+def _along_a_curve(corners: np.ndarray) -> np.ndarray:
+    """(N,) how far along a curve that fills space the middles of triangles (N, 3, 3) lie."""
+    middle = corners.mean(axis=1, dtype=np.float64).T
+    low, high = middle.min(axis=1, initial=np.inf, keepdims=True), middle.max(axis=1, initial=-np.inf, keepdims=True)
+    return morton_codes((middle - low) * (_STEPS / np.maximum((high - low).max(initial=0.0), 1e-30)))
 
 
 def _pairs(ctx: moderngl.Context, values: np.ndarray) -> moderngl.Texture:

@@ -58,7 +58,7 @@ class VirtualLights(Owner):
         """The uniforms of shaders/gather/light_samples/sample.glsl, by these lamps."""
         assert self._places is not None
         if self._lit is not shadows:
-            self._passes.shine(self._radiance, {**self.world.trace_uniforms, **shadows.uniforms, "places": self._places})
+            self._passes.shine(self._radiance, {**self.world.hit_uniforms, **shadows.uniforms, "places": self._places})
             self._lit = shadows
         return {"virtual_places": self._places, "virtual_radiance": self._radiance.textures[0]}
 
@@ -101,7 +101,7 @@ class _Spots:
 
     lamps: (K,) their numbers. reach: (K,) metres from the lamp within which what they hit is a virtual light. near: (K, SETS, R)
     whether it is. texels: (K, SETS, R, 3, 4), of each the two that `virtual_places` in shaders/gather/light_samples/sample.glsl
-    has, and the shares of its triangle's corners, with that triangle's place in the tree.
+    has, and the shares of its triangle's corners, with that triangle's number.
     """
 
     lamps: np.ndarray

@@ -162,7 +162,7 @@ class Stages(Owner):
             splats = done.splats
             if fading or surface is not None:
                 with self.timers("composite"):
-                    found = None if surface is None else surface.uniforms()["scene"]
+                    found = None if surface is None else surface.uniforms()
                     splats = temporal_filter(splats, gbuffer, camera, subject, shadows, found)
             splats = self.splats(state).at_every_pixel(splats, gbuffer, camera)
             sums = splats.sums

@@ -28,7 +28,7 @@ _FAR = np.float32(1e18)  # metres, an empty box's corners; its area is still a n
 
 @dataclass(frozen=True)
 class Bvh:
-    """The tree of F triangles, as a shader takes it (shaders/lib/bvh.glsl).
+    """The tree of F triangles, as a shader takes it (shaders/lib/rays/bvh.glsl).
 
     nodes: (8, N, 4) uint32, depth first, once for each octant of directions (bit i set: the i-th component is negative).
     Of each: the 16-bit grid coordinates of the box's near corner x y z, then its far one's, two a word, low half first; then

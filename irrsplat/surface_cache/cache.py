@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import GBuffer, HitLight, ShadowMaps, Sites, TriangleOrder, Uniforms
+from irrsplat.core.buffers import GBuffer, HitLight, ShadowMaps, Sites, Uniforms
 from irrsplat.gather.record_frame import OFFSET
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.time_budget import Budget, Pace
@@ -166,20 +166,19 @@ class SurfaceCache(Owner):
             return Sites(nowhere, nowhere, nowhere)
         return records.sites(slice(FIRST_SITE, records.count))
 
-    def uniforms(self, table: LookupTable | None = None) -> dict[TriangleOrder, Uniforms]:
-        """The uniforms of shaders/surface_cache/lookup.glsl for triangles numbered either way, with this table or else with that
-        in use."""
-        return (table or self.lookup).uniforms_by_order
+    def uniforms(self, table: LookupTable | None = None) -> Uniforms:
+        """The uniforms of shaders/surface_cache/lookup.glsl, with this table or else with that in use."""
+        return (table or self.lookup).uniforms
 
     def view(self, gbuffer: GBuffer) -> moderngl.Texture:
         """What the cache says of every pixel, as SurfaceViewPass has it; valid until the next call."""
         if self._viewed is None or self._viewed[0] is not gbuffer or self._viewed[1] is not self.result:
-            self._viewed = gbuffer, self.result, self._view_pass(gbuffer, self.uniforms()["scene"])
+            self._viewed = gbuffer, self.result, self._view_pass(gbuffer, self.uniforms())
         return self._viewed[2]
 
     def at(self, sites: Sites) -> np.ndarray:
         """(N, 3) what the cache says at `sites` whose triangles are known, W/m²."""
-        return self._point_pass.at(sites, self.uniforms()["scene"])
+        return self._point_pass.at(sites, self.uniforms())
 
     # ---- what changes ----------------------------------------------------------------------------------------------
 
@@ -197,7 +196,7 @@ class SurfaceCache(Owner):
         if change or other_rays or any(getattr(old.settings, name) != getattr(settings, name) for name in _LIGHT):
             self._coarsen()
         if moved:
-            self.lookup.follow(self.world.tree.corners, self.world.tree.order)
+            self.lookup.follow(self.world.geometry.corners)
         if change.hides or change.repainted:  # sites without a place, or other reflectances in the transport
             self.transport = self._follower = None
         if moved and self._follower is not None:
@@ -278,9 +277,7 @@ class SurfaceCache(Owner):
             *_, light_of_all = self._bounces(E_1, laid_out)
             E = light_of_all.irradiance
             beyond, D = (None, None) if self._follower is None else self._follower.parts(E_1, shadows, SCALE)
-            table = LookupTable(
-                self.ctx, laid_out.layout.tessellation.table, laid_out.layout.cells, MAX_SITES, self.world.tree.order
-            )
+            table = LookupTable(self.ctx, laid_out.layout.tessellation.table, laid_out.layout.cells, MAX_SITES)
             table.write(SCALE * E)
             part.table, part.sites = table, SitePart(E_1, E, D, beyond)
         return True
@@ -372,7 +369,7 @@ class SurfaceCache(Owner):
             try:
                 self._chosen = next(self._choosing)
             except StopIteration as end:
-                self._laid_out = LaidOut(self.ctx, end.value, self.world.tree.order)
+                self._laid_out = LaidOut(self.ctx, end.value)
                 self._choosing, self._chosen = None, 1.0
             if budget.left <= 0.0:
                 return None

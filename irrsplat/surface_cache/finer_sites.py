@@ -152,7 +152,7 @@ class FinerSites(Owner):
 
     def _laid_out(self, layout: SiteLayout) -> LaidOut:
         """Sites on the GPU, by the base's tables as far as they are the same."""
-        return LaidOut(self.world.ctx, layout, self.world.tree.order, self._base.laid_out)
+        return LaidOut(self.world.ctx, layout, self._base.laid_out)
 
     def _chosen(self, work: _Work, budget: Budget) -> _Work:
         """Go on choosing the sites."""
@@ -190,7 +190,7 @@ class FinerSites(Owner):
             return True
         assert places is not None
         gather, table, left = self.rays.linking_gather(records.count), work.laid_out.table, np.flatnonzero(~transport.known)
-        light = HitLight(shadows, table.uniforms_by_order)
+        light = HitLight(shadows, table.uniforms)
         for count in self._link_pace.batches(len(left), gather.capacity, budget, gather.share.size):
             numbers = left[done : done + count]
             self.rays.light(gather, light, records, numbers, places.of)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import moderngl
 import numpy as np
 
-from irrsplat.core.buffers import TriangleOrder, Uniforms
+from irrsplat.core.buffers import Uniforms
 from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import table_texture
@@ -23,9 +23,8 @@ class LookupTable(Owner):
     """The textures of shaders/surface_cache/lookup.glsl.
 
     rows: (T, 3, 4) of the triangles that light sees, as Tessellation.table has them. cells: as SiteLayout.cells has them.
-    most: how many values there may be. order: (T,) the scene's numbers of the triangles, as the tree of rays counts them.
-    known: False where the first row stands for all triangles. like: one that outlives this one, of the same triangles in the same
-    order; what was made of the same arrays is borrowed from it.
+    most: how many values there may be. known: False where the first row stands for all triangles. like: one that outlives this
+    one, of the same triangles; what was made of the same arrays is borrowed from it.
     """
 
     def __init__(
@@ -34,7 +33,6 @@ class LookupTable(Owner):
         rows: np.ndarray,
         cells: np.ndarray,
         most: int,
-        order: np.ndarray,
         known: bool = True,
         like: LookupTable | None = None,
     ) -> None:
@@ -45,7 +43,6 @@ class LookupTable(Owner):
         self.values = self._texture(ctx, np.zeros((-(-most // TABLE_COLUMNS), TABLE_COLUMNS, 4)))
         self.cells: moderngl.Texture = same.cells if same else self._texture(ctx, table_rows(cells))
         self.triangles: moderngl.Texture = triangles.triangles if triangles else self._texture(ctx, table_rows(rows))
-        self.leaves: moderngl.Texture = triangles.leaves if triangles else self._texture(ctx, table_rows(rows[order]))
 
     def _texture(self, ctx: moderngl.Context, table: np.ndarray) -> moderngl.Texture:
         self._own.append(made := table_texture(ctx, table))
@@ -55,19 +52,15 @@ class LookupTable(Owner):
         """What this frees: all but what is borrowed."""
         return tuple(self._own)
 
-    def uniforms(self, order: TriangleOrder) -> Uniforms:
-        """The uniforms, for shaders that number triangles in this order."""
+    @property
+    def uniforms(self) -> Uniforms:
+        """The uniforms."""
         return {
-            "surface_triangles": self.leaves if order == "tree" else self.triangles,
+            "surface_triangles": self.triangles,
             "surface_cells": self.cells,
             "surface_values": self.values,
             "surface_known": int(self._known),
         }
-
-    @property
-    def uniforms_by_order(self) -> dict[TriangleOrder, Uniforms]:
-        """The uniforms for shaders that number triangles either way."""
-        return {"scene": self.uniforms("scene"), "tree": self.uniforms("tree")}
 
     def write(self, values: np.ndarray) -> None:
         """Set the values, (S, 3) of W/m²."""
@@ -75,35 +68,34 @@ class LookupTable(Owner):
         rows[: len(values), :3] = values
         self.values.write(rows.tobytes())
 
-    def follow(self, corners: np.ndarray, order: np.ndarray) -> None:
-        """Set the triangles' corners (F, 3, 3) and their order (T,) in the tree; each keeps its cells and their values."""
+    def follow(self, corners: np.ndarray) -> None:
+        """Set the triangles' corners (F, 3, 3); each keeps its cells and their values."""
         if not self._known:
             return
-        rows, corners = self._rows.copy(), corners[: len(order)]
+        rows, corners = self._rows.copy(), corners[: len(self._rows)]
         rows[:, 0, :3] = corners[:, 0]
         rows[:, 1:, :3] = corners[:, 1:] - corners[:, :1]
         self._rows = rows
         self.triangles.write(np.ascontiguousarray(table_rows(rows), "f4").tobytes())
-        self.leaves.write(np.ascontiguousarray(table_rows(rows[order]), "f4").tobytes())
 
 
 def unknown(ctx: moderngl.Context) -> LookupTable:
     """The table of no scene in particular, by which every look-up finds no value, so that no light is added."""
     row = np.array([[[0.0, 0.0, 0.0, 1.0], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]]])
-    return LookupTable(ctx, row, np.array([[[-1.0, -1.0, -1.0, 0.0]] * 2]), 1, np.zeros(1, np.intp), known=False)
+    return LookupTable(ctx, row, np.array([[[-1.0, -1.0, -1.0, 0.0]] * 2]), 1, known=False)
 
 
 class LaidOut(Owner):
     """Sites on the GPU: a record for each value, in the order of the values, and the table by which these are looked up.
     places: where they look from; None until that is known.
-    like: one that outlives this one, of the same triangles in the same order: tables of a million take most of a second."""
+    like: one that outlives this one, of the same triangles: tables of a million take most of a second."""
 
-    def __init__(self, ctx: moderngl.Context, layout: SiteLayout, order: np.ndarray, like: LaidOut | None = None) -> None:
+    def __init__(self, ctx: moderngl.Context, layout: SiteLayout, like: LaidOut | None = None) -> None:
         self.layout = layout
         self.places: Places | None = None
         self.records = RecordCache(ctx)
         other: LookupTable | None = None if like is None else like.table
-        self.table: LookupTable = LookupTable(ctx, layout.tessellation.table, layout.cells, MAX_SITES, order, like=other)
+        self.table: LookupTable = LookupTable(ctx, layout.tessellation.table, layout.cells, MAX_SITES, like=other)
         if len(layout.sites):
             self.records.append(layout.sites)
             self.records.invalidate()

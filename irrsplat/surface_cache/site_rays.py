@@ -148,12 +148,12 @@ class PlaceSearch:
         """Go on as far as the budget goes; the places, once they are found."""
         rays, laid_out, survey = self._rays, self._laid_out, self._survey
         records, gather = laid_out.records, rays.survey_gather()
-        light = HitLight(shadows, laid_out.table.uniforms_by_order)
+        light = HitLight(shadows, laid_out.table.uniforms)
         for count in self._pace.batches(records.count - survey.done, gather.capacity, budget, gather.share.size):
             rays.survey(gather, light, records, survey, survey.done + np.arange(count))
         if survey.done < records.count:
             return None
         if self._drawing is None:
-            R, area, corners = records.read()["radius"], laid_out.layout.area, rays.world.tree.corners
+            R, area, corners = records.read()["radius"], laid_out.layout.area, rays.world.geometry.corners
             self._drawing = beside(partial(survey.places, R, area, corners, rays.settings.seed), None)
         return budget.go_on(self._drawing)

@@ -47,7 +47,7 @@ class VisibilityPass(Owner):
     def __call__(self, rays: Uniforms, lines: np.ndarray) -> np.ndarray:
         """(N,) True where nothing is in the way from lines[:, 0] by lines[:, 1] to lines[:, 2], (N, 3, 3) in metres.
 
-        rays: the uniforms of shaders/lib/bvh.glsl, as World.ray_uniforms has them.
+        rays: the uniforms of shaders/lib/rays/bvh.glsl, as World.ray_uniforms has them.
         """
         rows = table_rows(np.concatenate([lines, np.zeros((*lines.shape[:2], 1))], axis=-1, dtype="f4"))
         self.lines.write(rows.tobytes(), viewport=(0, 0, 3 * TABLE_COLUMNS, len(rows)))

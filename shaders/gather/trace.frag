@@ -5,7 +5,11 @@
 #include "lib/material.glsl"
 #include "lib/material_table.glsl"
 #include "lib/normals.glsl"
-#include "lib/bvh.glsl"
+#if KNOWN_HITS
+#include "lib/rays/known_hit.glsl"
+#else
+#include "lib/rays/bvh.glsl"
+#endif
 #include "gather/places.glsl"
 #include "gather/within_box.glsl"
 #if EMITTERS
@@ -61,12 +65,12 @@ void main()
 
 #if KNOWN_HITS
     int number = (record * cell.y + int(inside.y)) * cell.x + int(inside.x);
-    Hit hit = bvh_known(eye, d, texelFetch(first_hits, table_texel(number), 0).r);
+    Hit hit = known_hit(eye, d, texelFetch(first_hits, table_texel(number), 0).r);
 #else
     Hit hit = bvh_closest(eye, d, 0.0);
 #endif
-    vec3 corner[3] = vec3[](bvh_corner(hit.triangle, 0).xyz, bvh_corner(hit.triangle, 1).xyz, bvh_corner(hit.triangle, 2).xyz);
-    ivec3 at = bvh_vertices(hit.triangle);
+    vec3 corner[3] = vec3[](triangle_point(hit.triangle, 0), triangle_point(hit.triangle, 1), triangle_point(hit.triangle, 2));
+    ivec3 at = triangle_vertices(hit.triangle);
     vec3 g = normalize(cross(corner[1] - corner[0], corner[2] - corner[0]));
     g = dot(g, d) > 0.0 ? -g : g;  // turned to the record
     vec3 away = d * hit.t;

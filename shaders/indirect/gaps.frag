@@ -3,7 +3,7 @@
 #include "lib/octahedral.glsl"
 #include "lib/normals.glsl"
 #include "lib/texel.glsl"
-#include "lib/bvh.glsl"
+#include "lib/rays/bvh.glsl"
 
 uniform sampler2D position;  // g-buffer
 uniform sampler2D normal;
@@ -35,7 +35,7 @@ void main()
         vec3 d = i == AROUND ? g : normalize(g + cos(angle) * t + sin(angle) * b);
         float farthest = least / dot(d, g);
         Hit hit = bvh_between(p.xyz + near * g, d, 0.0, farthest);
-        vec3 a = bvh_corner(hit.triangle, 0).xyz, u = bvh_corner(hit.triangle, 1).xyz - a, v = bvh_corner(hit.triangle, 2).xyz - a;
+        vec3 a = triangle_point(hit.triangle, 0), u = triangle_point(hit.triangle, 1) - a, v = triangle_point(hit.triangle, 2) - a;
         bool over = hit.t < farthest && abs(dot(normalize(cross(u, v)), g)) >= FACING;
         least = over ? min(least, hit.t * dot(d, g)) : least;
     }

@@ -4,6 +4,7 @@
 // stood before it (resampled importance sampling, Talbot et al. 2005); then a point of it, evenly by the solid angle that it takes up
 // (Arvo 1995), so that it makes no noise that an emitter is near.
 #include "lighting/emitter_sample.glsl"
+#include "lib/rays/bvh.glsl"
 #include "lib/octahedral.glsl"
 
 uniform sampler2D position;    // g-buffer
@@ -55,7 +56,7 @@ struct Corners
 
 Corners corners_of(int triangle, vec3 eye)
 {
-    return Corners(bvh_corner(triangle, 0).xyz - eye, bvh_corner(triangle, 1).xyz - eye, bvh_corner(triangle, 2).xyz - eye);
+    return Corners(triangle_point(triangle, 0) - eye, triangle_point(triangle, 1) - eye, triangle_point(triangle, 2) - eye);
 }
 
 // The steradians that it takes up (Van Oosterom and Strackee 1983); volume: that of the three corners, of any sign.

@@ -3,14 +3,17 @@
 #include "lighting/emitters.glsl"
 #include "generated/vertex_table.glsl"
 #include "lib/material_table.glsl"
-#include "lib/bvh.glsl"
+#include "lib/rays/triangles.glsl"
+#if CUT_OUTS
+#include "lib/cut_outs.glsl"
+#endif
 
-uniform sampler2D emitter_triangles;  // a texel each: its number in the tree, the share of its cluster's power up to it, the density
+uniform sampler2D emitter_triangles;  // a texel each: its number, the share of its cluster's power up to it, the density
                                       // of samples in the cluster, m⁻², and 1 if only its front can be seen
 
 struct Emitter
 {
-    int triangle;      // its place in the tree's order
+    int triangle;      // its number in the scene
     int cluster;
     float density;     // of the samples that its cluster gets, m⁻²
     float importance;  // of its cluster
@@ -62,10 +65,10 @@ vec3 even_point(float u, float v)
 // The radiance of the triangle at that point, a mean over so many m² about it; none where it is cut out.
 vec3 emitter_radiance(int triangle, vec3 share, float area)
 {
-    ivec3 number = bvh_vertices(triangle);
+    ivec3 number = triangle_vertices(triangle);
     Vertex A = vertex_at(number.x), B = vertex_at(number.y), C = vertex_at(number.z), point = interpolate(share, A, B, C);
 #if CUT_OUTS
-    if (bvh_corner(triangle, 0).w < 0.0 && light_passes(point)) return vec3(0.0);
+    if (triangle_corner(triangle, 0).w < 0.0 && light_passes(point)) return vec3(0.0);
 #endif
 #if TEXTURES
     return material_mean(point, texture_area(area, A, B, C)).emission;

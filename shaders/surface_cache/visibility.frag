@@ -1,5 +1,5 @@
 // Whether two points see each other by way of a third: a fragment is a pair.
-#include "lib/bvh.glsl"
+#include "lib/rays/bvh.glsl"
 
 uniform sampler2D lines;  // three texels a pair: from where, by way of what, to where
 

@@ -13,7 +13,7 @@ import pytest
 from irrsplat.core.paths import folder
 from irrsplat.core.vertex_layout import WIDTH
 from irrsplat.gpu import shader_source
-from irrsplat.gpu.bvh_table import BvhTable
+from irrsplat.gpu.bvh_table import BvhTable, TriangleTable
 from irrsplat.gpu.target import Target, table_texture
 from irrsplat.scene import bvh as bvh_module
 from irrsplat.scene.bvh import LEAF, Bvh, build
@@ -103,25 +103,28 @@ def walk(bvh: Bvh, corners: np.ndarray, o: np.ndarray, d: np.ndarray) -> Walk:
 def shaded(
     ctx: moderngl.Context, tmp_path: Path, corners: np.ndarray, o: np.ndarray, d: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What lib/bvh.glsl finds: (R,) distances, MISS for none, and (R, 3) where that is by the corners' shares."""
-    (tmp_path / "lib").mkdir(exist_ok=True)
-    for name in ("bvh.glsl", "table.glsl"):
+    """What lib/rays/bvh.glsl finds: (R,) distances, MISS for none, and (R, 3) where that is by the corners' shares."""
+    (tmp_path / "lib" / "rays").mkdir(parents=True, exist_ok=True)
+    for name in ("rays/bvh.glsl", "rays/hit.glsl", "rays/triangles.glsl", "table.glsl"):
         (tmp_path / "lib" / name).write_text((folder("shaders") / "lib" / name).read_text())
     (tmp_path / "walk.frag").write_text(
-        '#include "lib/bvh.glsl"\nuniform sampler2D rays;\nlayout(location = 0) out vec4 out_hit;\nvoid main()\n{\n'
+        '#include "lib/rays/bvh.glsl"\nuniform sampler2D rays;\nlayout(location = 0) out vec4 out_hit;\nvoid main()\n{\n'
         "    int x = int(gl_FragCoord.x), y = int(gl_FragCoord.y);\n    vec3 o = texelFetch(rays, ivec2(2 * x, y), 0).xyz;\n"
         "    Hit hit = bvh_closest(o, texelFetch(rays, ivec2(2 * x + 1, y), 0).xyz, 0.0);\n"
-        "    vec3 p = mat3(bvh_corner(hit.triangle, 0).xyz, bvh_corner(hit.triangle, 1).xyz, bvh_corner(hit.triangle, 2).xyz)"
+        "    vec3 p = mat3(triangle_point(hit.triangle, 0), triangle_point(hit.triangle, 1), triangle_point(hit.triangle, 2))"
         " * hit.share;\n    out_hit = hit.t < FARTHEST_HIT ? vec4(p, hit.t) : vec4(0.0, 0.0, 0.0, -1.0);\n}\n"
     )
     source = shader_source.load("walk.frag", root=tmp_path)
     program = ctx.program(vertex_shader=shader_source.load("lib/fullscreen.vert").text, fragment_shader=source.text)
     vertices = np.zeros((3 * len(corners), WIDTH), "f4")
     vertices[:, :3] = corners.reshape(-1, 3)
-    tree = BvhTable(ctx, vertices, np.arange(3 * len(corners), dtype="i4").reshape(-1, 3))
+    tree, triangles = (
+        BvhTable(ctx, build(corners)),
+        TriangleTable(ctx, vertices, np.arange(3 * len(corners), dtype="i4").reshape(-1, 3)),
+    )
     width, both = 256, np.zeros((-(-len(o) // 256) * 256, 2, 4), "f4")
     both[: len(o), 0, :3], both[: len(o), 1, :3] = o, d
-    uniforms: dict[str, Any] = {**tree.uniforms, "rays": table_texture(ctx, both.reshape(-1, 2 * width, 4))}
+    uniforms: dict[str, Any] = {**tree.uniforms, **triangles.uniforms, "rays": table_texture(ctx, both.reshape(-1, 2 * width, 4))}
     for unit, name in enumerate(name for name, kind in source.uniforms.items() if "sampler" in kind):
         program[name].value = unit  # type: ignore[union-attr]
         uniforms[name].use(unit)
@@ -132,7 +135,7 @@ def shaded(
     ctx.enable_only(moderngl.NOTHING)
     ctx.vertex_array(program, []).render(vertices=3)
     found = np.frombuffer(target.textures[0].read(), "f4").reshape(-1, 4)[: len(o)]
-    for thing in (tree, target, uniforms["rays"], program):
+    for thing in (tree, triangles, target, uniforms["rays"], program):
         thing.release()
     return np.where(found[:, 3] < 0, MISS, found[:, 3]), found[:, :3]
 

@@ -11,7 +11,7 @@ import pytest
 
 from irrsplat import Renderer
 from irrsplat.gather import autotune
-from irrsplat.gpu.bvh_table import BvhTable
+from irrsplat.gpu.bvh_table import TriangleTable
 from irrsplat.gpu.target import pixels
 from irrsplat.indirect.gathering.change_probe import ChangeProbe
 from irrsplat.records.record_cache import RecordCache
@@ -95,7 +95,7 @@ CHANGES: dict[str, tuple[Any, str, Callable[[Renderer], None]]] = {
     "kind": (autotune, "kind", lambda r: r.change(replace(r.settings, gather_size=12))),
     "lights": (autotune, "gather_pass", lambda r: r.relight(TWO)),
     "gather": (autotune, "gather_pass", lambda r: r.change(replace(r.settings, gather="raster", gradients=False))),
-    "tree": (BvhTable, "update", lambda r: r.move(BOX, WAY)),
+    "triangles": (TriangleTable, "update", lambda r: r.move(BOX, WAY)),
 }
 
 

@@ -85,7 +85,7 @@ def test_what_rays_see_of_narrow_gaps_is_as_bright_as_it_is(room: Renderer) -> N
         away = position - eyes.position[:, None]
         share = np.broadcast_to(gather.share.ravel(), albedo.shape[:2])
     hit = weights.any(-1)
-    upward = triangle_normals(room.world.tree.corners[triangle[hit]])[0].T
+    upward = triangle_normals(room.world.geometry.corners[triangle[hit]])[0].T
     upward[(upward * away[hit]).sum(1) > 0.0] *= -1.0
     places = Sites(position[hit], normal[hit], upward, triangle[hit])
     assert len(places) > 500
@@ -99,7 +99,7 @@ def test_what_rays_see_of_narrow_gaps_is_as_bright_as_it_is(room: Renderer) -> N
     assert said(E).sum() == pytest.approx(true.sum(), rel=0.04)
     alone, used = np.zeros_like(E), np.unique(values[hit])
     alone[used] = gathered(room, replace(surface.records.sites(used), frame_rotation=None))
-    small = np.ptp(room.world.tree.corners[triangle[hit]], axis=1).max(1) < 3.9  # of the grooves
+    small = np.ptp(room.world.geometry.corners[triangle[hit]], axis=1).max(1) < 3.9  # of the grooves
     assert said(alone).sum() < 0.94 * true.sum() and said(alone)[small].sum() < 0.75 * true[small].sum()
     assert said(E)[small].sum() > 0.82 * true[small].sum()
 
@@ -113,8 +113,8 @@ def test_places_lie_on_what_their_site_speaks_for(room: Renderer) -> None:
     count = laid_out.records.count
     sites, places = laid_out.records.sites(slice(0, count)), laid_out.places.sites
     assert len(places) == PLACES * count and places.triangle is not None
-    normal, _ = triangle_normals(room.world.tree.corners[places.triangle])
-    height = ((places.position - room.world.tree.corners[places.triangle, 0]) * normal.T).sum(1)
+    normal, _ = triangle_normals(room.world.geometry.corners[places.triangle])
+    height = ((places.position - room.world.geometry.corners[places.triangle, 0]) * normal.T).sum(1)
     looked = slice(PLACES * site_layout.FIRST_SITE, None)
     assert np.abs(height[looked]).max() < 1e-3
     assert np.allclose(np.abs((places.geometric * normal.T).sum(1))[looked], 1.0, atol=1e-4)

@@ -10,9 +10,9 @@ import pytest
 
 import irrsplat
 from irrsplat import Renderer
-from irrsplat.gpu.bvh_table import BvhTable
 from irrsplat.gpu.target import pixels
 from irrsplat.gpu.time_budget import Budget
+from irrsplat.gpu.world import World
 from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.surface_cache import clustering
@@ -138,15 +138,15 @@ def test_what_sees_nothing_of_the_scene() -> None:
 
 def test_what_stands_in_the_way(ctx: moderngl.Context) -> None:
     """Straight ways past a wall and through it; over a ball by the tangents; round by a corner of one's own."""
-    tree, sight = BvhTable(ctx, *flatten(scene(quad((0, 0, -1), (0, 0, 2), (0, 1, 0))))[:2]), VisibilityPass(ctx)
+    wall, sight = World(ctx, scene(quad((0, 0, -1), (0, 0, 2), (0, 1, 0)))), VisibilityPass(ctx)
     a, b = np.array([-0.5, 0.5, 0.0]), np.array([0.5, 0.5, 0.0])
     ways = np.array([[a, (a + b) / 2, b], [a, (0, 1.2, 0), b], [a, (-0.1, 0.5, 0), a], [a, a, a]])
-    assert sight(tree.ray_uniforms, ways.astype("f4")).tolist() == [False, True, True, True]
+    assert sight(wall.ray_uniforms, ways.astype("f4")).tolist() == [False, True, True, True]
     many = np.tile(ways.astype("f4"), (300, 1, 1))
-    assert (sight(tree.ray_uniforms, many) == np.tile([False, True, True, True], 300)).all()
+    assert (sight(wall.ray_uniforms, many) == np.tile([False, True, True, True], 300)).all()
 
     some = clustering.both_sides(cut(scene(sphere((0, 0, 0), 1.0)), 2.0), 1e-3)
-    ball = BvhTable(ctx, *flatten(scene(sphere((0, 0, 0), 1.0)))[:2])
+    ball = World(ctx, scene(sphere((0, 0, 0), 1.0)))
     pairs = np.random.default_rng(4).integers(0, len(some) // 2, (2000, 2)).T
     near = (some.geometric[pairs[0]] * some.geometric[pairs[1]]).sum(1) > 0.5
     assert sight(ball.ray_uniforms, sight_lines(some, *pairs[:, near])).all(), "on the outside, over the bulge"

@@ -46,8 +46,10 @@ class RecordGatherer(Owner):
         self.ctx, self.world, self.cache, self.timers = world.ctx, world, cache, timers
         self.atlas: Atlas | None = None  # what the last batch of records saw
         self._basis = Basis(world.scene, settings, autotune.kind(world.ctx, world.scene, settings))
-        if self._casts and settings.most_bounces > 0:
+        if settings.most_bounces > 0 and self._casts:
             world.expect_caster()
+        if settings.most_bounces > 0 and self._needs_tree:
+            world.expect_tree()
         self.gathers = Gathers(world)
         self._made = Workshop()  # the surface cache
         self._parts = LampParts(self.ctx)
@@ -107,6 +109,14 @@ class RecordGatherer(Owner):
         """Whether Embree traces rays, from records or from the sites of the surface cache."""
         basis = self._basis
         return basis.kind == "embree" or (basis.wants_surface and autotune.ray_kind(self.ctx, basis.settings) == "embree")
+
+    @property
+    def _needs_tree(self) -> bool:
+        """Whether gathers need the tree by which shaders trace rays: by Embree they do where something is cut out, and for the
+        places where rays of lamps end."""
+        settings, lamps = self._basis.settings, self.world.scene.lights
+        lit = settings.light_samples > 0 and any(not lamp.directional for lamp in lamps)
+        return self._basis.kind != "embree" or lit or settings.emitters_apart or bool(self.world.material_defines["CUT_OUTS"])
 
     def light(self, shadows: ShadowMaps) -> HitLight:
         """What lights the surfaces that records see."""
@@ -257,7 +267,7 @@ class RecordGatherer(Owner):
         if self._basis.resumed is not None and not budget.limited and not len(self.cache.stale):
             return True
         start = now()
-        if budget.limited and not self.world.wait_for_tree(budget.left, self._casts):
+        if budget.limited and not self.world.wait(budget.left, self._needs_tree, self._casts):
             self._basis = replace(self._basis, awaited=self._basis.awaited + now() - start)
             return False
         return self._advance(shadows, budget)

@@ -2,11 +2,9 @@
 // (irrsplat/lighting/virtual_lights.py), else points of emitters.
 #include "generated/constants.glsl"
 #if VIRTUAL
-#include "lib/bvh.glsl"
-
 uniform sampler2D virtual_places;    // VIRTUAL_SETS of them one above another, a column of three texels each: where it is, and how
                                      // densely those of its set lie there, m⁻²; its normal, turned to the lamp, and the lamp's number; the
-                                     // shares of its triangle's corners, and that triangle's place in the tree
+                                     // shares of its triangle's corners, and that triangle's number
 uniform sampler2D virtual_radiance;  // a texel each: what it sends out, W/(m² sr)
 #else
 #include "lighting/emitter_sample.glsl"
@@ -50,7 +48,7 @@ struct Source
 #if VIRTUAL
     vec3 L;          // W/(m² sr)
 #else
-    int triangle;    // its place in the tree
+    int triangle;    // its number in the scene
     vec3 share;      // of its corners
 #endif
 };
@@ -77,7 +75,7 @@ Source source(float s, Viewpoint from)
     Emitter chosen = choose_emitter(fract(s / emitter_samples + from.shift.x) * from.importance, from.eye);
     vec3 share = even_point(chosen.rest, fract(s * GOLDEN + from.shift.y));
     int triangle = chosen.triangle;
-    vec3 a = bvh_corner(triangle, 0).xyz, b = bvh_corner(triangle, 1).xyz, c = bvh_corner(triangle, 2).xyz;
+    vec3 a = triangle_point(triangle, 0), b = triangle_point(triangle, 1), c = triangle_point(triangle, 2);
     vec3 away = share.x * a + share.y * b + share.z * c - from.eye, normal = normalize(cross(b - a, c - a));
     float density = emitter_samples * chosen.density * chosen.importance / from.importance;
     return Source(away, normal, chosen.one_sided, density, triangle, share);

@@ -4,6 +4,9 @@
 // Where a record has derivatives, eyes in a circle beside it look at the same points: what each of them sees, and the record does
 // not, tells how shadows move (docs/METHOD.md, 3.8).
 #include "gather/light_samples/sample.glsl"
+#if !SEEN
+#include "lib/rays/bvh.glsl"
+#endif
 #include "gather/ray_density.glsl"
 #include "gather/places.glsl"
 
@@ -34,6 +37,7 @@ vec3 beside(int k, Viewpoint from)
     return k == 0 ? vec3(0.0) : from.step * (cos(angle) * from.frame[0] + sin(angle) * from.frame[1]);
 }
 
+#if !SEEN
 // Which of the first so many eyes see what lies `away` from the first one, by bits.
 int seeing(int eyes, Viewpoint from, vec3 away, bool possible)
 {
@@ -45,6 +49,7 @@ int seeing(int eyes, Viewpoint from, vec3 away, bool possible)
     }
     return bits;
 }
+#endif
 
 void main()
 {

@@ -1,7 +1,7 @@
 // Where rays of lamps end: VIRTUAL_SETS rows a lamp, a texel a ray. The rays of each row are spread evenly over the sphere, and so are
 // those of all rows of a lamp together.
 #include "generated/constants.glsl"
-#include "lib/bvh.glsl"
+#include "lib/rays/bvh.glsl"
 #include "lib/normals.glsl"
 
 uniform sampler2D lamps;  // two texels each: where it is; the axis of its cone, and the cosine of half its angle, -1 for all around
@@ -9,7 +9,7 @@ uniform float rays;       // of each row
 uniform float near;       // metres: nothing nearer casts a shadow
 
 layout(location = 0) out vec4 out_place;   // metres; how far from the lamp, FARTHEST_HIT: nothing is lit
-layout(location = 1) out vec4 out_normal;  // geometric, turned to the lamp; the triangle's place in the tree
+layout(location = 1) out vec4 out_normal;  // geometric, turned to the lamp; the triangle's number
 layout(location = 2) out vec4 out_share;   // of the triangle's corners
 
 void main()
@@ -26,7 +26,7 @@ void main()
     float angle = GOLDEN_ANGLE * (number + rays * set);
     vec3 d = r * (cos(angle) * right + sin(angle) * cross(axis.xyz, right)) + z * axis.xyz;
     Hit hit = bvh_closest(from, d, near);
-    vec3 a = bvh_corner(hit.triangle, 0).xyz, b = bvh_corner(hit.triangle, 1).xyz, c = bvh_corner(hit.triangle, 2).xyz;
+    vec3 a = triangle_point(hit.triangle, 0), b = triangle_point(hit.triangle, 1), c = triangle_point(hit.triangle, 2);
     vec3 g = normalize(cross(b - a, c - a));
     out_place = vec4(from + hit.t * d, z > axis.w ? hit.t : FARTHEST_HIT);
     out_normal = vec4(dot(g, d) > 0.0 ? -g : g, float(hit.triangle));

@@ -1,7 +1,7 @@
 // What virtual lights send out: what a lamp brings to the place of each, as that reflects it. A texel each.
 #include "lighting/lights.glsl"
 #include "generated/vertex_table.glsl"
-#include "lib/bvh.glsl"
+#include "lib/rays/triangles.glsl"
 #include "lib/material.glsl"
 #include "lib/material_table.glsl"
 #include "lib/normals.glsl"
@@ -16,7 +16,7 @@ void main()
     vec4 place = texelFetch(places, at, 0), normal = texelFetch(places, at + ivec2(0, 1), 0);
     vec4 share = texelFetch(places, at + ivec2(0, 2), 0);
     int triangle = int(share.w);
-    ivec3 number = bvh_vertices(triangle);
+    ivec3 number = triangle_vertices(triangle);
     Vertex A = vertex_at(number.x), B = vertex_at(number.y), C = vertex_at(number.z), point = interpolate(share.xyz, A, B, C);
 #if TEXTURES
     Material material = material_mean(point, texture_area(1.0 / place.w, A, B, C));

@@ -223,14 +223,14 @@ SHADERS = (
     ),
     Mutant(
         "far corners of boxes with two axes swapped",
-        "shaders/lib/bvh.glsl",
+        "shaders/lib/rays/bvh.glsl",
         "vec3(n.y >> 16, n.z & 0xFFFFu, n.z >> 16)",
         "vec3(n.y >> 16, n.z >> 16, n.z & 0xFFFFu)",
         ("tests/gpu/test_bvh.py::test_the_shader_finds_the_same[one]",),
     ),
     Mutant(
         "ray enters a box at its nearest face",
-        "shaders/lib/bvh.glsl",
+        "shaders/lib/rays/bvh.glsl",
         "<= min(min(t1.x, t1.y), min(t1.z, hit.t))",
         "<= min(min(t0.x, t1.y), min(t1.z, hit.t))",
         ("tests/gpu/test_bvh.py::test_the_shader_finds_the_same[one]",),
