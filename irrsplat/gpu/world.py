@@ -9,7 +9,6 @@ from functools import partial
 from typing import Any, TypeVar
 
 import moderngl
-import numpy as np
 
 from irrsplat.core.beside import done, started
 from irrsplat.core.buffers import Uniforms
@@ -52,8 +51,8 @@ class World(Owner):
         self._uploaded: tuple[Mesh, ...] | None = scene.meshes  # None while what is on the GPU is neither before nor after a move
         self._triangles: TriangleTable | None = None
         self._tree: BvhTable | None = None
-        self._planted: tuple[np.ndarray, Future[Bvh]] | None = None  # of these `corners` of the geometry
-        self._caster: tuple[np.ndarray, Future[RayCaster]] | None = None
+        self._planted: Future[Bvh] | None = None
+        self._caster: Future[RayCaster] | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
@@ -129,10 +128,9 @@ class World(Owner):
 
     def _planting(self) -> Future[Bvh]:
         """The building of `tree`, in a thread where it takes long."""
-        corners = self.geometry.corners
-        if self._planted is None or self._planted[0] is not corners:
-            self._planted = corners, self._beside(partial(build, corners[: self.geometry.counts.lit]))
-        return self._planted[1]
+        if self._planted is None:
+            self._planted = self._beside(partial(build, self.geometry.corners[: self.geometry.counts.lit]))
+        return self._planted
 
     @property
     def caster(self) -> RayCaster:
@@ -147,12 +145,22 @@ class World(Owner):
 
     def _casting(self) -> Future[RayCaster]:
         """The making of `caster`, in a thread where it takes long."""
-        corners = self.geometry.corners
-        if self._caster is None or self._caster[0] is not corners:
+        if self._caster is None:
             vertices, faces, _ = flatten(self._scene)
-            make = partial(RayCaster, vertex_column(vertices, "position"), faces[: self.geometry.counts.lit])
-            self._caster = corners, self._beside(make)
-        return self._caster[1]
+            self._caster = self._beside(
+                partial(RayCaster, vertex_column(vertices, "position"), faces[: self.geometry.counts.lit])
+            )
+        return self._caster
+
+    def _forget_rays(self) -> None:
+        """The triangles have moved: what is made of them is made anew when it is wanted, and what has not begun never is."""
+        tree, self._tree = self._tree, None
+        if tree is not None:
+            tree.release()
+        for begun in (self._planted, self._caster):
+            if begun is not None:
+                begun.cancel()
+        self._planted = self._caster = None
 
     def _beside(self, make: Callable[[], Made]) -> Future[Made]:
         """The making of something for all triangles, in a thread where these are many."""
@@ -167,8 +175,9 @@ class World(Owner):
 
     def follow(self, change: SceneChange) -> None:
         """Go on with the same meshes, lit otherwise, elsewhere or repainted; where they have moved, the triangles are uploaded
-        again and the tree is built anew. change: between the present scene and another. Raises InputError, and stays as it was,
-        for materials by which triangles would be numbered otherwise, or that wear other textures."""
+        again, and what rays go through is made anew once it is wanted. change: between the present scene and another. Raises
+        InputError, and stays as it was, for materials by which triangles would be numbered otherwise, or that wear other
+        textures."""
         scene = change.new
         if self._uploaded is not scene.meshes:
             if change.repainted and not numbered_alike(self._scene, scene):
@@ -189,9 +198,7 @@ class World(Owner):
                 raise
             if moved:
                 self.geometry.update(vertices, faces)
-                if self._tree is not None:
-                    self._tree.release()
-                    self._tree = None
+                self._forget_rays()
             else:
                 self.geometry.repaint(vertices)
                 if self._triangles is not None:
