@@ -22,6 +22,7 @@ import pytest
 from irrsplat.gather import autotune
 from irrsplat.gpu import context
 from irrsplat.surface_cache import site_layout, site_rays
+from tests.support.crashes import pytest_configure, pytest_handlecrashitem, pytest_terminal_summary  # noqa: F401  hooks
 from tests.support.viewing import Driver, fresh, viewing, write_room
 
 # Of several test processes each lets llvmpipe, the software renderer, use one thread; it reads this when OpenGL starts.
