@@ -74,8 +74,7 @@ void main()
     wall = turn * wall;
     second = turn * second;
     curvature = vec2(lesser, greater) / max(dot(total.rgb, LUMINANCE), 1e-20);
-    // as radii, √(2/|curvature|), no less than there is
-    curvature = clamp(curvature, vec2(-2.0 / (radii.x * radii.x)), vec2(2.0 / (radii.x * radii.x)));
+    curvature = clamp(curvature, -1e30, 1e30);  // no less of it where it is dark: beside a shadow's edge it tells that light is near
     max_radius = min(radii.y, WIDE * R);  // WIDE is settings.py's: a bound however little the light curves
 #else
     M = outerProduct(normal, total.rgb);  // E = n_k·M, whatever the pixel's normal

@@ -14,6 +14,7 @@ from irrsplat.gather.autotune import gather_pass
 from irrsplat.gather.look import gather_records
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.records.record_cache import RecordCache
+from irrsplat.records.weight import own_radii
 from irrsplat.scene.emitters import emitters
 from irrsplat.scene.model import Image, Material, Mesh, Scene, Texture
 from irrsplat.settings import Settings
@@ -110,6 +111,20 @@ def half_hidden(p: np.ndarray) -> np.ndarray:
     corners = np.broadcast_to(PENUMBRA.positions.astype(float), (len(p), 4, 3)).copy()
     corners[..., 0] = np.maximum(corners[..., 0], -p[:, 0, None])
     return 5.0 * polygon_vector(corners, p)[:, 1]
+
+
+@pytest.mark.parametrize("kind", ["trace", "embree", "raster"])
+def test_a_record_in_the_dark_knows_that_light_is_near(ctx: moderngl.Context, kind: str) -> None:
+    """In a full shadow, as far from the penumbra as other eyes look beside a record, which then sees nothing itself: it reaches
+    about as far as that, and not on into the light. Farther inside it reaches as far as there is."""
+    x = -0.1 - np.array([0.002, 0.006, 0.01, 0.014, 0.018, 0.1])
+    settings, at = Settings(bounces=1), sites(np.column_stack([x, np.zeros((6, 2))]), UP)
+    with Lit(ctx, scene(ROOM, PENUMBRA, BOARD)) as lit:
+        found = look(lit, at.position, UP, 512, kind)
+    columns = {"irradiance": found.E, "radius": found.R, "gradient": found.gradient, "axis": found.axis, "curvature": found.bend}
+    dark = 0.015 * float(half_hidden(np.array([[0.1, 0.0, 0.0]]))[0])
+    radii = own_radii(columns | {"max_radius": 2.0 * found.R}, dark, settings).min(axis=1)
+    assert (found.E == 0.0).all() and (radii[:-1] < 0.05).all() and radii[-1] > 1.0, radii
 
 
 @pytest.mark.parametrize("kind", ["trace", "embree", "raster"])

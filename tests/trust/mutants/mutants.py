@@ -187,6 +187,13 @@ SHADERS = (
         ("tests/gather/test_reduce.py::test_directions_below_the_surface_bring_nothing",),
     ),
     Mutant(
+        "the dark knows of no light that is near",
+        "shaders/gather/reduce_total.frag",
+        "clamp(curvature, -1e30, 1e30)",
+        "clamp(curvature, vec2(-2.0 / (radii.x * radii.x)), vec2(2.0 / (radii.x * radii.x)))",
+        ("tests/gather/test_light_samples.py::test_a_record_in_the_dark_knows_that_light_is_near[trace]",),
+    ),
+    Mutant(
         "bends' axis is the greater one's",
         "shaders/gather/reduce_total.frag",
         "float lesser = middle < 0.0 ? middle + apart : middle - apart",
