@@ -31,6 +31,8 @@ _FEWEST = 16  # side of a gather: where it is less, noise is not told well by it
 _LOOKS = 0.35  # of a tick: looking at what has changed may take that much in any case
 _PATIENCE = 1.0  # seconds that ticks wait for the tree and work at a first surface cache before records are gathered without it
 _WORTHWHILE = 2.0  # times as long must it still take then, since all of these records are gathered again when it is there
+_LARGE = 100_000  # triangles whose surface cache takes so long that ticks do not wait for it
+_MEANWHILE = 0.25  # of a tick: a first surface cache takes that much while records are gathered without it
 
 
 class RecordGatherer(Owner):
@@ -316,8 +318,7 @@ class RecordGatherer(Owner):
         """Go on with the surface cache where one is wanted; whether records may be gathered meanwhile.
 
         Once its values are others, all records are stale. Those that it had before lights changed are better than none, and then
-        it takes half of the time; so it does where ticks have waited long for the first ones, and records hold one bounce until
-        these are there.
+        it takes half of the time; a quarter where the first ones take long, and records hold one bounce until these are there.
         """
         surface = self.surface
         if surface is None or not self._basis.wants_surface:
@@ -328,7 +329,7 @@ class RecordGatherer(Owner):
         start = now()
         sites = self.cache.sites(slice(0, self.cache.count))
         before = surface.at(sites) if surface.following and budget.limited and len(sites) and sites.triangle is not None else None
-        made = surface.advance(shadows, budget if first and not early else budget.part(0.5, 0.0))
+        made = surface.advance(shadows, budget if first and not early else budget.part(_MEANWHILE if first else 0.5, 0.0))
         if first:
             self._basis = replace(basis, waited=basis.waited + now() - start)
         if made:
@@ -354,7 +355,9 @@ class RecordGatherer(Owner):
 
     @property
     def _waits_long(self) -> bool:
-        """Whether ticks have worked at the first surface cache for long, and will, as far as one can tell."""
+        """Whether ticks have worked at the first surface cache for long, and will, as far as one can tell; or will in any case."""
+        if self.world.geometry.triangles >= _LARGE:
+            return True
         waited, made = self._basis.waited, self.surface_share
         left = waited * (1.0 - made) / made if made > 0.0 else np.inf
         return min(self._basis.awaited + waited, left / _WORTHWHILE) > _PATIENCE
