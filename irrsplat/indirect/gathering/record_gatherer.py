@@ -355,7 +355,7 @@ class RecordGatherer(Owner):
 
     @property
     def _waits_long(self) -> bool:
-        """Whether ticks have worked at the first surface cache for long, and will, as far as one can tell; or will in any case."""
+        """Whether the first surface cache takes long: as far as ticks that have worked at it can tell, or in any case."""
         if self.world.geometry.triangles >= _LARGE:
             return True
         waited, made = self._basis.waited, self.surface_share
