@@ -105,9 +105,9 @@ class RecordScheduler(Owner):
 
     # ---- rounds ----------------------------------------------------------------------------------------------------
 
-    def prepare(self, shadows: ShadowMaps, budget: Budget) -> bool:
-        """Go on with what gathering needs; whether records may be gathered."""
-        return self.gatherer.prepare(shadows, budget)
+    def prepare(self, shadows: ShadowMaps, budget: Budget, alone: bool = False) -> bool:
+        """Go on with what gathering needs; whether records may be gathered. alone: none are without a first surface cache."""
+        return self.gatherer.prepare(shadows, budget, alone)
 
     def renew(self, shadows: ShadowMaps, gbuffer: GBuffer, camera: Camera, budget: Budget) -> int:
         """Gather stale records again in place, those that this view shows most of first; how many."""

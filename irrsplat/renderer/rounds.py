@@ -54,9 +54,10 @@ class Rounds:
         view = self.view_state(state, camera)
 
         bounces = settings.most_bounces > 0
-        ready = gather and bounces and scheduler.prepare(shadows, budget.part(1.0, costs.splat + later))
-        if ready and budget.limited and view.coverage > _ROUGHLY and scheduler.gatherer.awaits_surface:
-            ready = False  # what is gathered now is gathered again soon
+        waits = budget.limited and view.coverage > _ROUGHLY  # what is gathered without a surface cache is gathered again soon
+        ready = gather and bounces and scheduler.prepare(shadows, budget.part(1.0, costs.splat + later), alone=waits)
+        if ready and waits and scheduler.gatherer.awaits_surface:
+            ready = False
         renewed = 0
         if ready:
             share = 1.0 if view.coverage == 1.0 else _RENEWAL

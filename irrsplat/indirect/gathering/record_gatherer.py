@@ -261,8 +261,9 @@ class RecordGatherer(Owner):
 
     # ---- the surface cache -----------------------------------------------------------------------------------------
 
-    def prepare(self, shadows: ShadowMaps, budget: Budget) -> bool:
-        """Go on with the surface cache where one is wanted; whether records may be gathered meanwhile.
+    def prepare(self, shadows: ShadowMaps, budget: Budget, alone: bool = False) -> bool:
+        """Go on with the surface cache where one is wanted; whether records may be gathered meanwhile. alone: none are to be
+        gathered before there is a first one.
 
         A render with records from a file may need none: it waits until some are to be gathered.
         """
@@ -272,7 +273,7 @@ class RecordGatherer(Owner):
         if budget.limited and not self.world.wait(budget.left, self._needs_tree, self._casts):
             self._basis = replace(self._basis, awaited=self._basis.awaited + now() - start)
             return False
-        return self._advance(shadows, budget)
+        return self._advance(shadows, budget, alone)
 
     def refine_surface(self, shadows: ShadowMaps, budget: Budget) -> bool:
         """Go on with one refinement more of the surface cache, which there is, as far as the budget goes; whether it is done.
@@ -314,8 +315,8 @@ class RecordGatherer(Owner):
         if self._basis.resumed is not None:
             self._advance(shadows, budget)
 
-    def _advance(self, shadows: ShadowMaps, budget: Budget) -> bool:
-        """Go on with the surface cache where one is wanted; whether records may be gathered meanwhile.
+    def _advance(self, shadows: ShadowMaps, budget: Budget, alone: bool = False) -> bool:
+        """Go on with the surface cache where one is wanted, as `prepare` does; whether records may be gathered meanwhile.
 
         Once its values are others, all records are stale. Those that it had before lights changed are better than none, and then
         it takes half of the time; a quarter where the first ones take long, and records hold one bounce until these are there.
@@ -325,7 +326,7 @@ class RecordGatherer(Owner):
             self.settle(shadows, budget.part(0.5, 0.0, _LOOKS))
             return True
         first, basis = surface.result is None, self._basis
-        early = budget.limited and basis.resumed is None and self._waits_long
+        early = budget.limited and basis.resumed is None and not alone and self._waits_long
         start = now()
         sites = self.cache.sites(slice(0, self.cache.count))
         before = surface.at(sites) if surface.following and budget.limited and len(sites) and sites.triangle is not None else None
