@@ -1,9 +1,4 @@
-"""A test process that ends without a word: its test is run again, once, and where it ended is told. Hooks of pytest and xdist.
-
-Of some twenty whole runs on Mesa's llvmpipe three lost a process, each in another test, once by an abort within Mesa's draw. None
-of these tests ever failed alone; valgrind found nothing in the last one, nor did malloc's checks in a whole run. A test that ends
-its process twice fails.
-"""
+"""Where a test process ended that ended without a word: hooks of pytest and xdist, which itself tells no more than the test."""
 
 from __future__ import annotations
 
@@ -16,7 +11,6 @@ from typing import Any
 import pytest
 
 _FOLDER = "IRRSPLAT_TEST_STACKS"  # environment variable: where test processes write where they ended
-_ended: dict[str, str] = {}  # test -> what is known of where its process ended
 _held: list[Any] = []  # the folder, and in test processes the file, as long as the process lives
 
 
@@ -32,21 +26,9 @@ def pytest_configure(config: pytest.Config) -> None:
         faulthandler.enable(file)
 
 
-def pytest_handlecrashitem(crashitem: str, report: Any, sched: Any) -> None:
-    """Run the test again where its process ended for the first time."""
+def pytest_handlecrashitem(report: Any) -> None:
+    """Say where the process of this test ended."""
     file = Path(os.environ[_FOLDER]) / report.node.gateway.id
     lines = file.read_text().splitlines() if file.is_file() else []
-    where = "\n".join(line for line in lines if line.strip() and "site-packages" not in line) or "nothing is known of where"
-    if crashitem in _ended:
-        report.longrepr = f"{report.longrepr}, for the second time\n{where}"
-        return
-    _ended[crashitem] = where
-    report.outcome = "rerun"
-    sched.mark_test_pending(crashitem)
-
-
-def pytest_terminal_summary(terminalreporter: Any) -> None:
-    """Tell which processes ended."""
-    for test, where in _ended.items():
-        terminalreporter.section("a test process ended, and its test was run again")
-        terminalreporter.line(f"{test}\n{where}")
+    where = "\n".join(line for line in lines if line.strip() and "site-packages" not in line)
+    report.longrepr = f"{report.longrepr}\n{where or 'nothing is known of where'}"
