@@ -29,7 +29,7 @@ class TriangleTable(Owner):
         self.ctx, self.counts = ctx, counts or FaceCounts(0, len(faces))
         limit = _largest_table(ctx)
         if max(len(vertices), len(faces)) > limit or limit < max(TEXELS, 3) * TABLE_COLUMNS**2:
-            raise too_many(len(faces))
+            raise _too_many(len(faces))
         self._tables = self._made(vertices, faces)
 
     def owned(self) -> tuple[Resource | None, ...]:
@@ -85,7 +85,7 @@ class BvhTable(Owner):
     def __init__(self, ctx: moderngl.Context, bvh: Bvh) -> None:
         nodes, triangles = bvh.nodes.reshape(-1, 4), len(bvh.order)
         if max(len(nodes), triangles) > _largest_table(ctx):
-            raise too_many(triangles)
+            raise _too_many(triangles)
         self.nodes = ctx.texture((TABLE_COLUMNS, row_count(len(nodes))), 4, dtype="u4")
         self.nodes.filter = moderngl.NEAREST, moderngl.NEAREST
         write(self.nodes, 0, nodes)
@@ -109,7 +109,7 @@ def _largest_table(ctx: moderngl.Context) -> int:
     return TABLE_COLUMNS * int(ctx.info["GL_MAX_TEXTURE_SIZE"])
 
 
-def too_many(triangles: int) -> InputError:
+def _too_many(triangles: int) -> InputError:
     """What is wrong where a GPU's tables cannot hold so many."""
     return InputError(
         f"{triangles} triangles are too many for rays in shaders here: use --gather embree, or --gather raster --light-samples 0"
