@@ -82,9 +82,7 @@ class LightSearch:
         if virtual is not None:
             sources.append(("virtual lights", virtual.count, virtual.sample_uniforms(light.shadows)))
         free = self.world.caster.free if sources and self.embree else None
-        common: Uniforms = {}
-        if sources:
-            common = {**(self.world.trace_uniforms if free is None else self.world.hit_uniforms), "rays": self.rays}
+        common: Uniforms = {**self.world.seen_uniforms(self.embree), "rays": self.rays} if sources else {}
         return tuple(
             LightSamples(of, count, rows, {**common, **uniforms}, self.strata, self.world.material_defines, free)
             for of, count, uniforms in sources

@@ -52,7 +52,7 @@ class TraceGather(Gather):
         self.ctx = ctx = world.ctx
         self.side = max(4, side // 4 * 4)  # so that blocks fill a cell
         self.kind = "embree" if embree else "trace"
-        self._uniforms()  # where there are too many triangles, it fails here
+        world.seen_uniforms(embree)  # where there are too many triangles, it fails here
         table = stratum_table(self.side)
         self.cell = (table.shape[1], table.shape[0])
         self.share = table[..., 3]  # cosθ·dω of every texel of a cell
@@ -119,7 +119,8 @@ class TraceGather(Gather):
                     columns=self.columns,
                     near=self.offset,
                     **hits,
-                    **(self._uniforms() | self.world.box_uniforms | light.uniforms | self.search.ray_uniforms),
+                    **(self.world.seen_uniforms(self.kind == "embree") | self.world.box_uniforms),
+                    **(light.uniforms | self.search.ray_uniforms),
                 )
         block = (self.side // 4, self.side // 4)
         radiance, planes = self.target.textures[:2]
@@ -137,11 +138,6 @@ class TraceGather(Gather):
             samples,
             self.looks,
         )
-
-    def _uniforms(self) -> Uniforms:
-        """The uniforms of the scene. Where Embree tells what rays hit, a tree is needed only to go on through what is cut out."""
-        known = self.kind == "embree" and not self.world.material_defines["CUT_OUTS"]
-        return self.world.hit_uniforms if known else self.world.trace_uniforms
 
     def _trace(self, rows: np.ndarray) -> Uniforms:
         """Have Embree trace the rays of records with these rows of `frames`; the uniforms that tell what they hit."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import moderngl
 import numpy as np
 
@@ -30,50 +28,41 @@ class TriangleTable(Owner):
         limit = _largest_table(ctx)
         if max(len(vertices), len(faces)) > limit or limit < max(TEXELS, 3) * TABLE_COLUMNS**2:
             raise _too_many(len(faces))
-        self._tables = self._made(vertices, faces)
+        self.corners = table_texture(ctx, self._corner_rows(vertices, faces))
+        self.vertices = table_texture(ctx, table_rows(vertex_texels(vertices)))
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self._tables,)
+        return (self.corners, self.vertices)
 
-    def _made(self, vertices: np.ndarray, faces: np.ndarray) -> _Tables:
+    def _corner_rows(self, vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+        """The rows of the table of corners."""
         points = np.empty((len(vertices), 4), "f4")
         points[:, :3], points[:, 3] = vertex_column(vertices, "position"), np.arange(len(vertices))
         corners = chosen_rows(points, faces[: self.counts.lit])
         marks = corners.reshape(-1, 3, 4)[self.counts.solid : self.counts.lit, 0]
         marks[:, 3] = -1.0 - marks[:, 3]  # of those that are cut out
-        return _Tables(table_texture(self.ctx, corners), table_texture(self.ctx, table_rows(vertex_texels(vertices))))
+        return corners
 
     def update(self, vertices: np.ndarray, faces: np.ndarray) -> None:
         """The same triangles elsewhere; whoever holds this table sees them there."""
-        before, self._tables = self._tables, self._made(vertices, faces)
-        before.release()
+        corners = self._corner_rows(vertices, faces)
+        self.repaint(vertices)
+        self.corners.write(corners)
 
     def repaint(self, vertices: np.ndarray) -> None:
         """The same triangles with other materials."""
-        self._tables.vertices.write(table_rows(vertex_texels(vertices)).astype("f4").tobytes())
+        self.vertices.write(table_rows(vertex_texels(vertices)).astype("f4").tobytes())
 
     @property
     def corner_uniforms(self) -> Uniforms:
         """The uniforms of shaders/lib/rays/triangles.glsl."""
-        return {"triangle_corners": self._tables.corners}
+        return {"triangle_corners": self.corners}
 
     @property
     def uniforms(self) -> Uniforms:
         """The same, and the table of the vertices (generated/vertex_table.glsl)."""
-        return self.corner_uniforms | {"vertex_table": self._tables.vertices}
-
-
-@dataclass(frozen=True)
-class _Tables(Owner):
-    """The tables of one set of triangles, replaced as a whole when these move."""
-
-    corners: moderngl.Texture
-    vertices: moderngl.Texture
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
-        return (self.corners, self.vertices)
+        return self.corner_uniforms | {"vertex_table": self.vertices}
 
 
 class BvhTable(Owner):

@@ -28,7 +28,7 @@ from irrsplat.scene.seen_by_light import face_counts
 
 Made = TypeVar("Made")
 
-_LARGE = 100_000  # triangles from which a tree takes long enough to be built in a thread
+_LARGE = 100_000  # triangles
 
 
 class World(Owner):
@@ -84,6 +84,11 @@ class World(Owner):
         """The same, and what they need to send rays through the tree."""
         return self.hit_uniforms | self.tree.uniforms
 
+    def seen_uniforms(self, embree: bool) -> Uniforms:
+        """What shaders need that look at what rays hit, which Embree has traced, or they do; they go on through what is cut out,
+        which only they know."""
+        return self.hit_uniforms if embree and not self.materials.defines["CUT_OUTS"] else self.trace_uniforms
+
     @property
     def ray_uniforms(self) -> Uniforms:
         """What shaders need that send rays through the tree, to find out whether they hit anything."""
@@ -121,11 +126,6 @@ class World(Owner):
             self._tree, self._planted = BvhTable(self.ctx, self._planting().result()), None
         return self._tree
 
-    def expect_tree(self) -> None:
-        """Begin `tree` beside all else where it takes long, since it will be wanted."""
-        if self._tree is None and self.geometry.triangles >= _LARGE:
-            self._planting()
-
     def _planting(self) -> Future[Bvh]:
         """The building of `tree`, in a thread where it takes long."""
         if self._planted is None:
@@ -137,11 +137,6 @@ class World(Owner):
         """The triangles that light sees by the scene's numbers, as Embree has them, made when first wanted and again when they
         have moved."""
         return self._casting().result()
-
-    def expect_caster(self) -> None:
-        """Begin `caster` beside all else where it takes long, since it will be wanted."""
-        if self.geometry.triangles >= _LARGE:
-            self._casting()
 
     def _casting(self) -> Future[RayCaster]:
         """The making of `caster`, in a thread where it takes long."""
@@ -164,14 +159,27 @@ class World(Owner):
 
     def _beside(self, make: Callable[[], Made]) -> Future[Made]:
         """The making of something for all triangles, in a thread where these are many."""
-        return started(make) if self.geometry.triangles >= _LARGE else done(make)
+        return started(make) if self.large else done(make)
+
+    @property
+    def large(self) -> bool:
+        """Whether it has so many triangles that what is made of all of them takes seconds."""
+        return self.geometry.triangles >= _LARGE
+
+    def expect(self, tree: bool = False, caster: bool = False) -> None:
+        """Begin what `tree` needs, and the `caster`, beside all else where they take long, since they will be wanted."""
+        if self.large:
+            self._begun(tree, caster)
+
+    def _begun(self, tree: bool, caster: bool) -> list[Future[Any]]:
+        """What `tree` needs, and the `caster`, in the making."""
+        begun: list[Future[Any]] = [self._casting()] if caster else []
+        return begun + ([self._planting()] if tree and self._tree is None else [])
 
     def wait(self, seconds: float, tree: bool = False, caster: bool = False) -> bool:
         """Wait so long, at most, for what `tree` needs, and for the `caster`; whether that is there. Whoever asks again and again
         without waiting takes the interpreter from those who make it."""
-        wanted: list[Future[Any]] = [self._planting()] if tree and self._tree is None else []
-        wanted += [self._casting()] if caster else []
-        return not wait(wanted, max(seconds, 0.0)).not_done
+        return not wait(self._begun(tree, caster), max(seconds, 0.0)).not_done
 
     def follow(self, change: SceneChange) -> None:
         """Go on with the same meshes, lit otherwise, elsewhere or repainted; where they have moved, the triangles are uploaded

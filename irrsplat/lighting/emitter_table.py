@@ -8,14 +8,12 @@ import numpy as np
 from irrsplat.core.buffers import Uniforms
 from irrsplat.core.errors import InputError
 from irrsplat.core.glsl import MAX_EMITTER_CLUSTERS, TABLE_COLUMNS
-from irrsplat.core.vectors import morton_codes
+from irrsplat.core.vectors import along_a_way
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import table_texture
 from irrsplat.gpu.texel_table import row_count, table_rows
 from irrsplat.gpu.world import World
 from irrsplat.scene.emitters import emitters
-
-_STEPS = 1023  # of a curve that fills space, along an axis
 
 
 class EmitterTable(Owner):
@@ -25,10 +23,10 @@ class EmitterTable(Owner):
     """
 
     def __init__(self, world: World) -> None:
+        world.triangles  # noqa: B018  # samples find emitters there, and of too many triangles it fails here
         found, corners = emitters(world.scene), world.geometry.corners
-        assert world.triangles  # samples find them there
-        # cluster by cluster, and in each along a curve: neighbours in the list are neighbours in space
-        order = np.lexsort((_along_a_curve(corners[found.triangle]), found.cluster))
+        # cluster by cluster, and in each from close to close: neighbours in the list are neighbours in space
+        order = np.lexsort((along_a_way(corners[found.triangle].mean(axis=1, dtype=np.float64)), found.cluster))
         triangle, cluster, power = (x[order] for x in (found.triangle, found.cluster, found.luminance * found.area))
         self.count, clusters = len(found), len(found.radius)
         total = np.bincount(cluster, weights=power, minlength=clusters)
@@ -73,13 +71,6 @@ def emitter_table(world: World) -> EmitterTable | None:
     except InputError:
         return None
     return table if table.count else None
-
-
-def _along_a_curve(corners: np.ndarray) -> np.ndarray:
-    """(N,) how far along a curve that fills space the middles of triangles (N, 3, 3) lie."""
-    middle = corners.mean(axis=1, dtype=np.float64).T
-    low, high = middle.min(axis=1, initial=np.inf, keepdims=True), middle.max(axis=1, initial=-np.inf, keepdims=True)
-    return morton_codes((middle - low) * (_STEPS / np.maximum((high - low).max(initial=0.0), 1e-30)))
 
 
 def _pairs(ctx: moderngl.Context, values: np.ndarray) -> moderngl.Texture:

@@ -56,8 +56,6 @@ class Rounds:
         bounces = settings.most_bounces > 0
         waits = budget.limited and view.coverage > _ROUGHLY  # what is gathered without a surface cache is gathered again soon
         ready = gather and bounces and scheduler.prepare(shadows, budget.part(1.0, costs.splat + later), alone=waits)
-        if ready and waits and scheduler.gatherer.awaits_surface:
-            ready = False
         renewed = 0
         if ready:
             share = 1.0 if view.coverage == 1.0 else _RENEWAL

@@ -14,7 +14,7 @@ from dataclasses import dataclass, fields, replace
 import numpy as np
 
 from irrsplat.core.buffers import Sites
-from irrsplat.core.vectors import morton_codes, triangle_normals
+from irrsplat.core.vectors import along_a_way, triangle_normals
 from irrsplat.records.motion import carried
 from irrsplat.scene.change import SceneChange
 from irrsplat.surface_cache.site_layout import FIRST_SITE
@@ -144,11 +144,7 @@ def _drawn(sites: np.ndarray, weight: np.ndarray, position: np.ndarray, count: i
     (N, 3) that goes from close to close: so all parts of what a site speaks for come in by their shares.
     """
     order = np.flatnonzero(weight > 0.0)
-    points = position[order]
-    low = points.min(0, initial=np.inf)
-    extent = max(float((points.max(0, initial=-np.inf) - low).max()), 1e-30)
-    way = morton_codes(((points - low) * (1023.0 / extent)).T)
-    order = order[np.lexsort((way, sites[order]))]
+    order = order[np.lexsort((along_a_way(position[order]), sites[order]))]
     bounds = np.searchsorted(sites[order], np.arange(count + 1))
     sums = np.append(0.0, np.cumsum(weight[order]))
     start = np.random.default_rng(seed).random(count)

@@ -31,7 +31,6 @@ _FEWEST = 16  # side of a gather: where it is less, noise is not told well by it
 _LOOKS = 0.35  # of a tick: looking at what has changed may take that much in any case
 _PATIENCE = 1.0  # seconds that ticks wait for the tree and work at a first surface cache before records are gathered without it
 _WORTHWHILE = 2.0  # times as long must it still take then, since all of these records are gathered again when it is there
-_LARGE = 100_000  # triangles whose surface cache takes so long that ticks do not wait for it
 _MEANWHILE = 0.25  # of a tick: a first surface cache takes that much while records are gathered without it
 
 
@@ -48,10 +47,8 @@ class RecordGatherer(Owner):
         self.ctx, self.world, self.cache, self.timers = world.ctx, world, cache, timers
         self.atlas: Atlas | None = None  # what the last batch of records saw
         self._basis = Basis(world.scene, settings, autotune.kind(world.ctx, world.scene, settings))
-        if settings.most_bounces > 0 and self._casts:
-            world.expect_caster()
-        if settings.most_bounces > 0 and self._needs_tree:
-            world.expect_tree()
+        if settings.most_bounces > 0:
+            world.expect(self._needs_tree, self._casts)
         self.gathers = Gathers(world)
         self._made = Workshop()  # the surface cache
         self._parts = LampParts(self.ctx)
@@ -357,7 +354,7 @@ class RecordGatherer(Owner):
     @property
     def _waits_long(self) -> bool:
         """Whether the first surface cache takes long: as far as ticks that have worked at it can tell, or in any case."""
-        if self.world.geometry.triangles >= _LARGE:
+        if self.world.large:
             return True
         waited, made = self._basis.waited, self.surface_share
         left = waited * (1.0 - made) / made if made > 0.0 else np.inf
