@@ -87,7 +87,7 @@ void main()
         right[i] = within_box(eye, r * min(k / min(dot(g, r), -1e-20), FARTHEST * hit.t)) - away;
     }
     Vertex A = vertex_at(at.x), B = vertex_at(at.y), C = vertex_at(at.z), seen = interpolate(hit.share, A, B, C);
-    Receiver receiver = Receiver(eye + away, shading_normal(seen.normal, g), g);
+    Receiver receiver = Receiver(eye + away, shading_normal(seen.normal, g), g, FLAT);
 #if TEXTURES
     // the stratum is π/(cell.x·cell.y) of cosθ·dω, and sees that many steradians' t²/cosθ' of the surface
     float solid = PI / (float(cell.x) * float(cell.y) * ray.z);
@@ -109,7 +109,7 @@ void main()
             footprint = vec3[](left[i] - middle, right[i] - middle, right[i + 1] - middle, left[i + 1] - middle);
             footprint_area = 0.5 * length(cross(right[i + 1] - left[i], left[i + 1] - right[i])) + 1e-30;
             float spread;
-            vec3 part = light_irradiance(light, Receiver(receiver.p + middle, receiver.n, g), spread);
+            vec3 part = light_irradiance(light, Receiver(receiver.p + middle, receiver.n, g, FLAT), spread);
 #if VIRTUAL_LIGHTS
             vec3 way = away + middle;
             part *= lamp_share(light, receiver.p + middle, spread, way, g, ray_density(way * frame / length(way)));

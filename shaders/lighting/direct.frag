@@ -14,6 +14,8 @@ uniform ivec2 picture_corner; // the pixel of the whole picture that is the firs
 uniform float rotation;      // of the pattern of the four samples, radians
 uniform vec4 headlamp;       // where it is, and its W/sr
 
+const float SMOOTH = 0.99999;  // cosine of the angle between geometric and interpolated normal, below which facets stand for a curve
+
 layout(location = 0) out vec4 out_direct;  // outgoing radiance ρ/π·E, or with IRRADIANCE E itself; a: 1 where a surface is seen
 
 void main()
@@ -28,7 +30,8 @@ void main()
 #if NORMAL_MAPS
     m = texel_at(lit_normal, pixel).xyz;
 #endif
-    Receiver receiver = Receiver(p.xyz, m, octahedral_decode(vec2(n.w, texel_at(albedo, pixel).w)));
+    vec3 g = octahedral_decode(vec2(n.w, texel_at(albedo, pixel).w));
+    Receiver receiver = Receiver(p.xyz, m, g, dot(n.xyz, g) < SMOOTH ? CURVED : FLAT);
     vec3 E = direct_irradiance(receiver, 4, vec2(cos(angle), sin(angle)));
     if (headlamp.w > 0.0)  // it is where the eye is, and casts no shadow that could be seen
     {

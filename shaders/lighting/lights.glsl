@@ -61,6 +61,8 @@ struct Receiver
     vec3 p;  // world position
     vec3 n;  // unit shading normal, turned to the viewer
     vec3 g;  // unit geometric normal, turned to the viewer
+    float rise;  // FLAT, or CURVED where facets beside this one may stand before its plane without a shadow; records take FLAT, since
+                 // they add up what leaks by it
 };
 
 // A receiver in the coordinates of the tile that sees it.
@@ -82,7 +84,8 @@ struct Projected
 };
 
 const float BIAS = 0.1;       // of depth, in sizes of a texel
-const float SNAP = 0.02;      // texels by which a rasteriser may shift a triangle
+const float FLAT = 0.02;      // texels by which a rasteriser may shift a triangle
+const float CURVED = 0.5;      // texels: in a fold of a curved surface the next facet rises before the plane of this one
 const float ROUNDING = 0.05;  // how far off its surface an interpolated position may lie, as a share of the near plane's distance
 const float BESIDE = 2.0;     // as BIAS: what lies so far behind the plane, and three steps of its slope, is not the receiver
 
@@ -179,7 +182,7 @@ float visibility(int i, Receiver r, int taps, vec2 rotation)
     t.plane = vec3(m.xy * (2.0 / side), m.z - m.x - m.y);
     if (parallel) t.plane.z = t.q.z - dot(t.plane.xy, t.texel);
     t.steps = abs(t.plane.x) + abs(t.plane.y);
-    t.slope = SNAP * t.steps;
+    t.slope = r.rise * t.steps;
     if (taps == 1)
     {
         vec2 own = shadow_tap(t, vec2(0.0)), away = fract(t.texel) - 0.5;  // from the texel's centre: the receiver goes on there

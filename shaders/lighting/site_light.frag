@@ -27,8 +27,8 @@ void main()
             float angle = GOLDEN_ANGLE * float(k), r = sqrt(part * (float(k) + 0.5));
             vec3 place = p.xyz + r * (cos(angle) * right + sin(angle) * up), away = lamp.xyz - place;
             float d2 = dot(away, away);
-            E += light_irradiance(i, Receiver(place, n, g)) * (lamp.w > 0.5 ? 1.0 : d2 / (d2 + part));
+            E += light_irradiance(i, Receiver(place, n, g, FLAT)) * (lamp.w > 0.5 ? 1.0 : d2 / (d2 + part));
         }
-        if (E.r + E.g + E.b > 0.0) out_irradiance.rgb += E / float(POINTS) * visibility(i, Receiver(p.xyz, n, g), 4, vec2(1.0, 0.0));
+        if (E.r + E.g + E.b > 0.0) out_irradiance.rgb += E / float(POINTS) * visibility(i, Receiver(p.xyz, n, g, FLAT), 4, vec2(1.0, 0.0));
     }
 }

@@ -219,6 +219,23 @@ def test_a_light_in_a_surface_s_plane(ctx: moderngl.Context, u: tuple[float, flo
     assert_pictures("light_in_tilted_plane", found["direct"], truth, 5e-3 * truth, on & (aside > 0.05))
 
 
+def test_a_waving_sheet_has_no_acne(ctx: moderngl.Context) -> None:
+    """A sheet in smooth waves under a low sun that all of it sees: no facet shades the one beside it in a fold."""
+    x, z = np.meshgrid(np.linspace(-1.0, 1.0, 49), np.linspace(-1.0, 1.0, 13), indexing="ij")
+    positions = np.stack([x, 0.03 * np.sin(9.0 * x), z], axis=-1).reshape(-1, 3)
+    normals = np.stack([-0.27 * np.cos(9.0 * x), np.ones_like(x), 0.0 * x], axis=-1).reshape(-1, 3)
+    first = (np.arange(48)[:, None] * 13 + np.arange(12)).ravel()
+    faces = np.concatenate([np.stack([first, first + 1, first + 14], -1), np.stack([first, first + 14, first + 13], -1)])
+    sheet = Mesh(positions, normals / np.linalg.norm(normals, axis=-1, keepdims=True), faces, WHITE)
+    sun = Light((1.0, 0.6, 0.2), (1.0, 1.0, 1.0), directional=True)  # the steepest facet rises by 0.27
+    above = Camera((0.0, 3.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, -1.0), 34.0)
+    found = directed(ctx, scene(sheet, lights=(sun,), camera=above))
+    truth = irradiance(sun, found["position"], found["normal"]) / np.pi
+    inside = np.abs(found["position"][..., [0, 2]]).max(-1) < 0.95
+    assert_pictures("waves", found["direct"], truth, 5e-3 * truth.max(), inside & (found["depth"] > 0.0))
+    assert inside.sum() > 3000
+
+
 # ---- closed meshes ----------------------------------------------------------------------------------------------------
 
 

@@ -72,7 +72,7 @@ Met meet(int triangle, vec3 q)
 void see(int triangle, Met met, Vertex point, Material material)
 {
     vec3 g = met.g;
-    Receiver receiver = Receiver(v_eye + met.away, shading_normal(point.normal, g), g);
+    Receiver receiver = Receiver(v_eye + met.away, shading_normal(point.normal, g), g, FLAT);
     float far = length(met.away), length_q = length(met.q);  // a texel takes up |(right × up)·q|/|q|³ steradians
     float texels = length_q * length_q * length_q / abs(dot(cross(v_right, v_up), met.q));
 #if VIRTUAL_LIGHTS

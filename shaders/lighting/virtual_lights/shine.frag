@@ -24,6 +24,6 @@ void main()
     Material material = material_of(point);
 #endif
     vec3 g = normal.xyz;
-    vec3 E = light_irradiance(int(normal.w), Receiver(place.xyz, shading_normal(point.normal, g), g));
+    vec3 E = light_irradiance(int(normal.w), Receiver(place.xyz, shading_normal(point.normal, g), g, FLAT));
     out_radiance = vec4(reflected_radiance(material, E), 0.0);
 }

@@ -385,6 +385,13 @@ SHADERS = (
         ("tests/lighting/test_direct.py::test_a_sphere_has_no_acne[sun]",),
     ),
     Mutant(
+        "facets of curved surfaces shade each other",
+        "shaders/lighting/lights.glsl",
+        "const float CURVED = 0.5;",
+        "const float CURVED = 0.02;",
+        ("tests/lighting/test_direct.py::test_a_waving_sheet_has_no_acne",),
+    ),
+    Mutant(
         "light's cosine by the geometric normal alone",
         "shaders/lighting/lights.glsl",
         "max(dot(r.n, l), 0.0) : 0.0;",
