@@ -20,6 +20,7 @@ GOLDEN_ANGLE = 2.39996323  # radians, by which each point of a spiral is turned 
 VIRTUAL_SETS = 8  # of virtual lights; with one set for all records its error would be theirs
 SHORT = 1e-4  # of the way, by which a shadow ray ends before the emitter
 SKY_RAY_TEXELS = 3.0  # a ray looks at texels of this share of its solid angle: once interpolated, they are as wide as it is
+TOLD = 1e-13  # Σ k of a pixel, below which no record tells of its light but from behind a wall, or from within a closed mesh
 BRIGHT = 32.0  # times the luminance floor: an error at what is brighter counts less than in proportion to the luminance
 FALSE_COLOURS = 64  # of the scale that light is shown by in the viewer
 
@@ -38,6 +39,7 @@ CONSTANTS: dict[str, int | float | tuple[float, ...]] = {
     "GOLDEN_ANGLE": GOLDEN_ANGLE,
     "VIRTUAL_SETS": VIRTUAL_SETS,
     "SHORT": SHORT,
+    "TOLD": TOLD,
     "BRIGHT": BRIGHT,
     "FALSE_COLOURS": FALSE_COLOURS,
     "SKY_RAY_TEXELS": SKY_RAY_TEXELS,

@@ -88,7 +88,8 @@ COLUMNS: dict[str, Column] = {
             ("gradient_b.w",),
             "m",
             "gather",
-            "the greatest radius that the curvature may lead to, at most settings.WIDE·R_k",
+            "the greatest radius that the curvature may lead to, at most settings.WIDE·R_k; 0 in the dark within a closed mesh, "
+            "where the record says nothing of light",
         ),
         Column(
             "walls",

@@ -212,7 +212,7 @@ class GBufferPass(Owner):
                     geometry=geometry,
                     draws=draws,
                     state=replace(_SURFACES, cull=cull),
-                    closed=geometry.parts["closed"][1] // 3,
+                    closed=geometry.closed,
                     **placed,
                     **world.raster_uniforms,
                 )

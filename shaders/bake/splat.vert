@@ -12,6 +12,7 @@ flat out vec3 v_normal;
 flat out vec3 v_axis;
 flat out vec2 v_radii;
 flat out float v_borrow;
+flat out float v_share;
 #if GRADIENTS
 flat out vec2 v_curvature;
 flat out vec4 v_walls;
@@ -31,7 +32,8 @@ void main()
     v_axis = ellipse.axis;
     v_radii = vec2(ellipse.along, ellipse.across) / a;
     v_normal = record_normal(texel);
-    v_borrow = borrow_reach;
+    v_borrow = record_enclosed(texel) ? 0.0 : borrow_reach;
+    v_share = record_share(texel);
 #if GRADIENTS
     v_m = record_vectors(texel);
     v_walls = usable_walls(texel);

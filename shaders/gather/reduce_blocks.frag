@@ -4,7 +4,8 @@
 #include "lighting/sky.glsl"
 
 uniform sampler2D radiance;  // the atlas: rgb radiance, a distance (0: nothing hit)
-uniform sampler2D planes;    // of what is seen there: dot(xyz, w) is 1/distance in the unit direction w (0: nothing hit)
+uniform sampler2D planes;    // of what is seen there: dot(xyz, w) is 1/distance in the unit direction w (0: nothing hit); w: 1 where
+                             // that is the inner side of a closed mesh
 uniform sampler2D table;     // one cell: direction in the record's frame, cosθ·dω
 #if SKY_MAP
 uniform sampler2D rays;      // the same with the directions in which the texels look
@@ -16,7 +17,7 @@ uniform ivec2 block;         // texels of a block
 uniform int columns;         // cells per row
 
 layout(location = 0) out vec4 out_sums;   // Σ L·cosθ·dω, Σ cosθ·dω / r
-layout(location = 1) out vec2 out_share;  // Σ cosθ·dω
+layout(location = 1) out vec2 out_share;  // Σ cosθ·dω, and of inner sides of closed meshes
 #if GRADIENTS
 layout(location = 2) out vec4 out_m_r;    // Σ L·ω·dω of red, green and blue, in the record's frame; w: the luminance's
                                           // second derivatives xx, xy, yy there
@@ -85,12 +86,14 @@ void main()
             out_sums += direction.w * vec4(L.rgb, L.a);
             out_share.x += direction.w;
 #if GRADIENTS
+            vec4 own = texelFetch(planes, corner + ivec2(x, y), 0);
+            out_share.y += own.w * direction.w;
             float along = length(direction.xy);
             if (direction.z > LOW && direction.z < HIGH && L.a > near * along)
             {
                 // its line in the surface, beyond which dot(p - p_k, wall) > 1: its plane's, or else across the way to it
                 near = L.a / along;
-                vec2 plane = (texelFetch(planes, corner + ivec2(x, y), 0).xyz * frame).xy, way = direction.xy * (near / along);
+                vec2 plane = (own.xyz * frame).xy, way = direction.xy * (near / along);
                 wall = dot(plane, way) > UPRIGHT * dot(way, way) && dot(plane, way) * UPRIGHT < dot(way, way) ? plane : way;
             }
             M += outerProduct(direction.xyz * (direction.w / direction.z), L.rgb);
@@ -103,7 +106,7 @@ void main()
                 vec4 L_b = seen(corner, b, beside, sky_there);
                 vec3 w = normalize(direction.xyz + beside.xyz), w_world = frame * w;
                 // how near the nearer of the two is where they meet: seen at a low angle, much farther than in the texel's middle
-                float nearer = max(dot(texelFetch(planes, corner + ivec2(x, y), 0).xyz, w_world),
+                float nearer = max(dot(own.xyz, w_world),
                                    dot(texelFetch(planes, corner + b, 0).xyz, w_world));
                 nearer = clamp(nearer, 0.0, max(L.a, L_b.a));
                 G += outerProduct(edge.xyz * nearer, L_b.rgb - L.rgb);

@@ -18,6 +18,8 @@ uniform ivec2 blocks;        // per cell
 uniform int columns;         // cells per row
 uniform vec2 radii;          // metres: the least and the greatest radius there is
 
+const float ENCLOSED = 0.2;  // share of all directions that end at inner sides; the rest may be of what reaches into that mesh
+
 flat in int v_index;         // in the batch
 
 void main()
@@ -25,7 +27,7 @@ void main()
     int i = v_index;
     ivec2 corner = ivec2(i % columns, i / columns) * blocks;
     vec4 total = vec4(0.0);
-    float solid = 0.0;
+    vec2 solid = vec2(0.0);
     mat3 M = mat3(0.0), G = mat3(0.0);
     vec3 H = vec3(0.0), axis = vec3(0.0);
     vec2 curvature = vec2(0.0), wall = vec2(0.0), second = vec2(0.0);
@@ -35,7 +37,7 @@ void main()
         {
             ivec2 at = corner + ivec2(x, y);
             total += texelFetch(sums, at, 0);
-            solid += texelFetch(share, at, 0).x;
+            solid += texelFetch(share, at, 0).xy;
 #if GRADIENTS
             vec4 r = texelFetch(sums_m_r, at, 0), g = texelFetch(sums_m_g, at, 0), b = texelFetch(sums_m_b, at, 0);
             M += mat3(r.xyz, g.xyz, b.xyz);
@@ -58,7 +60,7 @@ void main()
         }
 #endif
     // Ward et al. 1988: R = Σ cosθ·dω / Σ (cosθ·dω / r)
-    float R = clamp(solid / max(total.a, 1e-30), radii.x, radii.y);
+    float R = clamp(solid.x / max(total.a, 1e-30), radii.x, radii.y);
     vec3 normal = texelFetch(frames, ivec2(i * PLACES, 2), 0).xyz;
 #if GRADIENTS
     mat3 world = mat3(texelFetch(frames, ivec2(i * PLACES, 0), 0).xyz, texelFetch(frames, ivec2(i * PLACES, 1), 0).xyz, normal);
@@ -75,7 +77,10 @@ void main()
     second = turn * second;
     curvature = vec2(lesser, greater) / max(dot(total.rgb, LUMINANCE), 1e-20);
     curvature = clamp(curvature, -1e30, 1e30);  // no less of it where it is dark: beside a shadow's edge it tells that light is near
-    max_radius = min(radii.y, WIDE * R);  // WIDE is settings.py's: a bound however little the light curves
+    // WIDE is settings.py's: a bound however little the light curves. In a closed mesh that nothing lights nobody looks: a pixel at its
+    // foot is seen there by rounding alone, and its record speaks for nothing.
+    bool enclosed = total.r + total.g + total.b == 0.0 && solid.y > ENCLOSED * solid.x;
+    max_radius = enclosed ? 0.0 : min(radii.y, WIDE * R);
 #else
     M = outerProduct(normal, total.rgb);  // E = n_k·M, whatever the pixel's normal
 #endif

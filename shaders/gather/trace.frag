@@ -30,12 +30,14 @@ uniform sampler2D directions;  // of the rays in a record's frame, for each texe
 uniform ivec2 cell;          // azimuths and elevations of a record
 uniform int columns;         // cells per row
 uniform float near;          // metres
+uniform int closed;          // triangles of lower numbers belong to closed meshes
 #if KNOWN_HITS
 uniform isampler2D first_hits;  // of each ray, record by record, the triangle that it hits first; -1: none
 #endif
 
 layout(location = 0) out vec4 out_radiance;  // rgb W/(m² sr), a distance in metres (0: nothing hit, the sky)
-layout(location = 1) out vec4 out_plane;     // of what is hit: 1/distance in the unit direction w is dot(xyz, w), metres⁻¹
+layout(location = 1) out vec4 out_plane;     // of what is hit: 1/distance in the unit direction w is dot(xyz, w), metres⁻¹; w: 1 where it
+                                             // is the inner side of a closed mesh
 #if HITS
 layout(location = 2) out vec4 out_values;  // numbers of the three values of the surface cache at the hit, weight of the first
 layout(location = 3) out vec4 out_albedo;  // reflectance there, weight of the second; the third's is the rest
@@ -72,6 +74,7 @@ void main()
     vec3 corner[3] = vec3[](triangle_point(hit.triangle, 0), triangle_point(hit.triangle, 1), triangle_point(hit.triangle, 2));
     ivec3 at = triangle_vertices(hit.triangle);
     vec3 g = normalize(cross(corner[1] - corner[0], corner[2] - corner[0]));
+    bool inner = dot(g, d) > 0.0 && hit.triangle < closed;
     g = dot(g, d) > 0.0 ? -g : g;  // turned to the record
     vec3 away = d * hit.t;
 
@@ -134,5 +137,5 @@ void main()
 #endif
     vec3 L = outgoing_radiance(material, E);
     out_radiance = hit.t < FARTHEST_HIT ? vec4(L, max(hit.t, 0.05 * near)) : vec4(0.0);
-    out_plane = hit.t < FARTHEST_HIT ? vec4(g / min(k, -0.05 * near), 0.0) : vec4(0.0);
+    out_plane = hit.t < FARTHEST_HIT ? vec4(g / min(k, -0.05 * near), inner) : vec4(0.0);
 }

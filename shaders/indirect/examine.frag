@@ -81,7 +81,7 @@ bool borrows(ivec2 pixel)
     // where records contradict each other badly, or none is near to borrow from, a record is needed
     vec4 said = texel_at(sums, pixel);
     vec2 told = deviation_and_mean(texel_at(weight, pixel).rg, said);
-    bool reached = texel_at(weight, pixel).r > 0.0, lent = said.a > 0.0 && told.x <= LENT * max(told.y, luminance_floor);
+    bool reached = texel_at(weight, pixel).r > 0.0, lent = said.a > TOLD && told.x <= LENT * max(told.y, luminance_floor);
     if (!reached && lent) lent = fits(pixel, told.y);
     if (reached ? weight_at(pixel) < tolerance * spread / BADLY : !lent) few = 0;
     for (int i = 0; few > 0 && i < (2 * around + 1) * (2 * around + 1); ++i)

@@ -19,6 +19,7 @@ flat in vec3 v_normal;
 flat in vec3 v_axis;
 flat in vec2 v_radii;
 flat in float v_borrow;
+flat in float v_share;
 #if GRADIENTS
 flat in vec2 v_curvature;
 flat in vec4 v_walls;
@@ -34,6 +35,7 @@ layout(location = 1) out vec2 out_weight;   // w, and k·Y², where Y is the lum
 // How far from a record, in radii a·R, a pixel may lie that it lends to. Much farther away it does not know what light there is: the
 // dark floor below a hovering block would lend to the floor beside it, where few pixels need a record since others have been there.
 const float LENT_WITHIN = 1.5;
+const float BEHIND = 1e-8;  // of what it lends counts behind its walls: more than a record from within a closed mesh, less than any other
 
 #if NORMAL_MAPS
 // The irradiance on a normal m bent away from the surface's own n, where it is E = n·M. n·M and m·M count light below m's horizon as
@@ -54,17 +56,20 @@ void main()
     vec4 p = texel_at(position, pixel);
     if (p.w == 0.0) discard;
     vec3 apart = p.xyz - v_place, n = texel_at(normal, pixel).xyz;
+    bool behind = false;
 #if GRADIENTS
-    if (behind_wall(apart, v_axis, v_normal, v_walls)) discard;
+    behind = behind_wall(apart, v_axis, v_normal, v_walls);
+    if (behind && v_borrow <= 0.0) discard;
 #endif
     float w = record_weight(apart, v_axis, v_radii, n, v_normal, in_front);
     float least = 1.0 / a;
 #if REFINED
     least /= texel_at(reach, ivec2(gl_FragCoord.xy)).r;
 #endif
-    bool lends = w <= least && record_distance(apart, v_axis, v_radii) <= LENT_WITHIN * a;
-    float lent = lends ? borrowed_weight(apart, n, v_normal, v_borrow) : 0.0;
-    if (w <= least && lent <= 0.0) discard;
+    bool reaches = w > least && !behind;
+    bool lends = !reaches && record_distance(apart, v_axis, v_radii) <= LENT_WITHIN * a;
+    float lent = lends ? (behind ? BEHIND : 1.0) * borrowed_weight(apart, n, v_normal, v_borrow) : 0.0;
+    if (!reaches && lent <= 0.0) discard;
 #if GRADIENTS
     vec3 E = turned(v_m, n, v_normal);
 #if NORMAL_MAPS
@@ -73,7 +78,7 @@ void main()
 #else
     vec3 E = v_irradiance;
 #endif
-    if (w <= least)
+    if (!reaches)
     {
         out_sums = lent * vec4(max(E, vec3(0.0)), 1.0);
         float Y = max(dot(E, LUMINANCE), 0.0);
@@ -81,7 +86,7 @@ void main()
         return;
     }
     // w - 1/a falls to zero at the rim of the record's sphere, so that the rim does not show; the paper's kernel ends with a step
-    float k = cut ? w : w - least;
+    float k = v_share * (cut ? w : w - least);
 #if GRADIENTS
     // (p - p_k)·∇E: the gradient moves with the point
     float Y_k = dot(E, LUMINANCE);

@@ -16,6 +16,7 @@ flat out vec3 v_normal;
 flat out vec3 v_axis;                  // of its ellipse
 flat out vec2 v_radii;                 // R along the axis and across it, within the view's bounds
 flat out float v_borrow;               // metres within which it may lend to pixels that it does not reach
+flat out float v_share;                // of its weight that counts in the sums
 #if GRADIENTS
 flat out vec2 v_curvature;
 flat out vec4 v_walls;                 // 0: none
@@ -24,6 +25,8 @@ flat out mat3 v_g;
 #else
 flat out vec3 v_irradiance;
 #endif
+
+const float OWN_PIXEL = 0.75;  // reach of a record that says nothing of light, in pixels
 
 void main()
 {
@@ -34,8 +37,14 @@ void main()
     float d = length(to_eye);
     float trust;
     Ellipse ellipse = view_ellipse(texel, d, trust);
-    float r = ellipse.along;
     v_borrow = borrow_reach * pixel * d;
+    v_share = record_share(texel);
+    if (record_enclosed(texel))
+    {
+        ellipse.along = ellipse.across = OWN_PIXEL * pixel * d;
+        v_borrow = 0.0;
+    }
+    float r = ellipse.along;
     v_place = p;
     v_axis = ellipse.axis;
     v_radii = vec2(ellipse.along, ellipse.across) / a;

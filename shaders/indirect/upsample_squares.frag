@@ -1,4 +1,5 @@
 // Upsampling, preparation: which squares of four coarse pixels lie on one surface, so that their sums may be interpolated.
+#include "generated/constants.glsl"
 #include "lib/same_surface.glsl"
 #include "lib/texel.glsl"
 
@@ -15,12 +16,12 @@ void main()
     ivec2 at = ivec2(gl_FragCoord.xy), last = textureSize(sums, 0) - 1;
     vec3 p = texel_at(position, 2 * at).xyz, n = texel_at(normal, 2 * at).xyz;
     vec4 sum = texel_at(sums, at);
-    bool one = true, served = sum.a > 0.0;
+    bool one = true, served = sum.a > TOLD;
     for (int i = 1; i < 4; ++i)
     {
         ivec2 other = min(at + ivec2(i & 1, i >> 1), last);
         vec3 q = texel_at(position, 2 * other).xyz, m = texel_at(normal, 2 * other).xyz;
-        one = one && (texel_at(sums, other).a > 0.0) == served && (same_surface(p, n, q, m) || !served);
+        one = one && (texel_at(sums, other).a > TOLD) == served && (same_surface(p, n, q, m) || !served);
     }
     out_irradiance = vec4(sum.rgb / max(sum.a, 1e-20), texel_at(weight, at).r);
     out_plane = !one ? vec4(0.0) : served ? vec4(n, dot(n, p)) : vec4(0.0, 0.0, 0.0, 1.0);

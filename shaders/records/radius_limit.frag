@@ -47,6 +47,7 @@ void main()
         if (!found || !by_all && int(other.w) > number) continue;
         if (at >= COMPARED_WITHIN * a || at <= 0.0 || behind_wall(apart, ellipse.axis, n, own_walls)) continue;
         ivec2 theirs = table_texel(int(other.w));
+        if (record_enclosed(theirs)) continue;
         vec3 n_j = record_normal(theirs);
         if (dot(n, n_j) < COMPARABLE_COSINE || abs(dot(apart, n + n_j)) * 0.5 > IN_FRONT * R.y) continue;
 #if NEIGHBOURS

@@ -17,6 +17,24 @@ struct Ellipse
     float across;  // radius across it, metres
 };
 
+const float HARDLY = 1e-20;  // so small a share that those that lend decide
+
+// Whether the record lies in the dark within a closed mesh, where nobody looks: it serves its own pixel, and says nothing of light.
+bool record_enclosed(ivec2 texel)
+{
+#if GRADIENTS
+    return record_max_radius(texel) == 0.0;
+#else
+    return false;
+#endif
+}
+
+// The share of the record's weight that counts where light is summed.
+float record_share(ivec2 texel)
+{
+    return record_enclosed(texel) ? HARDLY : 1.0;
+}
+
 // The record's second derivatives along its axis and across it; 0 where they are not known or the settings want none.
 vec2 usable_curvature(ivec2 texel)
 {

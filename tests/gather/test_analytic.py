@@ -327,6 +327,26 @@ def test_directions_below_the_geometric_surface_count_as_nothing(ctx: moderngl.C
     assert np.allclose(found.E, np.pi * 0.75, rtol=0.02)
 
 
+@pytest.mark.parametrize("shines", [0.0, 1.0])
+@pytest.mark.parametrize("kind", (*WHOLE, "embree"))
+def test_the_dark_within_a_closed_mesh_is_known_for_it(ctx: moderngl.Context, kind: str, shines: float) -> None:
+    """Records on the floor within a closed box, another closed one beside them, may reach nowhere; outside the box, within
+    one that shines, and in the dark that open sheets make, as far as they would."""
+    paint, inner = material(0.5, shines), box((-0.2, -0.01, -0.2), (0.2, 0.1, 0.2))
+    sheets = [
+        quad((3, 0, -1), (2, 0, 0), (0, 1, 0)),
+        quad((3, 0, 1), (2, 0, 0), (0, 1, 0)),
+        quad((3, 1, -1), (2, 0, 0), (0, 0, 2)),
+    ]
+    sheets += [quad((x, 0, -1), (0, 0, 2), (0, 1, 0)) for x in (3, 5)]
+    world = scene(floor(9.0), box((-1, -0.01, -1), (1, 1, 1), paint), inner, *sheets, sky=1.0)
+    places = np.array([(-0.5, 0.0, 0.3), (0.3, 0.0, 0.0), (2.0, 0.0, 0.0), (4.0, 0.0, 0.0)])
+    found = gather(ctx, world, sites(places, UP), 32, kind)
+    within = np.array([shines == 0.0] * 2 + [False] * 2)
+    assert np.array_equal(found.farthest == 0.0, within)
+    assert np.array_equal(found.E.any(1), ~within & [True, True, True, False])
+
+
 @pytest.mark.parametrize("kind", WHOLE)
 def test_no_geometry_is_sky(ctx: moderngl.Context, kind: str) -> None:
     found = gather(ctx, scene(sky=2.0), sites(np.zeros((3, 3)), UP), 16, kind)

@@ -58,6 +58,7 @@ def atlas_of(
     for i, cell in enumerate(seen):
         y, x = i // COLUMNS * height, i % COLUMNS * width
         sheet[y : y + height, x : x + width] = cell
+        planar[y : y + height, x : x + width] = 0.0
         planar[y : y + height, x : x + width, :3] = 0.0 if planes is None else planes[i]
     rows = np.zeros((4, COLUMNS * ROWS, 4))
     rows[:3, : len(seen), :3] = frame.swapaxes(0, 1)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from irrsplat.core.buffers import NOTHING_SEEN, GBuffer, Records
+from irrsplat.core.glsl import TOLD
 from irrsplat.indirect.splat import SplatPass
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
@@ -271,7 +272,8 @@ def test_an_ellipse_lies_as_its_axis_does(ctx: moderngl.Context) -> None:
 @pytest.mark.parametrize("gradients", [True, False])
 def test_records_lend_to_pixels_close_by_that_they_do_not_reach(ctx: moderngl.Context, gradients: bool) -> None:
     """Up to four pixels away, and one and a half times as far as they reach, on their own side of a wall and not deep below, what
-    they say of the normal at next to no weight, and its square; with `borrow` 0, nothing."""
+    they say of the normal at next to no weight, and its square; behind the wall at a hundred-millionth of that, where nobody else
+    tells; with `borrow` 0, nothing."""
     position, depth = on_plane(CAMERA, SIZE, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
     turned = unit(np.array([1.0, 0.0, 1.0]))
     seen = View(position, np.broadcast_to(turned, position.shape), depth)
@@ -288,15 +290,39 @@ def test_records_lend_to_pixels_close_by_that_they_do_not_reach(ctx: moderngl.Co
     deep = apart @ turned < -0.3 * np.linalg.norm(apart, axis=-1)
     radii = np.array([1.0, 1.0 / 3.0]) if gradients else np.array([0.4, 0.4])
     far = np.linalg.norm((apart @ [[1, 0], [0, 1], [0, 0]]) / (BASE.a * radii), axis=-1) > 1.5
-    lends = (d < 1.0) & ~deep & ~far & ((apart[..., 0] < 0.2) | (not gradients))
+    near = (d < 1.0) & ~deep & ~far
+    lends = near & ((apart[..., 0] < 0.2) | (not gradients))
     assert ((d < 1.0) & ~deep & far).sum() > 5
-    assert not weight[..., 0].any() and np.array_equal(sums[..., 3] > 0.0, lends) and lends.sum() > 12
-    assert np.allclose(sums[lends, 3], 1e-6 * (1.0 - d[lends] ** 2) * turned[2] ** 4, rtol=1e-3, atol=1e-10)
+    assert not weight[..., 0].any() and np.array_equal(sums[..., 3] > TOLD, lends) and lends.sum() > 12
+    lent = 1e-6 * (1.0 - d**2) * turned[2] ** 4
+    assert np.allclose(sums[lends, 3], lent[lends], rtol=1e-3, atol=1e-10)
+    behind = near & ~lends
+    assert behind.any() == gradients and np.allclose(sums[behind, 3], 1e-8 * lent[behind], rtol=1e-3, atol=1e-18)
+    assert not sums[~near, 3].any()
     E = records.M[0] @ turned + 0.75 * (1.0 - turned[2]) * records.M[0, :, 2] if gradients else records.E[0]
-    assert np.allclose(sums[lends, :3], sums[lends, 3:] * np.maximum(E, 0.0), rtol=1e-3)
+    assert np.allclose(sums[near, :3], sums[near, 3:] * np.maximum(E, 0.0), rtol=1e-3)
     square = sums[..., 3] * max(E @ LUMINANCE, 0.0) ** 2
     assert square.any() and np.allclose(weight[..., 1], square, rtol=1e-3, atol=1e-12)
     assert not drawn(ctx, seen, records, replace(settings, borrow=0))[0].any()
+
+
+def test_a_record_within_a_closed_mesh_leaves_its_pixel_to_others(ctx: moderngl.Context) -> None:
+    """Its greatest radius is 0: it serves the pixel that it was made for and no other, and those that reach that pixel, lend
+    to it or lie behind a wall tell what light there is. Alone it says 0."""
+    position, depth = on_plane(CAMERA, SIZE, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    seen = View(position, np.broadcast_to([0.0, 0.0, 1.0], position.shape), depth)
+    records = table(2)
+    records.p[:], records.n[:], records.axis[:], records.limit[:] = position[14, [18, 16]], (0, 0, 1), (1, 0, 0), 1.0
+    records.gradient[:], records.bend[:], records.farthest[:] = 0.0, [[18.0, 18.0], [2.0, 2.0]], [0.0, 2.0]
+    records.E[0], records.M[0], records.E[1], records.M[1] = 0.0, 0.0, 3.0, np.outer((3.0, 3.0, 3.0), (0, 0, 1))
+    reach, lend, behind = 0.5, 0.15, 0.9 * (position[14, 18] - position[14, 16])[0]
+    for greatest, wall in ((reach, 0.0), (lend, 0.0), (reach, 1.0 / behind)):
+        records.farthest[1], records.walls[:], records.walls[1, 0] = 2.0 * greatest, 0.0, wall
+        sums, weight = drawn(ctx, seen, records, replace(BASE, second_order=False))
+        assert np.allclose(sums[14, 18, :3] / sums[14, 18, 3], 3.0, rtol=1e-2) and weight[14, 18, 0] > 100.0
+    alone = Table(*(v[:1] for v in vars(records).values()))
+    sums, weight = drawn(ctx, seen, alone, BASE)
+    assert not sums[..., :3].any() and (weight[..., 0] > 0.0).sum() == 1 and weight[14, 18, 0] > 1.0 / BASE.a
 
 
 @pytest.mark.parametrize("second_order", [True, False])

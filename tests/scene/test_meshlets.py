@@ -140,7 +140,7 @@ def test_meshlets_follow_what_moves(ctx: moderngl.Context) -> None:
     vertices[: len(vertices) // 2, :3] += np.array([0.3, 0.2, -0.4], np.float32)
     look.geometry.update(vertices, faces)
     after = look()
-    look.lit.world.geometry = Geometry(ctx, vertices, faces)
+    look.lit.world.geometry = Geometry(ctx, vertices, faces, look.geometry.counts)
     anew = look()
     assert not np.array_equal(before[0], after[0])
     assert all(np.array_equal(a, b) for a, b in zip(after, anew, strict=True))

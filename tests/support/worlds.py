@@ -155,7 +155,8 @@ def encode(v: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Gathered:
-    """N records: E (N, 3), R (N,), M and ∇E (N, 3 channels, 3), the axis (N, 3) along which they bend least, the bends (N, 2)."""
+    """N records: E (N, 3), R (N,), M and ∇E (N, 3 channels, 3), the axis (N, 3) along which they bend least, the bends (N, 2),
+    and the greatest radius that these may lead to (N,)."""
 
     E: np.ndarray
     R: np.ndarray
@@ -163,11 +164,12 @@ class Gathered:
     gradient: np.ndarray
     axis: np.ndarray
     bend: np.ndarray
+    farthest: np.ndarray
 
 
 def gathered(cache: RecordCache) -> Gathered:
     """What a cache holds, read from the GPU."""
-    names = ("irradiance", "radius", "vectors", "gradient", "axis", "curvature")
+    names = ("irradiance", "radius", "vectors", "gradient", "axis", "curvature", "max_radius")
     return Gathered(*cache.records.read(*names).values())
 
 

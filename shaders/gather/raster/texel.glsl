@@ -15,6 +15,7 @@
 #endif
 
 uniform float near;  // metres
+uniform int closed;  // triangles of lower numbers belong to closed meshes
 
 flat in vec2 v_centre;
 flat in vec3 v_eye;
@@ -23,7 +24,8 @@ flat in vec3 v_up;
 flat in vec3 v_ahead;
 
 layout(location = 0) out vec4 out_radiance;  // rgb W/(m² sr), a distance in metres (0: nothing hit, the sky)
-layout(location = 1) out vec4 out_plane;     // of what is hit: 1/distance in the unit direction w is dot(xyz, w), metres⁻¹
+layout(location = 1) out vec4 out_plane;     // of what is hit: 1/distance in the unit direction w is dot(xyz, w), metres⁻¹; w: 1 where it
+                                             // is the inner side of a closed mesh
 
 const float FARTHEST = 4.0;  // times the centre's depth, where a corner looks past the plane's horizon
 
@@ -35,13 +37,14 @@ vec3 texel_ray()
 }
 
 // Where the texel's ray q meets the triangle's plane: relative to the eye, the plane's normal turned to the record, and its distance
-// times -1.
+// times -1; whether that is the side to which its corners wind clockwise.
 struct Met
 {
     vec3 q;
     vec3 away;
     vec3 g;
     float k;
+    bool inner;
 };
 
 // What a texel with this ray sees of the triangle of this number; it sets `footprint` and `footprint_area`, too.
@@ -52,6 +55,7 @@ Met meet(int triangle, vec3 q)
     vec4 plane = face_plane(triangle);
     float k = plane.w - dot(plane.xyz, v_eye);
     vec3 g = k > 0.0 ? -plane.xyz : plane.xyz;  // turned to the record
+    bool inner = k > 0.0;
     k = -abs(k);
     float depth = k / min(dot(g, q), -1e-20);
     vec3 away = q * depth;
@@ -65,7 +69,7 @@ Met meet(int triangle, vec3 q)
         footprint[i] = corners[i] * min(t, FARTHEST * depth) - away;
     }
     footprint_area = 0.5 * length(cross(footprint[2] - footprint[0], footprint[3] - footprint[1])) + 1e-30;
-    return Met(q, away, g, k);
+    return Met(q, away, g, k, inner);
 }
 
 // The outputs, for the triangle of this number, seen at this point of it (whose position is not looked at).
@@ -94,5 +98,5 @@ void see(int triangle, Met met, Vertex point, Material material)
     material.emission *= ray_share(triangle, v_eye, met.away / far, far, g, texels);
 #endif
     out_radiance = vec4(outgoing_radiance(material, E), max(far, 0.05 * near));
-    out_plane = vec4(g / min(met.k, -0.05 * near), 0.0);
+    out_plane = vec4(g / min(met.k, -0.05 * near), met.inner && triangle < closed);
 }

@@ -274,8 +274,8 @@ SHADERS = (
     Mutant(
         "kernel stops short of zero at the rim",
         "shaders/indirect/splat.frag",
-        "float k = cut ? w : w - least;",
-        "float k = w;",
+        "float k = v_share * (cut ? w : w - least);",
+        "float k = v_share * w;",
         _SPLAT,
     ),
     Mutant(
@@ -383,6 +383,20 @@ SHADERS = (
         "const float BIAS = 0.1;",
         "const float BIAS = -0.1;",
         ("tests/lighting/test_direct.py::test_a_sphere_has_no_acne[sun]",),
+    ),
+    Mutant(
+        "records within closed meshes say that it is dark",
+        "shaders/records/record.glsl",
+        "const float HARDLY = 1e-20;",
+        "const float HARDLY = 1.0;",
+        ("tests/indirect/test_splat.py::test_a_record_within_a_closed_mesh_leaves_its_pixel_to_others",),
+    ),
+    Mutant(
+        "records within closed meshes are not known",
+        "shaders/gather/reduce_total.frag",
+        "const float ENCLOSED = 0.2;",
+        "const float ENCLOSED = 2.0;",
+        ("tests/gather/test_analytic.py::test_the_dark_within_a_closed_mesh_is_known_for_it[trace-0.0]",),
     ),
     Mutant(
         "facets of curved surfaces shade each other",
