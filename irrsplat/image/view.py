@@ -11,6 +11,7 @@ import numpy as np
 
 from irrsplat.core.buffers import CHANNELS, GBuffer, SplatBuffer
 from irrsplat.core.files import as_png
+from irrsplat.core.glsl import TOLD
 from irrsplat.gpu.target import pixels
 from irrsplat.image.backdrop import Backdrop, display_picture
 from irrsplat.image.frame import Frame
@@ -95,7 +96,8 @@ class Progress:
 
 def uncovered(view: View, rows_columns: tuple[slice, slice] = (slice(None), slice(None))) -> int:
     """How many of the pixels, top row first, that see a surface no record reaches, not even to lend."""
-    return int(np.count_nonzero((_seen(view)[..., 0] & (pixels(view.splats.sums)[..., 3] <= 0.0))[rows_columns]))
+    untold = (pixels(view.splats.sums)[..., 3] <= TOLD) & (pixels(view.splats.weight)[..., 0] <= 0.0)
+    return int(np.count_nonzero((_seen(view)[..., 0] & untold)[rows_columns]))
 
 
 def counted(progress: Progress, seconds: float, on_progress: Callable[[Progress], None] | None) -> Statistics:

@@ -1,11 +1,10 @@
-"""What callers of the library hold: frames, whole renders, and what changes between them.
+"""What callers of the library hold: frames, whole renders, and what changes between them; in world space, of any OpenGL context.
 
-Read `Renderer.frame` first, and then `Rounds` (rounds.py), which is all of it but the picture.
+Read `Frames.frame` (frames.py) for what a frame is, and `WholeRenders.render` (whole_renders.py) for what a render is.
 """
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from typing import Unpack, cast
@@ -17,39 +16,30 @@ import numpy.typing as npt
 from irrsplat.core import files
 from irrsplat.core.buffers import GBuffer, ShadowMaps
 from irrsplat.core.errors import InputError
-from irrsplat.gpu import context, program, self_test
+from irrsplat.gpu import program, self_test
 from irrsplat.gpu.resource import Resource, Tenant
 from irrsplat.gpu.target import Screen, pixels
-from irrsplat.gpu.time_budget import Budget, now
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.image.antialias import OnProgress
 from irrsplat.image.composite import CompositePass
-from irrsplat.image.figures.paper_figures import PaperFigures
-from irrsplat.image.frame import Frame, check_names
-from irrsplat.image.statistics import Statistics, describe
-from irrsplat.image.view import Progress, View, counted, frame_of, read, sample_progress, uncovered
+from irrsplat.image.frame import Frame
+from irrsplat.image.statistics import Statistics
+from irrsplat.image.view import Progress, View
 from irrsplat.indirect.scheduler import RecordScheduler
 from irrsplat.indirect.splat_buffer import ViewSplats
-from irrsplat.indirect.view_state import ViewState
 from irrsplat.lighting import gl_limits
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.renderer import kept_records
-from irrsplat.renderer.resting import RestingView
-from irrsplat.renderer.rounds import Made, Rounds, until_complete
-from irrsplat.renderer.stages import Stages
-from irrsplat.renderer.state import Round, Shown, State
-from irrsplat.renderer.tiles import TiledRound, Tiles
-from irrsplat.renderer.tiling import Tiling, check_tiled, check_whole
+from irrsplat.renderer.frames import Frames
+from irrsplat.renderer.state import State
+from irrsplat.renderer.tiling import Tiling, check_whole
+from irrsplat.renderer.whole_renders import Wanted, WholeRenders
 from irrsplat.scene.model import Camera, Light, Material, Scene
 from irrsplat.scene.model.checks import check_type, checked_number
 from irrsplat.scene.motion import moved, posed, repainted
 from irrsplat.settings import Settings, SettingValues
 from irrsplat.settings import preset as settings_of
-
-_PICTURE_SHARE = 2.0  # how many times as long as a picture takes pass before the next one, while a view fills in ticks
-_OLDEST_PICTURE = 0.3  # seconds after which the next one comes in any case
-_TOLD = 1.0  # seconds after which progress is told while a render is refined
 
 
 class Renderer(Tenant):
@@ -83,25 +73,29 @@ class Renderer(Tenant):
             raise InputError(f"a Renderer takes a Scene, as irrsplat.load returns it, not {type(scene).__name__}")
         scene = scene.recentred
         self._origin, scene = scene.origin, scene.local  # from here on all is relative to it but what callers give and get
-        self._state = State(scene, settings_of(preset, **settings), preset, gl_limits.checked(size))
+        state = State(scene, settings_of(preset, **settings), preset, gl_limits.checked(size))
         self._loaded = scene.meshes  # as they were before any of them moved
         with self._moving_in(ctx) as made:
             self_test.check(self.ctx)
-            self._state = self._tiling.checked(self._state, self.ctx, again=True)
+            state = self._tiling.checked(state, self.ctx, again=True)
             self.timers = Timers(self.ctx, bool(self.about["software"]), enabled=True)
-            self.world = made.enter_context(World(self.ctx, scene, self.settings.texture_memory))
+            self.world = made.enter_context(World(self.ctx, scene, state.settings.texture_memory))
             self.cache = made.enter_context(RecordCache(self.ctx))
-            self.scheduler = made.enter_context(RecordScheduler(self.world, self.settings, self.cache, self.timers))
-            self.stages = made.enter_context(Stages(self.world, self.scheduler, self.timers))
-            self._round = Rounds(self.stages, self.scheduler)
-            self._tiles = Tiles(self.stages, self._round, self.scheduler)
-            self._resting = made.enter_context(RestingView(self.stages, self._round, self.scheduler))
+            self.scheduler = made.enter_context(RecordScheduler(self.world, state.settings, self.cache, self.timers))
+            self._frames = made.enter_context(Frames(self.world, self.scheduler, self.timers, state))
+            self._whole = WholeRenders(self._frames, self._tiling, self.about, checked=self._owns_ctx)
+            self.stages = self._frames.stages
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees; the context is apart."""
-        return (self.world, self.cache, self.scheduler, self.stages, self._resting)
+        return (self.world, self.cache, self.scheduler, self._frames)
 
     # ---- what it is about ------------------------------------------------------------------------------------------
+
+    @property
+    def _state(self) -> State:
+        """What it shows, and how far it has come."""
+        return self._frames.state
 
     @property
     def scene(self) -> Scene:
@@ -199,32 +193,7 @@ class Renderer(Tenant):
         are all that changes, and pictures take much of the `seconds`, some ticks only gather and return the last view.
         """
         self._use_whole()
-        return self._frame(self._seen_by(camera), seconds, gather)
-
-    def _frame(self, camera: Camera, seconds: float | None, gather: bool = True) -> tuple[View, Progress]:
-        """The same for a camera relative to the origin."""
-        self.timers.clear()
-        budget = Budget(seconds)
-        if self._resting.begun:
-            if self._resting.rests(self._state, camera):
-                return self._refined_view(camera)
-            self._resting.leave()
-        start = now()
-        shown = self._state.shown if gather and budget.limited and self._picture_may_wait(camera) else None
-        done = self._next_round(camera, budget, gather, picture=shown is None)
-        if budget.limited:
-            self.ctx.finish()
-        if shown is not None and not done.progress.still:
-            older = replace(shown, age=shown.age + now() - start)
-            self._state = replace(self._state, shown=older)
-            return shown.view, replace(done.progress, fading=shown.view.fading)
-        start = now()
-        view = self.stages.draw_picture(self._state, done, fading=budget.limited and self.settings.fade)
-        if budget.limited and (self._state.shown is None or view is not self._state.shown.view):
-            self.ctx.finish()
-            self._state = replace(self._state, costs=replace(self._state.costs, picture=now() - start))
-        self._state = replace(self._state, shown=Shown(view, self._state.picture_subject(camera)))
-        return view, replace(done.progress, fading=view.fading)
+        return self._frames.frame(self._seen_by(camera), seconds, gather)
 
     def refine(self, camera: Camera | str | None, target: float, seconds: float | None = None) -> tuple[View, Progress]:
         """Go on with a view that `frame` or `converge` found complete: records are added and gathered more finely until its
@@ -236,52 +205,18 @@ class Renderer(Tenant):
         """
         self._use_whole()
         target = checked_number("target", target, 0.0)
-        return self._refine(self._seen_by(camera), target, seconds)
-
-    def _refine(self, camera: Camera, target: float, seconds: float | None) -> tuple[View, Progress]:
-        """The same for a camera relative to the origin."""
-        budget = Budget(seconds)
-        if self._resting.broken:
-            self._resting.leave()
-        if not self._resting.begun or not self._resting.rests(self._state, camera):
-            state, view = self._state, self._state.view
-            shown = self._round.view_state(state, camera) is view and view.ended and view.pixel_stride == 1
-            if not shown or not self.can_refine:
-                return self._frame(camera, seconds)
-            self._resting.begin(state, camera)
-        self._resting.advance(self._state, camera, target, budget)
-        return self._refined_view(camera)
+        return self._frames.refine(self._seen_by(camera), target, seconds)
 
     @property
     def can_refine(self) -> bool:
         """Whether `refine` has anything to do in views by these settings."""
-        return self._resting.possible(self.settings)
-
-    def _refined_view(self, camera: Camera) -> tuple[View, Progress]:
-        """The picture of a refined view, and how far it has come."""
-        done = self._resting.shown(self._state, camera)
-        return self.stages.draw_picture(self._state, done), done.progress
-
-    def _next_round(self, camera: Camera, budget: Budget, gather: bool = True, picture: bool = True) -> Round:
-        """A round without its picture, as Rounds has it."""
-        self._state, done = self._round(self._state, camera, budget, gather, picture)
-        return done
-
-    def _picture_may_wait(self, camera: Camera) -> bool:
-        """Whether the last picture stays for another tick, so that pictures take but a share of the time while they change by
-        nothing but new records."""
-        shown = self._state.shown
-        if shown is None or shown.subject != self._state.picture_subject(camera) or self.stages.picture is not shown.view:
-            return False
-        return shown.age < min(_PICTURE_SHARE * self._state.costs.picture, _OLDEST_PICTURE)
+        return self._frames.can_refine
 
     def accumulate(self, view: View, samples: int, seconds: float | None = None, on_progress: OnProgress | None = None) -> View:
         """The `view` that `frame` gave last, with `samples` a pixel, or as many more than last time as `seconds` allow, one at
         least; the cache is left as it is. on_progress: called with the share done, 0..1, after each."""
-        if samples <= 1:
-            return view
         self._use()
-        return self.stages.accumulate(self._state, view, samples, Budget(seconds), on_progress)
+        return self._frames.accumulate(view, samples, seconds, on_progress)
 
     def show(self, view: View, framebuffer: moderngl.Framebuffer, exposure: float | None = None) -> None:
         """Draw the image of a `view` that `frame` gave last into a framebuffer of the same size, such as a window's: exposed,
@@ -299,8 +234,7 @@ class Renderer(Tenant):
 
     def stops(self, view: View) -> float:
         """The exposure of a view in stops, as the settings have it."""
-        exposure = self.settings.exposure
-        return self.composite_pass.exposure(view.image) if exposure == "auto" else float(exposure)
+        return self._frames.stops(view)
 
     # ---- what changes ----------------------------------------------------------------------------------------------
 
@@ -314,7 +248,7 @@ class Renderer(Tenant):
         """Go on with a lamp of so many W/sr at the eye, which goes where that goes; 0: without.
 
         It adds direct light to the picture and nothing else: no record depends on it, so that the camera may move."""
-        self._state = replace(self._state, headlamp=checked_number("a headlamp's intensity", intensity, 0.0))
+        self._frames.state = replace(self._state, headlamp=checked_number("a headlamp's intensity", intensity, 0.0))
 
     def relight(self, lights: Sequence[Light]) -> None:
         """Go on with other lights. Where all light changes by a factor in each channel, as where a lone lamp is dimmed, records
@@ -354,29 +288,7 @@ class Renderer(Tenant):
     def _go_on(self, state: State) -> None:
         """Go on with another scene, size or settings: with all of it, or, where it is refused, as before."""
         self._use()
-        state = self._tiling.checked(state, self.ctx, again=state.size != self.size)
-        if state.view_subject != self._state.view_subject:
-            self._resting.leave()
-        change = self.scheduler.change_to(state.scene)
-        dimming = change.dimming
-        answered = state.settings == self.settings and self.scheduler.gatherer.answers(change)
-        self.scheduler.follow(state.settings, change, self.shadows)
-        if dimming is not None or answered:
-            state = replace(state, view=self._dimmed_view(state))
-            temporal_filter = self.stages.temporal_filter
-            if temporal_filter is not None and dimming is not None:
-                temporal_filter.dim(dimming)
-            elif temporal_filter is not None:
-                temporal_filter.forget()
-        self._state = state
-
-    def _dimmed_view(self, after: State) -> ViewState:
-        """The progress of the present view, which goes on where lamps are dimmed and light follows at once, if that is all."""
-        view = self._state.view
-        if view.subject != self._state.view_subject:
-            return view
-        subject = replace(self._state, scene=after.scene).view_subject
-        return replace(view, subject=subject, limited=False, settled=None, looked_at=None)
+        self._frames.go_on(self._tiling.checked(state, self.ctx, again=state.size != self.size))
 
     def reload(self) -> None:
         """Read the shaders' files again and draw with them; raises ShaderError, and goes on as before, where one is wrong."""
@@ -386,15 +298,13 @@ class Renderer(Tenant):
 
     def renew(self) -> None:
         """Draw everything again, and gather all records again in place."""
-        self._resting.leave()
+        self._frames.resting.leave()
         self.scheduler.expire()
         self.forget(records=False)
 
     def forget(self, records: bool = True, lights: bool = True) -> None:
         """Draw every buffer of the view again next time; without the `records` made so far, and the `lights`' shadow maps."""
-        self._resting.leave()
-        self.stages.forget(shadows=lights)
-        self._state = replace(self._state, view=ViewState())
+        self._frames.forget(shadows=lights)
         if records:
             self.cache.truncate(0)
 
@@ -418,7 +328,7 @@ class Renderer(Tenant):
         to other settings than this renderer's (those that cache_file.key lists) or, without `update`, another scene or lights.
         """
         self._use()
-        self._resting.leave()
+        self._frames.resting.leave()
         reason = kept_records.load(path, update, self._state, self, self._go_on)
         self.forget(records=False)
         return reason
@@ -438,29 +348,7 @@ class Renderer(Tenant):
         looked at but its image and alpha, so that the memory for others can be freed before they are made.
         """
         self._use_whole()
-        self._resting.leave()
-        camera = self._seen_by(camera)
-        done, stats = self._filled(camera, progress, lambda gather: self._next_round(camera, Budget(None), gather))
-        return self.stages.draw_picture(self._state, replace(done, sparing=sparing)), stats
-
-    def _filled(
-        self, camera: Camera, progress: Callable[[Progress], None] | None, next_round: Callable[[bool], Made]
-    ) -> tuple[Made, Statistics]:
-        """The last round of a view, and its statistics, as `converge` has them. next_round: draws a round, and gathers in it
-        where it is told to."""
-        self.timers.clear()
-        self._state = replace(self._state, view=replace(self._state.view, stalled_rounds=0))
-        start = time.perf_counter()
-        done, stats = until_complete(
-            self.cache, self.settings, lambda: next_round(True), lambda: self._state.view.stalled, progress
-        )
-        if done is None or not stats["converged"]:  # what the last round gathered is still to be splatted
-            view, _ = self.scheduler.limit_radii(self._round.view_state(self._state, camera), last=True)
-            self._state = replace(self._state, view=replace(view, pixel_stride=1))
-            done = next_round(False)
-            stats["coverage"] = done.progress.coverage
-        self.ctx.finish()
-        return done, stats | {"records": self.cache.count, "seconds": time.perf_counter() - start}
+        return self._whole.converge(self._seen_by(camera), progress, sparing)
 
     def render(
         self,
@@ -485,144 +373,18 @@ class Renderer(Tenant):
         Raises InputError for `figures`, or a `quality` among the settings, where nothing is to be gathered: both need records of
         their own.
         """
-        check_names(buffers)
-        if not gather and (figures or self.settings.quality):
-            raise InputError("figures and a quality need records of their own; leave them out, or let records be gathered")
-        album = PaperFigures(self._splatted, progress)
-        refined = self.settings.quality or self.settings.samples > 1
-        alone = buffers is not None and not figures and gl_limits.PICTURE.issuperset(buffers)
-        sparing = gather and alone and not refined and self.size[0] * self.size[1] >= gl_limits.LARGE
-        wanted = gl_limits.PICTURE if alone else buffers
-        tiled = self._tiling.fitting(self._state, self.ctx, wanted) if self.gbuffer is None else self._state
-        if tiled.tile:
-            return self._in_tiles(tiled, camera, progress, figures, buffers, gather)
-        if gather:
-            view, stats = self.converge(camera, album if figures else progress, sparing)
-        else:
-            view, stats = self._frozen(camera, progress)
-        if self.settings.quality and stats["converged"]:
-            view, stats = self._improved(view, stats, progress)
-        samples = 1 if stats["interrupted"] else self.settings.samples
-        view = self.accumulate(view, samples, on_progress=sample_progress(progress, stats))
-        if view.samples < self.settings.samples:  # Ctrl-C
-            stats |= {"interrupted": True, "converged": False}
-        stats |= self.stats(view)
-        if self._owns_ctx:
-            context.check_errors(self.ctx)
-        if sparing:
-            self._free_buffers()
-        frame = read(view, self.cache.read(), stats, buffers)
-        if figures:
-            frame = replace(frame, figures=album.figures(frame, view.camera, self.settings))
-        return frame.placed(self._origin)
-
-    def _in_tiles(
-        self,
-        tiled: State,
-        camera: Camera | str | None,
-        progress: Callable[[Progress], None] | None,
-        figures: bool,
-        buffers: Collection[str] | None,
-        gather: bool,
-    ) -> Frame:
-        """As `render`, of a picture that is drawn in tiles."""
-        check_tiled(tiled, figures)
         self._use()
-        self._resting.leave()
-        self.stages.free_buffers()
-        here, samples, kept = self._seen_by(camera), self.settings.samples, self._state.tile
-
-        def next_round(gather: bool) -> TiledRound:
-            self._state, done = self._tiles(self._state, here, gather)
-            return done
-
-        self._state = replace(self._state, tile=tiled.tile)
-        try:
-            if gather:
-                done, stats = self._filled(here, progress, next_round)
-            else:
-                self.timers.clear()
-                start = time.perf_counter()
-                done = self._tiles.frozen(self._state, here)
-                stats = counted(done.progress, time.perf_counter() - start, progress)
-            samples = 1 if stats["interrupted"] else samples
-            on_share = sample_progress(progress, stats)
-            drawn = self._tiles.draw(self._state, here, done.progress, buffers, not gather, samples, on_share)
-            arrays, view, none_reach, stopped = drawn
-            stops = self._tiles.stops(self._state, arrays["image"])
-        finally:
-            self.stages.free_buffers()
-            self._state = replace(self._state, tile=kept)
-        if stopped:
-            samples, stats = 1, stats | {"interrupted": True, "converged": False}
-        if not gather:
-            stats["uncovered"] = none_reach
-        stats |= self._described(samples, stops)
-        if self._owns_ctx:
-            context.check_errors(self.ctx)
-        wanted = {name: values for name, values in arrays.items() if buffers is None or name in buffers}
-        return frame_of(wanted, self.cache.read(), stats, view).placed(self._origin)
+        wanted = Wanted(self._seen_by(camera), progress, figures, buffers, gather)
+        return self._whole.render(wanted).placed(self._origin)
 
     def coverage(self, camera: Camera | str | None = None) -> float:
         """The share of the pixels that see a surface, 0..1, at which `camera` asks for no record; the cache is left as it is."""
         self._use_whole()
-        self._resting.leave()
-        return self._round.frozen(self._state, self._seen_by(camera)).progress.coverage
-
-    def _frozen(self, camera: Camera | str | None, on_progress: Callable[[Progress], None] | None) -> tuple[View, Statistics]:
-        """The view from `camera` by the records that there are, and its statistics, as `converge` has them."""
-        self._use()
-        self._resting.leave()
-        self.timers.clear()
-        start = time.perf_counter()
-        done = self._round.frozen(self._state, self._seen_by(camera))
-        self.ctx.finish()
-        stats = counted(done.progress, time.perf_counter() - start, on_progress)
-        view = self.stages.draw_picture(self._state, done)
-        stats["uncovered"] = uncovered(view) if self.settings.most_bounces > 0 else 0
-        return view, stats
-
-    def _free_buffers(self) -> None:
-        """Free all that the last view is made of but its image and alpha, to be made again when it is wanted."""
-        self.stages.free_buffers()
-        self._resting.free()
-        self._state = replace(self._state, view=ViewState(), shown=None)
-
-    def _improved(self, view: View, stats: Statistics, on_progress: Callable[[Progress], None] | None) -> tuple[View, Statistics]:
-        """A converged view refined to the settings' `quality`, and its statistics. Ctrl-C ends it with the picture that there
-        is."""
-        start, progress = time.perf_counter(), None
-        try:
-            while progress is None or not progress.refined:
-                view, progress = self._refine(view.camera, 0.01 * self.settings.quality, seconds=_TOLD)
-                if on_progress is not None:
-                    on_progress(progress)
-                if not self._resting.begun:  # none that can be refined
-                    return view, stats
-        except KeyboardInterrupt:
-            stats |= {"interrupted": True, "converged": False}
-            if not self._resting.begun:
-                return view, stats
-            view, progress = self._refined_view(view.camera)
-        stats["seconds"] += time.perf_counter() - start
-        return view, stats | {"records": self.cache.count, "error": progress.error}
-
-    def _splatted(self, count: int) -> np.ndarray:
-        """(H, W, 4) the sums of the first `count` records at every pixel of the present view."""
-        camera = self._state.view.camera
-        assert camera is not None
-        return self.stages.splatted(self._state, camera, count)
+        return self._whole.coverage(self._seen_by(camera))
 
     def stats(self, view: View) -> Statistics:
         """What a frame's statistics say of where, what and how, apart from what `converge` counts."""
-        return self._described(view.samples, self.stops(view))
-
-    def _described(self, samples: int, stops: float) -> Statistics:
-        """The same of a picture of so many samples a pixel and this exposure in stops."""
-        settings = self.settings
-        made: Statistics = {"samples": samples, "stages_ms": self.timers.milliseconds(), "clock": self.timers.clock}
-        made |= cast(Statistics, self.scheduler.gatherer.bounces(settings))
-        return made | describe(self.about, self.scene, self.size, self.preset, settings, stops)
+        return self._whole.described(view.samples, self.stops(view))
 
 
 def render(

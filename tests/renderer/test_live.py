@@ -17,7 +17,7 @@ from irrsplat.core import paths
 from irrsplat.gpu import shader_source
 from irrsplat.gpu.target import pixels
 from irrsplat.image.view import Progress, View
-from irrsplat.renderer import renderer as renderer_module
+from irrsplat.renderer import frames
 from irrsplat.scene.model import Camera, Light
 from irrsplat.settings import SETTINGS
 from tests.renderer.test_renderer import FAST, FRONT, SIZE, room
@@ -98,10 +98,10 @@ def test_a_view_that_cannot_be_served_ends(monkeypatch: pytest.MonkeyPatch) -> N
 def test_pictures_that_take_long_come_less_often(monkeypatch: pytest.MonkeyPatch) -> None:
     """While only records change, ticks gather and keep the last picture; a new one comes at once for other lights, and when
     nothing is left to gather."""
-    monkeypatch.setattr(renderer_module, "_OLDEST_PICTURE", 1e9)  # seconds
+    monkeypatch.setattr(frames, "_OLDEST_PICTURE", 1e9)  # seconds
 
     def tick(made: Renderer) -> tuple[View, Progress]:
-        made._state = replace(made._state, costs=replace(made._state.costs, picture=1e3))  # seconds that a picture takes
+        made._frames.state = replace(made._state, costs=replace(made._state.costs, picture=1e3))  # seconds that a picture takes
         return made.frame(seconds=TICK)
 
     with Renderer(room(), SIZE, **FAST) as made:

@@ -23,6 +23,7 @@ from irrsplat.image import frame as output
 from irrsplat.image.backdrop import BackdropKind
 from irrsplat.image.frame import RECORDS, Frame
 from irrsplat.lighting import gl_limits, memory
+from irrsplat.renderer.whole_renders import WholeRenders
 from irrsplat.settings import preset
 from tests.renderer.test_renderer import FAST, room
 
@@ -143,7 +144,7 @@ def test_a_driver_without_memory_ends_in_one_line(
     def none(*_: object, **__: object) -> None:
         raise MemoryError
 
-    monkeypatch.setattr(Renderer, "converge", none)
+    monkeypatch.setattr(WholeRenders, "converge", none)
     assert cli.main(["render", "-o", str(tmp_path / "x.png")]) == 1
     err = capsys.readouterr().err
     assert err.startswith("irrsplat: out of memory; take a smaller --size") and err.count("\n") == 1

@@ -138,7 +138,7 @@ def test_a_later_view_knows_what_the_surface_cache_lacks(tmp_path: Path, monkeyp
             renderer.converge(seen)
             while not (progress := renderer.refine(seen, 0.03, seconds=0.2)[1]).refined:
                 pass
-            refinement, surface = renderer._resting._refinement, renderer.scheduler.gatherer.surface_now
+            refinement, surface = renderer._frames.resting._refinement, renderer.scheduler.gatherer.surface_now
             assert refinement is not None and surface is not None and progress.error is not None
             rays, between = refinement.lacking
             if seen is camera:
@@ -147,7 +147,7 @@ def test_a_later_view_knows_what_the_surface_cache_lacks(tmp_path: Path, monkeyp
         assert surface is not None and rays == known[0] and (surface.refinements > count or between == known[1])
         renderer.converge(camera)
         renderer.refine(camera, 0.03, seconds=1e-4)
-        refinement = renderer._resting._refinement
+        refinement = renderer._frames.resting._refinement
         assert refinement is not None and refinement.lit and refinement.lacking == (rays, between)
 
 

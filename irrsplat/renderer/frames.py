@@ -1,0 +1,163 @@
+"""The frames of a renderer, one after the other: its rounds and their pictures, and the one State that each hands to the next.
+
+Cameras are relative to the scene's origin here. Read `Frames.frame` first, and then `Rounds` (rounds.py), which is all of it
+but the picture.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.time_budget import Budget, now
+from irrsplat.gpu.timers import Timers
+from irrsplat.gpu.world import World
+from irrsplat.image.antialias import OnProgress
+from irrsplat.image.view import Progress, View
+from irrsplat.indirect.scheduler import RecordScheduler
+from irrsplat.indirect.view_state import ViewState
+from irrsplat.renderer.resting import RestingView
+from irrsplat.renderer.rounds import Rounds
+from irrsplat.renderer.stages import Stages
+from irrsplat.renderer.state import Round, Shown, State
+from irrsplat.renderer.tiles import TiledRound, Tiles
+from irrsplat.scene.model import Camera
+
+_PICTURE_SHARE = 2.0  # how many times as long as a picture takes pass before the next one, while a view fills in ticks
+_OLDEST_PICTURE = 0.3  # seconds after which the next one comes in any case
+
+
+class Frames(Owner):
+    """Draws the frames of a world's views. state: how far they have come, replaced whole from frame to frame."""
+
+    def __init__(self, world: World, scheduler: RecordScheduler, timers: Timers, state: State) -> None:
+        self.ctx, self.scheduler, self.timers, self.state = world.ctx, scheduler, timers, state
+        self.stages = Stages(world, scheduler, timers)
+        self.rounds = Rounds(self.stages, scheduler)
+        self.tiles = Tiles(self.stages, self.rounds, scheduler)
+        self.resting = RestingView(self.stages, self.rounds, scheduler)
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.stages, self.resting)
+
+    # ---- a frame ---------------------------------------------------------------------------------------------------
+
+    def frame(self, camera: Camera, seconds: float | None, gather: bool = True) -> tuple[View, Progress]:
+        """One round and its picture, as Renderer.frame has them."""
+        self.timers.clear()
+        budget = Budget(seconds)
+        if self.resting.begun:
+            if self.resting.rests(self.state, camera):
+                return self.refined_view(camera)
+            self.resting.leave()
+        start = now()
+        shown = self.state.shown if gather and budget.limited and self._picture_may_wait(camera) else None
+        done = self.next_round(camera, budget, gather, picture=shown is None)
+        if budget.limited:
+            self.ctx.finish()
+        if shown is not None and not done.progress.still:
+            older = replace(shown, age=shown.age + now() - start)
+            self.state = replace(self.state, shown=older)
+            return shown.view, replace(done.progress, fading=shown.view.fading)
+        start = now()
+        view = self.stages.draw_picture(self.state, done, fading=budget.limited and self.state.settings.fade)
+        if budget.limited and (self.state.shown is None or view is not self.state.shown.view):
+            self.ctx.finish()
+            self.state = replace(self.state, costs=replace(self.state.costs, picture=now() - start))
+        self.state = replace(self.state, shown=Shown(view, self.state.picture_subject(camera)))
+        return view, replace(done.progress, fading=view.fading)
+
+    def next_round(self, camera: Camera, budget: Budget, gather: bool = True, picture: bool = True) -> Round:
+        """A round without its picture, as Rounds has it."""
+        self.state, done = self.rounds(self.state, camera, budget, gather, picture)
+        return done
+
+    def next_tiled_round(self, camera: Camera, gather: bool) -> TiledRound:
+        """The same of a picture in tiles."""
+        self.state, done = self.tiles(self.state, camera, gather)
+        return done
+
+    def _picture_may_wait(self, camera: Camera) -> bool:
+        """Whether the last picture stays for another tick, so that pictures take but a share of the time while they change by
+        nothing but new records."""
+        shown = self.state.shown
+        if shown is None or shown.subject != self.state.picture_subject(camera) or self.stages.picture is not shown.view:
+            return False
+        return shown.age < min(_PICTURE_SHARE * self.state.costs.picture, _OLDEST_PICTURE)
+
+    def accumulate(self, view: View, samples: int, seconds: float | None = None, on_progress: OnProgress | None = None) -> View:
+        """The view of the last frame with more samples, as Renderer.accumulate has it."""
+        if samples <= 1:
+            return view
+        return self.stages.accumulate(self.state, view, samples, Budget(seconds), on_progress)
+
+    def stops(self, view: View) -> float:
+        """The exposure of a view in stops, as the settings have it."""
+        exposure = self.state.settings.exposure
+        return self.stages.composite_pass(self.state).exposure(view.image) if exposure == "auto" else float(exposure)
+
+    # ---- a view that rests -----------------------------------------------------------------------------------------
+
+    def refine(self, camera: Camera, target: float, seconds: float | None) -> tuple[View, Progress]:
+        """A step of a complete view's refinement, as Renderer.refine has it."""
+        budget = Budget(seconds)
+        if self.resting.broken:
+            self.resting.leave()
+        if not self.resting.begun or not self.resting.rests(self.state, camera):
+            state, view = self.state, self.state.view
+            shown = self.rounds.view_state(state, camera) is view and view.ended and view.pixel_stride == 1
+            if not shown or not self.can_refine:
+                return self.frame(camera, seconds)
+            self.resting.begin(state, camera)
+        self.resting.advance(self.state, camera, target, budget)
+        return self.refined_view(camera)
+
+    @property
+    def can_refine(self) -> bool:
+        """Whether `refine` has anything to do in views by these settings."""
+        return self.resting.possible(self.state.settings)
+
+    def refined_view(self, camera: Camera) -> tuple[View, Progress]:
+        """The picture of a refined view, and how far it has come."""
+        done = self.resting.shown(self.state, camera)
+        return self.stages.draw_picture(self.state, done), done.progress
+
+    # ---- what changes ----------------------------------------------------------------------------------------------
+
+    def go_on(self, state: State) -> None:
+        """Go on with another scene, size or settings, which have been found good."""
+        if state.view_subject != self.state.view_subject:
+            self.resting.leave()
+        change = self.scheduler.change_to(state.scene)
+        dimming = change.dimming
+        answered = state.settings == self.state.settings and self.scheduler.gatherer.answers(change)
+        self.scheduler.follow(state.settings, change, self.stages.shadows(self.state))
+        if dimming is not None or answered:
+            state = replace(state, view=self._dimmed_view(state))
+            temporal_filter = self.stages.temporal_filter
+            if temporal_filter is not None and dimming is not None:
+                temporal_filter.dim(dimming)
+            elif temporal_filter is not None:
+                temporal_filter.forget()
+        self.state = state
+
+    def _dimmed_view(self, after: State) -> ViewState:
+        """The progress of the present view, which goes on where lamps are dimmed and light follows at once, if that is all."""
+        view = self.state.view
+        if view.subject != self.state.view_subject:
+            return view
+        subject = replace(self.state, scene=after.scene).view_subject
+        return replace(view, subject=subject, limited=False, settled=None, looked_at=None)
+
+    def forget(self, shadows: bool) -> None:
+        """Draw every buffer of the view again next time; the `shadows` only if they are meant too."""
+        self.resting.leave()
+        self.stages.forget(shadows=shadows)
+        self.state = replace(self.state, view=ViewState())
+
+    def free_buffers(self) -> None:
+        """Free all that the last view is made of but its image and alpha, to be made again when it is wanted."""
+        self.stages.free_buffers()
+        self.resting.free()
+        self.state = replace(self.state, view=ViewState(), shown=None)

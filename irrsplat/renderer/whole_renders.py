@@ -1,0 +1,208 @@
+"""Whole renders: rounds until every pixel is served, refinement, samples, and the Frame that is read back; some in tiles.
+
+Cameras are relative to the scene's origin here, and so are the frames that come back.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Collection
+from dataclasses import dataclass, replace
+from typing import cast
+
+import numpy as np
+
+from irrsplat.core.errors import InputError
+from irrsplat.gpu import context
+from irrsplat.gpu.time_budget import Budget
+from irrsplat.image.figures.paper_figures import PaperFigures
+from irrsplat.image.frame import Frame, check_names
+from irrsplat.image.statistics import Statistics, describe
+from irrsplat.image.view import Progress, View, counted, frame_of, read, sample_progress, uncovered
+from irrsplat.lighting import gl_limits
+from irrsplat.renderer.frames import Frames
+from irrsplat.renderer.rounds import Made, until_complete
+from irrsplat.renderer.state import State
+from irrsplat.renderer.tiling import Tiling, check_tiled
+from irrsplat.scene.model import Camera
+
+OnRound = Callable[[Progress], None]
+_TOLD = 1.0  # seconds after which progress is told while a render is refined
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What a caller wants of a render, as Renderer.render has it. buffers: None for all."""
+
+    camera: Camera
+    progress: OnRound | None = None
+    figures: bool = False
+    buffers: Collection[str] | None = None
+    gather: bool = True
+
+    def check(self, quality: float) -> None:
+        """Raises InputError for what cannot be, with this `quality` among the settings."""
+        check_names(self.buffers)
+        if not self.gather and (self.figures or quality):
+            raise InputError("figures and a quality need records of their own; leave them out, or let records be gathered")
+
+    @property
+    def picture_alone(self) -> bool:
+        """Whether nothing but image and alpha is wanted."""
+        return self.buffers is not None and not self.figures and gl_limits.PICTURE.issuperset(self.buffers)
+
+
+class WholeRenders:
+    """Renders whole views by a renderer's `frames`. about: its OpenGL, whose errors are looked for where nobody else uses it
+    (`checked`). tiling: which pictures are drawn in tiles."""
+
+    def __init__(self, frames: Frames, tiling: Tiling, about: context.Description, checked: bool) -> None:
+        self.frames, self.tiling, self.about, self.checked = frames, tiling, about, checked
+        self.ctx, self.stages, self.cache = frames.ctx, frames.stages, frames.scheduler.cache
+
+    # ---- a view ----------------------------------------------------------------------------------------------------
+
+    def converge(self, camera: Camera, progress: OnRound | None, sparing: bool) -> tuple[View, Statistics]:
+        """The complete view and its statistics, as Renderer.converge has them."""
+        frames = self.frames
+        frames.resting.leave()
+        done, stats = self._filled(camera, progress, lambda gather: frames.next_round(camera, Budget(None), gather))
+        return self.stages.draw_picture(frames.state, replace(done, sparing=sparing)), stats
+
+    def _filled(self, camera: Camera, progress: OnRound | None, next_round: Callable[[bool], Made]) -> tuple[Made, Statistics]:
+        """The last round of a view, and its statistics, as `converge` has them. next_round: draws a round, and gathers in it
+        where it is told to."""
+        frames = self.frames
+        frames.timers.clear()
+        frames.state = replace(frames.state, view=replace(frames.state.view, stalled_rounds=0))
+        start = time.perf_counter()
+        done, stats = until_complete(
+            self.cache, frames.state.settings, lambda: next_round(True), lambda: frames.state.view.stalled, progress
+        )
+        if done is None or not stats["converged"]:  # what the last round gathered is still to be splatted
+            view, _ = frames.scheduler.limit_radii(frames.rounds.view_state(frames.state, camera), last=True)
+            frames.state = replace(frames.state, view=replace(view, pixel_stride=1))
+            done = next_round(False)
+            stats["coverage"] = done.progress.coverage
+        self.ctx.finish()
+        return done, stats | {"records": self.cache.count, "seconds": time.perf_counter() - start}
+
+    def coverage(self, camera: Camera) -> float:
+        """The share of the pixels at which `camera` asks for no record, as Renderer.coverage has it."""
+        self.frames.resting.leave()
+        return self.frames.rounds.frozen(self.frames.state, camera).progress.coverage
+
+    def _frozen(self, camera: Camera, progress: OnRound | None) -> tuple[View, Statistics]:
+        """The view from `camera` by the records that there are, and its statistics, as `converge` has them."""
+        frames = self.frames
+        frames.resting.leave()
+        frames.timers.clear()
+        start = time.perf_counter()
+        done = frames.rounds.frozen(frames.state, camera)
+        self.ctx.finish()
+        stats = counted(done.progress, time.perf_counter() - start, progress)
+        view = self.stages.draw_picture(frames.state, done)
+        stats["uncovered"] = uncovered(view) if frames.state.settings.most_bounces > 0 else 0
+        return view, stats
+
+    def _improved(self, view: View, stats: Statistics, progress: OnRound | None) -> tuple[View, Statistics]:
+        """A converged view refined to the settings' `quality`, and its statistics. Ctrl-C ends it with the picture that there
+        is."""
+        frames, start, found = self.frames, time.perf_counter(), None
+        try:
+            while found is None or not found.refined:
+                view, found = frames.refine(view.camera, 0.01 * frames.state.settings.quality, seconds=_TOLD)
+                if progress is not None:
+                    progress(found)
+                if not frames.resting.begun:  # none that can be refined
+                    return view, stats
+        except KeyboardInterrupt:
+            stats |= {"interrupted": True, "converged": False}
+            if not frames.resting.begun:
+                return view, stats
+            view, found = frames.refined_view(view.camera)
+        stats["seconds"] += time.perf_counter() - start
+        return view, stats | {"records": self.cache.count, "error": found.error}
+
+    # ---- a frame that is read back -----------------------------------------------------------------------------------
+
+    def render(self, wanted: Wanted) -> Frame:
+        """The frame of a view, as Renderer.render has it."""
+        frames, settings = self.frames, self.frames.state.settings
+        wanted.check(settings.quality)
+        buffers = gl_limits.PICTURE if wanted.picture_alone else wanted.buffers
+        tiled = frames.state if self.stages.gbuffer is not None else self.tiling.fitting(frames.state, self.ctx, buffers)
+        if tiled.tile:
+            return self._in_tiles(tiled, wanted)
+        album = PaperFigures(self._splatted, wanted.progress)
+        refined = settings.quality or settings.samples > 1
+        width, height = frames.state.size
+        sparing = wanted.gather and wanted.picture_alone and not refined and width * height >= gl_limits.LARGE
+        if wanted.gather:
+            view, stats = self.converge(wanted.camera, album if wanted.figures else wanted.progress, sparing)
+        else:
+            view, stats = self._frozen(wanted.camera, wanted.progress)
+        if settings.quality and stats["converged"]:
+            view, stats = self._improved(view, stats, wanted.progress)
+        samples = 1 if stats["interrupted"] else settings.samples
+        view = frames.accumulate(view, samples, on_progress=sample_progress(wanted.progress, stats))
+        if view.samples < settings.samples:  # Ctrl-C
+            stats |= {"interrupted": True, "converged": False}
+        stats |= self.described(view.samples, frames.stops(view))
+        self._check_errors()
+        if sparing:
+            frames.free_buffers()
+        frame = read(view, self.cache.read(), stats, wanted.buffers)
+        return replace(frame, figures=album.figures(frame, view.camera, settings)) if wanted.figures else frame
+
+    def _in_tiles(self, tiled: State, wanted: Wanted) -> Frame:
+        """The same of a picture that is drawn in tiles."""
+        check_tiled(tiled, wanted.figures)
+        frames, camera, kept = self.frames, wanted.camera, self.frames.state.tile
+        frames.resting.leave()
+        self.stages.free_buffers()
+        frames.state = replace(frames.state, tile=tiled.tile)
+        try:
+            if wanted.gather:
+                done, stats = self._filled(camera, wanted.progress, lambda gather: frames.next_tiled_round(camera, gather))
+            else:
+                frames.timers.clear()
+                start = time.perf_counter()
+                done = frames.tiles.frozen(frames.state, camera)
+                stats = counted(done.progress, time.perf_counter() - start, wanted.progress)
+            samples = 1 if stats["interrupted"] else frames.state.settings.samples
+            on_share = sample_progress(wanted.progress, stats)
+            arrays, view, none_reach, stopped = frames.tiles.draw(
+                frames.state, camera, done.progress, wanted.buffers, not wanted.gather, samples, on_share
+            )
+            stops = frames.tiles.stops(frames.state, arrays["image"])
+        finally:
+            self.stages.free_buffers()
+            frames.state = replace(frames.state, tile=kept)
+        if stopped:
+            samples, stats = 1, stats | {"interrupted": True, "converged": False}
+        if not wanted.gather:
+            stats["uncovered"] = none_reach
+        stats |= self.described(samples, stops)
+        self._check_errors()
+        kept_arrays = {name: values for name, values in arrays.items() if wanted.buffers is None or name in wanted.buffers}
+        return frame_of(kept_arrays, self.cache.read(), stats, view)
+
+    def _splatted(self, count: int) -> np.ndarray:
+        """(H, W, 4) the sums of the first `count` records at every pixel of the present view."""
+        camera = self.frames.state.view.camera
+        assert camera is not None
+        return self.stages.splatted(self.frames.state, camera, count)
+
+    def described(self, samples: int, stops: float) -> Statistics:
+        """What statistics say of where, what and how, apart from what `converge` counts: of a picture of so many samples a pixel
+        and this exposure in stops."""
+        frames, state = self.frames, self.frames.state
+        made: Statistics = {"samples": samples, "stages_ms": frames.timers.milliseconds(), "clock": frames.timers.clock}
+        made |= cast(Statistics, frames.scheduler.gatherer.bounces(state.settings))
+        return made | describe(self.about, state.scene, state.size, state.preset, state.settings, stops)
+
+    def _check_errors(self) -> None:
+        """Raises GLError where OpenGL has met an error, and nobody else can have made it."""
+        if self.checked:
+            context.check_errors(self.ctx)
