@@ -57,6 +57,11 @@ def loglog(lines: Sequence[Line], title: str, x_label: str, y_label: str) -> np.
         pixels: np.ndarray = frame[0] + (logs - low) / (high - low) * (frame[1] - frame[0])
         return pixels
 
+    legend = _legend_size(pen, lines)
+    corner = _free_corner(frame, legend, pen.font, [place(line.x, line.y) for line in lines])
+    if corner is None:  # it stands beside the axes
+        frame[1][0] -= legend[0]
+        corner = frame[1][0], frame[1][1], False
     _axes(pen, frame, spans, place)
     places = [place(line.x, line.y) for line in lines]
     for line, at in zip(lines, places, strict=True):
@@ -64,7 +69,7 @@ def loglog(lines: Sequence[Line], title: str, x_label: str, y_label: str) -> np.
             pen.line(at, line.colour, 2.6)
         for point in at:
             pen.dot(point, 4.2, line.colour)
-    _legend(pen, frame, lines, places)
+    _legend(pen, lines, legend, *corner)
     pen.text((frame[0][0], 0.9 * pen.font), title, _INK)
     pen.text(((frame.sum(0)[0] - width_of(x_label, pen.font)) / 2.0, size[1] - 1.7 * pen.font), x_label, _INK)
     _upright(image, pen, y_label, frame)
@@ -110,24 +115,34 @@ def _axes(pen: Pen, frame: np.ndarray, spans: list[tuple[float, float]], place: 
     pen.line(np.array([[left, top], [left, bottom], [right, bottom]]), _FAINT, 1.6, halo=False)
 
 
-def _legend(pen: Pen, frame: np.ndarray, lines: Sequence[Line], places: Sequence[np.ndarray]) -> None:
-    """Each line's words, in its colour, in the corner that the lines, whose points lie at `places` (N, 2), leave free."""
-    if not lines:
-        return
-    widths = [width_of(line.words, pen.font) for line in lines]
-    size = np.array([max(widths) + 2.2 * pen.font, (1.5 * len(lines) + 0.6) * pen.font])
+def _legend_size(pen: Pen, lines: Sequence[Line]) -> np.ndarray:
+    """(2,) pixels, of all lines' words."""
+    widest = max((width_of(line.words, pen.font) for line in lines), default=0.0)
+    return np.array([widest + 2.2 * pen.font, (1.5 * len(lines) + 0.6) * pen.font])
+
+
+def _free_corner(
+    frame: np.ndarray, size: np.ndarray, room: float, places: Sequence[np.ndarray]
+) -> tuple[float, float, bool] | None:
+    """The left and upper end of a legend of this size in a corner that the lines, whose points lie at `places` (N, 2), leave
+    free, with `room` pixels around it, and whether that is one on the right; None where none is free."""
     (left, bottom), (right, top) = frame
-    corners = [(right, top), (left, bottom), (right, bottom), (left, top)]  # falling curves leave the first ones free
-    low = [np.array([x - size[0] if x == right else x, y if y == top else y - size[1]]) for x, y in corners]
-    drawn = np.concatenate([_along(at) for at in places])
-    crossed = [np.count_nonzero(((drawn > corner) & (drawn < corner + size)).all(1)) for corner in low]
-    chosen = int(np.argmin(crossed))
-    x_end, y = low[chosen][0] + size[0] - 0.6 * pen.font, low[chosen][1] + 0.5 * pen.font
-    for line, width in zip(lines, widths, strict=True):
-        x = x_end - width if corners[chosen][0] == right else low[chosen][0] + 1.6 * pen.font
-        pen.dot(np.array([x - 0.8 * pen.font, y + 0.65 * pen.font]), 4.2, line.colour)
-        pen.text((x, y), line.words, line.colour)
-        y += 1.5 * pen.font
+    drawn = np.concatenate([np.zeros((0, 2)), *(_along(at) for at in places)])
+    for x, y in ((right, top), (left, bottom), (right, bottom), (left, top)):  # falling curves leave the first ones free
+        low = np.array([x - size[0] if x == right else x, y if y == top else y - size[1]])
+        if not ((drawn > low - room) & (drawn < low + size + room)).all(1).any():
+            return float(low[0]), float(low[1]), bool(x == right)
+    return None
+
+
+def _legend(pen: Pen, lines: Sequence[Line], size: np.ndarray, x: float, y: float, flush_right: bool) -> None:
+    """Each line's words in its colour, in the box of this size whose left and upper ends are x and y."""
+    for number, line in enumerate(lines):
+        width = width_of(line.words, pen.font)
+        at = x + size[0] - 0.6 * pen.font - width if flush_right else x + 1.6 * pen.font
+        level = y + (0.5 + 1.5 * number) * pen.font
+        pen.dot(np.array([at - 0.8 * pen.font, level + 0.65 * pen.font]), 4.2, line.colour)
+        pen.text((at, level), line.words, line.colour)
 
 
 def _along(at: np.ndarray) -> np.ndarray:
