@@ -17,7 +17,7 @@ from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.lookup_table import Held, LaidOut, LookupTable
-from irrsplat.surface_cache.site_layout import DARK_VALUE, FIRST_SITE, MAX_SITES, SKY_VALUE, SiteChooser, SiteLayout
+from irrsplat.surface_cache.site_layout import DARK_VALUE, FIRST_SITE, MAX_REFINED_SITES, SKY_VALUE, SiteChooser, SiteLayout
 from irrsplat.surface_cache.site_rays import PlaceSearch, SiteRays
 from irrsplat.surface_cache.site_splitting import SiteSplitter, SplitLayout, uncut
 from irrsplat.surface_cache.transport import BouncedLight, Transport, sum_bounces
@@ -131,7 +131,7 @@ class FinerSites(Owner):
 
     def _further(self, count: int) -> int:
         """How many sites a refinement adds to `count`, about."""
-        return min(int(_MORE * count), int(_ROOM * (MAX_SITES - count)))
+        return min(int(_MORE * count), int(_ROOM * (MAX_REFINED_SITES - count)))
 
     def _begun(self) -> _Work:
         assert self.held.light is not None and self.held.laid_out is not None

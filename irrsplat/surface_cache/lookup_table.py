@@ -14,7 +14,7 @@ from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import table_texture
 from irrsplat.gpu.texel_table import table_rows
 from irrsplat.records.record_cache import RecordCache
-from irrsplat.surface_cache.site_layout import MAX_SITES, SiteLayout
+from irrsplat.surface_cache.site_layout import MAX_REFINED_SITES, MAX_SITES, SiteLayout
 from irrsplat.surface_cache.site_places import Places
 from irrsplat.surface_cache.transport import BouncedLight
 
@@ -95,7 +95,8 @@ class LaidOut(Owner):
         self.places: Places | None = None
         self.records = RecordCache(ctx)
         other: LookupTable | None = None if like is None else like.table
-        self.table: LookupTable = LookupTable(ctx, layout.tessellation.table, layout.cells, MAX_SITES, like=other)
+        most = MAX_SITES if len(layout.sites) <= MAX_SITES else MAX_REFINED_SITES
+        self.table: LookupTable = LookupTable(ctx, layout.tessellation.table, layout.cells, most, like=other)
         if len(layout.sites):
             self.records.append(layout.sites)
             self.records.invalidate()

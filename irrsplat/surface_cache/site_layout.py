@@ -26,7 +26,8 @@ from irrsplat.surface_cache.tessellation import Tessellation, tessellate
 from irrsplat.surface_cache.visibility import VisibilityPass
 
 POINTS = 7000, 16_000  # corners of cells on all surfaces, about, where these are large: as many as triangles, within these bounds
-MAX_SITES = 1 << 15
+MAX_SITES = 1 << 15  # before any cell is cut
+MAX_REFINED_SITES = 1 << 16  # with those of cut cells; the transport between them takes some 200 MB
 SKY_VALUE, DARK_VALUE = 0, 1  # the numbers of the values of members that see nothing but the sky, and that no light reaches
 FIRST_SITE = 2  # the number of the first value that is gathered
 _ROUNDS = 4  # in which members that do not see their cluster's site form clusters with a site among themselves
@@ -98,7 +99,7 @@ class SiteChooser:
         """All steps, one after the other."""
         clusters = yield from self._cluster()
         value = yield from beside(partial(self.known_values, clusters), _CUT)
-        chosen = yield from self.assign(clusters, value, FIRST_SITE)
+        chosen = yield from self.assign(clusters, value, FIRST_SITE, MAX_SITES)
         at = np.concatenate([np.zeros(FIRST_SITE if len(value) else 0, np.intp), chosen])
         yield _FOUND
         area = np.bincount(np.maximum(value, 0), weights=clusters.area * (value > DARK_VALUE), minlength=len(at))
@@ -167,15 +168,15 @@ class SiteChooser:
         position, area = clusters.members.position[left], clusters.area[left]
         return clustering.choose_sites(clusters.keys[left], position, area, min_area, most)
 
-    def assign(self, clusters: Clusters, value: np.ndarray, first: int) -> Generator[float, None, np.ndarray]:
+    def assign(self, clusters: Clusters, value: np.ndarray, first: int, most: int) -> Generator[float, None, np.ndarray]:
         """Sites for members whose values (M,) are negative, and these assigned to those that they see: of their own cluster, or
-        else of one beside it. Fills `value` by the sites' numbers, which begin with `first`; returns the members (S,) that are
-        sites."""
+        else of one beside it. Fills `value` by the sites' numbers, which begin with `first` and end before `most`; returns the
+        members (S,) that are sites."""
         members = clusters.members
         left, sites = np.flatnonzero(value < 0), np.zeros(0, np.intp)
         for number in range(_ROUNDS):
             min_area = self._min_area(clusters) if number < _ROUNDS - 1 else 0.0
-            choosing = partial(self._choose, clusters, left, MAX_SITES - first - len(sites), min_area)
+            choosing = partial(self._choose, clusters, left, most - first - len(sites), min_area)
             chosen, site_of = yield from beside(choosing, _SHARED_OUT)
             if not len(chosen):
                 continue

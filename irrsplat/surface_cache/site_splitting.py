@@ -13,7 +13,7 @@ from irrsplat.core.buffers import Sites
 from irrsplat.core.vectors import triangle_areas
 from irrsplat.core.vertex_layout import PARTS, WIDTH
 from irrsplat.surface_cache import clustering
-from irrsplat.surface_cache.site_layout import DARK_VALUE, FIRST_SITE, VOXEL, Clusters, SiteChooser, SiteLayout
+from irrsplat.surface_cache.site_layout import DARK_VALUE, FIRST_SITE, MAX_REFINED_SITES, VOXEL, Clusters, SiteChooser, SiteLayout
 from irrsplat.surface_cache.tessellation import Tessellation, cell_corners, tessellate
 
 _HALVES = 2  # steps along the side of a cell that is cut
@@ -151,7 +151,7 @@ class SiteSplitter:
         side = np.repeat([0, 1], points)
         value[side != np.tile(leaves.side[tessellation.face], 2)] = DARK_VALUE  # the sides that are not to be cut
         yield from self._known(clusters, value, layout.sites)
-        at = yield from chooser.assign(clusters, value, len(layout.sites))
+        at = yield from chooser.assign(clusters, value, len(layout.sites), MAX_REFINED_SITES)
         rows = yield from chooser.cells(clusters, value)
         return _joined(given, chosen, clusters, at, rows)
 

@@ -14,13 +14,14 @@ from irrsplat.core.buffers import HitLight
 from irrsplat.gather.look import gather_records
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.trace import TraceGather
+from irrsplat.gpu.target import pixels
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.indirect.paper_scan import read_back
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.reference import fine_gather
 from irrsplat.renderer import Renderer
 from irrsplat.settings import SettingValues
-from irrsplat.surface_cache import site_layout
+from irrsplat.surface_cache import lookup_table, site_layout
 from irrsplat.surface_cache.site_layout import FIRST_SITE
 from irrsplat.surface_cache.site_places import PLACES
 from tests.support.viewing import write_room
@@ -125,6 +126,24 @@ def test_the_surface_cache_is_refined_in_ticks_until_the_scene_changes(tmp_path:
         assert surface.refined and refined is not first
         renderer.relight([replace(light, position=(0.1, 0.2, 0.3)) for light in scene.lights])
         assert not gatherer.refine_surface(shadows, Budget(None))  # it is made anew first
+
+
+def test_a_surface_cache_of_as_many_sites_as_may_be_gets_more_at_rest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Large scenes have that many from the start: cells are cut all the same where light changes, and no value is lost."""
+    for module in (site_layout, lookup_table):
+        monkeypatch.setattr(module, "MAX_SITES", 100)
+    with Renderer(irrsplat.load(write_room(tmp_path)), SIZE, **(COARSE | {"bounces": 2})) as renderer:
+        view, _ = renderer.frame()
+        gatherer, shadows = renderer.scheduler.gatherer, renderer.draw_shadows()
+        surface = gatherer.surface_now
+        assert surface is not None and 40 < len(surface.sites) <= 100 and surface.may_split
+        before, sites = pixels(surface.view(view.gbuffer))[..., :3].mean(), surface.sites
+        for _ in range(3):
+            assert gatherer.refine_surface(shadows, Budget(None))
+        assert len(surface.sites) > 120 and np.array_equal(surface.sites.position[: len(sites)], sites.position)
+        after = pixels(surface.view(view.gbuffer))[..., :3]
+        assert after.mean() == pytest.approx(before, rel=0.2) and (after.max(-1) > 0.0).mean() > 0.99
+        assert surface.result is not None and np.isfinite(surface.result.irradiance).all()
 
 
 def test_a_later_view_knows_what_the_surface_cache_lacks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
