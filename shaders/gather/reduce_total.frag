@@ -79,7 +79,8 @@ void main()
     curvature = clamp(curvature, -1e30, 1e30);  // no less of it where it is dark: beside a shadow's edge it tells that light is near
     // WIDE is settings.py's: a bound however little the light curves. In a closed mesh that nothing lights nobody looks: a pixel at its
     // foot is seen there by rounding alone, and its record speaks for nothing.
-    bool enclosed = total.r + total.g + total.b == 0.0 && solid.y > ENCLOSED * solid.x;
+    // Nothing comes to it, or what rays that begin within rounding of the mesh's side let through.
+    bool dark = total.r + total.g + total.b == 0.0 || R <= radii.x, enclosed = dark && solid.y > ENCLOSED * solid.x;
     max_radius = enclosed ? 0.0 : min(radii.y, WIDE * R);
 #else
     M = outerProduct(normal, total.rgb);  // E = n_k·M, whatever the pixel's normal

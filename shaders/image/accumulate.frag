@@ -24,7 +24,7 @@ void main()
     if (seen)
     {
         vec4 s = texelFetch(sums, pixel, 0);
-        if (s.a <= 0.0) s = neighbouring_sums(pixel);
+        if (s.a <= TOLD) s = neighbouring_sums(pixel);
         Material material = material_at(pixel);
         indirect = reflected_radiance(material, s.a > 0.0 ? s.rgb / s.a : vec3(0.0));
         direct_light = texelFetch(direct, pixel, 0).rgb;

@@ -12,7 +12,7 @@ void main()
     out_sums = vec4(0.0);
     if (texelFetch(position, pixel, 0).w == 0.0) return;
     vec4 s = texelFetch(sums, pixel, 0);
-    if (s.a <= 0.0) s = neighbouring_sums(pixel);
+    if (s.a <= TOLD) s = neighbouring_sums(pixel);
     vec3 E = s.a > 0.0 ? s.rgb / s.a : vec3(0.0);
     out_sums = vec4(E + texelFetch(emitters, pixel, 0).rgb, 1.0);
 }

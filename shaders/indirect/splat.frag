@@ -35,7 +35,9 @@ layout(location = 1) out vec2 out_weight;   // w, and k·Y², where Y is the lum
 // How far from a record, in radii a·R, a pixel may lie that it lends to. Much farther away it does not know what light there is: the
 // dark floor below a hovering block would lend to the floor beside it, where few pixels need a record since others have been there.
 const float LENT_WITHIN = 1.5;
-const float BEHIND = 1e-8;  // of what it lends counts behind its walls: more than a record from within a closed mesh, less than any other
+// Behind its walls so little of what a record lends counts, or of what it says where it would reach: more than of one from within a
+// closed mesh, less than of any other.
+const float BEHIND = 1e-8;
 
 #if NORMAL_MAPS
 // The irradiance on a normal m bent away from the surface's own n, where it is E = n·M. n·M and m·M count light below m's horizon as
@@ -68,7 +70,8 @@ void main()
 #endif
     bool reaches = w > least && !behind;
     bool lends = !reaches && record_distance(apart, v_axis, v_radii) <= LENT_WITHIN * a;
-    float lent = lends ? (behind ? BEHIND : 1.0) * borrowed_weight(apart, n, v_normal, v_borrow) : 0.0;
+    float lent = lends ? borrowed_weight(apart, n, v_normal, v_borrow) : 0.0;
+    if (behind) lent = BEHIND * max(lent, BORROWED * clamp(w - least, 0.0, 1.0));
     if (!reaches && lent <= 0.0) discard;
 #if GRADIENTS
     vec3 E = turned(v_m, n, v_normal);
