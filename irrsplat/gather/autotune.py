@@ -136,7 +136,7 @@ def race(ctx: moderngl.Context, scene: Scene, side: int, rays: str) -> Times:
         geometry = world.geometry
         light, sites = (
             HitLight(shadow(world, _SHADOWS)),
-            _sites(scene, geometry.corners, geometry.closed),
+            _sites(scene, geometry.corners, geometry.counts.closed),
         )
         numbers = cache.append(sites) + np.arange(len(sites))
 

@@ -166,7 +166,6 @@ class SingleDraw(Owner):
             instances=views.count,
             state=DrawState(depth="<", depth_clamp=True, clip_planes=5),
             atlas=self.target.size,
-            closed=world.geometry.closed,
             **views.uniforms,
             **(world.gather_uniforms | light.uniforms | views.emitters),
         )
@@ -217,7 +216,6 @@ class MeshletDraw(Owner):
             instances=views.count,
             seen=self.triangle.textures[0],
             atlas=self.target.size,
-            closed=world.geometry.closed,
             **views.uniforms,
             **(light.uniforms | in_meshlets.uniforms | world.gather_uniforms | views.emitters),
         )

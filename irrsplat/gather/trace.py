@@ -118,7 +118,7 @@ class TraceGather(Gather):
                     cell=self.cell,
                     columns=self.columns,
                     near=self.offset,
-                    closed=self.world.geometry.closed,
+                    closed=self.world.geometry.counts.closed,
                     **hits,
                     **(self.world.seen_uniforms(self.kind == "embree") | self.world.box_uniforms),
                     **(light.uniforms | self.search.ray_uniforms),

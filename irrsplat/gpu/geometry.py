@@ -97,11 +97,6 @@ class Geometry(Owner):
         return self.parts["all"][1] // 3
 
     @property
-    def closed(self) -> int:
-        """How many of them, the first ones, belong to closed meshes."""
-        return self.counts.closed
-
-    @property
     def meshlet_geometry(self) -> MeshletGeometry:
         """Those that light sees, meshlet by meshlet; made when a gather first draws them."""
         if self._meshlet_geometry is None:

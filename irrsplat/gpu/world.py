@@ -65,8 +65,9 @@ class World(Owner):
 
     @property
     def gather_uniforms(self) -> Uniforms:
-        """What shaders need that draw the triangles as light meets them: their planes, materials and textures."""
-        return self.geometry.uniforms | self.materials.light_uniforms
+        """What shaders need that draw the triangles as light meets them: their planes, materials and textures, and how many of
+        them belong to closed meshes."""
+        return self.geometry.uniforms | self.materials.light_uniforms | {"closed": self.geometry.counts.closed}
 
     @property
     def box_uniforms(self) -> Uniforms:

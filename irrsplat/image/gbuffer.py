@@ -212,7 +212,7 @@ class GBufferPass(Owner):
                     geometry=geometry,
                     draws=draws,
                     state=replace(_SURFACES, cull=cull),
-                    closed=geometry.closed,
+                    closed=geometry.counts.closed,
                     **placed,
                     **world.raster_uniforms,
                 )

@@ -23,8 +23,7 @@ void main()
     bool seen = texelFetch(position, pixel, 0).w > 0.0;
     if (seen)
     {
-        vec4 s = texelFetch(sums, pixel, 0);
-        if (s.a <= TOLD) s = neighbouring_sums(pixel);
+        vec4 s = own_or_neighbouring_sums(pixel);
         Material material = material_at(pixel);
         indirect = reflected_radiance(material, s.a > 0.0 ? s.rgb / s.a : vec3(0.0));
         direct_light = texelFetch(direct, pixel, 0).rgb;

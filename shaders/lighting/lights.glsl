@@ -85,7 +85,7 @@ struct Projected
 
 const float BIAS = 0.1;       // of depth, in sizes of a texel
 const float FLAT = 0.02;      // texels by which a rasteriser may shift a triangle
-const float CURVED = 0.5;      // texels: in a fold of a curved surface the next facet rises before the plane of this one
+const float CURVED = 0.5;     // texels: in a fold of a curved surface the next facet rises before the plane of this one
 const float ROUNDING = 0.05;  // how far off its surface an interpolated position may lie, as a share of the near plane's distance
 const float BESIDE = 2.0;     // as BIAS: what lies so far behind the plane, and three steps of its slope, is not the receiver
 
