@@ -1,5 +1,5 @@
 # The commands of the README, and the pictures in it. Everything they need is set up in .venv by .ci/setup.
-.PHONY: demo view test test-types test-all test-long figures docs clean
+.PHONY: demo view test test-long test-stress figures docs clean
 
 demo: .venv/.ready
 	mkdir -p out
@@ -10,20 +10,19 @@ demo: .venv/.ready
 view: .venv/.ready
 	.venv/bin/irrsplat view
 
+# The quick checks come first, so that their faults show within a minute.
 test: .venv/.ready-dev
 	.venv/bin/ruff check .
 	.venv/bin/ruff format --check .
-	@$(MAKE) --no-print-directory --keep-going -j2 test-types test-all
-
-# These two side by side: the types keep a core busy for a minute, which would leave another one idle.
-test-types: .venv/.ready-dev
-	sh .ci/typecheck
-
-test-all: .venv/.ready-dev
-	.venv/bin/python -m pytest -q -n auto --dist worksteal
+	sh .ci/typecheck --num-workers 2
+	.venv/bin/python -m pytest -q -n auto --dist worksteal --durations 10
 
 test-long: .venv/.ready-dev
-	.venv/bin/python -m pytest -q -n auto -m long
+	.venv/bin/python -m pytest -q -n auto --dist worksteal --durations 10 -m long
+
+# The whole suite under load, in random order and in one process: no outcome may change. Takes about 50 minutes on two cores.
+test-stress: .venv/.ready-dev
+	sh .ci/stress
 
 docs: .venv/.ready-dev
 	NO_MKDOCS_2_WARNING=1 .venv/bin/python -m mkdocs build --strict --quiet

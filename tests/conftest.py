@@ -19,9 +19,11 @@ os.environ.setdefault("MALLOC_TOP_PAD_", str(1 << 24))
 import moderngl
 import pytest
 
+from irrsplat.core.clock import use_clock
 from irrsplat.gather import autotune
 from irrsplat.gpu import context
 from irrsplat.surface_cache import site_layout, site_rays
+from tests.support.counted_clock import CountedClock
 from tests.support.crashes import pytest_configure, pytest_handlecrashitem  # noqa: F401  hooks
 from tests.support.viewing import Driver, fresh, viewing, write_room
 
@@ -51,10 +53,18 @@ def race(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., aut
 
 @pytest.fixture(autouse=True)
 def few_sites(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A tenth of a surface cache's sites and rays, but where a test or its module asks for `all_sites`, since it judges light."""
-    if not request.node.get_closest_marker("all_sites"):
+    """Give the surface cache a tenth of its sites and rays in tests marked `few_sites`. Tests of light never have that mark."""
+    if request.node.get_closest_marker("few_sites"):
         monkeypatch.setattr(site_layout, "POINTS", tuple(points // 10 for points in site_layout.POINTS))
         monkeypatch.setattr(site_rays, "RAYS", site_rays.RAYS // 10)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def clock() -> Iterator[CountedClock]:
+    """The clock of frame budgets and notices: it counts work, so that load and machine do not matter."""
+    made = CountedClock()
+    with use_clock(made):
+        yield made
 
 
 @pytest.fixture

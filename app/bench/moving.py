@@ -13,9 +13,9 @@ import numpy as np
 import irrsplat
 from irrsplat.app.common.terminal import columns, doing
 from irrsplat.core import files
+from irrsplat.core.clock import Clock, RayClock, use_clock
 from irrsplat.core.errors import InputError
 from irrsplat.gpu.target import pixels
-from irrsplat.gpu.time_budget import Clock, RayClock, going_by
 from irrsplat.image.frame import Frame
 from irrsplat.image.view import Progress, View
 from irrsplat.image.view import read as read_view
@@ -131,7 +131,7 @@ def measure(case: Case, scene: Scene, clock: Clock, tell: Callable[[str], object
         with Renderer(at(scene, case, frame / FRAMES), SIZE) as fresh:
             truths[frame] = fresh.render()
     tell(f"{case.name}: carrying")
-    with going_by(clock), Renderer(scene, SIZE) as renderer:
+    with use_clock(clock), Renderer(scene, SIZE) as renderer:
         renderer.render()
         for frame, view, progress, milliseconds in carry(renderer, case):
             if frame not in truths:

@@ -6,6 +6,8 @@ import os
 import time
 from collections.abc import Sequence
 
+from irrsplat.core.clock import now
+
 _EVERY = 0.5  # seconds
 _STILL = 0.2  # seconds that a file must have been left alone: an editor may write in several steps
 
@@ -16,7 +18,7 @@ class FileWatch:
     def __init__(self, files: Sequence[str]) -> None:
         self._files = tuple(files)
         self._known = self._last = self._state()
-        self._next = time.monotonic() + _EVERY
+        self._next = now() + _EVERY
 
     def _state(self) -> tuple[tuple[int, int] | None, ...]:
         """Time of the last change and size of each file, None for a missing one."""
@@ -32,9 +34,9 @@ class FileWatch:
 
     def changed(self) -> bool:
         """Whether a file has changed since the last time that this was true."""
-        if time.monotonic() < self._next:
+        if now() < self._next:
             return False
-        self._next = time.monotonic() + _EVERY
+        self._next = now() + _EVERY
         state = self._state()
         before, self._last = self._last, state
         fresh = [f for f, k in zip(state, self._known, strict=True) if f != k]

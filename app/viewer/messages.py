@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
 
+from irrsplat.core import clock
 from irrsplat.core.errors import IrrsplatError
 
 _SECONDS = 5.0  # that a notice is shown
@@ -19,7 +19,7 @@ _MOST = 5  # lines at once
 
 @dataclass(frozen=True)
 class Message:
-    """A line for the user. until: time.monotonic() at which it vanishes; an error stays until it is closed or mended."""
+    """A line for the user. until: the clock's time at which it vanishes; an error stays until it is closed or corrected."""
 
     text: str
     until: float
@@ -27,7 +27,7 @@ class Message:
     topic: str = ""
 
     def opacity(self, now: float) -> float:
-        """How much of it is still there, 0..1, at time.monotonic() `now`."""
+        """Return the opacity, 0..1, at the time `now` of the clock."""
         return 1.0 if self.error else min(max((self.until - now) / _FADING, 0.0), 1.0)
 
 
@@ -51,7 +51,7 @@ class Messages:
         """Show a line, in place of an equal one and of the last one with the same `topic`."""
         line = " ".join(str(text).split())
         others = [m for m in self.lines if m.text != line and (not topic or m.topic != topic)]
-        said = Message(line, time.monotonic() + _SECONDS, error, topic)
+        said = Message(line, clock.now() + _SECONDS, error, topic)
         self.lines = [*others[1 - _MOST :], said]
         if topic and self.log and self.log[-1][1].topic == topic:  # as many steps of one thing as there may be, one line
             self.log.pop()
@@ -60,14 +60,14 @@ class Messages:
 
     def expire(self) -> None:
         """Drop the notices whose time is over."""
-        left = [m for m in self.lines if m.error or m.until > time.monotonic()]
+        left = [m for m in self.lines if m.error or m.until > clock.now()]
         self.version += left != self.lines
         self.lines = left
 
     @property
     def rests(self) -> float:
         """The seconds until what is on show begins to fade; 0 while it fades, infinity where nothing will."""
-        now = time.monotonic()
+        now = clock.now()
         return min((max(m.until - _FADING - now, 0.0) for m in self.lines if not m.error), default=math.inf)
 
     def close_errors(self) -> None:

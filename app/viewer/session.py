@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import fields, replace
 from typing import Unpack, cast
@@ -22,6 +21,7 @@ from irrsplat.app.viewer.show.remaining_time import RemainingTime, Work
 from irrsplat.app.viewer.show.screen import Region
 from irrsplat.app.viewer.show.snapshots import MOST, Snapshot
 from irrsplat.app.viewer.view_options import Split, ViewOptions
+from irrsplat.core.clock import now
 from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.gpu import program
 from irrsplat.gpu.resource import Owner, Resource
@@ -143,14 +143,14 @@ class Session(Owner):
         renderers, before, shown = self.active, self._centres, self.views
         self.views, self.progress, self.ms, self._centres = [], [], {}, []
         for side, renderer in enumerate(renderers):
-            gather, end = self._stepping or not self.options.frozen, time.perf_counter() + seconds / len(renderers)
+            gather, end = self._stepping or not self.options.frozen, now() + seconds / len(renderers)
             view, progress = renderer.frame(self.camera, seconds / len(renderers), gather)
             self._centres.append(view)
             if self._at_rest(progress) and any(view is one for one in before):  # nothing has moved since
-                view = renderer.accumulate(view, renderer.settings.viewer_samples, end - time.perf_counter())
+                view = renderer.accumulate(view, renderer.settings.viewer_samples, end - now())
                 if view.samples >= renderer.settings.viewer_samples and not self._refined(renderer, progress):
                     aim = 0.01 * renderer.settings.viewer_quality
-                    _, progress = renderer.refine(self.camera, aim, end - time.perf_counter())
+                    _, progress = renderer.refine(self.camera, aim, end - now())
             last = shown[side] if side < len(shown) else view
             if progress.error is not None and last.gbuffer is view.gbuffer and view.samples < last.samples:
                 view = last  # until the next step of the refinement has as many

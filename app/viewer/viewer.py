@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-import time
 from collections.abc import Sequence
 
 import moderngl
@@ -27,6 +26,7 @@ from irrsplat.app.viewer.ui.imgui_backend import ImguiBackend
 from irrsplat.app.viewer.ui.interface import Interface
 from irrsplat.app.viewer.ui.messages_view import draw_waiting
 from irrsplat.app.viewer.window import TITLE, Desktop, open_window, signals
+from irrsplat.core.clock import now
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.gpu.program import Program, programs_of
 from irrsplat.gpu.resource import Owner, Resource
@@ -71,7 +71,7 @@ class Viewer(Owner):
         self.canvas = self._canvas(wnd.buffer_size)  # the picture without the interface
         self.inspected: InspectedRecord | None = None
         self.cache_file: CacheFile | None = None
-        self._awake_until = 0.0  # time.monotonic()
+        self._awake_until = 0.0  # by the clock in use
         self._shown: object = None  # what was shown last of that which changes without an event
         self._overhead = 0.0  # seconds a frame that everything but the core's tick takes, a running mean
         wnd.render_func = lambda time, frame_time: self.frame(frame_time)
@@ -106,7 +106,7 @@ class Viewer(Owner):
 
     def frame(self, dt: float) -> None:
         """Draw a frame, `dt` seconds after the last: move, tick, draw what has changed, and the interface over it."""
-        start = time.perf_counter()
+        start = now()
         actions, session = self.actions, self.session
         if actions.fullscreen_wanted != self.wnd.fullscreen:
             self.wnd.fullscreen = actions.fullscreen_wanted
@@ -118,16 +118,16 @@ class Viewer(Owner):
         actions.reload_changed_files()
         actions.collect_truth()
         self.controls.fly(dt)
-        before = time.perf_counter()
+        before = now()
         budget = session.renderers[0].settings.budget / 1e3
         session.tick(dt, max(budget - self._overhead, _LEAST * budget))
-        core = time.perf_counter() - before
-        cursor, drawn = self.controls.pointer, time.perf_counter()
+        core = now() - before
+        cursor, drawn = self.controls.pointer, now()
         self.inspected = self.display.update(self.canvas, cursor)
         self._note("display", drawn)
         self._present(dt, cursor)
-        self.times.add(dt, time.perf_counter() - start)
-        self._overhead += _SMOOTHING * (time.perf_counter() - start - core - self._overhead)
+        self.times.add(dt, now() - start)
+        self._overhead += _SMOOTHING * (now() - start - core - self._overhead)
         if actions.quitting:
             self.wnd.is_closing = True
 
@@ -140,11 +140,11 @@ class Viewer(Owner):
         """Note the milliseconds since `start` as a stage's; on a software renderer all drawing counts, too."""
         if self.session.renderers[0].about["software"]:
             self.ctx.finish()
-        self.times.stages[stage] = 1e3 * (time.perf_counter() - start)
+        self.times.stages[stage] = 1e3 * (now() - start)
 
     def _present(self, dt: float, cursor: tuple[int, int] | None) -> None:
         """Put picture and interface into the window, and into a file where a screenshot is wanted."""
-        actions, size, start = self.actions, self.wnd.buffer_size, time.perf_counter()
+        actions, size, start = self.actions, self.wnd.buffer_size, now()
         wanted, actions.screenshot_wanted = actions.screenshot_wanted, ""
         if wanted == "bare":
             actions.save_screenshot(_pixels(self.canvas))
@@ -173,7 +173,7 @@ class Viewer(Owner):
 
     def wake(self) -> None:
         """Something has happened: frames are drawn for a while."""
-        self._awake_until = time.monotonic() + _AWAKE
+        self._awake_until = now() + _AWAKE
 
     def end(self) -> None:
         """Close the window at the next occasion."""
@@ -187,7 +187,7 @@ class Viewer(Owner):
     def may_sleep(self) -> bool:
         """Look for what comes without an event; whether nothing has to be drawn: all is still, nothing has happened for long, and
         no message comes or goes."""
-        if not self.still or time.monotonic() < self._awake_until:
+        if not self.still or now() < self._awake_until:
             return False
         self.actions.reload_changed_files()
         self.actions.collect_truth()

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
-from concurrent.futures import Future, wait
+from concurrent.futures import Future
 from threading import Semaphore, Thread
 from typing import TypeVar
+
+from irrsplat.core.clock import wait_for
 
 Result = TypeVar("Result")
 Share = TypeVar("Share")
@@ -46,7 +48,7 @@ def beside(work: Callable[[], Result], share: Share) -> Generator[Share, None, R
     """
     future = started(work)
     try:
-        while not wait([future], _STEP).done:
+        while not wait_for([future], _STEP):
             yield share
     finally:
         future.cancel()

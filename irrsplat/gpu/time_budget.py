@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Generator, Iterator
-from contextlib import contextmanager
 from typing import TypeVar
 
 import moderngl
 import numpy as np
 
+from irrsplat.core.clock import now, traced
 from irrsplat.core.errors import InputError
 
 Result = TypeVar("Result")
@@ -21,51 +20,6 @@ _PRIOR_VARIANCE = 0.05  # relative variance of batch sizes at which new measurem
 _LEAST_MARGINAL_COST = 0.1  # of an item's mean cost: the least that one more item in the same batch is taken to cost
 _COLD = 4.0  # times what the second batch takes: a first one that took more compiled programs and made tables, and tells nothing
 _EXPLORE = 0.1  # relative growth of the estimated overhead while all batches have the same size
-
-
-class Clock:
-    """The wall clock."""
-
-    def now(self) -> float:
-        """Seconds since some moment."""
-        return time.perf_counter()
-
-    def traced(self, rays: float) -> None:
-        """So many rays have been traced since the last call."""
-
-
-class RayClock(Clock):
-    """A clock that goes by the rays that are traced and nothing else, so many a `second`: what is done in a tick does not
-    depend on the machine, nor on what else it does."""
-
-    def __init__(self, second: float) -> None:
-        self._second, self._now = second, 0.0
-
-    def now(self) -> float:
-        """Seconds since it was made."""
-        return self._now
-
-    def traced(self, rays: float) -> None:
-        """So many rays have been traced since the last call."""
-        self._now += rays / self._second
-
-
-_clocks = [Clock()]  # the last one counts
-
-
-def now() -> float:
-    """Seconds since some moment, by the clock that budgets go by."""
-    return _clocks[-1].now()
-
-
-@contextmanager
-def going_by(clock: Clock) -> Iterator[None]:
-    """Let budgets go by this clock."""
-    _clocks.append(clock)
-    try:
-        yield
-    finally:
-        _clocks.pop()
 
 
 class Budget:
@@ -173,7 +127,7 @@ class Pace:
                 self.ctx.finish()  # so that earlier draws are not measured as part of this batch
             start = now()
             yield count
-            _clocks[-1].traced(count * rays)
+            traced(count * rays)
             if budget.limited:
                 self.ctx.finish()
                 self._learn(count, now() - start, affordable < 2.0 * efficient < most)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import Future, wait
+from concurrent.futures import Future
 from contextlib import ExitStack
 from functools import partial
 from typing import Any, TypeVar
@@ -12,6 +12,7 @@ import moderngl
 
 from irrsplat.core.beside import done, started
 from irrsplat.core.buffers import Uniforms
+from irrsplat.core.clock import wait_for
 from irrsplat.core.errors import InputError
 from irrsplat.core.vertex_layout import vertex_column
 from irrsplat.gpu.bvh_table import BvhTable, TriangleTable
@@ -180,7 +181,7 @@ class World(Owner):
     def wait(self, seconds: float, tree: bool = False, caster: bool = False) -> bool:
         """Wait so long, at most, for what `tree` needs, and for the `caster`; whether that is there. Whoever asks again and again
         without waiting takes the interpreter from those who make it."""
-        return not wait(self._begun(tree, caster), max(seconds, 0.0)).not_done
+        return wait_for(self._begun(tree, caster), seconds)
 
     def follow(self, change: SceneChange) -> None:
         """Go on with the same meshes, lit otherwise, elsewhere or repainted; where they have moved, the triangles are uploaded

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -10,6 +9,7 @@ from functools import partial
 import moderngl
 
 from irrsplat.core.buffers import GBuffer, ShadowMaps, Uniforms
+from irrsplat.core.clock import now
 from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
@@ -98,7 +98,7 @@ class Antialiaser(Owner):
         with self.timers("samples"):
             try:
                 while done < samples and (done == first or last_seconds < budget.left):
-                    start = time.perf_counter()
+                    start = now()
                     _add_sample(done, view, passes, inputs, buffers)
                     done += 1
                     if on_progress is not None:
@@ -106,7 +106,7 @@ class Antialiaser(Owner):
                         on_progress(done / samples)
                     if budget.limited:
                         self.ctx.finish()
-                        last_seconds = time.perf_counter() - start
+                        last_seconds = now() - start
             except KeyboardInterrupt:
                 if budget.limited:
                     raise

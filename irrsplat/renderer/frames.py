@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from irrsplat.core.clock import now
 from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.time_budget import Budget, now
+from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.image.antialias import OnProgress

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 
 import moderngl
 import numpy as np
 import pytest
 
-from irrsplat.gpu import time_budget
+from irrsplat.core.clock import Clock, RayClock, use_clock
 from irrsplat.gpu.time_budget import Budget, Pace
 
 MANY = 10**6  # items, more than any tick does
@@ -17,32 +18,32 @@ NOISE = pytest.mark.parametrize("noise", [0.0, 0.2], ids=["exact", "noisy"])  # 
 
 
 @dataclass
-class Machine:
+class Machine(Clock):
     """A context and its clock: a batch of n items takes overhead + n·each seconds, times a log-normal noise."""
 
     overhead: float
     each: float
     noise: float = 0.0
-    now: float = 0.0
+    time: float = 0.0
     sizes: list[int] = field(default_factory=list)
     random: np.random.Generator = field(default_factory=lambda: np.random.default_rng(0))
 
     def __post_init__(self) -> None:
         self.pace = Pace(self)  # type: ignore[arg-type]
 
-    def perf_counter(self) -> float:
-        return self.now
+    def now(self) -> float:
+        return self.time
 
     def finish(self) -> None:
         pass
 
     def tick(self, seconds: float | None, wanted: int = MANY) -> float:
         """Do one tick; the seconds that it took."""
-        start = self.now
+        start = self.time
         for count in self.pace.batches(wanted, 1000, Budget(seconds)):
-            self.now += (self.overhead + self.each * count) * self.random.lognormal(0.0, self.noise)
+            self.time += (self.overhead + self.each * count) * self.random.lognormal(0.0, self.noise)
             self.sizes.append(count)
-        return self.now - start
+        return self.time - start
 
     def ticks(self, number: int, seconds: float, wanted: int = MANY) -> np.ndarray:
         """Do so many ticks; the seconds of each. `sizes` are those of these ticks alone."""
@@ -56,15 +57,16 @@ class Machine:
 
 
 @pytest.fixture
-def machine(monkeypatch: pytest.MonkeyPatch) -> Callable[..., Machine]:
-    """Makes a Machine whose clock is the one that budgets read."""
+def machine() -> Iterator[Callable[..., Machine]]:
+    """Make a Machine whose clock budgets read."""
+    with ExitStack() as used:
 
-    def make(overhead: float, each: float, noise: float = 0.0) -> Machine:
-        made = Machine(overhead, each, noise)
-        monkeypatch.setattr(time_budget, "time", made)
-        return made
+        def make(overhead: float, each: float, noise: float = 0.0) -> Machine:
+            made = Machine(overhead, each, noise)
+            used.enter_context(use_clock(made))
+            return made
 
-    return make
+        yield make
 
 
 def test_a_tick_is_filled_and_not_overrun(machine: Callable[..., Machine]) -> None:
@@ -149,7 +151,7 @@ def test_ticks_that_go_by_rays_do_the_same_on_every_machine() -> None:
     found = []
     for each in (1e-3, 1e-1):
         machine = Machine(overhead=0.01, each=each)
-        with time_budget.going_by(time_budget.RayClock(1e4)):
+        with use_clock(RayClock(1e4)):
             for _ in range(20):
                 for count in machine.pace.batches(MANY, 1000, Budget(0.1), rays=100):
                     machine.sizes.append(count)
@@ -159,7 +161,7 @@ def test_ticks_that_go_by_rays_do_the_same_on_every_machine() -> None:
 
 def test_work_that_takes_no_time_by_the_clock_is_done_at_once(ctx: moderngl.Context) -> None:
     """As what sends no rays, where a clock goes by rays."""
-    with time_budget.going_by(time_budget.RayClock(1e6)):
+    with use_clock(RayClock(1e6)):
         pace = Pace(ctx)
         assert sum(pace.batches(500, 1000, Budget(0.01))) == 500
         assert sum(pace.batches(500, 1000, Budget(0.01))) == 500

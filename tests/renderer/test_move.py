@@ -12,8 +12,9 @@ import pytest
 
 import irrsplat
 from irrsplat import InputError, Renderer
+from irrsplat.core.clock import RayClock, use_clock
 from irrsplat.gpu.target import pixels
-from irrsplat.gpu.time_budget import Budget, RayClock, going_by
+from irrsplat.gpu.time_budget import Budget
 from irrsplat.image.view import read
 from irrsplat.indirect.gathering.change_probe import change, correction, take_in
 from irrsplat.records import motion
@@ -421,7 +422,7 @@ def test_a_moved_box_leaves_no_ghost() -> None:
 def test_what_was_renewed_along_few_rays_is_gathered_again_at_rest() -> None:
     """While a box goes on moving records are renewed along few rays; at rest, and in a render, none of these is left."""
     settings = {**FAST, "gather_size": 32, "gather": "trace"}
-    with going_by(RayClock(1e6)), Renderer(room(), SIZE, **settings) as renderer:
+    with use_clock(RayClock(1e6)), Renderer(room(), SIZE, **settings) as renderer:
         renderer.render()
         for finish in (lambda: ticks(renderer, 0.05), renderer.render):
             for x in (0.1, 0.2):
@@ -443,7 +444,7 @@ def test_every_frame_of_a_carried_box_is_near_its_truth() -> None:
     """A step of 6 cm a frame, each a tick of so many rays: frames against fresh renders of their scenes, whatever the machine."""
     settings = {**FAST, "gather_size": 32, "bounces": "all"}
     off = []
-    with going_by(RayClock(1e6)), Renderer(room(), SIZE, **settings) as renderer:
+    with use_clock(RayClock(1e6)), Renderer(room(), SIZE, **settings) as renderer:
         renderer.render()
         for step in range(1, 9):
             renderer.move(BOX, shift(0.06 * step, 0.0, 0.03 * step))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from irrsplat import Renderer
-from irrsplat.gpu.time_budget import RayClock, going_by
+from irrsplat.core.clock import RayClock, use_clock
 from irrsplat.scene.model import Scene
 from irrsplat.surface_cache.cache import SurfaceCache
 from tests.renderer.test_renderer import FAST, FRONT, SIZE, room
@@ -35,7 +35,7 @@ def test_light_at_sites_follows_a_carried_lamp(emission: float) -> None:
     """From under the ceiling, where it lights a bright spot, to the middle: what rays found of that spot goes with the lamp, and
     what they found of a wall that shines stays."""
     heights = [*np.linspace(0.9, 0.0, 8), 1e-3, 2e-3, 3e-3]
-    with going_by(RayClock(1e6)), Renderer(lit(emission, 0.97), SIZE, **{**FAST, "bounces": "all"}) as renderer:
+    with use_clock(RayClock(1e6)), Renderer(lit(emission, 0.97), SIZE, **{**FAST, "bounces": "all"}) as renderer:
         renderer.render()
         for height in heights:
             renderer.relight([lamp((0.1, float(height), 0.1))])
@@ -54,7 +54,7 @@ def test_light_at_sites_follows_a_carried_lamp(emission: float) -> None:
 
 def test_sites_around_which_most_has_moved_are_gathered_first() -> None:
     """After a box has gone a step, ticks gather sites near it, until none is left."""
-    with going_by(RayClock(1e6)), Renderer(room(), SIZE, **{**FAST, "bounces": "all"}) as renderer:
+    with use_clock(RayClock(1e6)), Renderer(room(), SIZE, **{**FAST, "bounces": "all"}) as renderer:
         renderer.render()
         renderer.move(1, np.array([[1.0, 0, 0, 0.1], [0, 1.0, 0, 0], [0, 0, 1.0, 0.05]]))
         records = surface_of(renderer).records

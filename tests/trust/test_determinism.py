@@ -18,7 +18,7 @@ import pytest
 
 import irrsplat
 from irrsplat import Renderer
-from irrsplat.gpu.time_budget import RayClock, going_by
+from irrsplat.core.clock import RayClock, use_clock
 from irrsplat.image.view import read
 from irrsplat.scene import bundled
 from irrsplat.scene.camera_path import load_path
@@ -72,7 +72,7 @@ def test_equal_runs_give_equal_bytes(scene: str, preset: str, tmp_path: Path) ->
 
 def flown(scene: Scene, cameras: list[irrsplat.Camera], size: tuple[int, int], **settings: object) -> list[np.ndarray]:
     """(H, W, 3) irradiance after a flight along `cameras`, a tick of each: once the last view is covered, and refined at rest."""
-    with going_by(RayClock(2e7)), Renderer(scene, size, **settings) as renderer:  # type: ignore[arg-type]
+    with use_clock(RayClock(2e7)), Renderer(scene, size, **settings) as renderer:  # type: ignore[arg-type]
         for camera in cameras:
             view, progress = renderer.frame(camera, seconds=0.05)
         while not progress.done:

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-import time
 from dataclasses import dataclass
 
+from irrsplat.core.clock import now
 from irrsplat.scene import FORMATS
 
 ENDINGS = (*FORMATS, ".path")  # that the viewer opens
@@ -34,8 +34,8 @@ class FolderListing:
     def entries(self, folder: str, begin: str = "") -> tuple[Entry, ...]:
         """Folders, then files of ENDINGS, by name, that begin with `begin`, whatever the case; none of those whose name begins
         with a dot, unless `begin` does. Nothing for a folder that cannot be read."""
-        if self._read is None or self._read[0] != folder or time.monotonic() >= self._read[1]:
-            self._read = folder, time.monotonic() + _AGAIN, _entries(folder)
+        if self._read is None or self._read[0] != folder or now() >= self._read[1]:
+            self._read = folder, now() + _AGAIN, _entries(folder)
         found = self._read[2]
         return tuple(e for e in found if e.name.lower().startswith(begin.lower()) and (begin or e.name[0] != "."))
 

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import time
-
 from imgui_bundle import imgui
 
 from irrsplat.app.viewer.messages import Messages
 from irrsplat.app.viewer.ui.layout import MARGIN, PLAIN, RED, WHITE, Layout
+from irrsplat.core import clock
 
 
 def draw_waiting(text: str) -> None:
@@ -28,7 +27,7 @@ def draw_messages(messages: Messages, layout: Layout, numbers: bool, typing: boo
     width = right - left - 2.0 * MARGIN
     imgui.set_next_window_pos((0.5 * (left + right), layout.area[1]), imgui.Cond_.always, (0.5, 0.0))
     imgui.set_next_window_size_constraints((0.0, 0.0), (width, view.size.y))
-    errors, now = messages.errors, time.monotonic()
+    errors, now = messages.errors, clock.now()
     if errors:
         imgui.push_style_color(imgui.Col_.window_bg, RED)
         imgui.push_style_color(imgui.Col_.text, WHITE)

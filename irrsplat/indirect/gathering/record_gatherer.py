@@ -8,11 +8,12 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import Atlas, GBuffer, HitLight, ShadowMaps, Sites
+from irrsplat.core.clock import now
 from irrsplat.core.color import LUMINANCE
 from irrsplat.gather import autotune
 from irrsplat.gather.look import Gather, gather_records
 from irrsplat.gpu.resource import Owner, Resource, Workshop
-from irrsplat.gpu.time_budget import Budget, now
+from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.indirect.gathering.basis import Basis, BounceStatistics

@@ -1,0 +1,80 @@
+"""The clock of frame budgets and of timed notices: the wall clock, or one that counts work."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import Future, wait
+from contextlib import contextmanager
+from typing import Any
+
+
+class Clock:
+    """The wall clock."""
+
+    def now(self) -> float:
+        """Return the seconds since a fixed moment."""
+        return time.perf_counter()
+
+    def traced(self, rays: float) -> None:
+        """Note the number of rays that were traced since the last call."""
+
+    def wait(self, futures: Sequence[Future[Any]], seconds: float) -> bool:
+        """Wait for `futures`, at most `seconds`. Return True if all of them are done."""
+        return not wait(futures, max(seconds, 0.0)).not_done
+
+
+class RayClock(Clock):
+    """A clock that advances by traced rays alone, and waits for threads as long as they take.
+
+    A frame budget then ends after the same work on every machine and under every load.
+    second: the number of rays in a second.
+    """
+
+    def __init__(self, second: float) -> None:
+        self._second, self._now = second, 0.0
+
+    def now(self) -> float:
+        """Return the seconds since the clock was made."""
+        return self._now
+
+    def traced(self, rays: float) -> None:
+        """Advance by the time of `rays`."""
+        self.advance(rays / self._second)
+
+    def advance(self, seconds: float) -> None:
+        """Let `seconds` pass."""
+        self._now += seconds
+
+    def wait(self, futures: Sequence[Future[Any]], seconds: float) -> bool:
+        """Wait until all `futures` are done. Return True."""
+        wait(futures)
+        return True
+
+
+_clocks = [Clock()]  # the last one is in use
+
+
+def now() -> float:
+    """Return the seconds since a fixed moment, by the clock in use."""
+    return _clocks[-1].now()
+
+
+def traced(rays: float) -> None:
+    """Note rays that were traced, for the clock in use."""
+    _clocks[-1].traced(rays)
+
+
+def wait_for(futures: Sequence[Future[Any]], seconds: float) -> bool:
+    """Wait for `futures`, at most `seconds` by the clock in use. Return True if all of them are done."""
+    return _clocks[-1].wait(futures, seconds)
+
+
+@contextmanager
+def use_clock(clock: Clock) -> Iterator[None]:
+    """Use `clock` within the block."""
+    _clocks.append(clock)
+    try:
+        yield
+    finally:
+        _clocks.pop()
