@@ -19,7 +19,7 @@ os.environ.setdefault("MALLOC_TOP_PAD_", str(1 << 24))
 import moderngl
 import pytest
 
-from irrsplat.core.clock import use_clock
+from irrsplat.core.timing.clock import use_clock
 from irrsplat.gather import autotune
 from irrsplat.gpu import context
 from irrsplat.surface_cache import site_layout, site_rays
@@ -68,18 +68,20 @@ def clock() -> Iterator[CountedClock]:
 
 
 @pytest.fixture
-def software() -> bool:
-    """Whether OpenGL is Mesa's software renderer. Hardware rounds otherwise: corners of triangles lie on a grid of 1/256 pixel,
-    and texture filters have weights in steps of as much."""
-    return bool(context.describe(context.shared())["software"])
-
-
-@pytest.fixture
 def ctx() -> Iterator[moderngl.Context]:
     """The session's OpenGL context, made current for this test (a Renderer of an earlier test may have left another current)."""
     shared = context.shared()
     with shared:
         yield shared
+
+
+@pytest.fixture
+def software(ctx: moderngl.Context) -> bool:
+    """True if OpenGL is Mesa's software renderer.
+
+    Hardware rounds otherwise: corners of triangles lie on a grid of 1/256 pixel, and so do the weights of texture filters.
+    """
+    return bool(context.describe(ctx)["software"])
 
 
 @pytest.fixture(autouse=True)

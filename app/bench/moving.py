@@ -13,8 +13,8 @@ import numpy as np
 import irrsplat
 from irrsplat.app.common.terminal import columns, doing
 from irrsplat.core import files
-from irrsplat.core.clock import Clock, RayClock, use_clock
 from irrsplat.core.errors import InputError
+from irrsplat.core.timing.clock import Clock, RayClock, use_clock
 from irrsplat.gpu.target import pixels
 from irrsplat.image.frame import Frame
 from irrsplat.image.view import Progress, View

@@ -6,7 +6,7 @@ import os
 import time
 from collections.abc import Sequence
 
-from irrsplat.core.clock import now
+from irrsplat.core.timing.clock import now
 
 _EVERY = 0.5  # seconds
 _STILL = 0.2  # seconds that a file must have been left alone: an editor may write in several steps

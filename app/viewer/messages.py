@@ -8,8 +8,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
 
-from irrsplat.core import clock
 from irrsplat.core.errors import IrrsplatError
+from irrsplat.core.timing import clock
 
 _SECONDS = 5.0  # that a notice is shown
 _FADING = 1.0  # of these, that it fades

@@ -21,8 +21,8 @@ from irrsplat.app.viewer.show.remaining_time import RemainingTime, Work
 from irrsplat.app.viewer.show.screen import Region
 from irrsplat.app.viewer.show.snapshots import MOST, Snapshot
 from irrsplat.app.viewer.view_options import Split, ViewOptions
-from irrsplat.core.clock import now
 from irrsplat.core.errors import InputError, IrrsplatError
+from irrsplat.core.timing.clock import now
 from irrsplat.gpu import program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import pixels

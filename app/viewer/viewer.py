@@ -26,8 +26,8 @@ from irrsplat.app.viewer.ui.imgui_backend import ImguiBackend
 from irrsplat.app.viewer.ui.interface import Interface
 from irrsplat.app.viewer.ui.messages_view import draw_waiting
 from irrsplat.app.viewer.window import TITLE, Desktop, open_window, signals
-from irrsplat.core.clock import now
 from irrsplat.core.load_options import LoadOptions
+from irrsplat.core.timing.clock import now
 from irrsplat.gpu.program import Program, programs_of
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target

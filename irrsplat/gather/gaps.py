@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy as np
 
-from irrsplat.core.beside import started
 from irrsplat.core.buffers import GBuffer, Sites
 from irrsplat.core.errors import InputError
+from irrsplat.core.timing.beside import started
 from irrsplat.core.vectors import octahedral_decode
 from irrsplat.gather.record_frame import OFFSET
 from irrsplat.gather.squares import Squares

@@ -8,8 +8,8 @@ from typing import TypeVar
 import moderngl
 import numpy as np
 
-from irrsplat.core.clock import now, traced
 from irrsplat.core.errors import InputError
+from irrsplat.core.timing.clock import now, traced
 
 Result = TypeVar("Result")
 

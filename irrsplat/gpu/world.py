@@ -10,10 +10,10 @@ from typing import Any, TypeVar
 
 import moderngl
 
-from irrsplat.core.beside import done, started
 from irrsplat.core.buffers import Uniforms
-from irrsplat.core.clock import wait_for
 from irrsplat.core.errors import InputError
+from irrsplat.core.timing.beside import done, started
+from irrsplat.core.timing.clock import wait_for
 from irrsplat.core.vertex_layout import vertex_column
 from irrsplat.gpu.bvh_table import BvhTable, TriangleTable
 from irrsplat.gpu.geometry import Geometry

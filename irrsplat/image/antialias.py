@@ -9,7 +9,7 @@ from functools import partial
 import moderngl
 
 from irrsplat.core.buffers import GBuffer, ShadowMaps, Uniforms
-from irrsplat.core.clock import now
+from irrsplat.core.timing.clock import now
 from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 
 import numpy as np
 
 from irrsplat.core.buffers import HitLight, Sites
+from irrsplat.core.timing.clock import now
 from irrsplat.gather.look import Gather, gather_records
 from irrsplat.gather.raster import RasterGather
 from irrsplat.gather.reduce import ReducePass
@@ -54,8 +54,8 @@ def gather(world: World, seen: Seen, shadow_size: int, count: int = 500, seconds
         ReducePass(ctx, gradients=False) as reduce,
         RecordCache(ctx) as cache,
     ):
-        light, start = HitLight(shadow(world, shadow_size)), time.perf_counter()
-        while cache.count < len(sites) and time.perf_counter() - start < seconds:
+        light, start = HitLight(shadow(world, shadow_size)), now()
+        while cache.count < len(sites) and now() - start < seconds:
             batch = sites[cache.count : cache.count + gather.capacity]
             gather_records(gather, reduce, light, cache, cache.append(batch) + np.arange(len(batch)), seed=0)
             ctx.finish()

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from irrsplat.core.clock import now
+from irrsplat.core.timing.clock import now
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Protocol, TypeVar
 
 from irrsplat.core.buffers import GBuffer, SplatBuffer
-from irrsplat.core.clock import now
+from irrsplat.core.timing.clock import now
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.image.statistics import Statistics
 from irrsplat.image.view import Progress

@@ -8,8 +8,8 @@ from functools import partial
 
 import numpy as np
 
-from irrsplat.core.beside import beside
 from irrsplat.core.buffers import HitLight, ShadowMaps
+from irrsplat.core.timing.beside import beside
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.time_budget import Budget, Pace
 from irrsplat.gpu.world import World

@@ -12,8 +12,8 @@ from functools import partial
 
 import numpy as np
 
-from irrsplat.core.beside import beside
 from irrsplat.core.buffers import Sites
+from irrsplat.core.timing.beside import beside
 from irrsplat.core.vectors import triangle_areas
 from irrsplat.core.vertex_layout import vertex_column
 from irrsplat.scene.flatten import flatten

@@ -7,8 +7,8 @@ from functools import partial
 
 import numpy as np
 
-from irrsplat.core.beside import beside
 from irrsplat.core.buffers import HitLight, ShadowMaps, Sites
+from irrsplat.core.timing.beside import beside
 from irrsplat.gather.autotune import ray_kind
 from irrsplat.gather.look import gather_records
 from irrsplat.gather.record_frame import tangent_frames

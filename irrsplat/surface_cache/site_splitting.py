@@ -8,8 +8,8 @@ from functools import partial
 
 import numpy as np
 
-from irrsplat.core.beside import beside
 from irrsplat.core.buffers import Sites
+from irrsplat.core.timing.beside import beside
 from irrsplat.core.vectors import triangle_areas
 from irrsplat.core.vertex_layout import PARTS, WIDTH
 from irrsplat.surface_cache import clustering

@@ -8,7 +8,8 @@ from typing import TypeVar
 
 import pytest
 
-from irrsplat.core.beside import _AT_ONCE, beside
+from irrsplat.core.timing.beside import _AT_ONCE, beside
+from irrsplat.core.timing.clock import Clock, use_clock
 
 Result = TypeVar("Result")
 
@@ -30,12 +31,19 @@ def test_the_result_and_the_error_of_work() -> None:
 
 
 def test_dropped_work_that_has_not_begun_never_begins() -> None:
-    go_on, begun = Event(), []
-    first = [beside(go_on.wait, 0.5) for _ in range(_AT_ONCE)]
-    for work in first:
-        next(work)
-    second = beside(lambda: begun.append(True), 0.5)
-    next(second)
-    second.close()
-    go_on.set()
-    assert all(last(work) is True for work in first) and last(beside(lambda: 1, 0.5)) == 1 and not begun
+    """All threads that may work hold until an event is set; by the wall clock, a step ends without them."""
+    go_on, begun, held = Event(), [], [Event() for _ in range(_AT_ONCE)]
+
+    def hold(begins: Event) -> bool:
+        begins.set()
+        return go_on.wait(120)
+
+    with use_clock(Clock()):
+        first = [beside(lambda begins=begins: hold(begins), 0.5) for begins in held]  # type: ignore[misc]
+        for work, begins in zip(first, held, strict=True):
+            assert next(work) == 0.5 and begins.wait(120)
+        second = beside(lambda: begun.append(True), 0.5)
+        assert next(second) == 0.5
+        second.close()
+        go_on.set()
+        assert all(last(work) is True for work in first) and last(beside(lambda: 1, 0.5)) == 1 and not begun

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
-pytestmark = pytest.mark.slow  # building and installing a wheel
+pytestmark = pytest.mark.long  # building and installing a wheel
 SETUPTOOLS = 77  # the first that reads pyproject.toml's licence
 
 

@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import importlib.util
-import os
 import re
-import shutil
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from PIL import Image
 
 import irrsplat
 from irrsplat.core.files import eight_bits
 from irrsplat.image.tonemap import tonemap
 from tests.support.programs import program
 
+pytestmark = pytest.mark.few_sites
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs/python.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```python\n(.*?)```", PAGE, re.S)
@@ -66,53 +62,7 @@ def test_the_window_shows_what_a_render_gives(monkeypatch: pytest.MonkeyPatch) -
         shown.on_close()
         window.ctx.release()
     assert picture.mean() > 30.0
-    assert (
-        np.abs(picture - truth).mean() < 1.0
-    )  # the last splats of a render are in another order; a tick's picture is as complete
-
-
-IN_QT = """
-import sys
-sys.path.insert(0, sys.argv[1])
-import functools, in_qt, irrsplat
-irrsplat.Renderer = functools.partial(irrsplat.Renderer, gather_size=8, shadow_size=64, bounces=1)
-application = in_qt.QApplication([])
-main, lit = in_qt.window()
-lit.setFixedSize(48, 48)
-main.show()
-while not lit.still:
-    application.processEvents()
-before = lit.grabFramebuffer()
-lit.doneCurrent()
-try:
-    lit.renderer.frame()
-    sys.exit("no error without a current context")
-except irrsplat.GLError:
-    pass
-lit.dim(25)
-lit.still = False
-while not lit.still:
-    application.processEvents()
-before.save(sys.argv[2])
-lit.grabFramebuffer().save(sys.argv[3])
-main.close()
-"""
-
-
-def test_the_widget_of_qt_is_lit_and_dimmed(tmp_path: Path) -> None:
-    pytest.importorskip("PySide6")
-    if shutil.which("xvfb-run") is None:
-        pytest.skip("needs xvfb-run")
-    files = [str(tmp_path / name) for name in ("before.png", "after.png")]
-    command = ["xvfb-run", "-a", sys.executable, "-c", IN_QT, str(ROOT / "docs/programs"), *files]
-    xcb = {**os.environ, "QT_QPA_PLATFORM": "xcb"}
-    done = subprocess.run(command, env=xcb, capture_output=True, text=True, timeout=120, check=False)
-    if "platform plugin" in done.stderr:
-        pytest.skip("Qt has no xcb here")
-    assert done.returncode == 0, done.stderr
-    before, after = (np.asarray(Image.open(file).convert("RGB"), float) for file in files)
-    assert before.shape == (48, 48, 3) and before.mean() > 30.0
-    assert after.mean() < 0.75 * before.mean()
+    assert np.abs(picture - truth).mean() < 1.0  # of 255: the last splats of a render are in another order
 
 
 def test_another_current_context_is_told() -> None:
@@ -125,8 +75,8 @@ def test_another_current_context_is_told() -> None:
     try:
         if not any(context.current()):
             pytest.skip("the system does not tell which context is current")
-        given = irrsplat.Renderer(scene, (8, 8), ctx=ctx, gather_size=8, shadow_size=64)
-        with irrsplat.Renderer(scene, (8, 8), gather_size=8, shadow_size=64):
+        given = irrsplat.Renderer(scene, (8, 8), ctx=ctx, gather_size=8, shadow_size=64, bounces=1)
+        with irrsplat.Renderer(scene, (8, 8), gather_size=8, shadow_size=64, bounces=1):
             for call in (given.frame, given.render):
                 with pytest.raises(irrsplat.GLError, match="another OpenGL context is current"):
                     call()

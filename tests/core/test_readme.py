@@ -9,11 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from irrsplat.app import cli
+from irrsplat.app import cli, grammar
 from irrsplat.app.bench import cases, fly_through
 from irrsplat.app.viewer import viewer
 from irrsplat.app.viewer.window import open_window
 
+pytestmark = pytest.mark.few_sites
 ROOT = Path(__file__).resolve().parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 SOURCES = (ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md")))
@@ -42,10 +43,15 @@ def small(words: list[str]) -> list[str]:
     if "--size" in words:
         i = words.index("--size")
         words = words[:i] + words[i + 3 :]
-    quick = ["--gather-size", "8", "--warmup", "20", "--shadow-size", "64"]
+    quick = ["--gather-size", "8", "--warmup", "20", "--shadow-size", "64", *([] if "--bounces" in words else ["--bounces", "1"])]
     if words[0] == "bench":  # tests/app/bench has all presets and flights
         quick = [*([] if "--preset" in words else ["--preset", "default"]), *([] if "--flight" in words else ["--flight", "off"])]
     return [*words, "--size", "24", "24", *quick]
+
+
+@pytest.mark.parametrize("command", IRRSPLAT)
+def test_the_commands_parse(command: str) -> None:
+    grammar.parse(shlex.split(command)[1:])
 
 
 def test_there_is_a_quick_start_of_two_commands() -> None:
@@ -57,7 +63,7 @@ def test_there_is_a_quick_start_of_two_commands() -> None:
         assert re.search(rf"^{target}:", makefile, re.M), f"the Makefile has no {target}"
 
 
-@pytest.mark.parametrize("command", IRRSPLAT)
+@pytest.mark.parametrize("command", [c if c in README else pytest.param(c, marks=pytest.mark.long) for c in IRRSPLAT])
 def test_the_commands_run(
     command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

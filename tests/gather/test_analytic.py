@@ -10,7 +10,7 @@ import pytest
 
 from irrsplat.core.buffers import Sites
 from irrsplat.core.color import LUMINOUS_EFFICACY
-from irrsplat.gather.hemicube import PLANE_FIELD, hemisphere_table
+from irrsplat.gather.hemicube import PLANE_FIELD
 from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Light, Scene
 from tests.gather.test_hemisphere import share_of_plane
@@ -31,8 +31,7 @@ def inside(count: int, seed: int = 5) -> np.ndarray:
     return np.random.default_rng(seed).uniform(-0.7, 0.7, (count, 3))
 
 
-@pytest.mark.parametrize("side", [16, 64])
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(("kind", "side"), [("raster", 16), ("raster", 64), ("plane", 32), ("trace", 64)])
 def test_furnace(ctx: moderngl.Context, kind: str, side: int) -> None:
     """Where every direction brings L_e, E = π·L_e and, from the whole hemisphere, M = π·L_e·n and no gradient; the paper's plane
     sees 94.5 % of that. Not one ray may miss: it would see the sky."""
@@ -83,21 +82,6 @@ def test_the_published_form_factors_are_lamberts() -> None:
     assert perpendicular(1e6, 1e6, 1.0) == pytest.approx(0.5, abs=1e-5), "an endless wall hides half of the sky"
 
 
-@pytest.mark.parametrize("kind", WHOLE)
-@pytest.mark.parametrize("distance", [0.05, 0.3, 1.0])
-def test_a_black_wall_hides_half_of_the_sky(ctx: moderngl.Context, distance: float, kind: str) -> None:
-    """A wall of 40 m × 20 m: E = π·L·(1 - F), F being nearly one half.
-
-    Its foot runs along two of the 64 azimuths of rays, each of which counts whole or not at all: one of 64 at most is wrong.
-    """
-    wall = quad((-20, 0, distance), (40, 0, 0), (0, 20, 0), BLACK)
-    E = gather(ctx, scene(wall, sky=1.0), sites(np.zeros((64, 3)), UP), 32, kind).E / np.pi
-    truth = 1 - perpendicular(20.0, 20.0, distance)
-    assert truth == pytest.approx(0.5, abs=0.03)
-    assert abs(E.mean() - truth) < 0.005
-    assert np.abs(E - truth).max() < (0.009 if kind == "raster" else 1 / 64 + 0.003)
-
-
 def off(E: np.ndarray, truth: np.ndarray) -> tuple[float, float]:
     """The relative error of E (N, 3) in the mean over the records, and in root mean square."""
     error = E / truth - 1.0
@@ -105,7 +89,7 @@ def off(E: np.ndarray, truth: np.ndarray) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize(("kind", "side"), [("raster", 32), ("raster", 64), ("trace", 64)])
-@pytest.mark.parametrize(("half", "distance"), [(0.5, 1.0), (1.0, 0.4), (0.3, 1.2)])
+@pytest.mark.parametrize(("half", "distance"), [(1.0, 0.4), (0.3, 1.2)])
 def test_parallel_patch(ctx: moderngl.Context, half: float, distance: float, kind: str, side: int) -> None:
     """E = π·L_e·F of a square overhead, over 64 frames turned by different angles.
 
@@ -119,8 +103,7 @@ def test_parallel_patch(ctx: moderngl.Context, half: float, distance: float, kin
     assert rms < max(0.01 if kind == "raster" else 0.02, 0.58 * (side * half / distance) ** -1.5)
 
 
-@pytest.mark.parametrize("side", [32, 64])
-@pytest.mark.parametrize(("height", "distance"), [(1.0, 0.5), (0.5, 0.1), (2.0, 1.5)])
+@pytest.mark.parametrize(("height", "distance", "side"), [(1.0, 0.5, 32), (0.5, 0.1, 64), (2.0, 1.5, 32)])
 def test_perpendicular_patch(ctx: moderngl.Context, height: float, distance: float, side: int) -> None:
     """E = π·L_e·F of a wall at the record's feet, likewise."""
     patch = quad((-1, 0, distance), (2, 0, 0), (0, height, 0), material(0.0, EMITTER))
@@ -136,8 +119,6 @@ def test_radius_is_the_harmonic_mean_distance(ctx: moderngl.Context, kind: str) 
     found = gather(ctx, scene(quad((-20, 0.7, -20), (40, 0, 0), (0, 0, 40))), sites(np.zeros((8, 3)), UP), 32, kind)
     assert np.allclose(found.R, 1.5 * 0.7, rtol=0.01)
 
-
-# ---- direct light as records see it -----------------------------------------------------------------------------------
 
 ROOF = quad((-3, 1.5, -3), (6, 0, 0), (0, 0, 6), material((0.2, 0.5, 0.9)))
 LIGHTS = {
@@ -187,17 +168,20 @@ def irradiance(light: Light, p: np.ndarray, n: np.ndarray) -> np.ndarray:
     return (cosine * spot * strength)[..., None] * np.asarray(light.color)
 
 
-@pytest.mark.parametrize("name", LIGHTS)
-@pytest.mark.parametrize(("kind", "exact", "rim"), [("raster", 0.01, 3.0), ("plane", 0.01, 3.0), ("trace", 1e-3, 1.0)])
-def test_what_a_texel_sees_of_a_lit_plane(ctx: moderngl.Context, name: str, kind: str, exact: float, rim: float) -> None:
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [*((name, "trace") for name in LIGHTS), *((name, "raster") for name in ("soft cone", "luminaire")), ("physical", "plane")],
+)
+def test_what_a_texel_sees_of_a_lit_plane(ctx: moderngl.Context, name: str, kind: str) -> None:
     """Each texel brings ρ/π·E from where its ray meets the plane, at the ray's length.
 
     A raster's ray goes through the texel's centre on the face, while its table's direction is a mean: the two differ by second
     order. A traced ray's direction is the middle of its stratum. rim: degrees about a cone's rim, which cuts texels.
     """
+    exact, rim = (1e-3, 1.0) if kind == "trace" else (0.01, 3.0)
     light = LIGHTS[name]
     lit, where = Lit(ctx, scene(ROOF, lights=(light,))), sites((0.1, 0.0, -0.2), UP)
-    with lit, lit.look(64, kind) as look:
+    with lit, lit.look(48, kind) as look:
         atlas = look(lit.light, where, np.zeros(1), 0)
         width, height = atlas.cell
         seen = np.frombuffer(atlas.radiance.read(), "f4").reshape(atlas.radiance.height, -1, 4)[:height, :width]
@@ -246,7 +230,7 @@ def test_the_quadrature_has_the_right_limit() -> None:
 
 
 @pytest.mark.parametrize("kind", WHOLE)
-@pytest.mark.parametrize("gap", [0.02, 0.05, 0.1])
+@pytest.mark.parametrize("gap", [0.02, 0.1])
 def test_a_lamp_near_a_wall_does_not_alias(ctx: moderngl.Context, gap: float, kind: str) -> None:
     """Its spot is far smaller than a texel of 32², or what a ray stands for, and yet E is right within a few per cent."""
     roof = quad((-5, 2, -5), (10, 0, 0), (0, 0, 10), material(0.6))
@@ -260,15 +244,12 @@ def test_a_lamp_near_a_wall_does_not_alias(ctx: moderngl.Context, gap: float, ki
 def test_few_rays_bring_as_much_as_many(ctx: moderngl.Context) -> None:
     """To the walls of a room whose lamp hangs under the ceiling. Beyond the end of a wall there is no surface."""
     walls = box((-1, 0, -1), (1, 2, 1), material(0.5), outward=False)
-    world, rng = scene(walls, lights=(lamp((0.0, 1.9, 0.0), 7.0),)), np.random.default_rng(3)
     inward = np.repeat([(1.0, 0, 0), (-1.0, 0, 0), (0, 0, 1.0), (0, 0, -1.0), (0, 1.0, 0)], 64, axis=0)
-    places = rng.uniform((-1, 0, -1), (1, 2, 1), inward.shape)
+    places = np.random.default_rng(3).uniform((-1, 0, -1), (1, 2, 1), inward.shape)
     places = np.where(inward != 0.0, (0, 1, 0) - inward, places)
-    few, many = (gather(ctx, world, sites(places, inward), side, "trace").E.mean() for side in (16, 128))
+    with Lit(ctx, scene(walls, lights=(lamp((0.0, 1.9, 0.0), 7.0),))) as lit:
+        few, many = (lit.gather(sites(places, inward), side).E.mean() for side in (16, 64))
     assert few == pytest.approx(many, rel=0.01)
-
-
-# ---- many records at once ---------------------------------------------------------------------------------------------
 
 
 def room() -> Scene:
@@ -279,43 +260,6 @@ def room() -> Scene:
         quad((0.2, -0.4, -0.6), (0.5, 0.1, 0.2), (-0.1, 0.3, 0.4), material((0.9, 0.1, 0.6), (0.5, 0.0, 0.2))),
         lights=(lamp((0.3, 0.7, 0.2), 2.0),),
     )
-
-
-@pytest.mark.parametrize("kind", ["raster", "plane"])
-def test_many_records_at_once_equal_each_alone(ctx: moderngl.Context, kind: str) -> None:
-    """Neither the cell in the atlas nor what else is drawn may matter; a triangle's number starts anew in each instance.
-
-    A texel whose centre lies on an edge may fall to either side of it as rounding goes: a few of ten thousand.
-    """
-    rng, world = np.random.default_rng(7), room()
-    where = sites(rng.uniform(-0.9, 0.9, (23, 3)), rng.normal(size=(23, 3)))
-    lit = Lit(ctx, world, 128)
-    look = lit.look(16, kind, len(where))
-
-    def cells(where: Sites, first: int) -> np.ndarray:
-        atlas = look(lit.light, where, first + np.arange(len(where)), 0)
-        (width, height), texels = atlas.cell, np.frombuffer(atlas.radiance.read(), "f4")
-        tiled = texels.reshape(-1, height, atlas.columns, width, 4).swapaxes(1, 2)
-        return tiled.reshape(-1, height, width, 4)[: len(where)]
-
-    together, share = (
-        np.concatenate([cells(where[i : i + look.capacity], i) for i in range(0, 23, look.capacity)]),
-        hemisphere_table(kind, 16)[..., 3],
-    )
-    alone = np.concatenate([cells(where[i : i + 1], i) for i in range(len(where))])
-    differ = (np.abs(alone - together) > 1e-3 * (1.0 + np.abs(together))).any(-1)
-    assert differ.mean() <= 1e-3, f"{differ.sum()} texels differ"
-    E = [np.einsum("ij,nijc->nc", share, cell) for cell in (alone, together)]
-    assert np.allclose(E[0], E[1], rtol=3e-3)
-    assert together[..., :3].std() > 0.1, "there is something to see"
-
-
-def test_a_full_atlas_is_as_good_as_a_small_one(ctx: moderngl.Context) -> None:
-    """As many records as a call takes, all at one place: the last cell holds what the first one does."""
-    world = scene(box((-1, -1, -1), (1, 1, 1), material(0.5, EMITTER), outward=False))
-    capacity = Lit(ctx, world).look(16, "raster").capacity
-    found = gather(ctx, world, sites(np.zeros((capacity, 3)), UP), 16, capacity=capacity)
-    assert np.allclose(found.E, np.pi * np.array(EMITTER), rtol=5e-3)
 
 
 @pytest.mark.parametrize("kind", WHOLE)
@@ -348,12 +292,6 @@ def test_the_dark_within_a_closed_mesh_is_known_for_it(ctx: moderngl.Context, ki
 
 
 @pytest.mark.parametrize("kind", WHOLE)
-def test_no_geometry_is_sky(ctx: moderngl.Context, kind: str) -> None:
-    found = gather(ctx, scene(sky=2.0), sites(np.zeros((3, 3)), UP), 16, kind)
-    assert np.allclose(found.E, 2.0 * np.pi, rtol=5e-3 if kind == "raster" else 1e-5)
-
-
-@pytest.mark.parametrize("kind", WHOLE)
 def test_a_sky_that_is_brighter_above_lights_by_where_a_surface_faces(ctx: moderngl.Context, kind: str) -> None:
     """E = π·sky + 2π/3·gradient·cos, of the angle between normal and up: ∫ cosθ dω = π, ∫ ω cosθ dω = 2π/3·n."""
     sky, gradient, up = np.array([1.0, 2.0, 0.5]), np.array([0.7, -0.3, 0.5]), np.array([0.0, 0.6, 0.8])
@@ -366,7 +304,7 @@ def test_a_sky_that_is_brighter_above_lights_by_where_a_surface_faces(ctx: moder
 
 
 @pytest.mark.parametrize("kind", WHOLE)
-@pytest.mark.parametrize("away", [1e-2, 1e-3, 4e-4, 1e-4, 3e-5])
+@pytest.mark.parametrize("away", [1e-2, 4e-4, 3e-5])
 def test_a_record_in_a_corner_does_not_see_through_the_wall(ctx: moderngl.Context, away: float, kind: str) -> None:
     """Outside it is bright, in the black box it is dark, also `away` metres from a wall; what a pixel sees does lie that near.
 

@@ -112,26 +112,3 @@ def test_translation_gradient(
     assert (found * truth).sum() / (truth * truth).sum() == pytest.approx(1.0, abs=0.01)
     tangential = [v - (v * n).sum(1, keepdims=True) * n for v in (found, truth)]
     assert (tangential[0] * tangential[1]).sum() / (tangential[1] ** 2).sum() == pytest.approx(1.0, abs=0.01)
-
-
-def test_gradient_against_differences_of_the_gather_itself(ctx: moderngl.Context) -> None:
-    """The same by 128² gathers 8 cm apart, in the surface's plane: the reference needs no formula."""
-    p, n = places(3)
-    step, axes = 0.04, np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    around = np.concatenate([p + s * step * d for d in axes for s in (1.0, -1.0)])
-    E = gather(ctx, world(), sites(around, np.tile(n, (4, 1))), 128).E[:, 0].reshape(2, 2, -1)
-    truth = ((E[:, 0] - E[:, 1]) / (2 * step)).T
-    found = gather(ctx, world(), sites(p, n), 64).gradient[:, 0][:, [0, 2]]
-    assert relative(found, truth) < 0.16
-
-
-def test_gradient_predicts_the_neighbour(ctx: moderngl.Context, gathered: dict[tuple[str, int], Gathered]) -> None:
-    """E + δ·∇E is nearer to the truth 10 cm away than E alone, which is what gradients are for."""
-    p, n = places()
-    found = at_side(ctx, gathered, 32)
-    side = np.cross(n, np.random.default_rng(9).normal(size=n.shape))
-    delta = 0.1 * side / np.linalg.norm(side, axis=1, keepdims=True)
-    truth = (vector(p + delta) * n).sum(1)
-    plain = np.abs(found.E[:, 0] - truth)
-    better = np.abs(found.E[:, 0] + (found.gradient[:, 0] * delta).sum(1) - truth)
-    assert np.sqrt((better**2).mean()) < 0.5 * np.sqrt((plain**2).mean())

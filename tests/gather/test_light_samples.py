@@ -9,14 +9,12 @@ import moderngl
 import numpy as np
 import pytest
 
-from irrsplat.core.color import linear_from_srgb
 from irrsplat.gather.autotune import gather_pass
 from irrsplat.gather.look import gather_records
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.records.weight import own_radii
-from irrsplat.scene.emitters import emitters
-from irrsplat.scene.model import Image, Material, Mesh, Scene, Texture
+from irrsplat.scene.model import Image, Material, Mesh, Texture
 from irrsplat.settings import Settings
 from tests.support.worlds import Gathered, Lit, box, floor, gathered, material, polygon_vector, quad, scene, sites, sphere
 
@@ -142,81 +140,6 @@ def test_a_gradient_knows_how_a_shadow_moves(ctx: moderngl.Context, kind: str) -
     assert (found.gradient[:, 0, 0] * truth[:, 0]).sum() / (truth[:, 0] ** 2).sum() == pytest.approx(1.0, abs=0.03)
 
 
-def test_second_derivatives_know_where_a_shadow_begins(ctx: moderngl.Context) -> None:
-    """Just where a penumbra ends, light bends: from the slope of E to none, over as far as the record's own eyes reach. Along the
-    edge of the shadow, and far from it, it does not."""
-    x = np.array([-0.1, 0.1, 0.5])  # the dark end, the bright one, the open
-    where = np.column_stack([x, np.zeros((3, 2))])
-    with Lit(ctx, scene(ROOM, PENUMBRA, BOARD)) as lit:
-        found = look(lit, where, UP, 1024)
-    Y = found.E[:, 0]
-    across = found.bend[1, np.abs(found.bend[1]).argmax()] * Y[1]
-    slope = np.diff(half_hidden(np.array([[0.07, 0, 0], [0.09, 0, 0]])))[0] / 0.02
-    step = 0.014 * 0.25 * scene(ROOM).diagonal
-    # at eyes beside it at angles θ from the way into the light E changes by slope·step·min(cosθ, 0), of which
-    # Σ change·(1 + 2·cos 2θ)/(3·step²) makes -1 to -2/√3 slope/step, by how the circle is turned
-    assert 0.97 < -across * step / slope < 1.03 * 2.0 / np.sqrt(3.0)
-    assert np.abs(found.axis[1, 2]) > 0.98, "it bends least along the shadow's edge"
-    assert np.abs(found.bend[2]).max() < 0.02 * np.abs(found.bend[1]).max()
-
-
-def test_eyes_behind_a_wall_tell_nothing(ctx: moderngl.Context) -> None:
-    """A centimetre from a wall, with a panel in full sight: that there is no light in the wall says nothing of the room."""
-    lamp = panel()
-    corners = lamp.positions.astype(float)
-    where = np.array([(-0.99, 0.0, z) for z in np.linspace(-0.5, 0.5, 8)])
-    step = 1e-3 * np.eye(3)
-    truth = np.array(
-        [[(polygon_vector(corners, p + d) - polygon_vector(corners, p - d)) @ UP / 2e-3 for d in step] for p in where]
-    )
-    for kind in ("trace", "embree"):
-        with Lit(ctx, scene(floor(6.0, -0.001, material(0.0)), box((-2, -1, -3), (-1, 3, 3), material(0.0)), lamp)) as lit:
-            found = look(lit, where, UP, 256, kind)
-        assert np.allclose(found.gradient[:, 0], EMITTER[0] * truth, atol=0.01 * np.abs(truth).max())
-
-
-def test_embree_and_shaders_see_the_same(ctx: moderngl.Context) -> None:
-    """The same samples, whoever finds out whether anything stands before them: E, M and ∇E of records in a penumbra and
-    in the open, but for single samples at an edge."""
-    where = np.column_stack([np.linspace(-0.15, 0.4, 24), np.zeros((24, 2))])
-    with Lit(ctx, scene(ROOM, PENUMBRA, BOARD)) as lit:
-        one, other = (look(lit, where, UP, 256, kind) for kind in ("trace", "embree"))
-    for name in ("E", "M", "gradient"):
-        a, b = getattr(one, name), getattr(other, name)
-        assert np.abs(a - b).max() < 0.02 * np.abs(a).max() and np.median(np.abs(a - b)) < 1e-5 * np.abs(a).max()
-
-
-def test_what_shines_over_much_of_all_surfaces_is_left_to_the_rays(ctx: moderngl.Context) -> None:
-    """A room whose walls all shine: the same bits with light samples and without."""
-    with Lit(ctx, scene(box((-1, -1, -1), (1, 1, 1), material(0.5, EMITTER), outward=False))) as lit:
-        where = np.random.default_rng(2).uniform(-0.7, 0.7, (8, 3))
-        assert np.array_equal(look(lit, where, UP, 0, side=16).E, look(lit, where, UP, 256, side=16).E)
-
-
-def test_scenes_without_emitters_are_gathered_as_before(ctx: moderngl.Context) -> None:
-    """Nothing is compiled for light samples, nor bound."""
-    with Lit(ctx, scene(ROOM, sky=1.0)) as lit, gather_pass(lit.world, Settings(bounces=1, gather="trace")) as pass_:
-        assert not {name for name in pass_.resources() if getattr(name, "name", "").startswith("gather/light")}
-        assert not any("emitter" in name for name in pass_.program.uniforms)  # type: ignore[attr-defined]
-        assert not pass_(lit.light, sites((0, 1, 0), UP), np.arange(1), 0).light_samples
-
-
-def lamps(**brightness: float) -> Scene:
-    """A corridor along x with a bulb of these radiances at its near end, its far one, or both."""
-    places = {"near": -9.0, "far": 9.0}
-    bulbs = [sphere((places[name], 2.2, 0.0), 0.05, material(0.0, L), 8, 16) for name, L in brightness.items()]
-    return scene(box((-10, 0, -2), (10, 3, 2), outward=False), *bulbs)
-
-
-def test_near_lamps_get_most_of_the_samples(ctx: moderngl.Context) -> None:
-    """By a lamp, with another one 18 m away that is thirty times as bright, E is nearly as sure as if there were one:
-    two thirds of the samples go to the near one, where by power alone it would be one in thirty."""
-    where = np.random.default_rng(3).uniform((-9.8, 0, -1.8), (-7.0, 0, 1.8), (32, 3))
-    with Lit(ctx, lamps(near=1e3, far=3e4)) as two:
-        truth = look(two, where, UP, 4096).E[:, 0]
-        assert relative(look(two, where, UP, 128).E[:, 0], truth) < 0.06
-
-
 def test_a_panel_whose_image_shines_in_one_half_lights_as_that_half(ctx: moderngl.Context) -> None:
     """Light samples go by each triangle's mean emission, and look the image up where they land: Lambert's formula of the half."""
     pixels = np.zeros((64, 64, 4), np.uint8)
@@ -231,21 +154,3 @@ def test_a_panel_whose_image_shines_in_one_half_lights_as_that_half(ctx: moderng
         found = look(lit, where, UP, 256)
     for channel, radiance in enumerate(EMITTER):
         assert relative(found.E[:, channel], radiance * polygon_vector(half, where)[:, 1]) < 0.03
-
-
-def test_the_mean_of_an_image_over_triangles_is_found_at_every_size() -> None:
-    """Of one texel, of some, and of all of an image that is brighter from left to right, whose repeats count as well."""
-    ramp = np.zeros((128, 256, 4), np.uint8)
-    ramp[..., :3] = np.arange(256)[None, :, None]
-    small, uv = 1 / 256, np.array([(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)])
-    uvs = np.zeros((9, 4), "f4")
-    uvs[:, :2] = np.concatenate([0.5 + small * uv, 0.25 + 0.25 * uv, 4.0 * uv])
-    corners = np.random.default_rng(5).random((9, 3)).astype("f4")
-    paint = Material(emission=(1.0, 1.0, 1.0), emission_texture=Texture(Image(ramp)))
-    lamp = Mesh(corners, corners, np.arange(9, dtype="i4").reshape(3, 3), paint, uvs=uvs)
-    found = emitters(scene(floor(50.0), lamp)).luminance
-    linear = linear_from_srgb(np.arange(256) / 255.0)
-    x = (np.arange(4000) + 0.5) / 4000  # along a right-angled triangle, whose height falls from one to zero
-    middle = (linear[((0.25 + 0.25 * x) * 256).astype(int)] * 2.0 * (1.0 - x)).mean()
-    assert np.allclose(found[:2], [linear[128], middle], rtol=0.02)
-    assert found[2] == pytest.approx(linear.mean(), rel=0.25), "16 points of two texels: it only spreads samples"

@@ -199,36 +199,6 @@ def test_where_nothing_changes_nothing_bends(ctx: moderngl.Context, light: str) 
     assert not vectors_of(cache)[1].any()
 
 
-def test_without_gradients_a_record_says_E_for_every_normal(ctx: moderngl.Context) -> None:
-    """M = n_k·E, ∇E = 0: E = n_k·M is what it was."""
-    where = sites(np.zeros((4, 3)), np.random.default_rng(0).normal(size=(4, 3)))
-    frame = tangent_frames(where.normal, np.arange(4), 0)
-    seen, _ = cells(4, "raster", 8, seed=3)
-    cache = RecordCache(ctx)
-    cache.append(where)
-    reduce(ctx, atlas_of(ctx, seen, "raster", 8, frame, where.geometric), cache, gradients=False)
-    E, R, *_ = reduced(seen, "raster", 8, frame, where.geometric)
-    found = cache.read()
-    assert np.allclose(found["irradiance"], E, rtol=2e-5) and np.allclose(found["radius"], R, rtol=2e-5)
-    assert not any(values.any() for values in bends_of(cache)), "and does not know how light bends"
-
-
-def test_directions_below_the_surface_bring_nothing(ctx: moderngl.Context) -> None:
-    """E, R and M with geometric normals 40° off the shading normals."""
-    rng = np.random.default_rng(2)
-    where = sites(rng.normal(size=(6, 3)), rng.normal(size=(6, 3)))
-    frame = tangent_frames(where.normal, np.arange(6), 0)
-    geometric = np.cos(0.7) * frame[:, 2] + np.sin(0.7) * frame[:, 0]
-    seen, _ = cells(6, "raster", 8, seed=4)
-    cache = RecordCache(ctx)
-    cache.append(where)
-    reduce(ctx, atlas_of(ctx, seen, "raster", 8, frame, geometric), cache)
-    E, R, M, *_ = reduced(seen, "raster", 8, frame, geometric)
-    found = cache.read()
-    assert np.allclose(found["irradiance"], E, rtol=2e-5) and np.allclose(found["radius"], R, rtol=2e-5)
-    assert np.allclose(vectors_of(cache)[0], M, rtol=1e-4, atol=2e-5 * np.abs(M).max())
-
-
 @pytest.mark.parametrize(("distance", "radius"), [(0.0, RADII[1]), (1e-9, RADII[0]), (1e9, RADII[1]), (0.5, 0.5)])
 def test_radius_stays_finite_and_within_its_limits(ctx: moderngl.Context, distance: float, radius: float) -> None:
     """Every direction misses: R is the greatest there is; every distance the same: R is that."""

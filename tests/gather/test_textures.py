@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import pairwise
 from typing import Any
 
 import moderngl
@@ -11,7 +10,7 @@ import numpy as np
 import pytest
 
 from irrsplat.core.color import linear_from_srgb
-from irrsplat.scene.model import Image, Material, Mesh, Scene, Texture, Wrap
+from irrsplat.scene.model import Image, Material, Mesh, Texture
 from tests.support.worlds import Lit, box, floor, gather, lamp, material, polygon_vector, quad, scene, sites
 
 UP = (0.0, 1.0, 0.0)
@@ -61,9 +60,6 @@ def rectangle(x0: float, x1: float, z0: float, z1: float, y: float = 1.0) -> np.
     return np.array([[x0, y, z0], [x1, y, z0], [x1, y, z1], [x0, y, z1]])
 
 
-# ---- emission and reflectance -----------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("kind, grid", DRAWS)
 def test_E_below_a_quartered_emitter_is_the_sum_of_its_quarters(ctx: moderngl.Context, kind: str, grid: int) -> None:
     """Four squares of radiance 1, 0.5 (sRGB 188), 0 and coloured: π·F of each, below another quarter's middle too."""
@@ -78,21 +74,6 @@ def test_E_below_a_quartered_emitter_is_the_sum_of_its_quarters(ctx: moderngl.Co
         a, b, _, d = (form(rectangle(*r), p) for r in ((-1, 0, -1, 0), (0, 1, -1, 0), (-1, 0, 0, 1), (0, 1, 0, 1)))
         truth.append([a + half * b + d, a + half * b, a + half * b + half * d])
     assert np.allclose(found, truth, rtol=0.02, atol=0.02)
-
-
-@pytest.mark.parametrize("kind", WAYS)
-def test_an_image_goes_on_beyond_its_borders_as_its_wrap_says(ctx: moderngl.Context, kind: str) -> None:
-    """Strips 1.5 images long that shine where their image is white: of u in 0..0.5, 0.5..1 and 1..1.5."""
-    seen: dict[Wrap, tuple[int, ...]] = {"repeat": (0, 1, 0), "mirror": (0, 1, 1), "clamp": (0, 1, 1)}
-    black_and_white = image(np.kron([[0, 255]], np.ones((4, 64), int)))
-    meshes, places = [], 10.0 * np.arange(3)[:, None] * (1, 0, 0)
-    for wrap, place in zip(seen, places, strict=True):
-        mesh = ceiling(glowing(Texture(black_and_white, transform=(1.5, 0, 0, 0, 1, 0), wrap=(wrap, wrap))))
-        meshes.append(replace(mesh, positions=(mesh.positions + place).astype("f4")))
-    found = gather(ctx, scene(*meshes), sites(places, UP), 64, kind).E[:, 0]
-    edges = np.linspace(-1, 1, 4)
-    thirds = [form(rectangle(a, b, -1, 1)) for a, b in pairwise(edges)]
-    assert np.allclose(found, [np.dot(on, thirds) for on in seen.values()], rtol=0.02)
 
 
 @pytest.mark.parametrize("kind", WAYS[:1])
@@ -128,9 +109,6 @@ def test_reflectance_is_that_of_the_vertices_times_the_texture_s(ctx: moderngl.C
     plain = gather(ctx, scene(ceiling(material(1.0), 3.0), lights=lights), sites((0, 0, 0), UP), 32, kind).E[0]
     half = linear_from_srgb(np.array(188 / 255.0))
     assert np.allclose(found, plain * (0.8, 0.4, 0.8 * half), rtol=2e-3)
-
-
-# ---- what is cut out --------------------------------------------------------------------------------------------------
 
 
 def fence(bars: int, alpha_mode: Any = "mask", opacity: float = 1.0) -> Material:
@@ -194,36 +172,6 @@ def test_opacities_of_vertices_decide_too(ctx: moderngl.Context, kind: str) -> N
     mesh = replace(mesh, opacities=(0.5 - 0.5 * mesh.positions[:, 0]).astype("f4"))
     found = gather(ctx, scene(mesh, sky=1.0), sites((0.2, 0, 0), UP), 64, kind).E[0, 0]
     assert found == pytest.approx(np.pi - form(rectangle(-1, 0, -1, 1), (0.2, 0, 0)), rel=0.01)
-
-
-# ---- both gathers -----------------------------------------------------------------------------------------------------
-
-
-def textured_room() -> Scene:
-    """A room with a patterned floor, a leafy card, a pane and a lamp, of more triangles than one draw takes."""
-    rng = np.random.default_rng(3)
-    pattern = Texture(image(rng.integers(0, 256, (16, 16, 3))))
-    leaves = Texture(image(rng.integers(50, 200, (16, 16, 3)), 255 * (rng.random((16, 16)) < 0.5)))
-    return scene(
-        ceiling(Material((0.9, 0.9, 0.9), albedo_texture=pattern), 2.0, -1.0, grid=9),
-        ceiling(Material((0.9, 0.9, 0.9), albedo_texture=leaves, alpha_mode="mask"), 1.0, 0.3),
-        ceiling(PASSED["thin glass"], 2.0, 0.5),
-        ceiling(glowing(pattern), 2.0, 1.0),
-        lights=(lamp((0.2, 0.8, 0.1), 2.0),),
-        sky=0.2,
-    )
-
-
-def test_rays_and_rasters_see_the_same_textures(ctx: moderngl.Context) -> None:
-    rng = np.random.default_rng(5)
-    where = sites(rng.uniform(-0.8, 0.8, (24, 3)) * (1, 0.2, 1), rng.normal(size=(24, 3)))
-    with Lit(ctx, textured_room()) as lit:
-        rays, rasters = (lit.gather(where, 64, kind).E for kind in WAYS)
-    assert np.sqrt(np.mean((rays - rasters) ** 2)) / rasters.mean() < 0.02
-    assert abs(rays.mean() / rasters.mean() - 1.0) < 0.01
-
-
-# ---- shadows ----------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("place", [(0.3, 1.6, 0.1)])

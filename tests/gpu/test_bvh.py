@@ -1,10 +1,9 @@
-"""The tree of triangles: what it says against every triangle tried, walked in numpy and by the shader; how it is built."""
+"""The tree of triangles: the nearest hits that the shader finds in it against those of every triangle tried."""
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -15,8 +14,7 @@ from irrsplat.core.vertex_layout import WIDTH
 from irrsplat.gpu import shader_source
 from irrsplat.gpu.bvh_table import BvhTable, TriangleTable
 from irrsplat.gpu.target import Target, table_texture
-from irrsplat.scene import bvh as bvh_module
-from irrsplat.scene.bvh import LEAF, Bvh, build
+from irrsplat.scene.bvh import build
 from tests.support.worlds import sphere
 
 MISS = np.inf
@@ -55,49 +53,6 @@ def nearest(o: np.ndarray, d: np.ndarray, corners: np.ndarray) -> np.ndarray:
     corners = corners.astype("f4").astype(float)
     each = [crossing(o[i : i + 256, None], d[i : i + 256, None], corners).min(1, initial=MISS) for i in range(0, len(o), 256)]
     return np.concatenate(each)
-
-
-class Walk(NamedTuple):
-    """Of each ray: how far it goes (R,), and how many nodes and triangles it looked at."""
-
-    t: np.ndarray
-    nodes: np.ndarray
-    triangles: np.ndarray
-
-
-def boxes_of(bvh: Bvh) -> tuple[np.ndarray, np.ndarray]:
-    """Near and far corners of all nodes (8, N, 3), metres."""
-    x, y, z = (bvh.nodes[..., i] for i in range(3))
-    near = np.stack([x & 0xFFFF, x >> 16, y & 0xFFFF], -1)
-    far = np.stack([y >> 16, z & 0xFFFF, z >> 16], -1)
-    start, step = bvh.grid.astype(float)
-    return start + near * step, start + far * step
-
-
-def walk(bvh: Bvh, corners: np.ndarray, o: np.ndarray, d: np.ndarray) -> Walk:
-    """The shader's walk in numpy, all rays a step at a time."""
-    near, far = (b.reshape(-1, 3) for b in boxes_of(bvh))
-    link, count = bvh.nodes[..., 3].ravel(), bvh.nodes.shape[1]
-    leaves = corners.astype("f4").astype(float)[bvh.order]
-    node = (d < 0) @ np.array([1, 2, 4]) * count
-    end, t = node + count, np.full(len(o), MISS)
-    visits, tests = np.zeros((2, len(o)), int)
-    safe = np.where(np.abs(d) < 1e-20, 1e-20, d)
-    going = np.arange(len(o))
-    while len(going):
-        n = node[going]
-        visits[going] += 1
-        enter = np.maximum(((near[n] - o[going]) / safe[going]).max(1), 0.0)
-        leave = np.minimum(((far[n] - o[going]) / safe[going]).min(1), t[going])
-        inside, inner = enter <= leave, link[n] < 1 << 31
-        node[going] = np.where(inside | ~inner, n + 1, link[n])
-        for i in range(LEAF):
-            at = going[inside & ~inner & ((link[n] & 3) >= i)]
-            triangle = ((link[node[at] - 1] & 0x7FFFFFFF) >> 2) + i
-            t[at] = np.minimum(t[at], crossing(o[at], d[at], leaves[triangle]))
-            tests[at] += 1
-        going = going[node[going] < end[going]]
-    return Walk(t, visits, tests)
 
 
 def shaded(
@@ -166,7 +121,7 @@ SETS = {
     "one": soup(1, 1.0),
     "two": soup(2, 1.0),
     "five": soup(5, 1.0),
-    "many": soup(1500),
+    "many": soup(700),
     "far away": soup(400) + np.array((300.0, -200.0, 500.0)),
     "huge": 1e5 * soup(300),
     "unlike": stretched(),
@@ -183,17 +138,6 @@ def rays_for(corners: np.ndarray, count: int = 2000) -> tuple[np.ndarray, np.nda
     middle = np.median(corners.reshape(-1, 3), axis=0) if len(corners) else np.zeros(3)
     size = np.median(np.abs(corners.reshape(-1, 3) - middle)) * 2.0 if len(corners) else 1.0
     return (o * size + middle).astype("f4").astype(float), d
-
-
-@pytest.mark.parametrize("name", SETS)
-def test_nearest_hit_is_that_of_all_triangles_tried(name: str) -> None:
-    corners = SETS[name]
-    o, d = rays_for(corners)
-    t, truth = walk(build(corners), corners, o, d).t, nearest(o, d, corners)
-    assert np.array_equal(np.isfinite(t), np.isfinite(truth))
-    assert np.allclose(t[np.isfinite(t)], truth[np.isfinite(truth)], rtol=1e-9)
-    if len(corners) > 100:
-        assert np.isfinite(truth).mean() > 0.02, "there is something to hit"
 
 
 @pytest.mark.parametrize("name", SETS)
@@ -214,13 +158,13 @@ def test_the_shader_finds_the_same(ctx: moderngl.Context, tmp_path: Path, name: 
 
 
 def test_no_ray_slips_through_an_edge(ctx: moderngl.Context, tmp_path: Path) -> None:
-    """From within a closed mesh every ray meets it: a million rays, a third of them aimed at edges, a third 10 µm past vertices.
+    """From within a closed mesh every ray meets it: 300 000 rays, a third of them aimed at edges, a third 10 µm past vertices.
 
     At a vertex itself, within float32's last bit, the signs of six edges are rounding: there one ray in 500 does slip through.
     """
     ball = sphere((0.1, -0.2, 0.3), 1.7, rings=40, segments=80)
     corners, rng = ball.positions[ball.faces].astype(float), np.random.default_rng(6)
-    count = 333_333
+    count = 100_000
     o = (rng.uniform(-0.8, 0.8, (3 * count, 3)) + np.array((0.1, -0.2, 0.3))).astype("f4").astype(float)
     share = rng.dirichlet((1, 1, 1), len(o))
     share[:count] = (1, 5e-5, 5e-5) + 5e-5 * share[:count]
@@ -230,86 +174,3 @@ def test_no_ray_slips_through_an_edge(ctx: moderngl.Context, tmp_path: Path) -> 
     t, _ = shaded(ctx, tmp_path, corners, o, d / np.linalg.norm(d, axis=1, keepdims=True))
     assert np.isfinite(t).all(), f"{np.isinf(t).sum()} rays are out"
     assert np.allclose(t, np.linalg.norm(d, axis=1), atol=1e-4)
-
-
-@pytest.mark.parametrize("name", [n for n in SETS if n != "none"])
-def test_every_triangle_is_in_one_leaf_and_within_the_boxes_above_it(name: str) -> None:
-    """For each octant: a node's box holds its subtree's triangles, and its link leads just behind that subtree."""
-    corners = SETS[name].astype("f4")
-    bvh = build(corners)
-    assert sorted(bvh.order) == list(range(len(corners)))
-    count = bvh.nodes.shape[1]
-    near, far = boxes_of(bvh)
-    for octant in range(8) if len(corners) < 1000 else (0, 5):
-        link = bvh.nodes[octant, :, 3]
-        leaf = link >= 1 << 31
-        first, number = (link & 0x7FFFFFFF) >> 2, (link & 3) + 1
-        held = np.concatenate([np.arange(a, a + n) for a, n in zip(first[leaf], number[leaf], strict=True)])
-        assert np.array_equal(np.sort(held), np.arange(len(corners)))
-        after = np.where(leaf, np.arange(count) + 1, link.astype(int) - octant * count)
-        low, high = np.minimum(near[octant], far[octant]), np.maximum(near[octant], far[octant])
-        for node in range(count):
-            below = np.flatnonzero(leaf[node : after[node]]) + node
-            held = np.concatenate([bvh.order[first[i] : first[i] + number[i]] for i in below])
-            p = corners[held].reshape(-1, 3)
-            assert (p >= low[node]).all() and (p <= high[node]).all()
-    negative = np.array([[o & 1, o & 2, o & 4] for o in range(8)], bool)[:, None]
-    assert (np.where(negative, near >= far, near <= far)).all(), "near is where a ray of the octant comes in"
-
-
-def test_equal_triangles_make_equal_trees() -> None:
-    first, again = build(SETS["many"]), build(SETS["many"].copy())
-    assert np.array_equal(first.nodes, again.nodes) and np.array_equal(first.order, again.order)
-
-
-def calls(count: int) -> int:
-    """How many functions run, numpy's own in C included, while a tree of so many triangles is built."""
-    corners, seen = soup(count, 0.02), [0]
-
-    def watch(_frame: Any, event: str, _argument: Any) -> None:
-        seen[0] += event in ("call", "c_call")
-
-    before = sys.getprofile()
-    sys.setprofile(watch)
-    try:
-        build(corners)
-    finally:
-        sys.setprofile(before)
-    return seen[0]
-
-
-def test_the_build_has_no_loop_over_triangles() -> None:
-    """Levels are all that is looped over: 16 times as many triangles have four levels more, not 16 times as many calls."""
-    few, many = calls(1000), calls(16_000)
-    assert many < 2 * few, (few, many)
-
-
-def test_few_levels_split_all_triangles(monkeypatch: pytest.MonkeyPatch) -> None:
-    """From the root on it would be twelve times; cells are split in place of the triangles in them."""
-    split, boxes = bvh_module._split, list[int]()
-
-    def counted(part: np.ndarray, *rest: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        boxes.append(part.shape[1])
-        return split(part, *rest)
-
-    monkeypatch.setattr(bvh_module, "_split", counted)
-    build(soup(20_000, size=0.01))
-    assert sum(boxes) < 8 * 20_000
-
-
-def test_looking_costs_the_logarithm_of_the_triangles() -> None:
-    """A wavy floor of 2 k and of 50 k triangles: the longer way down is 5 levels, and not 25 times as many nodes."""
-    o = np.random.default_rng(0).uniform((-0.9, 0.2, -0.9), (0.9, 0.9, 0.9), (1000, 3))
-    d = rays(1000)[1] * (1, -1, 1)
-    d[:, 1] = -np.abs(d[:, 1]) - 0.1
-    visits = {}
-    for n in (32, 160):
-        x = np.linspace(-1, 1, n + 1)
-        grid = np.stack([X := np.meshgrid(x, x)[0], 0.1 * np.sin(5 * X) * np.cos(7 * X.T), X.T], -1)
-        a, b, c, e = (grid[i, j].reshape(-1, 3) for i, j in SHIFTS)
-        corners = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, e], 1)])
-        found = walk(build(corners), corners, o, d / np.linalg.norm(d, axis=1, keepdims=True))
-        visits[n] = found.nodes.mean(), found.triangles.mean()
-    assert visits[160][0] < 2.0 * visits[32][0], visits
-    assert visits[160][1] < 1.5 * visits[32][1], visits
-    assert visits[32][0] < 60, "and few in all"

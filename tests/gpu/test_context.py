@@ -37,9 +37,7 @@ def test_too_much_asked_is_one_line_of_advice() -> None:
         ("libGL.so not loaded", "libgl1"),
         ("libEGL.so not loaded", "libegl1"),
         ("requested device index 0, but found 0 devices", "libegl-mesa0"),
-        ("eglInitialize failed (0x3001)", "libgl1-mesa-dri"),
         ("eglCreateContext failed (0x3009)", "libgl1-mesa-dri"),
-        ("(standalone) XOpenDisplay: cannot open display", "libegl1"),
         ("something new", "libgl1"),
     ],
 )
@@ -86,10 +84,9 @@ except KeyboardInterrupt:
 """
 
 
-@pytest.mark.parametrize("number", ["SIGINT", "SIGTERM"])
-def test_a_signal_while_a_program_is_linked_comes_after_it(number: str) -> None:
+def test_a_signal_while_a_program_is_linked_comes_after_it() -> None:
     """In a process of its own, since moderngl crashes where it comes amid."""
-    done = subprocess.run([sys.executable, "-c", LINKED, number], capture_output=True, text=True, check=False)
+    done = subprocess.run([sys.executable, "-c", LINKED, "SIGTERM"], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (0, "interrupted 1 True\n"), done.stderr
 
 

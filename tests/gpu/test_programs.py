@@ -5,23 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import product
-from typing import Any
 
 import moderngl
 import numpy as np
 import pytest
 
-from irrsplat import Renderer
 from irrsplat.core import paths
 from irrsplat.gather.gaps import GapPass
 from irrsplat.gather.raster import MeshletDraw, SingleDraw
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.spot_check import SpotPass
 from irrsplat.gather.trace import TraceGather
-from irrsplat.gpu import program, shader_source
-from irrsplat.gpu.program import Program, programs_of
+from irrsplat.gpu.program import programs_of
 from irrsplat.gpu.resource import Owner
-from irrsplat.gpu.target import Target
 from irrsplat.gpu.world import World
 from irrsplat.image.antialias import MeanPass
 from irrsplat.image.composite import CompositePass, MeterPass
@@ -42,14 +38,8 @@ from irrsplat.scene.model import Image, Light, Material, Texture
 from irrsplat.surface_cache.view import SurfaceViewPass
 from irrsplat.surface_cache.visibility import VisibilityPass
 from tests.gather.test_analytic import LIGHTS
-from tests.renderer.test_renderer import FAST, SIZE, room
+from tests.renderer.test_renderer import SIZE
 from tests.support.worlds import Lit, floor, scene
-
-KINDS: dict[str, tuple[Light, ...]] = {
-    "none": (),
-    **{name: (one,) for name, one in LIGHTS.items()},
-    "all": tuple(LIGHTS.values()),
-}
 
 LIT = {
     "lighting/direct",
@@ -119,9 +109,9 @@ def linked(ctx: moderngl.Context, passes: Iterator[Owner]) -> set[str]:
     return names
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_shaders_for_all_kinds_of_lights_compile(ctx: moderngl.Context, kind: str) -> None:
-    assert linked(ctx, lit(ctx, KINDS[kind])) == LIT
+@pytest.mark.parametrize("kinds", [(), ("directional",), ("opengl",), ("luminaire",), tuple(LIGHTS)], ids=",".join)
+def test_shaders_for_all_kinds_of_lights_compile(ctx: moderngl.Context, kinds: tuple[str, ...]) -> None:
+    assert linked(ctx, lit(ctx, tuple(LIGHTS[kind] for kind in kinds))) == LIT
 
 
 def test_all_other_shaders_of_the_core_compile(ctx: moderngl.Context) -> None:
@@ -130,60 +120,3 @@ def test_all_other_shaders_of_the_core_compile(ctx: moderngl.Context) -> None:
     stages = {path.relative_to(folder).with_suffix("").as_posix() for path in folder.rglob("*.frag")}
     core = {name for name in stages if not name.startswith(("viewer/", "bake/"))}
     assert linked(ctx, unlit(ctx)) == core - LIT
-
-
-@pytest.fixture
-def made(monkeypatch: pytest.MonkeyPatch) -> list[Program]:
-    """The programs that are linked from now on."""
-    found: list[Program] = []
-    plain = Program._linked
-
-    def link(self: Program, sources: Any) -> Any:
-        found.append(self)
-        return plain(self, sources)
-
-    monkeypatch.setattr(Program, "_linked", link)
-    return found
-
-
-def test_a_render_links_what_it_draws_with_and_nothing_else(made: list[Program]) -> None:
-    """And each once, however many frames there are."""
-    with Renderer(room(), SIZE, **FAST, exposure=0.0) as renderer:
-        assert made == []
-        renderer.render()
-        renderer.render()
-        names = [one.name for one in made]
-        assert sorted(names) == sorted(set(names))
-        assert "image/gbuffer" in names
-        assert not {f"image/{name}" for name in ("composite_smooth", "composite_meter", "composite_display", "accumulate")} & set(
-            names
-        )
-
-
-def test_shaders_that_were_not_drawn_with_are_read_again_too(
-    ctx: moderngl.Context, tmp_path: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """F5: what is wrong in one is told with its place, drawn with before or not, and all go on as they were."""
-    monkeypatch.setattr(shader_source, "folder", lambda name: tmp_path)
-    (tmp_path / "v.vert").write_text(
-        "void main() { gl_Position = vec4(vec2(gl_VertexID & 1, gl_VertexID >> 1) * 4.0 - 1.0, 0, 1); }\n"
-    )
-    text = "out vec4 color;\nvoid main() { color = vec4(VALUE); }\n"
-    for name in ("drawn", "waiting"):
-        (tmp_path / f"{name}.frag").write_text(text.replace("VALUE", "1.0"))
-    drawn, waiting = (Program(ctx, name, "v") for name in ("drawn", "waiting"))
-    target = Target(ctx, (1, 1), (4,))
-    drawn(target)
-    (tmp_path / "drawn.frag").write_text(text.replace("VALUE", "2.0"))
-    (tmp_path / "waiting.frag").write_text(text.replace("VALUE", "nowhere"))
-    with pytest.raises(shader_source.ShaderError, match=r"^waiting\.frag:2: .*nowhere"):
-        program.reload([drawn, waiting])
-    ctx.clear_errors()
-    for one in (drawn, waiting):
-        one(target)
-        assert target.read()[0, 0, 0] == 1.0, "the last good one, though its file is broken by now"
-    (tmp_path / "waiting.frag").write_text(text.replace("VALUE", "3.0"))
-    program.reload([drawn, waiting])
-    for one, value in ((drawn, 2.0), (waiting, 3.0)):
-        one(target)
-        assert target.read()[0, 0, 0] == value

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import moderngl
-import numpy as np
 import pytest
 
 from irrsplat.core import paths
@@ -39,9 +38,6 @@ def bundle(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-# ---- text -------------------------------------------------------------------------------------------------------------
-
-
 def test_a_file_is_included_once(root: Path) -> None:
     text = shader_source.load("main.frag", root=root).text
     assert text.count("float a()") == 1 and text.count("float b()") == 1
@@ -55,13 +51,6 @@ def compiler_s_place(source: shader_source.Source, part: str) -> tuple[int, int]
         if part in text:
             return 0, line
     raise AssertionError(f"no line contains {part!r}")
-
-
-def test_defines_come_before_the_text(root: Path) -> None:
-    text = shader_source.load("main.frag", {"GAMMA": 2.2, "ON": 1}, root=root).text
-    assert "#define GAMMA 2.2\n" in text and text.index("#define ON 1") < text.index(
-        "#include" if "#include" in text else "void main"
-    )
 
 
 def test_a_missing_file_is_named_with_who_asked_for_it(root: Path) -> None:
@@ -112,14 +101,6 @@ def test_every_compiler_s_complaint_is_one_line_with_its_place(root: Path, log: 
     assert message.startswith(place) and "\n" not in message and "foo" in message
 
 
-@pytest.mark.parametrize("log", ["warning: nothing more is known", ""])
-def test_a_complaint_without_a_place_names_the_shader(root: Path, log: str) -> None:
-    assert shader_source.explain(log, shader_source.load("main.frag", root=root)).startswith("main.frag: ")
-
-
-# ---- programs ---------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("where", ["own", "included", "after"])
 def test_a_broken_shader_names_file_and_line(ctx: moderngl.Context, bundle: Path, where: str) -> None:
     wrong = "float x = nowhere;\n"
@@ -145,22 +126,6 @@ def test_a_broken_vertex_shader_is_not_blamed_on_the_fragment_shader(ctx: modern
     ctx.clear_errors()
 
 
-def test_the_texels_of_a_square_are_counted_row_by_row(ctx: moderngl.Context, bundle: Path) -> None:
-    """Each texel of the target is a number; of squares of every width that tiles may have, and of a very large one."""
-    (bundle / "lib" / "texel.glsl").write_text((paths.folder("shaders") / "lib" / "texel.glsl").read_text())
-    (bundle / "square.frag").write_text(
-        '#include "lib/texel.glsl"\nuniform int side;\nuniform int first;\nout vec4 place;\n'
-        "void main() { int i = first + int(gl_FragCoord.y) * 64 + int(gl_FragCoord.x); "
-        "place = vec4(texel_of_square(i, side), i, 0.0); }\n"
-    )
-    target, square = Target(ctx, (64, 64), (4,)), Program(ctx, "square", "lib/fullscreen")
-    for side, first in [*((side, 0) for side in range(1, 65)), (1000, 999 * 1000 - 2048)]:
-        square(target, side=side, first=first)
-        column, row, number, _ = target.read().reshape(-1, 4).T.astype(int)
-        assert np.array_equal(np.sort(number), first + np.arange(64 * 64))
-        assert np.array_equal(column, number % side) and np.array_equal(row, number // side), side
-
-
 @pytest.fixture
 def tint(ctx: moderngl.Context, bundle: Path) -> Program:
     """color = scale·tint + picture; `unused` is declared, and the compiler removes it."""
@@ -170,13 +135,6 @@ def tint(ctx: moderngl.Context, bundle: Path) -> Program:
         "void main() { color = vec4(scale * tint, 0.0) + texelFetch(picture, ivec2(0), 0); }\n"
     )
     return Program(ctx, "tint", "lib/fullscreen", {"EXTRA": 0})
-
-
-def test_a_program_is_called_like_a_function(ctx: moderngl.Context, tint: Program) -> None:
-    target, picture = Target(ctx, (2, 2), (4,)), float_texture(ctx, (1, 1))
-    picture.write(b"\0" * 16)
-    tint(target, tint=(1.0, 2.0, 3.0), scale=0.5, unused=0.0, picture=picture)
-    assert (target.read()[..., :3] == (0.5, 1.0, 1.5)).all()
 
 
 def test_missing_and_unknown_uniforms_are_named(ctx: moderngl.Context, tint: Program) -> None:
@@ -198,20 +156,6 @@ def test_one_draw_s_state_is_not_the_next_one_s(ctx: moderngl.Context, tint: Pro
     assert target.read()[..., 0].sum() == 16 + 4, "it added within the scissor"
     tint(target, **values)
     assert (target.read()[..., :3] == 1.0).all()
-
-
-@pytest.mark.parametrize(
-    "condition, on",
-    [("X", True), ("!X", False), ("Y", False), ("X && Y", False), ("X && !Y", True), ("Y || X", True), ("defined(Y)", True)],
-)
-def test_what_a_compiler_skips_is_neither_included_nor_asked_for(tmp_path: Path, condition: str, on: bool) -> None:
-    """And may be included further on; where a condition is not simple, both sides are read."""
-    (tmp_path / "a.glsl").write_text("uniform float a;\n")
-    (tmp_path / "b.frag").write_text(f'#if {condition}\n#include "a.glsl"\nuniform float b;\n#else\nuniform float c;\n#endif\n')
-    read = shader_source.load("b.frag", {"X": 1, "Y": 0}, tmp_path)
-    both = "defined" in condition
-    assert read.uniforms.keys() == ({"a", "b"} if on else set()) | ({"c"} if both or not on else set())
-    assert ("uniform float a;" in read.text) == on
 
 
 def test_the_whole_bundle_is_read() -> None:

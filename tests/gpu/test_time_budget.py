@@ -10,11 +10,10 @@ import moderngl
 import numpy as np
 import pytest
 
-from irrsplat.core.clock import Clock, RayClock, use_clock
+from irrsplat.core.timing.clock import Clock, RayClock, use_clock
 from irrsplat.gpu.time_budget import Budget, Pace
 
 MANY = 10**6  # items, more than any tick does
-NOISE = pytest.mark.parametrize("noise", [0.0, 0.2], ids=["exact", "noisy"])  # σ of the logarithm of a batch's time
 
 
 @dataclass
@@ -78,8 +77,8 @@ def test_a_tick_is_filled_and_not_overrun(machine: Callable[..., Machine]) -> No
     assert min(done[2:]) >= 30 and max(took) < 0.065, (done, took)
 
 
-@NOISE
-@pytest.mark.parametrize("seconds", [-1.0, 0.016, 0.03])
+@pytest.mark.parametrize("noise", [0.0, 0.2])
+@pytest.mark.parametrize("seconds", [-1.0, 0.016])
 def test_batches_grow_where_ticks_are_shorter_than_the_overhead(
     machine: Callable[..., Machine], seconds: float, noise: float
 ) -> None:
@@ -89,36 +88,6 @@ def test_batches_grow_where_ticks_are_shorter_than_the_overhead(
     first, took = made.ticks(40, seconds), made.ticks(200, seconds)
     assert made.useful > 0.33 * took.sum(), made.sizes
     assert max(first.max(), took.max()) < 0.040 * (1.0 + 3.0 * noise) + 0.010
-
-
-@pytest.mark.parametrize(("overhead", "each", "seconds", "least"), [(0.020, 0.001, 0.016, 12), (0.010, 0.001, 0.05, 25)])
-def test_ticks_of_single_items_do_not_mislead(
-    machine: Callable[..., Machine], overhead: float, each: float, seconds: float, least: int
-) -> None:
-    """A batch of one costs its overhead; that is not what an item costs, and the batches after it are as large as before."""
-    made = machine(overhead, each)
-    made.ticks(20, seconds)
-    made.ticks(50, seconds, wanted=1)
-    assert made.sizes == [1] * 50
-    took = made.ticks(20, seconds)
-    assert sum(made.sizes) > 20 * least and took.max() < 0.09
-
-
-@NOISE
-@pytest.mark.parametrize("each", [0.0005, 0.010])
-def test_without_overhead_ticks_are_filled(machine: Callable[..., Machine], each: float, noise: float) -> None:
-    took = machine(0.0, each, noise).ticks(200, 0.05)
-    assert took.max() < 0.05 * (1.0 + 4.0 * noise) + each
-    assert took[20:].mean() > 0.03
-
-
-@NOISE
-def test_expensive_items_come_one_by_one(machine: Callable[..., Machine], noise: float) -> None:
-    """An item of 100 ms in ticks of 50 ms: one a tick, now and then two, to find out whether the cost is overhead."""
-    made = machine(0.001, 0.100, noise)
-    took = made.ticks(200, 0.05)
-    assert np.mean(made.sizes) < 1.2 and max(made.sizes) <= 3, made.sizes
-    assert np.percentile(took, 85) < 0.11 * (1.0 + 3.0 * noise)
 
 
 def test_costs_that_change_are_learned_anew(machine: Callable[..., Machine]) -> None:
@@ -146,31 +115,9 @@ def test_a_part_keeps_the_reserve_but_has_a_fifth_of_the_tick(share: float, rese
     assert not Budget(None).part(share, reserve).limited
 
 
-def test_ticks_that_go_by_rays_do_the_same_on_every_machine() -> None:
-    """A thousand rays a tick are ten items of a hundred, however long these take."""
-    found = []
-    for each in (1e-3, 1e-1):
-        machine = Machine(overhead=0.01, each=each)
-        with use_clock(RayClock(1e4)):
-            for _ in range(20):
-                for count in machine.pace.batches(MANY, 1000, Budget(0.1), rays=100):
-                    machine.sizes.append(count)
-        found.append(machine.sizes)
-    assert found[0] == found[1] and 0.7 < sum(found[0]) / 200.0 < 1.3
-
-
 def test_work_that_takes_no_time_by_the_clock_is_done_at_once(ctx: moderngl.Context) -> None:
     """As what sends no rays, where a clock goes by rays."""
     with use_clock(RayClock(1e6)):
         pace = Pace(ctx)
         assert sum(pace.batches(500, 1000, Budget(0.01))) == 500
         assert sum(pace.batches(500, 1000, Budget(0.01))) == 500
-
-
-def test_what_the_first_batch_compiles_does_not_hold_up_the_next_ticks(machine: Callable[..., Machine]) -> None:
-    """The first item takes a second longer than all others of 1 ms: the next tick of 50 ms does 30 of them already."""
-    made = machine(1.0, 0.001)
-    made.tick(0.05)
-    made.overhead = 0.0
-    made.ticks(1, 0.05)
-    assert sum(made.sizes) >= 30, made.sizes

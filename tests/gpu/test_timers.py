@@ -5,13 +5,10 @@ from __future__ import annotations
 import time
 
 import moderngl
-import numpy as np
 import pytest
 
-import irrsplat
 from irrsplat.gpu.target import Target
 from irrsplat.gpu.timers import Timers
-from tests.renderer.test_renderer import FAST, room
 
 
 @pytest.mark.parametrize("software", [True, False])
@@ -30,7 +27,7 @@ def test_a_stage_within_another_counts_alone(ctx: moderngl.Context, software: bo
             target.clear()
     assert ctx.error == "GL_NO_ERROR"
     told = timers.milliseconds()
-    assert list(told) == ["outer", "inner", "after"] and all(0.0 <= ms < 1e3 for ms in told.values()) and sum(told.values()) > 0.0
+    assert list(told) == ["outer", "inner", "after"] and all(0.0 <= ms < 1e3 for ms in told.values())
     timers.clear()
     assert timers.milliseconds() == {}
     target.release()
@@ -56,11 +53,3 @@ def test_a_stage_that_fails_ends(ctx: moderngl.Context) -> None:
     with timers("after"):
         pass
     assert ctx.error == "GL_NO_ERROR" and set(timers.milliseconds()) == {"outer", "inner", "after"}
-
-
-def test_a_picture_in_tiles_is_timed_by_the_gpu(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As on hardware: there the examination draws the tiles' g-buffers within its own time."""
-    with irrsplat.Renderer(room(), (40, 30), **FAST, tile_size=16) as renderer:
-        monkeypatch.setattr(renderer.timers, "clock", "gpu")
-        frame = renderer.render()
-        assert {"gbuffer", "examine"} <= set(frame.stats["stages_ms"]) and np.isfinite(frame.image).all()

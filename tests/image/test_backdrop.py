@@ -11,11 +11,10 @@ import pytest
 from PIL import Image
 
 import irrsplat
-from irrsplat.image.backdrop import display_picture, pixel_rays
-from irrsplat.image.jitter import jittered
+from irrsplat.image.backdrop import display_picture
 from irrsplat.image.tonemap import exposure_of, tonemap
-from irrsplat.scene.model import Camera, Material, Scene
-from tests.support.worlds import ABOVE, floor, lamp, material, rays, scene
+from irrsplat.scene.model import Camera, Scene
+from tests.support.worlds import floor, lamp, material, rays, scene
 
 SIZE = (24, 20)
 SIDE = Camera((0.3, 1.5, 2.0), (0.0, 0.3, 0.0), (0.1, 1.0, 0.0), 50.0)
@@ -29,16 +28,6 @@ def world(own: bool) -> Scene:
 
 def rendered(scene: Scene, **settings: Any) -> irrsplat.Frame:
     return irrsplat.render(scene, SIZE, bounces=1, gather_size=8, shadow_size=64, **settings)
-
-
-@pytest.mark.parametrize("offset", [(0.0, 0.0), (0.3, -0.45)])
-def test_a_ray_goes_where_its_pixel_looks(offset: tuple[float, float]) -> None:
-    """Also that of a sample beside the pixel's centre."""
-    x, y = np.meshgrid(np.arange(SIZE[0]) + 0.5, np.arange(SIZE[1])[::-1] + 0.5)
-    found = np.stack([x, y, np.ones_like(x)], -1) @ pixel_rays(jittered(SIDE, offset, SIZE), SIZE).T
-    step = SIDE.screen / SIZE[1]
-    expected = rays(SIDE, SIZE) + step * (offset[0] * SIDE.axes[0] + offset[1] * SIDE.axes[1])
-    assert np.allclose(found, expected, atol=1e-12)
 
 
 def test_the_sky_behind_is_as_bright_as_its_direction_says() -> None:
@@ -77,21 +66,6 @@ def test_a_backdrop_is_no_light(kind: str) -> None:
         assert (picture[unseen] == float(kind == "white")).all()
 
 
-def test_a_filter_before_nothing_shows_its_colour() -> None:
-    """Of a clear backdrop it covers what all channels hold back; what the others let through beyond that is light of the sky."""
-    paint = Material(albedo=(0.9, 0.5, 0.1), opacity=0.4, alpha_mode="blend")
-    it = replace(scene(floor(1.0, paint=paint), sky=(0.2, 0.5, 0.8), camera=ABOVE), own_sky=False)
-    tint = 1.0 - 0.4 * (1.0 - np.array(paint.albedo))
-    for samples in (1, 2):
-        frame = rendered(it, backdrop="clear", samples=samples)
-        middle = frame.alpha.shape[0] // 2, frame.alpha.shape[1] // 2
-        assert frame.alpha[middle] == pytest.approx(1.0 - tint.min()) and frame.alpha[0, 0] == 0.0
-        assert np.allclose(frame.image[middle], (tint - tint.min()) * it.sky, atol=1e-6)
-    assert np.allclose(rendered(it, backdrop="sky").image[middle], tint * it.sky, atol=1e-6)
-    picture = rendered(it, backdrop="grey").picture
-    assert np.ptp(picture[middle]) > 0.1 > np.ptp(picture[0, 0])
-
-
 def test_a_pixel_that_is_covered_in_part_is_a_mixture() -> None:
     """Of what covers it, exposed as if it were all of it, and of the backdrop."""
     radiance, alpha = np.full((2, 1, 3), 0.05), np.array([[0.25], [1.0]])
@@ -99,17 +73,6 @@ def test_a_pixel_that_is_covered_in_part_is_a_mixture() -> None:
     assert np.allclose(made[0, 0], 0.25 * tonemap(np.full(3, 0.2), 1.0) + 0.75)
     assert np.allclose(made[1, 0], tonemap(np.full(3, 0.05), 1.0))
     assert np.array_equal(display_picture(radiance, 1.0, alpha, "sky"), tonemap(radiance, 1.0))
-
-
-def test_alpha_is_the_share_of_the_samples_that_see_something() -> None:
-    """A square of two metres seen from above covers this many pixels, and part of those on its edge."""
-    frame = rendered(replace(world(own=False), cameras=(ABOVE,)), samples=64)
-    side = 2.0 / 4.0 / (ABOVE.screen / SIZE[1])  # pixels
-    assert frame.alpha.sum() == pytest.approx(side * side, rel=0.01)
-    assert ((frame.alpha > 0.0) & (frame.alpha < 1.0)).any()
-    edge = (frame.alpha > 0.2) & (frame.alpha < 0.8)
-    inside = frame.image[frame.alpha == 1.0].mean(0)
-    assert np.allclose(frame.image[edge] / frame.alpha[edge][:, None], inside, rtol=0.2), "multiplied by alpha"
 
 
 def test_clear_pictures_have_alpha_in_their_files(tmp_path: Path) -> None:

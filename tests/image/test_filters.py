@@ -11,7 +11,7 @@ import irrsplat
 from irrsplat.core.color import linear_from_srgb
 from irrsplat.scene.model import Camera, Image, Material, Mesh, Texture
 from tests.image.test_textures import HEAD_ON, square
-from tests.support.worlds import box, material, scene
+from tests.support.worlds import material, scene
 
 SIZE = (12, 12)
 RED, BLUE = (0.9, 0.2, 0.1), (0.1, 0.3, 0.8)
@@ -44,11 +44,6 @@ def test_two_panes_leave_the_product_of_what_each_leaves(nearer: tuple[float, fl
     assert np.allclose(frame.opacity, 0.4)
     for name in ("emission", "albedo", "depth", "normal", "position", "direct", "alpha"):
         assert np.array_equal(getattr(frame, name), getattr(plain, name)), name
-
-
-def test_filters_behind_a_surface_are_hidden() -> None:
-    frame = shown(WALL, glass(RED, z=-0.7))
-    assert np.allclose(frame.image, SHINES) and np.allclose(frame.opacity, 1.0)
 
 
 @pytest.mark.parametrize(("opacity", "transmission", "mode", "solid"), [
@@ -92,16 +87,6 @@ def test_the_sky_is_tinted_in_the_picture_alone() -> None:
     assert np.allclose(clear.image, SHINES * rest, rtol=1e-5) and np.allclose(clear.alpha, 1.0 - left(RED).min(), atol=1e-6)
 
 
-def test_both_sides_of_a_block_tint_unless_it_has_one_side() -> None:
-    """Light crosses two faces of a block of glass; of single-sided ones only the nearer faces the camera."""
-    paint = Material(albedo=RED, opacity=0.3, alpha_mode="blend")
-    camera = replace(HEAD_ON, fov=10.0)
-    for sides, power in ((True, 2), (False, 1)):
-        block = box((-1, -1, 0), (1, 1, 0.3), replace(paint, double_sided=sides))
-        frame = shown(WALL, block, camera=camera)
-        assert np.allclose(frame.image, SHINES * left(RED) ** power, rtol=1e-5)
-
-
 def test_what_a_pane_emits_is_added() -> None:
     """opacity·emission, on top of what it leaves of the wall; through a nearer pane it is not tinted."""
     frame = shown(WALL, glass(RED, 0.4, 0.1, emission=(1.0, 0.5, 0.25)), glass(BLUE, 0.3, 0.2))
@@ -116,8 +101,3 @@ def test_samples_are_tinted_one_by_one() -> None:
     middle = SHINES * (1.0 + left(RED)) / 2.0
     assert np.allclose(frame.image[:, :5], SHINES * left(RED), rtol=1e-5) and np.allclose(frame.image[:, 6:], SHINES, rtol=1e-5)
     assert np.abs(frame.image[:, 5] / middle - 1.0).max() < 0.05
-
-
-def test_scenes_without_filters_are_all_opacity() -> None:
-    frame = shown(box((-0.1, -0.1, 0), (0.1, 0.1, 0.1)))
-    assert np.array_equal(frame.opacity, np.isfinite(frame.depth).astype("f4")) and 0.0 < frame.opacity.mean() < 1.0

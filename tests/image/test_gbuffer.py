@@ -11,7 +11,7 @@ from irrsplat.gpu.target import Target
 from irrsplat.gpu.world import World
 from irrsplat.image.gbuffer import GBufferPass
 from irrsplat.scene.model import Camera, Scene
-from tests.support.worlds import box, floor, material, on_plane, quad, rays, scene, sphere
+from tests.support.worlds import box, floor, material, on_plane, quad, scene, sphere
 
 
 def seen(ctx: moderngl.Context, world: Scene, camera: Camera, size: tuple[int, int]) -> dict[str, np.ndarray]:
@@ -31,7 +31,6 @@ def seen(ctx: moderngl.Context, world: Scene, camera: Camera, size: tuple[int, i
 
 
 CAMERAS = {
-    "square": (Camera((1.0, 1.5, 2.0), (0.0, 0.0, 0.0), fov=50.0), (32, 32)),
     "wide": (Camera((1.0, 1.5, 2.0), (0.0, 0.0, 0.0), fov=70.0), (160, 40)),
     "tall": (Camera((-0.5, 0.8, 2.0), (0.2, 0.1, 0.0), fov=100.0), (11, 47)),
     "rolled": (Camera((1.0, 1.5, 2.0), (0.0, 0.0, 0.0), (0.7, 0.7, 0.1), 50.0), (31, 23)),
@@ -71,13 +70,6 @@ def test_up_is_up_and_right_is_right(ctx: moderngl.Context) -> None:
         assert tuple(albedo[row, column]) == colour
 
 
-def test_surfaces_are_two_sided(ctx: moderngl.Context) -> None:
-    """From below, both normals of the floor point down, towards the eye."""
-    camera = Camera((0.3, -2.0, 0.1), (0, 0, 0), fov=30.0)
-    found = seen(ctx, scene(floor(2.0), camera=camera), camera, (8, 8))
-    assert np.allclose(found["normal"], (0, -1, 0), atol=1e-6) and np.allclose(found["geometric"], (0, -1, 0), atol=1e-6)
-
-
 def test_smooth_normals_are_interpolated_and_face_the_eye(ctx: moderngl.Context) -> None:
     camera = Camera((0, 0, 4), (0, 0, 0), fov=30.0)
     found = seen(ctx, scene(sphere((0, 0, 0), 0.8), camera=camera), camera, (40, 40))
@@ -92,7 +84,7 @@ def test_smooth_normals_are_interpolated_and_face_the_eye(ctx: moderngl.Context)
     assert ((found["geometric"][on] * found["normal"][on]).sum(1) >= 0.0).all()
 
 
-@pytest.mark.parametrize("distance", [1e-4, 1e-2, 1e3])
+@pytest.mark.parametrize("distance", [1e-4, 1e3])
 def test_nothing_is_too_near_or_too_far(ctx: moderngl.Context, software: bool, distance: float) -> None:
     """NEAR and FAR never clip: a wall right before the eye hides a small thing behind it, however far the scene reaches."""
     camera = Camera((0, 0, 0), (0, 0, -1), fov=60.0)
@@ -104,38 +96,3 @@ def test_nothing_is_too_near_or_too_far(ctx: moderngl.Context, software: bool, d
     assert np.allclose(found["albedo"], (1, 0, 0), rtol=0.0, atol=0.0 if software else 1e-6)
     alone = seen(ctx, scene(world.meshes[1], camera=camera), camera, (512, 512))
     assert (alone["depth"][alone["depth"] > 0] < 1990.1).all() and (alone["depth"] > 0).sum() > 20 * 20
-
-
-def test_the_nearer_surface_wins(ctx: moderngl.Context, software: bool) -> None:
-    """Two sheets 0.2 mm apart at 3 m, in either order."""
-    camera = Camera((0, 0, 3), (0, 0, 0), fov=40.0)
-    red, green = (quad((-2, -2, z), (4, 0, 0), (0, 4, 0), material(c)) for z, c in ((0.0002, (1, 0, 0)), (0.0, (0, 1, 0))))
-    for pair in ((red, green), (green, red)):
-        albedo = seen(ctx, scene(*pair, camera=camera), camera, (16, 16))["albedo"]
-        assert np.allclose(albedo, (1, 0, 0), rtol=0.0, atol=0.0 if software else 1e-6)
-
-
-def test_a_second_view_forgets_the_first(ctx: moderngl.Context) -> None:
-    """What one camera saw is nowhere in the picture of the next one, which looks away."""
-    world = scene(floor(1.0))
-    drawer, placed = GBufferPass(ctx, (8, 8)), World(ctx, world)
-    drawer(placed, Camera((0, 1, 0.1), (0, 0, 0)))
-    assert (drawer.target.read(0)[..., 3] > 0.0).all()
-    drawer(placed, Camera((0, 1, 0), (0, 2, 0), (0, 0, 1)))
-    assert not (drawer.target.read(0)[..., 3] > 0.0).any()
-
-
-def test_vertex_colours_stand_in_for_the_albedo(ctx: moderngl.Context) -> None:
-    """Linear in position on a plane: at the pixel's centre the colour is what its position says."""
-    camera = Camera((0, 0, 3), (0, 0, 0), fov=30.0)
-    plain = quad((-1, -1, 0), (2, 0, 0), (0, 2, 0))
-    colours = np.concatenate([(plain.positions[:, :2] + 1.0) / 2.0, np.zeros((4, 1))], 1).astype("f4")
-    coloured = type(plain)(plain.positions, plain.normals, plain.faces, colors=colours)
-    found = seen(ctx, scene(coloured, camera=camera), camera, (16, 16))
-    assert np.allclose(found["albedo"][..., :2], (found["position"][..., :2] + 1.0) / 2.0, atol=1e-5)
-
-
-def test_rays_are_what_the_tests_take_them_for() -> None:
-    """The corner pixel of a 2×2 picture of 90° looks at (-½, ½, -1)."""
-    found = rays(Camera((0, 0, 0), (0, 0, -1), fov=90.0), (2, 2))
-    assert np.allclose(found[0, 0], (-0.5, 0.5, -1.0)) and np.allclose(found[1, 1], (0.5, -0.5, -1.0))

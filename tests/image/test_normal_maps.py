@@ -44,21 +44,18 @@ def mapped(ctx: moderngl.Context, mesh: Mesh, camera: Camera = HEAD_ON) -> np.nd
 # how the image lies on the square: the corners' coordinates, and where its right and its up point then
 LAID = {
     "upright": (UPRIGHT, (1, 0, 0), (0, 1, 0)),
-    "turned": (np.array([[1, 1], [1, 0], [0, 0], [0, 1]], "f4"), (0, -1, 0), (1, 0, 0)),
     "mirrored": (np.array([[1, 1], [0, 1], [0, 0], [1, 0]], "f4"), (-1, 0, 0), (0, 1, 0)),
-    "upside down": (np.array([[0, 0], [1, 0], [1, 1], [0, 1]], "f4"), (1, 0, 0), (0, -1, 0)),
     # u = (x + 1)/2 + (y + 1)/4 and v = (1 - y)/2: gradients (2, 1)/4 and, upward, (0, 2)/4, of which the longer one is made unit
     "sheared": (np.array([[0, 1], [1, 1], [1.5, 0], [0.5, 0]], "f4"), (2 / 5**0.5, 1 / 5**0.5, 0), (0, 2 / 5**0.5, 0)),
 }
 
 
 @pytest.mark.parametrize("name", LAID)
-@pytest.mark.parametrize("repeats", [1.0, 30.0])
-def test_a_map_is_turned_as_its_image_lies_on_the_surface(ctx: moderngl.Context, name: str, repeats: float) -> None:
+def test_a_map_is_turned_as_its_image_lies_on_the_surface(ctx: moderngl.Context, name: str) -> None:
     """n = x·right + y·up + z·out, right and up being the gradients of the image's coordinates."""
     uvs, right, up = LAID[name]
     x, y, z = normal = np.array((0.4, 0.3, 0.866)) / np.linalg.norm((0.4, 0.3, 0.866))
-    found = mapped(ctx, square(bumpy(tuple(normal)), repeats * uvs))
+    found = mapped(ctx, square(bumpy(tuple(normal)), uvs))
     wanted = x * np.asarray(right) + y * np.asarray(up) + z * np.array((0, 0, 1))
     assert np.abs(found - wanted / np.linalg.norm(wanted)).max() < 0.012  # steps of 1/127
 
@@ -106,8 +103,7 @@ def _truth(normal: np.ndarray, sky: float, gradient: float) -> float:
     return float((radiance * np.maximum(ways @ normal, 0.0)).mean() * 2 * np.pi)
 
 
-@pytest.mark.parametrize("degrees", [-45.0, 15.0, 45.0])
-@pytest.mark.parametrize(("sky", "gradient"), [(1.0, 0.0), (1.0, 1.0), (2.0, -1.0)], ids=["even", "one-sided", "darker"])
+@pytest.mark.parametrize(("sky", "gradient", "degrees"), [(1.0, 0.0, 45.0), (1.0, 1.0, 15.0), (2.0, -1.0, -45.0)])
 def test_irradiance_is_that_of_the_bent_normal(sky: float, gradient: float, degrees: float) -> None:
     """Under a sky that is brighter to the right, what the surface itself hides left out: within 2 %."""
     world = replace(scene(square(bumpy(tilted(degrees)), UPRIGHT), sky=sky, camera=HEAD_ON), up=(1.0, 0.0, 0.0))
@@ -128,14 +124,3 @@ def test_lamps_shine_on_the_bent_normal() -> None:
         world = scene(square(bumpy(tilted(40.0)), UPRIGHT), lights=lights, camera=HEAD_ON)
         frame = irrsplat.render(world, (8, 8), bounces=0)
         assert np.abs(frame.direct - wanted).max() < 0.012
-
-
-def test_records_do_not_know_the_map() -> None:
-    """A map of noise changes neither how many records there are nor where they look."""
-    noise = np.random.default_rng(2).integers(64, 192, (32, 32, 3))
-    noise[..., 2] = 255
-    plain = scene(square(Material(), UPRIGHT), sky=1.0, camera=HEAD_ON)
-    rough = scene(square(Material(normal_texture=Texture(image(noise))), UPRIGHT), sky=1.0, camera=HEAD_ON)
-    before, after = gathered(plain), gathered(rough)
-    assert np.array_equal(before.records_position, after.records_position)
-    assert np.array_equal(before.records_irradiance, after.records_irradiance)

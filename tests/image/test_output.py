@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import json
 import os
-import struct
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,9 +14,9 @@ from PIL import Image
 from irrsplat.core.buffers import CHANNELS
 from irrsplat.core.color import srgb
 from irrsplat.core.errors import InputError, IrrsplatError
-from irrsplat.core.files import check_file, write_text
+from irrsplat.core.files import write_text
 from irrsplat.image.frame import BUFFERS, Frame, check_writable
-from irrsplat.image.tonemap import exposure_of, heat, show, tonemap
+from irrsplat.image.tonemap import exposure_of, heat, tonemap
 
 WIDTH, HEIGHT, RECORDS = 7, 5, 3
 FIGURES = {
@@ -33,19 +33,22 @@ FIGURES = {
 def frame() -> Frame:
     """Random buffers, with one pixel that sees nothing, as the contract has them."""
     rng = np.random.default_rng(1)
-    arrays = {
+    arrays: dict[str, Any] = {
         name: rng.random((HEIGHT, WIDTH, 3) if c.components == 3 else (HEIGHT, WIDTH), np.float32) for name, c in CHANNELS.items()
     }
     for name in set(arrays) - {"depth", "emission", "image"}:
         arrays[name][0, 0] = 0.0
     arrays["depth"][0, 0] = np.inf
-    records = {f"records_{name}": rng.random((RECORDS, 3), np.float32) for name in ("position", "normal", "irradiance")}
+    records: dict[str, Any] = {
+        f"records_{name}": rng.random((RECORDS, 3), np.float32) for name in ("position", "normal", "irradiance")
+    }
     figures = {name: rng.random((HEIGHT, WIDTH, 3), np.float32) for name in ("quad", "first_samples", "splat_buffer")}
+    stats: Any = {"records": np.int64(RECORDS), "exposure": 1.5, "converged": True, "lost": np.nan}
     return Frame(
         **arrays,
         **records,
         records_radius=rng.random(RECORDS, np.float32),
-        stats={"records": np.int64(RECORDS), "exposure": 1.5, "converged": True, "lost": float("nan")},
+        stats=stats,
         figures=figures,
     )
 
@@ -148,13 +151,6 @@ def test_unknown_buffers_and_empty_choices(tmp_path: Path) -> None:
         check_writable(tmp_path / "a.exr", ["records_radius"])
 
 
-@pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
-def test_no_permission(tmp_path: Path) -> None:
-    (tmp_path / "locked").mkdir(mode=0o500)
-    with pytest.raises(InputError, match="denied"):
-        check_file(tmp_path / "locked/a.png")
-
-
 @pytest.mark.parametrize("name", ["a.png", "a.exr", "a.npz", "folder"])
 @pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt()])
 def test_a_failed_write_leaves_the_old_file_and_no_part(
@@ -189,12 +185,10 @@ def test_the_filmic_curve() -> None:
     light stay well below white; and the curve never falls."""
     x = np.linspace(0.0, 20.0, 4001)
     y = tonemap(x, 0.0)
-    assert tonemap(np.float32(0.18), 0.0) == pytest.approx(0.4614, abs=2e-3)
+    grey, bright, brightest = tonemap(np.array([0.18, 2.0, np.inf], "f4"), 0.0)
     assert (np.diff(y) >= 0).all()
-    assert tonemap(np.float32(2.0), 0.0) < 0.9
-    assert tonemap(np.float32(np.inf), 0.0) == pytest.approx(1.0)
-    assert float(tonemap(np.float32(0.0), 3.0)) == 0.0
-    assert tonemap(np.float32(0.09), 1.0) == pytest.approx(tonemap(np.float32(0.18), 0.0))
+    assert grey == pytest.approx(0.4614, abs=2e-3) and bright < 0.9 and brightest == pytest.approx(1.0)
+    assert tonemap(np.array([0.0, 0.09], "f4"), 1.0) == pytest.approx([0.0, grey])
 
 
 def test_the_colours_of_scalars() -> None:
@@ -208,15 +202,6 @@ def test_the_colours_of_scalars() -> None:
     assert (heat(np.full((2, 2), np.inf)) == 0).all()
 
 
-def test_every_channel_has_a_way_to_be_shown(frame: Frame) -> None:
-    seen = np.isfinite(frame.depth)
-    for name in CHANNELS:
-        for mask in (seen, np.zeros_like(seen)):
-            picture = show(name, getattr(frame, name), 0.0, mask)
-            assert picture.shape == (HEIGHT, WIDTH, 3)
-            assert ((picture >= 0) & (picture <= 1)).all()
-
-
 def test_exposure_of_sums() -> None:
     """Luminances of 0.09·2^±s need one stop to bring their mean to 0.18, and up to one more the less s is than 0.9 stops."""
     sums = np.zeros((4, 4, 3), np.float32)
@@ -225,10 +210,3 @@ def test_exposure_of_sums() -> None:
         sums[1, 1], sums[2, 2] = 0.09 * 2.0**s, 0.09 * 2.0**-s
         assert exposure_of(sums) == pytest.approx(stops, abs=1e-5)
     assert srgb(np.array(0.5)) == pytest.approx(0.7354, abs=1e-4)  # IEC 61966-2-1
-
-
-def test_a_png_is_a_png(frame: Frame, tmp_path: Path) -> None:
-    frame.save(tmp_path / "UPPER.PNG")
-    head = (tmp_path / "UPPER.PNG").read_bytes()
-    assert head[:8] == b"\x89PNG\r\n\x1a\n"
-    assert struct.unpack(">II", head[16:24]) == (WIDTH, HEIGHT)

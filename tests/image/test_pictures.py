@@ -1,10 +1,9 @@
-"""What pictures carry besides pixels: an EXR camera and settings, a PNG 16 bits, a sheet all buffers; and notebooks show them."""
+"""Pictures with more than pixels: the camera and settings in an EXR, PNGs of 16 bits, sheets of all buffers, and notebooks."""
 
 from __future__ import annotations
 
 import io
-import shutil
-import subprocess
+import zlib
 from pathlib import Path
 
 import numpy as np
@@ -15,11 +14,9 @@ from PIL import Image
 import irrsplat
 from irrsplat.app import cli
 from irrsplat.core.buffers import CHANNELS
-from irrsplat.core.color import linear_from_srgb
 from irrsplat.core.errors import InputError
 from irrsplat.core.files import png_16
-from irrsplat.image.output.contact_sheet import NARROW, _how
-from irrsplat.image.tonemap import heat, heat_scale, viridis
+from irrsplat.image.output.contact_sheet import NARROW
 
 QUICK = ["--gather-size", "8", "--shadow-size", "64", "--bounces", "1", "--size", "40", "30"]
 
@@ -52,13 +49,6 @@ def test_the_camera_in_an_exr_finds_every_pixel(frame: irrsplat.Frame, software:
     assert header["irrsplat:preset"] == "default" and header["software"].startswith("irrsplat ")
 
 
-def test_equal_renders_give_equal_exrs(frame: irrsplat.Frame, tmp_path: Path) -> None:
-    again = irrsplat.render(irrsplat.load("cornell"), (40, 30), gather_size=8, shadow_size=64, bounces=1)
-    for name, one in (("a", frame), ("b", again)):
-        one.save(tmp_path / f"{name}.exr")
-    assert (tmp_path / "a.exr").read_bytes() == (tmp_path / "b.exr").read_bytes()
-
-
 def test_an_exr_has_blenders_names(frame: irrsplat.Frame, tmp_path: Path) -> None:
     """Those that Blender 5 writes and reads: VIEWLAYER.PASS.CHANNEL, with its letters for depth and vectors."""
     frame.save(tmp_path / "a.exr", exr_names="blender")
@@ -74,28 +64,9 @@ def test_an_exr_has_blenders_names(frame: irrsplat.Frame, tmp_path: Path) -> Non
     assert len(found) == 1 + sum(channel.components for channel in CHANNELS.values())
 
 
-def test_openimageio_reads_layers_and_16_bits(frame: irrsplat.Frame, tmp_path: Path) -> None:
-    oiio = pytest.importorskip("OpenImageIO")
-    frame.save(tmp_path / "a.exr")
-    layers = oiio.ImageBuf(str(tmp_path / "a.exr"))
-    names, pixels = list(layers.spec().channelnames), layers.get_pixels(oiio.FLOAT)
-    for i, channel in enumerate("RGB"):
-        np.testing.assert_array_equal(pixels[..., names.index(f"irradiance.{channel}")], frame.irradiance[..., i])
-    np.testing.assert_array_equal(pixels[..., names.index("depth")], frame.depth)
-    assert layers.spec().getattribute("worldToCamera") is not None
-    frame.save(tmp_path / "a.png", png_bits=16)
-    picture = oiio.ImageBuf(str(tmp_path / "a.png"))
-    assert str(picture.spec().format) == "uint16"
-    np.testing.assert_array_equal(picture.get_pixels(oiio.UINT16), np.round(65535.0 * frame.picture))
-
-
-def _works(command: list[str]) -> bool:
-    return subprocess.run(command, capture_output=True, check=False).returncode == 0
-
-
 @pytest.mark.parametrize("channels", [3, 4])
-def test_16_bits_are_read_back_by_another_reader(channels: int) -> None:
-    """ImageMagick's `convert`, where it is there, gives every value; Pillow, which has 8 bits a channel, their upper halves."""
+def test_16_bits_are_read_back(channels: int) -> None:
+    """Pillow, which has 8 bits a channel, reads the upper halves. All 16 bits are sums down the columns (filter "Up")."""
     display = np.random.default_rng(1).random((5, 7, channels))
     display[0, 0], display[0, 1] = 0.0, 1.0
     data = png_16(display)
@@ -103,12 +74,11 @@ def test_16_bits_are_read_back_by_another_reader(channels: int) -> None:
     with Image.open(io.BytesIO(data)) as picture:
         assert picture.size == (7, 5)
         np.testing.assert_array_equal(np.asarray(picture), values >> 8)
-    if shutil.which("convert") is None or not _works(["convert", "--version"]):  # something else may have its name
-        pytest.skip("needs ImageMagick")
-    kind = {3: "rgb", 4: "rgba"}[channels]
-    command = ["convert", "png:-", "-depth", "16", "-endian", "LSB", f"{kind}:-"]
-    read = subprocess.run(command, input=data, capture_output=True, check=True).stdout
-    np.testing.assert_array_equal(np.frombuffer(read, "<u2").reshape(5, 7, channels), values)
+    packed = data[data.index(b"IDAT") + 4 : data.index(b"IEND") - 8]
+    rows = np.frombuffer(zlib.decompress(packed), "u1").reshape(5, -1)
+    assert (rows[:, 0] == 2).all()
+    read = np.cumsum(rows[:, 1:], axis=0, dtype="u1").view(">u2")
+    np.testing.assert_array_equal(read.reshape(5, 7, channels), values)
 
 
 def test_a_sheet_shows_every_buffer(frame: irrsplat.Frame) -> None:
@@ -125,31 +95,15 @@ def test_a_sheet_shows_every_buffer(frame: irrsplat.Frame) -> None:
         frame.contact_sheet(["colour"])
 
 
-def test_a_floor_that_is_off_by_rounding_is_at_0() -> None:
-    position = np.array([[[9e-5, -4.0, 2.0], [5.6, 1e-5, 2.0]]])
-    seen = np.ones((1, 2), bool)
-    assert _how("place", "position", position, seen, 0.0) == "x 0 to 5.6,  y -4 to 0,  z 2 to 2"
-
-
-def test_the_scale_of_heat_is_that_of_its_colours() -> None:
-    values = np.random.default_rng(2).random((20, 20)) ** 8 * 100.0
-    scale = heat_scale(values, np.ones(values.shape, bool))
-    assert scale is not None and scale.offset > 0.0  # a long tail
-    np.testing.assert_allclose(heat(values), viridis(scale.place(values)))
-    for share in (0.0, 0.3, 1.0):
-        assert float(scale.place(np.array(scale.at(share)))) == pytest.approx(share, abs=1e-9)
-
-
 def test_a_notebook_shows_frame_and_view(frame: irrsplat.Frame) -> None:
     shown = frame._repr_png_()
     assert shown is not None and repr(frame).startswith("<Frame 40x30, ")
     with Image.open(io.BytesIO(shown)) as picture:
         np.testing.assert_array_equal(np.asarray(picture), np.round(255.0 * frame.picture))
     with irrsplat.Renderer(irrsplat.load("cornell"), (40, 30), gather_size=8, shadow_size=64, bounces=1) as renderer:
-        view, _ = renderer.frame()
-        with Image.open(io.BytesIO(view._repr_png_())) as picture:
-            light = linear_from_srgb(np.asarray(picture) / 255.0)
-        assert light.shape == (30, 40, 3) and 0.02 < light.mean() < 0.9
+        shown = renderer.frame()[0]._repr_png_()
+    with Image.open(io.BytesIO(shown)) as picture:
+        assert picture.size == (40, 30) and 20 < np.asarray(picture).mean() < 235
 
 
 def test_the_flags_say_how_files_are_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-import moderngl
 import numpy as np
+import pytest
 
 import irrsplat
 from irrsplat.image.frame import Frame
-from tests.support.fine import LUMINANCE, ROUND, SIZE, Bends, Gatherer, load, seen, sites_at
+from tests.support.fine import LUMINANCE, ROUND, SIZE, Bends, load
+
+pytestmark = pytest.mark.long
 
 
 def bend(E: np.ndarray) -> np.ndarray:
@@ -37,11 +39,3 @@ def test_our_circles_are_a_tenth_of_the_papers() -> None:
         share[preset] = rims(frame, fine.pixels[even], truth[even], mean)
     assert share["paper"] > 0.3, f"the paper's circles are there to be seen: {share}"
     assert share["default"] <= share["paper"] / 10.0, share
-
-
-def test_the_kept_truth_is_what_so_many_directions_find(ctx: moderngl.Context) -> None:
-    world = irrsplat.load("cornell")
-    truth = load(Bends, "cornell", world)
-    with Gatherer(ctx, world, "raster", 128) as fine:
-        found = fine(sites_at(seen(ctx, world, SIZE), truth.pixels[:8]))
-    assert np.allclose(found.E, truth.E[0, :8], rtol=1e-3)

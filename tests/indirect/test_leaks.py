@@ -1,4 +1,4 @@
-"""No light where there can be none: through walls, sheets and table tops, under boxes and balls, at any view; no dark rims there.
+"""No light where there can be none: through walls and sheets, under tables and balls, at any view; no dark rims there.
 
 Light that is interpolated comes from records, and a record's reach knows nothing of what stands between it and a pixel. So these
 scenes have records close on both sides of something thin, in one cache for all views: those of the lit side come first.
@@ -16,20 +16,16 @@ from irrsplat.core.buffers import Sites
 from irrsplat.gather.record_frame import eye_positions
 from irrsplat.scene.model import Camera, Scene
 from tests.support.leaky import (
-    DRAPE_SIDE,
     LUMINANCE,
     SIZE,
     WALL,
     Look,
     camera,
-    drape,
-    drape_depth,
     in_the_dark,
     look,
     random_cameras,
     resting,
     rooms,
-    standing,
     table,
     truth,
 )
@@ -51,11 +47,11 @@ DARK = {
 @pytest.mark.parametrize(
     ("how", "wall", "views"),
     [
-        ("raster", WALL, "inside"),
-        ("trace", 0.0, "inside"),
-        ("trace", WALL, "random"),
+        pytest.param("raster", WALL, "inside", marks=pytest.mark.long),
+        pytest.param("trace", 0.0, "inside", marks=pytest.mark.long),
+        pytest.param("trace", WALL, "random", marks=pytest.mark.long),
         ("trace", WALL, "ceiling"),
-        ("raster", 0.0, "end"),
+        pytest.param("raster", 0.0, "end", marks=pytest.mark.long),
     ],
 )
 def test_a_wall_keeps_light_out(ctx: moderngl.Context, how: str, wall: float, views: str) -> None:
@@ -64,7 +60,7 @@ def test_a_wall_keeps_light_out(ctx: moderngl.Context, how: str, wall: float, vi
     "ceiling" and "end": that is taken away, so that both rooms are in view, and nothing above or beyond is seen by either. Shadow
     maps are fine, since light that leaks through a coarse one is direct light, and lights the dark room indeed. A sheet's sides
     are so near to its edges that single pixels there, less than 3 mm from the other side, have some of its light. By rays
-    the sheet is seen in small views: of all tests that was the slowest.
+    the sheet is seen in small views, for speed.
     """
     world = rooms(wall, views if views in ("ceiling", "end") else "")
     size = SMALL if views == "random" or (how, wall) == ("trace", 0.0) else SIZE
@@ -104,44 +100,16 @@ def floor_near(far: Callable[[np.ndarray], np.ndarray], most: float) -> Callable
     return pick
 
 
-def from_box(p: np.ndarray) -> np.ndarray:
-    """Metres along the floor from the foot of the box of `standing`."""
-    return np.hypot(np.maximum(np.abs(p[..., 0]) - 0.4, 0.0), np.maximum(np.abs(p[..., 2]) - 0.3, 0.0))
-
-
-def underside(view: Look) -> np.ndarray:
-    """The pixels of the table top's underside."""
-    return (np.abs(view.seen.position[..., 1] - 0.68) < 1e-3) & (view.seen.normal[..., 1] < -0.5)
-
-
 def beneath(p: np.ndarray) -> np.ndarray:
     """Metres along the floor from the middle of the table, in the metric of its shape."""
     return np.maximum(np.abs(p[..., 0]) / 0.8, np.abs(p[..., 2]) / 0.45)
 
 
 SHAPES: dict[str, tuple[Callable[[], Scene], Sequence[Camera], Callable[[Look], np.ndarray]]] = {
-    "underside of a table": (
-        table,
-        (
-            camera((1.2, 0.25, 1.5), (0, 0.45, 0)),
-            camera((0.5, 0.12, 0.35), (-0.3, 0.6, -0.2)),
-            camera((-0.4, 0.2, 1.9), (0, 0.68, 0)),
-        ),
-        underside,
-    ),
     "floor beneath a table": (
         table,
         (camera((1.2, 0.25, 1.5), (0, 0.45, 0)), camera((1.9, 0.73, 0.3), (-0.5, 0.6, 0)), camera((1.7, 1.9, 1.7), (0, 0.2, 0))),
         floor_near(beneath, 1.1),
-    ),
-    "foot of a box": (  # a fiftieth of the room's four metres around it
-        standing,
-        (
-            camera((1.2, 0.8, 1.4), (0, 0.1, 0)),
-            camera((0.9, 0.15, 0.6), (0.3, 0, 0.2)),
-            camera((-1.6, 0.25, 0.9), (-0.3, 0, 0.3)),
-        ),
-        floor_near(from_box, 0.08),
     ),
     "contact of a ball": (
         resting,
@@ -164,10 +132,8 @@ def against(
 @pytest.mark.parametrize(
     ("name", "how"),
     [
-        ("underside of a table", "raster"),
         ("floor beneath a table", "trace"),
-        ("foot of a box", "raster"),
-        ("contact of a ball", "trace"),
+        pytest.param("contact of a ball", "trace", marks=pytest.mark.long),
     ],
 )
 def test_neither_light_nor_rims_where_things_meet(ctx: moderngl.Context, name: str, how: str) -> None:
@@ -177,38 +143,10 @@ def test_neither_light_nor_rims_where_things_meet(ctx: moderngl.Context, name: s
     none a rim beside it."""
     make, cameras, pick = SHAPES[name]
     world = make()
-    seen = look(ctx, world, cameras, how)
-    found, exact = against(ctx, world, seen, [pick(view) for view in seen], 150)
+    seen = look(ctx, world, cameras, how, SMALL if name == "floor beneath a table" else SIZE)
+    found, exact = against(ctx, world, seen, [pick(view) for view in seen], 100)
     assert len(exact) > 200
     off = (found - exact) / exact.mean()
     wrong = float((np.abs(found - exact) > 0.3 * exact).mean())
     measured = f"bias {off.mean():+.2%}, {wrong:.2%} of the pixels off by 30 %, {off.min():+.0%} to {off.max():+.0%} of the mean"
     assert abs(off.mean()) < 0.02 and wrong <= 0.008 and off.max() < 0.4 and off.min() > -0.5, measured
-
-
-def test_a_drape_keeps_light_out(ctx: moderngl.Context) -> None:
-    """A wavy sheet without thickness hangs in the room's middle: in the half without light E is what is gathered there, next to
-    nothing.
-
-    What is left are pixels at its very foot: a record knows what stands around it by two straight lines, and a fold is curved.
-    """
-    world = drape()
-    lit = (camera((0, 1.5, 1.8), (0, 1, 0)), camera((0.6, 0.4, 0.6), (-0.1, 0.2, 0)))
-    dark = (
-        camera((0, 1.3, -1.7), (0, 1, 0)),
-        camera((0.5, 0.4, -0.4), (-0.1, 0.2, 0)),
-        camera((-1.8, 1.2, -0.25), (1, 0.9, -0.05)),
-    )
-    seen = look(ctx, world, (*lit, *dark), "trace", shadow_size=2048)
-    bright = np.concatenate([v.irradiance[v.seen.mask] for v in seen[:2]]) @ LUMINANCE
-    unlit = []
-    for view in seen:
-        p, n = view.seen.position, view.seen.normal
-        away = p[..., 2] - drape_depth(p[..., 0])
-        unlit.append(view.seen.mask & np.where(np.abs(away) < DRAPE_SIDE, n[..., 2] < 0.0, away < 0.0))
-    E = np.concatenate([v.irradiance[u] for v, u in zip(seen, unlit, strict=True)]) @ LUMINANCE / bright.mean()
-    assert len(E) > 20_000
-    found, exact = against(ctx, world, seen, unlit, 60)
-    assert exact.mean() < 2e-3 * bright.mean(), "there is next to no light"
-    assert abs(found.mean() - exact.mean()) < 2e-3 * bright.mean()
-    assert (E > 0.01).mean() < 1e-3, f"{(E > 0.01).sum()} of {len(E)} pixels have over 1 %, at most {E.max():.0%}"

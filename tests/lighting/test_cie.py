@@ -9,7 +9,6 @@ import pytest
 
 from irrsplat.core.color import LUMINOUS_EFFICACY
 from irrsplat.sky.cie import SUN_DIAMETER, CieKind, CieSky
-from irrsplat.sky.sky_text import sky_of
 from irrsplat.sky.sphere import solid_angles, texel_directions
 from irrsplat.sky.sun_position import sun_position
 from tests.support.skies import irradiance
@@ -38,37 +37,15 @@ def test_the_sun_stands_where_almanacs_have_it(place: tuple[float, float], when:
     assert np.degrees(np.linalg.norm(found - expected)) < 0.1
 
 
-def test_time_zones_count() -> None:
-    sky = "cie clear at 52.5 13.4 {}"
-    same = [sky_of(sky.format(time)) for time in ("2026-06-21T12:00+02:00", "2026-06-21T10:00Z", "2026-06-21T06:00-04:00")]
-    assert len({it.environment.about for it in same if it is not None and it.environment is not None}) == 1
-
-
-@pytest.mark.parametrize("kind", ["uniform", "overcast", "intermediate", "clear"])
-def test_luminance_is_relative_to_the_zenith(kind: CieKind) -> None:
-    """All four formulas are 1 at the zenith, within the four digits that their constants have."""
-    for altitude in (8.0, 35.0, 70.0):
-        assert CieSky(kind, altitude, 200.0).relative(UP) == pytest.approx(1.0, abs=1e-3)
-
-
 def test_published_values() -> None:
-    """Overcast: the horizon has a third of the zenith's luminance. Clear, sun at 40°: the CIE's formula written out, opposite the
-    sun at 30° above the horizon. Zenith luminances as printed in kcd/m²; the sun as gensky has it."""
+    """An overcast horizon has a third of the zenith's luminance; zeniths as printed in kcd/m², the sun as gensky has it."""
     assert CieSky("overcast", 30.0).relative(np.array([1.0, 0.0, 0.0])) == pytest.approx(1.0 / 3.0)
-    z_s, z, gamma = np.radians([50.0, 60.0, 110.0])
-    printed = (
-        (1.0 - np.exp(-0.32 / np.cos(z)))
-        * (0.91 + 10.0 * np.exp(-3.0 * gamma) + 0.45 * np.cos(gamma) ** 2)
-        / ((1.0 - np.exp(-0.32)) * (0.91 + 10.0 * np.exp(-3.0 * z_s) + 0.45 * np.cos(z_s) ** 2))
-    )
-    found = CieSky("clear", 40.0, 180.0).relative(np.array([0.0, 0.5, -np.sqrt(0.75)]))
-    assert found == pytest.approx(printed, rel=1e-3)
     assert CieSky("clear", 45.0, 0.0, turbidity=3.0).zenith_luminance == pytest.approx(1000.0 * (1.376 * 3.0 - 1.81 + 0.38))
     assert CieSky("overcast", 30.0).zenith_luminance == pytest.approx(1000.0 * (0.123 + 8.6 * 0.5))
     assert CieSky("clear", 90.0, 0.0).sun_illuminance == pytest.approx(90_000.0)
 
 
-@pytest.mark.parametrize("altitude", [10.0, 30.0, 45.0, 60.0])
+@pytest.mark.parametrize("altitude", [10.0, 60.0])
 @pytest.mark.parametrize("kind", ["clear", "intermediate"])
 def test_the_sky_s_light_is_what_gensky_reckons_with(kind: CieKind, altitude: float) -> None:
     """The horizontal irradiance over that of a uniform sky of the zenith's luminance, for which gensky has polynomials of the
@@ -113,6 +90,4 @@ def test_the_sun_is_in_the_picture_of_the_sky_and_not_in_its_light() -> None:
     middle = np.einsum("ij,ijk->k", weight, ways)
     assert np.degrees(np.arccos(np.clip(middle @ sun.direction / np.linalg.norm(middle), -1, 1))) < 0.02
     assert np.degrees(np.arccos((ways @ sun.direction)[disc > 0.0].min())) < 0.5 * SUN_DIAMETER + 0.15
-    azimuth = np.degrees(np.arctan2(sun.direction[0], -sun.direction[2])) % 360.0
-    assert azimuth == pytest.approx(250.0) and np.degrees(np.arcsin(sun.direction[1])) == pytest.approx(33.0)
     assert made.light.max() < 0.01 * made.shown.max()

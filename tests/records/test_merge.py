@@ -12,10 +12,9 @@ import pytest
 
 import irrsplat
 from irrsplat import Renderer
-from irrsplat.gpu.target import pixels
 from irrsplat.records import cache_file
 from irrsplat.records.cache_file import CacheState
-from irrsplat.records.merge import _Pairs, _Table, merge, prune
+from irrsplat.records.merge import merge, prune
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings, preset
 from tests.support.truth import SIZE, load_reference
@@ -77,62 +76,6 @@ def test_a_cache_merged_with_itself_is_itself(flights: Flights) -> None:
         assert np.array_equal(done.state.records[name], half.records[name])
     ids = done.state.records["name"]
     assert (np.diff(ids) > 0).all() and done.state.records["clocks"][2] > ids[-1]
-
-
-def test_what_has_nothing_in_common_stays(flights: Flights) -> None:
-    """Each half without the records that the other's are near to: all stay, in order, and none is limited yet."""
-    one, other = flights.halves
-    left = cache_file.selected(one, np.flatnonzero(one.records["position"][:, 0] < 2.0))
-    right = cache_file.selected(other, np.flatnonzero(other.records["position"][:, 0] > 4.5))
-    done = merge([left, right], preset(**MADE))
-    assert done.dropped == 0 and (done.state.records["limit"] == 1.0).all() and done.state.adapted.limited == 0
-    assert np.array_equal(done.state.records["position"][: len(left.records["name"])], left.records["position"])
-
-
-def test_weights_are_those_of_the_splats(flights: Flights, tmp_path: Path) -> None:
-    """The Σw of all records at the places of pixels, by the table and by the splat buffer that the GPU makes of them.
-
-    They bound radii by the distance of the pixel and of each record, which differ by a radius: some hundredths of it."""
-    state, scene = flights.halves[0], irrsplat.load("cornell")
-    settings = preset(**MADE)
-    camera = scene.camera()
-    with Renderer(scene, (SIZE, SIZE), **MADE) as renderer:
-        renderer.scheduler.restore(replace(state, records={**state.records, "limit": np.ones_like(state.records["limit"])}))
-        renderer.change(settings.with_values({"adapt": 0.0, "radius_min": 0.0, "borrow": 0}))
-        view, _ = renderer.frame(camera, gather=False)
-        for _ in range(3):
-            view, _ = renderer.frame(camera, gather=False)
-        weight, position = pixels(view.splats.weight)[..., 0], pixels(view.gbuffer.position)
-        normal = pixels(view.gbuffer.normal)[..., :3]
-        floor = renderer.cache.luminance_floor
-    seen = np.argwhere(position[..., 3] > 0.0)
-    chosen = seen[np.random.default_rng(1).choice(len(seen), 300, replace=False)]
-    places, normals = position[tuple(chosen.T)][:, :3], normal[tuple(chosen.T)]
-    found = said(state, settings.with_values({"radius_min": 0.0}), places, normals, camera, floor)
-    true = weight[tuple(chosen.T)]
-    off = np.abs(found - true) / np.maximum(true, 1e-6)  # where no record reaches, both have nothing
-    assert np.median(off) < 0.0048 and np.quantile(off, 0.9) < 0.05
-
-
-def said(
-    state: CacheState, settings: Settings, places: np.ndarray, normals: np.ndarray, camera: Camera, floor: float
-) -> np.ndarray:
-    """(N,) Σw of all records at places, by a table in which these are records of their own that hold nothing."""
-    records, count = dict(state.records), len(state.records["name"])
-    for name in ("position", "normal"):
-        rows = np.zeros((len(places), 4), "f4")
-        rows[:, :3] = places if name == "position" else normals
-        records[name] = np.concatenate([records[name], rows])
-    for name in ("content", "limit", "screen"):
-        records[name] = np.concatenate([records[name], np.zeros((len(places), *records[name].shape[1:]), "f4")])
-    distance = np.linalg.norm(places - np.asarray(camera.eye), axis=1)
-    records["screen"][count:] = camera.screen * distance
-    records["limit"][:] = 1.0
-    records["dark"] = np.array(floor)
-    table = _Table.of(replace(state, records=records), settings)
-    pairs = _Pairs.among(table)
-    kept = np.arange(len(table)) < count
-    return pairs.sums(kept)[0, count:]
 
 
 def test_pruning_leaves_what_is_of_use(flights: Flights, tmp_path: Path) -> None:

@@ -11,10 +11,11 @@ import argparse
 import time
 from typing import Any
 
+import mitsuba as mi
 import numpy as np
 
 from irrsplat.core.errors import IrrsplatError
-from irrsplat.reference.path_tracer import Tracer, choose_variant, image, look, mi
+from irrsplat.reference.path_tracer import Tracer, choose_variant, image, look
 from irrsplat.reference.trace_view import direct_light, distance_to, valid_pixels
 from irrsplat.reference.truth import MOST_BOUNCES
 from irrsplat.scene import load

@@ -42,9 +42,6 @@ def color(texture: Texture, u: float, v: float, linear: bool = False) -> np.ndar
     return np.array([channel[0] for channel in table.color_at(np.array([1]), uvs, linear)])
 
 
-# ---- textures ------------------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize(
     ("wrap", "order"), [("repeat", [2, 0, 1, 2, 0, 1]), ("mirror", [0, 0, 1, 2, 2, 1]), ("clamp", [0, 0, 1, 2, 2, 2])]
 )
@@ -103,9 +100,6 @@ def test_albedo_and_emission_are_factor_times_texture_times_vertex_colour() -> N
                 assert found.emission[at][0] == pytest.approx(2.0 * decoded[row, column], rel=1e-5)
 
 
-# ---- normal maps ---------------------------------------------------------------------------------------------------------
-
-
 TILT = np.array([200, 160, 220]) / 255.0 * 2.0 - 1.0
 
 
@@ -147,14 +141,6 @@ def test_no_normal_is_bent_below_its_surface() -> None:
         assert np.allclose(found.normal[1, 1], (1.0, 0.0, 0.0), atol=0.01) and np.allclose(found.smooth[1, 1], lean[0], atol=1e-6)
 
 
-def test_without_coordinates_a_normal_map_bends_nothing() -> None:
-    found = cast(scene(floor(1.0, paint=Material(normal_texture=Texture(image(200, 160, 220))))), ABOVE, (3, 3))
-    assert np.array_equal(found.normal[1, 1], (0.0, 1.0, 0.0))
-
-
-# ---- what a camera sees --------------------------------------------------------------------------------------------------
-
-
 def test_what_is_cut_out_shows_what_is_behind() -> None:
     """The left half of the upper sheet has an alpha of 0.4, the right half of 0.6, and the cutoff is a half."""
     sheet = Texture(image(255, alpha=[[102, 153]]), nearest=True)
@@ -187,13 +173,6 @@ def test_filters_tint_what_is_behind_them(paint: Material, tint: Any) -> None:
     assert np.allclose(found.opacity, 1.0 if tint is None else opacity)
     assert np.allclose(found.tint, 1.0 if tint is None else tint**2)
     assert np.allclose(found.position[..., 1], 1.5 if tint is None else 0.0)
-
-
-def test_vertices_and_texture_make_opacity_together() -> None:
-    paint = Material((0.0, 0.0, 0.0), albedo_texture=Texture(image(255, alpha=128)), alpha_mode="blend", opacity=0.9)
-    pane = replace(worn(floor(1.0, 1.0, paint)), opacities=np.full(4, 0.6, "f4"))
-    found = cast(scene(pane, floor(1.0)), ABOVE, (3, 3))
-    assert np.allclose(found.opacity, 0.6 * 128 / 255) and np.allclose(found.tint, 1.0 - 0.6 * 128 / 255)
 
 
 def test_what_is_single_sided_is_not_seen_from_behind() -> None:
@@ -241,9 +220,6 @@ def test_triangles_that_reach_behind_the_eye_are_seen() -> None:
     assert np.allclose(found.position[0, :, 1], 2.0) and not found.seen[9].any()
 
 
-# ---- emitters ------------------------------------------------------------------------------------------------------------
-
-
 def test_emitters_are_chosen_by_power() -> None:
     lit = worn(quad((0, 1, 0), (1, 0, 0), (0, 0, 1), Material(emission=(1.0, 2.0, 3.0))))
     map_ = Texture(image([[0, 255]], 0, 0), nearest=True)
@@ -258,63 +234,5 @@ def test_emitters_are_chosen_by_power() -> None:
     assert Emitters.of(Surfaces.of(scene(floor(9.0), gone))) is None  # light does not see it
 
 
-def test_near_emitters_are_in_a_group_of_their_own() -> None:
-    """Sixty lamps in two rows: groups of neighbours. What is below the horizon is not chosen; what is near, most often."""
-    glow = Material(emission=(1.0, 1.0, 1.0))
-    lamps = [quad((x, 1.0, z), (0.1, 0, 0), (0, 0, 0.1), glow) for x in range(30) for z in (0, 9)]
-    lights = Emitters.of(Surfaces.of(scene(floor(30.0), *lamps)))
-    assert lights is not None and len(lights.power) == 32 and (np.diff(lights.group) >= 0).all() and len(lights.face) == 120
-    assert np.allclose(np.bincount(lights.group, lights.share), 1.0) and lights.radius.max() < 1.2
-    p, up = np.array([[4.0, 0.9, 0.0], [4.0, 1.2, 0.0]]), np.array([[0.0, 1.0, 0.0]] * 2)
-    weights = lights.weights(p, up)
-    assert np.linalg.norm(lights.centre[weights[0].argmax()] - p[0]) < 1.2
-    assert (weights[1][lights.radius < 0.15] == 0.0).all() and (lights.weights(p, -up)[1] > 0.0).all()
-
-
 def test_where_everything_shines_nothing_is_sampled() -> None:
     assert Emitters.of(Surfaces.of(irrsplat.load("furnace"))) is None
-
-
-def test_points_on_emitters_and_rays_that_find_them_join_to_lamberts_formula() -> None:
-    """E of two panels above a point: samples of both kinds, each weighted by the balance heuristic, add up to the formula."""
-    glow = [Material(emission=(radiance,) * 3) for radiance in (1.0, 5.0)]
-    panels = [
-        quad((-0.5, 0.3, -0.2), (0, 0, 0.6), (0.8, 0, 0), glow[0]),
-        quad((0.9, 0.6, 0.1), (0, 0, 0.1), (0.1, 0, 0), glow[1]),
-    ]
-    surfaces = Surfaces.of(scene(floor(3.0), *panels))
-    lights = Emitters.of(surfaces)
-    assert lights is not None
-    p, n = np.zeros(3), np.array([0.0, 1.0, 0.0])
-    expected = sum(m.emission[0] * polygon_vector(q.positions.astype(float), p) @ n for m, q in zip(glow, panels, strict=True))
-    random, count = np.random.default_rng(5), 100_000
-    density, weights = np.zeros(len(surfaces.faces)), lights.weights(p[None], n[None])[0]
-    probability = (weights / weights.sum())[lights.group] * lights.share
-    density[lights.face] = probability / lights.area
-
-    def weighted(face: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-        points = surfaces.at(face, u, v)
-        r = np.linalg.norm(points.position - p, axis=1)
-        w = (points.position - p) / r[:, None]
-        p_ray = (w @ n) * np.abs((w * points.front).sum(1)) / (np.pi * r**2)
-        L, p_light = points.emission[:, 0], density[face]
-        return L * np.pi * p_ray / (p_ray + p_light)  # over the density, times the weight: the same for both
-
-    chosen = random.choice(lights.face, count, p=probability)
-    root, y = np.sqrt(random.random(count)), random.random(count)
-    by_light = weighted(chosen, root * (1.0 - y), root * y).mean()
-
-    a, b = random.random((2, count))
-    d = np.stack([np.sqrt(a) * np.cos(2 * np.pi * b), np.sqrt(1.0 - a), np.sqrt(a) * np.sin(2 * np.pi * b)], axis=1)
-    by_ray = 0.0
-    for panel in range(2):  # where the rays meet the panels' planes; neither hides the other
-        corner, u_, v_ = (panels[panel].positions[k].astype(float) for k in (0, 1, 3))
-        q = d * (corner[1] / d[:, 1])[:, None] - corner
-        s, t = (q @ (e - corner) / ((e - corner) ** 2).sum() for e in (u_, v_))
-        hit = (s >= 0) & (s <= 1) & (t >= 0) & (t <= 1)
-        s, t = s[hit], t[hit]
-        # the triangles of a quad are (c, c + u, c + u + v) and (c, c + u + v, c + v)
-        face = np.where(s > t, 2 + 2 * panel, 3 + 2 * panel)
-        by_ray += weighted(face, np.where(s > t, s - t, s), np.where(s > t, t, t - s)).sum() / count
-    assert by_light + by_ray == pytest.approx(expected, rel=0.01)
-    assert 0.1 * expected < by_ray < 0.9 * expected

@@ -15,11 +15,9 @@ import pytest
 from irrsplat import InputError, Renderer
 from irrsplat.core import paths
 from irrsplat.gpu import shader_source
-from irrsplat.gpu.target import pixels
-from irrsplat.image.view import Progress, View
-from irrsplat.renderer import frames
+from irrsplat.image.view import Progress
 from irrsplat.scene.model import Camera, Light
-from irrsplat.settings import SETTINGS
+from irrsplat.settings import SETTINGS, preset
 from tests.renderer.test_renderer import FAST, FRONT, SIZE, room
 from tests.support.worlds import lamp
 
@@ -27,9 +25,9 @@ TICK = 1e-4  # seconds: no tick gathers more than it must
 
 
 @pytest.fixture
-def renderer() -> Iterator[Renderer]:
+def renderer(ctx: moderngl.Context) -> Iterator[Renderer]:
     """A renderer of `room` that has served FRONT whole."""
-    with Renderer(room(), SIZE, **FAST) as made:
+    with Renderer(room(), SIZE, ctx=ctx, **FAST) as made:
         made.render()
         yield made
 
@@ -45,29 +43,22 @@ def ticks(renderer: Renderer, seconds: float | None = None, camera: Camera | Non
 # ---- a tick's time ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("preset", [{"spread": 0.3}, {"preset": "paper", "warmup": 60, "a": 0.3}])
-def test_small_ticks_come_to_what_whole_rounds_come_to(preset: dict[str, Any]) -> None:
-    """The sites of a round are chosen at its begin: in however many ticks they are gathered, the records lie at the same places.
-
-    (The paper's traversal looks at the weights again each time, CPU's and GPU's differ by rounding: there nearly all do.)
-    """
-    with Renderer(room(), SIZE, **{**FAST, **preset}) as small, Renderer(room(), SIZE, **{**FAST, **preset}) as whole:
+def test_small_ticks_come_to_what_whole_rounds_come_to() -> None:
+    """A round chooses its sites at its begin: in however many ticks they are gathered, the records lie at the same places."""
+    settings = {**FAST, "spread": 0.3}
+    with Renderer(room(), SIZE, **settings) as small, Renderer(room(), SIZE, ctx=small.ctx, **settings) as whole:
         told, other = ticks(small, TICK), ticks(whole)
         assert len(told) > 3 * len(other), "the ticks were small"
         assert told[-1].coverage == 1.0 and all(p.new >= 1 for p in told[:5])
         one, two = small.cache.read(), whole.cache.read()
-    if "preset" not in preset:
-        ended = [{p.round for p in some if p.new == 0 and p.complete} for some in (told, other)]
-        assert ended[0] == ended[1] != set(), "a round is whole when all is gathered"
-        # batches of other sizes round otherwise, by which in the last rounds a pixel may ask that else would not
-        count = int(0.9 * len(two["position"]))
-        assert abs(len(one["position"]) - len(two["position"])) <= 2
-        assert np.array_equal(one["position"][:count], two["position"][:count])
-        light, other_light = (records["irradiance"][:count] for records in (one, two))
-        assert np.allclose(light, other_light, rtol=0.02, atol=1e-3 * other_light.mean())
-    else:
-        assert abs(len(one["radius"]) - len(two["radius"])) <= 0.02 * len(two["radius"])
-        assert np.array_equal(one["position"][:60], two["position"][:60]), "the warm-up goes on where it stopped"
+    ended = [{p.round for p in some if p.new == 0 and p.complete} for some in (told, other)]
+    assert ended[0] == ended[1] != set(), "a round is whole when all is gathered"
+    # batches of other sizes round otherwise, so that in the last rounds another pixel may request a record
+    count = int(0.9 * len(two["position"]))
+    assert abs(len(one["position"]) - len(two["position"])) <= 2
+    assert np.array_equal(one["position"][:count], two["position"][:count])
+    light, other_light = (records["irradiance"][:count] for records in (one, two))
+    assert np.allclose(light, other_light, rtol=0.02, atol=1e-3 * other_light.mean())
 
 
 def test_at_rest_nothing_is_drawn(renderer: Renderer) -> None:
@@ -85,7 +76,7 @@ def test_a_frozen_cache_stays_as_it_is(renderer: Renderer) -> None:
     assert ticks(renderer, camera=away)[-1].coverage == 1.0 and renderer.cache.count > count
 
 
-def test_a_view_that_cannot_be_served_ends(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_view_that_cannot_be_served_ends() -> None:
     """Rounds that gain nothing are given up, in ticks as in whole renders, and another camera starts anew."""
     with Renderer(room(), SIZE, **FAST, tolerance=1e6) as renderer:  # Σw never comes to that
         told = ticks(renderer, most=60)
@@ -95,101 +86,52 @@ def test_a_view_that_cannot_be_served_ends(monkeypatch: pytest.MonkeyPatch) -> N
         assert renderer.frame(replace(FRONT, fov=50.0))[1].new > 0
 
 
-def test_pictures_that_take_long_come_less_often(monkeypatch: pytest.MonkeyPatch) -> None:
-    """While only records change, ticks gather and keep the last picture; a new one comes at once for other lights, and when
-    nothing is left to gather."""
-    monkeypatch.setattr(frames, "_OLDEST_PICTURE", 1e9)  # seconds
-
-    def tick(made: Renderer) -> tuple[View, Progress]:
-        made._frames.state = replace(made._state, costs=replace(made._state.costs, picture=1e3))  # seconds that a picture takes
-        return made.frame(seconds=TICK)
-
-    with Renderer(room(), SIZE, **FAST) as made:
-        first, _ = made.frame(seconds=TICK)
-        second, progress = tick(made)
-        assert second is first and progress.new > 0 and not made.timers.milliseconds().keys() & {"composite", "direct"}
-        made.relight([lamp((-0.5, 0.2, 0.5), 5.0)])
-        relit, _ = tick(made)
-        assert relit is not first
-        while not progress.still:
-            last, progress = tick(made)
-            assert last is relit or progress.still or progress.fading
-        shown = pixels(last.image).copy()
-        made.forget(records=False)
-        assert np.array_equal(shown, pixels(made.frame(gather=False)[0].image)) and progress.done
-
-
 # ---- settings ---------------------------------------------------------------------------------------------------------
 
-ALL = {"shadow", "gbuffer", "splat", "examine", "gather", "reduce", "direct", "composite"}
 SPLAT = {"splat", "examine", "composite"}
 RENEW = SPLAT | {"gather", "reduce"}
-# a setting, another value of it, and the stages that then draw again (gathering anew: the records that the change asks for)
-CHANGES: list[tuple[str, Any, set[str]]] = [
-    ("shadow_size", 128, RENEW | {"shadow", "direct"}),
-    ("seed", 5, RENEW),
-    ("ray_noise", 2.0, RENEW),
-    ("light_samples", 16, RENEW),
-    ("bounces", 0, {"splat", "composite"}),
-    ("bounces", 2, RENEW | {"surface"}),
-    ("gather", "plane", RENEW),
-    ("gather_size", 16, RENEW),
-    ("gradients", False, RENEW),  # without R <= E/|∇E| other radii: not SPLAT alone where pixels then ask
-    ("second_order", False, SPLAT),
-    ("radius", "harmonic", SPLAT),
-    ("a", 0.8, SPLAT),
-    ("adapt", 0.1, SPLAT),
-    ("kernel", "cut", SPLAT),
-    ("in_front", False, SPLAT),
-    ("walls", False, SPLAT),
-    ("neighbours", True, SPLAT),
-    ("radius_min", 2.0, SPLAT),
-    ("radius_max", 10.0, SPLAT),
-    ("coarse", False, SPLAT),
-    ("tolerance", 0.5, {"examine"}),
-    ("spread", 0.9, {"examine"}),
-    ("borrow", 8, {"examine", "splat", "composite"}),  # records are held against each other again where fewer are wanted
-    ("placement", "scan", SPLAT | {"gather", "gbuffer"}),  # the paper reads the g-buffer back
-    ("warmup", 10, RENEW),
-    ("max_rounds", 5, set()),
-    ("max_records", 5000, {"examine"}),  # a view that needed more may ask again
-    ("blend", 0.9, {"composite"}),
-    ("pixel_light_samples", 4, RENEW),
-    ("smooth", True, {"composite"}),
-    ("fill_holes", False, set()),  # the view is whole
-    ("fade", False, set()),  # frames without limit never do
-    ("backdrop", "white", {"composite"}),
-    ("texture_memory", 64, SPLAT | {"gbuffer", "direct"}),
-    ("exposure", 2.0, set()),
-    ("samples", 4, set()),
-    ("budget", 20.0, set()),
-    ("viewer_samples", 5, set()),
-    ("quality", 1.0, set()),
-    ("viewer_quality", 1.0, set()),
+# what is drawn at least, what may be drawn besides, and the settings with another value that lead to it
+CHANGES: list[tuple[set[str], set[str], dict[str, Any]]] = [
+    (set(), set(), {"max_rounds": 5, "fill_holes": False, "fade": False, "exposure": 2.0, "samples": 4, "budget": 20.0}),
+    (set(), set(), {"viewer_samples": 5, "quality": 1.0, "viewer_quality": 1.0}),
+    ({"composite"}, set(), {"blend": 0.9, "smooth": True, "backdrop": "white"}),
+    ({"examine"}, set(), {"tolerance": 0.5, "spread": 0.9, "max_records": 5000}),  # a view may request records again
+    ({"examine", "splat", "composite"}, set(), {"borrow": 8}),
+    (SPLAT, RENEW, {"second_order": False, "radius": "harmonic", "a": 0.8, "adapt": 0.1, "kernel": "cut", "in_front": False}),
+    (SPLAT, RENEW, {"walls": False, "neighbours": True, "radius_min": 2.0, "radius_max": 10.0, "coarse": False}),
+    (SPLAT, RENEW, {"gradients": False}),  # the radii may leave no pixel uncovered
+    (SPLAT | {"gbuffer", "direct"}, set(), {"texture_memory": 64}),
+    (RENEW, set(), {"seed": 5, "ray_noise": 2.0, "light_samples": 16, "gather": "plane", "gather_size": 16, "warmup": 10}),
+    (RENEW, set(), {"pixel_light_samples": 4}),
+    (RENEW | {"shadow", "direct"}, set(), {"shadow_size": 128}),
+    (RENEW | {"surface"}, set(), {"bounces": 2}),
 ]
 
 
-def test_every_setting_has_its_line_below() -> None:
-    assert {name for name, *_ in CHANGES} == set(SETTINGS)
+@pytest.mark.few_sites
+def test_a_setting_invalidates_exactly_what_depends_on_it(renderer: Renderer) -> None:
+    """The stages that draw after a change are those that read the setting; the others keep their results."""
+    for least, besides, values in CHANGES:
+        for name, value in values.items():
+            ticks(renderer)
+            before, old = renderer.frame()[0], getattr(renderer.settings, name)
+            renderer.change(replace(renderer.settings, **{name: value}))
+            drawn: set[str] = set()
+            for _ in range(6):
+                view, progress = renderer.frame()
+                drawn |= set(renderer.timers.milliseconds()) - {"adapt"}  # every new record leads to it
+            assert least <= drawn <= least | besides, name
+            assert (view.gbuffer is before.gbuffer) == ("gbuffer" not in drawn), name
+            assert not progress.stale, name
+            renderer.change(replace(renderer.settings, **{name: old}))
 
 
-@pytest.mark.parametrize(("name", "value", "stages"), CHANGES)
-def test_a_setting_invalidates_exactly_what_depends_on_it(renderer: Renderer, name: str, value: Any, stages: set[str]) -> None:
-    ticks(renderer)
-    before = renderer.frame()[0]
-    renderer.change(replace(renderer.settings, **{name: value}))
-    drawn: set[str] = set()
-    for _ in range(6):
-        view, progress = renderer.frame()
-        drawn |= set(renderer.timers.milliseconds()) - {"adapt"}  # which comes with every new record
-    assert drawn >= stages - {"gather", "reduce"} and drawn <= (stages if stages != SPLAT else RENEW)
-    assert (view.gbuffer is before.gbuffer) == ("gbuffer" not in stages or name == "placement")
-    if name != "gradients":
-        assert drawn >= stages & {"gather", "reduce"}
-    assert not progress.stale
+def test_every_setting_is_among_them() -> None:
+    """The next tests are about `bounces` = 0 and about the placement."""
+    assert {"bounces", "placement"}.union(*(values for _, _, values in CHANGES)) == set(SETTINGS)
 
 
-@pytest.mark.parametrize(("name", "value"), [("gather_size", 16), ("shadow_size", 128), ("gather", "plane"), ("gather", "trace")])
+@pytest.mark.parametrize(("name", "value"), [("shadow_size", 128), ("gather", "plane")])
 def test_changed_settings_come_to_the_records_of_a_fresh_renderer(renderer: Renderer, name: str, value: Any) -> None:
     """Records that were there are gathered again where they are, as a renderer that began with these settings would."""
     count = renderer.cache.count
@@ -205,19 +147,21 @@ def test_changed_settings_come_to_the_records_of_a_fresh_renderer(renderer: Rend
     assert np.allclose(again["irradiance"][:count], before["irradiance"], rtol=0.02, atol=1e-3 * before["irradiance"].mean())
 
 
-def test_paper_and_default_by_one_change(renderer: Renderer) -> None:
+def test_paper_and_default_by_one_change(ctx: moderngl.Context) -> None:
     """The presets place their records differently: each begins with none, and comes to what it comes to alone."""
-    from irrsplat.settings import preset
-
-    paper = preset("paper", **FAST, warmup=50)
-    renderer.change(paper, "paper")
-    ticks(renderer)
-    with Renderer(room(), SIZE, "paper", **FAST, warmup=50) as fresh:
+    paper, size = preset("paper", **FAST, warmup=20), (24, 20)
+    with (
+        Renderer(room(), size, ctx=ctx, **FAST) as renderer,
+        Renderer(room(), size, "paper", ctx=ctx, **FAST, warmup=20) as fresh,
+    ):
+        renderer.render()
+        renderer.change(paper, "paper")
+        ticks(renderer)
         ticks(fresh)
         one, two = renderer.cache.read(), fresh.cache.read()
-    assert np.array_equal(one["position"], two["position"]) and np.array_equal(one["irradiance"], two["irradiance"])
-    renderer.change(preset("default", **FAST), "default")
-    assert ticks(renderer)[-1].coverage == 1.0 and renderer.render().stats["preset"] == "default"
+        assert np.array_equal(one["position"], two["position"]) and np.array_equal(one["irradiance"], two["irradiance"])
+        renderer.change(preset("default", **FAST), "default")
+        assert ticks(renderer)[-1].coverage == 1.0 and renderer.render().stats["preset"] == "default"
 
 
 # ---- lights -----------------------------------------------------------------------------------------------------------
@@ -228,39 +172,13 @@ def dimmed(light: Light, by: float) -> Light:
     return replace(light, color=(red * by, green * by, blue * by))
 
 
-def test_a_dimmed_light_is_the_same_picture_darker(renderer: Renderer) -> None:
-    """Light is linear: half the lamp, half of E in every record and of the image, but for what emits by itself."""
-    world = room()
-    plain = replace(world, meshes=tuple(replace(m, material=replace(m.material, emission=(0, 0, 0))) for m in world.meshes))
-    with Renderer(plain, SIZE, **FAST) as renderer:
-        frame = renderer.render()
-        renderer.relight([dimmed(plain.lights[0], 0.5)])
-        told = ticks(renderer, TICK)
-        assert not told[0].stale and told[-1].records == frame.stats["records"]
-        half = renderer.render()
-    assert half.stats["records"] == frame.stats["records"]
-    assert np.allclose(half.records_irradiance, 0.5 * frame.records_irradiance, rtol=0.01, atol=1e-4 * frame.irradiance.mean())
-    assert np.allclose(half.image, 0.5 * frame.image, rtol=0.02, atol=1e-3 * frame.image.mean())
-
-
-def test_a_moved_light_is_a_fresh_render_s(renderer: Renderer) -> None:
-    moved = [lamp((-0.5, 0.2, 0.5), 5.0)]
-    renderer.relight(moved)
-    frame = renderer.render()
-    with Renderer(replace(room(), lights=tuple(moved)), SIZE, **FAST) as other:
-        fresh = other.render()
-    assert np.allclose(frame.direct, fresh.direct)
-    assert np.sqrt(np.mean((frame.irradiance - fresh.irradiance) ** 2)) < 0.1 * fresh.irradiance.mean()
-    assert frame.irradiance.mean() == pytest.approx(fresh.irradiance.mean(), rel=0.03)
-
-
 def test_lights_of_another_kind_and_number(renderer: Renderer) -> None:
     """Their shaders are compiled for the kinds that there are: a directional light and a lamp in place of one lamp, then none."""
     sun = Light((0.2, 1.0, 0.4), (1.0, 1.0, 1.0), directional=True)
     for lights in ([sun, *room().lights], []):
         renderer.relight(lights)
         frame = renderer.render()
-        with Renderer(replace(room(), lights=tuple(lights)), SIZE, **FAST) as other:
+        with Renderer(replace(room(), lights=tuple(lights)), SIZE, ctx=renderer.ctx, **FAST) as other:
             assert np.allclose(frame.direct, other.render().direct)
     assert frame.irradiance.mean() < 0.1, "what glows is left"
     with pytest.raises(InputError, match="lights"):
@@ -277,7 +195,7 @@ def test_another_size_keeps_the_records(renderer: Renderer) -> None:
     assert renderer.cache.count == count
     frame = renderer.render()
     assert frame.image.shape == (80, 96, 3) and frame.stats["converged"] and frame.stats["records"] < 2 * count
-    with Renderer(room(), (96, 80), **FAST) as other:
+    with Renderer(room(), (96, 80), ctx=renderer.ctx, **FAST) as other:
         assert np.array_equal(frame.position, other.render().position)
     for wrong in ((0, 4), (10**6, 10**6)):
         with pytest.raises(InputError):
@@ -308,6 +226,7 @@ def test_shaders_are_read_again(renderer: Renderer, tmp_path: Path, monkeypatch:
     assert np.allclose(renderer.render().image, before, rtol=0.01)
 
 
+@pytest.mark.few_sites
 def test_nothing_is_left_on_the_gpu(ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every object that a renderer with a given context made is gone after its release, whatever changed meanwhile."""
     made: list[Any] = []
@@ -350,11 +269,3 @@ def test_too_many_shadow_tiles_are_refused_before_anything_changes(renderer: Ren
     with pytest.raises(InputError, match="lights"):
         renderer.relight(many * 1000)
     assert len(renderer.scene.lights) == len(many)
-
-
-def test_a_frozen_view_is_looked_at_once(renderer: Renderer) -> None:
-    away = Camera((0.0, 0.0, 0.95), (0.9, -0.1, 0.4), fov=60.0)
-    first = renderer.frame(away, gather=False)[1]
-    assert "examine" in renderer.timers.milliseconds()
-    again = renderer.frame(away, gather=False)[1]
-    assert renderer.timers.milliseconds() == {} and again == first

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, get_args
@@ -17,8 +15,7 @@ import irrsplat
 from irrsplat import Renderer
 from irrsplat.app import cli
 from irrsplat.core import files
-from irrsplat.core.errors import GLError, InputError
-from irrsplat.gpu.target import Target
+from irrsplat.core.errors import InputError
 from irrsplat.image import frame as output
 from irrsplat.image.backdrop import BackdropKind
 from irrsplat.image.frame import RECORDS, Frame
@@ -38,9 +35,9 @@ def sparing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(gl_limits, "LARGE", 0)
 
 
-@pytest.mark.parametrize("settings", [{}, {"bounces": "all"}, {"max_rounds": 1}, {"bounces": "all", "max_rounds": 1}], ids=str)
-def test_a_picture_alone_has_the_same_records_and_bytes(sparing: None, settings: dict[str, Any]) -> None:
-    kind = {**CHEAP, **settings}
+@pytest.mark.few_sites
+def test_a_picture_alone_has_the_same_records_and_bytes(sparing: None) -> None:
+    kind = {**CHEAP, "bounces": "all"}
     with Renderer(room(sky=0.5), SIZE, **kind) as renderer:
         alone = renderer.render(buffers=ALONE)
         again = renderer.render()  # with all that was freed
@@ -51,9 +48,8 @@ def test_a_picture_alone_has_the_same_records_and_bytes(sparing: None, settings:
         assert getattr(alone, name).tobytes() == getattr(whole, name).tobytes(), name
     assert alone.depth.shape == (0, 0) and alone.normal.shape == (0, 0, 3)
     assert alone.stats["records"] == whole.stats["records"] and alone.exposure == whole.exposure
-    if "max_rounds" not in settings:
-        assert again.stats["records"] == whole.stats["records"]
-        assert np.allclose(again.irradiance, whole.irradiance, rtol=1e-4, atol=1e-5)
+    assert again.stats["records"] == whole.stats["records"]
+    assert np.allclose(again.irradiance, whole.irradiance, rtol=1e-4, atol=1e-5)
 
 
 @pytest.fixture
@@ -81,10 +77,10 @@ def peak(monkeypatch: pytest.MonkeyPatch) -> Callable[[], float]:
     return lambda: most[0] / (SIZE[0] * SIZE[1])
 
 
-@pytest.mark.parametrize("alone", [True, False], ids=("picture", "all buffers"))
+@pytest.mark.few_sites
 @pytest.mark.parametrize(
-    "settings",
-    [{}, {"bounces": "all", "max_rounds": 1}, {"samples": 2}, {"smooth": True}, {"quality": 20.0}, {"pixel_light_samples": 1}],
+    ("settings", "alone"),
+    [({}, True), ({"bounces": "all", "max_rounds": 1}, False), ({"samples": 2}, True)],
     ids=str,
 )
 def test_what_a_view_needs_is_known_beforehand(
@@ -119,28 +115,9 @@ def test_what_does_not_fit_is_refused_before_anything_is_made(
         assert renderer.render().image.shape == (8, 8, 3), "it goes on as before"
 
 
-def test_what_is_free_counts_the_limits_of_the_process() -> None:
-    free = memory.available()
-    if free is None:
-        pytest.skip("not known here")
-    assert 10**7 < free < 10**14
-    command = "import resource; from irrsplat.lighting import memory; print(memory.available())"
-    limited = f"import resource; resource.setrlimit(resource.RLIMIT_AS, (10**9, 10**9)); {command}"
-    done = subprocess.run([sys.executable, "-c", limited], capture_output=True, text=True, check=True, timeout=60)
-    assert 0 < int(done.stdout) < 10**9
-
-
-def test_a_driver_without_memory_ends_in_one_line(
-    ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+def test_the_end_of_memory_ends_in_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    def full(*_: object, **__: object) -> None:
-        raise moderngl.Error("the framebuffer is not complete (UNSUPPORTED)")
-
-    monkeypatch.setattr(moderngl.Context, "framebuffer", full)
-    with pytest.raises(GLError, match=r"takes no 3x2 pixels \(the framebuffer is not complete .* take a smaller size"):
-        Target(ctx, (3, 2), (4,))
-    monkeypatch.undo()
-
     def none(*_: object, **__: object) -> None:
         raise MemoryError
 
@@ -150,7 +127,7 @@ def test_a_driver_without_memory_ends_in_one_line(
     assert err.startswith("irrsplat: out of memory; take a smaller --size") and err.count("\n") == 1
 
 
-@pytest.mark.parametrize("kind", get_args(BackdropKind))
+@pytest.mark.parametrize("kind", ["sky", get_args(BackdropKind)[-1]])
 def test_a_picture_written_in_strips_is_the_whole_one(kind: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(output, "_ROWS", 7)
     made: Frame = irrsplat.render(room(), (20, 24), **CHEAP, backdrop=kind)

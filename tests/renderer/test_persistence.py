@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 import pytest
@@ -31,15 +30,8 @@ def same(one: Frame, other: Frame, names: tuple[str, ...] = tuple(CHANNELS)) -> 
 # ---- the same again ---------------------------------------------------------------------------------------------------
 
 
-def test_the_same_camera_again_gathers_nothing(renderer: Renderer) -> None:
-    one, again = renderer.render(), renderer.render()
-    assert one.stats["records"] == again.stats["records"] and again.stats["rounds"] == 1
-    assert same(one, again)
-
-
-@pytest.mark.parametrize("settings", [{}, {"preset": "paper", "warmup": 100}, {"smooth": True, "seed": 3}])
-def test_fresh_renderers_agree_bit_for_bit(settings: dict[str, Any]) -> None:
-    one, other = rendered(room(), **settings), rendered(room(), **settings)
+def test_fresh_renderers_agree_bit_for_bit() -> None:
+    one, other = rendered(room(), seed=3), rendered(room(), seed=3)
     assert same(one, other)
     for name in ("position", "normal", "irradiance", "radius"):
         assert np.array_equal(getattr(one, f"records_{name}"), getattr(other, f"records_{name}"))
@@ -73,19 +65,6 @@ def turned(camera: Camera, degrees: float) -> Camera:
     return Camera(camera.eye, tuple(np.asarray(camera.eye) + forward), tuple(up), camera.fov)
 
 
-@pytest.mark.parametrize("degrees", [0.2, 1.0, 5.0])
-def test_turning_the_camera_gathers_few(degrees: float) -> None:
-    """Of 60° of view 5° are new, 8 %: fewer than a quarter of the records, and every pixel is served all the same.
-
-    Those at the old border are asked about again, since new ones beside them may say otherwise.
-    """
-    with Renderer(room(), (100, 100), **FAST) as fresh:
-        first = fresh.render().stats["records"]
-        frame = fresh.render(turned(FRONT, degrees))
-    assert frame.stats["records"] - first < (0.25 if degrees == 5.0 else 0.1) * first
-    assert frame.stats["converged"] and unserved(frame) == 0
-
-
 def test_incremental_splats_are_one_full_splat_bit_for_bit() -> None:
     """What the rounds added up one after the other is what one draw of all records gives: a picture depends on records alone."""
     with Renderer(room(), SIZE, **FAST) as fresh:
@@ -99,19 +78,6 @@ def test_incremental_splats_are_one_full_splat_bit_for_bit() -> None:
     assert rounds.stats["rounds"] > 2 and once.stats["rounds"] == 1 and once.stats["records"] == count
     assert same(rounds, once)
     assert cleared.stats["records"] > count
-
-
-def test_smoothing_smooths(renderer: Renderer) -> None:
-    """Second differences of irradiance along the rows of the back wall shrink; its mean stays; direct light stays as it was."""
-    size = (60, 300)  # high enough for a radius of three pixels
-    rough_settings: dict[str, Any] = {"kernel": "cut", "gradients": False}  # the paper's circles
-    plain, smooth = (rendered(room(), size, smooth=on, **rough_settings) for on in (False, True))
-    wall = (slice(50, 120), slice(10, 50))
-    assert np.ptp(plain.position[wall][..., 2]) < 1e-3
-    rough = [np.abs(np.diff(f.irradiance[wall], 2, axis=1)).mean() for f in (plain, smooth)]
-    assert rough[1] < 0.5 * rough[0], rough
-    assert smooth.irradiance[wall].mean() == pytest.approx(plain.irradiance[wall].mean(), rel=0.01)
-    assert same(plain, smooth, ("direct", "weight", "position"))
 
 
 # ---- several at once --------------------------------------------------------------------------------------------------
@@ -135,16 +101,6 @@ def test_renderers_do_not_disturb_each_other() -> None:
         one.release()
 
 
-def test_rounds_of_two_renderers_interleave() -> None:
-    """frame() by frame(), as two windows would draw."""
-    with Renderer(room(), SIZE, **FAST) as one, Renderer(room(), SIZE, **FAST) as other:
-        for _ in range(12):
-            for each in (one, other):
-                each.frame()
-        first, second = one.render(), other.render()
-    assert same(first, second) and same(first, rendered(room()))
-
-
 def test_a_given_context_is_left_to_its_owner() -> None:
     """A renderer in its caller's context draws the same picture, and leaves that context alive and current, as a window needs."""
     alone = rendered(room())
@@ -155,11 +111,3 @@ def test_a_given_context_is_left_to_its_owner() -> None:
     assert mine.buffer(b"alive").read() == b"alive", "after the release"
     mine.release()
     assert same(frame, alone)
-
-
-def test_frame_lends_handles_that_can_be_read() -> None:
-    """The View of frame() holds textures, valid until the next round: their owner shows or reads them at once."""
-    with Renderer(room(), SIZE, **FAST) as one:
-        view, progress = one.frame()
-        image = np.frombuffer(view.image.read(), "f4").reshape(SIZE[1], SIZE[0], 4)
-        assert progress.new > 0 and np.isfinite(image).all() and image[..., :3].max() > 0.0

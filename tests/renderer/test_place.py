@@ -10,27 +10,16 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat import LightMeter, Renderer
+from irrsplat import Renderer
 from irrsplat.image.frame import Frame
 from irrsplat.scene.io.text.scene_writer import write_scene
-from irrsplat.scene.model import Camera, Scene
-from tests.renderer.test_renderer import FAST, FRONT, SIZE, room
+from irrsplat.scene.model import Scene
+from tests.renderer.test_renderer import FAST, FRONT, SIZE, rendered, room
 from tests.support.gltf_files import GltfFile
 
 # Multiples of a power of two that is greater than the room, so that its numbers are the same again relative to the origin
 FAR = [(1e4, -1e4, 2e4), (-1e6, 1e6, 3e6)]
 Place = tuple[float, float, float]
-
-
-def rendered(scene: Scene, camera: Camera | None = None) -> Frame:
-    """The view of a fresh renderer."""
-    with Renderer(scene, SIZE, **FAST) as renderer:
-        return renderer.render(camera)
-
-
-def at(place: Place) -> Scene:
-    """The room with its meshes relative to a place."""
-    return room().placed(place)
 
 
 def same(far: Frame, near: Frame, place: Place) -> None:
@@ -93,9 +82,7 @@ def saved(folder: Path, place: Place) -> Path:
     return path
 
 
-@pytest.mark.parametrize(
-    ("written", "place"), [(wavefront, FAR[0]), (text, FAR[0]), (text, FAR[1]), (gltf, FAR[1]), (saved, FAR[1])]
-)
+@pytest.mark.parametrize(("written", "place"), [(gltf, FAR[0]), (saved, FAR[1])])
 def test_a_file_far_away_is_the_file_near_by(written: Callable[[Path, Place], Path], place: Place, tmp_path: Path) -> None:
     frames = []
     for name, there in (("near", (0.0, 0.0, 0.0)), ("far", place)):
@@ -111,14 +98,14 @@ def test_a_file_far_away_is_the_file_near_by(written: Callable[[Path, Place], Pa
 # ---- callers ---------------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("place", FAR)
-def test_what_callers_give_and_get_is_in_world_space(place: Place) -> None:
+def test_what_callers_give_and_get_is_in_world_space() -> None:
     """Cameras, lights, moves about a point, poses, and the scene that comes back."""
+    place = FAR[1]
     about = np.array([0.3, 0.2, -0.1])
     turn = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
     frames, meshes = [], []
     for there in ((0.0, 0.0, 0.0), place):
-        scene = at(there)
+        scene = room().placed(there)
         with Renderer(scene, SIZE, **FAST) as renderer:
             assert renderer.scene.lights == scene.lights and renderer.scene.cameras == scene.cameras
             lamp = renderer.scene.lights[0]
@@ -133,26 +120,6 @@ def test_what_callers_give_and_get_is_in_world_space(place: Place) -> None:
     same(frames[3], frames[1], place)
     assert np.abs(meshes[1] - place - meshes[0]).max() < 1e-6
     assert np.abs(frames[0].direct - frames[1].direct).max() > 0.1 * frames[0].direct.max(), "the changes are seen"
-
-
-def test_meshes_far_away_without_an_origin_get_one() -> None:
-    """As a caller may build them: float32 has lost some 1e-3 of each position then, and no more light than that."""
-    place, near = FAR[0], rendered(room(), FRONT)
-    meshes = (replace(mesh, positions=(mesh.positions + np.array(place)).astype(np.float32)) for mesh in room().meshes)
-    far = rendered(replace(at(place), meshes=tuple(meshes), origin=(0.0, 0.0, 0.0)), FRONT.shifted(place))
-    assert abs(far.irradiance.mean() / near.irradiance.mean() - 1.0) < 0.02
-
-
-@pytest.mark.parametrize("place", FAR)
-def test_a_meter_far_away_reads_the_same(place: Place) -> None:
-    points = np.array([[0.3, 0.0, 0.4], [-0.5, 0.0, 0.2], [0.1, 0.6, 0.3]])
-    found = []
-    for there in ((0.0, 0.0, 0.0), place):
-        with LightMeter(at(there), gather_size=16, bounces=1, shadow_size=64) as meter:
-            found.append(meter.measure(points + there, (0.0, 1.0, 0.0)))
-    assert np.abs(found[1].position - (points + place)).max() < 1e-9
-    assert found[0].total.min() > 0.0
-    assert np.abs(found[1].total - found[0].total).max() < 1e-4 * found[0].total.max()
 
 
 # ---- size ------------------------------------------------------------------------------------------------------------------
@@ -174,14 +141,14 @@ def scaled(scene: Scene, factor: float) -> Scene:
     return replace(scene, meshes=tuple(meshes), lights=tuple(lamps))
 
 
-@pytest.mark.parametrize("factor", [2.0**-20, 2.0**20])
-@pytest.mark.parametrize("gather", ["trace", "raster"])
-def test_no_threshold_is_absolute(gather: str, factor: float) -> None:
+@pytest.mark.few_sites
+@pytest.mark.parametrize("factor", [2.0**-20, pytest.param(2.0**20, marks=pytest.mark.long)])
+def test_no_threshold_is_absolute(factor: float) -> None:
     """A factor that is a power of two rounds nothing: all bits of light are the same, with all bounces too."""
     frames = []
     for by in (1.0, factor):
         camera = replace(FRONT, eye=times(by, FRONT.eye), target=times(by, FRONT.target))
-        settings = {**FAST, "bounces": "all", "gather": gather}
+        settings = {**FAST, "bounces": "all", "gather": "trace"}
         with Renderer(scaled(room(), by), SIZE, **settings) as renderer:
             frames.append(renderer.render(camera))
     for name in ("image", "irradiance", "weight", "records_irradiance"):

@@ -11,9 +11,8 @@ import pytest
 import irrsplat
 from irrsplat import Frame, Renderer
 from irrsplat.core.buffers import CHANNELS
+from irrsplat.gpu import context
 from irrsplat.image.tonemap import exposure_of
-from irrsplat.indirect.scheduler import RecordScheduler
-from irrsplat.indirect.site_selection import FEWER
 from irrsplat.scene.model import Camera, Scene
 from tests.support.worlds import box, floor, lamp, material, quad, scene
 
@@ -39,7 +38,10 @@ def renderer() -> Iterator[Renderer]:
 
 
 def rendered(world: Scene, size: tuple[int, int] = SIZE, camera: Camera | None = None, **settings: Any) -> Frame:
-    return irrsplat.render(world, size, camera, **{**FAST, **settings})
+    """Return the view of a new renderer with FAST settings, in the shared context."""
+    ctx = context.shared()
+    with ctx, Renderer(world, size, ctx=ctx, **{**FAST, **settings}) as one:
+        return one.render(camera)
 
 
 # ---- the contract of the buffers --------------------------------------------------------------------------------------
@@ -69,8 +71,7 @@ def check(frame: Frame, size: tuple[int, int], sky: tuple[float, float, float]) 
         assert (getattr(frame, name) >= 0.0).all(), name
 
 
-@pytest.mark.parametrize("size", [(1, 1), (3, 200), (200, 3), SIZE])
-@pytest.mark.parametrize("preset", ["default", "paper"])
+@pytest.mark.parametrize(("size", "preset"), [((1, 1), "paper"), ((3, 200), "default"), (SIZE, "paper")])
 def test_every_buffer_is_as_promised(size: tuple[int, int], preset: str) -> None:
     world = scene(floor(0.5), box((-0.2, 0, -0.2), (0.1, 0.3, 0.1)), lights=(lamp((1, 2, 1)),), sky=(0.1, 0.2, 0.3))
     frame = rendered(world, size, preset=preset, warmup=20)
@@ -125,7 +126,7 @@ def test_zero_bounces_is_direct_light_alone() -> None:
     assert np.allclose(frame.image, frame.direct + frame.emission, rtol=1e-6)
 
 
-@pytest.mark.parametrize(("blend", "weights"), [(0.0, (1.0, 0.0)), (0.5, (1.0, 1.0)), (0.8, (0.4, 1.0)), (1.0, (0.0, 1.0))])
+@pytest.mark.parametrize(("blend", "weights"), [(0.0, (1.0, 0.0)), (0.8, (0.4, 1.0))])
 def test_blend_weighs_direct_against_indirect(blend: float, weights: tuple[float, float]) -> None:
     """min(1, 2(1-b)) and min(1, 2b); irradiance, indirect and direct themselves do not change."""
     frame = rendered(room(), blend=blend)
@@ -140,7 +141,7 @@ def test_exposure_is_a_number_or_found(renderer: Renderer) -> None:
     assert rendered(scene(floor(), lights=(lamp((0, -1, 0)),))).stats["exposure"] == 0.0, "a black picture has none"
 
 
-@pytest.mark.parametrize("side", [4, 5, 7, 8, 13, 128])
+@pytest.mark.parametrize("side", [4, 128])
 def test_every_gather_size_in_range_gathers(side: int) -> None:
     """In a furnace E = π·L_e at any resolution: coarse ones are for speed, odd ones are rounded."""
     world = scene(box((-1, -1, -1), (1, 1, 1), material(0.5, 2.0), outward=False), camera=FRONT)
@@ -153,62 +154,25 @@ def test_every_gather_size_in_range_gathers(side: int) -> None:
 
 def unserved(frame: Frame) -> int:
     """The number of seen pixels whose Σw is below the threshold 1/a, or the tolerance that was set."""
-    settings = frame.stats["settings"]
+    settings: Any = frame.stats["settings"]
     least = 1.0 / settings["a"] if settings["tolerance"] == "auto" else settings["tolerance"]
     return int((np.isfinite(frame.depth) & (frame.weight < least * (1 - 1e-5))).sum())
 
 
-@pytest.mark.parametrize(
-    "settings", [{}, {"a": 0.2}, {"radius_max": 20.0}, {"radius_max": 0.0}, {"tolerance": 9.0}, {"preset": "paper"}]
-)
+@pytest.mark.parametrize("settings", [{"a": 0.2}, {"tolerance": 9.0}, {"preset": "paper"}])
 def test_converged_means_that_every_pixel_is_served(settings: dict[str, Any]) -> None:
     frame = rendered(room(), warmup=50, **settings)
     assert frame.stats["converged"] and frame.stats["coverage"] == 1.0
     assert unserved(frame) == 0
 
 
-@pytest.mark.parametrize("size", [(400, 400), (40, 40)])
-@pytest.mark.parametrize("at", [(-0.6, 0.5), (-0.2, 0.5), (0.2, -0.1), (0.45, -0.6), (0.0, 0.0), (0.6, 0.6)])
+@pytest.mark.parametrize(("size", "at"), [((400, 400), (-0.6, 0.5)), ((40, 40), (0.45, -0.6))])
 def test_a_small_thing_is_served_wherever_it_is_seen(size: tuple[int, int], at: tuple[float, float]) -> None:
     """Rounds take the fields of a chess board by turns: a round in which no field of its colour asks is not the last one."""
     thing = quad((at[0], at[1], 0), (0.16, 0, 0), (0, 0.16, 0), material(0.5, 0.1))
     frame = rendered(scene(thing, sky=1.0), size, Camera((0, 0, 2), (0, 0, 0)))
     assert frame.stats["converged"] and frame.stats["records"] > 0
     assert unserved(frame) == 0
-
-
-@pytest.mark.parametrize("radius_max", [5.0, 50.0])
-@pytest.mark.parametrize("at", [(-0.3, 0.4), (-0.75, 0.4), (-0.3, 0.0)])
-def test_a_round_without_sites_is_not_the_last_one(radius_max: float, at: tuple[float, float]) -> None:
-    """Likewise for a thing of 84×84 pixels, more tiles than are asked at once, which may lie in one wide field of one colour."""
-    thing = quad((at[0], at[1], 0), (0.35, 0, 0), (0, 0.35, 0), material(0.5, 0.1))
-    frame = rendered(scene(thing, sky=1.0), (400, 400), Camera((0, 0, 2), (0, 0, 0)), radius_max=radius_max)
-    assert frame.stats["converged"] and frame.stats["coverage"] == 1.0 and frame.stats["records"] > 0
-    assert unserved(frame) == 0
-
-
-def test_what_makes_many_ask_does_not_wait_for_the_last_few(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As soon as few tiles ask where many did, records are held against each other, and gaps and wrong places are looked for,
-    before any of the few gets a round of its own."""
-    told: list[int] = []  # how many tiles ask; -1: all of that is done
-    select, close = RecordScheduler._select, RecordScheduler._close
-
-    def selecting(*given: Any, **named: Any) -> Any:
-        found = select(*given, **named)
-        told.append(found[0].asking)
-        return found
-
-    def closing(*given: Any) -> Any:
-        found = close(*given)
-        if found[1] and found[0].queue is None:
-            told.append(-1)
-        return found
-
-    monkeypatch.setattr(RecordScheduler, "_select", selecting)
-    monkeypatch.setattr(RecordScheduler, "_close", closing)
-    assert rendered(room(), (240, 200), radius_max=20.0).stats["converged"]
-    turns = [after for many, few, after in zip(told, told[1:], told[2:], strict=False) if many >= FEWER > few > 0]
-    assert turns and set(turns) == {-1}
 
 
 def test_max_rounds_stops_and_says_so() -> None:
@@ -218,7 +182,7 @@ def test_max_rounds_stops_and_says_so() -> None:
     assert (frame.weight > 0.0).any(), "what the last round gathered is in the picture"
 
 
-def test_progress_tells_each_round(renderer: Renderer) -> None:
+def test_progress_tells_each_round() -> None:
     with Renderer(room(), SIZE, **FAST) as fresh:
         told: list[Any] = []
         frame = fresh.render(progress=told.append)
@@ -248,4 +212,4 @@ def test_a_wrong_size_or_setting_is_an_input_error() -> None:
         with pytest.raises(irrsplat.InputError):
             Renderer(room(), size, tile_size=0, **FAST).release()  # type: ignore[arg-type]
     with pytest.raises(irrsplat.InputError):
-        Renderer(room(), SIZE, softness=1.0)
+        Renderer(room(), SIZE, softness=1.0)  # type: ignore[call-arg]

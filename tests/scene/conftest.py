@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from irrsplat.scene import Camera, Mesh, Scene, load
-from irrsplat.scene.io.assets import asset as assets
+from irrsplat.scene import Scene, load
+from irrsplat.scene.stand_ins import camera
+from tests.support.gltf_files import GltfFile
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 
@@ -34,16 +35,21 @@ def write(tmp_path: Path) -> Callable[..., Scene]:
 
 @pytest.fixture
 def without_stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
-    """OBJ, PLY and STL files are loaded without a light and a camera that suit them, whose search takes most of the time."""
+    """Skip the search for a room in models without a camera: it takes most of the time of loading a small file."""
+    monkeypatch.setattr(camera, "hollow", lambda *_: camera.Hollow(()))
 
-    def plain(path: Path, meshes: Sequence[Mesh], *more: Any) -> Scene:
-        notices, files = more[4], [path, *more[5]]
-        return Scene(
-            tuple(mesh for mesh in meshes if len(mesh.faces)),
-            (),
-            (Camera((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)),),
-            notices=tuple(notices),
-            files=tuple(dict.fromkeys(map(str, files))),
-        )
 
-    monkeypatch.setattr(assets, "finish", plain)
+@pytest.fixture
+def file() -> GltfFile:
+    """An empty glTF file."""
+    return GltfFile()
+
+
+@pytest.fixture
+def show(file: GltfFile, tmp_path: Path) -> Callable[..., Scene]:
+    """Load the glTF file, whose one scene holds all nodes that are no children."""
+
+    def show(**options: Any) -> Scene:
+        return load(file.gltf(tmp_path / "a.gltf"), **options)
+
+    return show

@@ -38,9 +38,6 @@ def directions(count: int = 500) -> np.ndarray:
     return np.concatenate([found / np.linalg.norm(found, axis=1, keepdims=True), np.eye(3), -np.eye(3)])
 
 
-# ---- what is read ------------------------------------------------------------------------------------------------------
-
-
 def test_the_flux_is_the_integral(read: Callable[..., Photometry]) -> None:
     """Of 100 cd all around 400π lm; of 1000·cos γ downwards 1000π. Linear between angles of 2.5°, a little less of what bends:
     a chord lies below the curve by Δ²/8 of it at most, 2.4e-4, and by Δ²/12 on average."""
@@ -50,28 +47,25 @@ def test_the_flux_is_the_integral(read: Callable[..., Photometry]) -> None:
     assert read(ies_text([90, 180], [0, 90], isotropic)).flux == pytest.approx(200.0 * np.pi, rel=1e-9)
 
 
+QUARTERS = [0, 20, 45, 90, 135, 160, 180, 200, 225, 270, 315, 340, 360]
+
+
 @pytest.mark.parametrize(
     ("vertical", "horizontal", "candela", "around"),
     [
-        (V, [0], isotropic, [0]),
         ([0, 13, 50, 90], [0], lambert, [0]),
         (V2, steps(0, 180, 37), street, steps(0, 360, 73)),
         (V, steps(0, 360, 25), lopsided, steps(0, 360, 25)),
         (V, steps(0, 345, 24), lopsided, steps(0, 360, 25)),
+        (V, [0, 20, 45, 90], lambda v, h: 500.0 + 200.0 * np.cos(2.0 * h) * np.sin(v), QUARTERS),
         (
             V,
-            [0, 20, 45, 90],
-            lambda v, h: 500.0 + 200.0 * np.cos(2.0 * h) * np.sin(v),
-            [0, 20, 45, 90, 135, 160, 180, 200, 225, 270, 315, 340, 360],
-        ),
-        (
-            V,
-            [90, 120, 180, 200, 270],
+            [90, 135, 180, 200, 270],
             lambda v, h: 500.0 + 200.0 * np.sin(h) * np.sin(v),
-            [0, 60, 90, 120, 180, 200, 270, 340, 360],
+            [0, 45, 90, 135, 180, 200, 270, 340, 360],
         ),
     ],
-    ids=["axial", "few angles", "bilateral", "all around", "without 360°", "quadrants", "about the 90° plane"],
+    ids=["few angles", "bilateral", "all around", "without 360°", "quadrants", "about the 90° plane"],
 )
 def test_what_the_symmetries_leave_out_is_filled_in(
     read: Callable[..., Photometry], vertical: list[float], horizontal: list[float], candela: Any, around: list[float]
@@ -82,19 +76,7 @@ def test_what_the_symmetries_leave_out_is_filled_in(
     np.testing.assert_allclose(found.intensity(directions()), expected, rtol=1e-6, atol=1e-6 * found.peak)
 
 
-def test_it_is_linear_in_both_angles(read: Callable[..., Photometry]) -> None:
-    """Half way between 30° and 60°, and between the planes of 0° and 90°, a quarter of each corner; nothing beyond 60°."""
-    text = ies_text([30, 60], [0, 90], lambda v, h: 100.0 + 100.0 * (v > 1.0) + 400.0 * (h > 1.0))
-    v, h = np.radians(45.0), np.radians(45.0)
-    way = np.array([np.sin(v) * np.cos(h), np.sin(v) * np.sin(h), -np.cos(v)])
-    found = read(text)
-    assert found.intensity(way) == pytest.approx(0.25 * (100 + 200 + 500 + 600))
-    assert found.intensity(np.array([[0, 0, -1.0], [0, 0, 1.0], [1.0, 0, 0]])).tolist() == [0, 0, 0]
-    assert found.reach == pytest.approx(60.0) and found.peak == 600.0
-
-
-@pytest.mark.parametrize("one_sided", [False, True])
-@pytest.mark.parametrize("kind", [2, 3])
+@pytest.mark.parametrize(("kind", "one_sided"), [(2, False), (3, True)])
 def test_floodlights(read: Callable[..., Photometry], kind: int, one_sided: bool) -> None:
     """Type B turns the plane by the vertical angle and has the horizontal one within it, type A the other way round: with +x up,
     the way is (cos H·sin V, −sin H, −cos H·cos V), or (sin V, −cos V·sin H, −cos V·cos H)."""
@@ -121,13 +103,7 @@ def test_multiplier_factors_and_units(read: Callable[..., Photometry]) -> None:
     text = ies_text([0, 90], [0], isotropic, multiplier=2.0, units=1, factors="0.9 0.5 100")
     assert read(text).peak == pytest.approx(180.0)
     assert read(text).opening == pytest.approx((0.1524, 0.1524, 0.0))
-    for header, factor in (
-        ("IESNA91", 0.5),
-        ("Luminaire 12", 0.5),
-        ("IESNA:LM-63-1986", 0.5),
-        ("IESNA95", 1.0),
-        ("\nIES:LM-63-2019", 1.0),
-    ):
+    for header, factor in (("IESNA91", 0.5), ("IESNA:LM-63-1986", 0.5), ("IESNA95", 1.0), ("\nIES:LM-63-2019", 1.0)):
         old = ies_text([0, 90], [0], isotropic, header=header, multiplier=2.0, factors="0.9 0.5 100")
         assert read(old).peak == pytest.approx(180.0 * factor)
 
@@ -136,16 +112,8 @@ def test_line_breaks_commas_encodings_and_what_ends_old_files(read: Callable[...
     plain = ies_text(V2, steps(0, 180, 37), street)
     head, tail = plain.split("TILT=NONE\n")
     words = tail.split()
-    broken = (
-        head
-        + "tilt = none\n"
-        + ",\n".join(words[:3])
-        + "\n"
-        + " , ".join(words[3:40])
-        + "\n\n\t"
-        + "\n".join(words[40:])
-        + "\x1a"
-    )
+    numbers = [",\n".join(words[:3]), " , ".join(words[3:40]), "", "\t" + "\n".join(words[40:])]
+    broken = head + "tilt = none\n" + "\n".join(numbers) + "\x1a"
     odd = broken.replace("made for a test", "f\xfcr 30\xb0 TILT=NONE").encode("latin-1").replace(b"\n", b"\r\n")
     expected = read(plain).candela
     assert np.array_equal(read(broken).candela, expected) and np.array_equal(read(odd).candela, expected)
@@ -154,20 +122,17 @@ def test_line_breaks_commas_encodings_and_what_ends_old_files(read: Callable[...
 def test_a_tilt_table_counts_as_it_is_at_0(read: Callable[..., Photometry], tmp_path: Path) -> None:
     """It is interpolated there, and a notice says so; the table may lie in a file beside it."""
     table = "1\n3\n-30 30, 90\n0.8 1.0 0.5\n"
+    (tmp_path / "lamp tilt.tlt").write_text(table)
     notices: list[str] = []
     files: list[Path] = []
-    assert read(ies_text([0, 90], [0], isotropic, tilt="TILT=INCLUDE\n" + table), notices).peak == pytest.approx(90.0)
-    (tmp_path / "lamp tilt.tlt").write_text(table)
-    assert read(ies_text([0, 90], [0], isotropic, tilt="TILT=lamp tilt.tlt"), notices, files).peak == pytest.approx(90.0)
-    assert len(notices) == 2 and all("TILT table (of a lamp that is upright)" in n and "a factor of 0.9" in n for n in notices)
-    assert all("0.5 to 1" in n for n in notices), "how far it may be off"
-    same = "3\n2\n-90 90\n0.8 0.8\n"
-    assert read(ies_text([0, 90], [0], isotropic, tilt="TILT=INCLUDE\n" + same), notices).peak == pytest.approx(80.0)
+    for tilt in ("TILT=INCLUDE\n" + table, "TILT=lamp tilt.tlt"):
+        assert read(ies_text([0, 90], [0], isotropic, tilt=tilt), notices, files).peak == pytest.approx(90.0)
+    assert ["a factor of 0.9" in n and "0.5 to 1" in n for n in notices] == [True, True], "how far it may be off"
+    same = "TILT=INCLUDE\n3\n2\n-90 90\n0.8 0.8\n"
+    assert read(ies_text([0, 90], [0], isotropic, tilt=same), notices).peak == pytest.approx(80.0)
     assert len(notices) == 2, "where every angle has one factor, nothing is left out"
     assert files == [tmp_path / "lamp tilt.tlt"]
 
-
-# ---- what is refused ---------------------------------------------------------------------------------------------------
 
 GOOD = "IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 3 2 1 2 0 0 0\n1 1 10\n0 45 90\n0 90\n1 2 3\n4 5 6\n"
 
@@ -176,51 +141,32 @@ GOOD = "IESNA:LM-63-2002\nTILT=NONE\n1 -1 1 3 2 1 2 0 0 0\n1 1 10\n0 45 90\n0 90
     ("old", "new", "line", "says"),
     [
         ("TILT=NONE\n", "", None, "no line TILT="),
-        ("TILT=NONE", "TILT=", 2, "TILT= says nothing"),
         ("TILT=NONE", "TILT=no.tlt", 2, "no TILT file 'no.tlt'"),
         ("TILT=NONE", "TILT=INCLUDE\n4\n1\n0\n1", 3, "geometry is 4; expected 1, 2 or 3"),
         ("TILT=NONE", "TILT=INCLUDE\n1\n2\n0 0\n1 1", 5, "expected angles that rise"),
-        ("TILT=NONE", "TILT=INCLUDE\n1\n2\n0 90\n1 -1", 6, "TILT factor is negative"),
         ("TILT=NONE", "TILT=INCLUDE\n1\n2\n0 90\n0 1", 6, "TILT factor at 0 degrees is 0"),
         ("1 -1 1 3", "0 -1 1 3", 3, "number of lamps is 0; expected a number above 0"),
-        ("1 -1 1 3", "1 -1 0 3", 3, "candela multiplier is 0"),
         ("1 3 2 1 2", "1 1 2 1 2", 3, "number of vertical angles is 1; expected a whole number of at least 2"),
-        ("1 3 2 1 2", "1 2.5 2 1 2", 3, "number of vertical angles is 2.5"),
-        ("1 3 2 1 2", "1 3 0 1 2", 3, "number of horizontal angles is 0"),
-        ("1 3 2 1 2", "1 3 2 4 2", 3, "photometric type is 4; expected 1, 2 or 3"),
         ("1 3 2 1 2", "1 3 2 1 0", 3, "units of lengths is 0; expected 1 or 2"),
         ("1 3 2 1 2", "1 3 2 C 2", 3, "'C' is not a number; expected the photometric type"),
-        ("1 1 10", "0 1 10", 4, "ballast factor is 0"),
         ("0 45 90\n", "0 45 45\n", 5, "vertical angles: 45 is out of order; expected angles that rise"),
         ("0 45 90\n", "0 45 190\n", 5, "190 is out of order; expected 0 to 180 degrees"),
         ("\n0 90\n", "\n0 80\n", 6, "horizontal angles go from 0 to 80; expected 0 alone, 0 to 90, 180 or 360, or 90 to 270"),
-        ("\n0 90\n", "\n10 90\n", 6, "horizontal angles go from 10 to 90"),
-        ("\n0 90\n", "\n0 300\n", 8, ""),
         ("1 2 3\n", "1 -2 3\n", 7, "an intensity is -2 candela"),
         ("1 2 3\n", "1 x 3\n", 7, "'x' is not a number; expected the candela values"),
         ("4 5 6\n", "4 5\n", 8, "the file ends in the candela values, after 5 of 6"),
-        ("4 5 6\n", "4 5 6\n7 8\n", 9, "2 words are left after 2 times 3 candela values"),
-        ("1 1 10\n0 45 90\n0 90\n1 2 3\n4 5 6\n", "1 1", 4, "the file ends in the input watts"),
         ("1 3 2 1 2", "1 3 2 2 2", 6, "vertical angles of type B begin at 0; expected -90 to 90"),
-        ("1 3 2 1 2", "1 3 2 3 2", 6, "vertical angles of type A begin at 0"),
         ("3 2 1 2 0 0 0\n1 1 10\n0 45 90\n0 90", "3 2 2 2 0 0 0\n1 1 10\n-90 0 90\n10 90", 6, "begin at 10; expected -90 to 90"),
-        (GOOD, "", None, "the file is empty"),
     ],
 )  # fmt: skip
 def test_a_malformed_file_is_one_line_with_its_place(
     read: Callable[..., Photometry], tmp_path: Path, old: str, new: str, line: int | None, says: str
 ) -> None:
     assert old in GOOD
-    if not says:  # a last plane that is left out is a circle all the same
-        assert read(GOOD.replace(old, "\n0 200\n")).azimuth.tolist() == [0, 200, 360]
-        return
     with pytest.raises(InputError, match=re.escape(says)) as caught:
         read(GOOD.replace(old, new))
     place = f"{tmp_path / 'a.ies'}:" + ("" if line is None else f"{line}:")
     assert str(caught.value).startswith(place) and "\n" not in str(caught.value)
-
-
-# ---- where it stands ---------------------------------------------------------------------------------------------------
 
 
 def lights(write: Callable[..., Scene], text: str, **files: str) -> tuple[Light, ...]:
@@ -234,75 +180,45 @@ def along(light: Light, way: np.ndarray) -> np.ndarray:
     return light.photometry.intensity(way @ light.frame.T)
 
 
-def test_it_is_aimed_along_minus_z_with_0_at_x(write: Callable[..., Scene]) -> None:
-    """As ies2rad has it: theta from −z, phi from +x towards +y; the street light throws more to the front, +x."""
-    (light,) = lights(write, "light a.ies\n")
-    assert light.kind == "luminaire" and light.position == (0, 0, 0) and light.physical and light.name == "a"
-    np.testing.assert_allclose(light.frame, np.eye(3), atol=1e-12)
-    expected = bilinear(street, V2, steps(0, 360, 73), directions())
-    np.testing.assert_allclose(along(light, directions()), expected, rtol=1e-6, atol=1e-3)
-    front, back = along(light, np.array([[0.8, 0, -0.6], [-0.8, 0, -0.6]]))
-    assert front > 2.0 * back > 0.0
-
-
 def test_the_matrix_stack_places_turns_mirrors_and_scales_it(write: Callable[..., Scene]) -> None:
-    """Against the matrices of OpenGL written out: the intensity along M·d is that along d; it does not depend on the scale."""
+    """Theta from −z, phi from +x towards +y, as ies2rad has it. By the matrices of OpenGL written out the intensity along M·d is
+    that along d, whatever the scale."""
     c, s = np.cos(np.radians(30)), np.sin(np.radians(30))
     about_x = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])  # by -90°
-    about_z = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    M = about_x @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
     text = "push\ntrans 1 2 3\nrotate -90 1 0 0\nrotate 30 0 0 1\nlight a.ies\nscale -2 2 2\nlight a.ies\npop\nlight a.ies\n"
     turned, mirrored, plain = lights(write, text)
-    way, M = directions(), about_x @ about_z
-    assert turned.position == mirrored.position == (1, 2, 3)
-    np.testing.assert_allclose(along(turned, way @ M.T), along(plain, way), rtol=1e-6, atol=1e-6)
-    np.testing.assert_allclose(along(mirrored, way @ (M @ np.diag([-1, 1, 1])).T), along(plain, way), rtol=1e-6, atol=1e-6)
-    np.testing.assert_allclose(-turned.frame[2], (0, -1, 0), atol=1e-12)
+    assert plain.kind == "luminaire" and plain.position == (0, 0, 0) and turned.position == mirrored.position == (1, 2, 3)
+    way, expected = directions(), bilinear(street, V2, steps(0, 360, 73), directions())
+    for light, ways in ((plain, way), (turned, way @ M.T), (mirrored, way @ (M @ np.diag([-1, 1, 1])).T)):
+        np.testing.assert_allclose(along(light, ways), expected, rtol=1e-6, atol=1e-3)
     assert turned.photometry is plain.photometry, "a file is read once"
 
 
 def test_a_light_file_says_where_and_how_bright(write: Callable[..., Scene]) -> None:
     """Aimed at a point; 0° towards +x, or what else is asked for, as far as that is across the aim."""
     body = "ies a.ies\nposition 1 4 1 1\nspotDirection 1 0 1\n"
+    other_body = body + "zeroDirection 0 5 -2\nintensity 0.5 0.25 0\n"
+    level_body = "ies a.ies\nposition 0 0 0 1\nspotDirection 2 0 0\n"
     text = "light a.light\nlight b.light\nlight c.light\n"
-    one, other, level = lights(
-        write,
-        text,
-        a_light=body,
-        b_light=body + "zeroDirection 0 5 -2\nintensity 0.5 0.25 0\n",
-        c_light="ies a.ies\nposition 0 0 0 1\nspotDirection 2 0 0\n",
-    )
+    one, other, level = lights(write, text, a_light=body, b_light=other_body, c_light=level_body)
     np.testing.assert_allclose(one.frame, [[1, 0, 0], [0, 0, -1], [0, 1, 0]], atol=1e-12)
     np.testing.assert_allclose(other.frame, [[0, 0, -1], [-1, 0, 0], [0, 1, 0]], atol=1e-12)
     np.testing.assert_allclose(level.frame[0], [0, 1, 0], atol=1e-12)  # aimed along +x: 0° towards +y
-    assert one.color == (1, 1, 1) and other.color == (0.5, 0.25, 0) and one.photometry is other.photometry
-    assert one.photometry is not None
-    whole, share = (one.photometry.flux, one.photometry.peak), 0.5 * 0.2126 + 0.25 * 0.7152
-    assert np.allclose(one.output, whole) and np.allclose(other.output, share * np.array(whole))
-
-
-def test_the_files_and_notices_of_luminaires_are_the_scene_s(write: Callable[..., Scene], tmp_path: Path) -> None:
-    tilted = ies_text([0, 90], [0], isotropic, tilt="TILT=t.tlt")
-    scene = write("obj t.obj\n" + CAM + "light a.light\n", a_light="ies b.ies\nposition 0 3 0 1\nspotDirection 0 0 0\n",
-                  b_ies=tilted, t_tlt="1 2 0 90 1 0.8")  # fmt: skip
-    assert {Path(file).name for file in scene.files} == {"a.scene", "t.obj", "a.light", "b.ies", "t.tlt"}
-    assert len(scene.notices) == 1 and "b.ies" in scene.notices[0]
+    assert one.color == (1, 1, 1) and other.color == (0.5, 0.25, 0)
 
 
 @pytest.mark.parametrize(
     ("text", "file", "line", "says"),
     [
         ("scale 1 2 1\nlight a.ies\n", "a.scene", 4, "stretches the luminaire"),
-        ("light b.ies\n", "a.scene", 3, "no file 'b.ies'"),
         ("ies a.ies\nposition 0 0 0 1\n", "a.light", 1, "add: spotDirection X Y Z"),
-        ("ies a.ies\nspotDirection 0 0 0\n", "a.light", None, "no position"),
         ("ies a.ies\nposition 0 0 0 0\nspotDirection 0 0 1\n", "a.light", 2, "expected W 1"),
         ("ies a.ies\nposition 0 0 0 1\nspotDirection 0 0 0\n", "a.light", 3, "its own position"),
         ("ies a.ies\nposition 0 0 0 1\nspotDirection 0 0 1\nspotCutoff 30\n", "a.light", 4, "'spotCutoff' and 'ies' exclude"),
-        ("ies a.ies\nposition 0 0 0 1\nspotDirection 0 0 1\ndiffuse 1 1 1 1\n", "a.light", 4, "'diffuse' and 'ies' exclude"),
         ("ies a.ies\nposition 0 0 0 1\nspotDirection 0 0 1\nintensity -1 0 0\n", "a.light", 4, "negative"),
         ("ies a.ies\nposition 0 0 0 1\nspotDirection 0 0 1\nzeroDirection 0 0 2\n", "a.light", 4, "lies along the aim"),
         ("ies b.ies\nposition 0 0 0 1\nspotDirection 0 0 1\n", "a.light", 1, "no file 'b.ies'"),
-        ("ies a.ies\nies a.ies\n", "a.light", 2, "given twice"),
         ("position 0 0 0 1\nintensity 1 1 1\nzeroDirection 1 0 0\n", "a.light", 3, "expected as well: ies FILE.ies"),
     ],
 )  # fmt: skip

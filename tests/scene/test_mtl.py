@@ -56,25 +56,19 @@ GLASS = np.array([[255] * 5 + [90] * 5] * 10, np.uint8)
 @pytest.mark.parametrize(
     ("lines", "expected"),
     [
-        ("Kd 0.1 0.2 0.3", {"albedo": (0.1, 0.2, 0.3)}),
-        ("kd 0.25", {"albedo": (0.25, 0.25, 0.25)}),
         ("Kd 1.5 -1 0.5 0.1 # note", {"albedo": (1, 0, 0.5)}),
+        ("kd 0.25", {"albedo": (0.25, 0.25, 0.25)}),
         ("", {"albedo": (0.5, 0.5, 0.5), "opacity": 1, "alpha_mode": "opaque", "double_sided": True}),
         ("Ke 3 2 -1", {"emission": (3, 2, 0)}),
-        ("d 0.25", {"opacity": 0.25, "alpha_mode": "blend"}),
         ("d -halo 0.25", {"opacity": 0.25, "alpha_mode": "blend"}),
         ("Tr 0.75", {"opacity": 0.25, "alpha_mode": "blend"}),
         ("Tr 0.9\nd 1", {"opacity": 1, "alpha_mode": "opaque"}),
         ("d 0", {"opacity": 1, "alpha_mode": "opaque"}),
         ("Kd 0 0 0\nmap_Kd red.png", {"albedo": (1, 1, 1)}),
         ("Kd 0.5 1 1\nmap_Kd red.png", {"albedo": (0.5, 1, 1), "alpha_mode": "opaque"}),
-        ("map_Kd red.png", {"albedo": (1, 1, 1)}),
-        ("map_Ke red.png", {"emission": (1, 1, 1)}),
         ("Ke 0 0 0\nmap_Ke red.png", {"emission": (1, 1, 1)}),
-        ("Ke 5 5 5\nmap_Ke red.png", {"emission": (5, 5, 5), "albedo": (0.5, 0.5, 0.5)}),
         ("Kd 0 0 0\nillum 7\nTf 0.9 1 0.9", {"albedo": (0.9, 1, 0.9), "transmission": 1}),
         ("Kd 0 0 0\nillum 5\nKs 0.9 0.8 0.7", {"albedo": (0.9, 0.8, 0.7), "transmission": 0}),
-        ("Kd 0 0 0\nillum 2\nKs 1 1 1", {"albedo": (0, 0, 0), "transmission": 0}),
         ("norm -bm 0.3 red.png", {"normal_scale": 0.3}),
     ],
 )
@@ -85,32 +79,27 @@ def test_values(mtl, lines, expected):
 
 
 def test_every_texture_has_its_place(mtl):
-    scene = mtl(
-        "newmtl a\nmap_Kd red.png\nmap_Ke green.png\nmap_Kn blue.png\n",
-        red=RED,
-        green=RED[..., [1, 0, 2]],
-        blue=RED[..., [1, 2, 0]],
-    )
+    images = {"red": RED, "green": RED[..., [1, 0, 2]], "blue": RED[..., [1, 2, 0]]}
+    scene = mtl("newmtl a\nmap_Kd red.png\nmap_Ke green.png\nmap_Kn blue.png\n", **images)
     found = material(scene)
     textures = found.albedo_texture, found.emission_texture, found.normal_texture
-    colors = [known(texture).image.pixels[0, 0].tolist() for texture in textures]
-    assert colors == [[255, 0, 0, 255], [0, 255, 0, 255], [0, 0, 255, 255]] and len(scene.files) == 5
+    assert [known(texture).image.pixels[0, 0, :3].tolist() for texture in textures] == np.diag([255] * 3).tolist()
+    assert len(scene.files) == 5
     mesh = scene.meshes[0]  # v upward becomes v downward; a missing v is 0
-    uvs = {tuple(p[:2]): uv for p, uv in zip(mesh.positions.tolist(), known(mesh.uvs).tolist(), strict=True)}
-    assert uvs == {(0, 0): [0, 1, 0, 0], (1, 0): [1, 1, 0, 0], (1, 1): [1, 0, 0, 0], (0, 1): [0, 1, 0, 0]}
+    uvs = {tuple(p[:2]): uv[:2] for p, uv in zip(mesh.positions.tolist(), known(mesh.uvs).tolist(), strict=True)}
+    assert uvs == {(0, 0): [0, 1], (1, 0): [1, 1], (1, 1): [1, 0], (0, 1): [0, 1]}
 
 
 @pytest.mark.parametrize(
-    ("options", "s", "o", "wrap"),
+    ("options", "name", "s", "o", "wrap"),
     [
-        ("", (1, 1), (0, 0), "repeat"),
-        ("-s 2 3 1 -o .25 .5 0 -clamp on -bm 0.3", (2, 3), (0.25, 0.5), "clamp"),
-        ("-blendu on -o 0.5 -mm 0 1 -texres 512 -clamp off -s 2", (2, 1), (0.5, 0), "repeat"),
-        ("-imfchan r -type sphere -t 1 1 1 -s 1 -2 1", (1, -2), (0, 0), "repeat"),
+        ("", "1.png", (1, 1), (0, 0), "repeat"),
+        ("-s 2 3 1 -o .25 .5 0 -clamp on -bm 0.3", "red.png", (2, 3), (0.25, 0.5), "clamp"),
+        ("-blendu on -o 0.5 -mm 0 1 -texres 512 -clamp off -s 2", "my red.png", (2, 1), (0.5, 0), "repeat"),
+        ("-imfchan r -type sphere -t 1 1 1 -s 1 -2 1", "1.png", (1, -2), (0, 0), "repeat"),
     ],
 )
-@pytest.mark.parametrize("name", ["red.png", "my red.png", "1.png"])
-def test_options_stand_before_the_file(mtl, tmp_path, options, s, o, wrap, name):
+def test_options_stand_before_the_file(mtl, tmp_path, options, name, s, o, wrap):
     # a point (u, v), v upward, shows the image's (s u + o, …): so the model's, downward, shows 1 - (s (1 - v) + o)
     Image.fromarray(RED).save(tmp_path / name)
     texture = known(material(mtl(f"newmtl a\nmap_Kd {options} {name}\n")).albedo_texture)
@@ -121,32 +110,15 @@ def test_options_stand_before_the_file(mtl, tmp_path, options, s, o, wrap, name)
 
 
 @pytest.mark.parametrize(
-    "written", ["tex\\Red One.PNG", "TEX/red one.png", "C:\\Users\\x\\Red One.png", '"tex/Red One.png"', "tex/Red%20One.png"]
-)
-def test_images_are_found_under_other_names(mtl, tmp_path, written):
-    (tmp_path / "tex").mkdir()
-    for place in (tmp_path / "tex", tmp_path):
-        Image.fromarray(RED).save(place / "Red One.png")
-    texture = material(mtl(f"newmtl a\r\nmap_Kd {written}\r\n")).albedo_texture
-    assert known(texture).image.pixels[0, 0].tolist() == [255, 0, 0, 255]
-
-
-@pytest.mark.parametrize(
     ("lines", "mode", "means"),
     [
         ("map_Kd leaf.png", "mask", (255, 0)),
         ("map_Kd glass.png", "blend", (255, 90)),
-        ("map_Kd full.png", "opaque", None),
         ("map_Kd none.png", "opaque", None),
         ("map_Kd gloss.png", "opaque", None),
-        ("map_Kd full.png\nmap_d leaf.png", "mask", (255, 0)),
         ("map_Kd full.png\nmap_d shape.png", "mask", (255, 0)),
         ("map_Kd full.png\nmap_d -imfchan r shape.png", "mask", (255, 0)),
-        ("map_d shape.png", "mask", (255, 0)),
-        ("map_Kd leaf.png\nmap_d leaf.png", "mask", (255, 0)),
-        ("map_Kd full.png\nmap_d full.png", "opaque", None),
         ("map_Kd leaf.png\nd 0.5", "blend", (255, 0)),
-        ("Kd 1 1 1\nmap_d gone.png", "opaque", None),
     ],
 )
 def test_an_alpha_says_itself_what_it_means(mtl, lines, mode, means):
@@ -164,22 +136,12 @@ def test_an_alpha_says_itself_what_it_means(mtl, lines, mode, means):
         assert pixels[0, 0, 0] == (200 if "map_Kd" in lines else 255)
 
 
-def test_materials_share_an_image(mtl, tmp_path):
-    scene = mtl("newmtl a\nmap_Kd red.png\nmap_d red.png\nnewmtl b\nKd 0.5 0.5 0.5\nmap_Kd RED.png\n", red=RED)
-    (tmp_path / "a.obj").write_text(OBJ + "usemtl b\nf 1/1 2/2 3/3\nusemtl a\nf 1/1 2/2 3/3\n")
-    scene = load(tmp_path / "a.obj")
-    one, other = scene.meshes
-    assert known(one.material.albedo_texture).image is known(other.material.albedo_texture).image and len(scene.materials) == 2
-
-
 @pytest.mark.parametrize(
     ("lines", "says"),
     [
         ("Kd 1 x 0", "a.mtl:2: Kd: 'x' is not a number; the line is left out"),
         ("Kd\nKd xyz 1 2 3\nKe 1 2", "a.mtl:2: Kd: 0 values; expected 3; 3 such lines are left out"),
         ("map_Kd", "a.mtl:2: map_Kd: no file is named"),
-        ("map_Kd -s 1 1 1", "no file is named"),
-        ("map_Kd gone.png", "a.mtl: there is no image 'gone.png'; the colours stand alone"),
         ("map_Kd gone.png\nmap_Ke lost.png", "there is no image 'gone.png' and 1 more"),
         ("map_Kd a.obj", "cannot read the image 'a.obj'"),
         ("bump -bm 2 b.png\nmap_bump c.png", "a.mtl: 2 height maps (bump, disp) not shown"),
@@ -190,24 +152,3 @@ def test_a_strange_line_costs_itself_and_a_notice(mtl, lines, says):
     scene = mtl(f"newmtl a\n{lines}\nKe 1 2 3\n")
     assert sum(says in notice for notice in scene.notices) == 1, scene.notices
     assert material(scene).emission == (1, 2, 3) and material(scene).albedo == (0.5, 0.5, 0.5)
-
-
-def test_no_bytes_in_a_library_stop_the_geometry(mtl):
-    generator = np.random.default_rng(5)
-    true = b"newmtl a\nKd 1 0 0\nmap_Kd -s 1 1 1 red.png\nd 0.5\nTf 1 1 1\nillum 4\n"
-    for i in range(60):
-        data = bytearray(true if i % 2 else generator.bytes(80))
-        for at in generator.integers(0, len(data), 5):
-            data[at] = generator.integers(0, 256)
-        scene = mtl(bytes(data), red=RED)
-        assert scene.triangles == 2 and all("\n" not in notice for notice in scene.notices)
-
-
-def test_vertex_colours_are_multiplied_by_the_material(mtl, tmp_path):
-    # albedo = factor × vertex colour; without a material the colour stands alone
-    mtl("newmtl a\nKd 0.5 0.5 0.5\n")
-    colored = OBJ.replace("0 0\nv", "0 0 1 1 0\nv").replace("1 0\nv", "1 0 1 1 0\nv").replace("1 0\nvt", "1 0 1 1 0\nvt")
-    (tmp_path / "a.obj").write_text(colored)
-    np.testing.assert_allclose(known(load(tmp_path / "a.obj").meshes[0].colors), [[0.5, 0.5, 0]] * 4)
-    (tmp_path / "a.obj").write_text(colored.replace("mtllib", "#"))
-    np.testing.assert_allclose(known(load(tmp_path / "a.obj").meshes[0].colors), [[1, 1, 0]] * 4)

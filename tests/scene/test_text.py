@@ -1,23 +1,19 @@
-"""The .scene, .light and .obj grammar: what each line means."""
+"""The .scene, .light and .obj grammar: what each line means, and the place of each malformed one."""
 
 from __future__ import annotations
 
 import math
 import re
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from irrsplat.core.errors import InputError
-from irrsplat.scene import load
-from irrsplat.scene.io.mesh_builder import build_mesh, is_closed
 from irrsplat.scene.io.obj.reader import load_obj
-from irrsplat.scene.model import Material, Scene
 
-TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 CUBE = """v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 0 0 1\nv 1 0 1\nv 1 1 1\nv 0 1 1
 f 1 5 8 4\nf 2 3 7 6\nf 1 2 6 5\nf 4 8 7 3\nf 1 4 3 2\nf 5 6 7 8\n"""
+TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 CAM = "cam 0 0 5  0 0 0  0 1 0\n"
 
 
@@ -34,17 +30,12 @@ def test_matrices_multiply_on_the_right_as_opengl_does(write):
 
 
 def test_push_and_pop_save_the_matrix_and_not_the_material(write):
-    scene = write("push\ntrans 5 0 0\nbrdf diffuse 1 0 0 1\nobj t.obj\npop\nobj t.obj\n")
-    assert [m.positions[0, 0] for m in scene.meshes] == [5.0, 0.0]
-    assert [m.material.albedo for m in scene.meshes] == [(1.0, 0.0, 0.0)] * 2
-
-
-def test_a_material_holds_until_the_next_of_its_kind(write):
-    # emission and reflectance are independent; before any line the surface is 0.5 and dark
-    scene = write("obj t.obj\nbrdf emission 1 2 3\nobj t.obj\nbrdf diffuse .1 .2 .3 9\nobj t.obj\nbrdf emission 0 0 0\nobj t.obj")
-    grey, some = (0.5, 0.5, 0.5), (0.1, 0.2, 0.3)
-    expected = [(grey, (0, 0, 0)), (grey, (1, 2, 3)), (some, (1, 2, 3)), (some, (0, 0, 0))]
-    assert [(m.material.albedo, m.material.emission) for m in scene.meshes] == expected
+    # a material holds until the next of its kind; before any line the surface is 0.5 and dark
+    text = "obj t.obj\npush\ntrans 5 0 0\nbrdf diffuse 1 0 0 1\nobj t.obj\npop\nbrdf emission 1 2 3\nobj t.obj\n"
+    scene = write(text)
+    assert [m.positions[0, 0] for m in scene.meshes] == [0.0, 5.0, 0.0]
+    assert [m.material.albedo for m in scene.meshes] == [(0.5, 0.5, 0.5), (1.0, 0.0, 0.0), (1.0, 0.0, 0.0)]
+    assert [m.material.emission for m in scene.meshes] == [(0, 0, 0), (0, 0, 0), (1, 2, 3)]
 
 
 def test_normals_follow_the_inverse_transpose(write):
@@ -55,17 +46,11 @@ def test_normals_follow_the_inverse_transpose(write):
 
 
 def test_without_normals_a_face_has_its_own(write):
-    # two triangles that share an edge at a right angle: six vertices, and the normals of the two planes
-    obj = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 2 1 4\n"
+    # two triangles that share an edge at a right angle, and one with normals: nine vertices, and the normals of the two planes
+    obj = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvn 1 0 0\nf 1 2 3\nf 2 1 4\nf 1//1 2//1 3//1\n"
     mesh = write("obj n.obj\n", n_obj=obj).meshes[0]
-    assert len(mesh.positions) == 6
-    np.testing.assert_allclose(mesh.normals, [[0, 0, 1]] * 3 + [[0, 1, 0]] * 3, atol=1e-7)
-
-
-def test_faces_with_and_without_normals_live_in_one_file(write):
-    obj = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 1 0 0\nf 1//1 2//1 3//1\nf 1 2 3\n"
-    mesh = write("obj n.obj\n", n_obj=obj).meshes[0]
-    np.testing.assert_allclose(mesh.normals[mesh.faces][:, 0], [[1, 0, 0], [0, 0, 1]], atol=1e-7)
+    assert len(mesh.positions) == 9
+    np.testing.assert_allclose(mesh.normals[mesh.faces][:, 0], [[0, 0, 1], [0, 1, 0], [1, 0, 0]], atol=1e-7)
 
 
 def test_face_forms_polygons_and_negative_indices(tmp_path):
@@ -77,19 +62,6 @@ def test_face_forms_polygons_and_negative_indices(tmp_path):
     shape = load_obj(tmp_path / "a.obj")
     assert shape.corners.tolist() == [[0, 1, 2]] * 3 + [[0, 1, 2], [0, 2, 3], [0, 3, 4]]
     assert shape.corner_normals[:, 0].tolist() == [-1, 0, 0, -1, -1, -1]
-
-
-def test_an_obj_keeps_what_its_lines_say_in_any_spelling(tmp_path):
-    # comments, tabs, exponents, a weight after the position, a continued line, other words, CRLF and a byte-order mark
-    text = "\ufeff# a\r\no thing\r\n\tv\t0 0 0 1\r\nv 1e0 +0 -.0 # b\r\nv 0 \\\r\n1 0\r\ns off\r\nf 1 2 \\\r\n3\r\n"
-    (tmp_path / "a.obj").write_bytes(text.encode())
-    shape = load_obj(tmp_path / "a.obj")
-    assert shape.positions.tolist() == [[0, 0, 0], [1, 0, 0], [0, 1, 0]] and shape.corners.tolist() == [[0, 1, 2]]
-
-
-def test_a_scene_may_have_a_byte_order_mark_and_windows_line_ends(write):
-    scene = write(b"\xef\xbb\xbfcam 0 0 5 0 0 0 0 1 0\r\nsky 1 2 3\r\n")
-    assert scene.sky == (1.0, 2.0, 3.0) and scene.cameras[0].eye == (0.0, 0.0, 5.0)
 
 
 def test_cameras_and_projection(write):
@@ -115,125 +87,142 @@ def test_lights(write):
 
 
 def test_where_nothing_shines_a_sky_stands_in(write):
-    assert write("obj t.obj\n" + CAM).sky == (1.0, 1.0, 1.0)
-    assert "sky" in write("obj t.obj\n" + CAM).notices[0]
+    plain = write("obj t.obj\n" + CAM)
+    assert plain.sky == (1.0, 1.0, 1.0) and plain.sky_gradient == (0.0, 0.0, 0.0) and "sky" in plain.notices[0]
     assert write("obj t.obj\nsky 0 0 0\n" + CAM).sky == (0.0, 0.0, 0.0)  # a black sky that was asked for
     assert write("brdf emission 1 1 1\nobj t.obj\n" + CAM).sky == (0.0, 0.0, 0.0)
     assert write("obj t.obj\nlight a.light\n" + CAM, a_light="position 0 0 0 1\ndiffuse 1 1 1 1\n").notices == ()
 
 
-@pytest.mark.parametrize("text", ["scale 30 2 2\ntrans 4 4 4\nobj t.obj\n", "sky 1 1 1\n"])
-def test_without_a_camera_one_sees_the_whole_scene(write, text):
-    # every vertex lies inside the view of a square picture: |x|, |y| <= tan(fov/2)·depth
-    scene = write(text)
-    camera = scene.camera()
-    points = np.concatenate([np.zeros((0, 3)), *(mesh.positions for mesh in scene.meshes)])
-    x, y, z = camera.view_from_world[:3, :3] @ points.T + camera.view_from_world[:3, 3:]
-    assert (np.maximum(np.abs(x), np.abs(y)) <= math.tan(math.radians(camera.fov / 2)) * -z + 1e-6).all()
-    assert any("camera" in notice for notice in scene.notices)
-
-
-def test_no_geometry_is_legal(write):
-    scene = write("# nothing but a comment\n")
-    assert scene.triangles == 0 and scene.sky == (1.0, 1.0, 1.0)
-    assert any("there are no triangles in this file; its sky alone is shown" in notice for notice in scene.notices)
-    assert write("obj e.obj\n", e_obj="# no faces\n").meshes == ()
-
-
-def test_degenerate_triangles_are_dropped_with_one_notice(write):
-    # a point, a line (three collinear vertices, which no rounding may save) and a true triangle, drawn twice
-    obj = TRIANGLE + "v .1 .1 .1\nv .2 .2 .2\nv .3 .3 .3\nf 1 1 1\nf 4 5 6\n"
-    scene = write(CAM + "sky 1 1 1\nobj d.obj\ntrans 1 0 0\nobj d.obj\n", d_obj=obj)
-    assert scene.triangles == 2
-    assert len(scene.notices) == 1 and re.search(r"d\.obj: 4 degenerate triangles dropped", scene.notices[0])
-
-
 def test_closed_means_watertight_and_wound_outward(write):
     def closed(transform: str, obj: str = CUBE) -> bool:
-        return write(transform + "\nobj c.obj\n", c_obj=obj).meshes[0].closed
+        return bool(write(CAM + transform + "\nobj c.obj\n", c_obj=obj).meshes[0].closed)
 
     inward = re.sub(r"f (\d) (\d) (\d) (\d)", r"f \4 \3 \2 \1", CUBE)
     assert closed("rotate 33 1 2 3")
     assert not closed("scale -1 1 1")  # a mirror turns the winding: the surface now faces inward
     assert closed("scale 1 1 -1", inward)
-    assert not closed("", inward)
     assert not closed("", CUBE.rsplit("f", 1)[0])  # one face is missing
 
 
-def test_closed_asks_every_part_for_a_positive_volume():
-    # 50 tetrahedra apart from each other are 50 closed parts; turn one of them and the whole no longer is
-    corners = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
-    points = np.concatenate([np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]) + 3 * k for k in range(50)]).astype(
-        np.float32
-    )
-    faces = np.concatenate([corners + 4 * k for k in range(50)])
-    assert is_closed(points, faces)
-    faces[-4:] = faces[-4:, ::-1]
-    assert not is_closed(points, faces)
+@pytest.mark.parametrize(("units", "watt"), [("units photometric", 179.0), ("units radiometric", 1.0), ("", 1.0)])
+def test_photometric_units_are_divided_by_179_lumens_per_watt(write, units, watt):
+    """Lamps, sky and emission are divided; an albedo has no unit."""
+    light = "light a.light\nlight b.light\nsky 17.9 0 0\nbrdf emission 0 358 0\nbrdf diffuse 1 0 0 1\n"
+    text = f"# first\n{units}\n{CAM}{light}obj t.obj\n"
+    lamps = {"a_light": "position 0 1 0 1\nintensity 179 358 537\n", "b_light": "position 0 1 0 0\ndiffuse 179 179 0 1\n"}
+    scene = write(text, **lamps)
+    assert [light.color for light in scene.lights] == [(179 / watt, 358 / watt, 537 / watt), (179 / watt, 179 / watt, 0)]
+    assert scene.sky == (17.9 / watt, 0, 0) and scene.meshes[0].material.emission == (0, 358 / watt, 0)
+    assert scene.meshes[0].material.albedo == (1, 0, 0)
 
 
-def test_a_transform_beyond_float32_is_an_error():
-    positions, corners = np.eye(3), np.array([[0, 1, 2]])
-    with pytest.raises(InputError, match="32-bit"):
-        build_mesh(positions, corners, np.zeros((0, 3)), -np.ones_like(corners), np.diag([1e39, 1, 1, 1]), Material())
-
-
-def test_a_large_obj_loads_in_a_blink(tmp_path):
-    # 80 000 triangles; a loop over lines in Python would take some ten times as long
-    n = 200
-    x, y = np.meshgrid(np.arange(n + 1), np.arange(n + 1))
-    v = np.stack([x.ravel(), y.ravel(), 0 * x.ravel()], 1)
-    i = (np.arange(n)[:, None] * (n + 1) + np.arange(n)).ravel() + 1
-    f = np.concatenate([np.stack([i, i + 1, i + n + 2], 1), np.stack([i, i + n + 2, i + n + 1], 1)])
-    lines = [f"v {a} {b} {c}" for a, b, c in v.tolist()] + ["vn 0 0 1"]
-    lines += [f"f {a}//1 {b}//1 {c}//1" for a, b, c in f.tolist()]
-    (tmp_path / "big.obj").write_text("\n".join(lines))
-    shape = load_obj(tmp_path / "big.obj")
-    np.testing.assert_array_equal(shape.positions, v)
-    np.testing.assert_array_equal(shape.corners, f - 1)
-
-
-# ---- units -------------------------------------------------------------------------------------------------------------
-
-
-def in_units(folder: Path, units: str) -> Scene:
-    """A scene with one of everything that shines."""
-    (folder / "quad.obj").write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1 2 3\n")
-    (folder / "a.light").write_text("position 0 1 0 1\nintensity 179 358 537\n")
-    (folder / "b.light").write_text("position 0 1 0 0\ndiffuse 179 179 0 1\n")
-    text = "light a.light\nlight b.light\nsky 17.9 0 0\nbrdf emission 0 358 0\nbrdf diffuse 0.2 0.3 0.4 1\nobj quad.obj\n"
-    (folder / "one.scene").write_text(f"# first\n{units}\ncam 0 0 5 0 0 0 0 1 0\n{text}")
-    return load(folder / "one.scene")
-
-
-def test_photometric_units_are_divided_by_179_lumens_per_watt(tmp_path: Path) -> None:
-    scene = in_units(tmp_path, "units photometric")
-    assert scene.lights[0].color == pytest.approx((1.0, 2.0, 3.0))
-    assert scene.lights[1].color == pytest.approx((1.0, 1.0, 0.0))
-    assert scene.sky == pytest.approx((0.1, 0.0, 0.0))
-    assert scene.meshes[0].material.emission == pytest.approx((0.0, 2.0, 0.0))
-    assert scene.meshes[0].material.albedo == (0.2, 0.3, 0.4), "a share has no unit"
-
-
-@pytest.mark.parametrize("units", ["units radiometric", ""])
-def test_other_units_are_watts(tmp_path: Path, units: str) -> None:
-    scene = in_units(tmp_path, units)
-    assert scene.lights[0].color == (179.0, 358.0, 537.0) and scene.sky == (17.9, 0.0, 0.0)
-    assert scene.meshes[0].material.emission == (0.0, 358.0, 0.0)
+def refused(write, text, file, line, says, **files):
+    """Reading `text`, a .scene, fails with one line that begins with the place and contains `says`."""
+    with pytest.raises(InputError, match=re.escape(says)) as caught:
+        write(text, **files)
+    place = f"{file}: " if line is None else f"{file}:{line}: "
+    assert place in str(caught.value) and "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize(
-    ("text", "line", "words"),
+    ("text", "line", "says"),
     [
+        ("\nfoo 1\n", 2, "unknown word 'foo'"),
         ("units candela\n", 1, "'candela' are no units; expected: units radiometric, or: units photometric"),
-        ("units\n", 1, "'' are no units"),
         ("units photometric\n\nunits photometric\n", 3, "'units' is given twice; first in line 1"),
-        ("sky 1 1 1\nunits photometric\n", 2, "stands before all light, but line 1 has some"),
         ("brdf emission 1 1 1\nunits radiometric\n", 2, "stands before all light, but line 1 has some"),
+        ("cam 1 2 3\n", 1, "'cam' has 3 values"),
+        (CAM + CAM, 2, "'cam' is given twice; first in line 1"),
+        ("cam a" + CAM[3:] + "cam a" + CAM[3:], 2, "'cam a' is given twice"),
+        ("cam 1 2 3 1 2 3 0 1 0\n", 1, "eye lies at its target"),
+        ("cam 0 5 0 0 0 0 0 1 0\n", 1, "parallel"),
+        ("proj 0 1 1 10\n", 1, "between 0 and 180"),
+        ("proj 45 0 1 10\n", 1, "ASPECT"),
+        ("proj 45 1 10 1\n", 1, "NEAR < FAR"),
+        ("brdf\n", 1, "no kind of brdf"),
+        ("brdf glossy 1 1 1\n", 1, "'glossy' is no kind of brdf"),
+        ("brdf diffuse 1.1 0 0 1\n", 1, "from 0 to 1"),
+        ("brdf diffuse 0 nan 0 1\n", 1, "not a finite number"),
+        ("push\npush\npop\n", 1, "'push' has no 'pop'"),
+        ("push\npop\n\npop\n", 4, "'pop' has no 'push'"),
+        ("trans 1 2 1_0\n", 1, "'1_0' is not a number"),
+        ("rotate 90 0 0 0\n", 1, "axis is 0 0 0"),
+        ("scale 1 0 1\n", 1, "scale of 0"),
+        ("obj\n", 1, "names no file"),
+        ("obj nope.obj\n", 1, "there is no file 'nope.obj'"),
+        ("obj .\n", 1, "is a directory"),
+        ("light nope.light\n", 1, "there is no file 'nope.light'"),
+        ("scale 1e30 1 1\n", 1, "beyond 1e+15"),
+        ("scale 1e14 1e14 1e14\nscale 1e14 1 1\nscale 1e14 1 1\nobj t.obj\n", 4, "32-bit"),
     ],
-)
-def test_units_that_cannot_be_are_refused(tmp_path: Path, text: str, line: int, words: str) -> None:
-    (tmp_path / "one.scene").write_text(text)
-    with pytest.raises(InputError) as caught:
-        load(tmp_path / "one.scene")
-    assert f"one.scene:{line}: " in str(caught.value) and words in str(caught.value)
+)  # fmt: skip
+def test_a_malformed_scene_line_is_an_error_with_its_place(write, text, line, says):
+    refused(write, text, "a.scene", line, says)
+
+
+POINT = "position 0 5 0 1\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "says"),
+    [
+        (POINT + "colour 1 1 1\n", 2, "unknown word 'colour'"),
+        (POINT + POINT, 2, "given twice"),
+        ("position 0 0 0 2\n", 1, "W is 2"),
+        ("diffuse 1 1 1 1\nposition 0 0 0 0\n", 2, "other than 0 0 0"),
+        ("diffuse 1 1 1 1\n", None, "no position"),
+        (POINT, None, "no colour"),
+        (POINT + "diffuse 1 -1 1 1\n", 2, "negative"),
+        (POINT + "intensity 1 1 1\ndiffuse 1 1 1 1\n", 3, "exclude each other"),
+        ("position 0 1 0 0\nintensity 1 1 1\n", 2, "W 0"),
+        (POINT + "diffuse 1 1 1 1\nlinearAttenuation -1\n", 3, "negative"),
+        (POINT + "diffuse 1 1 1 1\nconstantAttenuation 0\n", 3, "division by zero"),
+        (POINT + "diffuse 1 1 1 1\nspotCutoff 30\n", 3, "needs the point"),
+        (POINT + "diffuse 1 1 1 1\nspotExponent -1\n", 3, "negative"),
+        (POINT + "diffuse 1 1 1 1\nspotInner 10\n", 3, "needs a cone"),
+        (POINT + "diffuse 1 1 1 1\nspotDirection 0 0 0\nspotCutoff 20\nspotInner 21\n", 5, "spotInner is 21"),
+        (POINT + "diffuse 1 1 1 1\nspotDirection 0 5 0\nspotCutoff 20\n", 3, "its own position"),
+        ("position 0 1 0 0\ndiffuse 1 1 1 1\nspotDirection 0 0 0\nspotCutoff 20\n", 4, "has no cone"),
+        ("\n", None, "empty"),
+    ],
+)  # fmt: skip
+def test_a_malformed_light_is_an_error_with_its_place(write, text, line, says):
+    refused(write, "light a.light\n", "a.light", line, says, a_light=text)
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "says"),
+    [
+        ("v 1 2\n", 1, "'v' has 2 values"),
+        ("v 1 2 3\n\nv 1 x 3\n", 3, "'x' is not a number"),
+        ("v 1 \\\n 2 3\nv 1 inf 2\n", 3, "not a finite number"),
+        ("vn 0 0\n", 1, "'vn' has 2 values"),
+        (TRIANGLE + "f 1 2\n", 5, "a face has 2 corners"),
+        (TRIANGLE + "f 1 2 0\n", 5, "vertex 0, but indices start at 1"),
+        (TRIANGLE + "f 1 2 -4\n", 5, "vertex -4, but there are 3"),
+        (TRIANGLE + "f 1//1 2//1 3//1\n", 5, "normal 1, but there are 0"),
+        (TRIANGLE + "f 1/1/2 2/1/1 3/1/1\nvn 0 0 1\n", 5, "normal 2, but there are 1"),
+        (TRIANGLE + "f 1 2//1 3\n", 5, "different kinds"),
+        (TRIANGLE + "f 1 2 99999999999999999999\n", 5, "is no corner"),
+        ("hello\nworld\n", None, "no line of this file is OBJ"),
+        ("", None, "empty"),
+    ],
+)  # fmt: skip
+def test_a_malformed_obj_line_is_an_error_with_its_place(write, text, line, says):
+    refused(write, "obj x.obj\n", "x.obj", line, says, x_obj=text)
+
+
+@pytest.mark.parametrize(
+    ("data", "says"),
+    [
+        (b"", "empty"),
+        (b"sky 1 1 1\n\0\1\2garbage", "binary"),
+        (b"sky 1 1 1\n# caf\xe9\n", "a.scene:2: this is not UTF-8"),
+        (b"\x1b[31m 1 2\n", "unknown word"),
+    ],
+)  # fmt: skip
+def test_what_is_no_text_is_an_error(write, data, says):
+    with pytest.raises(InputError, match=re.escape(says)) as caught:
+        write(data)
+    assert "a.scene" in str(caught.value) and str(caught.value).isprintable()

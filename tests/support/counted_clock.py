@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from irrsplat.core.clock import RayClock
+from irrsplat.core.timing.clock import RayClock
 
 READING = 1e-3  # seconds that each reading of the clock takes
 RAYS = 1e6  # rays in a second

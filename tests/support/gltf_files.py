@@ -83,9 +83,16 @@ class GltfFile:
         path.write_text(json.dumps(self.inline()))
         return path
 
+    def packed(self) -> bytes:
+        """The file as a GLB, its buffer in a chunk of its own."""
+        text = json.dumps({**self.tree, "buffers": [{"byteLength": len(self.data)}]}).encode()
+        text, data = text + b" " * (-len(text) % 4), self.data + b"\0" * (-len(self.data) % 4)
+        body = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(data), 0x004E4942) + data
+        return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
+
     def glb(self, path: Path) -> Path:
-        """`path`, to which the file is written as a .glb."""
-        path.write_bytes(glb_bytes({**self.tree, "buffers": [{"byteLength": len(self.data)}]}, self.data))
+        """Write the file as a .glb and return `path`."""
+        path.write_bytes(self.packed())
         return path
 
 
@@ -104,12 +111,3 @@ def encoded(pixels: np.ndarray, kind: str = "PNG") -> bytes:
     stream = io.BytesIO()
     PIL.Image.fromarray(pixels).save(stream, kind, **({"lossless": True, "exact": True} if kind == "WebP" else {}))
     return stream.getvalue()
-
-
-def glb_bytes(tree: dict[str, Any], data: bytes) -> bytes:
-    """A GLB of this JSON and this binary chunk."""
-    text = json.dumps(tree).encode()
-    text += b" " * (-len(text) % 4)
-    data += b"\0" * (-len(data) % 4)
-    body = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(data), 0x004E4942) + data
-    return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body

@@ -1,9 +1,10 @@
-"""Scenes where light must not pass: two rooms, a table, a box, a drape and a ball; their views, and the truth at pixels."""
+"""Scenes where light must not pass: two rooms, a table and a ball; their views, and the truth at pixels."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import moderngl
 import numpy as np
@@ -20,7 +21,6 @@ UP = (0.0, 1.0, 0.0)
 GREY, RED, WHITE = material(0.5), material((0.7, 0.2, 0.15)), material(0.8)
 X, Y, Z = 4.0, 2.5, 2.0  # metres: each room is X wide, Y high and 2·Z deep; the wall is at x = 0, the lit room where x < 0
 WALL = 0.01  # metres
-DRAPE_SIDE = 1.5e-3  # metres
 
 
 def rooms(wall: float = WALL, without: str = "") -> Scene:
@@ -54,32 +54,9 @@ def table() -> Scene:
     return scene(room(), box((-0.8, 0.68, -0.45), (0.8, 0.70, 0.45), RED), *legs, lights=(lamp((0.3, 2.0, 0.2), 20.0),))
 
 
-def standing() -> Scene:
-    """A room with a box that stands on its floor, lit from one side."""
-    return scene(room(), box((-0.4, 0, -0.3), (0.4, 0.9, 0.3), RED), lights=(lamp((1.5, 2.2, 1.0), 20.0),))
-
-
 def resting() -> Scene:
     """A room with a ball of 40 cm radius that rests on its floor."""
     return scene(room(), sphere((0.0, 0.4, 0.0), 0.4, RED), lights=(lamp((1.2, 2.2, 0.9), 20.0),))
-
-
-def drape() -> Scene:
-    """A room in two by a wavy sheet without thickness, 12 cm deep folds; the lamp is where z is above it."""
-    x = np.linspace(-2.0, 2.0, 161)
-    z = drape_depth(x)
-    steep = 0.06 * 2.0 * np.pi / 0.5 * np.cos(2.0 * np.pi * x / 0.5)
-    n = np.stack([-steep, np.zeros_like(x), np.ones_like(x)], -1) / np.sqrt(1.0 + steep**2)[:, None]
-    points = np.concatenate([np.stack([x, np.full_like(x, y), z], -1) for y in (0.0, Y)])
-    i = np.arange(len(x) - 1)
-    faces = np.concatenate([np.stack([i, i + 1, i + 1 + len(x)], 1), np.stack([i, i + 1 + len(x), i + len(x)], 1)])
-    sheet = Mesh(points.astype("f4"), np.tile(n, (2, 1)).astype("f4"), faces.astype("i4"), RED)
-    return scene(room(), sheet, lights=(lamp((0.4, 2.0, 1.0), 20.0),))
-
-
-def drape_depth(x: np.ndarray) -> np.ndarray:
-    """z of the drape at x, metres; it hangs in straight strips between every 2.5 cm, off by DRAPE_SIDE at most."""
-    return 0.06 * np.sin(2.0 * np.pi * x / 0.5)
 
 
 def room() -> Mesh:
@@ -123,7 +100,7 @@ class Look:
 
 
 def look(
-    ctx: moderngl.Context, world: Scene, cameras: Sequence[Camera], how: str, size: tuple[int, int] = SIZE, **rest: object
+    ctx: moderngl.Context, world: Scene, cameras: Sequence[Camera], how: str, size: tuple[int, int] = SIZE, **rest: Any
 ) -> list[Look]:
     """The views from `cameras` in turn by the gather `how`, one cache for all of them."""
     out = []

@@ -107,23 +107,29 @@ def camera_numbers(camera: Camera) -> np.ndarray:
 
 
 def compare(frame: Any, reference: Reference, bounces: int | str = 1) -> dict[str, float]:
-    """How far a SIZE×SIZE frame is from the truth of 1 or "all" `bounces`.
+    """How far a frame of SIZE×SIZE pixels is from the truth of 1 or "all" `bounces`.
+
+    A frame may also have SIZE/k pixels a side, k odd: then its pixels' centres are those of every k-th pixel of SIZE×SIZE.
+
 
     `rmse`: √mean((E−E_ref)²)/mean(E_ref), over pixels and channels. `bias`: mean(E)/mean(E_ref) − 1. `outliers`: share of
     pixels where any channel is off by more than 30 % of the mean. `direct_rms`, `direct_max`: error of direct over its
     mean, away from shadow edges; `direct_off`: share of those pixels that are off by more than 2 % of the mean.
     `misplaced`: share of pixels whose position is off by more than 0.2 % of the scene's diagonal. 0 is perfect, always.
     """
-    row, column = reference.pixels.T
-    if frame.irradiance.shape[:2] != (SIZE, SIZE):
-        raise ValueError(f"references are for {SIZE}×{SIZE} images, not {frame.irradiance.shape[1]}×{frame.irradiance.shape[0]}")
-    E_ref = reference.of(bounces)[0].astype(np.float64)
+    height, width = frame.irradiance.shape[:2]
+    step = SIZE // height
+    if width != height or step * height != SIZE or step % 2 == 0:
+        raise ValueError(f"references are for {SIZE}×{SIZE} images and an odd part of that, not {width}×{height}")
+    known = (reference.pixels % step == step // 2).all(axis=1)
+    row, column = reference.pixels[known].T // step
+    E_ref = reference.of(bounces)[0][known].astype(np.float64)
     error = frame.irradiance[row, column] - E_ref
-    clear = reference.edge > FAR_FROM_EDGES
-    L_ref = reference.direct[clear].astype(np.float64)
+    clear = reference.edge[known] > FAR_FROM_EDGES
+    L_ref = reference.direct[known][clear].astype(np.float64)
     off = frame.direct[row, column][clear] - L_ref
     L_mean = L_ref.mean() if clear.any() and L_ref.any() else 1.0
-    moved = np.linalg.norm(frame.position[row, column] - reference.position, axis=1)
+    moved = np.linalg.norm(frame.position[row, column] - reference.position[known], axis=1)
     return {
         "rmse": float(np.sqrt(np.mean(error**2)) / E_ref.mean()),
         "bias": float(error.mean() / E_ref.mean()),

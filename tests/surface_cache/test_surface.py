@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import moderngl
 import numpy as np
 import pytest
 
-import irrsplat
 from irrsplat import Renderer
+from irrsplat.core.vertex_layout import PARTS, WIDTH
 from irrsplat.gpu.target import pixels
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.world import World
@@ -18,11 +16,11 @@ from irrsplat.scene.model import Camera, Scene
 from irrsplat.surface_cache import clustering
 from irrsplat.surface_cache.cache import SurfaceCache
 from irrsplat.surface_cache.clustering import sight_lines, unlit_interiors
-from irrsplat.surface_cache.site_layout import MAX_SITES, POINTS, SiteChooser
+from irrsplat.surface_cache.site_layout import MAX_SITES
 from irrsplat.surface_cache.tessellation import Tessellation, steps, tessellate
 from irrsplat.surface_cache.visibility import VisibilityPass
 from tests.renderer.test_renderer import FAST
-from tests.support.worlds import assert_pictures, box, floor, gather, lamp, material, quad, scene, sites, sphere
+from tests.support.worlds import box, floor, gather, lamp, material, quad, scene, sites, sphere
 
 SIZE = (80, 60)
 INSET = 1e-4  # metres
@@ -65,56 +63,19 @@ def inside(corners: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndar
     return parts / whole, whole[..., 0]
 
 
-def test_small_triangles_are_one_point_and_smooth_normals_are_blended() -> None:
-    ball = sphere((0, 0, 0), 1.0, rings=24, segments=48)
-    coarse, fine = cut(scene(ball), 2.0), cut(scene(ball), 0.2)
-    count = len(ball.faces)
-    assert coarse.cells == count == len(coarse.position) and (coarse.corners == np.arange(count)[:, None]).all()
-    assert coarse.area.sum() == pytest.approx(4 * np.pi, rel=0.01) and fine.area.sum() == pytest.approx(coarse.area.sum())
-    assert fine.cells == count and len(fine.position) > 2 * count
-    for found in (coarse, fine):
-        outward = found.position / np.linalg.norm(found.position, axis=1, keepdims=True)
-        assert (found.normal * outward).sum(1).min() > 0.9999 and (found.geometric * outward).sum(1).min() > 0.98
+def test_cells_are_cut_in_halves_however_long_they_are() -> None:
+    """Slivers with long steps are cut, too: lookups go by four cells."""
+    sliver = np.zeros((3, WIDTH), np.float32)
+    sliver[:, PARTS["position"]], sliver[:, PARTS["normal"]] = [(0, 0, 0), (10, 0, 0), (0, 0, 0.1)], (0, 1, 0)
+    faces = np.array([[0, 1, 2]])
+    assert tessellate(sliver, faces, 0.5, 0.0).table[0, 0, 3] > 2
+    long = np.full(40_000, 100.0)  # many slivers are cut as one is, and leave others as fine as they were
+    assert set(steps(np.append(long, 1.0), 0.5, most=2)) == {2}
+    cut = tessellate(sliver, faces, 0.5, 0.0, most=2)
+    assert cut.table[0, 0, 3] == 2 and len(np.unique(cut.corners)) == 12 and cut.area.sum() == pytest.approx(0.5)
 
 
 # ---- sites ------------------------------------------------------------------------------------------------------------
-
-
-def test_who_shares_a_name() -> None:
-    """The corners where cells meet, on one side; not the other side, another wall, or the next voxel."""
-    some = clustering.both_sides(
-        cut(scene(quad((0, 0, 0), (0, 0, 2), (2, 0, 0)), quad((0, 0, 0), (2, 0, 0), (0, 2, 0))), 0.5), INSET
-    )
-    names = clustering.voxel_keys(some, 0.3)
-    apart = np.linalg.norm(some.position[:, None] - some.position[None], axis=-1)
-    same = names[:, None] == names[None]
-    facing = some.normal @ some.normal.T
-    assert same[(apart < 0.001) & (facing > 0.99)].mean() > 0.9
-    assert not same[facing < 0.5].any() and not same[apart > 0.3 * 3**0.5].any()
-    chosen, whose = clustering.choose_sites(names, some.position, np.ones(len(some)), 0.0, 1000)
-    assert (names[chosen[whose]] == names).all() and len(chosen) == len(np.unique(names))
-    few, whose = clustering.choose_sites(names, some.position, np.ones(len(some)), 0.0, 5)
-    assert len(few) == 5 and set(whose) == {-1, 0, 1, 2, 3, 4}
-    assert np.bincount(whose[whose >= 0]).min() >= np.unique(names[whose < 0], return_counts=True)[1].max(), "the largest"
-
-
-def test_a_fine_mesh_has_few_members() -> None:
-    """Of very small triangles on one side of one mesh, those in one voxel become one; others stay what they are."""
-    beads, other = sphere((0, 0, 0), 0.1), sphere((0, 0, 0), 0.101)
-    world = scene(floor(2.0), beads, other)
-    chooser = SiteChooser(world, unlit_interiors(world), 1e-4, lambda lines: np.ones(len(lines), bool))
-    vertices, faces, _ = chooser._surfaces()
-    clusters, _ = chooser._cut(vertices, faces, 0.1)
-    tessellation, sheet = clusters.tessellation, chooser._sheets(clusters.tessellation)
-    fine, member = np.flatnonzero(sheet >= 0), clusters.member.ravel()
-    assert len(fine) == 2 * (len(beads.faces) + len(other.faces)) and len(np.unique(member[fine])) < 0.4 * len(fine)
-    assert len(clusters.members) == len(np.unique(member)) and (np.bincount(member[sheet < 0])[member[sheet < 0]] == 1).all()
-    pairs = np.unique(np.stack([member, sheet]), axis=1)
-    assert pairs.shape[1] == len(clusters.members), "no member stands for two meshes, or for both sides of one"
-    points = clustering.both_sides(tessellation, 1e-4)
-    apart = np.linalg.norm(clusters.members.position[member] - points.position, axis=1)
-    assert apart.max() <= 0.25 * 0.1 * np.sqrt(3.0) and (clusters.members.normal[member] * points.normal).sum(1).min() > 0.0
-    assert clusters.area.sum() == pytest.approx(2.0 * tessellation.area.sum())
 
 
 def test_what_no_light_reaches() -> None:
@@ -127,13 +88,6 @@ def test_what_no_light_reaches() -> None:
     assert not unlit_interiors(scene(box((0, 0, 0), (1, 1, 1), material(0.5, 1.0)))).any()
     assert not unlit_interiors(scene(case, quad((0.2, 0.2, 0.2), (0.1, 0, 0), (0, 0, 0.1), material(0.0, 1.0))))[:count].any()
     assert not unlit_interiors(scene(box((0, 0, 0), (1, 1, 1), outward=False))).any()
-
-
-def test_what_sees_nothing_of_the_scene() -> None:
-    world = scene(box((0, 0, 0), (1, 2, 3), outward=False))
-    some = clustering.both_sides(cut(world, 1.0), INSET)
-    inward = ((world.bounds.mean(0) - some.position) * some.geometric).sum(1) > 0.0
-    assert (clustering.sees_nothing(some, world.bounds) == ~inward).all() and inward.mean() == 0.5
 
 
 def test_what_stands_in_the_way(ctx: moderngl.Context) -> None:
@@ -155,18 +109,6 @@ def test_what_stands_in_the_way(ctx: moderngl.Context) -> None:
 
 
 # ---- lookups ----------------------------------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def looked(ctx: moderngl.Context) -> Iterator[tuple[Renderer, SurfaceCache]]:
-    """A floor and a ball of small triangles beside it, with their cache of two bounces."""
-    eye = Camera((0.5, 3.0, 2.5), (0.3, 0.0, 0.0), fov=60.0)
-    world = scene(floor(1.5), sphere((0.6, 0.8, 0.2), 0.4), lights=(lamp((0, 2, 0.5), 3.0),), camera=eye)
-    with Renderer(world, SIZE, ctx=ctx, **{**FAST, "bounces": 2}) as renderer:
-        renderer.frame(gather=False)
-        assert renderer.shadows is not None and renderer.scheduler.gatherer.surface is not None
-        renderer.scheduler.prepare(renderer.shadows, Budget(None))
-        yield renderer, renderer.scheduler.gatherer.surface
 
 
 def oracle(cache: SurfaceCache, values: np.ndarray, p: np.ndarray, triangle: np.ndarray, side: np.ndarray) -> np.ndarray:
@@ -193,50 +135,33 @@ def oracle(cache: SurfaceCache, values: np.ndarray, p: np.ndarray, triangle: np.
     return out
 
 
-def test_a_lookup_is_what_plain_sums_say(ctx: moderngl.Context, looked: tuple[Renderer, SurfaceCache]) -> None:
-    """Every value another number; where nothing stands on the cell."""
-    renderer, cache = looked
-    values = np.random.default_rng(0).uniform(0.0, 1.0, (MAX_SITES, 3)).astype("f4")
-    cache.lookup.values.write(np.pad(values, ((0, 0), (0, 1))).tobytes())
-    view, _ = renderer.frame(gather=False)
-    found = pixels(cache.view(view.gbuffer)).reshape(-1, 4)
-    position, normal, emission = (
-        pixels(t).reshape(-1, 4) for t in (view.gbuffer.position, view.gbuffer.normal, view.gbuffer.emission)
-    )
-    seen = position[:, 3] > 0.0
-    assert 0.2 < seen.mean() < 1.0 and (found[:, 3] == seen).all() and not found[~seen].any()
-    triangle = emission[seen, 3].astype(int)
-    assert cache.layout is not None
-    cut = cache.layout.tessellation
-    facing = np.cross(cut.table[triangle, 1, :3], cut.table[triangle, 2, :3])
-    side = ((facing * normal[seen, :3]).sum(1) < 0.0).astype(int)
-    expected = oracle(cache, values, position[seen, :3].astype(float), triangle, side)
-    off = np.abs(found[seen, :3] - expected).max(1)
-    assert (off < 0.01).mean() > 0.99 and np.median(off) < 3e-3, "but for the inset of the points"
-
-
-def test_a_linear_field_is_found_as_it_is(ctx: moderngl.Context) -> None:
-    """Where every corner has a site of its own, a field that is linear in space is looked up exactly, but for the inset."""
-    world = scene(floor(1.5), camera=Camera((0.2, 2.5, 2.0), (0.0, 0.0, 0.0), fov=60.0), sky=1.0, lights=(lamp((0, 1, 0)),))
-    # something above, or the floor would see nothing
-    world = scene(*world.meshes, quad((-1, 5, -1), (2, 0, 0), (0, 0, 2)), lights=world.lights, camera=world.cameras[0])
+@pytest.mark.few_sites
+def test_a_lookup_is_what_plain_sums_give(ctx: moderngl.Context) -> None:
+    """A floor and a ball of small triangles beside it; each site has a value of its own."""
+    eye = Camera((0.5, 3.0, 2.5), (0.3, 0.0, 0.0), fov=60.0)
+    world = scene(floor(1.5), sphere((0.6, 0.8, 0.2), 0.4), lights=(lamp((0, 2, 0.5), 3.0),), camera=eye)
     with Renderer(world, SIZE, ctx=ctx, **{**FAST, "bounces": 2}) as renderer:
         renderer.frame(gather=False)
         cache = renderer.scheduler.gatherer.surface
         assert renderer.shadows is not None and cache is not None
         renderer.scheduler.prepare(renderer.shadows, Budget(None))
-        assert cache.layout is not None
-        values = np.zeros((MAX_SITES, 4), "f4")
-        place = cache.sites.position
-        values[2 : 2 + len(place), :3] = 1.0 + place * (0.2, 0.0, 0.3) + place[:, ::-1] * (0.1, 0.0, 0.0)
-        cache.lookup.values.write(values.tobytes())
+        values = np.random.default_rng(0).uniform(0.0, 1.0, (MAX_SITES, 3)).astype("f4")
+        cache.lookup.values.write(np.pad(values, ((0, 0), (0, 1))).tobytes())
         view, _ = renderer.frame(gather=False)
-        p, found = pixels(view.gbuffer.position), pixels(cache.view(view.gbuffer))
-    expected = 1.0 + p[..., :3] * (0.2, 0.0, 0.3) + p[..., 2::-1] * (0.1, 0.0, 0.0)
-    seen = (p[..., 3] > 0.0) & (p[..., 1] < 1.0)
-    assert seen.mean() > 0.3
-    assert np.median(np.abs(found[..., :3] - expected)[seen]) < 1e-3
-    assert_pictures("linear_field", found[..., :3], expected, 0.05, seen)
+        found = pixels(cache.view(view.gbuffer)).reshape(-1, 4)
+        position, normal, emission = (
+            pixels(t).reshape(-1, 4) for t in (view.gbuffer.position, view.gbuffer.normal, view.gbuffer.emission)
+        )
+        seen = position[:, 3] > 0.0
+        assert 0.2 < seen.mean() < 1.0 and (found[:, 3] == seen).all() and not found[~seen].any()
+        triangle = emission[seen, 3].astype(int)
+        assert cache.layout is not None
+        cut = cache.layout.tessellation
+        facing = np.cross(cut.table[triangle, 1, :3], cut.table[triangle, 2, :3])
+        side = ((facing * normal[seen, :3]).sum(1) < 0.0).astype(int)
+        expected = oracle(cache, values, position[seen, :3].astype(float), triangle, side)
+    off = np.abs(found[seen, :3] - expected).max(1)
+    assert (off < 0.01).mean() > 0.99 and np.median(off) < 3e-3, "but for the inset of the points"
 
 
 def test_no_dark_rim_about_a_box(ctx: moderngl.Context) -> None:
@@ -257,17 +182,3 @@ def test_no_dark_rim_about_a_box(ctx: moderngl.Context) -> None:
     E = gather(ctx, world, sites(p[rim, :3], (0, 1, 0)), 32, shadow=512).E
     ratio = found[rim].mean(1) / E.mean(1)
     assert ratio.min() > 0.6 and ratio.max() < 1.7 and np.median(ratio) == pytest.approx(1.0, abs=0.1)
-
-
-@pytest.mark.all_sites
-def test_a_cache_of_a_bundled_scene() -> None:
-    """About as many points as are wanted, hardly a corner without a site, all of it within the limits."""
-    with Renderer(irrsplat.load("curved"), (16, 16), **{**FAST, "bounces": 2}) as renderer:
-        renderer.frame(gather=False)
-        cache = renderer.scheduler.gatherer.surface
-        assert renderer.shadows is not None and cache is not None
-        renderer.scheduler.prepare(renderer.shadows, Budget(None))
-        assert cache.layout is not None
-        numbers = np.frombuffer(cache.lookup.cells.read(), "f4").reshape(-1, 4)[: 2 * cache.layout.tessellation.cells, :3]
-        assert POINTS[0] / 2 < len(cache.sites) < MAX_SITES
-        assert (numbers < 0.0).mean() < 0.01 and numbers.max() < len(cache.sites) + 2

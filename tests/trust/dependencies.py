@@ -1,12 +1,10 @@
-"""What irrsplat needs from others: does it work with the oldest and the newest of each, under which licences are they, which
-exact versions does CI use.
+"""What irrsplat needs from others: least and newest versions, licences, and the exact versions of CI.
 
     python tests/trust/dependencies.py oldest      some tests run with the least version of each in pyproject.toml
     python tests/trust/dependencies.py newest      the same with the newest ones, in a new environment, too
-    python tests/trust/dependencies.py licences    of what is installed here and irrsplat needs, all the way down
     python tests/trust/dependencies.py lock        write .ci/constraints.txt: the versions that are installed here
 
-Exit status: 0 if all is well; 1 if tests fail, or a licence is none of ALLOWED.
+Exit status: 0 if all is well; 1 if tests fail.
 """
 
 from __future__ import annotations
@@ -86,21 +84,16 @@ def installed(name: str) -> str:
 
 
 def licence(name: str) -> str:
-    """What a package says of its licence, in a few words."""
+    """Return the licence that a package declares, else those of the sentences in its files, in a few words."""
     about = metadata.metadata(name)
     kinds = [value.split(" :: ")[-1] for value in about.get_all("Classifier") or () if value.startswith("License ::")]
     stated = [value for field in ("License-Expression", "License") for value in about.get_all(field) or ()]
-    named_by_kind = ", ".join(kind for kind in kinds if kind != "OSI Approved")
-    text = named_by_kind if named_by_kind and "License-Expression" not in about else (stated or [""])[0]
-    words = (text.strip().splitlines() or [""])[0]
-    return words if allowed(words) else " and ".join(found_in_files(name)) or words
-
-
-def found_in_files(name: str) -> list[str]:
-    """The licences whose sentences the package's files of that name have."""
+    for words in (*(about.get_all("License-Expression") or ()), ", ".join(kinds), *stated):
+        if allowed(words.strip().partition("\n")[0]):
+            return str(words).strip().partition("\n")[0]
     files = [file for file in metadata.files(name) or () if re.match(r"(?i)(licen[cs]e|copying)", file.name)]
     texts = [" ".join(Path(str(file.locate())).read_text(encoding="utf-8", errors="replace").split()) for file in files]
-    return [short for sentence, short in SENTENCES.items() if any(sentence in text for text in texts)]
+    return " and ".join(short for sentence, short in SENTENCES.items() if any(sentence in text for text in texts))
 
 
 def allowed(words: str) -> bool:
@@ -114,23 +107,16 @@ def lock() -> str:
     return f"# Versions that CI uses, written by {Path(__file__).relative_to(ROOT)} lock\n" + "".join(lines)
 
 
-def environment(folder: Path, constraints: str) -> Path:
-    """The Python of a new environment with irrsplat in it, its packages restricted by `constraints`."""
-    subprocess.run([sys.executable, "-m", "venv", folder / "venv"], check=True)
-    python, file = folder / "venv/bin/python", folder / "constraints.txt"
-    file.write_text(constraints)
-    install = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check"]
-    subprocess.run([*install, "--constraint", str(file), "--editable", f"{ROOT}[{','.join(EXTRAS)}]"], check=True)
-    return python
-
-
 def tried(constraints: str) -> int:
-    """The exit status of some tests in a new environment."""
+    """The exit status of some tests in a new environment, its packages restricted by `constraints`."""
     with tempfile.TemporaryDirectory() as folder:
-        python = environment(Path(folder), constraints)
-        subprocess.run([python, "-m", "pip", "list", "--disable-pip-version-check"], check=True)
-        command = [str(python), "-m", "pytest", "-q", "-m", "not slow and not long", *TESTED]
-        return subprocess.run(command, cwd=ROOT, check=False).returncode
+        python, file = Path(folder) / "venv/bin/python", Path(folder) / "constraints.txt"
+        subprocess.run([sys.executable, "-m", "venv", Path(folder) / "venv"], check=True)
+        file.write_text(constraints)
+        pip = [str(python), "-m", "pip", "--disable-pip-version-check"]
+        subprocess.run([*pip, "install", "-q", "-c", file, "-e", f"{ROOT}[{','.join(EXTRAS)}]"], check=True)
+        subprocess.run([*pip, "list"], check=True)
+        return subprocess.run([python, "-m", "pytest", "-q", *TESTED], cwd=ROOT, check=False).returncode
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -142,11 +128,6 @@ def main(arguments: Sequence[str]) -> int:
     if arguments == ["lock"]:
         LOCK.write_text(lock(), encoding="utf-8")
         return 0
-    if arguments == ["licences"]:
-        found = {name: licence(name) for name in needed()}
-        for name, words in found.items():
-            print(f"{name} {installed(name)}: {words or SILENT.get(name, 'says nothing')}{'' if allowed(words) else '  (!)'}")
-        return 0 if all(allowed(words) or name in SILENT for name, words in found.items()) else 1
     print(__doc__, file=sys.stderr)
     return 2
 

@@ -17,10 +17,11 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any
 
+from irrsplat.app import cli
 from tests.support.interrupts import run
 
 ESCAPED = 77  # the status where an interruption came out of main
-LIMIT = 120.0  # seconds, after which a process hangs
+LIMIT = 600.0  # seconds, after which a process hangs
 OURS = ".irrsplat-"  # how temporary files begin
 
 
@@ -44,8 +45,6 @@ def rendered(
 
 
 def _child(folder: str, said: Connection, argv: list[str], harm: Any, values: tuple[Any, ...]) -> None:
-    from irrsplat.app import cli
-
     os.chdir(folder)
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     os.dup2(said.fileno(), 2)
@@ -66,23 +65,15 @@ def _child(folder: str, said: Connection, argv: list[str], harm: Any, values: tu
 # ---- harms -------------------------------------------------------------------------------------------------------------------
 
 
-def killed(argv: list[str], event: int, seconds: float) -> Callable[[], int]:
-    """By SIGKILL, so many seconds after the n-th opening, renaming or removal of a temporary file."""
-    from irrsplat.app import cli
-
+def killed(argv: list[str], event: int) -> Callable[[], int]:
+    """By SIGKILL, at the n-th opening, renaming or removal of a temporary file."""
     left = event
-
-    def die() -> None:
-        time.sleep(seconds)
-        os.kill(os.getpid(), signal.SIGKILL)
 
     def hook(name: str, args: tuple[Any, ...]) -> None:
         nonlocal left
         if name in ("open", "os.rename", "os.remove", "os.mkdir", "os.rmdir") and OURS in str(args[0]):
             left -= 1
-            if left == 0 and seconds:
-                threading.Thread(target=die, daemon=True).start()
-            elif left == 0:
+            if left == 0:
                 os.kill(os.getpid(), signal.SIGKILL)
 
     sys.addaudithook(hook)
@@ -93,16 +84,12 @@ def limited(argv: list[str], most: int) -> Callable[[], int]:
     """No file may be longer than so many bytes."""
     import resource
 
-    from irrsplat.app import cli
-
     resource.setrlimit(resource.RLIMIT_FSIZE, (most, resource.getrlimit(resource.RLIMIT_FSIZE)[1]))
     return lambda: cli.main(argv)
 
 
 def at_line(argv: list[str], line: int) -> Callable[[], int]:
     """By Ctrl-C, before the line of this number that irrsplat executes."""
-    from irrsplat.app import cli
-
     status = ESCAPED
 
     def main() -> None:
@@ -114,19 +101,17 @@ def at_line(argv: list[str], line: int) -> Callable[[], int]:
 
 def signalled(argv: list[str], number: int, seconds: float) -> Callable[[], int]:
     """By a signal, after so many seconds."""
-    from irrsplat.app import cli
+    ended = threading.Event()
 
     def send() -> None:
         time.sleep(seconds)
-        if not ended:
+        if not ended.is_set():
             os.kill(os.getpid(), number)
-
-    ended: list[bool] = []
 
     def act() -> int:
         threading.Thread(target=send, daemon=True).start()
         status = cli.main(argv)
-        ended.append(True)
+        ended.set()
         return status
 
     return act

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 
-from irrsplat.core.clock import now
+from irrsplat.core.timing.clock import now
 from irrsplat.scene import FORMATS
 
 ENDINGS = (*FORMATS, ".path")  # that the viewer opens

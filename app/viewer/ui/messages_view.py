@@ -6,7 +6,7 @@ from imgui_bundle import imgui
 
 from irrsplat.app.viewer.messages import Messages
 from irrsplat.app.viewer.ui.layout import MARGIN, PLAIN, RED, WHITE, Layout
-from irrsplat.core import clock
+from irrsplat.core.timing import clock
 
 
 def draw_waiting(text: str) -> None:

@@ -8,8 +8,8 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import Atlas, GBuffer, HitLight, ShadowMaps, Sites
-from irrsplat.core.clock import now
 from irrsplat.core.color import LUMINANCE
+from irrsplat.core.timing.clock import now
 from irrsplat.gather import autotune
 from irrsplat.gather.look import Gather, gather_records
 from irrsplat.gpu.resource import Owner, Resource, Workshop

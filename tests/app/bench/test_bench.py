@@ -1,24 +1,28 @@
-"""`irrsplat bench`: its JSON keeps to the contract, its tables have the paper's rows, and its cases are what they say."""
+"""`irrsplat bench`: its JSON, truth and flights, --growth, --moving and --compare."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
-import moderngl
 import numpy as np
 import pytest
+from PIL import Image
 
 import irrsplat
 from irrsplat.app import cli
-from irrsplat.app.bench import cases, fly_through, gather_truth, machine, paper_times
-from irrsplat.gather.hemicube import hemisphere_table
-from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.app.bench import cases, compare, fly_through, gather_truth, moving, paper_times, scaling
 from irrsplat.indirect import paper_scan
-from irrsplat.indirect.paper_scan import Seen
 from irrsplat.reference import fine_gather
+from irrsplat.scene.camera_path import load_path
 from irrsplat.scene.model import Camera
+from tests.support.renders import rendered
+from tests.support.truth import SIZE as FULL
+from tests.support.truth import compare as compare_pixels
+from tests.support.truth import load_reference
 from tests.support.worlds import floor, material, sphere
 from tests.support.worlds import scene as scene_of
 
@@ -30,7 +34,7 @@ KEYS |= {"bounces", "seconds_all", "picture_seconds", "memory_mib"}
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    """Everything once and small, and truths in a folder of the test's own."""
+    """Run everything once and small; truths go to a folder of the test."""
     monkeypatch.setattr(cases, "REPETITIONS", 1)
     monkeypatch.setattr(fine_gather, "SIDE", 32)
     monkeypatch.setattr(gather_truth, "COUNT", 150)
@@ -38,108 +42,87 @@ def quick(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("IRRSPLAT_CACHE", str(tmp_path / "cache"))
 
 
+def keep_the_contract(written: dict[str, Any], scenes: tuple[str, ...]) -> dict[tuple[str, str, str], dict[str, Any]]:
+    """Check what any JSON of the benchmark holds; return its rows by scene, preset and case."""
+    assert set(written) == {"machine", "runs"}
+    assert written["machine"]["renderer"] and isinstance(written["machine"]["cpus"], int)
+    for scene in scenes:
+        assert set(written["machine"]["startup_s"][scene]) == {"import", "context", "load", "shaders"}
+    for run in written["runs"]:
+        assert set(run) == KEYS
+        flight = run["case"].startswith("flight")
+        assert run["clock"] in ("gpu", "wall") and isinstance(run["records"], int) and run["records"] > 0
+        assert run["seconds_all"] == [run["seconds"]]
+        assert {"splat", "composite", "display" if flight else "direct"} <= set(run["stages_ms"]) or run["case"] == "light"
+        assert flight or (run["memory_mib"]["gpu"] > 0.1 and run["memory_mib"]["process"] > 10.0)
+    return {(run["scene"], run["preset"], run["case"]): run for run in written["runs"]}
+
+
+def test_the_cases_of_one_scene(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each case starts from the state in its name."""
+    command = ["bench", "cornell-paper", "--preset", "default", "--size", "12", "10", "--flight", "off"]
+    assert cli.main([*command, "--json", str(tmp_path / "b.json")]) == 0
+    of = keep_the_contract(json.loads((tmp_path / "b.json").read_text()), ("cornell-paper",))
+    assert [*of] == [("cornell-paper", "default", case) for case in CASES]
+    empty, warm, moved, light = of.values()
+    assert {"shadow", "gather"} <= set(empty["stages_ms"]), "from nothing, not from the throw-away run"
+    assert warm["records"] == empty["records"] and "shadow" not in warm["stages_ms"]
+    assert warm["rmse"] == pytest.approx(empty["rmse"], rel=0.05), "it is the same view"
+    assert {"gbuffer", "direct"} <= set(warm["stages_ms"]), "every buffer of the view is drawn again"
+    assert moved["records"] >= empty["records"]
+    assert {"shadow", "gather"} <= set(light["stages_ms"]), "all of it is lit anew"
+    assert light["records"] >= empty["records"], "records are gathered again in place"
+    assert all(run["size"] == [12, 10] and run["bounces"] == 1 for run in of.values())
+    out = capsys.readouterr().out
+    assert all(any(line.split()[:3] == ["cornell-paper", "default", case] for line in out.splitlines()) for case in CASES)
+
+
 @pytest.mark.long
-def test_json_and_tables(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_two_scenes_two_presets_and_flights(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     command = ["bench", "cornell-paper", "furnace", "--preset", "paper", "--preset", "default", "--size", "20", "18"]
     assert cli.main([*command, "--json", str(tmp_path / "b.json")]) == 0
     written = json.loads((tmp_path / "b.json").read_text())
-    assert set(written) == {"machine", "runs"}
-    assert written["machine"]["renderer"] and isinstance(written["machine"]["cpus"], int)
-    for scene in ("cornell-paper", "furnace"):
-        start = written["machine"]["startup_s"][scene]
-        assert set(start) == {"import", "context", "load", "shaders"} and min(start.values()) > 0.0
-    found = [(r["scene"], r["preset"], r["case"]) for r in written["runs"]]
+    of = keep_the_contract(written, ("cornell-paper", "furnace"))
     expected = []
     for scene, some in (("cornell-paper", CASES), ("furnace", CASES[:3])):  # no lamp, so none that could move
         expected += [(scene, preset, case) for preset in ("paper", "default") for case in some]
         expected += [(scene, "default", f"flight {case}") for case in FLIGHTS]
-    assert found == expected
-    for run in written["runs"]:
-        assert set(run) == KEYS
-        flight = run["case"].startswith("flight")
-        assert run["size"] == ([20, 15] if flight else [20, 18]) and run["clock"] in ("gpu", "wall")
-        assert run["bounces"] == ("all" if flight else 1)
-        assert isinstance(run["records"], int) and run["records"] > 0
-        assert run["seconds"] > 0.0 and run["seconds_all"] == [run["seconds"]]
-        assert {"splat", "composite", "display" if flight else "direct"} <= set(run["stages_ms"]) or run["case"] == "light"
-        assert all(ms >= 0.0 for ms in run["stages_ms"].values())
-        assert (run["rmse"] is None) == flight
-        assert flight or (run["memory_mib"]["gpu"] > 0.1 and run["memory_mib"]["process"] > 10.0)
-        assert flight or run["picture_seconds"] >= run["seconds"]
-    of = {(r["scene"], r["preset"], r["case"]): r for r in written["runs"]}
-    for scene in ("cornell-paper", "furnace"):
-        for preset in ("paper", "default"):
-            empty, warm, moved = (of[scene, preset, case] for case in CASES[:3])
-            assert {"shadow", "gather"} <= set(empty["stages_ms"]), "from nothing, not from the throw-away run"
-            assert warm["records"] == empty["records"] and "shadow" not in warm["stages_ms"]
-            assert warm["rmse"] == pytest.approx(empty["rmse"], rel=0.05), "it is the same view"
-            assert {"gbuffer", "direct"} <= set(warm["stages_ms"]), "every buffer of the view is drawn again"
-            assert moved["records"] >= empty["records"]
-    for preset in ("paper", "default"):
-        light, empty = of["cornell-paper", preset, "light"], of["cornell-paper", preset, "empty"]
-        assert {"shadow", "gather"} <= set(light["stages_ms"]), "all of it is lit anew"
-        assert light["records"] >= empty["records"], "records are gathered again in place"
-        assert light["rmse"] == pytest.approx(empty["rmse"], rel=1.0), "against the truth by the lamp's new place"
+    assert [*of] == expected
     assert of["furnace", "default", "empty"]["rmse"] < 0.01, "E is π everywhere"
     assert of["furnace", "paper", "empty"]["rmse"] == pytest.approx(1.0 - 0.945, abs=0.01), "a 150° plane sees .945 of it"
 
-    for scene in ("cornell-paper", "furnace"):
-        for case in ("filling", "warm"):
-            middle, worst = of[scene, "default", f"flight {case}"], of[scene, "default", f"flight {case} worst"]
-            assert 0.0 < middle["seconds"] <= worst["seconds"]
-
     out = capsys.readouterr().out
-    for line, most in (("filling", 1e9), ("warm", 0)):
-        cells = next(words for words in map(str.split, out.splitlines()) if words[:1] == [line] and len(words) == 7)
-        assert 0 <= int(cells[4]) <= most and float(cells[6]) > 0.0, "the flight's table: new records, first picture"
     for name, ms, _ in paper_times.ROWS:
         assert any(line.startswith(name) and f"{ms:.2f}" in line for line in out.splitlines()), f"{name} is missing"
-    for preset in ("paper", "default"):
-        for case in CASES:
-            assert any(line.split()[:3] == ["cornell-paper", preset, case] for line in out.splitlines())
     assert "times faster than paper" in out and "8800 GT" in out and written["machine"]["renderer"] in out
 
 
-def test_sizes_and_what_is_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Two sizes, the default preset alone, no flight, and all bounces, whose truth is not there."""
-    command = ["bench", "furnace", "--size", "16", "12", "--size", "12", "16", "--flight", "off", "--bounces", "all"]
-    assert cli.main([*command, "--json", str(tmp_path / "b.json")]) == 0
-    runs = json.loads((tmp_path / "b.json").read_text())["runs"]
-    assert [(r["size"], r["preset"], r["case"], r["bounces"]) for r in runs] == [
-        (size, "default", case, "all") for size in ([16, 12], [12, 16]) for case in CASES[:3]
-    ]
-    assert all(run["rmse"] is None for run in runs)
-    assert "surface" in runs[0]["stages_ms"], "from empty, the light of further bounces is not there either"
-    assert "all bounces" in capsys.readouterr().out
-
-
-def test_the_truth_is_gathered_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Again it is read; of another view, by another lamp, or from a damaged file it is gathered."""
+def test_the_truth_is_gathered_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each view and lamp has a file, which the next run reads; a damaged file is replaced."""
     scene = irrsplat.load("cornell-paper")
-    made: list[int] = []
-    gather = fine_gather.gather
-    monkeypatch.setattr(fine_gather, "gather", lambda *given: made.append(1) or gather(*given))
+    cache = tmp_path / "cache"
     with irrsplat.Renderer(scene, size=(16, 12), bounces=1) as renderer:
         camera = scene.camera()
         first = gather_truth.truth(renderer, camera)
-        assert first is not None and 10 < len(first.pixels) <= 16 * 12 and len(made) == 1
+        (file,) = cache.iterdir()
+        kept = file.read_bytes()
         again = gather_truth.truth(renderer, camera)
-        assert again is not None and len(made) == 1
+        assert first is not None and again is not None and 10 < len(first.pixels) <= 16 * 12
         assert np.array_equal(first.pixels, again.pixels) and np.array_equal(first.irradiance, again.irradiance)
         gather_truth.truth(renderer, cases.turned(camera, 5.0))
-        assert len(made) == 2
         renderer.relight(cases.shifted(scene))
         relit = gather_truth.truth(renderer, camera)
-        assert relit is not None and len(made) == 3 and not np.allclose(relit.irradiance, first.irradiance, rtol=1e-3)
-        assert capsys.readouterr().err == ""
-        for file in (tmp_path / "cache").iterdir():
-            file.write_bytes(file.read_bytes()[:-9])
-        assert np.array_equal(gather_truth.truth(renderer, camera).irradiance, relit.irradiance) and len(made) == 4
-        assert "damaged" in capsys.readouterr().err
+        assert relit is not None and not np.allclose(relit.irradiance, first.irradiance, rtol=1e-3)
+        assert len([*cache.iterdir()]) == 3 and capsys.readouterr().err == ""
+        renderer.relight(scene.lights)
+        file.write_bytes(kept[:-9])
+        mended = gather_truth.truth(renderer, camera)
+        assert mended is not None and np.array_equal(mended.irradiance, first.irradiance)
+        assert "damaged" in capsys.readouterr().err and len(file.read_bytes()) == len(kept)
 
 
 def test_truth_by_rays_is_that_by_rasters(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The same pixels, whichever way the scene is looked at."""
+    """Both gathers find the same irradiance at the same pixels."""
     monkeypatch.setattr(fine_gather, "SIDE", 64)
     scene = irrsplat.load("cornell-paper")
     found = []
@@ -174,52 +157,6 @@ def test_the_truth_of_a_small_bulb_is_free_of_noise(monkeypatch: pytest.MonkeyPa
     assert len(truth) == 100 and np.abs(found.irradiance[:, 0] / truth - 1.0).max() < 0.05
 
 
-def test_a_lamp_moves_towards_the_middle() -> None:
-    scene = irrsplat.load("cornell")
-    (light,) = cases.shifted(scene)
-    way = np.subtract(light.position, scene.lights[0].position)
-    assert np.linalg.norm(way) == pytest.approx(cases.SHIFT * scene.diagonal)
-    assert np.dot(way, scene.bounds.mean(0) - scene.lights[0].position) > 0.0
-    sun = replace(scene.lights[0], position=(0.0, 3.0, 0.0), directional=True)
-    (turned,) = cases.shifted(replace(scene, lights=(sun,)))
-    assert turned.position[1] / np.linalg.norm(turned.position) == pytest.approx(np.cos(np.arctan(cases.SHIFT)))
-
-
-def test_memory_counts_textures_and_buffers_once(ctx: moderngl.Context) -> None:
-    """A 4x2 RGBA32F texture that is listed twice, a buffer of 100 bytes, and a released one that counts no more."""
-
-    class Kept(Owner):
-        def __init__(self) -> None:
-            self.texture = ctx.texture((4, 2), 4, dtype="f4")
-            self.buffer, self.gone = ctx.buffer(reserve=100), ctx.buffer(reserve=1000)
-
-        def owned(self) -> tuple[Resource, ...]:
-            return (self.texture, self.texture, self.buffer, self.gone)
-
-    kept = Kept()
-    kept.gone.release()
-    assert machine.gpu_memory(kept) == 4 * 2 * 4 * 4 + 100
-    kept.release()
-    assert machine.gpu_memory(kept) == 0
-
-
-def test_rows_take_the_first_round_for_the_first_samples() -> None:
-    """Times add up over the rounds; a round splats first, and gathers at its end."""
-    rounds = [(10, {"splat": 1.0, "gather": 5.0, "reduce": 2.0, "examine": 1.0}), (14, {"splat": 4.0, "gather": 8.0})]
-    end = {"splat": 4.5, "gather": 9.0, "reduce": 3.0, "examine": 2.5, "direct": 7.0, "composite": 6.0}
-    rows = paper_times.rows(cases.Timing(1.0, 1.5, 15, end, rounds))
-    assert rows == [(7.0, 10), (7.0, None), (3.0, 10), (2.5 + 4.0 + 1.0, 5), (0.5, 5), (6.0, None)]
-    assert len(rows) == len(paper_times.ROWS)
-
-
-def test_the_camera_turns_by_five_degrees_about_its_up_axis() -> None:
-    camera = Camera((1.0, 2.0, 3.0), (2.0, 1.0, -4.0), (0.0, 1.0, 0.0), 40.0)
-    moved = cases.turned(camera, 5.0)
-    assert moved.eye == camera.eye and moved.fov == camera.fov
-    assert np.allclose(moved.axes[1], camera.axes[1])
-    assert moved.axes[2] @ camera.axes[2] == pytest.approx(np.cos(np.radians(5.0)))
-
-
 def test_ctrl_c_ends_it(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """converge() takes Ctrl-C for the end of its rounds; a time that was cut short is no time."""
     interrupted = (None, {"interrupted": True, "records": 0})
@@ -229,36 +166,134 @@ def test_ctrl_c_ends_it(capsys: pytest.CaptureFixture[str], tmp_path: Path, monk
     assert capsys.readouterr().err.count("\n") == 1
 
 
-def test_an_unknown_scene_is_an_error_before_any_work(capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["bench", "cornell-paper", "no-such-scene"]) == 2
-    assert capsys.readouterr().out == ""
+@pytest.mark.long
+def test_a_loop_costs_no_accuracy() -> None:
+    """After a flight about the scene the error at the first camera is at most 1.1 times a fresh render's."""
+    scene, reference = irrsplat.load("cornell"), load_reference("cornell")
+    first = scene.camera()
+    path = load_path(Path(scene.path).parent / "flight.path", first.fov)
+    cameras = [path.camera(t) for t in np.linspace(0, path.frames - 1, 6)]
+    fresh = compare_pixels(rendered("cornell", bounces=1), reference)["rmse"]
+    with irrsplat.Renderer(scene, (FULL, FULL), bounces=1) as renderer:
+        for camera in cameras:
+            renderer.converge(camera)
+        assert compare_pixels(renderer.render(first), reference)["rmse"] <= 1.1 * fresh
 
 
-def test_truth_has_sixteen_thousand_directions_and_more(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.undo()
-    assert (hemisphere_table("raster", fine_gather.SIDE)[..., 3] > 0.0).sum() >= 1 << 14
-    assert fine_gather.directions(irrsplat.load("curved")) >= 1 << 14
+@pytest.mark.few_sites
+def test_the_flight_fills_the_cache_and_finds_it_full() -> None:
+    """Views that the first flight leaves incomplete are finished before the second, which adds next to nothing."""
+    filling, warm = fly_through.fly(irrsplat.load("cornell-paper"), (24, 18), frames=4)
+    own, made = fly_through.route(irrsplat.load("cornell")), fly_through.route(irrsplat.load("cornell-paper"))
+    assert own.frames == 90 and made.frames == fly_through.FRAMES and made.camera(0) == made.camera(made.frames - 1)
+    assert (filling.case, warm.case) == ("filling", "warm")
+    assert filling.new > 0 and warm.new <= 0.01 * warm.records and warm.records >= filling.records == filling.new
+    for flown in (filling, warm):
+        assert flown.ms.shape == (4,) and {"gbuffer", "splat", "display", "interface"} <= set(flown.stages)
 
 
-def test_error_is_relative_to_the_mean() -> None:
-    """A picture that is 10 % too bright everywhere is off by 0.1; without light there is nothing to be relative to."""
-    pixels = np.array([[0, 0], [1, 2]])
-    picture = np.full((2, 3, 3), 2.2)
-    assert fine_gather.Truth(pixels, np.full((2, 3), 2.0)).error(picture) == pytest.approx(0.1)
-    assert fine_gather.Truth(pixels, np.zeros((2, 3))).error(picture) is None
-    assert fine_gather.Truth(pixels[:0], np.zeros((0, 3))).error(picture) is None
+ROW = scaling.Row(
+    1008, (32, 32), 0.5, 0.25, 2.0, 3.0, 0.125, 1.5, 400, 300.0, 120.0, {"gather": 500.0}, "wall", {"renderer": "R"}
+)
 
 
-def test_smooth_leaves_out_edges_steps_and_the_sky() -> None:
-    """A floor whose right half lies a step lower, with one pixel of sky."""
-    y, x = np.mgrid[0:9, 0:12].astype(float)
-    position = np.stack([x, np.where(x < 6, 0.0, -1.0), y], axis=-1)
-    normal = np.zeros((9, 12, 3)) + np.array([0.0, 1.0, 0.0])
-    mask = np.ones((9, 12), bool)
-    mask[2, 2] = False
-    expected = np.zeros((9, 12), bool)
-    expected[1:-1, 1:-1] = True
-    expected[:, 5:7] = False
-    expected[1:4, 1:4] = False
-    seen = Seen(position, normal, normal, mask)
-    assert np.array_equal(seen.smooth(0.5), expected)
+@pytest.mark.few_sites
+def test_a_row_of_growth_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The number of triangles is near the given one."""
+    monkeypatch.setattr(scaling, "REPETITIONS", 1)
+    row = scaling.measured(1000, 12)
+    assert row.triangles == pytest.approx(1000, rel=0.1) and row.size == (12, 12) and row.pixels == 144
+    assert row.records > 0 and {"gather", "reduce"} <= set(row.stages)
+    assert row.record == pytest.approx((row.stages["gather"] + row.stages["reduce"]) / row.records)
+
+
+def test_tables_and_plot_of_growth(tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rows of the test's own, in place of a process each."""
+    asked: list[tuple[int, int]] = []
+
+    def apart(triangles: int, side: int) -> scaling.Row:
+        asked.append((triangles, side))
+        return replace(ROW, triangles=triangles, size=(side, side), record=1.5 if triangles < 10**6 else 3.0)
+
+    monkeypatch.setattr(scaling, "_apart", apart)
+    files = ["--json", str(tmp_path / "g.json"), "-o", str(tmp_path / "g.png")]
+    assert cli.main(["bench", "--growth", *files]) == 0
+    out = capsys.readouterr().out
+    assert "a record costs 2.0 times as much with 1,000,000 triangles as with 10,000" in out
+    (cells,) = [line.split() for line in out.splitlines() if line.split()[:2] == ["6,360", "3200x3200"]]
+    assert cells[2:] == ["0.500", "0.250", "2.000", "3.000", "0.125", "1.500", "400", "300", "120"]
+    written = json.loads((tmp_path / "g.json").read_text())
+    assert written["machine"] == {"renderer": "R"} and len(written["runs"]) == 5 * len(asked)
+    keys = {"scene", "preset", "size", "case", "seconds", "records", "rmse", "stages_ms", "clock"}
+    assert all(keys <= set(run) for run in written["runs"])
+    of = {(r["scene"], r["size"][0], r["case"]): r for r in written["runs"]}
+    assert of["curved, 1000000 triangles", 400, "growth empty"]["seconds"] == 3.0
+    picture = np.asarray(Image.open(tmp_path / "g.png").convert("RGB"))
+    assert (picture < 100).any(-1).sum() > 5000, "lines and words"
+
+
+@pytest.mark.long
+def test_moving_by_counted_ticks_gives_the_same_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All but the time that they take; and records that few rays leave stale wait at the end of each frame."""
+    monkeypatch.setattr(moving, "FRAMES", 2)
+    monkeypatch.setattr(moving, "EVERY", 2)
+    monkeypatch.setattr(moving, "SIZE", (40, 30))
+    monkeypatch.setattr(moving, "PACE", 2e5)  # rays a second
+    monkeypatch.setattr(moving, "CASES", moving.CASES[:1])
+    found = []
+    for name in ("a.json", "b.json"):
+        assert cli.main(["bench", "cornell", "--moving", "--counted", "--json", str(tmp_path / name)]) == 0
+        steps = json.loads((tmp_path / name).read_text())["moving"]
+        assert all(step.pop("milliseconds") > 0.0 for step in steps)
+        found.append(steps)
+    assert found[0] == found[1]
+    assert [step["frame"] for step in found[0]] == [2] and found[0][0]["stale"] > 0
+
+
+def row(case: str = "empty", seconds: float = 1.0, **more: Any) -> Any:
+    """Return a row of the benchmark's JSON."""
+    return {"scene": "a", "preset": "default", "size": [8, 8], "case": case, "seconds": seconds, "rmse": None} | more
+
+
+def test_a_row_says_how_many_times_faster() -> None:
+    """2 s then and 0.5 s now: 4 times; a row of one bounce is none of two, and what has no counterpart is named."""
+    then = [row(seconds=2.0, rmse=0.02), row("warm"), row("moved")]
+    now = [row(seconds=0.5, rmse=0.01), row("warm", bounces=2), row("moved", bounces=1)]
+    head, *lines = compare.table(then, now)
+    assert head.split()[:4] == ["scene", "preset", "size", "bounces"]
+    assert lines[0].split() == ["a", "default", "8x8", "1", "empty", "2.000", "0.500", "4.00", "2.0%", "1.0%", "faster"]
+    assert lines[1].split()[4:] == ["moved", "1.000", "1.000", "1.00", "-", "-"]
+    assert lines[2:] == ["only then: a default 8x8 1 warm", "only now: a default 8x8 2 warm"]
+    assert list(compare.table([], now[:1])) == ["only now: a default 8x8 1 empty"]
+
+
+@pytest.mark.parametrize(
+    ("then", "now", "word"),
+    [
+        ([1.0, 1.1, 1.2], [0.5, 0.6, 0.7], "faster"),
+        ([1.0, 1.1, 1.2], [0.7, 0.8, 1.05], ""),  # one of them took as long
+        ([1.0, 1.0, 1.0], [0.95, 0.95, 0.95], ""),  # apart, but by less than noise
+        ([1.0], [0.85], ""),  # once is not enough for so little
+    ],
+)
+def test_noise(then: list[float], now: list[float], word: str) -> None:
+    middle = [row(seconds=times[len(times) // 2], seconds_all=times) for times in (then, now)]
+    assert compare.verdict(*middle) == word
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "{",
+        '{"runs": [1]}',
+        json.dumps({"runs": [row(seconds=0.0)]}),
+        json.dumps({"runs": [row(rmse="small")]}),
+        "\udcff",
+    ],
+)
+def test_a_foreign_file_is_refused_in_one_line(tmp_path: Path, refused: Callable[..., str], text: str) -> None:
+    path = tmp_path / "then.json"
+    path.write_text(text, encoding="utf-8", errors="surrogateescape")
+    assert str(path) in refused(["bench", "--compare", str(path)])
+    assert "cannot read" in refused(["bench", "--compare", "none.json"])

@@ -16,111 +16,107 @@ from irrsplat.core.errors import GLError, InputError
 from irrsplat.gpu import context
 
 RENDER = ["render", "plain.scene", "-o", "a.png"]
+EYE, TARGET = ["--eye", "0", "0", "5"], ["--target", "0", "0", "0"]
+FLIGHT = ["render", "plain.scene", "--path", "a.path"]
+FRAMES = [*FLIGHT, "-o", "f{frame}.png"]
+FILL = ["fill", "plain.scene", "--cache", "x.cache"]
+MEASURE, VERIFY, BAKE = ["measure", "plain.scene"], ["verify", "plain.scene", "--bounces", "1"], ["bake", "plain.scene", "-o"]
+PLANE = [*MEASURE, "--plane", "0", "0", "0", "1", "0", "0", "0", "0", "-1"]
+FIELDS = ("{}", "{n}", "{frame", "{frame}{n}", "{frame.real}", "{frame!r}", "{frame:{frame}}", "{frame:s}", "{frame:999d}")
 
 
 @pytest.mark.parametrize(
     ("argv", "words"),
     [
-        ([], "a command is missing"),
-        (["paint"], "paint"),
-        (["--nonsense"], "a command is missing"),
-        (["render"], "-o/--output"),
         (["render", "plain.scene"], "-o/--output"),
-        (["render", "plain.scene", "-o"], "expected one argument"),
-        ([*RENDER, "another"], "another"),
-        ([*RENDER, "--nonsense"], "--nonsense"),
-        ([*RENDER, "--up-axis", "w"], "'w'"),
         ([*RENDER, "--crease-angle", "181"], "crease_angle lies between 0 and 180 degrees, not 181"),
-        (["info", "plain.scene", "--time", "-1"], "time is a number of seconds"),
-        ([*RENDER, "--siz", "4", "4"], "--siz"),  # no abbreviations
-        ([*RENDER, "--path", "x", "--frames", "0:9"], "--path"),
-        ([*RENDER, "--cache"], "expected one argument"),
-        (["info", "plain.scene", "--cache", "x"], "--cache"),
-        ([*RENDER, "--size", "4"], "expected 2 arguments"),
         ([*RENDER, "--size", "0", "4"], "'0'"),
-        ([*RENDER, "--size", "-4", "4"], "'-4'"),
-        ([*RENDER, "--size", "4.5", "4"], "'4.5'"),
-        ([*RENDER, "--size", "four", "4"], "'four'"),
-        ([*RENDER, "--size", "4", "9999999999"], "9999999999"),
-        ([*RENDER, "--preset", "fast"], "fast"),
-        ([*RENDER, "--a", "x"], "0.01..2"),
-        ([*RENDER, "--a", "-1"], "0.01..2"),
         ([*RENDER, "--a", "nan"], "0.01..2"),
-        ([*RENDER, "--a"], "expected one argument"),
-        ([*RENDER, "--blend", "1.5"], "0..1"),
-        ([*RENDER, "--tolerance", "often"], "auto"),
-        ([*RENDER, "--gather", "photons"], "auto|plane|raster|trace"),
-        ([*RENDER, "--smooth=maybe"], "on|off"),
+        ([*RENDER, "--gather", "photons"], "--gather takes auto|"),
+        ([*RENDER, "--fill-holes=maybe"], "on|off"),
         ([*RENDER, "--bounces", "65"], "takes 0..64 or all"),
-        ([*RENDER, "--bounces", "some"], "takes 0..64 or all"),
-        ([*RENDER, "--bounces", "-1"], "takes 0..64 or all"),
-        ([*RENDER, "--eye", "0", "0", "5"], "go together"),
-        ([*RENDER, "--target", "0", "0", "0"], "go together"),
-        ([*RENDER, "--up", "0", "1", "0"], "--up needs --eye"),
-        ([*RENDER, "--eye", "0", "0", "--target", "0", "0", "0"], "expected 3 arguments"),
-        ([*RENDER, "--eye", "0", "0", "nan", "--target", "0", "0", "0"], "finite"),
-        ([*RENDER, "--eye", "0", "0", "-inf", "--target", "0", "0", "0"], "finite"),
-        ([*RENDER, "--eye", "0", "0", "x", "--target", "0", "0", "0"], "'x'"),
-        ([*RENDER, "--eye", "1", "2", "3", "--target", "1", "2", "3"], "eye"),
-        ([*RENDER, "--eye", "0", "0", "5", "--target", "0", "0", "0", "--up", "0", "0", "-2"], "parallel"),
-        ([*RENDER, "--eye", "0", "0", "5", "--target", "0", "0", "0", "--camera", "top"], "two different"),
-        ([*RENDER, "--camera", "top"], "no camera 'top'"),
+        ([*RENDER, *EYE], "go together"),
+        ([*RENDER, "--eye", "0", "0", "nan", *TARGET], "finite"),
+        ([*RENDER, *EYE, *TARGET, "--up", "0", "0", "-2"], "parallel"),
+        ([*RENDER, *EYE, *TARGET, "--camera", "top"], "two different"),
+        ([*RENDER, "--camera", "gallary"], "no camera 'gallary' (did you mean 'gallery'?); the named cameras here: 'gallery'"),
         ([*RENDER, "--fov", "180"], "between 0 and 180"),
-        ([*RENDER, "--fov", "0"], "between 0 and 180"),
-        ([*RENDER, "--fov", "wide"], "'wide'"),
-        ([*RENDER, "--buffers", "colour"], "'colour'"),
         ([*RENDER, "--buffers", ""], "unknown buffer"),
         ([*RENDER, "-o", "a.avi"], ".png, .exr, .npz"),
-        ([*RENDER, "-o", "a.jpeg"], "unknown ending"),
         ([*RENDER, "-o", "missing/a.png"], "does not exist"),
-        ([*RENDER, "-o", ""], "empty"),
-        ([*RENDER, "--stats", "missing/s.json"], "does not exist"),
+        ([*RENDER, "--tile-size", "64", "--falsecolor"], "--tile-size and --falsecolor light"),
+        ([*RENDER, "--scale", "100"], "--scale is for --falsecolor"),
+        (["render", "plain.scene", "--falsecolor", "-o", "a.exr"], "no output is one"),
         (["render", "-o", "triangle.obj/a.png"], "a.png"),
         (["render", "missing.scene", "-o", "a.png"], "missing.scene"),
-        (["render", ".", "-o", "a.png"], "."),
-        (["info", "missing.scene"], "missing.scene"),
-        (["info", "a", "b"], "b"),
-        (["doctor", "now"], "now"),
-        (["bench", "--size", "4"], "expected 2 arguments"),
-        (["bench", "--json", "missing/b.json"], "does not exist"),
+        ([], f"irrsplat: a command is missing; the commands are {', '.join(grammar.COMMANDS)}; see irrsplat --help\n"),
+        (["completion", "shell"], "completion takes bash|zsh|fish, not 'shell'; see irrsplat completion --help\n"),
+        (["cache", "x"], "there is no command 'x'; the commands are info, merge, prune; see irrsplat cache --help\n"),
+        (["bench", "cornell", "--growth"], "of its own"),
+        (["bench", "--counted"], "--counted is for --moving"),
+        # flights and films
+        ([*FRAMES, "--frames", "1:2:3"], "expected A:B"),
+        ([*FRAMES, "--frames", "0:5"], "has 4 frames; give A:B within 0:4"),
+        ([*FRAMES, *EYE, *TARGET], "leave --path or --eye out"),
+        (["render", "plain.scene", "--path", "none.path", "-o", "f{frame}.png"], "--path 'none.path': there is no such file"),
+        ([*FLIGHT, "-o", "f.png"], "f.png: 4 frames would go to one name; put {frame} into it"),
+        *(([*FLIGHT, "-o", f"f{field}.png"], "the one field in an output's name is {frame}") for field in FIELDS),
+        (["render", "plain.scene", "-o", "f{frame}.png"], "give --path"),
+        ([*RENDER, "--frames", "0:2"], "give --path"),
+        (["render", "plain.scene", "-o", "x.mp4"], "a film needs a flight"),
+        ([*RENDER, "--resume"], "--resume goes on with the frames of a flight"),
+        ([*FRAMES, "--fps", "24"], "--fps is for a film"),
+        ([*FLIGHT, "-o", "x{frame}.mp4"], "no {frame} in its name"),
+        ([*FLIGHT, "-o", "x.gif", "--backdrop", "clear"], "films have no alpha"),
+        ([*RENDER, "--cache-mode", "frozen"], "give --cache FILE as well"),
+        (FILL, "give --path FILE or --turntable N"),
+        ([*FILL, "--path", "a.path", "--turntable", "8"], "two different flights"),
+        ([*FILL, "--path", "moving.path"], "holds the light of one moment"),
+        ([*FILL, "--path", "a.path", "--on", "farm"], "expected a scheduler's address such as tcp://farm:8786, not 'farm'"),
+        ([*FILL, "--path", "a.path", "--on", "tcp://a:9", "--cache-mode", "update"], "fill once without --on"),
+        ([*FRAMES, "--cache", "x.cache", "--on", "tcp://a:9"], "--cache-mode frozen"),
+        # other commands
+        (MEASURE, "nothing to measure; give --plane, --height, --line or --point"),
+        ([*PLANE, "--height", "1"], "--plane and --height say two different places"),
+        ([*PLANE, "--grid", "1e-6"], "at most 1,000,000"),
+        ([*PLANE, "--margin", "0.5"], "leaves nothing"),
+        ([*PLANE, "-o", "a.exr"], "expected .csv or .npz"),
+        ([*PLANE, "-o", "a.csv", "--stats", "a.csv"], "are one file"),
+        ([*MEASURE, "--point", "0", "0", "0", "0", "1", "0", "--grid", "1"], "--grid does not go with --point"),
+        (["verify", "plain.scene", "--bounces", "0"], "--bounces 0"),
+        ([*VERIFY, "--truth", "gather", "-o", "a.png"], "--truth gather"),
+        ([*VERIFY, "--samples", "200000"], "131072"),
+        (["verify", "plain.scene", "--truth", "gather", "--bounces", "2"], "one bounce only, not 2; add --bounces 1"),
+        ([*VERIFY, "--curve", "--a", "0.3"], "--a"),
+        ([*VERIFY, "--techniques", "-o", "a.png"], "-o"),
+        ([*BAKE, "a.png"], "--to lightmap writes .glb"),
+        ([*BAKE, "a.glb", "--grid", "1"], "--grid is for --to probes"),
+        ([*BAKE, "a.glb", "--size", "8"], "16 to 8192 texels"),
     ],
 )
 def test_a_wrong_command_line_is_one_line_and_exit_status_2(
     argv: list[str], words: str, refused: Callable[..., str], place: Path, fake: Any
 ) -> None:
+    (place / "a.light").write_text("position 0 1 0 1\nintensity 1 1 1\n")
+    more = "light a.light\ncam gallery 5 0 0 0 0 0 0 0 1\n"
+    (place / "plain.scene").write_text((place / "plain.scene").read_text() + more)
+    flight = "frames 4\ncam 0 0 5  0 0 0  0 1 0\ncam 3 0 5  0 0 0  0 1 0\n"
+    (place / "a.path").write_text(flight)
+    (place / "moving.path").write_text(flight + "light 0 0 position 0 0.5 0\nlight 0 3 position 0 0.6 0\n")
     assert words in refused(argv)
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("sky 1 1 1\nbrdf diffuse 1 2\n", "plain.scene:2"),
-        ("obj none.obj\n", "none.obj"),
-        ("", "plain.scene"),
-    ],
-)
-def test_a_wrong_scene_is_one_line_before_any_notice(
-    text: str, words: str, refused: Callable[..., str], place: Path, fake: Any
-) -> None:
-    (place / "plain.scene").write_text(text)
-    assert words in refused(RENDER)
-
-
-def test_outputs_are_tried_before_the_scene_is_loaded(
-    refused: Callable[..., str], place: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def load(*_: object, **options: object) -> None:
-        pytest.fail("the scene was loaded first")
-
-    monkeypatch.setattr(irrsplat, "load", load)
-    assert "does not exist" in refused([*RENDER, "-o", "missing/b.exr"])
+def test_a_wrong_scene_is_one_line_before_any_notice(refused: Callable[..., str], place: Path, fake: Any) -> None:
+    for text, words in (("sky 1 1 1\nbrdf diffuse 1 2\n", "plain.scene:2"), ("obj none.obj\n", "none.obj"), ("", "plain.scene")):
+        (place / "plain.scene").write_text(text)
+        assert words in refused(RENDER)
 
 
 @pytest.mark.parametrize(
     ("error", "status", "words"),
     [
         (InputError("size 99999x1 is beyond the limit"), 2, "beyond"),
-        (GLError("no OpenGL 3.3: run: sudo apt-get install -y libegl1"), 1, "libegl1"),
+        (GLError(context.advice("libGL.so not loaded")), 1, "libgl1"),
         (RuntimeError("two\nlines"), 1, "internal error: RuntimeError: two lines"),
         (MemoryError(), 1, "out of memory"),
         (KeyboardInterrupt(), 130, "interrupted"),
@@ -138,15 +134,7 @@ def test_what_the_renderer_raises(
 
 @pytest.mark.parametrize(
     ("module", "argv"),
-    [
-        ("irrsplat.app.bench.bench", ["bench"]),
-        ("irrsplat.app.bench.peers", ["bench", "--peers"]),
-        ("irrsplat.app.bench.scaling", ["bench", "--growth"]),
-        ("irrsplat.app.verify.verify", ["verify"]),
-        ("irrsplat.app.viewer", ["view"]),
-        ("irrsplat.app.commands.work.info", ["doctor"]),
-        ("OpenEXR", ["render", "plain.scene", "-o", "a.exr"]),
-    ],
+    [("irrsplat.app.bench.bench", ["bench"]), ("OpenEXR", ["render", "plain.scene", "-o", "a.exr"])],
 )
 def test_a_missing_module_is_one_line(
     module: str, argv: list[str], refused: Callable[..., str], place: Path, fake: Any, monkeypatch: pytest.MonkeyPatch
@@ -161,21 +149,48 @@ def test_a_missing_module_is_one_line(
     assert grammar.parse(["info"]).command == "info"
 
 
-def test_a_machine_without_gl(refused: Callable[..., str], place: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def none(*_: object) -> None:
-        raise GLError(context.advice("libGL.so not loaded"))
-
-    monkeypatch.setattr(context, "create", none)
-    assert "libgl1" in refused(RENDER, 1)
+# ---- mistakes of spelling ------------------------------------------------------------------------------------------------
 
 
-def test_tiles_are_not_for_everything(refused: Callable[..., str], place: Path) -> None:
-    tiles = "--tile-size", "64"
-    assert "--tile-size and --falsecolor light" in refused([*RENDER, *tiles, "--falsecolor"])
-    (place / "a.cache").write_bytes(b"")
-    flight = "--turntable", "4", "--cache", "a.cache", "--cache-mode", "frozen", "--on", "tcp://127.0.0.1:9"
-    assert "--tile-size and --on" in refused(["render", "plain.scene", "-o", "a.gif", *tiles, *flight])
+@pytest.mark.parametrize(
+    ("argv", "meant"),
+    [
+        (["rendr"], "did you mean 'render'?"),
+        ([*RENDER, "--exposre=auto"], "unknown flag --exposre (did you mean --exposure?)"),
+        ([*RENDER, "--preset", "papr"], "did you mean 'paper'?"),
+        ([*RENDER, "--exposure", "aut"], "did you mean 'auto'?"),
+        ([*RENDER, "--buffers", "depth,irradiancee"], "'irradiancee' (did you mean 'irradiance'?)"),
+        (["render", "cornel", "-o", "a.png"], "did you mean 'cornell'?"),
+        ([*RENDER, "--xyzzy"], ""),
+        (["info", "xyzzy"], ""),
+        ([*RENDER, "--overtur"], ""),  # a former flag
+    ],
+)
+def test_what_was_meant_is_told(argv: list[str], meant: str, refused: Callable[..., str], place: Path) -> None:
+    line = refused(argv)
+    assert meant in line and line.count("did you mean") == bool(meant)
 
 
-def test_beyond_the_gl_limit(refused: Callable[..., str], place: Path) -> None:
-    assert "limit" in refused([*RENDER, "--size", "1000000", "1", "--tile-size", "0"])
+def test_all_mistakes_are_told_in_one_line(refused: Callable[..., str], place: Path) -> None:
+    argv = ["render", "cornel", "--exposre", "auto", "--a", "9", "--size", "4", "--preset", "fast", "--up", "0", "1", "0"]
+    line = refused([*argv, "-o", "b.mp4", "-o", "missing/c.png", "--buffers", "dpth,colour", "--stats", "missing/s.json"])
+    wanted = ["(1) unknown flag --exposre", "--size: expected 2 arguments", "--preset: takes default|paper"]
+    wanted += ["'a' takes 0.01..2, not 9", "--up needs --eye", "no file 'cornel'", "b.mp4: a film needs a flight"]
+    wanted += ["missing/c.png: cannot", "'dpth' (did you mean 'depth'?), 'colour'", "missing/s.json: cannot write"]
+    assert not [words for words in wanted if words not in line]
+    assert line.startswith("irrsplat: 10 mistakes: (1) ") and "(10) " in line and "(11)" not in line
+
+
+@pytest.mark.parametrize(
+    ("argv", "count"),
+    [
+        ([*RENDER, "--eye", "0", "0", "x", *TARGET], 1),  # not: --target without --eye
+        ([*RENDER, *EYE, "--targt", "0", "0", "0"], 1),  # nor --eye without --target
+        (["render", "--outpt", "a.png"], 1),  # nor: -o is missing
+        ([*RENDER, "--presett", "paper", "--sizes", "4", "4"], 2),  # the values of wrong flags are no scenes
+        (["render", "--fill-hols", "plain.scene"], 2),  # it has no value, so that -o alone is missing
+    ],
+)
+def test_a_mistake_is_told_once_without_those_that_follow_from_it(argv: list[str], count: int) -> None:
+    _, mistakes = grammar.read(argv)
+    assert len(mistakes.found) == count, mistakes.found

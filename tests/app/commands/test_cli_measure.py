@@ -1,16 +1,18 @@
-"""`irrsplat measure`: tables, files, statistics, and what it refuses."""
+"""`irrsplat measure`, its tables, files and statistics, and `irrsplat render --falsecolor`."""
 
 from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from irrsplat.app import cli
+from irrsplat.image.output.false_colours import GROUND, coloured, with_legend
+from irrsplat.meter.light_scale import LightScale, false_colours
 
 # a lamp of 1790 cd, 2 m above the middle of a black floor of 4 × 4 m, with a black block on it
 SCENE = """units photometric
@@ -66,19 +68,6 @@ def test_a_grid_in_a_csv_and_its_statistics(lit: Path, capsys: pytest.CaptureFix
     assert f"U0 = {truth.min() / truth.mean():.3f}" in out
 
 
-def test_watts_of_three_channels_in_an_npz(lit: Path) -> None:
-    plane = ["--plane", "-2", "0", "2", "4", "0", "0", "0", "0", "-4"]
-    assert cli.main([*MEASURE, *plane, "--grid", "2", "--margin", "0.5", "-o", "a.npz"]) == 0
-    with np.load(lit / "a.npz") as data:
-        assert data["total"].shape == (4, 3) and data["grid"].tolist() == [2, 2]
-        x, _, z = data["position"].T
-        assert sorted(set(x.tolist())) == [-0.75, 0.75]
-        shade = (x > 0.0) & (z > 0.0)
-        assert data["direct"][~shade] == pytest.approx(np.tile(expected(x, z)[~shade, None] / 179.0, 3), rel=1e-3)
-        assert np.array_equal(data["total"], data["direct"] + data["indirect"])
-        assert json.loads(str(data["stats"]))["unit"] == "W/m2"
-
-
 def test_points_on_the_terminal_and_csv_in_a_pipe(lit: Path, capsys: pytest.CaptureFixture[str]) -> None:
     points = ["--point", "0", "0", "0", "0", "1", "0", "--point", "0", "1", "0", "0", "-3", "0"]
     assert cli.main([*MEASURE, *points, "--unit", "lux"]) == 0
@@ -88,9 +77,8 @@ def test_points_on_the_terminal_and_csv_in_a_pipe(lit: Path, capsys: pytest.Capt
     assert lines[2].split() == ["0", "1", "0", "0", "0", "0", "ok"], "it faces down, to a black floor"
     assert cli.main([*MEASURE, *points, "-o", "-"]) == 0
     out, err = capsys.readouterr()
-    assert (
-        out.splitlines()[0] == "x,y,z,direct_r,direct_g,direct_b,indirect_r,indirect_g,indirect_b,total_r,total_g,total_b,status"
-    )
+    head = [f"{kind}_{channel}" for kind in ("direct", "indirect", "total") for channel in "rgb"]
+    assert out.splitlines()[0].split(",") == ["x", "y", "z", *head, "status"]
     assert out.splitlines()[1].startswith("0,0,0,2.5,2.5,2.5,0,") and len(out.splitlines()) == 3
     assert "mean" in err and "mean" not in out
 
@@ -106,40 +94,63 @@ def test_a_line_goes_from_end_to_end(lit: Path, capsys: pytest.CaptureFixture[st
     assert total == pytest.approx(expected(x, z), rel=1e-3)
     assert "points      9 along 3 m, 9 of them count" in capsys.readouterr().out
 
-    # beside the lamp, facing it, at the distances 1 to 3: I/d², the normal towards it
-    assert cli.main([*MEASURE, "--line", "1", "2", "0", "3", "2", "0", "--facing", "-2", "0", "0", "--lux", "-o", "a.npz"]) == 0
-    with np.load(lit / "a.npz") as data:
-        step = 0.2 * 5.0 ** np.log10(2.0)
-        assert len(data["along"]) == np.ceil(2.0 / step) + 1
-        assert data["total"] == pytest.approx(1790.0 / (1.0 + data["along"]) ** 2, rel=1e-3)
+
+# a lamp of 10 W/sr, 2 m above a floor that is seen from straight above
+COLOURED = "cam 0 3 0 0 0 0 0 0 -1\nproj 60 1 0.1 100\nlight lamp.light\nbrdf diffuse {0} {0} {0} 1\nobj floor.obj\n"
+WIDE = "v -4 0 4\nv 4 0 4\nv 4 0 -4\nv -4 0 -4\nf 1 2 3 4\n"
+RENDER = ["render", "lit.scene", "--size", "48", "32", "--bounces", "1", "--gather-size", "8", "--light-samples", "0"]
 
 
-PLANE = ["--plane", "0", "0", "0", "1", "0", "0", "0", "0", "-1"]
+@pytest.fixture
+def lamp(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> float:
+    """A working folder with the scene in it; the floor's albedo."""
+    for name, text in (("lit.scene", COLOURED.format(0.5)), ("floor.obj", WIDE)):
+        (tmp_path / name).write_text(text)
+    (tmp_path / "lamp.light").write_text("position 0 2 0 1\nintensity 10 10 10\n")
+    monkeypatch.chdir(tmp_path)
+    return 0.5
 
 
-@pytest.mark.parametrize(
-    ("argv", "words"),
-    [
-        ([], "nothing to measure; give --plane, --height, --line or --point"),
-        (["--plane", "0", "0", "0"], "expected 9 arguments"),
-        ([*PLANE[:-1], "x"], "'x'"),
-        ([*PLANE[:-3], "1", "0", "0"], "span no area"),
-        ([*PLANE, "--height", "1"], "--plane and --height say two different places"),
-        ([*PLANE, "--grid", "0"], "spacing is 0"),
-        ([*PLANE, "--grid", "1e-6"], "at most 1,000,000"),
-        ([*PLANE, "--margin", "0.5"], "leaves nothing"),
-        (["--point", "0", "0", "0", "0", "1", "0", "--grid", "1"], "--grid does not go with --point"),
-        (["--line", "0", "0", "0", "1", "0", "0", "--margin", "1"], "--margin does not go with --line"),
-        (["--line", "0", "0", "0", "0", "0", "0"], "one point"),
-        (["--line", "0", "0", "0", "1", "0", "0", "--facing", "0", "0", "0"], "--facing is 0 0 0"),
-        (["--point", "0", "0", "0", "0", "0", "0"], "a normal is 0 0 0"),
-        ([*PLANE, "-o", "a.exr"], "expected .csv or .npz"),
-        ([*PLANE, "-o", "missing/a.csv"], "does not exist"),
-        ([*PLANE, "-o", "a.csv", "--stats", "a.csv"], "are one file"),
-        ([*PLANE, "--unit", "candela"], "'candela'"),
-        ([*PLANE, "--gather-size", "1"], "4..256"),
-        ([*PLANE, "--a", "0.3"], "--a"),
-    ],
-)
-def test_what_is_refused(argv: list[str], words: str, lit: Path, refused: Callable[..., str]) -> None:
-    assert words in refused([*MEASURE, *argv])
+def place_of(picture: np.ndarray) -> np.ndarray:
+    """Where colours (…, 3), 0..1, stand on the scale."""
+    palette = false_colours(1001)
+    found: np.ndarray = np.abs(picture[..., None, :] - palette).sum(-1).argmin(-1) / 1000.0
+    return found
+
+
+def read(path: str) -> np.ndarray:
+    return np.asarray(Image.open(path), float) / 255.0
+
+
+@pytest.mark.parametrize("unit", ["lux", "W/m2"])
+def test_the_light_on_a_floor_is_that_of_the_closed_form(lamp: float, unit: str) -> None:
+    """I·h/d³, times 179 in lux, whatever the floor reflects; every pixel in the colour of its place, beside it a legend."""
+    factor = 179.0 if unit == "lux" else 1.0
+    argv = ["--falsecolor", "--unit", unit, "--scale", str(5.0 * factor), "--lines", "off"]
+    assert cli.main([*RENDER, *argv, "-o", "a.png", "-o", "a.npz"]) == 0
+    picture = read("a.png")
+    assert picture.shape[0] == 32 and picture.shape[1] > 64, "a legend stands beside it"
+    with np.load("a.npz") as data:
+        p = data["position"]
+        assert data["image"].max() == pytest.approx(lamp / np.pi * 2.5, rel=0.02), "of the floor below the lamp; other files stay"
+    truth = 10.0 * 2.0 / np.linalg.norm(p - np.array([0.0, 2.0, 0.0]), axis=-1) ** 3
+    assert np.abs(place_of(picture[:, :48]) - truth / 5.0).max() < 0.02
+
+    log = ["--falsecolor", "light", "--unit", unit, "--scale", str(5.0 * factor), "--log", "1", "--lines", "off"]
+    assert cli.main([*RENDER, *log, "-o", "b.png"]) == 0
+    assert np.abs(place_of(read("b.png")[:, :48]) - np.clip(1.0 + np.log10(truth / 5.0), 0.0, 1.0)).max() < 0.02
+
+
+def test_isolines_are_where_light_passes_a_step() -> None:
+    """Of light that rises to the right, one column each between ten steps; where nothing is seen, the ground."""
+    light = np.tile(np.linspace(0.0, 999.0, 200), (20, 1))
+    depth = np.ones(light.shape)
+    depth[:, 150:] = np.inf
+    plain, lined = (coloured(light, depth, LightScale(highest=1000.0, lines=on)) for on in (False, True))
+    dark = (lined < plain - 1e-6).any(-1)
+    columns = np.flatnonzero(dark.all(0))
+    steps = np.floor(light[0] / 100.0)
+    assert dark.any(0).sum() == len(columns) == 7 and (steps[columns] + 1 == steps[columns + 1]).all()
+    assert (lined[:, 150:] == GROUND).all()
+    whole = with_legend(lined, LightScale(highest=1000.0), "light", "W/m²")
+    assert np.abs(whole[:, :200] - lined).max() < 1.0 / 255.0 and whole.shape[0] == 20

@@ -1,11 +1,9 @@
-"""`irrsplat render --path`: which frames, to which files, with which records and exposure; and what is refused."""
+"""`irrsplat render --path` and `--turntable`: frames, files and exposure."""
 
 from __future__ import annotations
 
 import json
-import sys
-from collections.abc import Callable
-from itertools import pairwise
+from pathlib import Path
 from pathlib import Path as File
 from typing import Any
 
@@ -14,8 +12,10 @@ import pytest
 
 import irrsplat
 from irrsplat.app import cli
-from irrsplat.image.frame import Frame, check_writable, numbered
+from irrsplat.app.film.turntable import turntable
+from irrsplat.image.frame import Frame, numbered
 from irrsplat.scene.camera_path import load_path
+from irrsplat.scene.model import Camera
 
 SMALL = ["--size", "2", "2"]
 FLIGHT = ["render", "plain.scene", *SMALL, "--path", "a.path"]
@@ -51,45 +51,19 @@ def names(folder: File) -> set[str]:
 # ---- which frames, and where to ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("flags", "numbers"),
-    [
-        ([], [0, 1, 2, 3]),
-        (["--frames", ":"], [0, 1, 2, 3]),
-        (["--frames", "1:3"], [1, 2]),
-        (["--frames", "2:"], [2, 3]),
-        (["--frames", ":1"], [0]),
-        (["--frames", "0:4"], [0, 1, 2, 3]),
-    ],
-)
-def test_the_frames_are_those_of_a_python_slice(
-    flags: list[str], numbers: list[int], asked: list[Any], flight: File, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert cli.main([*FLIGHT, "-o", "f{frame:03d}.png", "--stats", "s.json", *flags]) == 0
-    assert capsys.readouterr() == ("", "")
-    path = load_path("a.path", fov=40.0)  # the scene's own field of view
-    assert asked == [path.camera(number) for number in numbers]
-    assert names(flight) == {"s.json", *(f"f{number:03d}.png" for number in numbers)}
-    assert [stats["frame"] for stats in json.loads((flight / "s.json").read_text())["frames"]] == numbers
-
-
-def test_outputs_of_every_kind(fake: Any, flight: File) -> None:
-    outputs = ["-o", "f{frame}.npz", "-o", "d{frame:02x}/", "-o", "{{{frame}}}.png", "--buffers", "depth"]
-    assert cli.main([*FLIGHT, *outputs, "--frames", "1:3"]) == 0
-    assert names(flight) == {"f1.npz", "f2.npz", "d01", "d02", "{1}.png", "{2}.png"}
-    assert fake.asked.figures is True
-    assert (flight / "d01/depth.png").is_file()
-
-
-def test_one_frame_needs_no_number(asked: list[Any], flight: File) -> None:
+def test_the_frames_are_those_of_a_python_slice(asked: list[Any], flight: File, capsys: pytest.CaptureFixture[str]) -> None:
+    """One frame alone needs no number in its name."""
+    path = load_path("a.path", fov=70.0)
+    for flags, numbers in (([], [0, 1, 2, 3]), (["--frames", "1:3"], [1, 2]), (["--frames", "2:"], [2, 3])):
+        asked.clear()
+        assert cli.main([*FLIGHT, "-o", "f{frame:03d}.png", "--stats", "s.json", "--fov", "70", *flags]) == 0
+        assert capsys.readouterr() == ("", "")
+        assert asked == [path.camera(number) for number in numbers]
+        assert [stats["frame"] for stats in json.loads((flight / "s.json").read_text())["frames"]] == numbers
+    assert names(flight) == {"s.json", *(f"f{number:03d}.png" for number in range(4))}
     assert cli.main([*FLIGHT, "-o", "still.png", "--frames", "3:4"]) == 0
-    assert names(flight) == {"still.png"}
-    assert asked[0].eye == (3, 0, 5)
-
-
-def test_fov_is_that_of_the_keys(asked: list[Any], flight: File) -> None:
-    assert cli.main([*FLIGHT, "-o", "f{frame}.png", "--fov", "70"]) == 0
-    assert [camera.fov for camera in asked] == pytest.approx([70.0] * 4, rel=1e-12)
+    assert asked[-1].eye == (3, 0, 5) and (flight / "still.png").is_file()
+    assert all(len({numbered(f, n) for n in range(3000)}) == 3000 for f in ("{frame}", "{frame:04d}", "{frame:02x}"))
 
 
 def test_a_path_is_looked_for_beside_the_scene_too(asked: list[Any], place: File) -> None:
@@ -110,14 +84,6 @@ def test_the_first_frame_meters_for_all(asked: list[Any], flight: File) -> None:
         with np.load(flight / f"f{number}.npz") as file:
             stats = json.loads(str(file["stats"]))
         assert (stats["frame"], stats["exposure"]) == (number, 1.0)
-
-
-def test_unfinished_frames_are_counted(fake: Any, flight: File, capsys: pytest.CaptureFixture[str]) -> None:
-    fake.stats = {"converged": False}
-    assert cli.main([*FLIGHT, "-o", "f{frame}.png"]) == 0
-    err = capsys.readouterr().err
-    assert err.count("\n") == 1
-    assert err.startswith("notice: 4 of 4 frames stopped before every pixel was served")
 
 
 @pytest.mark.parametrize("inside", [True, False])
@@ -142,109 +108,39 @@ def test_an_interrupted_frame_is_dropped_and_those_before_it_stay(
     assert len(json.loads((flight / "s.json").read_text())["frames"]) == 2
 
 
-def test_progress_names_the_frame(fake: Any, flight: File, monkeypatch: pytest.MonkeyPatch) -> None:
-    from rich.progress import Progress
-
-    said = []
-    monkeypatch.setattr(sys.stderr, "isatty", lambda: True)
-    monkeypatch.setattr(Progress, "update", lambda self, task, **what: said.append(what["description"]))
-    assert cli.main([*FLIGHT, "-o", "f{frame}.png", "--frames", "2:"]) == 0
-    assert said == ["frame 2 of 3, round 1: 3 records, coverage", "frame 3 of 3, round 1: 3 records, coverage"]
-
-
-# ---- what is refused -----------------------------------------------------------------------------------------------------
-
-MANY = ["-o", "f{frame}.png"]
-FIELDS = (
-    *("{}", "{0}", "{n}", "{frame", "frame}", "{frame}{n}", "{frame.real}", "{frame[0]}", "{frame!r}", "{frame:{frame}}"),
-    *("{frame:s}", "{frame:c}", "{frame:.2f}", "{frame:%}", "{frame:e}", "{frame:0<4}", "{frame:/>4}", "{frame:999d}"),
-)
-
-
 @pytest.mark.parametrize(
-    ("argv", "words"),
+    ("camera", "up"),
     [
-        ([*FLIGHT, *MANY, "--frames", "3"], "expected A:B"),
-        ([*FLIGHT, *MANY, "--frames", "1:2:3"], "expected A:B"),
-        ([*FLIGHT, *MANY, "--frames", "-2:"], "expected A:B"),
-        ([*FLIGHT, *MANY, "--frames", "a:b"], "expected A:B"),
-        ([*FLIGHT, *MANY, "--frames", "2:2"], "holds no frame"),
-        ([*FLIGHT, *MANY, "--frames", "3:1"], "holds no frame"),
-        ([*FLIGHT, *MANY, "--frames", ":0"], "holds no frame"),
-        ([*FLIGHT, *MANY, "--frames", "0:5"], "has 4 frames; give A:B within 0:4"),
-        ([*FLIGHT, *MANY, "--frames", "4:"], "--frames 4:: the path 'a.path' has 4 frames"),
-        ([*FLIGHT, *MANY, "--eye", "0", "0", "5", "--target", "0", "0", "0"], "leave --path or --eye out"),
-        ([*FLIGHT, *MANY, "--camera", "top"], "leave --path or --camera out"),
-        ([*FLIGHT, *MANY, "--up", "0", "1", "0"], "--up"),
-        ([*FLIGHT, *MANY, "--fov", "0"], "--fov"),
-        ([*FLIGHT[:-1], "none.path", *MANY], "--path 'none.path': there is no such file"),
-        ([*FLIGHT[:-1], "", *MANY], "--path ''"),
-        ([*FLIGHT[:-1], ".", *MANY], "directory"),
-        ([*FLIGHT[:-1], "plain.scene", *MANY], "plain.scene:2: unknown word 'proj'"),
-        ([*FLIGHT, "-o", "f.png"], "f.png: 4 frames would go to one name; put {frame} into it"),
-        ([*FLIGHT, *MANY, "-o", "f.exr"], "f.exr: 4 frames would go to one name"),
-        ([*FLIGHT, "-o", "f{{frame}}.png", "--frames", ":1"], "{frame}"),
-        ([*FLIGHT, "-o", "f{frame}.avi"], "unknown ending '.avi'"),
-        ([*FLIGHT, "-o", "none/f{frame}.png"], "does not exist"),
-        ([*FLIGHT, "-o", "none{frame}/f.png"], "does not exist"),
-        *(([*FLIGHT, "-o", f"f{field}.png"], "the one field in an output's name is {frame}") for field in FIELDS),
-        (["render", "plain.scene", "-o", "f{frame}.png"], "give --path"),
-        (["render", "plain.scene", "-o", "f{frame:04d}/"], "give --path"),
-        (["render", "plain.scene", "-o", "f.png", "--frames", "0:2"], "give --path"),
+        (Camera((3, 4, 0), (0, 1, 0), (0, 1, 0), 40.0), (0, 2, 0)),
+        (Camera((5, 1, 1), (1, 2, 1), (0.1, 0.9, 0.3), 40.0), (0, 0, 1)),  # tilted, in a scene of another up
+        (Camera((0, 7, 0), (0, 1, 0), (0, 0, -1), 40.0), (0, 1, 0)),  # from straight above: about its own up
     ],
 )
-def test_a_wrong_command_line_is_one_line_and_exit_status_2(
-    argv: list[str], words: str, fake: Any, flight: File, refused: Callable[..., str]
+def test_every_frame_sees_the_target_from_the_same_distance(camera: Camera, up: tuple[float, float, float]) -> None:
+    """The axes of camera 0, turned by equal steps about `up`, also from the last frame to the first: no seam shows."""
+    cameras = list(turntable(camera, up, 12))
+    assert len(cameras) == 12 and cameras[0] == camera
+    assert all(c.target == camera.target and c.fov == camera.fov for c in cameras)
+    axis = np.asarray(camera.up if camera.eye[0] == 0 else up, float)
+    axis /= np.linalg.norm(axis)
+    cross, angle = np.cross(np.eye(3), axis), np.radians(30.0)
+    turn = np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross  # Rodrigues
+    for one, other in zip(cameras, [*cameras[1:], cameras[0]], strict=True):
+        assert np.abs(np.array(one.axes) @ turn.T - other.axes).max() < 1e-9
+
+
+def test_lost_frames_are_told_once_with_the_remedy(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert words in refused(argv)
-
-
-def test_fields_are_checked_before_the_scene_is_loaded(
-    flight: File, monkeypatch: pytest.MonkeyPatch, refused: Callable[..., str]
-) -> None:
-    monkeypatch.setattr(irrsplat, "load", lambda _: pytest.fail("the scene was loaded first"))
-    refused([*FLIGHT, "-o", "f{n}.png"])
-    refused([*FLIGHT, "-o", "none/f{frame}.png"])
-
-
-@pytest.mark.parametrize(
-    "field", ["{frame}", "{frame:d}", "{frame:04d}", "{frame:4}", "{frame:02x}", "{frame:b}", "a{frame}b{frame}"]
-)
-def test_no_two_frames_have_one_name(field: str) -> None:
-    assert len({numbered(field, frame) for frame in range(3000)}) == 3000
-
-
-def test_python_is_told_where_frame_belongs(place: File) -> None:
-    with pytest.raises(irrsplat.InputError, match="give --path"):
-        check_writable("f{frame}.png")
-
-
-# ---- with the real renderer ----------------------------------------------------------------------------------------------
-
-
-def test_frames_are_those_of_single_renders(flight: File) -> None:
-    """Without bounces no record enters, so a frame of a path is the render of its camera alone, bit by bit."""
-    size = ["--size", "20", "16", "--bounces", "0"]
-    assert cli.main([*FLIGHT, *size, "-o", "f{frame}.npz"]) == 0
-    path, scene = load_path("a.path", fov=40.0), irrsplat.load("plain.scene")
-    depths = []
-    for number in range(4):
-        alone = irrsplat.render(scene, (20, 16), path.camera(number), bounces=0)
-        with np.load(f"f{number}.npz") as file:
-            for name in ("image", "direct", "position", "normal", "depth"):
-                np.testing.assert_array_equal(file[name], getattr(alone, name))
-            depths.append(file["depth"])
-    assert not any(np.array_equal(a, b) for a, b in pairwise(depths))  # and the camera did move
-
-
-def test_records_stay_from_frame_to_frame(place: File) -> None:
-    """The second of 90 frames moves by a few percent of the way to the box: it asks for few records beyond the first one's."""
-    flags = ["--size", "48", "48", "--preset", "preview", "--path", "flight.path", "--frames", "0:3"]
-    assert cli.main(["render", "cornell", *flags, "-o", "f{frame}.png", "--stats", "s.json"]) == 0
-    frames = json.loads((place / "s.json").read_text())["frames"]
-    records = [stats["records"] for stats in frames]
-    assert records[0] > 50
-    assert 0 <= records[1] - records[0] < 0.2 * records[0]
-    assert 0 <= records[2] - records[1] < 0.2 * records[0]
-    assert all(stats["converged"] for stats in frames)
-    assert len({stats["exposure"] for stats in frames}) == 1
+    monkeypatch.chdir(tmp_path)
+    fast = ["--size", "16", "12", "--bounces", "0", "--preset", "preview", "-o", "f{frame}.png"]
+    assert cli.main(["render", "cornell", "--turntable", "4", *fast]) == 0
+    said = capsys.readouterr().err
+    assert said.count("notice:") == 1
+    assert "notice: 3 of 4 frames see nothing of the scene, or only backs of its surfaces, the first of them frame 1" in said
+    assert "give --eye and --target nearer to one another" in said
+    (tmp_path / "a.path").write_text("frames 3\ncam 2.8 2.7 -5 2.8 2.7 0 0 1 0\ncam 2.8 2.7 12 2.8 2.7 30 0 1 0\n")
+    assert cli.main(["render", "cornell", "--path", "a.path", "--frames", "0:1", *fast]) == 0
+    assert capsys.readouterr().err == ""
+    assert cli.main(["render", "cornell", "--path", "a.path", *fast]) == 0
+    assert "of 3 frames see nothing of the scene" in (said := capsys.readouterr().err) and "move those keys of the path" in said

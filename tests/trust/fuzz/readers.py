@@ -45,6 +45,8 @@ LIGHT = "position 0 1 1 1\ndiffuse 1 1 1 1\n"
 IES = "IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 3 1 1 2 0 0 0\n1 1 50\n0 45 90\n0\n100 80 0\n"
 HDR = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 4\n" + bytes([100, 120, 90, 129]) * 8
 
+QUICK: dict[str, Any] = {"bounces": 1, "gather_size": 8, "shadow_size": 64, "gather": "trace"}
+
 Read = Callable[[Path], object]
 
 
@@ -133,7 +135,7 @@ def _asset(path: Path) -> object:
 @cache
 def cache_key() -> cache_file.CacheKey:
     """What the caches of cases are for."""
-    return cache_file.key(irrsplat.load("cornell-paper"), Settings())
+    return cache_file.key(irrsplat.load("cornell-paper"), irrsplat.preset(**QUICK))
 
 
 def cache_bytes(payload: bytes) -> bytes:
@@ -228,45 +230,35 @@ def gltf_tree() -> dict[str, Any]:
     texture = {"index": 0, "extensions": {"KHR_texture_transform": {"scale": [2, 2], "rotation": 1}}}
     light = {"type": "spot", "intensity": 3, "spot": {"outerConeAngle": 0.5}}
     return {
-        "asset": {"version": "2.0"},
-        "scene": 0,
-        "scenes": [{"nodes": [0, 1, 2]}],
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0, 1, 2]}], "skins": [{"joints": [0]}],
         "nodes": [
             {"mesh": 0, "rotation": [0, 0, 0, 1], "children": [3]},
             {"camera": 0, "matrix": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 3, 1]},
             {"extensions": {"KHR_lights_punctual": {"light": 0}}, "translation": [0, 1, 0]},
             {"mesh": 0, "scale": [1, 2, 3], "skin": 0},
         ],
-        "skins": [{"joints": [0]}],
         "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0, "mode": 4}]}],
-        "materials": [
-            {
-                "pbrMetallicRoughness": {"baseColorTexture": texture, "baseColorFactor": [1, 0.5, 0, 1]},
-                "emissiveFactor": [1, 0, 0],
-                "alphaMode": "MASK",
-            }
-        ],
-        "textures": [{"source": 0, "sampler": 0}],
-        "samplers": [{"wrapS": 33071}],
-        "images": [{"uri": "p.png"}],
+        "materials": [{
+            "pbrMetallicRoughness": {"baseColorTexture": texture, "baseColorFactor": [1, 0.5, 0, 1]},
+            "emissiveFactor": [1, 0, 0], "alphaMode": "MASK",
+        }],
+        "textures": [{"source": 0, "sampler": 0}], "samplers": [{"wrapS": 33071}], "images": [{"uri": "p.png"}],
         "cameras": [{"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}}],
         "extensions": {"KHR_lights_punctual": {"lights": [light]}},
-        "animations": [
-            {
-                "channels": [{"sampler": 0, "target": {"node": 0, "path": "translation"}}],
-                "samplers": [{"input": 3, "output": 4, "interpolation": "LINEAR"}],
-            }
-        ],
+        "animations": [{
+            "channels": [{"sampler": 0, "target": {"node": 0, "path": "translation"}}],
+            "samplers": [{"input": 3, "output": 4, "interpolation": "LINEAR"}],
+        }],
         "accessors": [
-            {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"},
-            {"bufferView": 0, "byteOffset": 36, "componentType": 5126, "count": 3, "type": "VEC2"},
-            {"bufferView": 0, "byteOffset": 60, "componentType": 5123, "count": 3, "type": "SCALAR"},
-            {"bufferView": 0, "byteOffset": 68, "componentType": 5126, "count": 2, "type": "SCALAR"},
-            {"bufferView": 0, "byteOffset": 76, "componentType": 5126, "count": 2, "type": "VEC3"},
+            {"bufferView": 0, "byteOffset": offset, "componentType": kind, "count": count, "type": shape}
+            for offset, kind, count, shape in (
+                (0, 5126, 3, "VEC3"), (36, 5126, 3, "VEC2"), (60, 5123, 3, "SCALAR"), (68, 5126, 2, "SCALAR"),
+                (76, 5126, 2, "VEC3"),
+            )
         ],
         "bufferViews": [{"buffer": 0, "byteLength": len(data)}],
         "buffers": [{"byteLength": len(data), "uri": "data:;base64," + base64.b64encode(data).decode()}],
-    }
+    }  # fmt: skip
 
 
 def glb_bytes(text: bytes, chunk: bytes = b"") -> bytes:
@@ -281,19 +273,13 @@ def glb_bytes(text: bytes, chunk: bytes = b"") -> bytes:
 
 @cache
 def cache_arrays() -> dict[str, np.ndarray]:
-    """The arrays of a cache with three records, made by a real renderer's columns, and its key."""
-    from dataclasses import asdict
-
-    from irrsplat.core.record_layout import GATHERED
-    from irrsplat.records.adaptive_radius import AdaptiveRadiusState
-    from irrsplat.records.record_cache import _COLUMNS, _FILED
-
-    arrays = {file: np.ones((3, *_COLUMNS[name].shape), _COLUMNS[name].dtype) for name, file in _FILED.items()}
-    arrays |= {"content": np.ones((3, len(GATHERED), 4), "f4"), "limit": np.ones((3, 1), "f4"), "clocks": np.zeros(3, "i8")}
-    about = {"adapted": AdaptiveRadiusState().as_json(), "bounces": {}, "settings": asdict(Settings())}
-    scene = cache_file.stamp(irrsplat.load("cornell-paper"))
-    text = json.dumps({"key": asdict(cache_key()), "about": about, "scene": scene.as_json()}, default=str)
-    return {"about": np.array(text), **arrays, **scene.arrays, "dark": np.array(0.5)}
+    """The arrays of a real renderer's cache."""
+    path = _place() / "seed.cache"
+    with irrsplat.Renderer(irrsplat.load("cornell-paper"), (8, 8), **QUICK) as renderer:
+        renderer.render()
+        renderer.save_cache(path)
+    with np.load(io.BytesIO(path.read_bytes()[len(cache_bytes(b"")) :])) as file:
+        return dict(file)
 
 
 def npz(arrays: dict[str, np.ndarray]) -> bytes:

@@ -1,12 +1,21 @@
-"""A short run of the fuzzing, and the inputs that once broke a reader, as small as they were found."""
+"""Short and long runs of the fuzzing, and the inputs that once broke a reader, as small as they were found.
+
+IRRSPLAT_CASES: of each reader in the long form (2000). IRRSPLAT_SEED: which (1). With -s, what was read and refused is told.
+"""
 
 from __future__ import annotations
+
+import os
+import traceback
+from collections import Counter
 
 import numpy as np
 import pytest
 
 from tests.trust.fuzz import readers
 
+CASES = int(os.environ.get("IRRSPLAT_CASES", "2000"))
+SEED = int(os.environ.get("IRRSPLAT_SEED", "1"))
 FOUND = [
     ("hdr", b"#?RADIANCE\nEXPOSURE=...\n\n-Y 1 +X 1\n\1\2\3\x80"),
     ("hdr", b"#?RADIANCE\nEXPOSURE=1e15\nEXPOSURE=1e15\nEXPOSURE=1e15\n\n-Y 1 +X 1\n\1\2\3\x80"),
@@ -19,31 +28,50 @@ FOUND = [
     ("ies", b"IESNA91\nTILT=" + b"x" * 300 + b"\n"),  # a name that no file system takes
     ("settings", b"placement=\x85"),
     ("command-line", b"render\n\x85\x1c\n\n"),
-    ("cache", readers.npz({**readers.cache_arrays(), "about": np.array("[" * 9999)})),
-    (
-        "cache",
-        readers.npz({**readers.cache_arrays(), "about": np.array('{"key": {"geometry": 1, "lights": 1, "settings": 3}}')}),
-    ),
-    ("cache", readers.npz({**readers.cache_arrays(), "position": np.array(["x"] * 3)})),
+    ("cache", {"about": np.array("[" * 9999)}),
+    ("cache", {"about": np.array('{"key": {"geometry": 1, "lights": 1, "settings": 3}}')}),
+    ("cache", {"position": np.array(["x"] * 3)}),
 ]
 
 
 @pytest.mark.parametrize(("name", "data"), FOUND)
-def test_what_once_broke_a_reader_breaks_it_no_more(name, data):
-    assert readers.judge(name, data) in ("read", "refused")
+def test_what_once_broke_a_reader_breaks_it_no_more(name: str, data: bytes | dict[str, np.ndarray]) -> None:
+    whole = data if isinstance(data, bytes) else readers.npz({**readers.cache_arrays(), **data})
+    assert readers.judge(name, whole) in ("read", "refused")
 
 
 @pytest.mark.parametrize("name", readers.READERS)
-def test_seeds_are_read(name):
-    found = {readers.judge(name, data) for data in readers.seeds(name)}
-    assert "read" in found
+def test_seeds_are_read_and_odd_input_is_read_or_refused(name: str) -> None:
+    assert "read" in {readers.judge(name, data) for data in readers.seeds(name)}
+    fuzz(name, 25)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", readers.READERS)
-def test_odd_input_is_read_or_refused(name):
-    pytest.importorskip("hypothesis", reason="pip install '.[dev]'")
-    from tests.trust.fuzz import run
+def test_much_odd_input_is_read_or_refused(name: str) -> None:
+    fuzz(name, CASES)
 
-    tally = run.Tally(name, None)
-    run.structured(name, 40, 1, tally)
-    assert not tally.places
+
+def fuzz(name: str, cases: int) -> None:
+    """Feed a reader with hypothesis' inputs. The test fails with one input for each place where the reader broke."""
+    hypothesis = pytest.importorskip("hypothesis", reason="pip install '.[dev]'")
+    from tests.trust.fuzz.structures import inputs
+
+    counts, broken = Counter[str](), dict[str, tuple[str, bytes]]()
+
+    def feed(data: bytes) -> None:
+        try:
+            counts[readers.judge(name, data)] += 1
+        except Exception as error:
+            frames = traceback.extract_tb(error.__traceback__)
+            ours = [frame for frame in frames if "/irrsplat/" in frame.filename or "/app/" in frame.filename] or list(frames)
+            broken.setdefault(f"{ours[-1].filename}:{ours[-1].lineno}", (repr(error)[:120], data))
+
+    for first in range(0, cases, 2000):  # hypothesis keeps what it has tried: so many at a time
+        settings = hypothesis.settings(
+            max_examples=min(2000, cases - first), database=None, deadline=None, phases=[hypothesis.Phase.generate],
+            suppress_health_check=list(hypothesis.HealthCheck),
+        )  # fmt: skip
+        hypothesis.seed(SEED + first)(settings(hypothesis.given(inputs(name))(feed)))()
+    print(f"\n{name}: {dict(counts)}")
+    assert broken == {}

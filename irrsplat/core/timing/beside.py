@@ -7,7 +7,7 @@ from concurrent.futures import Future
 from threading import Semaphore, Thread
 from typing import TypeVar
 
-from irrsplat.core.clock import wait_for
+from irrsplat.core.timing.clock import wait_for
 
 Result = TypeVar("Result")
 Share = TypeVar("Share")

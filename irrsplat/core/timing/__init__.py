@@ -1,0 +1,1 @@
+"""Time: the clock of frame budgets, and work in threads."""

@@ -1,0 +1,127 @@
+"""The surface cache in ticks of little time: records of one bounce before it is there, and light that follows a moving lamp."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import moderngl
+import numpy as np
+import pytest
+
+from irrsplat import Renderer
+from irrsplat.gpu.time_budget import Budget
+from irrsplat.image.view import Progress, read
+from irrsplat.indirect.gathering import record_gatherer
+from irrsplat.scene.model import Light
+from tests.renderer.test_live import TICK
+from tests.renderer.test_renderer import FAST, FRONT, SIZE, room
+from tests.support.worlds import box, lamp, material, scene
+from tests.surface_cache.test_bounces import ALL, few, made, values
+
+__all__ = ["few"]
+pytestmark = pytest.mark.usefixtures("few")
+
+TRACED = {**FAST, "bounces": "all", "gather": "trace", "light_samples": 0}
+STEPS = 10
+
+
+def ticks(renderer: Renderer, until: Callable[[Progress], bool]) -> Progress:
+    """Take ticks of little time until one fulfils the condition. Return its progress."""
+    for _ in range(5000):
+        progress = renderer.frame(seconds=2e-3)[1]
+        if until(progress):
+            return progress
+    raise AssertionError(progress)
+
+
+def agrees(renderer: Renderer) -> None:
+    """Assert that the picture at rest is that of a fresh renderer, as far as other records go."""
+    ours = renderer.render()
+    with Renderer(renderer.scene, renderer.size, ctx=renderer.ctx, **asdict(renderer.settings)) as fresh:
+        theirs = fresh.render()
+    assert ours.stats["bounces"] == theirs.stats["bounces"] and ours.stats["bounces_converged"]
+    assert np.sqrt(np.mean((ours.irradiance - theirs.irradiance) ** 2)) < 0.05 * theirs.irradiance.mean()
+    assert ours.irradiance.mean() == pytest.approx(theirs.irradiance.mean(), rel=0.01)
+
+
+def test_one_bounce_is_shown_before_all_are_known(ctx: moderngl.Context, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the cache takes long, records hold one bounce until it is there; then all are gathered again.
+
+    A file of such records does not count as finished, and a lamp may move meanwhile.
+    """
+    monkeypatch.setattr(record_gatherer, "_PATIENCE", -1.0)
+    with Renderer(room(), SIZE, ctx=ctx, **TRACED) as renderer:
+        early = ticks(renderer, lambda now: now.records > 20)
+        assert early.surface < 1.0 and not early.still and not early.done
+        stats = renderer.stats(renderer.frame(gather=False)[0])
+        assert (stats["bounces"], stats["bounces_converged"]) == (1, False)
+        where, once = renderer.cache.sites(slice(0, early.records)), renderer.cache.read()["irradiance"][: early.records]
+        renderer.save_cache(tmp_path / "early")
+        assert not ticks(renderer, lambda now: now.surface == 1.0).still
+        ticks(renderer, lambda now: now.still)
+        assert (renderer.cache.read()["irradiance"][: early.records] > once).mean() > 0.9
+        agrees(renderer)
+    with Renderer(room(), SIZE, ctx=ctx, **{**TRACED, "bounces": 1}) as one:
+        one.frame(gather=False)
+        assert one.shadows is not None
+        one.scheduler.gatherer.gather(one.shadows, where, Budget(None))
+        assert np.array_equal(one.cache.read()["irradiance"], once), "they hold one bounce"
+    with Renderer(room(), SIZE, ctx=ctx, **TRACED) as fresh:
+        fresh.load_cache(tmp_path / "early")
+        assert len(fresh.cache.stale) == fresh.cache.count > 0
+        agrees(fresh)
+    with Renderer(room(), SIZE, ctx=ctx, **TRACED) as renderer:
+        assert ticks(renderer, lambda now: now.records > 5).surface < 1.0
+        renderer.relight([lamp((0.3, 0.5, 0.4), 5.0)])
+        ticks(renderer, lambda now: now.still)
+        agrees(renderer)
+
+
+def carried(share: float) -> tuple[float, float, float]:
+    """A way from just under the ceiling, where a lamp lights a small bright spot, across the room."""
+    return -0.7 + 1.3 * share, 0.95 - 0.6 * share, 0.0
+
+
+ROOM = scene(
+    box((-1, -1, -1), (1, 1, 1), material((0.8, 0.6, 0.5)), outward=False),
+    box((-0.4, -1, -0.6), (0.2, -0.3, 0.0), material((0.2, 0.6, 0.8))),
+    lights=(lamp(carried(0.0)),),
+    camera=FRONT,
+)
+
+
+def lit(share: float) -> list[Light]:
+    """The lamps at this share of the way, 0..1."""
+    return [replace(ROOM.lights[0], position=carried(share))]
+
+
+def test_light_at_sites_goes_with_a_lamp(ctx: moderngl.Context) -> None:
+    """The bright spot above a lamp does not stay where the lamp was: what follows is near what is made anew."""
+    with made(ctx, ROOM) as renderer, made(ctx, replace(ROOM, lights=tuple(lit(1.0)))) as other:
+        surface = renderer.scheduler.gatherer.surface
+        assert surface is not None
+        for step in range(1, STEPS + 1):
+            renderer.relight(lit(step / STEPS))
+            surface.advance(renderer.draw_shadows(), Budget(TICK))
+        assert not surface.complete and surface.layout is not None
+        area, found, true = surface.layout.area[:, None], values(renderer), values(other)
+        assert np.sqrt((area * (found - true) ** 2).sum() / (area * true**2).sum()) < 0.1
+        assert (area * found).sum() == pytest.approx((area * true).sum(), rel=0.1)
+
+
+def test_no_pixel_goes_dark_while_a_lamp_is_carried() -> None:
+    """In ticks that do no more than they must; and soon after, the picture is that of a fresh render."""
+    after = replace(ROOM, lights=tuple(lit(1.0)))
+    with Renderer(ROOM, SIZE, **ALL) as renderer, Renderer(after, SIZE, **ALL) as fresh:
+        renderer.render()
+        true = fresh.render().irradiance
+        for step in range(1, STEPS + 1):
+            renderer.relight(lit(step / STEPS))
+            view, _ = renderer.frame(seconds=TICK)
+            found = read(view, renderer.cache.read(), {})
+            seen = np.isfinite(found.depth)
+            assert (found.irradiance[seen].sum(1) > 0.05 * true[seen].sum(1)).all()
+        last = renderer.render().irradiance
+        assert np.sqrt(((last - true) ** 2).mean()) < 0.06 * true.mean()
