@@ -21,7 +21,6 @@ from irrsplat.app.viewer.buffers.background_truth import Truth
 from irrsplat.app.viewer.buffers.buffer_view import BufferView
 from irrsplat.app.viewer.buffers.shown_buffer import ViewSource
 from irrsplat.app.viewer.editing.editor import Editor
-from irrsplat.app.viewer.editing.scene_edit import SceneEdit
 from irrsplat.app.viewer.input.hints import HINTS, Hints
 from irrsplat.app.viewer.input.keys import GROUPS, KEYS
 from irrsplat.app.viewer.input.path_recorder import PathRecorder
@@ -155,6 +154,7 @@ class Driver:
     def __init__(self, viewer: Viewer, values: SettingValues) -> None:
         self.viewer, self.wnd = viewer, viewer.wnd
         self.values, self.source = values, viewer.actions.source  # that `reset` goes back to
+        self.scene = viewer.actions.session.scene  # likewise
         self.size = self.wnd.size
         self.density = 1.0  # that `reset` goes back to
         self.records: CacheState | None = None  # of the view that `reset` goes back to, once it was at rest
@@ -334,6 +334,7 @@ class Driver:
             session.forget_snapshot(snapshot)
         if actions.source != self.source:
             actions.open(self.source)
+            self.scene = session.scene
         actions.panels, actions.side, actions.screenshot_wanted = Panels(settings=False, hud=False), 0, ""
         actions.messages.lines.clear()
         actions.hints, actions.appearance = Hints(list(HINTS)), Appearance()
@@ -348,7 +349,7 @@ class Driver:
         session.free_camera.home()
         for renderer in session.renderers:
             renderer.change(preset("default", **self.values), "default")
-        actions.editor.apply(SceneEdit.of(actions.editor.loaded))
+        session.pose(self.scene)
         actions.editor = Editor(session)
         self.move(self.wnd.width - 20.0, self.wnd.height - 20.0)
         renderer = session.renderers[0]
