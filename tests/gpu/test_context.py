@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import moderngl
 import pytest
@@ -104,3 +107,35 @@ def test_the_watch_sees_gl_errors(pytester: pytest.Pytester) -> None:
     )
     result = pytester.runpytest_inprocess("-p", "no:cacheprovider")
     result.assert_outcomes(passed=2, errors=1)
+
+
+def test_another_process_or_an_opengl_error_is_one_line(ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A fork shares the driver's threads, which hang there; after an error of OpenGL a picture would be wrong."""
+    for error, words in (
+        ("GL_OUT_OF_MEMORY", "out of memory; take a smaller size"),
+        ("GL_INVALID_VALUE", "reports GL_INVALID_VALUE"),
+    ):
+        with pytest.raises(GLError, match=words):
+            context.check_errors(SimpleNamespace(error=error))  # type: ignore[arg-type]
+    pid = os.getpid() + 1
+    monkeypatch.setattr(os, "getpid", lambda: pid)
+    with pytest.raises(GLError, match="start processes by spawn"):
+        context.create()
+    with pytest.raises(GLError, match="only in the process that made it"):
+        context.make_current(ctx)
+
+
+def test_ctrl_c_while_a_program_is_linked_waits_for_its_end() -> None:
+    """Else moderngl crashes; the handler runs once, after the program is there."""
+    events: list[str] = []
+
+    def program(**_: object) -> None:
+        signal.raise_signal(signal.SIGINT)
+        events.append("linked")
+
+    before = signal.signal(signal.SIGINT, lambda *_: events.append("interrupted"))
+    try:
+        context.link(SimpleNamespace(program=program), "", "", None)  # type: ignore[arg-type]
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert events == ["linked", "interrupted"]

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from irrsplat import Renderer
+from irrsplat.core.errors import GLError
 from irrsplat.gpu import context, self_test
 from irrsplat.gpu.self_test import Abilities
 from irrsplat.gpu.target import Target
@@ -65,3 +66,27 @@ def test_triangles_numbered_by_a_geometry_shader_are_the_same(ctx: moderngl.Cont
     for name, tolerance in (("position", 1e-5), ("normal", 1e-5), ("albedo", 1e-6), ("emission", 1e-6), ("irradiance", 2e-2)):
         one, other = (getattr(picture, name) for picture in pictures)  # a driver may begin a triangle at another corner
         assert one.any() and np.abs(one - other).max() <= tolerance * np.abs(one).max(), name
+
+
+def test_what_passed_is_kept_and_a_failure_is_not(ctx: moderngl.Context, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A driver is refused by what it lacks. A later process takes a success from the file, unless that is damaged."""
+    calls: list[object] = []
+    features = (("unheard of", lambda ctx: False), ("wrong numbers", lambda ctx: False))
+    with (
+        monkeypatch.context() as patch,
+        pytest.raises(GLError, match="fails the self-test of unheard of, wrong numbers; update it"),
+    ):
+        patch.setattr(self_test, "FEATURES", features)
+        self_test.check(ctx)
+
+    def tried(ctx: moderngl.Context) -> Abilities:
+        calls.append(ctx)
+        return Abilities((), True)
+
+    monkeypatch.setattr(self_test, "tried", tried)
+    for content, count in ((None, 1), (None, 1), ("{}", 2), ('{"version": 0}', 3), ("\x00", 4)):
+        for file in tmp_path.iterdir() if content else ():
+            file.write_text(content or "")
+        monkeypatch.setattr(self_test, "_known", {})
+        self_test.check(ctx)
+        assert len(calls) == count, content

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import moderngl
 import numpy as np
+import pytest
 
+from irrsplat.core.errors import GLError
 from irrsplat.gpu.target import Target, float_texture
 
 
@@ -21,3 +23,17 @@ def test_clear_fills_every_attachment_whatever_was_set_before(ctx: moderngl.Cont
     assert (target.read(0) == 0.25).all() and (target.read(1) == 0.25).all()
     assert target.depth is not None
     assert np.allclose(np.frombuffer(target.depth.read(alignment=1), "f4"), 0.5)
+
+
+def test_a_driver_without_memory_is_one_line(ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The textures are freed, with and without depth, but for those that the caller gave."""
+
+    def full(*_: object, **__: object) -> None:
+        raise moderngl.Error("the framebuffer is not complete (UNSUPPORTED)")
+
+    monkeypatch.setattr(moderngl.Context, "framebuffer", full)
+    mine = float_texture(ctx, (3, 2), 1)
+    for options in ({"depth": True}, {"depth": False}, {"textures": [mine]}):
+        with pytest.raises(GLError, match=r"takes no 3x2 pixels \(the framebuffer is not complete .* take a smaller size"):
+            Target(ctx, (3, 2), () if "textures" in options else (4,), **options)
+    assert not isinstance(mine.mglo, moderngl.InvalidObject)

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat.image.figures import figure1
+from irrsplat.core.errors import InputError
+from irrsplat.image.figures import cutaway, figure1
 from irrsplat.image.tonemap import tonemap
 
 FAST: Any = {"bounces": 1, "gather_size": 8, "shadow_size": 64}
@@ -45,3 +46,37 @@ def test_every_view_has_a_figure(size: tuple[int, int], camera: dict[str, Any], 
         frame = renderer.render(replace(scene.camera(), **camera), figures=True)
     drawn = frame.figures["quad"]
     assert drawn.shape == (size[1], size[0], 3) and 0.0 <= drawn.min() <= drawn.max() <= 1.0
+
+
+def test_the_figure_where_there_is_no_usual_one() -> None:
+    """An eye within the sphere has the whole screen for a quad. Where no record is seen, the plain picture stands.
+
+    A surface beside the canvas paints nothing.
+    """
+    with irrsplat.Renderer(irrsplat.load("furnace"), (170, 170), **FAST) as renderer:
+        frame, eye, settings = renderer.render(), renderer.scene.camera(), renderer.settings
+    plain = tonemap(frame.image, frame.exposure)
+    huge, large = replace(settings, a=2.0, radius_max=0.0), np.full_like(frame.records_radius, 10.0)
+    inside = replace(frame, records_radius=large)
+    record = figure1.choose_record(inside, eye, huge)
+    assert record is not None and record.inside
+    drawn = figure1.diagram(inside, eye, huge)
+    assert np.abs(drawn - plain).mean() > 0.05 and not np.array_equal(drawn, figure1.diagram(frame, eye, settings))
+    away = replace(eye, target=tuple(2.0 * np.array(eye.eye) - eye.target))
+    for one, camera in ((replace(frame, depth=np.full_like(frame.depth, np.inf)), eye), (frame, away)):
+        assert figure1.choose_record(one, camera, settings) is None
+        assert np.array_equal(figure1.diagram(one, camera, settings), plain)
+    canvas, view = np.zeros((8, 8, 3)), cutaway.Parallel(np.eye(3), np.zeros(3), np.full(2, 4.0), 1.0)
+    corners = np.array([[(-1, -1, 0), (1, -1, 0), (-1, 1, 0), (1, 1, 0)]], float)
+    for shift, painted in ((99.0, False), (0.0, True)):
+        cutaway.paint(canvas, view, cutaway.Surface(corners + shift, np.ones((1, 4, 3)), np.array([[0.0, 0.0, 1.0]])))
+        assert canvas.any() == painted
+
+
+def test_a_render_with_figures_tells_of_its_rounds() -> None:
+    told: list[int] = []
+    with irrsplat.Renderer(irrsplat.load("furnace"), (32, 24), **FAST) as renderer:
+        frame = renderer.render(figures=True, progress=lambda now: told.append(now.records))
+        with pytest.raises(InputError, match="figures and a quality need records of their own"):
+            renderer.render(figures=True, gather=False)
+    assert told[-1] == frame.stats["records"] > 0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import zlib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +17,8 @@ from irrsplat.app import cli
 from irrsplat.core.buffers import CHANNELS
 from irrsplat.core.errors import InputError
 from irrsplat.core.files import png_16
-from irrsplat.image.output.contact_sheet import NARROW
+from irrsplat.image.output.contact_sheet import NARROW, contact_sheet
+from irrsplat.image.tonemap import show
 
 QUICK = ["--gather-size", "8", "--shadow-size", "64", "--bounces", "1", "--size", "40", "30"]
 
@@ -121,3 +123,22 @@ def test_the_flags_say_how_files_are_written(tmp_path: Path, capsys: pytest.Capt
     ):
         assert cli.main(["render", "cornell", *QUICK, *flags]) == 2
         assert said in capsys.readouterr().err
+
+
+def test_a_sheet_of_what_is_not_there(frame: irrsplat.Frame) -> None:
+    """Buffers that were left out are no sheet. Where nothing is seen there is no scale. A wide frame is reduced to 480 pixels."""
+    with pytest.raises(InputError, match="holds none of these buffers"):
+        contact_sheet(replace(frame, normal=frame.normal[:0, :0]), ["normal"])
+    empty = replace(frame, depth=np.full_like(frame.depth, np.inf), position=0.0 * frame.position)
+    lines = [contact_sheet(one, ["depth", "position"]) for one in (empty, frame)]
+    assert lines[0].shape == lines[1].shape and lines[0].max(-1).astype(bool).sum() < lines[1].max(-1).astype(bool).sum()
+    assert not show("position", frame.position, 0.0, np.zeros(frame.depth.shape, bool)).any()
+    wide = replace(frame, albedo=frame.albedo.repeat(40, 1), depth=frame.depth.repeat(40, 1))
+    assert contact_sheet(wide, ["albedo"]).shape[1] == 480 + 2 * 14
+
+
+def test_what_no_file_can_be_is_refused_before_it_is_written(frame: irrsplat.Frame, tmp_path: Path) -> None:
+    for options, words in (({"png_bits": 12}, "8 or 16, not 12"), ({"exr_names": "maya"}, "blender, not 'maya'")):
+        with pytest.raises(InputError, match=words):
+            frame.save(tmp_path / "a.png", **options)
+    assert not list(tmp_path.iterdir())

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
 
 import irrsplat
@@ -14,6 +15,7 @@ from irrsplat.core.errors import InputError
 from irrsplat.image import gbuffer
 from irrsplat.image.frame import RECORDS
 from irrsplat.lighting import gl_limits
+from irrsplat.renderer.stages import Stages
 from irrsplat.scene.model import Camera, Material
 from tests.image.test_normal_maps import bumpy, tilted
 from tests.image.test_textures import square
@@ -45,6 +47,7 @@ def cells(monkeypatch: pytest.MonkeyPatch) -> None:
     ("settings", "tile"),
     [
         ({"bounces": "all", "max_rounds": 1}, 128),
+        ({"bounces": 0, "max_rounds": 1}, 160),
         ({"samples": 2, "pixel_light_samples": 1, "backdrop": "sky"}, 100),
     ],
     ids=str,
@@ -99,3 +102,39 @@ def test_what_needs_the_whole_view_is_refused() -> None:
 
 
 # ---- strips ------------------------------------------------------------------------------------------------------------
+
+
+def test_a_frozen_cache_shows_the_same_in_tiles() -> None:
+    """What records do not reach is counted over all tiles, and no record is added."""
+    other, found = replace(room().cameras[0], eye=(0.3, 0.1, 0.9)), []
+    told: list[Any] = []
+    for tile in (0, 32):
+        with Renderer(room(), (48, 40), tile_size=tile, **CHEAP, fill_holes=False) as renderer:
+            renderer.render()
+            found.append(renderer.render(other, gather=False, progress=told.append))
+    same(found[0], found[1])
+    assert found[0].stats["uncovered"] > 0 and told[0].coverage == found[0].stats["coverage"] < 1.0
+
+
+def test_ctrl_c_leaves_the_other_tiles_one_sample(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It comes between tiles or in one; a second one leaves no picture. The records are kept."""
+    drawn, calls, stops, rest = Stages.draw_picture, [], {3}, (slice(0, 30 - 16), slice(32, 40))  # the last tile
+    with Renderer(room(), (40, 30), tile_size=16, **CHEAP, samples=2) as renderer, Renderer(room(), (40, 30), **CHEAP) as plain:
+
+        def interrupted(now: Any, *given: Any) -> Any:
+            calls.append(now)
+            if len(calls) in stops if isinstance(now, Stages) else getattr(now, "sampled", 0.0) > 0.5:
+                raise KeyboardInterrupt
+            return drawn(now, *given) if given else None
+
+        one, frames = plain.render(), [renderer.render(progress=interrupted)]
+        calls.clear()
+        monkeypatch.setattr(Stages, "draw_picture", interrupted)
+        frames.append(renderer.render())
+        for frame in frames:
+            assert frame.stats["interrupted"] and not frame.stats["converged"] and frame.stats["samples"] == 1
+            assert np.array_equal(frame.image[rest], one.image[rest]) and not np.array_equal(frame.image, one.image)
+        calls, stops = [], {3, 4}
+        with pytest.raises(KeyboardInterrupt):
+            renderer.render()
+        assert renderer.cache.count == frames[0].stats["records"] > 0

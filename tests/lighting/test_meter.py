@@ -10,6 +10,8 @@ import pytest
 
 from irrsplat.core.errors import InputError
 from irrsplat.meter.light_meter import LightMeter
+from irrsplat.meter.light_scale import LightScale
+from irrsplat.meter.line import Line
 from irrsplat.meter.plane import Plane, horizontal
 from irrsplat.meter.readings import Readings, Status
 from irrsplat.meter.solids import inside_solids
@@ -177,8 +179,30 @@ def test_a_level_plane_lies_above_the_lowest_point(up: tuple[float, float, float
         (lambda: Plane((0, 0, 0), (1, 0, 0), (0, 0, np.inf)), "finite"),
         (lambda: Plane((0, 0, 0), (1, 0, 0), (0, 1, 0)).grid(0.0), "spacing is 0"),
         (lambda: Plane((0, 0, 0), (1, 0, 0), (0, 1, 0)).grid(1e-4), "at most 1,000,000"),
+        (lambda: Plane((0, 0, 0), (1, 0, 0), (0, 1, 0)).grid(0.1, margin=-1.0), "margin is -1"),
+        (lambda: Line((0, 0, 0), (np.nan, 0, 0)), "must be finite"),
+        (lambda: Line((0, 0, 1), (0, 0, 1)), "two ends are one point"),
+        (lambda: Line((0, 0, 0), (1, 0, 0)).points(0.0), "spacing is 0"),
+        (lambda: Line((0, 0, 0), (1, 0, 0)).points(1e-7), "1e.07 points, at most"),
     ],
 )
-def test_a_plane_that_cannot_be_is_refused(make: object, words: str) -> None:
+def test_a_plane_or_line_that_cannot_be_is_refused(make: object, words: str) -> None:
     with pytest.raises(InputError, match=words):
         make()  # type: ignore[operator]
+
+
+def test_irradiance_along_a_line_and_no_summary_of_nothing(ctx: moderngl.Context) -> None:
+    """A lamp h above a black floor: I·h/d³ at equal distances from end to end, in parts of one meter, with their progress.
+
+    A summary of points that all lie on a surface has no mean. A scale that has an upper end keeps it.
+    """
+    told: list[float] = []
+    points, metres = Line((-1.0, 0.0, 0.0), (1.0, 0.0, 0.0)).points(0.3)
+    world = worlds.scene(worlds.floor(paint=BLACK), lights=(worlds.lamp((0, 2, 0), 10.0),))
+    with LightMeter(world, ctx=ctx, bounces=1, gather_size=8) as meter:
+        found = [meter.measure(part, UP, told.append).direct[:, 0] for part in (points[:3], points[3:])]
+    assert metres == pytest.approx(np.linspace(0.0, 2.0, 8)) and told == [1.0, 1.0]
+    assert np.concatenate(found) == pytest.approx(20.0 / (4.0 + (metres - 1.0) ** 2) ** 1.5, rel=1e-3)
+    nowhere = Readings(points, points, points, points, np.full(len(points), Status.BEHIND))
+    assert nowhere.summary("lux")["mean"] is None and nowhere.summary("lux")["behind"] == 8
+    assert LightScale(highest=300.0).up_to(1e3).highest == 300.0 and (LightScale().up_to(1.0).highest or 0.0) >= 179.0

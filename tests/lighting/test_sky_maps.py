@@ -148,6 +148,9 @@ def test_an_exr_is_read_and_a_large_one_halved(tmp_path: Path) -> None:
     assert ["4x4096 pixels are not twice as wide as high" in n or "slightly negative" in n for n in notices] == [True, True]
 
 
+HEAD, ROW = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n", b"-Y 2 +X 8\n\2\2\0\x08"
+
+
 @pytest.mark.parametrize(
     ("name", "data", "says"),
     [
@@ -156,6 +159,11 @@ def test_an_exr_is_read_and_a_large_one_halved(tmp_path: Path) -> None:
         ("a.exr", np.full((8, 16, 3), np.nan), r"a\.exr: 128 of its pixels are not finite"),
         ("a.exr", np.full((8, 16, 3), -5.0), r"a\.exr: 128 of its pixels are negative"),
         ("XZW.exr", noise(8, 16), "no channels R, G and B, but 3 others, 'W' first"),
+        ("a.hdr", HEAD.replace(b"rgbe", b"xyze") + b"-Y 2 +X 8\n", "its pixels are XYZ, and RGB is expected"),
+        ("a.hdr", HEAD + b"-Y 0 +X 8\n", "8x0 pixels are none, or too many"),
+        ("a.hdr", HEAD + ROW + b"\x88\0" * 4 + b"no row", "cut off or damaged"),
+        ("a.hdr", HEAD + ROW + b"\0" * 64, "cut off or damaged"),  # a run of nothing
+        ("a.hdr", HEAD + ROW + b"\x89\0" * 64, "cut off or damaged"),  # runs of nine in a row of eight
         ("runs.hdr", 10, "this is no"),
         ("runs.hdr", -60, "the picture is cut off"),
         ("old.hdr", -200, "the picture is cut off"),

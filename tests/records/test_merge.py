@@ -17,6 +17,7 @@ from irrsplat.records.cache_file import CacheState
 from irrsplat.records.merge import merge, prune
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings, preset
+from tests.renderer.test_renderer import FAST, room
 from tests.support.truth import SIZE, load_reference
 
 MADE: dict[str, Any] = {"bounces": 1, "gather_size": 24}
@@ -95,3 +96,17 @@ def test_pruning_leaves_what_is_of_use(flights: Flights, tmp_path: Path) -> None
             missing.append(1.0 - renderer.coverage())
     assert missing[0] < 0.7 * missing[1]
     assert prune(whole, settings).dropped < count // 2 and prune(whole, settings, count).dropped == 0
+
+
+def test_what_goes_depends_on_what_records_say_by_the_settings() -> None:
+    """Without derivatives, walls or second order others are served by the rest; as many go in each case."""
+    with Renderer(room(), (40, 30), **FAST) as renderer:
+        renderer.render()
+        state, settings = renderer.scheduler.state(), renderer.settings
+    count = len(state.records["name"])
+    kept = []
+    for change in ({}, {"gradients": False}, {"walls": False, "a": 0.9}, {"second_order": False, "radius": "harmonic"}):
+        done = prune(state, replace(settings, **change), count // 2)
+        assert len(done.state.records["name"]) == count // 2
+        kept.append(tuple(done.state.records["name"]))
+    assert len(set(kept)) == 4

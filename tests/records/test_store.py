@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import io
+import zipfile
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -22,6 +23,7 @@ from irrsplat.settings import Settings, preset
 from tests.renderer.test_persistence import turned
 from tests.renderer.test_renderer import FAST, FRONT, room
 from tests.support.luminaires import lambert, photometry
+from tests.support.skies import mapped
 from tests.support.worlds import box, material
 
 SIZE = (40, 40)
@@ -150,6 +152,7 @@ SCENES: dict[str, tuple[Callable[[], Scene], str]] = {
         lambda: replace(room(), meshes=(replace(room().meshes[0], material=Material(albedo_texture=PAPER)), *room().meshes[1:])),
         "materials",
     ),
+    "map": (lambda: mapped(room(), np.ones((4, 8, 3))), "another scene"),
     "sky": (lambda: replace(room(), sky=(0.1, 0.0, 0.0)), "another scene"),
     "light moved": (lambda: relit(position=(0.1, 0.1, 0.1)), "other lights"),
     "light dimmed": (lambda: relit(color=(0.1, 0.1, 0.1)), "other lights"),
@@ -286,3 +289,25 @@ def test_an_empty_cache_is_a_cache(path: Path) -> None:
         fresh.save_cache(path)
         fresh.load_cache(path)
         assert fresh.cache.count == 0 and fresh.render().stats["converged"]
+
+
+def test_a_file_of_wrong_content_is_refused(saved: Path, path: Path, renderer: Renderer) -> None:
+    """Right by its checksum: an order of other meshes, checked places in no order, arrays of another format or length."""
+    head, whole = saved.read_bytes().split(b"\n", 1)
+    with zipfile.ZipFile(io.BytesIO(whole[32:])) as archive:
+        parts = {name: archive.read(name) for name in archive.namelist()}
+    np.save(unsorted := io.BytesIO(), np.array([2, 1]))
+    right, mistaken = (text.encode("utf-32-le") for text in ('"order": [1, 0', '"order": [1, 1'))
+    renderer.render()
+    for name, data in (
+        ("about.npy", parts["about.npy"].replace(right, mistaken)),
+        ("checked.npy", unsorted.getvalue()),
+        ("limit.npy", parts["limit.npy"][:6] + b"\2" + parts["limit.npy"][7:]),
+        ("limit.npy", parts["limit.npy"] + b"x"),
+    ):
+        with zipfile.ZipFile(stream := io.BytesIO(), "w") as archive:
+            for part in parts:
+                archive.writestr(part, data if part == name else parts[part])
+        assert data != parts[name]
+        path.write_bytes(head + b"\n" + hashlib.sha256(stream.getvalue()).digest() + stream.getvalue())
+        assert "damaged record cache (ValueError)" in refused(renderer, path)

@@ -7,7 +7,8 @@ tests/reference/make.py; tests/reference/test_tracer.py checks the tracer.
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -15,9 +16,18 @@ import numpy as np
 import pytest
 
 import irrsplat
+from irrsplat.core import paths
+from irrsplat.core.errors import InputError
+from irrsplat.reference import disk_cache, fine_gather, worker
+from irrsplat.reference.truth import compare as compare_with
+from irrsplat.reference.truth import kept, traced
+from irrsplat.scene.model import Image, Material, Texture
 from irrsplat.settings import All
+from tests.support import worlds
 from tests.support.renders import rendered
+from tests.support.skies import mapped
 from tests.support.truth import FOLDER, SIZE, Reference, compare, load_reference, scene_hash
+from tests.support.viewing import Tracer
 
 MADE = sorted(path.stem for path in FOLDER.glob("*.npz"))
 
@@ -131,3 +141,58 @@ def test_no_light_seeps_along_the_corners_of_the_paper_s_box() -> None:
     x, y, z = np.moveaxis(frame.position, -1, 0)
     beside = (np.abs(z + 5.0) < 1e-3) & (x < -4.92) & (y < -1.0) & np.isfinite(frame.depth)
     assert beside.sum() > 20 and not frame.direct[beside].any()
+
+
+# ---- truths that are kept -----------------------------------------------------------------------------------------------
+
+
+def test_a_truth_is_kept_and_found_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A second call traces nothing, but for a damaged file, of which a line tells. Without a folder it is traced each time."""
+    scene, size = irrsplat.load("furnace"), (4, 3)
+    made, calls, said = Tracer.traced(size), [], []  # type: ignore[var-annotated]
+    values = {field.name: getattr(made, field.name) for field in fields(made)}
+
+    def trace(*given: object) -> dict[str, np.ndarray]:
+        calls.append(given)
+        return values
+
+    monkeypatch.setattr(worker, "trace", trace)
+    monkeypatch.setenv("IRRSPLAT_CACHE", str(tmp_path))
+    find = lambda: traced(scene, scene.camera(), size, "all", 8, notice=said.append)  # noqa: E731
+    assert kept(scene, scene.camera(), size, "all", 8) is None
+    for count, damage in ((1, None), (1, None), (2, {"direct": made.direct[:2]}), (2, None), (3, {"clear": made.opacity})):
+        if damage:
+            (file,) = tmp_path.iterdir()
+            disk_cache.write(file, values | damage)
+            assert kept(scene, scene.camera(), size, "all", 8) is None
+        assert np.array_equal(find().direct, made.direct) and len(calls) == count and len(said) == count - 1
+    assert all(line.endswith("damaged; the truth is traced again") for line in said)
+    found = kept(scene, scene.camera(), size, "all", 8)
+    assert found is not None and np.array_equal(found.halves, made.halves)
+    monkeypatch.setattr(paths, "cache_folder", lambda: None)
+    assert np.array_equal(find().direct, made.direct) and len(calls) == 4
+    assert said[-1] == "there is no home folder to keep the truth in; name a folder in IRRSPLAT_CACHE"
+
+
+def test_where_there_is_nothing_to_compare_with_it_is_said() -> None:
+    """Other sizes, no valid pixel, and a dark truth, of which no share can be told."""
+    truth = Tracer.traced((4, 3))
+    frame: Any = SimpleNamespace(irradiance=truth.irradiance, direct=truth.direct, albedo=truth.albedo, normal=truth.normal)
+    wrong: Any = SimpleNamespace(irradiance=truth.irradiance[:2])
+    for one, other, words in ((wrong, truth, "shape"), (frame, replace(truth, valid=truth.valid & False), "no")):
+        with pytest.raises(InputError, match=words):
+            compare_with(one, other)
+    dark = replace(truth, halves=0.0 * truth.halves)
+    assert all(compare_with(frame, dark)[name] is None for name in ("rmse", "bias", "spots", "fine", "net"))
+    assert compare_with(frame, truth)["rmse"] == 0.0
+    assert fine_gather.Truth(np.zeros((2, 2), int), np.zeros((2, 3))).error(np.ones((3, 4, 3))) is None
+
+
+def test_a_kept_truth_belongs_to_its_sky_and_its_images() -> None:
+    """Another map or other texels are another key; an image that two materials share, or an equal one, is not."""
+    first, equal, other = (
+        worlds.floor(paint=Material(albedo_texture=Texture(Image(np.full((2, 2, 4), grey, "u1"))))) for grey in (9, 9, 8)
+    )
+    plain = [worlds.scene(first, mesh) for mesh in (first, equal, other)]
+    keys = [disk_cache.key_of(one, worlds.ABOVE) for one in (*plain, *(mapped(plain[0], np.full((4, 8, 3), L)) for L in (1, 2)))]
+    assert keys[0] == keys[1] and len(set(keys)) == 4

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat.image.view import read
+from irrsplat.image.view import Progress, read
 from irrsplat.indirect.paper_scan import read_back
 from irrsplat.reference import fine_gather
 from irrsplat.renderer import Renderer
@@ -79,3 +79,23 @@ def test_the_surface_cache_is_refined_too(tmp_path: Path) -> None:
         assert progress.error is not None and progress.error <= 0.05 and surface is not None and surface.refinements
         off = read(view, renderer.cache.read(), {}).irradiance - first
         assert 1e-3 * first.mean() < np.abs(off).mean() < 0.2 * first.mean()
+
+
+def test_ctrl_c_ends_a_refinement_with_the_picture_that_there_is(renderer: Renderer) -> None:
+    """The error is told of each step, and falls to the quality; with Ctrl-C it is that of the last step."""
+    renderer.forget()
+    renderer.change(renderer.settings.with_values({"quality": 12.0}))
+    told: list[float] = []
+
+    def stop(now: Progress) -> None:
+        told.append(now.error or 0.0)
+        if now.error is not None and len(told) < 99:
+            raise KeyboardInterrupt
+
+    frame = renderer.render(progress=stop)
+    assert frame.stats["interrupted"] and not frame.stats["converged"] and frame.stats["error"] == told[-1] > 0.0
+    told.extend([0.0] * 99)
+    whole = renderer.render(progress=stop)
+    assert whole.stats["converged"] and whole.stats["error"] == told[-1] <= 0.12
+    assert frame.irradiance.mean() == pytest.approx(whole.irradiance.mean(), rel=0.1)
+    renderer.change(renderer.settings.with_values({"quality": 0.0}))

@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+import moderngl
 import numpy as np
 import pytest
 
 import irrsplat
 from irrsplat import Frame, Renderer
 from irrsplat.core.buffers import CHANNELS
+from irrsplat.core.errors import InputError
 from irrsplat.gpu import context
+from irrsplat.gpu.target import Target
 from irrsplat.image.tonemap import exposure_of
 from irrsplat.scene.model import Camera, Scene
 from tests.support.worlds import box, floor, lamp, material, quad, scene
@@ -213,3 +216,16 @@ def test_a_wrong_size_or_setting_is_an_input_error() -> None:
             Renderer(room(), size, tile_size=0, **FAST).release()  # type: ignore[arg-type]
     with pytest.raises(irrsplat.InputError):
         Renderer(room(), SIZE, softness=1.0)  # type: ignore[call-arg]
+
+
+def test_a_view_is_shown_in_a_framebuffer_of_its_size_alone(ctx: moderngl.Context) -> None:
+    """Twice the exposure is brighter; a window of another size is refused."""
+    with Renderer(room(), (32, 24), ctx=ctx, **FAST) as renderer, Target(ctx, (32, 24), (4,)) as target:
+        view, shown = renderer.frame()[0], []
+        for stops in (None, renderer.stops(view) + 1.0):
+            renderer.show(view, target.gl, stops)
+            shown.append(target.read()[..., :3].mean())
+        assert shown[1] > 1.1 * shown[0] > 0.0
+        renderer.resize((16, 24))
+        with pytest.raises(InputError, match="resize the renderer"):
+            renderer.show(renderer.frame()[0], target.gl)

@@ -101,9 +101,13 @@ def test_each_format_gives_the_same_solid_with_face_normals(write: Write, name: 
         ("a.ply", PLY.replace("element vertex 4", "element vertex 99999999999"), "truncated"),
         ("a.ply", PLY.replace("element face 4", "element face 0"), "no faces"),
         ("a.ply", PLY.replace("0 0 0 0 0 0", "nan 0 0 0 0 0").replace("3 1 2 3", "3 0 2 3"), "a.ply: "),
+        ("a.ply", PLY.replace("0 0 1 0 0 10", "0 0 1 0"), "truncated"),
         ("a.ply", "", "the file is empty"),
+        ("b.stl", ascii_stl().rpartition("endfacet")[0], "this is no STL file, or a truncated one"),
         ("a.stl", stl(POINTS[FACES] * np.nan), "a.stl: "),
         ("a.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "no triangle in this file has an area; nothing"),
+        ("a.gltf", solid(POINTS * FLAT[1]).inline(), "no triangle in this file has an area; nothing"),
+        ("a.glb", solid().packed().replace(b"glTF\2", b"glTF\1"), "this is glTF 1.0; expected version 2.0"),
         ("a.gltf", {"asset": {"version": "2.0"}}, "there are no meshes in this file; nothing"),
         ("a.gltf", {**TREE, "scene": 0, "scenes": [{}]}, "none of the 1 meshes in this file is in its scene; nothing"),
         ("a.gltf", solid(scale=[1, 0, 0]).inline(), "scaled to nothing"),
@@ -196,9 +200,51 @@ def test_ply_polygons_of_several_sizes_wear_their_texture(write: Write, tmp_path
     by_place = {tuple(p[:2]): uv[:2] for p, uv in zip(mesh.positions.tolist(), mesh.uvs.tolist(), strict=True)}
     assert by_place == {(0, 0): [0, 1], (1, 0): [0.5, 1], (1, 1): [0.5, 0.75], (0, 1): [0, 0.75], (0.5, 2): [0, 0]}
     data = quads(form)
-    for cut in (len(data) - 30, len(data) - 10):
+    for cut in (len(data) - 30, len(data) - 13, len(data) - 10):
         with pytest.raises(InputError, match="truncated"):
             write("a.ply", data[:cut])
+
+
+COLORS = "property uchar red\nproperty uchar green\nproperty uchar blue\n"
+
+
+def ply(head: str = "", of_face: str = "", row: str = "", text: str = PLY) -> str:
+    """The tetrahedron with one more line in its header, and one more property of its faces, all of the values `row`."""
+    text = text.replace("element vertex", head + "element vertex").replace("end_header", of_face + "end_header")
+    return re.sub(r"\n(3 \d \d \d)", rf"\n\1 {row}", text)
+
+
+@pytest.mark.parametrize(
+    ("data", "says", "green", "uv"),
+    [
+        (ply("\ncomment by hand\n"), "", 3, None),
+        (ply("", "element edge 3\nproperty int a\n"), "", 3, None),  # lines, which are not there, nor drawn
+        (ply("comment TextureFile t.png\ncomment TextureFile u.png\n"), "only the first of its 2 textures", 3, None),
+        (ply("comment TextureFile bad.png\n"), "cannot read the image", 3, None),
+        (ply("comment TextureFile t.png\n", "property list uchar float texcoord\n", "6 0 0 1 0 0 1"), "", None, 1.0),
+        (ply("", COLORS, "0 255 0", PLY.replace(COLORS, "", 1)), "", 12, None),
+    ],
+)
+def test_an_odd_ply_is_whole(write: Write, tmp_path: Path, data: str, says: str, green: int | None, uv: float | None) -> None:
+    """Four triangles apart, with white where three of them meet, or all green by the faces' colour."""
+    PIL.Image.new("RGB", (2, 2)).save(tmp_path / "t.png")
+    (tmp_path / "bad.png").write_bytes(b"no image")
+    write("a.ply", data)
+    scene = load(tmp_path / "a.ply", crease_angle=0.0)
+    (mesh,) = scene.meshes
+    assert scene.triangles == 4 and any(says in notice for notice in scene.notices)
+    assert (None if mesh.colors is None else np.count_nonzero(mesh.colors[:, 1] == 1.0)) == green
+    assert (None if mesh.uvs is None else mesh.uvs[:, :2].max()) == uv
+
+
+def test_binary_faces_whose_rows_grow_are_read_one_by_one(write: Write) -> None:
+    """A triangle, then a square, each behind a number of its own; and the colours of an STL are told."""
+    head = QUADS.format(format="binary_little_endian", image="").replace("comment TextureFile \n", "")
+    head = head.replace("element face 2\n", "element face 2\nproperty int id\n")
+    rows = b"".join(struct.pack("<5f", *row) for row in ROWS) + struct.pack("<iB3iiB4i", 7, 3, 3, 2, 4, 8, 4, 0, 1, 2, 3)
+    assert write("a.ply", head.encode() + rows).triangles == 3
+    colored = write("a.stl", b"COLOR=\xff\0\0\xff".ljust(80) + EVERY["a.stl"][80:])
+    assert any("the colours of this STL file are not shown" in notice for notice in colored.notices)
 
 
 def test_ply_strips_turn_every_other_triangle(write: Write) -> None:

@@ -61,6 +61,11 @@ def test_a_broken_image_is_one_line_that_names_it(data):
     assert "\n" not in str(caught.value)
 
 
+def test_an_image_of_too_many_pixels_is_refused_by_its_header():
+    with pytest.raises(InputError, match=r"'wood\.png' has 65536 × 65536 pixels, more than 16384²"):
+        read_image(b"\xabKTX 20\xbb\r\n\x1a\n" + b"\0" * 8 + b"\0\0\1\0" * 2, "wood.png")
+
+
 @pytest.mark.parametrize(
     ("there", "written"),
     [

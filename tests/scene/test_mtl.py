@@ -70,6 +70,9 @@ GLASS = np.array([[255] * 5 + [90] * 5] * 10, np.uint8)
         ("Kd 0 0 0\nillum 7\nTf 0.9 1 0.9", {"albedo": (0.9, 1, 0.9), "transmission": 1}),
         ("Kd 0 0 0\nillum 5\nKs 0.9 0.8 0.7", {"albedo": (0.9, 0.8, 0.7), "transmission": 0}),
         ("norm -bm 0.3 red.png", {"normal_scale": 0.3}),
+        ("norm -bm x red.png", {"normal_scale": 1}),
+        ("Kd 0 0 0\nmap_Kd gone.png", {"albedo": (0.5, 0.5, 0.5)}),
+        ("Kd 0 0 0\nillum 2\nKs 1 1 1", {"albedo": (0, 0, 0)}),
     ],
 )
 def test_values(mtl, lines, expected):
@@ -119,6 +122,8 @@ def test_options_stand_before_the_file(mtl, tmp_path, options, name, s, o, wrap)
         ("map_Kd full.png\nmap_d shape.png", "mask", (255, 0)),
         ("map_Kd full.png\nmap_d -imfchan r shape.png", "mask", (255, 0)),
         ("map_Kd leaf.png\nd 0.5", "blend", (255, 0)),
+        ("map_Kd full.png\nmap_d leaf.png", "mask", (255, 0)),  # by its alpha
+        ("map_Kd full.png\nmap_d -imfchan m shape.png", "opaque", None),
     ],
 )
 def test_an_alpha_says_itself_what_it_means(mtl, lines, mode, means):

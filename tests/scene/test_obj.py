@@ -98,6 +98,29 @@ def test_a_file_without_one_good_face_is_refused_in_one_line(obj, text):
     assert "\n" not in str(caught.value)
 
 
+WHITE = "v 0 0 0 1 1 1\nv 1 0 0 1 1 1\nv 1 1 0 1 1 1\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "green", "says"),
+    [
+        (SQUARE + " " * 100 + "f 1 2 3\n", None, ""),
+        (WHITE + "f 1 2 3\n", None, ""),
+        (WHITE.replace("1 1 1", "0 0 -1") + "f 1 2 3\n", None, ""),  # normals, which some programs write there
+        (WHITE.replace("1 1 1", "0 1 0") + "f 1 2 3\n", 1.0, ""),
+        (WHITE.replace("1 1 1", "0 1 0") + "usemtl black\nf 1 2 3\n", 1.0, ""),  # a black material hides no colours
+        (SQUARE + "usemtl gone\nf 1 2 3\nusemtl lost\nf 1 2 3\n", None, "no material file knows 'gone' and 1 more"),
+    ],
+)
+def test_colours_and_materials_that_say_nothing(obj, tmp_path, text, green, says):
+    """One triangle in each mesh, which is not closed; colours that are all white are none."""
+    (tmp_path / "a.mtl").write_text("newmtl black\nKd 0 0 0\n")
+    scene = obj("mtllib a.mtl\n" + text)
+    assert says in remarks(scene) and not any(mesh.closed for mesh in scene.meshes)
+    assert areas(scene.meshes[0])[0].tolist() == [0, 0, 0.5]
+    assert (None if scene.meshes[0].colors is None else scene.meshes[0].colors[:, 1].min()) == green
+
+
 RING = [(0, 0), (3, 0), (3, 3), (0, 3), (0, 0), (1, 1), (1, 2), (2, 2), (2, 1), (1, 1)]  # a hole, reached by a bridge to and fro
 ARROW = [(0, 0), (4, 0), (4, 1), (1, 1), (1, 4), (0, 4)]
 COMB = [(0, 0), *((x, y) for i in range(8) for x, y in ((2 * i, 5), (2 * i + 1, 1))), (16, 0)]

@@ -337,3 +337,21 @@ def test_records_follow_the_number_of_bounces(ctx: moderngl.Context) -> None:
         assert not renderer.render().irradiance.any()
         renderer.change(renderer.settings.with_values({"bounces": 2}))
         assert np.array_equal(renderer.render().irradiance, more.irradiance) and renderer.cache.revision == edits
+
+
+@pytest.mark.few_sites
+def test_a_scene_of_nothing_another_sky_and_other_rays(ctx: moderngl.Context) -> None:
+    """Without triangles there is no site; another sky, then another seed, come to the values of a fresh cache."""
+    with Renderer(scene(sky=1.0), (8, 6), ctx=ctx, **ALL) as renderer:
+        frame = renderer.render()
+        assert not frame.irradiance.any() and frame.stats["bounces_converged"]
+    with made(ctx, room(0.5), gather_size=8) as renderer:
+        surface = renderer.scheduler.gatherer.surface
+        assert surface is not None and not surface.refine(renderer.draw_shadows(), Budget(0.0))
+        for other, seed in ((replace(room(), sky_gradient=(0.1, 0.3, 0.0)), 0), (room(0.2), 4)):
+            renderer.pose(other)
+            renderer.change(replace(renderer.settings, seed=seed))
+            assert not surface.refine(renderer.draw_shadows(), Budget(None))
+        advance(renderer)
+        with made(ctx, other, gather_size=8, seed=seed) as fresh:
+            assert np.allclose(values(renderer), values(fresh), rtol=1e-4)

@@ -1,0 +1,141 @@
+"""Odd and damaged parts of a glTF file: each costs itself and a notice, and the tetrahedron beside it is shown."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tests.support.gltf_files import FACES, POINTS, GltfFile, encoded, f32, typed
+
+pytestmark = pytest.mark.usefixtures("without_stand_ins")
+
+JOINTS, WEIGHTS = typed(np.uint8, [[0, 0, 0, 0]] * 4), f32([[1, 0, 0, 0]] * 4)
+
+
+def odd(f: GltfFile, indices: np.ndarray | None = FACES, more: dict[str, Any] | None = None, **attributes: Any) -> dict[str, Any]:
+    """The primitive of a new mesh of the node `odd`, which has `more`."""
+    mesh = f.mesh(None, indices, **attributes)
+    f.node(mesh=mesh, name="odd", **(more or {}))
+    return f.tree["meshes"][mesh]["primitives"][0]
+
+
+def sparse(f: GltfFile) -> int:
+    """An accessor that replaces its ninth element of four."""
+    at, new = f.view(b"\x08"), f.view(f32([0, 0, 0]).tobytes())
+    kinds = {"indices": {"bufferView": at, "componentType": 5121}, "values": {"bufferView": new}}
+    return f.accessor(POINTS, sparse={"count": 1, **kinds})
+
+
+def instanced(f: GltfFile, attributes: object) -> None:
+    """The node `odd` stands where these instances say."""
+    odd(f, more={"extensions": {"EXT_mesh_gpu_instancing": {"attributes": attributes}}})
+
+
+def skinned(f: GltfFile, joints: list[int], numbers: np.ndarray = JOINTS) -> None:
+    """The node `odd` hangs on a skin of these joints."""
+    odd(f, more={"skin": f.add("skins", {"joints": joints})}, JOINTS_0=numbers, WEIGHTS_0=WEIGHTS)
+
+
+def lit(f: GltfFile, **light: Any) -> None:
+    """A node `odd` with a light."""
+    f.tree["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "spot", **light}]}}
+    f.node(name="odd", extensions={"KHR_lights_punctual": {"light": 0}})
+
+
+def lens(f: GltfFile, kind: str, **values: float) -> None:
+    """A node `odd` with a camera."""
+    f.node(name="odd", camera=f.add("cameras", {"type": kind, kind: values}))
+
+
+def animated(f: GltfFile, keys: object, path: str = "translation", values: object = (), node: int | None = 0) -> None:
+    """The node of the tetrahedron moves."""
+    sampler = {"input": f.accessor(f32(keys)), "output": f.accessor(f32(values))}
+    channel = {"sampler": 0, "target": {"path": path} if node is None else {"path": path, "node": node}}
+    f.add("animations", {"samplers": [sampler], "channels": [channel]})
+
+
+def sky(f: GltfFile, sides: tuple[int, ...] = (4,) * 6, **entry: Any) -> None:
+    """An image-based light of radiance 147, whose faces have `sides` columns and four rows."""
+    pixels = [np.full((4, side, 4), [200, 200, 200, 1], np.uint8) for side in sides]
+    images = [f.add("images", {"bufferView": f.view(encoded(p)), "mimeType": "image/png"}) for p in pixels]
+    f.tree["extensions"] = {"EXT_lights_image_based": {"lights": [{"specularImages": [images], **entry}]}}
+    f.add("scenes", {"nodes": [0], "extensions": {"EXT_lights_image_based": {"light": 0}}})
+
+
+@pytest.mark.parametrize(
+    ("damage", "says"),
+    [
+        (lambda f: odd(f, FACES + 9), "node 'odd' is left out: a face refers to vertex 12 (from 0), but there are 4 vertices"),
+        (lambda f: odd(f, FACES + typed(np.uint32, [[0], [0], [0], [9]])), "they refer to vertices that are not there"),
+        (lambda f: odd(f, typed(np.int8, [0, 1, -1])), "node 'odd' is left out: a face refers to vertex -1"),
+        (lambda f: odd(f).update(mode="x"), "node 'odd' is left out: its mode is damaged"),
+        (lambda f: odd(f, f32([0, 1, 2])), "accessor 3 holds no integers"),
+        (lambda f: odd(f, POSITION=f32([[0, 0]] * 4)), "accessor 2 is of a type that is not expected there"),
+        (lambda f: odd(f, NORMAL=POINTS[:2]), "has 2 elements, and 4 are needed"),
+        (lambda f: odd(f, NORMAL=f.add("accessors", {"componentType": 5126, "count": 10**12, "type": "VEC3"})), "of nothing"),
+        (lambda f: odd(f, POSITION=sparse(f)), "accessor 2 replaces elements that it does not have"),
+        (lambda f: odd(f, POSITION=POINTS * f32([1, 0, 0])), "4 degenerate triangles dropped"),
+        (lambda f: odd(f, more={"matrix": [1] * 16}), "node 'odd' is left out: its matrix is not affine"),
+        (lambda f: instanced(f, 5), "node 'odd' is left out: its instances are damaged"),
+        (lambda f: instanced(f, {}), "node 'odd' is left out: its instances are damaged"),
+        (lambda f: skinned(f, []), "the skin of node 'odd' is left out: it has no joints"),
+        (lambda f: skinned(f, [0], JOINTS + 7), "it refers to joints that its skin does not have"),
+        (lambda f: lit(f, intensity=-1), "the light of node 'odd' is left out: its intensity is negative"),
+        (lambda f: lit(f, spot={"innerConeAngle": 1.0}), "the light of node 'odd' is left out: its cone is damaged"),
+        (lambda f: lit(f, intensity=1e10, color=[1e10] * 3), "it lies farther away, or is brighter, than 32-bit floats can"),
+        (lambda f: lens(f, "perspective", yfov=4.0), "the camera of node 'odd' is left out: its field of view is damaged"),
+        (lambda f: lens(f, "orthographic"), "the camera of node 'odd' is left out: its field of view is damaged"),
+        (lambda f: animated(f, [np.nan], values=[[1, 0, 0]]), "it has no keys, or damaged ones"),
+        (lambda f: sky(f, intensity=-1), "its image-based light is left out: its intensity is negative"),
+        (lambda f: sky(f, intensity=1e14), "it is brighter than 32-bit floats can reckon with"),
+        (lambda f: sky(f, (4, 4, 4, 4, 4, 5)), "the faces of its cube are not squares of one size"),
+        (lambda f: sky(f, (4, 4), irradianceCoefficients=[1]), "its irradianceCoefficients are damaged"),
+    ],
+)  # fmt: skip
+def test_a_damaged_part_costs_itself_and_a_notice(
+    file: GltfFile, show: Callable[..., Any], damage: Callable[[GltfFile], object], says: str
+) -> None:
+    """The first node is whole, and keeps its four triangles."""
+    file.node(mesh=file.mesh())
+    damage(file)
+    scene = show(time=0.0)
+    assert sum(says in notice for notice in scene.notices) == 1, scene.notices
+    assert len(scene.meshes[0].faces) == 4 and "odd" not in [light.name for light in scene.lights]
+
+
+@pytest.mark.parametrize(
+    ("path", "keys", "values", "node", "moved"),
+    [
+        ("translation", [0], [[1, 0, 0]], 0, 1.0),
+        ("pointer", [0], [[1, 0, 0]], 0, 0.0),  # what this path means is not known
+        ("translation", [0], [[1, 0, 0]], None, 0.0),
+        ("rotation", [0, 2], [[0, 0, 1, 0]] * 2, 0, -1.0),  # half a turn about z, between two equal keys
+    ],
+)
+def test_the_first_animation_of_a_property_counts(
+    file: GltfFile, show: Callable[..., Any], path, keys, values, node, moved
+) -> None:
+    """A second animation of the same property would move it by 7 m."""
+    file.node(mesh=file.mesh())
+    animated(file, keys, path, values, node)
+    if path == "translation" and node == 0:
+        animated(file, [0], "translation", [[7, 0, 0]])
+    assert show(time=1.0).bounds[0, 0] == pytest.approx(moved, abs=1e-6)
+
+
+def test_a_mirrored_joint_and_mirrored_instances_keep_their_outside_outside(file: GltfFile, show: Callable[..., Any]) -> None:
+    """The skin has no normals; the instances have, and stand by SCALE alone. White vertex colours change nothing."""
+    joint = file.node(scale=[-1, 1, 1])
+    skinned(file, [joint])
+    place = {"attributes": {"SCALE": file.accessor(f32([[1, 1, 1], [-1, 1, 1]]))}}
+    points = POINTS + f32([1, 0, 0])
+    more = {"NORMAL": f32(points - points.mean(0)), "COLOR_0": f32([[1] * 3] * 4)}
+    odd(file, more={"extensions": {"EXT_mesh_gpu_instancing": place}}, POSITION=points, **more)
+    skin, two = show().meshes
+    assert skin.closed and skin.positions[:, 0].min() == -1.0
+    assert two.closed and len(two.faces) == 8 and two.colors is None
+    middle = points.mean(0) * np.where(two.positions[:, :1] < 0, [[-1, 1, 1]], 1)
+    assert ((two.positions - middle) * two.normals).sum(1).min() > 0

@@ -1,0 +1,124 @@
+"""Scenes of trimesh and arrays that are odd, what a .scene keeps of a scene, and the edges of what meshes and lights can do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import PIL.Image
+import pytest
+import trimesh
+from trimesh.visual.material import MultiMaterial, PBRMaterial
+
+import irrsplat
+from irrsplat.core.errors import InputError
+from irrsplat.scene import load
+from irrsplat.scene.change import shines
+from irrsplat.scene.image_means import sums_of_four
+from irrsplat.scene.io.motion_keys import LightKey, Motions
+from irrsplat.scene.io.text.scene_writer import write_scene
+from irrsplat.scene.looks import runs
+from irrsplat.scene.model import Image, Light, Material, Scene
+from irrsplat.scene.motion import posed
+from irrsplat.scene.ray_caster import RayCaster
+from tests.support.gltf_files import FACES, POINTS
+from tests.support.luminaires import ies_text, isotropic
+from tests.support.worlds import box, floor, lamp, scene
+
+pytestmark = pytest.mark.usefixtures("without_stand_ins")
+
+SUN = Light((0, 1, 0), (1, 1, 1), directional=True)
+
+
+def solid(points: Any = POINTS, faces: Any = FACES, material: Any = None, **visual: Any) -> trimesh.Trimesh:
+    """The tetrahedron, with a material where one is given."""
+    made = trimesh.Trimesh(points, faces, process=False)
+    if material is not None or visual:
+        made.visual = trimesh.visual.TextureVisuals(uv=POINTS[:, :2], material=material, **visual)
+    return made
+
+
+def test_trimesh_s_units_materials_and_images() -> None:
+    """Inches, an unknown unit, a material for each half of the faces, one without a colour, one image worn twice."""
+    picture = PIL.Image.new("RGB", (2, 2), (255, 0, 0))
+    several = MultiMaterial([PBRMaterial(baseColorFactor=[1.0, 0.0, 0.0, 1.0]), PBRMaterial(baseColorTexture=picture)])
+    inches, ells = solid(material=several, face_materials=[0, 0, 1, 1]), solid(material=PBRMaterial(baseColorTexture=picture))
+    inches.units, ells.units = "in", "ell"
+    found = irrsplat.from_trimesh(trimesh.Scene([inches, ells, ells.copy()]))
+    assert [len(mesh.faces) for mesh in found.meshes] == [2, 2, 4, 4]
+    assert [mesh.material.albedo for mesh in found.meshes] == [(1, 0, 0), (1, 1, 1), (1, 1, 1), (1, 1, 1)]
+    assert found.meshes[0].positions.max() == pytest.approx(0.0254) and found.meshes[2].positions.max() == 1.0
+    textures = [mesh.material.albedo_texture for mesh in found.meshes[1:]]
+    assert textures[0] is not None and textures[1] is not None and textures[0].image is textures[1].image
+    assert sum("its unit 'ell' is unknown, and taken for metres" in notice for notice in found.notices) == 1
+    plain = irrsplat.from_trimesh(solid(material=MultiMaterial([])), crease_angle=0.0)
+    assert plain.meshes[0].material == Material() and len(plain.meshes[0].positions) == 12
+
+
+@pytest.mark.parametrize(
+    ("call", "says"),
+    [
+        (lambda: irrsplat.from_trimesh(solid(POINTS * np.nan)), "the vertices of '.*' must be finite numbers"),
+        (
+            lambda: irrsplat.from_trimesh(solid(faces=[[0, 1, 9]]), crease_angle=0.0),
+            r"refers to vertex 9 \(from 0\), but there are 4",
+        ),
+        (lambda: irrsplat.make_scene(floor(), sky=np.full((2, 4, 3), -1.0)), "a sky's radiance is from 0 to"),
+        (lambda: irrsplat.make_scene(floor(), sky=[["x"]]), "a sky is a radiance"),
+        (lambda: irrsplat.make_scene(floor(), sky="1 2"), "sky"),
+        (lambda: irrsplat.make_mesh([["x"]], FACES), r"an array \(N, 3\) of numbers"),
+        (lambda: irrsplat.make_mesh(POINTS, [[0, 1, 2], [0]]), "whole numbers"),
+        (lambda: Image(np.zeros((2, 2, 3), np.uint8)), r"an image's pixels are an array \(H, W, 4\) of uint8"),
+        (lambda: posed(scene(floor()), scene(floor(), floor())), "a pose has the same meshes as the renderer's scene"),
+        (lambda: Motions((), (LightKey(0, 0.0, "position", (0, 0, 0)),)).check(scene(floor(), lights=(SUN,)), 2), "is not 0 0 0"),
+    ],
+)
+def test_what_cannot_be_is_told_in_a_line(call: Callable[[], object], says: str) -> None:
+    with pytest.raises(InputError, match=says) as raised:
+        call()
+    assert "\n" not in str(raised.value)
+
+
+def test_a_large_map_of_a_sky_is_halved_and_shines_in_every_channel() -> None:
+    """4096 rows become 2048, each the mean of two; no map counts as dark in any channel."""
+    sky = np.zeros((4096, 2, 3), np.float32)
+    sky[::2] = [2.0, 0.0, 0.0]
+    made = irrsplat.make_scene(floor(), sky=sky)
+    assert made.environment is not None and made.environment.shown.shape == (2048, 1, 3)
+    assert (made.environment.shown[..., 0] == 1.0).all() and shines(made).all()
+    assert irrsplat.make_scene(floor(), sky="0 2 0").sky == (0.0, 2.0, 0.0)
+
+
+def test_a_sky_that_stands_in_is_not_written_and_a_map_is_told(tmp_path: Path) -> None:
+    """The reader has the same sky to stand in; a map that no file holds is lost."""
+    assert write_scene(replace(scene(floor(), sky=1.0), own_sky=False), tmp_path / "a.scene") == ""
+    assert "\nsky " not in (tmp_path / "a.scene").read_text() and load(tmp_path / "a.scene").sky == (1.0, 1.0, 1.0)
+    mapped = irrsplat.make_scene(floor(), sky=np.ones((8, 16, 3)))
+    assert "a .scene does not hold the sky's map" in write_scene(mapped, tmp_path / "b.scene")
+
+
+def test_a_luminaire_is_written_with_its_tilt_file(write: Callable[..., Scene], tmp_path: Path) -> None:
+    """Read again it has the same flux, whether it is mirrored or not; a light without photometry has none."""
+    light = "ies b.ies\nposition 0 3 0 1\nspotDirection 0 0 0\nintensity 2 2 2\n"
+    text = "obj t.obj\ncam 0 0 5  0 0 0  0 1 0\nlight a.light\nscale -1 1 1\nlight b.ies\n"
+    made = write(text, a_light=light, b_ies=ies_text([0, 90], [0, 90, 180], isotropic, tilt="TILT=t.tlt"), t_tlt="1 2 0 90 1 0.8")
+    assert write_scene(made, tmp_path / "c.scene") == "c.scene: a .scene does not hold mirrored luminaires (1)"
+    again = load(tmp_path / "c.scene")
+    assert [one.output for one in again.lights] == [pytest.approx(one.output) for one in made.lights]
+    assert made.lights[0].output[1] == pytest.approx(200.0) and lamp((0, 0, 0)).output == (0.0, 0.0)
+    assert sorted(file.name for file in (tmp_path / "c-files").glob("*.tlt")) == ["t.tlt"]
+
+
+def test_nothing_hides_nothing_and_has_no_look() -> None:
+    """A caster of no triangles, a mesh without faces, the odd row of an image, a sun that is shifted."""
+    pytest.importorskip("embreex")
+    caster, axes = RayCaster(np.zeros((0, 3), np.float32), np.zeros((0, 3), int)), np.eye(3)[None]
+    assert caster.first_hits(np.zeros((1, 3)), axes, np.eye(3)).tolist() == [[-1] * 3]
+    assert caster.free(np.zeros((2, 3)), np.ones((2, 3))).tolist() == [True, True]
+    full = box((0, 0, 0), (1, 1, 1))
+    assert [run.count for run in runs(scene(replace(full, faces=full.faces[:0]), full))] == [12]
+    assert sums_of_four(np.ones((3, 1, 1)))[..., 0].tolist() == [[4.0], [4.0]]
+    assert SUN.shifted((1, 2, 3)) is SUN
