@@ -67,6 +67,7 @@ class Actions:
         self.screenshot_wanted: Literal["", "window", "bare"] = ""
         self.fullscreen_wanted = preferences.fullscreen
         self.quitting = False
+        self.pending: Callable[[], object] | None = None  # waits for the answer on unsaved changes
         self.leaving: Callable[[], str | None] = lambda: None  # called before another scene comes; what went wrong
         preferences.opened(source)
 
@@ -368,10 +369,33 @@ class Actions:
         there is such a file, and it may not be overwritten."""
         path, scene = Path(self.scene_path(name)), self.session.scene.placed(self.session.origin)
         lost = write_scene(scene, path, overwrite)
+        self.editor.saved = self.editor.edit
         self.panels.save = False
         self.say(f"{path} is written, with {parts_folder(path).name}")
         if lost:
             self.say(lost)
+        if self.pending is not None:
+            self.discard()
+
+    # ---- unsaved changes ---------------------------------------------------------------------------------------------
+
+    def _unless_unsaved(self, act: Callable[[], object]) -> None:
+        """Call `act`, or keep it until the user has answered what becomes of unsaved changes."""
+        if self.editor.unsaved:
+            self.pending = act
+        else:
+            act()
+
+    def discard(self) -> None:
+        """Continue with what waits for the answer; unsaved changes are lost."""
+        act, self.pending = self.pending, None
+        if act is not None:
+            self.attempt(act)
+
+    @property
+    def typing(self) -> bool:
+        """True if a dialog is open, which gets the keyboard."""
+        return self.panels.open or self.panels.save or self.pending is not None
 
     # ---- the window --------------------------------------------------------------------------------------------------
 
@@ -383,6 +407,7 @@ class Actions:
         self.editor.pick_light(None)
         panels = self.panels
         panels.help = panels.about = panels.log = panels.open = panels.save = False
+        self.pending = None
 
     def about(self) -> None:
         """Say what this is."""
@@ -397,7 +422,10 @@ class Actions:
         self.appearance.scale = min(max(scale, SCALES[0]), SCALES[1])
 
     def quit(self) -> None:
-        """Close the window."""
+        """Close the window, once unsaved changes are saved or given up."""
+        self._unless_unsaved(self._quit)
+
+    def _quit(self) -> None:
         self.quitting = True
 
     def screenshot(self) -> None:
@@ -426,13 +454,16 @@ class Actions:
         self.panels.open = True
 
     def open(self, source: str) -> None:
-        """Show the scene at a path, or play the .path there."""
+        """Show the scene at a path, once unsaved changes are saved or given up; or play the .path there."""
         if Path(source).suffix == ".path":
             path = load_path(source, self.session.camera.fov)
             path.motions.check(self.session.scene, path.frames)
             self.session.path_recorder.path = path.shifted(np.negative(self.session.origin))
             self.session.path_recorder.play()
             return
+        self._unless_unsaved(lambda: self._open(source))
+
+    def _open(self, source: str) -> None:
         if problem := self.leaving():
             self.say(problem, error=True)
         self._load(source, keep_camera=False)

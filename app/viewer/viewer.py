@@ -73,6 +73,7 @@ class Viewer(Owner):
         self.cache_file: CacheFile | None = None
         self._awake_until = 0.0  # by the clock in use
         self._shown: object = None  # what was shown last of that which changes without an event
+        self._ending = False  # by a signal: nobody is asked
         self._overhead = 0.0  # seconds a frame that everything but the core's tick takes, a running mean
         wnd.render_func = lambda time, frame_time: self.frame(frame_time)
         controls = self.controls
@@ -176,7 +177,8 @@ class Viewer(Owner):
         self._awake_until = now() + _AWAKE
 
     def end(self) -> None:
-        """Close the window at the next occasion."""
+        """Close the window at the next occasion; unsaved changes are lost."""
+        self._ending = True
         self.wnd.is_closing = True
 
     @property
@@ -199,19 +201,26 @@ class Viewer(Owner):
         before, self._shown = self._shown, shown
         return shown == before and messages.rests > 0.0 and self.session.at_rest
 
+    def _closing(self) -> bool:
+        """Return True if the window is to close. Its own button asks about unsaved changes first."""
+        if self.wnd.is_closing and not (self._ending or self.actions.quitting):
+            self.actions.quit()
+            self.wnd.is_closing = self.actions.quitting
+        return bool(self.wnd.is_closing)
+
     def loop(self) -> None:
         """Draw frames until the window closes, but none while they would show what is there already."""
         timer = Timer()
         timer.start()
-        while not self.wnd.is_closing:
+        while not self._closing():
             slept = False
-            while self.may_sleep() and not self.wnd.is_closing:
+            while self.may_sleep() and not self._closing():
                 self.desktop.wait(min(_LOOK, self.actions.messages.rests))
                 slept = True
             _, dt = timer.next_frame()
             self.wnd.title = f"{self.session.scene.name} – {TITLE}"
             self.wnd.render(timer.time, _SLEEP if slept else dt)
-            if not self.wnd.is_closing:
+            if not self._closing():
                 self.wnd.swap_buffers()
                 if self.still:
                     self.desktop.wait(_SLEEP)

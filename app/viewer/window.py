@@ -19,8 +19,8 @@ from irrsplat.gpu import context
 TITLE = "irrsplat"
 LARGEST = 16384  # pixels: a window's side; X takes 32767, and OpenGL's textures are seldom larger than this
 _ICONS = (16, 32, 48)  # pixels
-_EVENTS = (  # glfw's names of what may change what is shown
-    *("key", "char", "cursor_pos", "mouse_button", "scroll", "cursor_enter", "drop", "window_size", "window_focus"),
+_EVENTS = (  # glfw's names of events that may change the picture; `drop` has a callback of its own
+    *("key", "char", "cursor_pos", "mouse_button", "scroll", "cursor_enter", "window_size", "window_focus"),
     *("window_iconify", "window_content_scale", "window_refresh", "framebuffer_size"),
 )
 _NO_DISPLAY = (
@@ -98,6 +98,7 @@ class Desktop:
 
     def __init__(self, wnd: BaseWindow) -> None:
         self.text = ""
+        self._noticed: Callable[[], None] = lambda: None  # called at every event
         self._window = None if wnd.headless else wnd._window  # type: ignore[attr-defined]
 
     def copy(self, text: str) -> None:
@@ -117,6 +118,7 @@ class Desktop:
         import glfw
 
         def drop(window: object, paths: Sequence[str]) -> None:
+            self._noticed()
             dropped(list(paths))
 
         glfw.set_drop_callback(self._window, drop)  # type: ignore[arg-type]  # its stubs have C's signature
@@ -140,7 +142,12 @@ class Desktop:
             glfw.wait_events_timeout(seconds)
 
     def watch(self, noticed: Callable[[], None]) -> None:
-        """Set what is called, before all else, at every event of the window, its being uncovered too; after `listen`."""
+        """Call `noticed` before all else at every event of the window, its being uncovered included; after `listen`.
+
+        A callback is wrapped as glfw returns it. For dropped files glfw returns an adapter with another signature
+        (C's), so their callback calls `noticed` itself.
+        """
+        self._noticed = noticed
         if self._window is None:
             return
         import glfw

@@ -220,19 +220,25 @@ class Driver:
 
     def down(self, name: str) -> None:
         """A key goes down; as on X11, a modifier's own event comes with the modifiers before it."""
-        self.viewer.controls.key(getattr(self.wnd.keys, name), self.wnd.keys.ACTION_PRESS, self.modifiers)
+        self.viewer.controls.key(self._number(name), self.wnd.keys.ACTION_PRESS, self.modifiers)
         self._modify(name, True)
 
     def up(self, name: str) -> None:
         """A key goes up."""
-        self.viewer.controls.key(getattr(self.wnd.keys, name), self.wnd.keys.ACTION_RELEASE, self.modifiers)
+        self.viewer.controls.key(self._number(name), self.wnd.keys.ACTION_RELEASE, self.modifiers)
         self._modify(name, False)
+
+    def _number(self, name: str) -> int:
+        """Return the number of a key; moderngl-window has no name for Alt."""
+        return 342 if name == "LEFT_ALT" else int(getattr(self.wnd.keys, name))
 
     def _modify(self, name: str, on: bool) -> None:
         if name.endswith("_SHIFT"):
             self.modifiers.shift = on
         if name.endswith("_CTRL"):
             self.modifiers.ctrl = on
+        if name.endswith("_ALT"):
+            self.modifiers.alt = on
 
     def press(self, name: str, ctrl: bool = False, shift: bool = False) -> None:
         """A key goes down and up, and a frame passes."""
@@ -332,6 +338,7 @@ class Driver:
         session.unpark()
         for snapshot in list(session.snapshots):
             session.forget_snapshot(snapshot)
+        actions.pending, actions.editor.saved = None, actions.editor.edit  # nobody is asked
         if actions.source != self.source:
             actions.open(self.source)
             self.scene = session.scene

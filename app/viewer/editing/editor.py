@@ -32,7 +32,7 @@ class Editor:
 
     def __init__(self, session: Session) -> None:
         self.session, self.loaded = session, session.scene
-        self.edit = SceneEdit.of(session.scene)
+        self.edit = self.saved = SceneEdit.of(session.scene)  # saved: as a file has it
         self.history = History(self.edit)
         self._scenes = EditedScene(session.scene)
         self.mesh: int | None = None
@@ -46,6 +46,11 @@ class Editor:
     def changed(self) -> bool:
         """Whether the scene is no longer as its files have it."""
         return self.edit != SceneEdit.of(self.loaded)
+
+    @property
+    def unsaved(self) -> bool:
+        """True if no file has the scene as it is now."""
+        return self.edit != self.saved
 
     def apply(self, edit: SceneEdit) -> None:
         """Show another edit; it becomes a step at the next moment of rest. Raises InputError, and changes nothing, where the

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 import numpy as np
 from moderngl_window.context.base import BaseWindow, KeyModifiers
 
@@ -14,9 +16,11 @@ from irrsplat.app.viewer.ui.imgui_backend import ImguiBackend
 LEFT, RIGHT = 1, 2  # mouse buttons, as moderngl-window numbers them
 _GRIP = 6.0  # window coordinates on both sides of the divider that grab it
 _CLICK = 3.0  # window coordinates that the mouse may move in a click
-_PACE = 4.0  # Shift flies so much faster, Ctrl so much slower
+_PACE = 4.0  # factor on the speed of flight: Shift multiplies by it, Alt divides by it
 _FLYING = "WASDEQ"
+_NOWHERE = (-1.0, -1.0)  # the mouse before its first event
 _RIGHT_CTRL = 345  # glfw's number; moderngl-window has no name for it
+_ALT = (342, 346)  # glfw's numbers of the left and the right key; moderngl-window has no names for them
 
 
 class Controls:
@@ -26,7 +30,7 @@ class Controls:
         self.wnd, self.actions, self.display, self.backend = wnd, actions, display, backend
         self.pressed: set[int | str] = set()  # keys that are down, and were not pressed for the interface
         self.pace = 1.0  # a factor on the speed
-        self.mouse = (-1.0, -1.0)  # nowhere yet
+        self.mouse = _NOWHERE
         self.monitor_scale = 1.0  # of text and widgets, by the monitor
         self.looking = False  # with the right mouse button down: the mouse is captured
         self.drawing = False  # while the line to measure along is dragged
@@ -101,7 +105,8 @@ class Controls:
         # the modifiers that come with such a key's own event may be those before it (X11), or after it
         shift = down if key in (names.LEFT_SHIFT, names.RIGHT_SHIFT) else modifiers.shift
         ctrl = down if key in (names.LEFT_CTRL, _RIGHT_CTRL) else modifiers.ctrl
-        self.pace = _PACE if shift else 1.0 / _PACE if ctrl else 1.0
+        alt = down if key in _ALT else modifiers.alt
+        self.pace = _PACE if shift else 1.0 / _PACE if alt else 1.0
         if not down:
             self.pressed.discard(key)
         self.backend.key(key, down, names)
@@ -112,11 +117,14 @@ class Controls:
         elif self.backend.wants_keyboard:
             return
         flying = self.looking or any(getattr(names, name) in self.pressed for name in _FLYING)
-        self.pressed.add(key)
         found = keys.action(names, key, bool(ctrl), bool(shift))
-        if found is not None and not (ctrl and flying and found.name in _FLYING):  # Ctrl+Q: slowly down, or quit
+        if flying and found is not None and found.action != "escape":
+            found = None  # one hand is on the flying keys: a slip must not quit or open a dialog
+        if found is None or not ctrl:  # a letter pressed with Ctrl does not fly
+            self.pressed.add(key)
+        if found is not None:
             self.actions.press(found)
-            if found.action in ("open_dialog", "save_dialog"):
+            if self.actions.typing:
                 self.pressed.clear()
 
     def text(self, char: str) -> None:
@@ -146,11 +154,17 @@ class Controls:
             self.actions.hints.follow("orbit")
 
     def mouse_pressed(self, x: float, y: float, button: int) -> None:
-        """A mouse button went down."""
+        """A mouse button went down at the position of the last motion event.
+
+        glfw gives x and y of the cursor at the time of the call, which may lie later than the event: a slow frame
+        delays the call. The motion events before this event carry the right position.
+        """
         if self.looking:  # a captured mouse points at nothing
             return
-        self.mouse = (x, y)
-        self.backend.mouse_position(x, y)
+        if self.mouse == _NOWHERE:
+            self.mouse = (x, y)
+            self.backend.mouse_position(x, y)
+        x = self.mouse[0]
         self.backend.mouse_button(button, True)
         self.travelled = 0.0
         if self.backend.wants_mouse:
@@ -213,9 +227,9 @@ class Controls:
     # ---- the window ------------------------------------------------------------------------------------------------
 
     def files_dropped(self, paths: list[str]) -> None:
-        """Files were dropped on the window: the first is opened."""
-        if paths:
-            self.actions.attempt(lambda: self.actions.open(paths[0]))
+        """Open the first of the files that were dropped on the window; a notice names it where there are several."""
+        if paths and self.actions.attempt(lambda: self.actions.open(paths[0])) and len(paths) > 1:
+            self.actions.say(f"{len(paths)} files were dropped; {os.path.basename(paths[0])} is opened, one at a time")
 
     def focus_changed(self, focused: bool) -> None:
         """The window gained or lost the keyboard: no key or button counts as down any more, for its release is never seen."""

@@ -28,6 +28,7 @@ from irrsplat.app.viewer.ui.windows.line_plot import LinePlot
 from irrsplat.app.viewer.ui.windows.message_log import draw_log
 from irrsplat.app.viewer.ui.windows.open_dialog import OpenDialog
 from irrsplat.app.viewer.ui.windows.scene_pictures import ScenePictures
+from irrsplat.app.viewer.ui.windows.unsaved import draw_unsaved
 
 
 class Interface:
@@ -78,6 +79,7 @@ class Interface:
             self.save_dialog.draw()
         else:
             actions.editor.handles_used = actions.editor.dragging = False
+        draw_unsaved(actions)
         if not imgui.is_any_item_active() and not imgui.is_mouse_down(imgui.MouseButton_.left):
             actions.editor.settle()
         self.display.margins = self.layout.margins(panels.settings, panels.hud, panels.hidden)
@@ -86,6 +88,6 @@ class Interface:
         actions.messages.expire()
         if not panels.hidden or actions.messages.errors:
             numbers = panels.hud and not panels.hidden
-            draw_messages(actions.messages, self.layout, numbers, typing=panels.open)
+            draw_messages(actions.messages, self.layout, numbers, typing=actions.typing)
         if own_cursor:
             imgui.set_mouse_cursor(imgui.MouseCursor_.arrow)

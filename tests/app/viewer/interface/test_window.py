@@ -18,12 +18,16 @@ import numpy as np
 import pytest
 from PIL import Image, ImageGrab
 
+from irrsplat.core import paths
+from tests.app.viewer.interface.x_drop import DropSource
+
 MISSING = [tool for tool in ("Xvfb", "xdotool") if shutil.which(tool) is None]
 SIZE = (320, 240)
 SAFETY = 180.0  # seconds that a wait may take; it decides no outcome
 FAST = ["--gather-size", "8", "--bounces", "1", "--viewer-quality", "0", "--viewer-samples", "0", "--radius-min", "5"]
 WALL = (110, 80)  # a pixel of the back wall that no text covers
 OUTLINE = (255, 184, 64)  # of a picked object
+RED = (191, 51, 38)  # behind errors
 
 pytestmark = pytest.mark.skipif(
     bool(MISSING) and not os.environ.get("CI"), reason=f"{', '.join(MISSING)} missing; run: sh .ci/setup dev"
@@ -122,6 +126,41 @@ def test_it_opens_reacts_to_a_key_and_a_click_and_ends(display: str, tmp_path: P
         assert ended(process) == (0, [])
     kept = json.loads((tmp_path / "config" / "viewer.json").read_text(encoding="utf-8"))
     assert kept["size"] == list(SIZE) and kept["values"]["gather_size"] == 8 and kept["recent"] == ["cornell"]
+
+
+def test_files_are_dropped_on_it(display: str, tmp_path: Path) -> None:
+    """One file is opened, of several the first. A folder and a damaged file are refused, and the window goes on."""
+    bad = tmp_path / "bad.obj"
+    bad.write_text("f 1 2\n")
+    scenes = paths.folder("scenes")
+    one, two = next(scenes.rglob("furnace.scene")), next(scenes.rglob("curved.scene"))
+    with viewer(tmp_path) as process:
+        source = DropSource(int(hand("search", "--onlyvisible", "--name", "irrsplat").split()[0]))
+        for files, title in (([one], "furnace"), ([two, one], "curved"), ([tmp_path], "curved"), ([bad], "curved")):
+            assert source.drop(files, WALL)
+            until(lambda title=title: hand("search", "--onlyvisible", "--name", f"^{title} – irrsplat"), title)
+        until(lambda: (np.abs(seen() - RED).max(-1) < 40).mean() > 0.05, "the errors on red")
+        source.close()
+        process.terminate()
+        assert ended(process) == (0, [])
+
+
+def test_no_shortcut_fires_in_flight(display: str, tmp_path: Path) -> None:
+    """With W down, which flies ahead, Ctrl+O opens no dialog and Ctrl+Q does not quit."""
+    with viewer(tmp_path) as process:
+        until(normals_shown, "normals", "key", "7")
+        bar = seen()[:20]
+        hand("key", "F2")  # hides the interface
+        until(lambda: differ(bar, seen()[:20]) > 0.3, "the menu bar is gone")
+        before = seen()
+        hand("keydown", "w")
+        until(lambda: differ(before, seen()) > 0.02, "W flies ahead")
+        hand("key", "ctrl+o", "key", "ctrl+q")
+        hand("keyup", "w")
+        until(lambda: differ(before, seen()) < 0.001, "Home goes back, and no dialog is open", "key", "Home")
+        assert process.poll() is None
+        until(lambda: process.poll() is not None, "the end", "key", "ctrl+q")
+        assert ended(process) == (0, [])
 
 
 @pytest.mark.long
