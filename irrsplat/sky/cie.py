@@ -8,6 +8,7 @@ from typing import Literal, get_args
 import numpy as np
 
 from irrsplat.core.color import LUMINOUS_EFFICACY
+from irrsplat.sky.colours import clear_sky, sunlight
 from irrsplat.sky.environment import Environment
 from irrsplat.sky.sphere import solid_angles, texel_directions
 from irrsplat.sky.split import sun
@@ -94,7 +95,10 @@ class CieSky:
         return lux * (0.15 if self.kind == "intermediate" else 1.0)
 
     def environment(self, about: str, line: str = "", rows: int = ROWS) -> Environment:
-        """The sky and its ground as a grey map of so many rows (even), and its sun as light; W/(m² sr) and W/m² by 179 lm/W."""
+        """Return the sky and its ground as a map of `rows` (even), and its sun as a light; W/(m² sr) and W/m² by 179 lm/W.
+
+        The luminances are the CIE's. A clear sky and a sun have colours of that luminance; all else is grey.
+        """
         width = 2 * rows
         half, area = rows // 2, solid_angles(rows, width)
         ways = texel_directions(rows, width, np.arange(half))
@@ -105,11 +109,15 @@ class CieSky:
         level = self.ground / np.pi * (zenith * open_sky + direct * self.sun_direction[1])
         luminance = np.concatenate([zenith * relative, np.full((half, width), level)])
         light = np.repeat((luminance / LUMINOUS_EFFICACY).astype(np.float32)[..., None], 3, axis=-1)
+        if self.kind == "clear":
+            light[:half] *= clear_sky(ways, self.sun_direction, self.turbidity).astype(np.float32)
         if not direct:
             return Environment(light, light, (), about, line=line)
-        shining = sun(self.sun_direction, np.full(3, direct / LUMINOUS_EFFICACY))
+        tint = sunlight(float(self.sun_direction[1]), self.turbidity)
+        shining = sun(self.sun_direction, tint * (direct / LUMINOUS_EFFICACY))
         disc = _disc(self.sun_direction, rows)
-        shown = light + (disc * (direct / LUMINOUS_EFFICACY) / (disc @ np.ones(width) @ area)).astype(np.float32)[..., None]
+        disc *= direct / LUMINOUS_EFFICACY / (disc @ np.ones(width) @ area)
+        shown = light + (disc[..., None] * tint).astype(np.float32)
         return Environment(shown, light, (shining,), about, line=line)
 
 

@@ -7,8 +7,9 @@ from datetime import datetime
 import numpy as np
 import pytest
 
-from irrsplat.core.color import LUMINOUS_EFFICACY
+from irrsplat.core.color import LUMINANCE, LUMINOUS_EFFICACY, photometric
 from irrsplat.sky.cie import SUN_DIAMETER, CieKind, CieSky
+from irrsplat.sky.colours import clear_sky, sunlight
 from irrsplat.sky.sphere import solid_angles, texel_directions
 from irrsplat.sky.sun_position import sun_position
 from tests.support.skies import irradiance
@@ -61,7 +62,7 @@ def test_the_sky_s_light_is_what_gensky_reckons_with(kind: CieKind, altitude: fl
     }[kind]
     expected = np.polyval(fitted[::-1], (h - np.pi / 4) / (np.pi / 4)) / whole / np.pi
     sky = CieSky(kind, altitude, 77.0, ground=0.0)
-    E = irradiance(sky.environment("").light, UP)[0, 0] * LUMINOUS_EFFICACY
+    E = photometric(irradiance(sky.environment("").light, UP)[0])
     assert E / (np.pi * sky.zenith_luminance) == pytest.approx(expected, rel=0.02)
 
 
@@ -79,15 +80,28 @@ def test_the_sun_is_in_the_picture_of_the_sky_and_not_in_its_light() -> None:
     """A disc of half a degree that holds all of its light, where it stands."""
     sky = CieSky("clear", 33.0, 250.0)
     made = sky.environment("")
-    disc = (made.shown - made.light)[..., 0].astype(float)
+    disc = photometric((made.shown - made.light).astype(float))
     height, width = disc.shape
     weight = disc * solid_angles(height, width)[:, None]
     (sun,) = made.suns
-    assert weight.sum() == pytest.approx(sun.irradiance[0], rel=1e-5) and sun.irradiance[0] == pytest.approx(
-        sky.sun_illuminance / 179.0
-    )
+    assert weight.sum() == pytest.approx(photometric(np.array(sun.irradiance)), rel=1e-5) == pytest.approx(sky.sun_illuminance)
     ways = texel_directions(height, width)
     middle = np.einsum("ij,ijk->k", weight, ways)
     assert np.degrees(np.arccos(np.clip(middle @ sun.direction / np.linalg.norm(middle), -1, 1))) < 0.02
     assert np.degrees(np.arccos((ways @ sun.direction)[disc > 0.0].min())) < 0.5 * SUN_DIAMETER + 0.15
     assert made.light.max() < 0.01 * made.shown.max()
+
+
+def test_a_clear_sky_is_blue_and_a_low_sun_is_red() -> None:
+    """Rayleigh scattering goes as the fourth power of the frequency: blue is taken from the sun's way and fills the sky.
+
+    All colours have luminance 1, so that no illuminance depends on them.
+    """
+    ways = np.array([[0.0, 1.0, 0.0], [0.6, 0.8, 0.0]])
+    for altitude in (5.0, 30.0, 70.0):
+        toward = np.array([0.0, np.sin(np.radians(altitude)), -np.cos(np.radians(altitude))])
+        sky, sun = clear_sky(ways, toward, 2.45), sunlight(toward[1], 2.45)
+        assert np.concatenate([sky, sun[None]]) @ LUMINANCE == pytest.approx(1.0)
+        assert (sky[:, 2] > 1.2 * sky[:, 0]).all() and sun[0] > sun[1] > sun[2]
+    low, high = sunlight(np.sin(np.radians(5.0)), 2.45), sunlight(1.0, 2.45)
+    assert low[0] / low[2] > 4.0 * high[0] / high[2]

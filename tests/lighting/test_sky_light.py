@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import irrsplat
-from irrsplat.core.color import LUMINOUS_EFFICACY
+from irrsplat.core.color import LUMINOUS_EFFICACY, photometric
 from irrsplat.scene.model import Camera
 from irrsplat.sky.cie import CieSky
 from irrsplat.sky.sphere import solid_angles, texel_directions
@@ -71,15 +71,13 @@ def test_the_sun_of_a_single_texel_falls_on_tilted_planes(tilt: float) -> None:
 
 
 def daylight(sky: CieSky, p: np.ndarray, low: tuple[float, float, float], high: tuple[float, float, float]) -> float:
-    """E at p, facing up, through an upright window x = const in a black wall, by a sum over 60² points of it."""
+    """Lux at p, facing up, through an upright window x = const in a black wall, by a sum over 60² points of it."""
     y, z = (lo + (hi - lo) * (np.arange(60) + 0.5) / 60 for lo, hi in zip(low[1:], high[1:], strict=True))
     toward = np.stack(np.broadcast_arrays(low[0] - p[0], (y - p[1])[:, None], (z - p[2])[None, :]), axis=-1)
     r = np.linalg.norm(toward, axis=-1)
     way = toward / r[..., None]
     area = (high[1] - low[1]) * (high[2] - low[2]) / 60**2
-    return float(
-        (sky.relative(way) * way[..., 1] * abs(way[..., 0]) / r**2).sum() * area * sky.zenith_luminance / LUMINOUS_EFFICACY
-    )
+    return float((sky.relative(way) * way[..., 1] * abs(way[..., 0]) / r**2).sum() * area * sky.zenith_luminance)
 
 
 def test_the_daylight_factor_of_a_black_room(ctx: moderngl.Context) -> None:
@@ -102,7 +100,7 @@ def test_the_daylight_factor_of_a_black_room(ctx: moderngl.Context) -> None:
     apart = np.random.default_rng(1).uniform(-0.15, 0.15, (128, 3))
     with Lit(ctx, without_lights(cie(scene(*walls), sky))) as lit:
         for place in ((3.0, 0.2, -3.0), (1.0, 0.2, -2.5)):
-            share = lit.gather(sites(place + apart, UP), 64, "trace").E[:, 0]
+            share = photometric(lit.gather(sites(place + apart, UP), 64, "trace").E)
             share /= [daylight(sky, p, (4.0, 0.9, -4.0), (4.0, 2.4, -2.0)) for p in place + apart]
             assert share.mean() == pytest.approx(1.0, abs=0.01)
             assert share.std() < 0.05

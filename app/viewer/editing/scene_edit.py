@@ -63,12 +63,18 @@ class SceneEdit:
         return cls(lamps, (AS_LOADED,) * len(scene.meshes))
 
     def with_sky(self, sky: SunSky, environment: Environment | None) -> SceneEdit:
-        """Under another sky, which is this environment: its sun is the lamp that the sky had before, or a new one."""
+        """Return the edit under another sky with this environment. Its sun takes the place of the old one.
+
+        The old sun is the light of the sky before, or else the brightest directional light.
+        """
         before = next((lamp for lamp in self.lamps if lamp.of_sky), None)
+        if before is None:
+            directional = [lamp for lamp in self.lamps if lamp.light.directional]
+            before = max(directional, key=lambda lamp: sum(lamp.emitted.color), default=None)
         light = sun_of(environment, None if before is None else before.light)
         if before is None:
             return replace(self, sky=sky, lamps=(*self.lamps, Lamp.of(light, of_sky=True)))
-        sun = replace(before, light=light, loaded=light, kelvin=None)
+        sun = replace(before, light=light, loaded=light, kelvin=None, of_sky=True, stops=before.stops if before.of_sky else 0.0)
         lamps = tuple(sun if lamp is before else lamp for lamp in self.lamps if lamp is before or not lamp.of_sky)
         return replace(self, sky=sky, lamps=lamps)
 

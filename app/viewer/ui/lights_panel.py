@@ -13,6 +13,7 @@ from irrsplat.app.viewer.editing.colour_temperature import COLDEST, HOTTEST
 from irrsplat.app.viewer.editing.editor import KINDS
 from irrsplat.app.viewer.editing.lamps import Lamp, Vector
 from irrsplat.app.viewer.editing.picking import on_screen
+from irrsplat.app.viewer.ui.editing.colour_field import edit_colour
 from irrsplat.app.viewer.ui.editing.handles import choose_handles
 from irrsplat.app.viewer.ui.editing.sky_panel import draw_sky
 from irrsplat.app.viewer.ui.layout import AMBER, WIDGET_WIDTH, Layout
@@ -126,7 +127,7 @@ class LightsPanel:
         """The lamp, with what the widgets of its colour have changed."""
         brightest = max(*lamp.loaded.color, 1e-30)  # as loaded, so that black is no dead end
         self._width()
-        changed, tint = imgui.color_edit3("colour", [c / brightest for c in lamp.light.color], imgui.ColorEditFlags_.float)
+        changed, tint = edit_colour("colour", [c / brightest for c in lamp.light.color])
         if changed:
             lamp = lamp.coloured((tint[0] * brightest, tint[1] * brightest, tint[2] * brightest))
         self._width()

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -10,7 +13,7 @@ from irrsplat.app.viewer.editing.picking import on_screen
 from irrsplat.app.viewer.editing.scene_edit import AS_LOADED, ObjectEdit, middle
 from irrsplat.app.viewer.ui.layout import Layout
 from irrsplat.core.color import LUMINANCE
-from tests.support.viewing import SIZE, Driver, push
+from tests.support.viewing import SIZE, Driver, Widget, push
 
 WALLS, _, BOX = range(3)
 
@@ -183,3 +186,48 @@ def test_lights_are_added_heated_narrowed_and_deleted(driver: Driver, editor: Ed
     while driver.actions.editor.undo():
         pass
     assert driver.session.scene.lights == editor.loaded.lights
+
+
+def test_colours_are_srgb_as_in_other_programs(driver: Driver, editor: Editor) -> None:
+    """128 of 255 is a linear 0.2159 (IEC 61966-2-1), for objects and for lights, relative to the brightest component."""
+    driver.resize((760, 640), density=0.125)
+    editor.pick_mesh(1)
+    driver.frame(4)
+    driver.enter(Widget("color_edit3", "", _third(driver.find("reflects"))), "128")
+    assert editor.object(1).albedo[0] == pytest.approx(0.2159, abs=1e-4)
+    editor.pick_mesh(None)
+    driver.actions.panels.lights = True
+    driver.frame(4)
+    driver.enter(Widget("color_edit3", "", _third(driver.find("colour"))), "128")
+    (light,) = editor.lamps
+    assert light.light.color[0] / max(light.loaded.color) == pytest.approx(0.2159, abs=1e-4)
+
+
+def _third(field: Widget) -> tuple[float, float, float, float]:
+    """Return the box of the red component of a colour field."""
+    left, top, right, bottom = field.box
+    return left, top, left + 0.2 * (right - left), bottom
+
+
+def test_unsaved_changes_are_asked_about(driver: Driver, editor: Editor, tmp_path: Path) -> None:
+    """Before the window closes, and before another scene opens. The answers are cancel, discard, and save."""
+    assert not editor.unsaved
+    driver.actions.editor.set_lamp(0, replace(editor.lamps[0], stops=1.0))
+    push(driver, "Ctrl+Q")
+    driver.frame(2)
+    assert not driver.actions.quitting
+    driver.choose("cancel")
+    assert driver.actions.pending is None and editor.unsaved
+    push(driver, "Ctrl+Q")
+    driver.frame(2)
+    driver.choose("save…")
+    driver.frame(2)
+    driver.choose("save")
+    assert driver.actions.quitting and not editor.unsaved and len(list(tmp_path.glob("*.scene"))) == 1
+    driver.actions.quitting = driver.wnd.is_closing = False
+    driver.actions.editor.set_lamp(0, replace(editor.lamps[0], stops=2.0))
+    driver.actions.open("furnace")
+    driver.frame(3)
+    assert driver.session.scene.name == "room"
+    driver.choose("discard")
+    assert driver.session.scene.name == "furnace"

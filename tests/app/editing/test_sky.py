@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 import irrsplat
+from irrsplat.app.viewer.editing.lamps import Lamp
+from irrsplat.app.viewer.editing.scene_edit import SceneEdit
 from irrsplat.app.viewer.editing.sun_sky import SunSky
 from irrsplat.scene.io.text.scene_writer import write_scene
+from irrsplat.scene.model import Light
 from tests.support.viewing import ROOM, Driver, write_room
 
 LINE = "cie clear at 52.5 13.4 2026-06-21T15:30+02:00 turbidity 3.0 north 20"
@@ -51,3 +55,14 @@ def test_a_sky_that_is_set_is_the_sky_of_a_file(driver: Driver, tmp_path: Path) 
     editor.redo()
     editor.redo()
     assert editor.sky == wanted
+
+
+def test_the_sun_of_a_date_replaces_the_brightest_directional_light() -> None:
+    """A scene with a sun of its own has one sun afterwards, and its other lights."""
+    sun, lamp = Light((0.3, 1.0, 0.2), (2.0, 2.0, 2.0), directional=True), Light((0.0, 1.0, 0.0), (5.0, 5.0, 5.0))
+    dim = replace(sun, position=(1.0, 0.2, 0.0), color=(0.1, 0.1, 0.1))
+    edit = SceneEdit((Lamp.of(lamp), Lamp.of(dim), Lamp.of(sun)), ())
+    sky = SunSky(latitude=40.0, longitude=-3.7, minute=10 * 60, day=80)
+    made = edit.with_sky(sky, sky.environment((0.0, 1.0, 0.0), rows=32))
+    assert [one.light for one in made.lamps[:2]] == [lamp, dim] and len(made.lamps) == 3
+    assert made.lamps[2].of_sky and made.lamps[2].light.name == "sun"

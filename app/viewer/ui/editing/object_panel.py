@@ -10,6 +10,7 @@ from imgui_bundle import imgui
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.app.viewer.editing.lamps import Vector
 from irrsplat.app.viewer.editing.scene_edit import AS_LOADED, ObjectEdit
+from irrsplat.app.viewer.ui.editing.colour_field import edit_colour
 from irrsplat.app.viewer.ui.editing.handles import choose_handles
 from irrsplat.app.viewer.ui.layout import WIDGET_WIDTH, Layout
 from irrsplat.scene.model import Material, Mesh
@@ -76,24 +77,24 @@ class ObjectPanel:
         material = mesh.material
         if mesh.colors is None and not material.unlit:
             self._width()
-            changed, albedo = imgui.color_edit3("reflects", list(edit.albedo or material.albedo), imgui.ColorEditFlags_.float)
-            imgui.set_item_tooltip("diffuse reflectance, linear; times the texture's where there is one")
+            changed, albedo = edit_colour("reflects", edit.albedo or material.albedo)
+            imgui.set_item_tooltip("diffuse reflectance as an sRGB colour; multiplies the texture where there is one")
             if changed:
-                edit = replace(edit, albedo=_vector([min(max(c, 0.0), 1.0) for c in albedo]))
+                edit = replace(edit, albedo=albedo)
         emission = edit.emission if edit.emission is not None else material.emission
         least = _DARKEST if needs_emission(material) else 0.0
         brightest = max(emission)
         self._width()
         changed, strength = imgui.slider_float("glows", brightest, least, _BRIGHTEST, "%.3g", imgui.SliderFlags_.logarithmic)
         imgui.set_item_tooltip("emitted radiance, W/(m² sr), of the strongest channel")
-        tint = [c / brightest for c in emission] if brightest > 0.0 else [1.0, 1.0, 1.0]
+        tint = _vector([c / brightest for c in emission] if brightest > 0.0 else [1.0, 1.0, 1.0])
         if changed:
             edit = replace(edit, emission=_vector([c * max(strength, least) for c in tint]))
         if brightest > 0.0:
             self._width()
-            changed, tint = imgui.color_edit3("glow's colour", tint, imgui.ColorEditFlags_.float)
+            changed, tint = edit_colour("glow's colour", tint)
             if changed and max(tint) > 0.0:
-                edit = replace(edit, emission=_vector([max(c, 0.0) * brightest for c in tint]))
+                edit = replace(edit, emission=_vector([c * brightest for c in tint]))
         return edit
 
 
