@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from irrsplat.scene.model import Scene
 
 FALSE_COLOURED = ("light", "irradiance", "image", "direct", "indirect", "emission")
+SAMPLES = 16  # of a pixel of a picture, where the flag is not given; arrays hold what the pixels' centres see
 _FROZEN_ALONE = (
     "--on renders the frames of a flight from a frozen cache, so that they are the same whoever renders them; "
     "give --path or --turntable, and --cache-mode frozen with a --cache that irrsplat fill has made"
@@ -147,6 +148,7 @@ def run(args: argparse.Namespace) -> int:
     from irrsplat.app.film import films, frames, frozen, lost
     from irrsplat.app.film import flight as flights
     from irrsplat.image.frame import needed
+    from irrsplat.lighting.gl_limits import LARGE
 
     settings.preset(args.preset, **args.values)
     buffers, keeps = _buffers(args), args.cache_mode == "frozen"
@@ -175,7 +177,11 @@ def run(args: argparse.Namespace) -> int:
     # the light of lamps alone is drawn of whole views
     tile_size = 0 if args.falsecolor == "light" else args.tile_size
     tiles = {} if tile_size is None else {"tile_size": tile_size}
-    made_with = {"preset": args.preset, **tiles, **args.values}
+    small = args.size[0] * args.size[1] < LARGE  # a larger one would take twice the memory
+    pictures_sampled = flight is None and small and "samples" not in args.values and not files.of_all_buffers
+    arrays = any(output.lower().endswith((".exr", ".npz")) for output in args.output)
+    sampled = {"samples": SAMPLES} if pictures_sampled and not arrays else {}
+    made_with = {"preset": args.preset, **tiles, **args.values, **sampled}
     with irrsplat.Renderer(scene, size=tuple(args.size), **made_with) as renderer:
         if args.cache is not None and (keeps or os.path.exists(args.cache)):
             rendering.load_cache(renderer, args)
@@ -196,7 +202,11 @@ def run(args: argparse.Namespace) -> int:
         if flight is None and frame.stats.get("interrupted") and not frame.stats.get("rounds") and not keeps:
             return fail("interrupted before the first round was complete; nothing was written", INTERRUPTED)
         for path in args.output if flight is None else ():
-            outputs.write(path, partial(files.save, path, frame, buffers, renderer, camera))
+            shown = frame
+            if arrays and pictures_sampled and path.lower().endswith(".png"):
+                renderer.change(renderer.settings.with_values({"samples": SAMPLES}))
+                shown = renderer.render(camera, buffers=needed([path], buffers), gather=False)
+            outputs.write(path, partial(files.save, path, shown, buffers, renderer, camera))
         if args.cache is not None and renderer.cache.count and not keeps:
             outputs.write(args.cache, partial(renderer.save_cache, args.cache))
         if flight is not None and made is not None and complete:

@@ -121,6 +121,19 @@ def as_png(display: np.ndarray) -> bytes:
     return data.getvalue()
 
 
+def dithered(display: np.ndarray, first: int = 0) -> np.ndarray:
+    """Return display values 0..1, (H, W, 3) or with alpha (H, W, 4), as uint8: colours dithered, so that gradients show no bands.
+
+    A colour is rounded up with the probability of its fraction, by interleaved gradient noise (Jimenez 2014), which depends
+    on the pixel alone. first: the number of the first row in its picture.
+    """
+    rows, columns = np.ogrid[first : first + len(display), : display.shape[1]]
+    noise = np.modf(52.9829189 * np.modf(0.06711056 * columns + 0.00583715 * rows)[0])[0]
+    found = eight_bits(display)
+    found[..., :3] = np.clip(display[..., :3] * 255.0 + noise[..., None], 0.0, 255.0)
+    return found
+
+
 def eight_bits(display: np.ndarray) -> np.ndarray:
     """Display values 0..1, any shape, as uint8."""
     found: np.ndarray = np.round(np.clip(display, 0.0, 1.0) * 255.0).astype(np.uint8)

@@ -20,7 +20,7 @@ from irrsplat.core.files import (
     _write_folder,
     as_png,
     check_file,
-    eight_bits,
+    dithered,
     png_16_of,
     write_file,
     write_picture,
@@ -164,7 +164,7 @@ class Frame:
     def _write_png(self, part: Path) -> None:
         from PIL import Image
 
-        some = [eight_bits(self._displayed(first)) for first in range(0, len(self.image), _ROWS)]
+        some = [dithered(self._displayed(first), first) for first in range(0, len(self.image), _ROWS)]
         Image.fromarray(np.concatenate(some)).save(part, "PNG")
 
     def _displayed(self, first: int) -> np.ndarray:

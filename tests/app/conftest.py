@@ -16,6 +16,7 @@ from irrsplat.app import cli
 from irrsplat.core.buffers import CHANNELS
 from irrsplat.image.frame import Frame
 from irrsplat.image.view import Progress
+from irrsplat.settings import Settings
 
 PLAIN = """cam 0 0 5 0 0 0 0 1 0
 proj 40 1 0.1 100
@@ -32,6 +33,7 @@ class FakeRenderer:
     stats: dict[str, Any]
     told: Progress
     notices: tuple[str, ...] = ()
+    settings: Settings = Settings()
 
     def __init__(self, scene: Any, size: tuple[int, int], preset: str, tile_size: int | None = None, **settings: Any) -> None:
         type(self).asked = SimpleNamespace(scene=scene, size=size, preset=preset, tile_size=tile_size, settings=settings)
@@ -43,11 +45,25 @@ class FakeRenderer:
         pass
 
     def render(
-        self, camera: Any = None, progress: Callable[[Any], None] | None = None, figures: bool = False, buffers: Any = None
+        self,
+        camera: Any = None,
+        progress: Callable[[Any], None] | None = None,
+        figures: bool = False,
+        buffers: Any = None,
+        gather: bool = True,
     ) -> Frame:
+        if not gather:  # the picture with more samples, after the arrays
+            return self.frame()
         vars(self.asked).update(camera=camera, figures=figures, progress=progress, buffers=buffers)
         if progress is not None:
             progress(self.told)
+        return self.frame()
+
+    def change(self, settings: Settings) -> None:
+        """Take other settings."""
+
+    def frame(self) -> Frame:
+        """Return a frame of constants."""
         width, height = self.asked.size
         shapes = {c.name: (height, width, 3) if c.components == 3 else (height, width) for c in CHANNELS.values()}
         shapes |= {f.name: (1, 3) for f in fields(Frame) if f.name.startswith("records_")}

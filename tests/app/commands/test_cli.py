@@ -36,10 +36,14 @@ def test_flags_reach_the_renderer(fake: Any, place: Path, capsys: pytest.Capture
     assert cli.main([*RENDER, "--size", "6", "4", "--preset", "preview", "--gather-size=64", *flags]) == 0
     assert (fake.asked.size, fake.asked.preset) == ((6, 4), "preview")
     wanted = {"a": 0.3, "tolerance": 4.0, "blend": 1.0, "exposure": -1.5, "bounces": 0, "gather": "plane", "seed": 7}
-    assert fake.asked.settings == {**wanted, "gather_size": 64}
+    assert fake.asked.settings == {**wanted, "gather_size": 64, "samples": 16}, "a picture has 16 samples a pixel"
     for words, value in ((["--fill-holes"], True), (["--fill-holes", "OFF"], False), (["--fill-holes=off"], False)):
         assert cli.main(["render", *SMALL, "-o", "a.png", "--rest", "5", *words, "plain.scene"]) == 0
-        assert fake.asked.scene.name == "plain" and fake.asked.settings == {"viewer_samples": 5, "fill_holes": value}
+        assert fake.asked.scene.name == "plain" and fake.asked.settings == {
+            "viewer_samples": 5,
+            "fill_holes": value,
+            "samples": 16,
+        }
 
 
 def test_help(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
