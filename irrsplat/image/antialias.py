@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -28,6 +29,7 @@ from irrsplat.records.culling import reaching
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.settings import Settings
 
+_DRAWN = object()  # stands for the end of a sample
 OnProgress = Callable[[float], None]  # called with the share of the samples that are done, 0..1
 
 
@@ -61,6 +63,7 @@ class Antialiaser(Owner):
         self._buffers: SampleBuffers | None = None
         self._source: View | None = None  # the view that is being sampled, as the frame gave it
         self._sampled: View | None = None  # the same with its samples
+        self._sample: Iterator[None] | None = None  # a sample that a budget has interrupted
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
@@ -75,8 +78,9 @@ class Antialiaser(Owner):
         inputs: FrameInputs,
         on_progress: OnProgress | None = None,
     ) -> View:
-        """`view` with `samples` a pixel, or with as many more than last time as the budget has time for, at least one.
+        """Return `view` with `samples` a pixel, or with as many more than last time as the budget has time for.
 
+        A limited budget is checked after each stage of a sample. At least one stage is drawn, and the next call continues there.
         A view other than the last one starts anew; where it is refined, what was returned before stays as it is meanwhile.
         Ctrl-C, where there is no budget, ends it early. on_progress: called after each sample.
         """
@@ -91,25 +95,29 @@ class Antialiaser(Owner):
             image, direct, indirect, emission, alpha = means
             self._source = view
             self._sampled = replace(view, image=image, direct=direct, indirect=indirect, emission=emission, alpha=alpha)
+            self._sample = None
         if self._sampled.samples == samples:
             return self._sampled
-        first = done = self._sampled.samples
-        last_seconds = 0.0
+        done, last_seconds = self._sampled.samples, -math.inf
         with self.timers("samples"):
             try:
-                while done < samples and (done == first or last_seconds < budget.left):
+                while done < samples and last_seconds < budget.left:
                     start = now()
-                    _add_sample(done, view, passes, inputs, buffers)
-                    done += 1
-                    if on_progress is not None:
-                        self.ctx.finish()
-                        on_progress(done / samples)
+                    self._sample = self._sample or _add_sample(done, view, passes, inputs, buffers)
+                    if next(self._sample, _DRAWN) is _DRAWN:
+                        self._sample, done = None, done + 1
+                        if on_progress is not None:
+                            self.ctx.finish()
+                            on_progress(done / samples)
                     if budget.limited:
                         self.ctx.finish()
                         last_seconds = now() - start
             except KeyboardInterrupt:
+                self._sample = None
                 if budget.limited:
                     raise
+        if done == self._sampled.samples:
+            return self._sampled
         self._sampled = replace(self._sampled, samples=done)  # a new object, since its textures have new contents
         return self._sampled
 
@@ -140,15 +148,17 @@ class SampleBuffers(Owner):
         return (self.mean, self.other, self.gbuffer, self.splat, self.direct, self.smooth, self.emitters, self.added)
 
 
-def _add_sample(number: int, view: View, passes: FramePasses, inputs: FrameInputs, buffers: SampleBuffers) -> None:
-    """Draw the sample of this number as a frame is drawn, and blend it into the means."""
+def _add_sample(number: int, view: View, passes: FramePasses, inputs: FrameInputs, buffers: SampleBuffers) -> Iterator[None]:
+    """Draw the sample of this number as a frame is drawn, and blend it into the means; yield between the stages."""
     x, y, rotation = sample_offset(number)
     camera, settings = jittered(view.camera, (x, y), buffers.size), inputs.settings
     gbuffer = passes.gbuffer(inputs.world, camera, buffers.gbuffer)
+    yield
     passes.splat.clear(gbuffer, target=buffers.splat)
     if settings.most_bounces > 0 and inputs.cache.count:
         numbers = reaching(inputs.cache, 0, camera, buffers.size, settings, partial(passes.splat.farthest, gbuffer, camera))
         passes.splat(inputs.cache.records, numbers, gbuffer, camera, settings, target=buffers.splat, reach=view.splats.reach)
+    yield
     sums = buffers.splat.textures[0]
     if settings.smooth:
         buffers.smooth = buffers.smooth or Target(buffers.gbuffer.ctx, buffers.size, (4,))
@@ -158,7 +168,9 @@ def _add_sample(number: int, view: View, passes: FramePasses, inputs: FrameInput
         buffers.added = buffers.added or Target(buffers.gbuffer.ctx, buffers.size, (4,))
         light = passes.emitters(gbuffer, inputs.world, settings, number, buffers.emitters)
         sums = passes.composite.with_emitters(sums, light, gbuffer, view.splats.sums, buffers.added)
+        yield
     direct = passes.direct(gbuffer, inputs.shadows, rotation, buffers.direct, inputs.headlamp)
+    yield
     buffers.mean(number + 1, gbuffer, direct, sums, view.sums, view.backdrop.uniforms(camera, buffers.size), settings.mix)
 
 

@@ -60,6 +60,11 @@ class ViewSplats(Owner):
         """1 where every pixel has been splatted, 2 where every other one has."""
         return self._drawn.sums.pixel_stride if self._drawn is not None else 1
 
+    @property
+    def sums(self) -> SplatBuffer | None:
+        """The sums of the last update; None before the first one."""
+        return None if self._drawn is None else self._drawn.sums
+
     def forget(self) -> None:
         """Draw all of it again next time."""
         self._drawn = None

@@ -85,7 +85,9 @@ class Frames(Owner):
         shown = self.state.shown
         if shown is None or shown.subject != self.state.picture_subject(camera) or self.stages.picture is not shown.view:
             return False
-        return shown.age < min(_PICTURE_SHARE * self.state.costs.picture, _OLDEST_PICTURE)
+        costs, renewing = self.state.costs, len(self.scheduler.cache.stale) > 0
+        least = costs.splat + costs.picture if renewing else 0.0  # so that gathering gets half of the time
+        return shown.age < max(min(_PICTURE_SHARE * costs.picture, _OLDEST_PICTURE), least)
 
     def accumulate(self, view: View, samples: int, seconds: float | None = None, on_progress: OnProgress | None = None) -> View:
         """The view of the last frame with more samples, as Renderer.accumulate has it."""

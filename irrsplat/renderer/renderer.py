@@ -213,8 +213,11 @@ class Renderer(Tenant):
         return self._frames.can_refine
 
     def accumulate(self, view: View, samples: int, seconds: float | None = None, on_progress: OnProgress | None = None) -> View:
-        """The `view` that `frame` gave last, with `samples` a pixel, or as many more than last time as `seconds` allow, one at
-        least; the cache is left as it is. on_progress: called with the share done, 0..1, after each."""
+        """Return the `view` that `frame` gave last with `samples` a pixel, or with as many more than last time as `seconds` has.
+
+        At least one stage of a sample is drawn, and the next call continues there. The cache is left as it is.
+        on_progress: called with the share done, 0..1, after each sample.
+        """
         self._use()
         return self._frames.accumulate(view, samples, seconds, on_progress)
 

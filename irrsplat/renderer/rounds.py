@@ -60,7 +60,12 @@ class Rounds:
         renewed = 0
         if ready:
             share = 1.0 if view.coverage == 1.0 else _RENEWAL
-            renewed = scheduler.renew(shadows, gbuffer, camera, budget.part(share, costs.splat + later))
+            renewed = scheduler.renew(shadows, gbuffer, camera, budget.part(share, costs.splat + later if picture else 0.0))
+        if renewed and not picture and len(self.cache.stale) and (shown := stages.splats(state).sums) is not None:
+            # A changed record costs a splat of all records: while the last picture stays, records get the whole tick.
+            return replace(state, view=replace(view, stalled_rounds=0)), Round(
+                camera, shadows, gbuffer, shown, self._progress(view, NOTHING_ASKED, renewed, self.cache.waiting)
+            )
         if renewed or len(self.cache.stale):
             view = replace(view, stalled_rounds=0)  # what stalled by the old light may be served by the new
         start = now()
@@ -68,6 +73,8 @@ class Rounds:
         if view.stalled and view.pixel_stride > 1:
             view = replace(view, pixel_stride=1, stalled_rounds=0)
         splats = stages.splats(state).update(self.cache, gbuffer, camera, settings, view.pixel_stride)
+        if budget.limited:
+            stages.ctx.finish()
         costs = replace(costs, splat=now() - start)
 
         requests = NOTHING_ASKED
@@ -84,11 +91,18 @@ class Rounds:
         if ready and budget.limited and not requests.new and not renewed:
             scheduler.gatherer.learn(shadows, budget.part(1.0, later))
             waiting += scheduler.gatherer.to_learn
-        stale, made = (waiting, scheduler.gatherer.surface_share) if bounces else (0, 1.0)
-        progress = Progress(
+        progress = self._progress(view, requests, renewed, waiting if bounces else None)
+        return replace(state, view=view, costs=costs), Round(camera, shadows, gbuffer, splats, progress)
+
+    def _progress(self, view: ViewState, requests: RoundResult, renewed: int, waiting: int | None) -> Progress:
+        """Return how far a view has come by a round: records gathered again, and records that wait for that.
+
+        waiting: None without bounces, where nothing is gathered.
+        """
+        stale, made = (0, 1.0) if waiting is None else (waiting, self.scheduler.gatherer.surface_share)
+        return Progress(
             view.rounds, self.cache.count, requests.new, view.coverage, renewed, stale, requests.complete, made, view.full
         )
-        return replace(state, view=view, costs=costs), Round(camera, shadows, gbuffer, splats, progress)
 
     def frozen(self, state: State, camera: Camera) -> Round:
         """What a view's picture is made of by the records that there are: none is gathered or changed, and nothing of other views

@@ -175,14 +175,14 @@ def test_what_is_a_mean_and_what_is_the_centre_s(settings: dict[str, Any]) -> No
 # ---- ticks ------------------------------------------------------------------------------------------------------------
 
 
-def test_ticks_add_a_sample_each_and_come_to_what_a_render_has() -> None:
-    """Each tick without time left adds one sample, until there are as many as wanted."""
+def test_ticks_add_stages_of_samples_and_come_to_what_a_render_has() -> None:
+    """A tick without time left draws one of the four stages of a sample, until there are as many samples as requested."""
     with Renderer(room(), SIZE, **FAST) as renderer:
         renderer.render()
         view = renderer.frame()[0]
         assert renderer.accumulate(view, 1) is view and renderer.accumulate(view, 0) is view
-        counts = [renderer.accumulate(view, 5, seconds=1e-6).samples for _ in range(6)]
-        assert counts == [2, 3, 4, 5, 5, 5]
+        counts = [renderer.accumulate(view, 5, seconds=1e-6).samples for _ in range(18)]
+        assert counts == [1, 1, 1, *np.repeat([2, 3, 4], 4), 5, 5, 5]
         image = pixels(renderer.accumulate(view, 5).image)[..., :3].copy()
         renderer.change(replace(renderer.settings, samples=5))
         assert np.array_equal(image, renderer.render().image)
