@@ -6,7 +6,6 @@ import configparser
 import re
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -15,7 +14,6 @@ from PIL import Image
 from irrsplat.app import cli
 from irrsplat.app.common import desktop_entry
 from irrsplat.app.common.icon import SIZES
-from irrsplat.core.errors import IrrsplatError
 
 
 def test_it_is_installed_and_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
@@ -52,9 +50,3 @@ def test_the_entry_runs_irrsplat_wherever_it_is(tmp_path: Path) -> None:
             ["desktop-file-validate", tmp_path / "irrsplat.desktop"], capture_output=True, text=True, check=False
         )
         assert (done.returncode, done.stdout) == (0, "")
-
-
-def test_other_systems_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys, "platform", "win32")
-    with pytest.raises(IrrsplatError, match="shortcut"):
-        desktop_entry.data_home()

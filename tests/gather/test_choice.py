@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import moderngl
 import pytest
 
 from irrsplat.app import cli
 from irrsplat.gather import autotune
-from irrsplat.gpu import context
 from irrsplat.renderer import Renderer
 from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
@@ -52,24 +49,3 @@ def test_the_faster_gather_is_taken_and_kept(
 
 def test_the_real_race_times_both_gathers(ctx: moderngl.Context, race: Callable[..., autotune.Times]) -> None:
     assert all(time > 0.0 for time in race(ctx, SMALL, 16, autotune.ray_kind(ctx, ONE)))
-
-
-@pytest.mark.parametrize(
-    "content", ['"version": 9, "milliseconds": {}', '"version": 1, "milliseconds": {"NAME": [1, "x"]}', None]
-)
-def test_kept_times_are_taken_where_they_are_sound(
-    ctx: moderngl.Context, timed: Any, tmp_path: Path, content: str | None
-) -> None:
-    """A damaged file is written anew. Where no folder can be, nothing is timed, or the next process might choose otherwise."""
-    timed(2.0, 1.0)
-    if content is None:
-        (tmp_path / "cache").write_text("in the way")
-        assert autotune.kind(ctx, SMALL, ONE) == "raster" and autotune.kept(context.describe(ctx)) == []
-        return
-    assert autotune.kind(ctx, SMALL, ONE) != "raster"
-    file = tmp_path / "cache" / "gathers.json"
-    (name,) = json.loads(file.read_text())["milliseconds"]
-    file.write_text("{" + content.replace("NAME", name) + "}")
-    timed(1.0, 2.0)
-    assert autotune.kind(ctx, SMALL, ONE) == "raster"
-    assert json.loads(file.read_text())["milliseconds"] == {name: [1.0, 2.0]}

@@ -194,7 +194,8 @@ def test_colours_are_srgb_as_in_other_programs(driver: Driver, editor: Editor) -
     editor.pick_mesh(1)
     driver.frame(4)
     driver.enter(Widget("color_edit3", "", _third(driver.find("reflects"))), "128")
-    assert editor.object(1).albedo[0] == pytest.approx(0.2159, abs=1e-4)
+    albedo = editor.object(1).albedo
+    assert albedo is not None and albedo[0] == pytest.approx(0.2159, abs=1e-4)
     editor.pick_mesh(None)
     driver.actions.panels.lights = True
     driver.frame(4)

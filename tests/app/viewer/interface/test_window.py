@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -138,7 +139,7 @@ def test_files_are_dropped_on_it(display: str, tmp_path: Path) -> None:
         source = DropSource(int(hand("search", "--onlyvisible", "--name", "irrsplat").split()[0]))
         for files, title in (([one], "furnace"), ([two, one], "curved"), ([tmp_path], "curved"), ([bad], "curved")):
             assert source.drop(files, WALL)
-            until(lambda title=title: hand("search", "--onlyvisible", "--name", f"^{title} – irrsplat"), title)
+            until(partial(hand, "search", "--onlyvisible", "--name", f"^{title} – irrsplat"), title)
         until(lambda: (np.abs(seen() - RED).max(-1) < 40).mean() > 0.05, "the errors on red")
         source.close()
         process.terminate()
