@@ -63,6 +63,6 @@ def test_the_sun_of_a_date_replaces_the_brightest_directional_light() -> None:
     dim = replace(sun, position=(1.0, 0.2, 0.0), color=(0.1, 0.1, 0.1))
     edit = SceneEdit((Lamp.of(lamp), Lamp.of(dim), Lamp.of(sun)), ())
     sky = SunSky(latitude=40.0, longitude=-3.7, minute=10 * 60, day=80)
-    made = edit.with_sky(sky, sky.environment((0.0, 1.0, 0.0), rows=32))
+    made = edit.with_sky(sky, sky.environment((0.0, 1.0, 0.0), rows=96))
     assert [one.light for one in made.lamps[:2]] == [lamp, dim] and len(made.lamps) == 3
     assert made.lamps[2].of_sky and made.lamps[2].light.name == "sun"
