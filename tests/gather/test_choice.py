@@ -45,7 +45,3 @@ def test_the_faster_gather_is_taken_and_kept(
     assert autotune.kind(ctx, SMALL, Settings()) == rays, "further bounces always go by rays"
     assert cli.main(["doctor"]) == 0
     assert "by rasters in 0 of the 1 scenes timed here" in capsys.readouterr().out
-
-
-def test_the_real_race_times_both_gathers(ctx: moderngl.Context, race: Callable[..., autotune.Times]) -> None:
-    assert all(time > 0.0 for time in race(ctx, SMALL, 16, autotune.ray_kind(ctx, ONE)))

@@ -1,73 +1,106 @@
-"""A source of drag and drop on X11: it drops files on a window as a file manager does (XDND, version 5)."""
+"""A source of drag and drop on X11: it drops files on a window as a file manager does (XDND, version 5), by Xlib."""
 
 from __future__ import annotations
 
+import ctypes
+import os
 import select
 from collections.abc import Sequence
+from ctypes import c_char_p, c_int, c_long, c_uint, c_ulong, c_void_p
 from pathlib import Path
-
-from Xlib import X
-from Xlib.display import Display
-from Xlib.protocol import event, request
-from Xlib.xobject.drawable import Window
+from typing import Any
 
 LIMIT = 180.0  # seconds for an answer; it decides no outcome
 VERSION = 5
+CLIENT_MESSAGE, SELECTION_REQUEST, SELECTION_NOTIFY = 33, 30, 31  # X.h
+SIGNATURES: dict[str, tuple[object, list[object]]] = {  # of Xlib.h: result, arguments
+    "XOpenDisplay": (c_void_p, [c_char_p]),
+    "XDefaultRootWindow": (c_ulong, [c_void_p]),
+    "XCreateSimpleWindow": (c_ulong, [c_void_p, c_ulong, c_int, c_int, c_uint, c_uint, c_uint, c_ulong, c_ulong]),
+    "XInternAtom": (c_ulong, [c_void_p, c_char_p, c_int]),
+    "XSetSelectionOwner": (c_int, [c_void_p, c_ulong, c_ulong, c_ulong]),
+    "XSendEvent": (c_int, [c_void_p, c_ulong, c_int, c_long, c_void_p]),
+    "XChangeProperty": (c_int, [c_void_p, c_ulong, c_ulong, c_ulong, c_int, c_int, c_char_p, c_int]),
+    "XPending": (c_int, [c_void_p]),
+    "XNextEvent": (c_int, [c_void_p, c_void_p]),
+    "XFlush": (c_int, [c_void_p]),
+    "XConnectionNumber": (c_int, [c_void_p]),
+    "XCloseDisplay": (c_int, [c_void_p]),
+}
+
+
+def event_of(*fields: tuple[str, Any]) -> Any:
+    """Return the structure of an event: the begin of every event, then `fields`."""
+    start = (("type", c_int), ("serial", c_ulong), ("send_event", c_int), ("display", c_void_p))
+    return type("Event", (ctypes.Structure,), {"_fields_": (*start, *fields)})
+
+
+SELECTION = tuple((name, c_ulong) for name in ("requestor", "selection", "target", "property", "time"))
+Message = event_of(("window", c_ulong), ("kind", c_ulong), ("format", c_int), ("values", c_long * 5))  # XClientMessageEvent
+Answer = event_of(*SELECTION)  # XSelectionEvent
+Request = event_of(("owner", c_ulong), *SELECTION)  # XSelectionRequestEvent
+
+
+class Event(ctypes.Union):
+    """An XEvent."""
+
+    _fields_ = (("type", c_int), ("message", Message), ("request", Request), ("answer", Answer), ("pad", c_long * 24))
 
 
 class DropSource:
     """Drops files on the window of the number `target` on the display in DISPLAY."""
 
     def __init__(self, target: int) -> None:
-        self.display = Display()
-        self.target = self.display.create_resource_object("window", target)
-        root = self.display.screen().root
-        self.window: Window = root.create_window(0, 0, 1, 1, 0, X.CopyFromParent)
+        self.x = ctypes.CDLL("libX11.so.6")
+        for name, (result, arguments) in SIGNATURES.items():
+            function = getattr(self.x, name)
+            function.restype, function.argtypes = result, arguments
+        self.target, self.display = target, self.x.XOpenDisplay(os.environ["DISPLAY"].encode())
+        self.window = self.x.XCreateSimpleWindow(self.display, self.x.XDefaultRootWindow(self.display), 0, 0, 1, 1, 0, 0, 0)
 
     def atom(self, name: str) -> int:
         """Return the number of an atom."""
-        return int(self.display.intern_atom(name))
+        return int(self.x.XInternAtom(self.display, name.encode(), 0))
 
     def drop(self, paths: Sequence[Path], at: tuple[int, int]) -> bool:
         """Drop `paths` at a point of the screen. Return True if the target reports success."""
         uris = "".join(f"{path.as_uri()}\r\n" for path in paths).encode()
-        self.window.set_selection_owner(self.atom("XdndSelection"), X.CurrentTime)
+        self.x.XSetSelectionOwner(self.display, self.atom("XdndSelection"), self.window, 0)
         self._send("XdndEnter", VERSION << 24, self.atom("text/uri-list"), 0, 0)
-        self._send("XdndPosition", 0, at[0] << 16 | at[1], X.CurrentTime, self.atom("XdndActionCopy"))
+        self._send("XdndPosition", 0, at[0] << 16 | at[1], 0, self.atom("XdndActionCopy"))
         self._wait("XdndStatus", b"")
-        self._send("XdndDrop", 0, X.CurrentTime, 0, 0)
+        self._send("XdndDrop", 0, 0, 0, 0)
         return self._wait("XdndFinished", uris)[1] != 0
 
     def close(self) -> None:
         """Disconnect from the display."""
-        self.display.close()
+        self.x.XCloseDisplay(self.display)
 
     def _send(self, kind: str, *values: int) -> None:
-        data = (32, [self.window.id, *values])
-        self.target.send_event(event.ClientMessage(window=self.target, client_type=self.atom(kind), data=data))
-        self.display.flush()
+        event, longs = Event(), (c_long * 5)(self.window, *values)
+        event.message = Message(CLIENT_MESSAGE, 0, 1, self.display, self.target, self.atom(kind), 32, longs)
+        self._out(self.target, event)
+
+    def _out(self, window: int, event: Event) -> None:
+        self.x.XSendEvent(self.display, window, 0, 0, ctypes.byref(event))
+        self.x.XFlush(self.display)
 
     def _wait(self, kind: str, uris: bytes) -> list[int]:
         """Return the values of the target's message of this kind; until then, hand out the files where they are requested."""
+        event, wanted = Event(), self.atom(kind)
         while True:
-            while self.display.pending_events():
-                got = self.display.next_event()
-                if got.type == X.ClientMessage and got.client_type == self.atom(kind):
-                    return list(got.data[1])
-                if got.type == X.SelectionRequest:
-                    self._hand_out(got, uris)
-            ready, _, _ = select.select([self.display], [], [], LIMIT)
+            while self.x.XPending(self.display):
+                self.x.XNextEvent(self.display, ctypes.byref(event))
+                if event.type == CLIENT_MESSAGE and event.message.kind == wanted:
+                    return list(event.message.values)
+                if event.type == SELECTION_REQUEST:
+                    self._hand_out(event.request, uris)
+            ready, _, _ = select.select([self.x.XConnectionNumber(self.display)], [], [], LIMIT)
             assert ready, f"no {kind} within {LIMIT:g} s"
 
-    def _hand_out(self, asked: request.Request, uris: bytes) -> None:
-        asked.requestor.change_property(asked.property, asked.target, 8, uris)
-        asked.requestor.send_event(
-            event.SelectionNotify(
-                time=asked.time,
-                requestor=asked.requestor,
-                selection=asked.selection,
-                target=asked.target,
-                property=asked.property,
-            )
-        )
-        self.display.flush()
+    def _hand_out(self, asked: Any, uris: bytes) -> None:
+        self.x.XChangeProperty(self.display, asked.requestor, asked.property, asked.target, 8, 0, uris, len(uris))
+        answer = Event()
+        fields = asked.requestor, asked.selection, asked.target, asked.property, asked.time
+        answer.answer = Answer(SELECTION_NOTIFY, 0, 1, self.display, *fields)
+        self._out(asked.requestor, answer)
