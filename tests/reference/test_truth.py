@@ -162,7 +162,7 @@ def test_a_truth_is_kept_and_found_again(tmp_path: Path, monkeypatch: pytest.Mon
     assert kept(scene, scene.camera(), size, "all", 8) is None
     for count, damage in ((1, None), (1, None), (2, {"direct": made.direct[:2]}), (2, None), (3, {"clear": made.opacity})):
         if damage:
-            (file,) = tmp_path.iterdir()
+            (file,) = tmp_path.glob("*.npz")
             disk_cache.write(file, values | damage)
             assert kept(scene, scene.camera(), size, "all", 8) is None
         assert np.array_equal(find().direct, made.direct) and len(calls) == count and len(said) == count - 1
