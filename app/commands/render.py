@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from irrsplat.scene.model import Scene
 
 FALSE_COLOURED = ("light", "irradiance", "image", "direct", "indirect", "emission")
-SAMPLES = 16  # of a pixel of a picture, where the flag is not given; arrays hold what the pixels' centres see
+SAMPLES = 16  # samples a pixel of a picture without --samples; arrays are those of the pixels' centres
 _FROZEN_ALONE = (
     "--on renders the frames of a flight from a frozen cache, so that they are the same whoever renders them; "
     "give --path or --turntable, and --cache-mode frozen with a --cache that irrsplat fill has made"

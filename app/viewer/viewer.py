@@ -206,6 +206,7 @@ class Viewer(Owner):
         if self.wnd.is_closing and not (self._ending or self.actions.quitting):
             self.actions.quit()
             self.wnd.is_closing = self.actions.quitting
+            self.wake()  # for the question
         return bool(self.wnd.is_closing)
 
     def loop(self) -> None:

@@ -133,7 +133,7 @@ MAGNIFIER = "U"
 FLYING = (  # what is held, not pressed
     ("right mouse", "hold and move to look"),
     ("W A S D, E Q", "fly; up and down"),
-    ("Shift, Alt", "fast, slow; no shortcut works while one flies"),
+    ("Shift, Alt", "fast, slow; no shortcut works in flight"),
     ("wheel", "nearer to the cursor; right mouse held: speed"),
     ("left mouse", "drag to orbit about a point; or the divider"),
     ("left click", "pick an object, or a light while F4 is open"),
