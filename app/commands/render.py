@@ -45,7 +45,8 @@ def add(commands: Any) -> None:
     flags.add_scene(parser)
     add(
         "-o", "--output", metavar="OUT", action="append", required=True,
-        help="may be repeated: .png (the picture), .exr (a float32 layer per buffer), .npz (all buffers, records and stats), "
+        help="may be repeated: .png (the picture, 16 samples a pixel unless --samples is given),"
+        ".exr (a float32 layer per buffer), .npz (all buffers, records and stats), "
         "or a folder (a PNG per buffer, and the paper's figures); of a flight, {frame} or {frame:04d} in it is the number, and "
         ".mp4, .webm and .gif are films (extra: pip install 'irrsplat[video]')",
     )  # fmt: skip
@@ -201,11 +202,14 @@ def run(args: argparse.Namespace) -> int:
                 frame = renderer.render(camera, progress=on_round, buffers=wanted, **how)
         if flight is None and frame.stats.get("interrupted") and not frame.stats.get("rounds") and not keeps:
             return fail("interrupted before the first round was complete; nothing was written", INTERRUPTED)
+        pngs = [path for path in args.output if path.lower().endswith(".png")]
+        if arrays and pngs and pictures_sampled:
+            renderer.change(renderer.settings.with_values({"samples": SAMPLES}))
+            picture = renderer.render(camera, buffers=needed(pngs, buffers), gather=False)
+        elif flight is None:
+            picture = frame
         for path in args.output if flight is None else ():
-            shown = frame
-            if arrays and pictures_sampled and path.lower().endswith(".png"):
-                renderer.change(renderer.settings.with_values({"samples": SAMPLES}))
-                shown = renderer.render(camera, buffers=needed([path], buffers), gather=False)
+            shown = picture if path in pngs else frame
             outputs.write(path, partial(files.save, path, shown, buffers, renderer, camera))
         if args.cache is not None and renderer.cache.count and not keeps:
             outputs.write(args.cache, partial(renderer.save_cache, args.cache))

@@ -91,6 +91,13 @@ def normals_shown() -> bool:
     return bool(np.abs(seen()[WALL[1], WALL[0]] - (128, 128, 0)).max() <= 3)
 
 
+def hide_interface() -> None:
+    """Hide menus and panels, and wait until the menu bar is gone."""
+    bar = seen()[:20]
+    hand("key", "F2")
+    until(lambda: differ(bar, seen()[:20]) > 0.3, "the menu bar is gone")
+
+
 @contextmanager
 def viewer(folder: Path, *words: str) -> Iterator[subprocess.Popen[str]]:
     """Start the viewer of the Cornell box with panels closed. Yield its process once its window shows a picture."""
@@ -150,9 +157,7 @@ def test_no_shortcut_fires_in_flight(display: str, tmp_path: Path) -> None:
     """With W down, which flies ahead, Ctrl+O opens no dialog and Ctrl+Q does not quit."""
     with viewer(tmp_path) as process:
         until(normals_shown, "normals", "key", "7")
-        bar = seen()[:20]
-        hand("key", "F2")  # hides the interface
-        until(lambda: differ(bar, seen()[:20]) > 0.3, "the menu bar is gone")
+        hide_interface()
         before = seen()
         hand("keydown", "w")
         until(lambda: differ(before, seen()) > 0.02, "W flies ahead")
@@ -169,9 +174,7 @@ def test_one_flies_and_goes_home_and_a_screenshot_is_what_the_window_shows(displ
     """In the normals, which are all there at once."""
     with viewer(tmp_path) as process:
         until(normals_shown, "normals", "key", "7")
-        bar = seen()[:20]
-        hand("key", "F2")  # hides the interface
-        until(lambda: differ(bar, seen()[:20]) > 0.3, "the menu bar is gone")
+        hide_interface()
         first = seen()
         hand("mousedown", 3)
         until(lambda: differ(first, seen()) > 0.2, "the right mouse button looks about", "mousemove_relative", 20, 0)
