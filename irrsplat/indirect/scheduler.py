@@ -105,9 +105,9 @@ class RecordScheduler(Owner):
 
     # ---- rounds ----------------------------------------------------------------------------------------------------
 
-    def prepare(self, shadows: ShadowMaps, budget: Budget, alone: bool = False) -> bool:
-        """Go on with what gathering needs; whether records may be gathered. alone: none are without a first surface cache."""
-        return self.gatherer.prepare(shadows, budget, alone)
+    def prepare(self, shadows: ShadowMaps, budget: Budget, idle: bool = False) -> bool:
+        """Go on with what gathering needs; True if records may be gathered. idle: True if no record waits."""
+        return self.gatherer.prepare(shadows, budget, idle)
 
     def renew(self, shadows: ShadowMaps, gbuffer: GBuffer, camera: Camera, budget: Budget) -> int:
         """Gather stale records again in place, those that this view shows most of first; how many."""

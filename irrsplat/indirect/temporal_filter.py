@@ -14,7 +14,7 @@ from irrsplat.gpu.target import Target
 from irrsplat.scene.model import Camera
 
 SHARE = 0.2  # of a picture's irradiance that follows the records at once, while they or the view change
-CHANGING = 0.8  # the same while lamps or meshes move: what was shown before is no longer true
+CHANGING = 0.8  # the same share after lights, meshes or the surface cache have changed: what was shown is no longer true
 PICTURES = 8  # after the last change, over which all of it follows
 
 
@@ -27,7 +27,7 @@ class _Shown:
     target: Target
     camera: Camera
     subject: object
-    scene: object
+    scene: tuple[object, ...]
     left: int
     dimming: tuple[float, ...] = (1.0, 1.0, 1.0)
 
@@ -69,18 +69,19 @@ class TemporalFilter(Owner):
         gbuffer: GBuffer,
         camera: Camera,
         subject: object,
-        scene: object,
+        scene: tuple[object, ...],
         surface: Uniforms | None = None,
     ) -> SplatBuffer:
         """What the next picture shows of `splats`: these themselves where nothing fades, else their weights, and sums (w·E, w) of
         w = 1/depth in textures of this pass's own.
 
-        scene: an object that is another one where lamps or meshes have moved. surface: the uniforms of the surface cache for
-        triangles numbered as in the scene: pixels without records go on with what they showed, or take what it says; None: they
-        have no sums here either.
+        scene: objects of which one is another after lights, meshes or the surface cache have changed. surface: the uniforms of
+        the surface cache for triangles numbered as in the scene: pixels without records keep what they showed, or take the value
+        of the surface cache, if they showed nothing or it has changed; None: they have no sums here either.
         """
         shown, left, filling = self._shown, self.left(subject), surface is not None
-        now, share = self._target(splats.sums.size, shown), self._share(subject, scene)
+        changed = shown is not None and any(a is not b for a, b in zip(shown.scene, scene, strict=True))
+        now, share = self._target(splats.sums.size, shown), self._share(subject, changed)
         stride = splats.pixel_stride
         self._shown = None  # nothing counts as shown until all of it is drawn
         self.program(
@@ -92,6 +93,7 @@ class TemporalFilter(Owner):
             pixel_stride=stride,
             **self._before(shown, splats.sums),
             filling=filling,
+            kept=not changed,
             share=share,
         )
         if surface is not None:
@@ -100,12 +102,12 @@ class TemporalFilter(Owner):
         self._shown = _Shown(now, camera, subject, scene, left)
         return replace(splats, sums=now.textures[0]) if left or filling else splats
 
-    def _share(self, subject: object, scene: object) -> float:
-        """The share of the next picture's irradiance that follows the records at once."""
+    def _share(self, subject: object, changed: bool) -> float:
+        """Return the share of the next picture's irradiance that follows the records at once. changed: True if the scene has."""
         shown = self._shown
         if shown is None or shown.subject == subject:
             return 1.0 / (self.left(subject) + 1)
-        return SHARE if shown.scene is scene else CHANGING
+        return CHANGING if changed else SHARE
 
     def _target(self, size: tuple[int, int], shown: _Shown | None) -> Target:
         """Where the next picture's irradiance goes: not over the last one's."""

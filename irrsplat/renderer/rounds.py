@@ -22,7 +22,6 @@ from irrsplat.settings import Settings
 
 Made = TypeVar("Made", bound="HasProgress")
 _RENEWAL = 0.6  # of the time for gathering that stale records may take while pixels without a record wait too
-_ROUGHLY = 0.9  # coverage from which on ticks work at the first surface cache alone, without further records of one bounce
 
 
 class Rounds:
@@ -55,8 +54,8 @@ class Rounds:
         view = self.view_state(state, camera)
 
         bounces = settings.most_bounces > 0
-        waits = budget.limited and view.coverage > _ROUGHLY  # what is gathered without a surface cache is gathered again soon
-        ready = gather and bounces and scheduler.prepare(shadows, budget.part(1.0, costs.splat + later), alone=waits)
+        idle = view.settled is not None and not len(self.cache.stale)
+        ready = gather and bounces and scheduler.prepare(shadows, budget.part(1.0, costs.splat + later), idle)
         renewed = 0
         if ready:
             share = 1.0 if view.coverage == 1.0 else _RENEWAL

@@ -163,7 +163,7 @@ class Stages(Owner):
             if fading or surface is not None:
                 with self.timers("composite"):
                     found = None if surface is None else surface.uniforms()
-                    splats = temporal_filter(splats, gbuffer, camera, subject, shadows, found)
+                    splats = temporal_filter(splats, gbuffer, camera, subject, (shadows, held), found)
             splats = self.splats(state).at_every_pixel(splats, gbuffer, camera)
             sums = splats.sums
             if done.sparing:

@@ -2,6 +2,8 @@
 
 It holds E_(N−1) where records are to hold E_N, and is made once for all views: sites are chosen, rays from every site tell what
 light comes to it first and which other sites they meet, and from then on all bounces are sums.
+
+Ticks make a coarse surface cache first, in a fraction of the time, and use its values until those of the full one are there.
 """
 
 from __future__ import annotations
@@ -28,7 +30,7 @@ from irrsplat.surface_cache.finer_sites import FinerSites, bounces_of, with_know
 from irrsplat.surface_cache.follower import Follower
 from irrsplat.surface_cache.lamp_parts import SCALE, LampPart, SitePart
 from irrsplat.surface_cache.lookup_table import Held, LaidOut, LookupTable, unknown
-from irrsplat.surface_cache.site_layout import FIRST_SITE, MAX_SITES, SiteChooser, SiteLayout
+from irrsplat.surface_cache.site_layout import COARSE, FIRST_SITE, FULL, MAX_SITES, Detail, SiteChooser, SiteLayout
 from irrsplat.surface_cache.site_rays import PlaceSearch, SiteRays
 from irrsplat.surface_cache.transport import BouncedLight, Transport
 from irrsplat.surface_cache.view import SurfaceViewPass
@@ -58,12 +60,18 @@ class _Changing:
 
 
 class SurfaceCache(Owner):
-    """The surface cache of a world's scene."""
+    """The surface cache of a world's scene.
 
-    def __init__(self, world: World, settings: Settings, timers: Timers) -> None:
-        self.ctx, self.world, self.timers = world.ctx, world, timers
+    detail: the density of its sites and rays. A full one has a coarse one, whose values stand in for its own in ticks.
+    """
+
+    def __init__(self, world: World, settings: Settings, timers: Timers, detail: Detail = FULL) -> None:
+        self.ctx, self.world, self.timers, self._detail = world.ctx, world, timers, detail
         self._basis = _Basis(world.scene, settings, unlit_interiors(world.scene))
-        self._rays = SiteRays(world, settings)
+        self._rays = SiteRays(world, settings, detail)
+        self._coarse: SurfaceCache | None = None  # made by the first tick that needs it
+        self._stood_in = False  # True while lookups find the values of the coarse one
+        self.last_change = 1.0  # of the values by their last change, relative to them, about; 1 if they were made anew
         self._view_pass = SurfaceViewPass(self.ctx)
         self._point_pass = SurfaceViewPass(self.ctx)
         self._made = Workshop()
@@ -83,7 +91,7 @@ class SurfaceCache(Owner):
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
         passes = self._rays, self._view_pass, self._point_pass
-        return (*passes, self._made, self._held.table, self._held.laid_out, self._laid_out, self._finer)
+        return (*passes, self._made, self._held.table, self._held.laid_out, self._laid_out, self._finer, self._coarse)
 
     # ---- what it holds ---------------------------------------------------------------------------------------------
 
@@ -93,14 +101,9 @@ class SurfaceCache(Owner):
         return self._now.light
 
     @property
-    def last_change(self) -> float:
-        """How much what lookups find has changed last, about, relative to it: 1 where it was made anew."""
-        return 1.0 if self.complete or self._follower is None else self._follower.change
-
-    @property
-    def following(self) -> bool:
-        """Whether what lookups find follows a scene that goes on changing, until it is made anew."""
-        return self._follower is not None and not self.complete
+    def stand_in(self) -> LookupTable | None:
+        """The table of the coarse values; None if there are none."""
+        return None if self._coarse is None or self._coarse.result is None else self._coarse.lookup
 
     @property
     def refined(self) -> bool:
@@ -125,7 +128,17 @@ class SurfaceCache(Owner):
     @property
     def _now(self) -> Held:
         """What lookups find."""
+        return self._coarse._own if self._stood_in and self._coarse is not None else self._own
+
+    @property
+    def _own(self) -> Held:
+        """Its own values, and not those of the coarse one."""
         return self._held if self._finer is None else self._finer.held
+
+    @property
+    def current(self) -> bool:
+        """True if lookups find values of the scene as it is, coarse ones or its own."""
+        return self._now.complete or self._changing.now
 
     @property
     def complete(self) -> bool:
@@ -196,7 +209,7 @@ class SurfaceCache(Owner):
         if change or other_rays or any(getattr(old.settings, name) != getattr(settings, name) for name in _LIGHT):
             self._coarsen()
         if moved:
-            self.lookup.follow(self.world.geometry.corners)
+            self._own.table.follow(self.world.geometry.corners)
         if change.hides or change.repainted:  # sites without a place, or other reflectances in the transport
             self.transport = self._follower = None
         if moved and self._follower is not None:
@@ -224,6 +237,11 @@ class SurfaceCache(Owner):
             self.expire()
         if old.settings.bounces != settings.bounces:
             self._bounce_again()
+        if self._coarse is not None and moved and self._follower is not None:  # its own values follow, others come when it rests
+            self._coarse.release()
+            self._coarse, self._stood_in = None, False
+        elif self._coarse is not None:
+            self._coarse.change(settings, change)
         self._basis, self._rays.settings = _Basis(scene, settings, unlit), settings
 
     def _dim(self, factor: np.ndarray) -> None:
@@ -288,6 +306,8 @@ class SurfaceCache(Owner):
         if self._laid_out is not None:  # one by one: which of them a move concerns most is still to be known
             self._laid_out.records.invalidate(np.arange(self._laid_out.records.count))
         self._bounce_again()
+        if self._coarse is not None:
+            self._coarse.expire()
 
     def _bounce_again(self) -> None:
         self._held = replace(self._held, complete=False)
@@ -304,13 +324,23 @@ class SurfaceCache(Owner):
     # ---- making ----------------------------------------------------------------------------------------------------
 
     def advance(self, shadows: ShadowMaps, budget: Budget) -> bool:
-        """Go on making it while the budget lasts; True where that has changed the values, which are then complete."""
+        """Make values, coarse ones first, until the budget ends; True if lookups find other values than before."""
         if self.complete:
             return False
+        with self.timers("surface"):
+            followed = self._follow(shadows, budget)
+        if followed:
+            assert self._follower is not None
+            self._stood_in, self.last_change = False, self._follower.change
+            return True
+        if budget.limited and self._detail is FULL:
+            self._coarse = coarse = self._coarse or SurfaceCache(self.world, self._basis.settings, self.timers, COARSE)
+            if not coarse.complete:
+                made = coarse.advance(shadows, budget)
+                self._stood_in, self.last_change = self._stood_in or made, coarse.last_change
+                return made
         try:
             with self.timers("surface"):
-                if self._follow(shadows, budget):
-                    return True
                 laid_out = self._lay_out(budget)
                 if laid_out is None or not self._find_places(laid_out, shadows, budget):
                     return False
@@ -365,7 +395,7 @@ class SurfaceCache(Owner):
             if self._choosing is None:
                 scene, unlit = self._basis.scene, self._basis.unlit
                 offset = OFFSET * scene.diagonal
-                self._choosing = SiteChooser(scene, unlit, offset, self._rays.see).layout()
+                self._choosing = SiteChooser(scene, unlit, offset, self._rays.see, self._detail.points).layout()
             try:
                 self._chosen = next(self._choosing)
             except StopIteration as end:
@@ -448,7 +478,7 @@ class SurfaceCache(Owner):
         laid_out.table.write(made.irradiance)
         before, self._held = self._held, Held(laid_out.table, laid_out, made, complete=True)
         self._bouncing, self._changing = None, _Changing()
-        self._follower = None
+        self._follower, self._stood_in, self.last_change = None, False, 1.0
         if self.transport is not None and self._basis.settings.bounces == "all":
             E_1, E = self._first(laid_out.records), made.irradiance.copy()
             area = laid_out.layout.area

@@ -42,6 +42,18 @@ _CUT, _SHARED_OUT, _FOUND = 0.05, 0.2, 0.7  # the share of the work that is done
 
 
 @dataclass(frozen=True)
+class Detail:
+    """The density of a surface cache: its share of the sites, and of the rays of each site."""
+
+    points: float
+    rays: float
+
+
+FULL = Detail(1.0, 1.0)
+COARSE = Detail(0.25, 0.25)  # 1 to 2 % off the full one in cornell, door and atrium, after a tenth of its rays
+
+
+@dataclass(frozen=True)
 class SiteLayout:
     """The sites of a surface cache, S values in all, and the cells that find them.
 
@@ -88,12 +100,14 @@ class SiteChooser:
 
     unlit: (F,) the triangles whose inner side no light reaches, see clustering.unlit_interiors. offset: metres above its surface
     that a site looks from. visibility: which of some sight lines (N, 3, 3) are free, as VisibilityPass has it.
+    detail: the share of the cells' corners.
     """
 
     scene: Scene
     unlit: np.ndarray
     offset: float
     visibility: Callable[[np.ndarray], np.ndarray]
+    detail: float = 1.0
 
     def layout(self) -> Generator[float, None, SiteLayout]:
         """All steps, one after the other."""
@@ -110,7 +124,7 @@ class SiteChooser:
         """The surfaces cut and their corners in clusters: at a spacing that goes by the surfaces' area, or wider where too many
         sites would come of it."""
         vertices, faces, area = yield from beside(self._surfaces, 0.0)
-        points = float(np.clip(len(faces), *POINTS))
+        points = float(np.clip(len(faces), *POINTS)) * self.detail
         spacing = float(np.sqrt(2.0 * area / points)) or 1.0  # a grid of right-angled triangles has two points per spacing²
         while True:
             clusters, sites = yield from beside(partial(self._cut, vertices, faces, spacing), _CUT)

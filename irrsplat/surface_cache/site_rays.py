@@ -22,6 +22,7 @@ from irrsplat.lighting.light_table import light_defines
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.settings import Settings
 from irrsplat.surface_cache.lookup_table import LaidOut
+from irrsplat.surface_cache.site_layout import FULL, Detail
 from irrsplat.surface_cache.site_places import PLACES, Places, Survey
 from irrsplat.surface_cache.transport import Transport
 from irrsplat.surface_cache.visibility import VisibilityPass, seen_by_embree
@@ -34,10 +35,10 @@ _BATCH, _SURVEY_BATCH = 128, 1024  # sites gathered at once, at most, and of whi
 
 
 class SiteRays(Owner):
-    """The gathers from sites in a `world`, by the settings that are set last."""
+    """The gathers from sites in a `world`, by the settings that are set last; detail: of the surface cache."""
 
-    def __init__(self, world: World, settings: Settings) -> None:
-        self.ctx, self.world, self.settings = world.ctx, world, settings
+    def __init__(self, world: World, settings: Settings, detail: Detail = FULL) -> None:
+        self.ctx, self.world, self.settings, self._detail = world.ctx, world, settings, detail
         self._visibility = VisibilityPass(self.ctx, world.material_defines)
         self._reduce = ReducePass(self.ctx, gradients=False, places=PLACES)
         self._survey_reduce = ReducePass(self.ctx, gradients=False)
@@ -54,15 +55,17 @@ class SiteRays(Owner):
 
     def gather_for(self, sites: int, quick: bool = False) -> TraceGather:
         """Rays from so many sites, compiled for the kinds of lights that there are. quick: as few as may be."""
-        return self._gather("quick gather" if quick else "gather", SIDES[0] if quick else self._side(sites, RAYS), links=True)
+        side = self._side(0, 0) if quick else self._side(sites, RAYS)
+        return self._gather("quick gather" if quick else "gather", side, links=True)
 
     def linking_gather(self, sites: int) -> TraceGather:
         """The same with up to twice as many rays in all, for the transport between refined sites."""
         return self._gather("linking gather", self._side(sites, 2 * RAYS), links=True)
 
-    @staticmethod
-    def _side(sites: int, rays: int) -> int:
-        return int(np.clip(np.sqrt(rays / max(sites, 1)), *SIDES))
+    def _side(self, sites: int, rays: int) -> int:
+        share = self._detail.rays
+        side = np.sqrt(rays * self._detail.points * share / max(sites, 1))
+        return int(np.clip(side, *(round(limit * share**0.5) for limit in SIDES)))
 
     def finer_gather(self, sites: int) -> TraceGather:
         """Twice as many rays in either direction from so many sites, which ask for nothing but the light that they meet."""

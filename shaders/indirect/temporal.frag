@@ -14,6 +14,7 @@ uniform vec4 shown_place;      // scale and offset from clip space to `shown`
 uniform int pixel_stride;      // pixels of the g-buffer per pixel of the sums, in x and y
 uniform bool fading;           // whether there is a last picture; else all is what the records say
 uniform bool filling;          // whether pixels without records take what the last picture showed, or are marked
+uniform bool kept;             // whether pixels without records keep what they showed
 uniform float share;           // of what the records say, 0..1
 
 layout(location = 0) out vec4 out_sums;    // E/depth, 1/depth
@@ -35,7 +36,7 @@ void main()
     bool known = fading && p.w > 0.0 && same && place == clamp(place, 0.0, 1.0);
     vec3 E = s.rgb / max(s.a, 1e-20), E_before = dimming * before.rgb / max(before.a, 1e-20);
     E = s.a > 0.0 ? (known ? mix(E_before, E, share) : E) : E_before;
-    bool shows = p.w > 0.0 && (s.a > 0.0 || filling && known);
+    bool shows = p.w > 0.0 && (s.a > 0.0 || filling && known && kept);
     out_sums = shows ? vec4(E, 1.0) / p.w : vec4(0.0);
     gl_FragDepth = filling && p.w > 0.0 && !shows ? 1.0 : 0.0;
 }

@@ -42,7 +42,7 @@ def test_light_stays_at_its_place_and_fades_to_what_the_records_say(ctx: moderng
         place, k = position[every], 3.0
         sums = np.concatenate([k * brightness * (place[..., :1] + 4.0) * np.ones(3), np.full((*place.shape[:2], 1), k)], axis=-1)
         texture = table_texture(ctx, sums)
-        made = pixels(filter(SplatBuffer(texture, texture, pixel_stride=stride), gbuffer, camera, subject, scene).sums)[::-1]
+        made = pixels(filter(SplatBuffer(texture, texture, pixel_stride=stride), gbuffer, camera, subject, (scene,)).sums)[::-1]
         return made[..., 0] / made[..., 3] / (place[..., 0] + 4.0), place
 
     before, old = shown(first, "one", 1.0, 9.0)

@@ -49,19 +49,26 @@ def gathered_afresh(renderer: Renderer) -> dict[str, np.ndarray]:
         return fresh.cache.gathered(*HELD)
 
 
+def error(found: dict[str, np.ndarray], truth: dict[str, np.ndarray]) -> float:
+    """Return the mean difference of the irradiance of records, relative to its mean."""
+    return float(np.abs(found["irradiance"] - truth["irradiance"]).mean() / truth["irradiance"].mean())
+
+
 @pytest.mark.few_sites
 @pytest.mark.parametrize("bounces", [1, "all"])
 def test_renewed_in_place_is_gathered_from_scratch(ctx: moderngl.Context, bounces: Any) -> None:
     """In ticks under other lights, records hold what a fresh cache gathers at the same sites.
 
-    Lamps move, bit for bit. One of three, under a sky and beside a glowing wall, changes its colour, goes out and on again.
+    Lamps move: one bounce is the same bit for bit. Further bounces were coarse first, and records that differ by more than 2 %
+    are gathered again. One of three, under a sky and beside a glowing wall, changes its colour, goes out and on again.
     """
     with Renderer(room(), SIZE, ctx=ctx, **{**TRACED, "bounces": bounces}) as renderer:
         renderer.render()
         renderer.relight((OTHER, coloured(LAMP, 1.0, 0.4, 0.1)))
         assert ticks(renderer, 0.01)[-1].done
         found, truth = renderer.cache.gathered(*HELD), gathered_afresh(renderer)
-        assert all(np.array_equal(found[name], truth[name]) for name in HELD)
+        assert error(found, truth) < 0.005
+        assert bounces != 1 or all(np.array_equal(found[name], truth[name]) for name in HELD)
     world = lit_by(LAMP, OTHER, THIRD, glow=(0.5, 0.2, 0.1), sky=0.2)
     with Renderer(world, SIZE, ctx=ctx, **{**TRACED, "bounces": bounces}) as renderer:
         renderer.render()
@@ -69,7 +76,8 @@ def test_renewed_in_place_is_gathered_from_scratch(ctx: moderngl.Context, bounce
             renderer.relight([LAMP, coloured(OTHER, *factor), THIRD])
             assert ticks(renderer, 10.0)[-1].done
             found, truth = renderer.cache.gathered(*HELD), gathered_afresh(renderer)
-            for name in HELD:  # the sums of bounces may end at another number
+            assert error(found, truth) < 0.005
+            for name in HELD if bounces == 1 else ():
                 assert np.allclose(found[name], truth[name], rtol=1e-2, atol=1e-3 * np.abs(truth[name]).max()), name
 
 

@@ -29,8 +29,8 @@ class Basis:
     kind: how a record sees the world, "trace", "embree", "raster" or "plane". moved: whether something has changed, and which
     records that concerns is still to be found out. changing: whether something has since records were last renewed.
     relit: whether lights or materials have, and the surface cache is not made by these yet.
-    resumed: the statistics of records from a file, as long as their surface cache is not made. awaited: seconds that ticks have
-    waited for the rays' tree. waited: those that the first surface cache has taken so far.
+    swapped: True while records that were gathered by coarse values of the surface cache are compared with its own.
+    resumed: the statistics of records from a file, as long as their surface cache is not made.
     """
 
     scene: Scene
@@ -39,9 +39,8 @@ class Basis:
     moved: bool = False
     changing: bool = False
     relit: bool = False
+    swapped: bool = False
     resumed: BounceStatistics | None = None
-    awaited: float = 0.0
-    waited: float = 0.0
 
     @cached_property
     def lights(self) -> dict[str, int]:

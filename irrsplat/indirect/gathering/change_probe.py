@@ -19,7 +19,9 @@ from irrsplat.settings import WIDE
 SIDE = 16  # side² directions, a small part of a gather's, and at most so many light samples
 MAX_RECORDS = 4096  # probed at once
 _PROBED = ("irradiance", "radius", "vectors", "gradient")  # the columns of a probe, in this order
-_MOST_GROWTH = 2.0  # of a record at a time, by what the surface cache says
+_MOST_GROWTH = 2.0  # times its value: the most by which a record's gradient grows with the surface cache
+_MOST_RATIO = 2.0  # times the surface cache: the most that a record is taken to be brighter
+_DARK = 0.1  # of the mean irradiance: below, the ratio of a record to the surface cache is not known
 _MAX_DRIFT = 0.02  # change of E or R, summed over the moves since a record was gathered, beyond which it is gathered again
 
 
@@ -96,20 +98,26 @@ def take_in(cache: RecordCache, numbers: np.ndarray, found: np.ndarray, radii: t
     return changed
 
 
-def follow_surface(cache: RecordCache, before: np.ndarray, after: np.ndarray, radii: tuple[float, float]) -> None:
-    """Let all records follow what the surface cache says at their places, (N, 3) W/m² `before` and `after`, a coarse guess of
-    what they hold; and their probes with them, as if these had found that, so that the next ones correct the guess."""
-    numbers = np.arange(cache.count)
-    x = held(cache, numbers)
-    fade = np.ones_like(x)
-    fade[:, :3] = np.minimum(1.0, after / np.maximum(before, 1e-30))
-    fade[:, 4:] = np.tile(np.repeat(fade[:, :3], 3, axis=1), 2)
-    ratio = fade.copy()
-    ratio[:, :3] += np.maximum(after - before, 0.0) / np.maximum(x[:, :3], 1e-30)
-    ratio[:, :3] = np.minimum(ratio[:, :3], _MOST_GROWTH)
-    ratio[:, 4:] = np.tile(np.repeat(ratio[:, :3], 3, axis=1), 2)
-    cache.probes[:] = fade * cache.probes + (ratio - fade) * x
-    _hold(cache, numbers, ratio * x, radii)
+def follow_surface(
+    cache: RecordCache, numbers: np.ndarray, before: np.ndarray, after: np.ndarray, radii: tuple[float, float]
+) -> None:
+    """Let the records of these numbers (K,) follow the surface cache at their places, (K, 3) W/m² `before` and `after`.
+
+    A record holds its former ratio to the surface cache, which knows less of what is near. Its probe follows, too, so that the
+    next probe corrects the estimate.
+    """
+    x, floor = held(cache, numbers), _DARK * float(before.mean()) + 1e-20
+    E = after * np.minimum((x[:, :3] + floor) / (before + floor), _MOST_RATIO)
+    scale = np.minimum(E / np.maximum(x[:, :3], 1e-20), _MOST_GROWTH)
+    added = (E - scale * x[:, :3])[:, :, None] * cache.sites(numbers).normal[:, None]
+    rows = x.copy()
+    rows[:, :3] = E
+    rows[:, 4:13] = (scale[:, :, None] * x[:, 4:13].reshape(-1, 3, 3) + added).reshape(-1, 9)
+    rows[:, 13:] = np.repeat(scale, 3, axis=1) * x[:, 13:]
+    known = cache.probes[numbers, 3] > 0.0
+    probes = cache.probes[numbers] + rows - x
+    cache.probes[numbers] = np.where(known[:, None], probes, 0.0)
+    _hold(cache, numbers, rows, radii)
 
 
 def _hold(cache: RecordCache, numbers: np.ndarray, rows: np.ndarray, radii: tuple[float, float]) -> None:

@@ -9,7 +9,6 @@ import numpy as np
 
 from irrsplat.core.buffers import Atlas, GBuffer, HitLight, ShadowMaps, Sites
 from irrsplat.core.color import LUMINANCE
-from irrsplat.core.timing.clock import now
 from irrsplat.gather import autotune
 from irrsplat.gather.look import Gather, gather_records
 from irrsplat.gpu.resource import Owner, Resource, Workshop
@@ -30,9 +29,7 @@ from irrsplat.surface_cache.lamp_parts import LINEAR, LampPart, LampParts, alone
 _GLANCES_FROM = 64  # side of a gather, of which a glance's rays are a small part
 _FEWEST = 16  # side of a gather: where it is less, noise is not told well by its own rays
 _LOOKS = 0.35  # of a tick: looking at what has changed may take that much in any case
-_PATIENCE = 1.0  # seconds that ticks wait for the tree and work at a first surface cache before records are gathered without it
-_WORTHWHILE = 2.0  # times as long must it still take then, since all of these records are gathered again when it is there
-_MEANWHILE = 0.25  # of a tick: a first surface cache takes that much while records are gathered without it
+_MEANWHILE = 0.75  # share of a tick for the full surface cache while records are gathered by the coarse one
 
 
 class RecordGatherer(Owner):
@@ -145,7 +142,9 @@ class RecordGatherer(Owner):
             change and change.dimming is None and self._answered(change) is None and shadows is not None
         ):  # a last look at what was there before
             unknown = np.flatnonzero(cache.probes[:, 3] == 0.0)
-            cache.probes[unknown] = self._probe(shadows, unknown)
+            cache.probes[unknown] = self._probe(self.light(shadows), unknown)
+            if self._basis.swapped:  # what these lack by the values of before can no longer be found
+                cache.invalidate(np.flatnonzero(cache.due))
         try:
             self.world.follow(change)
             self.gathers.of(new)
@@ -259,19 +258,16 @@ class RecordGatherer(Owner):
 
     # ---- the surface cache -----------------------------------------------------------------------------------------
 
-    def prepare(self, shadows: ShadowMaps, budget: Budget, alone: bool = False) -> bool:
-        """Go on with the surface cache where one is wanted; whether records may be gathered meanwhile. alone: none are to be
-        gathered before there is a first one.
+    def prepare(self, shadows: ShadowMaps, budget: Budget, idle: bool = False) -> bool:
+        """Go on with the surface cache if one is wanted; True if records may be gathered now. idle: True if no record waits.
 
-        A render with records from a file may need none: it waits until some are to be gathered.
+        A render with records from a file may need no surface cache: it waits until some are to be gathered.
         """
         if self._basis.resumed is not None and not budget.limited and not len(self.cache.stale):
             return True
-        start = now()
         if budget.limited and not self.world.wait(budget.left, self._needs_tree, self._casts):
-            self._basis = replace(self._basis, awaited=self._basis.awaited + now() - start)
             return False
-        return self._advance(shadows, budget, alone)
+        return self._advance(shadows, budget, idle)
 
     def refine_surface(self, shadows: ShadowMaps, budget: Budget) -> bool:
         """Go on with one refinement more of the surface cache, which there is, as far as the budget goes; whether it is done.
@@ -313,92 +309,79 @@ class RecordGatherer(Owner):
         if self._basis.resumed is not None:
             self._advance(shadows, budget)
 
-    def _advance(self, shadows: ShadowMaps, budget: Budget, alone: bool = False) -> bool:
-        """Go on with the surface cache where one is wanted, as `prepare` does; whether records may be gathered meanwhile.
+    def _advance(self, shadows: ShadowMaps, budget: Budget, idle: bool = False) -> bool:
+        """Go on with the surface cache if one is wanted, as `prepare` does; True if records may be gathered now.
 
-        Once its values are others, all records are stale. Those that it had before lights changed are better than none, and then
-        it takes half of the time; a quarter where the first ones take long, and records hold one bounce until these are there.
+        Without values of the scene as it is, the surface cache takes the whole budget: coarse values take a fraction of a second.
         """
-        surface = self.surface
-        if surface is None or not self._basis.wants_surface:
+        surface, basis, cache = self.surface, self._basis, self.cache
+        if surface is None or not basis.wants_surface:
             self.settle(shadows, budget.part(0.5, 0.0, _LOOKS))
             return True
-        first, basis = surface.result is None, self._basis
-        early = budget.limited and basis.resumed is None and not alone and self._waits_long
-        start = now()
-        sites = self.cache.sites(slice(0, self.cache.count))
-        before = surface.at(sites) if surface.following and budget.limited and len(sites) and sites.triangle is not None else None
-        made = surface.advance(shadows, budget if first and not early else budget.part(_MEANWHILE if first else 0.5, 0.0))
-        if first:
-            self._basis = replace(basis, waited=basis.waited + now() - start)
+        first = surface.result is None
+        sites = cache.sites(slice(0, cache.count))
+        follows = budget.limited and not first and not surface.complete and len(sites) and sites.triangle is not None
+        before = surface.at(sites) if follows else None
+        made = surface.advance(shadows, budget.part(_MEANWHILE, 0.0) if surface.current and not idle else budget)
+        if made and basis.resumed is None:
+            self._follow_values(surface, first, before, sites)
         if made:
-            if first and basis.resumed is None:
-                self.cache.invalidate()
-            elif basis.resumed is None:
-                self.cache.due[:] += surface.last_change
-                if before is not None:
-                    follow_surface(self.cache, before, surface.at(sites), self.gather_pass.radii)
-                self._basis = replace(self._basis, moved=True)
-                if surface.complete and basis.relit:
-                    self.cache.invalidate(np.arange(self.cache.count))
-            if surface.complete:
-                self._basis = replace(self._basis, relit=False)
-            self._basis = replace(self._basis, resumed=None)  # they were gathered by such values, too
+            self._basis = replace(self._basis, relit=self._basis.relit and not surface.current, resumed=None)
         self.settle(shadows, budget.part(0.5, 0.0, _LOOKS))
-        return early or surface.result is not None
+        return surface.result is not None and (made or surface.current)
 
-    @property
-    def awaits_surface(self) -> bool:
-        """Whether what is gathered now is gathered again once there is a first surface cache."""
-        return self._basis.wants_surface and self._basis.resumed is None and self.surface_now is None
-
-    @property
-    def _waits_long(self) -> bool:
-        """Whether the first surface cache takes long: as far as ticks that have worked at it can tell, or in any case."""
-        if self.world.large:
-            return True
-        waited, made = self._basis.waited, self.surface_share
-        left = waited * (1.0 - made) / made if made > 0.0 else np.inf
-        return min(self._basis.awaited + waited, left / _WORTHWHILE) > _PATIENCE
+    def _follow_values(self, surface: SurfaceCache, first: bool, before: np.ndarray | None, sites: Sites) -> None:
+        """Let records follow other values of the surface cache; before: (N, 3) W/m², the former values at the records `sites`."""
+        cache, relit = self.cache, self._basis.relit and surface.current
+        if first or (relit and before is None):
+            cache.invalidate(None if first else np.arange(cache.count))
+            return
+        if relit:  # stale records hold the best estimate until they are gathered again, and need no probes
+            cache.invalidate(np.arange(cache.count))
+            cache.due[:] = 0.0
+        else:
+            cache.due[:] += surface.last_change
+            if surface.current:
+                cache.due[cache.stale] = 0.0
+            self._basis = replace(self._basis, moved=True, swapped=surface.complete)
+        numbers = cache.stale if surface.current else np.arange(cache.count)
+        if before is not None and len(numbers):
+            follow_surface(cache, numbers, before[numbers], surface.at(sites)[numbers], self.gather_pass.radii)
 
     def settle(self, shadows: ShadowMaps, budget: Budget) -> None:
         """Hold records against what has changed, those first that it may concern most: correct what they hold, and make those
         stale that have changed too much."""
         if not self._basis.moved:
             return
-        cache = self.cache
+        cache, former = self.cache, self.surface.stand_in if self._basis.swapped and self.surface is not None else None
         (numbers,) = np.nonzero(cache.due)
         numbers, done = numbers[np.argsort(-cache.due[numbers], kind="stable")], 0
         for count in self.gathers.pace(self.probes).batches(len(numbers), MAX_RECORDS, budget, self.probes.gather.share.size):
             chosen = numbers[done : done + count]
-            cache.invalidate(take_in(cache, chosen, self._probe(shadows, chosen), self.gather_pass.radii))
+            unknown = chosen[cache.probes[chosen, 3] == 0.0]
+            if former is not None and len(unknown):
+                cache.probes[unknown] = self._probe(HitLight(shadows, former.uniforms), unknown)
+            cache.invalidate(take_in(cache, chosen, self._probe(self.light(shadows), chosen), self.gather_pass.radii))
             done += count
         if done == len(numbers):
-            self._basis = replace(self._basis, moved=False)
+            self._basis = replace(self._basis, moved=False, swapped=False)
 
-    def _probe(self, shadows: ShadowMaps, numbers: np.ndarray) -> np.ndarray:
+    def _probe(self, light: HitLight, numbers: np.ndarray) -> np.ndarray:
         """(N, PROBED), as ChangeProbe has it, of the records of these numbers."""
         with self.timers("gather"):
-            return self.probes(self.light(shadows), self.cache.sites(numbers), self.settings.seed)
+            return self.probes(light, self.cache.sites(numbers), self.settings.seed)
 
     # ---- gathering -------------------------------------------------------------------------------------------------
 
     def gather(self, shadows: ShadowMaps, sites: Sites, budget: Budget, size: int = 0, near: bool = False) -> int:
         """Add records at `sites` to the cache, as many as the budget has time for, and at least one; how many. size: the side of
-        their gather; 0: as the settings say. near: they are to serve only what is near, and may do with fewer rays. So may all
-        that hold one bounce until the first surface cache is there, and are gathered again then."""
-        few = self._fewer if budget.limited and not size and self.awaits_surface else 0
-        done, look = 0, self.gathers.at(self._basis, few or size)
+        their gather; 0: as the settings say. near: they are to serve only what is near, and may do with fewer rays."""
+        done, look = 0, self.gathers.at(self._basis, size)
         for count in self.gathers.pace(look).batches(len(sites), look.capacity, budget, look.share.size):
             first = self.cache.append(sites[done : done + count])
             numbers = first + np.arange(count)
             try:
-                if few:
-                    self._look(shadows, numbers, few)
-                    sizes = np.full(count, few if near else 0)
-                else:
-                    sizes = self._gather(shadows, numbers, size, np.full(count, near))
-                self.cache.set_gather_sizes(numbers, sizes)
+                self.cache.set_gather_sizes(numbers, self._gather(shadows, numbers, size, np.full(count, near)))
             except BaseException:
                 self.cache.truncate(first)  # they hold nothing
                 raise
