@@ -106,7 +106,7 @@ class RecordScheduler(Owner):
     # ---- rounds ----------------------------------------------------------------------------------------------------
 
     def prepare(self, shadows: ShadowMaps, budget: Budget, idle: bool = False) -> bool:
-        """Go on with what gathering needs; True if records may be gathered. idle: True if no record waits."""
+        """Prepare gathering. Return True if records may be gathered. idle: True if no record waits."""
         return self.gatherer.prepare(shadows, budget, idle)
 
     def renew(self, shadows: ShadowMaps, gbuffer: GBuffer, camera: Camera, budget: Budget) -> int:

@@ -14,7 +14,7 @@ from irrsplat.gpu.target import Target
 from irrsplat.scene.model import Camera
 
 SHARE = 0.2  # of a picture's irradiance that follows the records at once, while they or the view change
-CHANGING = 0.8  # the same share after lights, meshes or the surface cache have changed: what was shown is no longer true
+CHANGING = 0.8  # the same share after lights, meshes or the surface cache have changed: the last picture no longer holds
 PICTURES = 8  # after the last change, over which all of it follows
 
 
@@ -72,7 +72,7 @@ class TemporalFilter(Owner):
         scene: tuple[object, ...],
         surface: Uniforms | None = None,
     ) -> SplatBuffer:
-        """What the next picture shows of `splats`: these themselves where nothing fades, else their weights, and sums (w·E, w) of
+        """Return the sums that the next picture shows of `splats`: their own if nothing fades, else their weights, and sums (w·E, w) of
         w = 1/depth in textures of this pass's own.
 
         scene: objects of which one is another after lights, meshes or the surface cache have changed. surface: the uniforms of

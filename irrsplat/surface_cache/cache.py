@@ -1,7 +1,7 @@
 """The surface cache: irradiance at sites spread over all surfaces, seen or not, which light what records see.
 
-It holds E_(N−1) where records are to hold E_N, and is made once for all views: sites are chosen, rays from every site tell what
-light comes to it first and which other sites they meet, and from then on all bounces are sums.
+It holds E_(N−1) where records are to hold E_N, and is made once for all views: sites are chosen, rays from every site find its
+first light and the other sites that they meet, and from then on all bounces are sums.
 
 Ticks make a coarse surface cache first, in a fraction of the time, and use its values until those of the full one are there.
 """
@@ -71,6 +71,7 @@ class SurfaceCache(Owner):
         self._rays = SiteRays(world, settings, detail)
         self._coarse: SurfaceCache | None = None  # made by the first tick that needs it
         self._stood_in = False  # True while lookups find the values of the coarse one
+        self._relit = False  # True while its own values are of other lights or materials
         self.last_change = 1.0  # of the values by their last change, relative to them, about; 1 if they were made anew
         self._view_pass = SurfaceViewPass(self.ctx)
         self._point_pass = SurfaceViewPass(self.ctx)
@@ -128,7 +129,7 @@ class SurfaceCache(Owner):
     @property
     def _now(self) -> Held:
         """What lookups find."""
-        return self._coarse._own if self._stood_in and self._coarse is not None else self._own
+        return self._coarse._own if self._coarse is not None and self._stood_in else self._own
 
     @property
     def _own(self) -> Held:
@@ -136,9 +137,19 @@ class SurfaceCache(Owner):
         return self._held if self._finer is None else self._finer.held
 
     @property
+    def stands_in(self) -> bool:
+        """True while lookups find coarse values."""
+        return self._coarse is not None and self._stood_in
+
+    @property
     def current(self) -> bool:
-        """True if lookups find values of the scene as it is, coarse ones or its own."""
-        return self._now.complete or self._changing.now
+        """True if lookups find values of about the present light. Moved meshes change little of the light."""
+        return self._now.complete or self._changing.now or not self._outdated
+
+    @property
+    def _outdated(self) -> bool:
+        """True if its own values are of another light, or missing."""
+        return self._relit or self._held.light is None
 
     @property
     def complete(self) -> bool:
@@ -228,6 +239,7 @@ class SurfaceCache(Owner):
             self._add(part, colour.astype(np.float32))
         if moved or relit:
             self._changing = _Changing(now=True, moved=self._changing.moved or moved)
+        self._relit |= relit
         if relit and self._follower is not None:
             self._follower.relight()
         if other_rays:
@@ -333,12 +345,12 @@ class SurfaceCache(Owner):
             assert self._follower is not None
             self._stood_in, self.last_change = False, self._follower.change
             return True
-        if budget.limited and self._detail is FULL:
+        if budget.limited and self._detail is FULL and self._outdated:
             self._coarse = coarse = self._coarse or SurfaceCache(self.world, self._basis.settings, self.timers, COARSE)
             if not coarse.complete:
-                made = coarse.advance(shadows, budget)
-                self._stood_in, self.last_change = self._stood_in or made, coarse.last_change
-                return made
+                changed = coarse.advance(shadows, budget)
+                self._stood_in, self.last_change = self._stood_in or changed, coarse.last_change
+                return changed
         try:
             with self.timers("surface"):
                 laid_out = self._lay_out(budget)
@@ -478,7 +490,7 @@ class SurfaceCache(Owner):
         laid_out.table.write(made.irradiance)
         before, self._held = self._held, Held(laid_out.table, laid_out, made, complete=True)
         self._bouncing, self._changing = None, _Changing()
-        self._follower, self._stood_in, self.last_change = None, False, 1.0
+        self._follower, self._stood_in, self._relit, self.last_change = None, False, False, 1.0
         if self.transport is not None and self._basis.settings.bounces == "all":
             E_1, E = self._first(laid_out.records), made.irradiance.copy()
             area = laid_out.layout.area

@@ -59,8 +59,8 @@ def error(found: dict[str, np.ndarray], truth: dict[str, np.ndarray]) -> float:
 def test_renewed_in_place_is_gathered_from_scratch(ctx: moderngl.Context, bounces: Any) -> None:
     """In ticks under other lights, records hold what a fresh cache gathers at the same sites.
 
-    Lamps move: one bounce is the same bit for bit. Further bounces were coarse first, and records that differ by more than 2 %
-    are gathered again. One of three, under a sky and beside a glowing wall, changes its colour, goes out and on again.
+    Lights move: one bounce is the same bit for bit. Further bounces were coarse first, and records that differ by more than 2 %
+    are gathered again. One of three, under a sky and by an emissive wall, changes its colour, goes out and on again.
     """
     with Renderer(room(), SIZE, ctx=ctx, **{**TRACED, "bounces": bounces}) as renderer:
         renderer.render()

@@ -49,7 +49,7 @@ def test_coarse_light_comes_first(ctx: moderngl.Context, tmp_path: Path) -> None
     """Ticks gather records by coarse further bounces, and correct them when the full surface cache is there.
 
     The coarse one has a quarter of the sites and of their rays: its light is within 10 % on the mean. A file of such records
-    does not count as finished, and a lamp may move meanwhile.
+    does not count as finished, and a light may move meanwhile.
     """
     with Renderer(room(), SIZE, ctx=ctx, **TRACED) as renderer:
         early = ticks(renderer, lambda now: now.records > 20)

@@ -24,7 +24,7 @@ class BounceStatistics(TypedDict):
 
 @dataclass(frozen=True)
 class Basis:
-    """What the records of the cache are gathered by: the one value that changes as scene and settings do.
+    """Scene and settings by which the records of the cache are gathered, and their changes that are still to be followed.
 
     kind: how a record sees the world, "trace", "embree", "raster" or "plane". moved: whether something has changed, and which
     records that concerns is still to be found out. changing: whether something has since records were last renewed.

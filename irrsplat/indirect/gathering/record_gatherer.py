@@ -29,7 +29,7 @@ from irrsplat.surface_cache.lamp_parts import LINEAR, LampPart, LampParts, alone
 _GLANCES_FROM = 64  # side of a gather, of which a glance's rays are a small part
 _FEWEST = 16  # side of a gather: where it is less, noise is not told well by its own rays
 _LOOKS = 0.35  # of a tick: looking at what has changed may take that much in any case
-_MEANWHILE = 0.75  # share of a tick for the full surface cache while records are gathered by the coarse one
+_BY_COARSE, _BY_FORMER = 0.8, 0.5  # shares of a tick for the surface cache while records are gathered by coarse or former values
 
 
 class RecordGatherer(Owner):
@@ -259,9 +259,9 @@ class RecordGatherer(Owner):
     # ---- the surface cache -----------------------------------------------------------------------------------------
 
     def prepare(self, shadows: ShadowMaps, budget: Budget, idle: bool = False) -> bool:
-        """Go on with the surface cache if one is wanted; True if records may be gathered now. idle: True if no record waits.
+        """Advance the surface cache that the settings require. Return True if records may be gathered now.
 
-        A render with records from a file may need no surface cache: it waits until some are to be gathered.
+        idle: True if no record waits. A render with records from a file makes a surface cache only to gather further ones.
         """
         if self._basis.resumed is not None and not budget.limited and not len(self.cache.stale):
             return True
@@ -310,7 +310,7 @@ class RecordGatherer(Owner):
             self._advance(shadows, budget)
 
     def _advance(self, shadows: ShadowMaps, budget: Budget, idle: bool = False) -> bool:
-        """Go on with the surface cache if one is wanted, as `prepare` does; True if records may be gathered now.
+        """Advance the surface cache as `prepare` does. Return True if records may be gathered now.
 
         Without values of the scene as it is, the surface cache takes the whole budget: coarse values take a fraction of a second.
         """
@@ -318,32 +318,36 @@ class RecordGatherer(Owner):
         if surface is None or not basis.wants_surface:
             self.settle(shadows, budget.part(0.5, 0.0, _LOOKS))
             return True
-        first = surface.result is None
+        first, coarse = surface.result is None, surface.stands_in
         sites = cache.sites(slice(0, cache.count))
         follows = budget.limited and not first and not surface.complete and len(sites) and sites.triangle is not None
         before = surface.at(sites) if follows else None
-        made = surface.advance(shadows, budget.part(_MEANWHILE, 0.0) if surface.current and not idle else budget)
+        part = budget if idle or not surface.current else budget.part(_BY_COARSE if coarse else _BY_FORMER, 0.0)
+        made = surface.advance(shadows, part)
         if made and basis.resumed is None:
-            self._follow_values(surface, first, before, sites)
+            self._follow_values(surface, first, coarse, before, sites)
         if made:
             self._basis = replace(self._basis, relit=self._basis.relit and not surface.current, resumed=None)
-        self.settle(shadows, budget.part(0.5, 0.0, _LOOKS))
-        return surface.result is not None and (made or surface.current)
+        ready = surface.result is not None and (made or surface.current)
+        if ready:
+            self.settle(shadows, budget.part(0.5, 0.0, _LOOKS))
+        return ready
 
-    def _follow_values(self, surface: SurfaceCache, first: bool, before: np.ndarray | None, sites: Sites) -> None:
-        """Let records follow other values of the surface cache; before: (N, 3) W/m², the former values at the records `sites`."""
+    def _follow_values(self, surface: SurfaceCache, first: bool, coarse: bool, before: np.ndarray | None, sites: Sites) -> None:
+        """Let records follow other values of the surface cache.
+
+        first: True if it had none; coarse: True if these were coarse. before: (N, 3) W/m², these at the records `sites`.
+        """
         cache, relit = self.cache, self._basis.relit and surface.current
         if first or (relit and before is None):
             cache.invalidate(None if first else np.arange(cache.count))
             return
-        if relit:  # stale records hold the best estimate until they are gathered again, and need no probes
+        if relit:
             cache.invalidate(np.arange(cache.count))
-            cache.due[:] = 0.0
-        else:
-            cache.due[:] += surface.last_change
-            if surface.current:
-                cache.due[cache.stale] = 0.0
-            self._basis = replace(self._basis, moved=True, swapped=surface.complete)
+        cache.due[:] += surface.last_change
+        if surface.current and not relit:
+            cache.due[cache.stale] = 0.0  # they are gathered again soon, and were probed after the lights changed
+        self._basis = replace(self._basis, moved=True, swapped=coarse and surface.complete)
         numbers = cache.stale if surface.current else np.arange(cache.count)
         if before is not None and len(numbers):
             follow_surface(cache, numbers, before[numbers], surface.at(sites)[numbers], self.gather_pass.radii)
