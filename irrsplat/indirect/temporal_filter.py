@@ -72,8 +72,8 @@ class TemporalFilter(Owner):
         scene: tuple[object, ...],
         surface: Uniforms | None = None,
     ) -> SplatBuffer:
-        """Return the sums that the next picture shows of `splats`: their own if nothing fades, else their weights, and sums (w·E, w) of
-        w = 1/depth in textures of this pass's own.
+        """Return the sums that the next picture shows of `splats`: their own if nothing fades, else sums (w·E, w) of w = 1/depth in
+        textures of this pass.
 
         scene: objects of which one is another after lights, meshes or the surface cache have changed. surface: the uniforms of
         the surface cache for triangles numbered as in the scene: pixels without records keep what they showed, or take the value

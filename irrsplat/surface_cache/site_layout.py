@@ -98,8 +98,8 @@ class Clusters:
 class SiteChooser:
     """Chooses the sites of a scene. Its steps are generators, which yield the share of all work that is done and return a result.
 
-    unlit: (F,) the triangles whose inner side no light reaches, see clustering.unlit_interiors. offset: metres from its surface to
-    the origin of a site's rays. visibility: True for each free sight line of (N, 3, 3), see VisibilityPass.
+    unlit: (F,) the triangles whose inner side no light reaches, see clustering.unlit_interiors. offset: metres from the
+    surface to the origin of a site's rays. visibility: True for each free sight line of (N, 3, 3), see VisibilityPass.
     detail: the share of the cells' corners.
     """
 
