@@ -72,7 +72,7 @@ class TemporalFilter(Owner):
         scene: tuple[object, ...],
         surface: Uniforms | None = None,
     ) -> SplatBuffer:
-        """Return the sums that the next picture shows of `splats`: their own if nothing fades, else sums (w·E, w) of w = 1/depth in
+        """Return the sums that the next picture shows: those of `splats` if nothing fades, else sums (w·E, w) of w = 1/depth in
         textures of this pass.
 
         scene: objects of which one is another after lights, meshes or the surface cache have changed. surface: the uniforms of
