@@ -48,7 +48,7 @@ def agrees(renderer: Renderer) -> None:
 def test_coarse_light_comes_first(ctx: moderngl.Context, tmp_path: Path) -> None:
     """Ticks gather records by coarse further bounces, and correct them when the full surface cache is there.
 
-    The coarse one has a quarter of the sites and of their rays: its light is within 10 % on the mean. A file of such records
+    The coarse one has 15 % of the sites and half of their rays: its light is within 10 % on the mean. A file of such records
     does not count as finished, and a light may move meanwhile.
     """
     with Renderer(room(), SIZE, ctx=ctx, **TRACED) as renderer:
