@@ -98,15 +98,14 @@ def take_in(cache: RecordCache, numbers: np.ndarray, found: np.ndarray, radii: t
     return changed
 
 
-def follow_surface(
-    cache: RecordCache, numbers: np.ndarray, before: np.ndarray, after: np.ndarray, radii: tuple[float, float]
-) -> None:
-    """Let the records of these numbers (K,) follow the surface cache at their places, (K, 3) W/m² `before` and `after`.
+def follow_surface(cache: RecordCache, before: np.ndarray, after: np.ndarray, radii: tuple[float, float]) -> None:
+    """Let all records follow the surface cache at their places, (N, 3) W/m² `before` and `after`.
 
     A record holds its former ratio to the surface cache, which knows less of what is near. Its probe follows, too, so that the
     next probe corrects the estimate.
     """
-    x, floor = held(cache, numbers), _DARK * float(before.mean()) + 1e-20
+    numbers, floor = np.arange(cache.count), _DARK * float(before.mean()) + 1e-20
+    x = held(cache, numbers)
     E = after * np.minimum((x[:, :3] + floor) / (before + floor), _MOST_RATIO)
     scale = np.minimum(E / np.maximum(x[:, :3], 1e-20), _MOST_GROWTH)
     added = (E - scale * x[:, :3])[:, :, None] * cache.sites(numbers).normal[:, None]
@@ -114,9 +113,8 @@ def follow_surface(
     rows[:, :3] = E
     rows[:, 4:13] = (scale[:, :, None] * x[:, 4:13].reshape(-1, 3, 3) + added).reshape(-1, 9)
     rows[:, 13:] = np.repeat(scale, 3, axis=1) * x[:, 13:]
-    known = cache.probes[numbers, 3] > 0.0
-    probes = cache.probes[numbers] + rows - x
-    cache.probes[numbers] = np.where(known[:, None], probes, 0.0)
+    known = cache.probes[:, 3:4] > 0.0
+    cache.probes[:] = np.where(known, cache.probes + rows - x, 0.0)
     _hold(cache, numbers, rows, radii)
 
 

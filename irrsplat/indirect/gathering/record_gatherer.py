@@ -348,9 +348,8 @@ class RecordGatherer(Owner):
         if surface.current and not relit:
             cache.due[cache.stale] = 0.0  # they are gathered again soon, and were probed after the lights changed
         self._basis = replace(self._basis, moved=True, swapped=coarse and surface.complete)
-        numbers = cache.stale if surface.current else np.arange(cache.count)
-        if before is not None and len(numbers):
-            follow_surface(cache, numbers, before[numbers], surface.at(sites)[numbers], self.gather_pass.radii)
+        if before is not None and cache.count and (relit or not surface.current):  # else records are nearer to the truth already
+            follow_surface(cache, before, surface.at(sites), self.gather_pass.radii)
 
     def settle(self, shadows: ShadowMaps, budget: Budget) -> None:
         """Hold records against what has changed, those first that it may concern most: correct what they hold, and make those
