@@ -159,24 +159,44 @@ def check_exr(path: Path, rows: int) -> None:
         raise OSError(errno.ENOSPC, "the file was cut short; is there room for it?")
 
 
-def _part(folder: Path, ending: str = "") -> Path:
-    """A temporary name in `folder` that no file has."""
-    return folder / f".irrsplat-{secrets.token_hex(6)}.part{ending}"
-
-
 @contextmanager
-def _held(part: Path) -> Iterator[None]:
-    """Holds the lock of a temporary file or folder that this process has just made, as long as it lives or until this ends."""
-    if fcntl is None:
-        yield
-        return
-    handle = os.open(part, os.O_RDONLY)
+def _part(folder: Path, make: Callable[[Path], object], ending: str = "") -> Iterator[Path]:
+    """A temporary file or folder in `folder`, made by `make`: this process holds its lock and removes it at the end."""
+    handle = None
+    while handle is None:  # another process may sweep a name away before the name is locked
+        part = folder / f".irrsplat-{secrets.token_hex(6)}.part{ending}"
+        make(part)
+        handle = _lock(part)
     try:
-        with suppress(OSError):  # a file system without locks: the file is written all the same
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        yield
+        yield part
     finally:
-        os.close(handle)
+        if part.is_dir():
+            shutil.rmtree(part, ignore_errors=True)
+        else:
+            part.unlink(missing_ok=True)
+        if handle >= 0:
+            os.close(handle)
+
+
+def _lock(part: Path) -> int | None:
+    """Return a handle that locks `part`; -1 where there are no locks; None where another process sweeps `part` away."""
+    if fcntl is None:
+        return -1
+    try:
+        handle = os.open(part, os.O_RDONLY)
+    except FileNotFoundError:
+        return None
+    swept = False
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        swept = True
+    except OSError:  # a file system without locks, where nothing is swept either
+        pass
+    if not swept and part.exists():
+        return handle
+    os.close(handle)
+    return None
 
 
 def _sweep(folder: Path) -> None:
@@ -185,15 +205,41 @@ def _sweep(folder: Path) -> None:
         return
     for part in folder.glob(_PARTS):
         with suppress(OSError):  # it has gone meanwhile, belongs to somebody else, or is held
-            handle = os.open(part, os.O_RDONLY | os.O_NOFOLLOW)
+            handle = os.open(part, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
             try:
+                kind = os.fstat(handle).st_mode  # a pipe or a device of that name is not ours
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                if part.is_dir():
+                if stat.S_ISDIR(kind):
                     shutil.rmtree(part, ignore_errors=True)
-                else:
+                elif stat.S_ISREG(kind):
                     part.unlink()
             finally:
                 os.close(handle)
+
+
+def _put(part: Path, target: Path) -> None:
+    """Rename `part` to `target`, with the content on the disk first and the name next: at a power cut one of both is whole."""
+    _sync(part)
+    os.replace(part, target)
+    with suppress(OSError):  # some file systems do not take a folder, and the file is in place
+        _sync(target.parent)
+
+
+def _sync(path: Path) -> None:
+    """Have the system write a file or folder to the disk; Windows does that for open files of a process alone."""
+    if fcntl is None:
+        return
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _keep_mode(part: Path, target: Path) -> None:
+    """Give `part` the permissions of the file that it replaces, before anything is written."""
+    with suppress(FileNotFoundError):
+        part.chmod(stat.S_IMODE(target.stat().st_mode) & 0o777)
 
 
 @contextmanager
@@ -207,40 +253,40 @@ def _naming(path: Pathlike) -> Iterator[None]:
 
 
 def write_file(path: Pathlike, write: Callable[[Path], object]) -> None:
-    """Let `write` fill a temporary file beside `path`, then rename it: at no time is `path` half written."""
-    target = Path(os.path.realpath(path))  # what a link points to is replaced, not the link
-    part = _part(target.parent, target.suffix)
-    try:
-        with _naming(path):
-            _sweep(target.parent)
-            part.touch(exist_ok=False)
-            with _held(part):
-                write(part)
-                os.replace(part, target)
-    finally:
-        part.unlink(missing_ok=True)
+    """Let `write` fill a temporary file in the same folder, then rename it to `path`: at no time is `path` half written.
+
+    The file that a symbolic link points to is replaced, and the link stays. Permissions stay; other hard links keep the old
+    content. The content is on the disk before the name is.
+    """
+    target = Path(os.path.realpath(path))
+    with _naming(path):
+        _sweep(target.parent)
+        with _part(target.parent, lambda part: part.touch(exist_ok=False), target.suffix) as part:
+            _keep_mode(part, target)
+            write(part)
+            _put(part, target)
 
 
 def _write_folder(folder: Path, pictures: Iterator[tuple[str, np.ndarray]], bits: int = 8) -> None:
     """Write all pictures into a new folder, then rename it, or the files in it where `folder` exists already."""
     exists = folder.is_dir()
-    part = _part(folder if exists else folder.parent)
-    try:
-        with _naming(folder):
-            _sweep(part.parent)
-            part.mkdir()
-            with _held(part):
-                names = []
-                for name, display in pictures:
-                    _png(part / name, display, bits)
-                    names.append(name)
-                if not exists:
-                    os.replace(part, folder)
-                    return
+    inside = folder if exists else folder.parent
+    with _naming(folder):
+        _sweep(inside)
+        with _part(inside, Path.mkdir) as part:
+            names = []
+            for name, display in pictures:
+                (part / name).touch()
+                _keep_mode(part / name, folder / name)
+                _png(part / name, display, bits)
+                names.append(name)
+            if exists:
                 for name in names:
-                    os.replace(part / name, folder / name)
-    finally:
-        shutil.rmtree(part, ignore_errors=True)
+                    _put(part / name, folder / name)
+                return
+            for name in names:
+                _sync(part / name)
+            _put(part, folder)
 
 
 def _try_folder(text: str) -> None:
@@ -256,11 +302,8 @@ def _try_inside(folder: Path, text: str) -> None:
     """Raises InputError, naming `text`, where no file can be made in `folder`."""
     if not folder.is_dir():
         raise InputError(f"cannot write: the folder '{folder}' does not exist; make it first", text)
-    part = _part(folder)
     try:
-        part.touch(exist_ok=False)
+        with _part(folder, lambda part: part.touch(exist_ok=False)):
+            pass
     except OSError as error:
         raise InputError(f"cannot write: {error.strerror or error}", text) from error
-    finally:
-        with suppress(OSError):
-            part.unlink()

@@ -107,7 +107,10 @@ def read_bytes(path: Path, most: int = MOST_TEXT) -> bytes:
     check_readable(path, most)
     try:
         with open(path, "rb", opener=_without_waiting) as file:
-            data = file.read(most + 1)  # it may have grown, or tell no size, as those in /proc
+            size = os.fstat(file.fileno()).st_size
+            data = file.read(size + 1)
+            while size < len(data) <= most and (more := file.read(len(data))):  # it grows, or tells no size, as those in /proc
+                data += more
     except (OSError, ValueError, MemoryError) as error:
         raise InputError(f"cannot read this file: {_reason(error)}", path) from None
     if len(data) > most:

@@ -152,15 +152,46 @@ def test_an_exr_that_is_cut_short_is_noticed(rows: int, tmp_path: Path) -> None:
 
 
 def test_others_files_stay(tmp_path: Path) -> None:
-    """Names that are not ours, and links."""
+    """Names that are not ours, links, and a pipe, which nobody waits for."""
     (tmp_path / "precious").mkdir()
     (tmp_path / "precious/file").touch()
     (tmp_path / ".irrsplat-0123456789ab.part").symlink_to(tmp_path / "precious")
+    os.mkfifo(tmp_path / ".irrsplat-0123456789ac.part")
     for name in ("a.part", ".irrsplat-notes", "irrsplat-1.part"):
         (tmp_path / name).touch()
+    before = {path.name for path in tmp_path.iterdir()}
     files.write_text(tmp_path / "a.txt", "new")
     assert (tmp_path / "precious/file").exists()
-    assert {"a.part", ".irrsplat-notes", "irrsplat-1.part", "precious", "a.txt"} <= {path.name for path in tmp_path.iterdir()}
+    assert {path.name for path in tmp_path.iterdir()} == before | {"a.txt"}
+
+
+def test_a_name_that_is_swept_before_it_is_locked_is_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another process sweeps at the one moment when nobody holds the temporary file: the file is written all the same."""
+    fcntl = pytest.importorskip("fcntl")
+    lock, swept = fcntl.flock, list[Path]()
+
+    def late(handle: int, how: int) -> None:
+        if not swept:
+            swept.extend(tmp_path.glob(".irrsplat-*.part*"))
+            swept[0].unlink()
+        lock(handle, how)
+
+    monkeypatch.setattr(fcntl, "flock", late)
+    files.write_text(tmp_path / "a.txt", "new")
+    assert len(swept) == 1 and [path.read_text() for path in tmp_path.iterdir()] == ["new"]
+
+
+def test_permissions_and_links_stay(tmp_path: Path) -> None:
+    """A private file stays private, in a folder of pictures too; a link leads to the new content."""
+    file, link, folder = tmp_path / "a.txt", tmp_path / "link", tmp_path / "pictures"
+    folder.mkdir()
+    for private in (file, folder / "a.png"):
+        private.touch(0o600)
+    link.symlink_to(file)
+    files.write_text(link, "new")
+    files._write_folder(folder, iter([("a.png", np.zeros((1, 1, 3)))]))
+    assert link.is_symlink() and file.read_text() == "new"
+    assert [path.stat().st_mode & 0o777 for path in (file, folder / "a.png")] == [0o600, 0o600]
 
 
 def test_where_nothing_can_be_written(tmp_path: Path) -> None:

@@ -6,8 +6,10 @@ import io
 import json
 import os
 import sys
+import tracemalloc
 import zipfile
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import PIL.Image
@@ -126,6 +128,17 @@ def test_files_beyond_their_size_are_refused_before_they_are_read(tmp_path):
             file.truncate(most + 1)  # sparse: it takes no room on the disk
         with pytest.raises(InputError, match=f"larger than {most >> 20} MiB"):
             irrsplat.load(tmp_path / name)
+
+
+def test_a_small_file_takes_little_memory(tmp_path):
+    """Whatever the most is that files of its kind may have; one of /proc tells no size."""
+    (tmp_path / "a").write_bytes(b"x" * 1000)
+    tracemalloc.start()
+    assert len(paths.read_bytes(tmp_path / "a", paths.MOST_GEOMETRY)) == 1000
+    assert tracemalloc.get_traced_memory()[1] < 100_000
+    tracemalloc.stop()
+    if os.path.exists("/proc/self/status"):
+        assert paths.read_bytes(Path("/proc/self/status")).startswith(b"Name:")
 
 
 def test_an_image_of_few_bytes_and_many_pixels_is_not_decoded(tmp_path, monkeypatch):
