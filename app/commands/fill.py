@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from irrsplat.app.commands.shared import flags, rendering
 from irrsplat.app.commands.shared.command import Command
+from irrsplat.app.common.kept_cache import KeptCache
 from irrsplat.app.common.outputs import Outputs
 from irrsplat.app.common.terminal import INTERRUPTED, fail, say
 
@@ -66,15 +67,14 @@ def run(args: argparse.Namespace) -> int:
     if args.on is not None:
         return _fill_on(args, scene, flight)
     with irrsplat.Renderer(scene, size=tuple(args.size), preset=args.preset, tile_size=0, **args.values) as renderer:
-        if os.path.exists(args.cache):
-            rendering.load_cache(renderer, args)
+        cache = rendering.load_cache(renderer, args)
         for notice in (*scene.notices, *renderer.notices):
             say(f"notice: {notice}")
         with rendering.round_progress(args) as on_round:
-            done = filling.fill(renderer, flight, on_round, filling.saved_at_times(renderer, args.cache))
+            done = filling.fill(renderer, flight, on_round, filling.saved_at_times(partial(cache.save, renderer.save_cache)))
         outputs = Outputs()
         if renderer.cache.count:
-            outputs.write(args.cache, partial(renderer.save_cache, args.cache))
+            outputs.write(args.cache, partial(cache.save, renderer.save_cache))
         if args.stats is not None:
             rendering.write_stats(args, filling.statistics(done, renderer.cache.count), outputs)
     return _end_of_fill(done, flight, outputs)
@@ -87,14 +87,14 @@ def _fill_on(args: argparse.Namespace, scene: Scene, flight: Flight) -> int:
     from irrsplat.core import files
     from irrsplat.records import cache_file
 
-    job, outputs = cluster.job_of(args, scene, flight), Outputs()
+    job, outputs, cache = cluster.job_of(args, scene, flight), Outputs(), KeptCache(args.cache)
     if os.path.exists(args.cache):
         cache_file.read(args.cache, job.key)
     for notice in scene.notices:
         say(f"notice: {notice}")
     data, done = cluster.fill(args, job, flight)
     if data:
-        outputs.write(args.cache, lambda: files.write_bytes(args.cache, data))
+        outputs.write(args.cache, lambda: cache.save(lambda path: files.write_bytes(path, data)))
     if args.stats is not None:
         rendering.write_stats(args, filling.statistics(done, cluster.count(data)), outputs)
     return _end_of_fill(done, flight, outputs)

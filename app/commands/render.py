@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import os
 from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -184,8 +183,7 @@ def run(args: argparse.Namespace) -> int:
     sampled = {"samples": SAMPLES} if pictures_sampled and not arrays else {}
     made_with = {"preset": args.preset, **tiles, **args.values, **sampled}
     with irrsplat.Renderer(scene, size=tuple(args.size), **made_with) as renderer:
-        if args.cache is not None and (keeps or os.path.exists(args.cache)):
-            rendering.load_cache(renderer, args)
+        cache = rendering.load_cache(renderer, args) if args.cache is not None else None
         for notice in (*scene.notices, *renderer.notices):
             say(f"notice: {notice}")
         outputs, how = Outputs(), dict[str, Any]()
@@ -211,8 +209,8 @@ def run(args: argparse.Namespace) -> int:
         for path in args.output if flight is None else ():
             shown = picture if path in pngs else frame
             outputs.write(path, partial(files.save, path, shown, buffers, renderer, camera))
-        if args.cache is not None and renderer.cache.count and not keeps:
-            outputs.write(args.cache, partial(renderer.save_cache, args.cache))
+        if cache is not None and renderer.cache.count and not keeps:
+            outputs.write(args.cache, partial(cache.save, renderer.save_cache))
         if flight is not None and made is not None and complete:
             made.write(flight, outputs)
     if keeps:

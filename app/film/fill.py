@@ -68,17 +68,17 @@ def fill(
     return Filled(found, flown, renderer.cache.evicted - evicted)
 
 
-def saved_at_times(renderer: Renderer, path: str) -> Callable[[], None]:
-    """To be called after each frame: writes the cache once a minute, so that a process that is killed leaves most of its work."""
+def saved_at_times(save: Callable[[], object]) -> Callable[[], None]:
+    """To be called after each frame: saves the cache once a minute, so that a process that is killed leaves most of its work."""
     last = time.monotonic()
 
-    def save() -> None:
+    def after_frame() -> None:
         nonlocal last
         if time.monotonic() - last > _SAVED_EACH:
-            renderer.save_cache(path)
+            save()
             last = time.monotonic()
 
-    return save
+    return after_frame
 
 
 def statistics(done: Filled, records: int) -> dict[str, object]:

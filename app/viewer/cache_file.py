@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 
+from irrsplat.app.common.kept_cache import KeptCache
 from irrsplat.app.viewer.actions import Actions
 from irrsplat.core.errors import IrrsplatError
 from irrsplat.records import cache_file
@@ -18,6 +19,7 @@ class CacheFile:
 
     def __init__(self, path: str, actions: Actions, update: bool = False) -> None:
         self.path, self.actions, self.source = path, actions, actions.source
+        self._kept = KeptCache(path)
         if os.path.exists(path) and (reason := actions.session.renderers[0].load_cache(path, update)):
             actions.say(cache_file.renewal(path, reason))
 
@@ -34,7 +36,7 @@ class CacheFile:
         if actions.editor.changed:
             return f"{self.path}: not written, since lights or objects are no longer the scene's own"
         try:
-            renderer.save_cache(self.path)
+            self._kept.save(renderer.save_cache)
         except IrrsplatError as error:
             return str(error)
         return None

@@ -199,6 +199,21 @@ def _lock(part: Path) -> int | None:
     return None
 
 
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """A `with` block that no other process executes for `folder` at the same time, where the file system has locks."""
+    handle = None
+    try:
+        with suppress(OSError):
+            handle = os.open(folder, os.O_RDONLY) if fcntl is not None else None
+            if handle is not None:
+                fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        if handle is not None:
+            os.close(handle)
+
+
 def _sweep(folder: Path) -> None:
     """Remove temporary files and folders in `folder` whose process is dead: those that nobody holds."""
     if fcntl is None:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path as File
 from typing import TYPE_CHECKING, Any
 
+from irrsplat.app.common.kept_cache import KeptCache
 from irrsplat.app.common.outputs import Outputs, twins
 from irrsplat.app.common.terminal import progress, say
 
@@ -48,12 +50,16 @@ def check_kept_files(args: argparse.Namespace, mistakes: Mistakes, names: Sequen
         mistakes.add(twin)
 
 
-def load_cache(renderer: Renderer, args: argparse.Namespace) -> None:
-    """Take the records of --cache, as --cache-mode says; what that renews is told."""
+def load_cache(renderer: Renderer, args: argparse.Namespace) -> KeptCache:
+    """Take the records of --cache where the file is there, as --cache-mode says; what that renews is told."""
     from irrsplat.records import cache_file
 
+    kept = KeptCache(args.cache)
+    if args.cache_mode != "frozen" and not os.path.exists(args.cache):
+        return kept
     if reason := renderer.load_cache(args.cache, update=args.cache_mode == "update"):
         say(f"notice: {cache_file.renewal(args.cache, reason)}")
+    return kept
 
 
 @contextmanager

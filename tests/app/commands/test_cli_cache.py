@@ -5,15 +5,19 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from shutil import copyfile
 from typing import Any
 
 import numpy as np
 import pytest
 
 from irrsplat.app import cli
+from irrsplat.app.common.kept_cache import KeptCache
 from irrsplat.app.viewer import viewer
 from irrsplat.app.viewer.window import open_window
+from irrsplat.core.errors import IrrsplatError
 from irrsplat.records import cache_file
 from irrsplat.renderer.rounds import Rounds
 from tests.support.viewing import write_room
@@ -109,6 +113,26 @@ def test_what_does_not_belong_together_is_refused_and_stays(place: Path, refused
     for cache in ("none/room.cache", ".", "a.png"):
         refused([*RENDER[:-1], cache, "-o", "a.png"])
     refused([*VIEW[:-1], "none/room.cache"])
+
+
+def places(path: str | Path) -> set[tuple[float, ...]]:
+    return set(map(tuple, cache_file.read_any(path).state.records["position"]))
+
+
+def test_processes_that_share_a_file_keep_the_records_of_both(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Two begin without a file and save, one twice: all of the first, and what they do not serve. A third gathers otherwise."""
+    files = [place / f"{i}.cache" for i in range(3)]
+    for file, more in zip(files, ([], ["--eye", ".5", ".5", ".5", "--target", "0", "0", "0"], ["--bounces", "2"]), strict=True):
+        assert cli.main([*RENDER[:-1], str(file), *more, "-o", "a.png"]) == 0
+    one, two, three = (KeptCache("room.cache") for _ in files)
+    for kept, file in ((one, files[0]), (two, files[1]), (two, files[1])):
+        kept.save(partial(copyfile, file))
+    found, *parts = (places(path) for path in ("room.cache", *files))
+    assert parts[0] < found <= parts[0] | parts[1]
+    assert capsys.readouterr().err.count("the records of both are in it") == 1
+    with pytest.raises(IrrsplatError, match="another process has since made it with --bounces 1, not --bounces 2"):
+        three.save(partial(copyfile, files[2]))
+    assert places("room.cache") == found
 
 
 # ---- the window ----------------------------------------------------------------------------------------------------------
