@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from typing import Protocol, Self, TypeVar
+from weakref import finalize
 
 import moderngl
 
@@ -51,7 +52,8 @@ class Owner(ABC):
 
 
 class Tenant(Owner):
-    """Owns what it makes in an OpenGL context: a caller's, who makes it current, or one of its own, which is freed with it."""
+    """Owns what it makes in an OpenGL context: a caller's, who makes it current, or one of its own, which is freed with it, at
+    the latest when nothing refers to its tenant any more."""
 
     ctx: moderngl.Context
     about: context.Description
@@ -64,13 +66,15 @@ class Tenant(Owner):
         freed where the block fails."""
         self._owns_ctx = ctx is None
         self.ctx = ctx or context.create()
-        self._native = () if self._owns_ctx else context.current()
+        self._native = context.current()
         with ExitStack() as made:
             if self._owns_ctx:
                 made.callback(self.ctx.release)
             self.about = context.describe(self.ctx)
             yield made
             made.pop_all()
+        if self._owns_ctx:
+            finalize(self, context.leave, self.ctx, self._native).atexit = False
 
     def _use(self) -> None:
         """Make its own OpenGL context the current one; a given one is its owner's to make current. Raises GLError where it has

@@ -8,6 +8,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.errors import GLError
+from irrsplat.gpu import context
 from irrsplat.gpu.resource import Owner, Resource
 
 Region = tuple[int, int, int, int]  # x, y, width, height in pixels, from the lower left corner
@@ -46,7 +47,9 @@ def depth_texture(ctx: moderngl.Context, size: tuple[int, int]) -> moderngl.Text
 
 
 def pixels(texture: moderngl.Texture) -> np.ndarray:
-    """A float texture as a read-only array (H, W, C) float32, top row first; C is 1 for a scalar texture too."""
+    """A float texture as a read-only array (H, W, C) float32, top row first; C is 1 for a scalar texture too. Raises GLError where
+    its context has been released."""
+    context.check_alive(texture.ctx)
     return np.frombuffer(texture.read(), "f4").reshape(texture.height, texture.width, texture.components)[::-1]
 
 

@@ -115,7 +115,7 @@ def test_what_does_not_belong_together_is_refused_and_stays(place: Path, refused
     refused([*VIEW[:-1], "none/room.cache"])
 
 
-def places(path: str | Path) -> set[tuple[float, ...]]:
+def places(path: Path) -> set[tuple[float, ...]]:
     return set(map(tuple, cache_file.read_any(path).state.records["position"]))
 
 
@@ -127,12 +127,12 @@ def test_processes_that_share_a_file_keep_the_records_of_both(place: Path, capsy
     one, two, three = (KeptCache("room.cache") for _ in files)
     for kept, file in ((one, files[0]), (two, files[1]), (two, files[1])):
         kept.save(partial(copyfile, file))
-    found, *parts = (places(path) for path in ("room.cache", *files))
+    found, *parts = map(places, (Path("room.cache"), *files))
     assert parts[0] < found <= parts[0] | parts[1]
     assert capsys.readouterr().err.count("the records of both are in it") == 1
     with pytest.raises(IrrsplatError, match="another process has since made it with --bounces 1, not --bounces 2"):
         three.save(partial(copyfile, files[2]))
-    assert places("room.cache") == found
+    assert places(Path("room.cache")) == found
 
 
 # ---- the window ----------------------------------------------------------------------------------------------------------

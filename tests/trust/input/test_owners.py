@@ -45,6 +45,23 @@ def test_a_renderer_belongs_to_its_thread_and_each_thread_may_have_its_own():
         assert (renderer.render().image == picture).all()
 
 
+def test_a_renderer_that_nobody_refers_to_is_freed_by_its_own_thread():
+    """At once where its context is current; else, as in another thread, when its thread uses OpenGL next. A view of it ends."""
+    one, two = irrsplat.Renderer(EMPTY, (8, 8), bounces=1), irrsplat.LightMeter(EMPTY)
+    first, second = one.ctx, two.ctx
+    view, _ = one.frame()
+    del one
+    assert context.is_gone(first)
+    with pytest.raises(GLError, match="has been released"):
+        view._repr_png_()
+    held = [two]
+    del two
+    in_thread(held.clear)
+    assert not context.is_gone(second)
+    irrsplat.render(EMPTY, (8, 8), bounces=1)
+    assert context.is_gone(second)
+
+
 FORKED = """
 import os, signal, irrsplat
 from tests.trust.input.test_owners import EMPTY
