@@ -136,7 +136,7 @@ def _signals_held() -> Iterator[None]:
 
 
 def leave(ctx: moderngl.Context, handles: tuple[int, ...]) -> None:
-    """Free `ctx`, which `create` made, and all that is in it, as its user has gone without doing so. handles: what `current` gave.
+    """Free `ctx`, which `create` made, and all that is in it, as its user has gone without that. handles: what `current` gave.
 
     Python may call this at any time and in any thread. Where `ctx` is not the current context, it is freed when its thread next
     makes a context current.

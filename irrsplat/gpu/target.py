@@ -47,8 +47,10 @@ def depth_texture(ctx: moderngl.Context, size: tuple[int, int]) -> moderngl.Text
 
 
 def pixels(texture: moderngl.Texture) -> np.ndarray:
-    """A float texture as a read-only array (H, W, C) float32, top row first; C is 1 for a scalar texture too. Raises GLError where
-    its context has been released."""
+    """A float texture as a read-only array (H, W, C) float32, top row first; C is 1 for a scalar texture too.
+
+    Raises GLError where its context has been released.
+    """
     context.check_alive(texture.ctx)
     return np.frombuffer(texture.read(), "f4").reshape(texture.height, texture.width, texture.components)[::-1]
 
