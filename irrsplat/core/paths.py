@@ -16,13 +16,15 @@ from irrsplat.core.errors import InputError
 _PACKAGE = Path(__file__).resolve().parent.parent  # irrsplat/
 
 # The greatest sizes of files, in bytes; docs/scene-format.md states them.
-MOST_TEXT = 64 << 20  # scenes, lights, materials, photometry, paths
+MOST_TEXT = 8 << 20  # scenes, lights, materials, photometry, paths
 MOST_IMAGE = 1 << 30  # images and maps of skies, as they lie on the disk
 MOST_GEOMETRY = 4 << 30  # OBJ, PLY, STL, glTF and its buffers; record caches
 
 # Of all images of a scene together: so many pixels in any case, and so many more for each byte of their files.
 FREE_PIXELS = 1 << 26
 PIXELS_PER_BYTE = 256
+
+MOST_COPIES = 1 << 24  # vertices of meshes that a scene shows again, together: a line of text makes millions
 
 
 @cache
@@ -49,12 +51,13 @@ def cache_folder() -> Path | None:
 
 @dataclass
 class _Bounds:
-    """What the scene that is read at present may read: its own file, what lies in these folders, links resolved, and images of
-    so many pixels more."""
+    """The bounds of the scene that is read at present: its own file and these folders, links resolved, so many more pixels of
+    images, and so many more vertices of copies of meshes."""
 
     file: Path
     folders: tuple[Path, ...]
     pixels: int = FREE_PIXELS
+    copies: int = MOST_COPIES
 
 
 _bounds: ContextVar[_Bounds | None] = ContextVar("bounds", default=None)
@@ -147,6 +150,18 @@ def take_pixels(pixels: int, size: int) -> bool:
     if left >= 0:
         bounds.pixels = left
     return left >= 0
+
+
+def take_copies(vertices: int) -> bool:
+    """True if the scene that is read at present may show a mesh of so many vertices once more."""
+    bounds = _bounds.get()
+    if bounds is None:
+        return vertices <= MOST_COPIES
+    bounds.copies -= vertices
+    return bounds.copies >= 0
+
+
+TOO_MANY_COPIES = f"meshes that are shown again have more than {MOST_COPIES} vertices together; leave some of them out"
 
 
 def named(path: object) -> str:

@@ -19,6 +19,7 @@ from irrsplat.core.words import is_number, number, quote
 ENDINGS = (".hdr", ".pic", ".exr")
 MOST_ROWS = 2048  # of a map that is kept: larger ones are halved
 _MOST_PIXELS = 16384 * 8192
+_FREE, _PER_BYTE = 1 << 20, 512  # pixels that a small file may have, and more for each of its bytes
 _SLIGHT = 1e-3  # of all light: filters in image programs leave that much below 0
 _REMEDY = "save it again with finite values of 0 or more"
 
@@ -59,8 +60,9 @@ def read_exr(path: Path) -> np.ndarray:
     try:
         with _silent(), OpenEXR.File(str(path), header_only=True) as file:
             numbers = sum(_values(part.header) for part in file.parts)
-        if numbers > 3 * _MOST_PIXELS:
-            raise ValueError(f"{numbers} values are more than {3 * _MOST_PIXELS}")
+        most = 3 * _most_pixels(path.stat().st_size)
+        if numbers > most:
+            raise ValueError(f"{numbers} values are more than {most}")
         with _silent(), OpenEXR.File(str(path), separate_channels=True) as file:
             channels = {name: np.asarray(channel.pixels, np.float32) for name, channel in file.channels().items()}
     except Exception as error:  # a damaged file may raise anything
@@ -101,6 +103,11 @@ def _without_stderr() -> Iterator[None]:
         os.close(nowhere)
 
 
+def _most_pixels(size: int) -> int:
+    """Return the most pixels for a file of so many bytes."""
+    return min(_MOST_PIXELS, _FREE + _PER_BYTE * size)
+
+
 def _values(header: dict[str, Any]) -> int:
     """How many numbers a part of an EXR holds."""
     first, last = np.asarray(header["dataWindow"], np.int64)
@@ -121,8 +128,8 @@ def read_hdr(path: Path) -> np.ndarray:
     if b"32-bit_rle_xyze" in head:
         raise InputError("its pixels are XYZ, and RGB is expected; convert it (Radiance: ra_xyze -r)", path)
     height, width = int(size[2]), int(size[4])
-    if not 0 < height * width <= _MOST_PIXELS:
-        raise InputError(f"{width}x{height} pixels are none, or too many", path)
+    if not 0 < height * width <= _most_pixels(len(data)):
+        raise InputError(f"{width}x{height} pixels are none, or too many in {len(data)} bytes", path)
     try:
         coded = _runs(pixels, height, width) if pixels[:2] == b"\2\2" and 8 <= width < 32768 else _old_runs(pixels, height, width)
     except (IndexError, ValueError):
@@ -131,8 +138,10 @@ def read_hdr(path: Path) -> np.ndarray:
     exposure = float(np.prod(exposures)) or 1.0
     if not 1e-30 <= exposure <= 1e30:
         raise InputError(f"its EXPOSURE is {exposure:g}; expected a number above 0; save it again", path)
-    scale = np.where(coded[..., 3] > 0, np.ldexp(1.0, coded[..., 3].astype(np.int32) - 136), 0.0).astype(np.float32)
-    radiance = (coded[..., :3] + np.float32(0.5)) * (scale / np.float32(exposure))[..., None]
+    scales = np.ldexp(1.0, np.arange(256) - 136).astype(np.float32) / np.float32(exposure)
+    scales[0] = 0.0
+    radiance = coded[..., :3] + np.float32(0.5)
+    radiance *= scales[coded[..., 3]][..., None]
     radiance = radiance[:: 1 if size[1] == b"-" else -1, :: 1 if size[3] == b"+" else -1]
     return radiance
 

@@ -161,6 +161,7 @@ HEAD, ROW = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n", b"-Y 2 +X 8\n\2\2\0\x08"
         ("XZW.exr", noise(8, 16), "no channels R, G and B, but 3 others, 'W' first"),
         ("a.hdr", HEAD.replace(b"rgbe", b"xyze") + b"-Y 2 +X 8\n", "its pixels are XYZ, and RGB is expected"),
         ("a.hdr", HEAD + b"-Y 0 +X 8\n", "8x0 pixels are none, or too many"),
+        ("a.hdr", HEAD + b"-Y 8192 +X 16384\n\1\2\3\x80" + b"\1\1\1\xff" * 4, "or too many in 72 bytes"),
         ("a.hdr", HEAD + ROW + b"\x88\0" * 4 + b"no row", "cut off or damaged"),
         ("a.hdr", HEAD + ROW + b"\0" * 64, "cut off or damaged"),  # a run of nothing
         ("a.hdr", HEAD + ROW + b"\x89\0" * 64, "cut off or damaged"),  # runs of nine in a row of eight

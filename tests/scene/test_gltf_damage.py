@@ -29,6 +29,21 @@ def sparse(f: GltfFile) -> int:
     return f.accessor(POINTS, sparse={"count": 1, **kinds})
 
 
+def bombed(f: GltfFile, add: Callable[..., object], *args: Any) -> None:
+    """What is added has an accessor at its end that announces much and has no bytes."""
+    add(f, *args)
+    f.tree["accessors"][-1]["count"] = 10**8
+    del f.tree["accessors"][-1]["bufferView"]
+
+
+def draco(f: GltfFile, kind: int, at: int) -> None:
+    """The node `odd` is packed by Draco, whose header of this kind announces 2²⁷ of what is counted first."""
+    data = b"DRACO\2\2" + bytes((kind, 0, 0, 0)) + b"\x80\x80\x80\x40" + b"\1" * 99
+    packed = {"bufferView": f.view(data), "attributes": {"POSITION": 0}}
+    odd(f)["extensions"] = {"KHR_draco_mesh_compression": packed}
+    del f.tree["accessors"][-2]["bufferView"]
+
+
 def instanced(f: GltfFile, attributes: object) -> None:
     """The node `odd` stands where these instances say."""
     odd(f, more={"extensions": {"EXT_mesh_gpu_instancing": {"attributes": attributes}}})
@@ -75,7 +90,11 @@ def sky(f: GltfFile, sides: tuple[int, ...] = (4,) * 6, **entry: Any) -> None:
         (lambda f: odd(f, f32([0, 1, 2])), "accessor 3 holds no integers"),
         (lambda f: odd(f, POSITION=f32([[0, 0]] * 4)), "accessor 2 is of a type that is not expected there"),
         (lambda f: odd(f, NORMAL=POINTS[:2]), "has 2 elements, and 4 are needed"),
-        (lambda f: odd(f, NORMAL=f.add("accessors", {"componentType": 5126, "count": 10**12, "type": "VEC3"})), "of nothing"),
+        (lambda f: odd(f, NORMAL=f.add("accessors", {"componentType": 5126, "count": 10**8, "type": "VEC3"})), "in a file of"),
+        (lambda f: bombed(f, animated, [0], "translation", [[1, 0, 0]]), "animation 0 is left out: accessor 3 announces"),
+        (lambda f: bombed(f, odd), "accessor 3 announces 100000000 elements in a file of"),
+        (lambda f: draco(f, 1, 11), "node 'odd' is left out: its packed data announce more than they can hold"),
+        (lambda f: draco(f, 0, 11), "node 'odd' is left out: its packed data are damaged"),  # points alone
         (lambda f: odd(f, POSITION=sparse(f)), "accessor 2 replaces elements that it does not have"),
         (lambda f: odd(f, POSITION=POINTS * f32([1, 0, 0])), "4 degenerate triangles dropped"),
         (lambda f: odd(f, more={"matrix": [1] * 16}), "node 'odd' is left out: its matrix is not affine"),

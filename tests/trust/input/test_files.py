@@ -22,6 +22,7 @@ from irrsplat.core.errors import InputError
 from irrsplat.records import cache_file
 from irrsplat.scene.io import images
 from irrsplat.scene.io.images import read_image, read_images
+from tests.support.gltf_files import POINTS, GltfFile
 from tests.trust.fuzz import readers
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
@@ -160,6 +161,32 @@ def test_all_images_of_a_scene_count_together(tmp_path, monkeypatch):
         PIL.Image.new("RGB", (64, 64), (i, 0, 0)).save(tmp_path / f"{i}.png")
     scene = irrsplat.load(gltf(tmp_path, [{"uri": f"{i}.png"} for i in range(5)]))
     assert [bool(mesh.material.textures) for mesh in scene.meshes] == [True, True, True, False, False]
+
+
+@pytest.mark.parametrize("kind", ["lines", "nodes", "instances"])
+def test_all_copies_of_meshes_count_together(tmp_path, monkeypatch, kind):
+    """A triangle has three vertices: three copies have nine, and a fourth one is refused."""
+    monkeypatch.setattr(paths, "_Bounds", partial(paths._Bounds, copies=9))
+    for count in (4, 5):
+        if kind == "lines":
+            (tmp_path / "t.obj").write_text(TRIANGLE)
+            path = tmp_path / "a.scene"
+            path.write_text("obj t.obj\n" * count)
+        else:
+            file = GltfFile()
+            mesh = file.mesh(indices=None, POSITION=POINTS[:3])
+            places = {"attributes": {"TRANSLATION": file.accessor(np.zeros((count, 3), "f4"))}}
+            for _ in range(count if kind == "nodes" else 1):
+                file.node(mesh=mesh, **({"extensions": {"EXT_mesh_gpu_instancing": places}} if kind == "instances" else {}))
+            path = file.gltf(tmp_path / "a.gltf")
+        if count == 4:
+            assert irrsplat.load(path).triangles == 4
+        elif kind == "nodes":
+            assert irrsplat.load(path).triangles == 4
+            assert any(paths.TOO_MANY_COPIES in notice for notice in irrsplat.load(path).notices)
+        else:
+            with pytest.raises(InputError, match="meshes that are shown again have more than"):
+                irrsplat.load(path)
 
 
 def test_the_same_image_is_kept_once_however_often_it_is_named(tmp_path):

@@ -12,12 +12,18 @@ from irrsplat.scene.io.gltf.packed import plain_view
 
 _TYPES = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", 5124: "<i4", 5125: "<u4", 5126: "<f4", 5130: "<f8"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
-_MOST = 1 << 27  # elements of an accessor without bytes of its own
+_FREE, _PER_BYTE = 1 << 16, 16  # elements that an accessor may have, and more for each byte of the files: some are packed
 
 
 def count(document: Document, index: object) -> int:
-    """The number of elements of an accessor; raises Damaged where there is no such accessor."""
-    return whole(document.entry("accessors", index), "count")
+    """Return the number of elements of an accessor.
+
+    Raises Damaged where there is no such accessor, or where the number is far beyond what files of this size have.
+    """
+    number = whole(document.entry("accessors", index), "count")
+    if number > _FREE + _PER_BYTE * document.size:
+        raise Damaged(f"accessor {index} announces {number} elements in a file of {document.size} bytes")
+    return number
 
 
 def values(
@@ -54,13 +60,11 @@ def _elements(
     kind = _TYPES.get(whole(entry, "componentType"))
     if width not in widths or kind is None:
         raise Damaged(f"accessor {index} is of a type that is not expected there")
-    number = whole(entry, "count")
+    number = count(document, index)
     if "bufferView" in entry:
         array = _bytes(document, entry["bufferView"], whole(entry, "byteOffset", 0), number, width, np.dtype(kind), index)
-    elif number <= _MOST:
-        array = np.zeros((number, width), kind)
     else:
-        raise Damaged(f"accessor {index} announces {number} elements of nothing")
+        array = np.zeros((number, width), kind)
     sparse = entry.get("sparse")
     if isinstance(sparse, dict):
         array = _replaced(document, sparse, array, index)

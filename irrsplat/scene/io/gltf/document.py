@@ -43,7 +43,7 @@ WRONG = (InputError, ValueError, KeyError, TypeError, AttributeError, IndexError
 class Document:
     """A glTF file, its buffers read when they are first asked for.
 
-    tree: the JSON. chunk: the binary chunk of a GLB. files: what was read apart from `path`.
+    tree: the JSON. chunk: the binary chunk of a GLB. size: bytes of all files read. files: those apart from `path`.
     lost: names of the parts that are left out, by reason. absent: names of missing images. unshown: what the file asks for and is
     not read.
     unpacked: the bytes of compressed buffer views, by index.
@@ -52,6 +52,7 @@ class Document:
     path: Path
     tree: dict[str, Any]
     chunk: bytes | None = None
+    size: int = 0
     files: list[Path] = field(default_factory=list)
     lost: dict[str, list[str]] = field(default_factory=dict)
     absent: dict[str, None] = field(default_factory=dict)
@@ -144,6 +145,7 @@ class Document:
             raise Missing(name)
         if file not in self._contents:
             self._contents[file] = read_bytes(file, MOST_GEOMETRY)
+            self.size += len(self._contents[file])
             self.files.append(file)
         return self._contents[file], name
 
@@ -229,7 +231,7 @@ def read(path: Path) -> Document:
         raise InputError("this is no glTF 2.0 file, or a damaged one; export it again", path) from None
     if not version.startswith("2"):
         raise InputError(f"this is glTF {shown(version)}; expected version 2.0", path)
-    return Document(path, tree, chunk)
+    return Document(path, tree, chunk, len(data))
 
 
 def _chunks(path: Path, data: bytes) -> tuple[bytes, bytes | None]:

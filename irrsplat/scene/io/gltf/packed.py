@@ -11,6 +11,7 @@ from irrsplat.scene.io.gltf.document import Damaged, Document, extension, view, 
 
 MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
 DRACO = "KHR_draco_mesh_compression"
+_FREE, _PER_BYTE = 1 << 16, 256  # faces and points that Draco may announce; a plane's have some 6 faces a byte
 _INSTALL = "to read it: pip install 'irrsplat[gltf]'"
 
 
@@ -54,11 +55,53 @@ def draco(document: Document, packed: Mapping[str, Any]) -> tuple[np.ndarray, di
     key = packed.get("bufferView")
     data, _, _ = view(document, key)
     try:
+        if _announced(data.tolist()) > _FREE + _PER_BYTE * len(data):
+            raise Damaged("its packed data announce more than they can hold")
         mesh = DracoPy.decode(bytes(data))
         faces = np.asarray(mesh.faces).reshape(-1, 3)
         attributes = {
             name: np.asarray(mesh.get_attribute_by_unique_id(number)["data"]) for name, number in packed["attributes"].items()
         }
+    except Damaged:
+        raise
     except Exception:  # whatever its decoder raises for damaged data
         raise Damaged("its packed data are damaged") from None
     return faces, {name: array.reshape(len(array), -1) for name, array in attributes.items()}
+
+
+def _announced(data: list[int]) -> int:
+    """Return how many faces and points together the header of a Draco mesh announces: bitstream 2.2, sections 3 and 4.
+
+    Raises ValueError and IndexError for anything else, for which the decoder would take memory unasked.
+    """
+    kind, method, flags = data[7], data[8], data[10] << 8 | data[9]
+    if bytes(data[:5]) != b"DRACO" or data[5:7] < [2, 2] or kind != 1 or method > 1:
+        raise ValueError("no mesh of Draco's bitstream 2.2")
+    at = 11
+
+    def number() -> int:  # LEB128
+        nonlocal at
+        found, shift = 0, 0
+        while True:
+            found |= (data[at] & 127) << shift
+            at, shift = at + 1, shift + 7
+            if data[at - 1] < 128:
+                return found
+
+    def skip_metadata() -> None:
+        nonlocal at
+        for _ in range(number()):
+            at += 1 + data[at]  # its name
+            size = number()
+            at += size
+        for _ in range(number()):
+            at += 1 + data[at]
+            skip_metadata()
+
+    if flags & 0x8000:
+        for _ in range(number()):
+            number()
+            skip_metadata()
+        skip_metadata()
+    at += method  # edgebreaker has a byte for its kind of traversal first
+    return number() + number()

@@ -13,6 +13,7 @@ import numpy as np
 
 from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import LoadOptions
+from irrsplat.core.paths import TOO_MANY_COPIES, take_copies
 from irrsplat.core.vectors import times
 from irrsplat.core.words import GREATEST
 from irrsplat.scene.io.defaults import WORLD, finish
@@ -58,7 +59,6 @@ _READ = {  # extensions that are heeded, or that change nothing that could be se
     "KHR_xmp_json_ld",
     "MSFT_texture_dds",
 }
-_MOST_VERTICES = 1 << 26  # that the instances of one mesh may have together
 
 
 def load_gltf(path: Path, options: LoadOptions, origin: Vector = WORLD) -> Scene:
@@ -217,6 +217,8 @@ class _Reader:
                 self.document.lose(f"{found.beyond} triangles of {called}", "they refer to vertices that are not there")
             if self._shared[node.entry["mesh"]] > 1:
                 self._kept[key] = found
+        elif not take_copies(len(found.rows)):
+            raise Damaged(TOO_MANY_COPIES)
         return found
 
     def _geometry(self, node: Node, entry: Mapping[str, Any], i: int, attributes: Attributes, surface: Surface) -> Geometry:
@@ -283,8 +285,8 @@ def _placed(shape: Geometry, places: np.ndarray) -> tuple[Geometry, np.ndarray]:
     number = len(shape.positions)
     if not len(places):
         raise Damaged("it is scaled to nothing")
-    if number * len(places) > _MOST_VERTICES:
-        raise Damaged(f"its {len(places)} instances have more vertices than fit into memory")
+    if not take_copies(number * (len(places) - 1)):
+        raise Damaged(TOO_MANY_COPIES)
     positions = np.concatenate([times(shape.positions, place[:3, :3]) + place[:3, 3] for place in places])
     corners = np.concatenate(
         [shape.corners[:, :: -1 if mirror else 1] + i * number for i, mirror in enumerate(determinants < 0.0)]

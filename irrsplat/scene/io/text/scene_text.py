@@ -11,6 +11,7 @@ import numpy as np
 from irrsplat.core.color import LUMINOUS_EFFICACY
 from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import LoadOptions
+from irrsplat.core.paths import TOO_MANY_COPIES, take_copies
 from irrsplat.core.words import is_number, quote
 from irrsplat.scene.io.defaults import WORLD, finish
 from irrsplat.scene.io.lights.light_text import LightReader, placed
@@ -64,7 +65,8 @@ class _Reader:
     origin: Vector = WORLD
     matrix: np.ndarray = field(default_factory=lambda: np.eye(4))  # world_from_object
     stack: list[tuple[Line, np.ndarray]] = field(default_factory=list)
-    material: Material = field(default_factory=Material)
+    albedo: tuple[float, float, float] = Material().albedo
+    emission: tuple[float, float, float] = (0.0, 0.0, 0.0)  # W/(m² sr)
     once: dict[str, Line] = field(default_factory=dict)
     fov: float = 45.0  # degrees
     per_unit: float = 1.0  # W/sr for each unit that lights are given in, and W/(m² sr) for those of emission and sky
@@ -147,12 +149,12 @@ class _Reader:
             r, g, b, _ = line.numbers("diffuse R G B A", line.args[1:])
             if not 0.0 <= min(r, g, b) <= max(r, g, b) <= 1.0:
                 raise line.error(f"the reflectance is {r:g} {g:g} {b:g}; expected values from 0 to 1")
-            self.material = Material((r, g, b), self.material.emission)
+            self.albedo = r, g, b
         elif kind == "emission":
             r, g, b = line.numbers("emission R G B", line.args[1:])
             if min(r, g, b) < 0.0:
                 raise line.error(f"the emission is {r:g} {g:g} {b:g}; expected values of 0 or more")
-            self.material = Material(self.material.albedo, self._radiance(line, r, g, b))
+            self.emission = self._radiance(line, r, g, b)
         else:
             raise line.error(f"{quote(kind)} is no kind of brdf; expected: {USAGE['brdf']}")
 
@@ -193,6 +195,8 @@ class _Reader:
         if path not in self.shapes:
             self.shapes[path] = load_obj(path)
             self.files.append(path)
+        elif not take_copies(len(self.shapes[path].positions)):
+            raise line.error(TOO_MANY_COPIES)
         shape = self.shapes[path]
         try:
             mesh, dropped = build_mesh(
@@ -201,7 +205,7 @@ class _Reader:
                 shape.normals,
                 shape.corner_normals,
                 self.matrix,
-                self.material,
+                Material(self.albedo, self.emission),
                 name=path.stem,
                 origin=self.origin,
             )
