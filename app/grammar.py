@@ -10,6 +10,7 @@ from irrsplat.app.commands import bake, bench, cache, completion, desktop, fill,
 from irrsplat.app.commands.shared import flags
 from irrsplat.app.commands.shared.command import Command
 from irrsplat.app.common.parser import Mistakes, Parser
+from irrsplat.app.common.terminal import out
 from irrsplat.app.common.version import version
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.settings import SETTINGS
@@ -106,5 +107,5 @@ class _Version(argparse.Action):
         super().__init__(option_strings, dest, nargs=0, **options)
 
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
-        print(f"irrsplat {version()}")
+        out(f"irrsplat {version()}")
         parser.exit()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict
@@ -13,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from irrsplat import settings
 from irrsplat.app.common.outputs import Outputs, twins
-from irrsplat.app.common.terminal import progress, say, wrote
+from irrsplat.app.common.terminal import out, progress, say, wrote
 from irrsplat.core import files
 from irrsplat.core.errors import InputError
 
@@ -77,11 +76,11 @@ def run(scene: Scene, args: argparse.Namespace) -> int:
         stats = {"scene": scene.name, "to": args.to, "light": args.light, "seconds": seconds, **told,
                  "check": None if checked is None else asdict(checked), "preset": args.preset,
                  "settings": vars(settings.preset(args.preset, **args.values))}  # fmt: skip
-        outputs.write(args.stats, partial(files.write_text, args.stats, json.dumps(stats, indent=1) + "\n"))
+        outputs.write(args.stats, partial(files.write_text, args.stats, files.json_text(stats, 1) + "\n"))
     if not told.get("converged", True):
         say("notice: stopped before every place was served; raise --max-rounds or --a")
     for words in _lines(told, seconds, checked):
-        print(words)
+        out(words)
     outputs.tell()
     return 0
 

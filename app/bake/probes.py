@@ -8,7 +8,6 @@ Environment Maps"): what stands in a file is irradiance itself, convolved alread
 from __future__ import annotations
 
 import io
-import json
 import math
 import os
 from dataclasses import dataclass
@@ -103,11 +102,11 @@ class Probes:
         }
         if target.suffix.lower() == ".json":
             arrays = {"valid": self.valid.ravel().astype(int).tolist(), "coefficients": _rounded(self.coefficients)}
-            files.write_text(target, json.dumps(told | arrays) + "\n")
+            files.write_text(target, files.json_text(told | arrays, None) + "\n")
         elif target.suffix.lower() == ".npz":
             data = io.BytesIO()
             np.savez_compressed(data, coefficients=self.coefficients.astype(np.float32), valid=self.valid,
-                                origin=self.origin, step=self.step, about=np.array(json.dumps(told)))  # fmt: skip
+                                origin=self.origin, step=self.step, about=np.array(files.json_text(told, None)))  # fmt: skip
             files.write_bytes(target, data.getvalue())
         else:
             raise InputError(f"probes are written as {' or '.join(ENDINGS)}; give -o a name that ends so", str(path) or "''")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from argparse import Namespace
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
@@ -10,7 +9,7 @@ from typing import cast
 
 from irrsplat.app.bench import compare, machine, paper_times
 from irrsplat.app.bench.cases import LEGEND, TURN, Run, Timing, measure
-from irrsplat.app.common.terminal import columns, doing, say
+from irrsplat.app.common.terminal import columns, doing, out, say
 from irrsplat.core.errors import InputError
 from irrsplat.reference.truth import in_words
 from irrsplat.scene.model import Scene
@@ -28,7 +27,7 @@ def run(args: Namespace) -> int:
     Raises InputError and IrrsplatError, one line, for what cannot be; KeyboardInterrupt where the user ended it.
     """
     import irrsplat
-    from irrsplat.core.files import write_text
+    from irrsplat.core.files import json_text, write_text
 
     bounces = _bounces(args.bounces)
     earlier = None if args.compare is None else compare.read(args.compare)
@@ -52,10 +51,10 @@ def run(args: Namespace) -> int:
         about, runs = _timed(loaded, args, bounces)
         written = {"machine": about, "runs": [asdict(run) for run in runs]}
         if earlier is not None:
-            print(f"\nagainst {args.compare}")
-            print("\n".join(compare.table(earlier, [cast(compare.EarlierRun, asdict(run)) for run in runs])))
+            out(f"\nagainst {args.compare}")
+            out("\n".join(compare.table(earlier, [cast(compare.EarlierRun, asdict(run)) for run in runs])))
     if args.json is not None:
-        write_text(args.json, json.dumps(written, indent=2) + "\n")
+        write_text(args.json, json_text(written) + "\n")
     return 0
 
 
@@ -80,11 +79,11 @@ def _timed(loaded: Sequence[tuple[str, Scene]], args: Namespace, bounces: int | 
             presets = list(dict.fromkeys(args.preset or (("paper", "default") if scene.name == PAPER else ("default",))))
             runs += _scene(scene, size, presets, bounces, about)
         if args.flight != "off":
-            print()
+            out()
             runs += _flown(scene, (sizes[0][0], max(1, round(0.75 * sizes[0][0]))), runs[-1].clock)
         start = machine.startup(source, sizes[0])
         startup[scene.name] = start
-        print(f"\n{scene.name}, {_started(start)}")
+        out(f"\n{scene.name}, {_started(start)}")
     return about | {"startup_s": startup} if startup else about, runs
 
 
@@ -98,16 +97,16 @@ def _scene(scene: Scene, size: Size, presets: Sequence[str], bounces: int | All,
         with irrsplat.Renderer(scene, size=size, preset=preset, bounces=bounces, tile_size=0) as renderer:
             if not about:
                 about |= machine.about(renderer.about)
-                print(f"{about['renderer']}, {about['cpus']} CPUs, {in_words(bounces)}")
-                print(LEGEND)
+                out(f"{about['renderer']}, {about['cpus']} CPUs, {in_words(bounces)}")
+                out(LEGEND)
             for result, timing in measure(renderer, doing):
                 runs.append(result)
                 if result.case == "empty":
                     empty[preset] = timing
-    print(f"\n{scene.name}, {size[0]}x{size[1]}, {in_words(bounces)}")
-    print("\n".join(_cases(runs)))
-    print()
-    print("\n".join(paper_times.table(scene.name, empty, runs[0].clock)))
+    out(f"\n{scene.name}, {size[0]}x{size[1]}, {in_words(bounces)}")
+    out("\n".join(_cases(runs)))
+    out()
+    out("\n".join(paper_times.table(scene.name, empty, runs[0].clock)))
     return runs
 
 
@@ -134,8 +133,8 @@ def _flown(scene: Scene, size: Size, clock: str) -> list[Run]:
     """The flight through the window: prints its table; two runs a case, the middle frame and the worst one."""
     from irrsplat.app.bench import fly_through
 
-    print(f"{scene.name}, flight of {fly_through.FRAMES} frames, {size[0]}x{size[1]}")
-    print(fly_through.LEGEND)
+    out(f"{scene.name}, flight of {fly_through.FRAMES} frames, {size[0]}x{size[1]}")
+    out(fly_through.LEGEND)
     rows = [("flight", "median ms", "worst ms", "fps", "new records", "records", "first picture s")]
     runs: list[Run] = []
     bounces = Settings().bounces  # the viewer's
@@ -150,7 +149,7 @@ def _flown(scene: Scene, size: Size, clock: str) -> list[Run]:
             runs.append(Run(*made, bounces=bounces, seconds_all=[seconds]))
         doing(f"{scene.name}: serving every view along the way, then the second flight")
     doing("")
-    print("\n".join(columns(rows, left=1)))
+    out("\n".join(columns(rows, left=1)))
     return runs
 
 

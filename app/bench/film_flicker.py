@@ -16,7 +16,7 @@ import numpy as np
 
 from irrsplat.app.bench.flicker import FRAMES, JUMP, Flicker, change, table
 from irrsplat.app.bench.fly_through import route
-from irrsplat.app.common.terminal import doing
+from irrsplat.app.common.terminal import doing, out
 from irrsplat.app.film.fill import fill
 from irrsplat.app.film.flight import Flight
 from irrsplat.core.color import LUMINANCE
@@ -76,13 +76,13 @@ class Places:
 
 def run(scenes: Sequence[Scene], size: tuple[int, int], preset: str) -> list[dict[str, object]]:
     """Measure every scene, print a table, and return its rows for JSON."""
-    print(LEGEND)
+    out(LEGEND)
     found: list[Flicker] = []
     for scene in scenes:
         doing(f"{scene.name}: films")
         found += measure(scene, size, preset, FRAMES)
     doing("")
-    print("\n".join(table(found)))
+    out("\n".join(table(found)))
     return [asdict(one) for one in found]
 
 

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from irrsplat.app.bench.fly_through import route
-from irrsplat.app.common.terminal import columns, doing
+from irrsplat.app.common.terminal import columns, doing, out
 from irrsplat.core.color import LUMINANCE
 from irrsplat.gpu.target import pixels
 from irrsplat.image.view import View
@@ -87,10 +87,10 @@ class _Seen:
 
 def run(scenes: Sequence[Scene], size: tuple[int, int], preset: str) -> list[dict[str, object]]:
     """Measure every scene, print a table, and return its rows for JSON."""
-    print(f"flights of {FRAMES} frames, {size[0]}x{size[1]}")
-    print(LEGEND)
+    out(f"flights of {FRAMES} frames, {size[0]}x{size[1]}")
+    out(LEGEND)
     found = [flicker for scene in scenes for flicker in measure(scene, size, preset, tell=doing)]
-    print("\n".join(table(found)))
+    out("\n".join(table(found)))
     return [asdict(flicker) for flicker in found]
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import time
 from argparse import Namespace
 from collections.abc import Callable, Iterator
@@ -11,7 +10,7 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 
 import irrsplat
-from irrsplat.app.common.terminal import columns, doing
+from irrsplat.app.common.terminal import columns, doing, out
 from irrsplat.core import files
 from irrsplat.core.errors import InputError
 from irrsplat.core.timing.clock import Clock, RayClock, use_clock
@@ -182,7 +181,7 @@ def run(args: Namespace) -> int:
             rows.append((case.name, str(step.frame), *errors_of, *counts))
             found.append({"case": case.name} | asdict(step))
     doing("")
-    print("\n".join([LEGEND, "", *columns(rows, left=1)]))
+    out("\n".join([LEGEND, "", *columns(rows, left=1)]))
     if args.json is not None:
-        files.write_text(args.json, json.dumps({"moving": found}, indent=2) + "\n")
+        files.write_text(args.json, files.json_text({"moving": found}) + "\n")
     return 0

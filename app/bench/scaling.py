@@ -17,7 +17,7 @@ import numpy as np
 from irrsplat.app.bench import machine
 from irrsplat.app.bench.cases import TURN, turned
 from irrsplat.app.common.plot import Line, loglog, palette
-from irrsplat.app.common.terminal import columns, progress
+from irrsplat.app.common.terminal import columns, out, progress
 from irrsplat.app.verify.measure import silent
 from irrsplat.core import files
 from irrsplat.core.errors import InputError, IrrsplatError
@@ -80,16 +80,16 @@ def run(args: Namespace) -> int:
         for k, (count, side) in enumerate(plan):
             tell(k / len(plan), f"{k + 1} of {len(plan)}: {count:,} triangles at {side}x{side}")
             rows.append(_apart(count, side))
-    print(f"growth on {rows[0].machine['renderer']}\n{LEGEND}\n")
+    out(f"growth on {rows[0].machine['renderer']}\n{LEGEND}\n")
     by_triangles, by_pixels = rows[: len(counts)], rows[len(counts) :]
     for found in (by_triangles, by_pixels):
-        print("\n".join([*columns(table(found), left=0), ""]))
+        out("\n".join([*columns(table(found), left=0), ""]))
     middle, last = min(by_triangles, key=lambda row: abs(row.triangles - 10**4)), by_triangles[-1]
     times = last.record / middle.record
-    print(f"a record costs {times:.1f} times as much with {last.triangles:,} triangles as with {middle.triangles:,}")
+    out(f"a record costs {times:.1f} times as much with {last.triangles:,} triangles as with {middle.triangles:,}")
     if args.json is not None:
         runs = [entry for row in rows for entry in _runs(row)]
-        files.write_text(args.json, json.dumps({"machine": rows[0].machine, "runs": runs}, indent=2) + "\n")
+        files.write_text(args.json, files.json_text({"machine": rows[0].machine, "runs": runs}) + "\n")
     if args.output is not None:
         files.write_picture(args.output, plot(by_triangles, by_pixels))
     return 0

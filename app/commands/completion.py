@@ -9,6 +9,7 @@ from typing import Any
 
 from irrsplat.app.commands.shared import flags
 from irrsplat.app.commands.shared.command import Command
+from irrsplat.app.common.terminal import out
 from irrsplat.settings import SETTINGS
 
 SHELLS = ("bash", "zsh", "fish")
@@ -29,7 +30,7 @@ def add(commands: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """`irrsplat completion`: the script for a shell."""
-    print(script(args.shell))
+    out(script(args.shell))
     return 0
 
 

@@ -6,6 +6,7 @@ import argparse
 from typing import Any
 
 from irrsplat.app.commands.shared.command import Command
+from irrsplat.app.common.terminal import out
 
 
 def add(commands: Any) -> None:
@@ -26,7 +27,7 @@ def run(args: argparse.Namespace) -> int:
     home = desktop_entry.data_home()
     done = desktop_entry.install(home) if args.what == "install" else desktop_entry.remove(home)
     for path in done:
-        print(path)
+        out(str(path))
     return 0
 
 

@@ -8,7 +8,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 from irrsplat.app.common.terminal import say
-from irrsplat.core import files
 from irrsplat.core.errors import IrrsplatError
 
 
@@ -27,6 +26,8 @@ class KeptCache:
         Raises IrrsplatError where that fails, and where the other one's records belong to another scene or to other settings: its
         file stays.
         """
+        from irrsplat.core import files  # which needs numpy, and --help does not
+
         with files.locked(Path(os.path.realpath(self.path)).parent):
             if not self._shared and self._state() in (self._seen, None):
                 write(self.path)

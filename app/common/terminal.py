@@ -1,4 +1,7 @@
-"""What is written to the terminal: errors, notices and a progress line on stderr, and tables in columns."""
+"""Writes to the terminal: results on stdout, errors, notices and a progress line on stderr, and tables in columns.
+
+All of it goes through this module, which spells out what a terminal would act upon: names come from files of others.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,8 @@ import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import Protocol
+
+from irrsplat.core.words import spelled
 
 INTERRUPTED = 130  # the exit status after Ctrl-C
 
@@ -17,22 +22,27 @@ class OnShare(Protocol):
     def __call__(self, share: float, words: str, stage: str = "") -> None: ...
 
 
+def out(text: str = "") -> None:
+    """Print lines to stdout."""
+    print(spelled(text), flush=True)
+
+
 def say(line: str) -> None:
     """Print one line to stderr."""
-    print(" ".join(line.split()), file=sys.stderr, flush=True)
+    print(spelled(" ".join(line.split())), file=sys.stderr, flush=True)
 
 
 def fail(message: str, status: int) -> int:
     """Print what went wrong in one line to stderr; the exit status."""
     with suppress(OSError):
-        print("irrsplat:", " ".join(message.split()), file=sys.stderr, flush=True)
+        print("irrsplat:", spelled(" ".join(message.split())), file=sys.stderr, flush=True)
     return status
 
 
 def doing(words: str) -> None:
     """Show what goes on, in a line that the next one replaces, where stderr is a terminal."""
     if sys.stderr.isatty():
-        print(f"\r\x1b[K{words}", end="", file=sys.stderr, flush=True)
+        print(f"\r\x1b[K{spelled(words)}", end="", file=sys.stderr, flush=True)
 
 
 def wrote(path: str | os.PathLike[str]) -> None:
@@ -70,7 +80,7 @@ def progress(first: str = "") -> Iterator[OnShare | None]:
             seconds = task.time_remaining
             return Text("" if seconds is None or task.finished else f"{seconds // 60:.0f}:{seconds % 60:02.0f} left")
 
-    parts = TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeLeft()
+    parts = TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(), TimeLeft()
     with Progress(*parts, console=Console(stderr=True), transient=True) as bar:
         task, now = bar.add_task(first, total=None if first else 1.0), ""
 
@@ -79,6 +89,6 @@ def progress(first: str = "") -> Iterator[OnShare | None]:
             if stage != now:
                 now = stage
                 bar.reset(task, total=1.0)
-            bar.update(task, total=1.0, completed=float(share), description=words)
+            bar.update(task, total=1.0, completed=float(share), description=spelled(words))
 
         yield show

@@ -7,7 +7,7 @@ from argparse import Namespace
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, cast
 
-from irrsplat.app.common.terminal import columns, progress
+from irrsplat.app.common.terminal import columns, out, progress
 from irrsplat.app.verify.error_curve import at, scaled
 from irrsplat.app.verify.measure import Measured, measurer, percent, silent
 from irrsplat.settings import SettingValues
@@ -44,8 +44,8 @@ Rendered = Callable[[str, SettingValues], Measured]  # by preset and settings
 
 def run(scene: Scene, camera: Camera, args: Namespace, heading: str) -> None:
     """Measure every row and print the table."""
-    print(heading)
-    print("\n".join(columns(rows(*measured(scene, camera, args)), left=1)))
+    out(heading)
+    out("\n".join(columns(rows(*measured(scene, camera, args)), left=1)))
 
 
 def measured(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, cast
 
 import numpy as np
 
-from irrsplat.app.common.terminal import columns, progress
+from irrsplat.app.common.terminal import columns, out, progress
 from irrsplat.app.verify.measure import Measured, measurer, percent, silent
 from irrsplat.core import files
 from irrsplat.settings import SETTINGS, SettingValues, preset
@@ -56,9 +56,9 @@ def scaled(name: str, given: SettingValues, factor: float) -> SettingValues:
 def run(scene: Scene, camera: Camera, args: Namespace, heading: str) -> None:
     """Measure the curve of the preset and, beside any other, that of `paper`; print both, and plot them where `-o` says so."""
     curves = measured(scene, camera, args)
-    print(heading)
+    out(heading)
     for name, found in curves.items():
-        print("\n".join(["", *columns(rows(name, found), left=1), f"  {steepness(found)}"]))
+        out("\n".join(["", *columns(rows(name, found), left=1), f"  {steepness(found)}"]))
     if args.output is not None:
         files.write_picture(args.output, plot(curves, heading))
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from irrsplat.app.common.terminal import progress, say
+from irrsplat.app.common.terminal import out, progress, say
 from irrsplat.app.verify import error_image
 from irrsplat.app.verify.measure import gather, percent, silent, trace
 from irrsplat.core.errors import InputError
@@ -50,10 +50,10 @@ def run(scene: Scene, camera: Camera, args: Namespace) -> int:
         raise KeyboardInterrupt
     if not stats.get("converged", True):
         say(f"notice: stopped after {stats.get('rounds')} rounds before every pixel was served; raise --max-rounds or --a")
-    print(heading(scene, args))
+    out(heading(scene, args))
     rows.insert(1, ("records", f"{stats.get('records', 0):,}", ""))
     for name, value, remark in rows:
-        print(f"  {name:<18} {value:>10}  {remark}".rstrip())
+        out(f"  {name:<18} {value:>10}  {remark}".rstrip())
     return 0
 
 

@@ -6,6 +6,8 @@ import difflib
 import os
 from collections.abc import Iterable
 
+from irrsplat.core.words import spelled
+
 _ALIKE = 0.6  # how much a word has of a name, 0..1 as difflib counts it, where that is probably meant
 
 
@@ -22,8 +24,7 @@ class InputError(IrrsplatError):
 
     def __init__(self, message: str, path: str | os.PathLike[str] | None = None, line: int | None = None) -> None:
         where = "" if path is None else f"{os.fspath(path)}: " if line is None else f"{os.fspath(path)}:{line}: "
-        said = where + message
-        super().__init__(said if said.isprintable() else "".join(c if c.isprintable() else ascii(c)[1:-1] for c in said))
+        super().__init__(spelled(where + message).replace("\n", "\\n"))
 
 
 class GLError(IrrsplatError):

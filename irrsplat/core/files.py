@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import errno
 import io
+import json
+import math
 import os
 import secrets
 import shutil
@@ -14,7 +16,7 @@ import stat
 import struct
 import zipfile
 import zlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -61,7 +63,26 @@ def check_file(path: Pathlike) -> None:
 
 def write_text(path: Pathlike, text: str) -> None:
     """Write `text` (UTF-8) to `path`, completely or not at all; raises IrrsplatError where that fails."""
-    write_file(path, lambda part: part.write_text(text, encoding="utf-8"))
+    write_file(path, lambda part: part.write_text(text, encoding="utf-8", errors="surrogateescape"))
+
+
+def json_text(value: object, indent: int | None = 2) -> str:
+    """Return strict JSON: numpy's values become plain ones, numbers that are not finite null, file names text."""
+    return json.dumps(_plain(value), indent=indent, allow_nan=False, ensure_ascii=False)
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(v) for v in value]
+    if isinstance(value, (np.generic, np.ndarray)):
+        return _plain(value.tolist())
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    if value is None or isinstance(value, (int, float)):
+        return value
+    return str(value).encode("utf-8", "surrogateescape").decode("utf-8", "replace")  # the names of a locale without UTF-8
 
 
 def write_bytes(path: Pathlike, data: bytes) -> None:

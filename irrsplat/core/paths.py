@@ -12,6 +12,7 @@ from functools import cache
 from pathlib import Path
 
 from irrsplat.core.errors import InputError
+from irrsplat.core.words import spelled
 
 _PACKAGE = Path(__file__).resolve().parent.parent  # irrsplat/
 
@@ -100,8 +101,7 @@ def refusal(path: Path) -> str:
         place = _resolved(path).parent
     except (OSError, ValueError):
         return "no file can be called that"
-    shown = str(place) if str(place).isprintable() else ascii(str(place))
-    return f"it lies outside the scene's folder; --allow '{shown}' lets the scene read it"
+    return f"it lies outside the scene's folder; --allow '{spelled(str(place))}' lets the scene read it"
 
 
 def read_bytes(path: Path, most: int = MOST_TEXT) -> bytes:
@@ -162,6 +162,15 @@ def take_copies(vertices: int) -> bool:
 
 
 TOO_MANY_COPIES = f"meshes that are shown again have more than {MOST_COPIES} vertices together; leave some of them out"
+
+
+def name_of(text: str) -> str:
+    """Return the file name that `text` is in UTF-8, as the locale has it: one without UTF-8 takes its bytes."""
+    try:
+        os.fsencode(text)
+    except UnicodeEncodeError:
+        return os.fsdecode(text.encode("utf-8", "surrogatepass"))
+    return text
 
 
 def named(path: object) -> str:

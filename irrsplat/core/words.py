@@ -7,6 +7,11 @@ import math
 GREATEST = 1e15  # its square, and light summed up from it, is still a float32
 
 
+def spelled(text: str) -> str:
+    """Return `text` with everything that a terminal would act upon spelled out, such as escape sequences; ends of lines stay."""
+    return text if text.isprintable() else "".join(c if c.isprintable() or c == "\n" else ascii(c)[1:-1] for c in text)
+
+
 def quote(text: str) -> str:
     """`text` in quotes, at most 40 characters of it, fit to stand in a one-line message."""
     return ascii(text if len(text) <= 40 else text[:39] + "…") if not text.isprintable() else f"'{text[:40]}'"

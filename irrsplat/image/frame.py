@@ -21,12 +21,12 @@ from irrsplat.core.files import (
     as_png,
     check_file,
     dithered,
+    json_text,
     png_16_of,
     write_file,
     write_picture,
 )
 from irrsplat.core.paths import named
-from irrsplat.image import statistics
 from irrsplat.image.backdrop import BackdropKind, display_picture
 from irrsplat.image.output.exr import EXR_NAMES, ExrNames, write_exr
 from irrsplat.image.statistics import Statistics
@@ -176,7 +176,7 @@ class Frame:
     def _write_npz(self, part: Path, names: Sequence[str]) -> None:
         arrays: dict[str, Any] = {name: np.asarray(getattr(self, name), np.float32) for name in names}  # numpy's stub: Any
         with open(part, "wb") as file:  # by handle: given a name, numpy would append .npz to it
-            np.savez(file, stats=np.array(statistics.to_json(self.stats)), **arrays)
+            np.savez(file, stats=np.array(json_text(self.stats)), **arrays)
 
     def _pictures(self, names: Sequence[str]) -> Iterator[tuple[str, np.ndarray]]:
         """The file names and (H, W, 3) display images, 0..1, of a folder: the buffers `names`, then the paper's figures."""

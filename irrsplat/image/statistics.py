@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import json
-import math
 from collections.abc import Mapping
 from dataclasses import asdict
 from typing import TypedDict
-
-import numpy as np
 
 from irrsplat.scene.model import Scene
 from irrsplat.settings import Settings
@@ -65,23 +61,6 @@ def describe(
     }
 
 
-def to_json(stats: Mapping[str, object]) -> str:
-    """Statistics as strict JSON: numpy values become plain ones, and what is not finite becomes null."""
-    return json.dumps(_plain(stats), indent=2, allow_nan=False, ensure_ascii=False)
-
-
 def repeatable(stats: Statistics) -> Mapping[str, object]:
     """Statistics without how long anything took: equal runs have equal ones."""
     return {name: value for name, value in stats.items() if name not in _TIMES}
-
-
-def _plain(value: object) -> object:
-    if isinstance(value, Mapping):
-        return {str(k): _plain(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(v) for v in value]
-    if isinstance(value, (np.generic, np.ndarray)):
-        return _plain(value.tolist())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value if isinstance(value, (str, int, float, bool, type(None))) else str(value)

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from irrsplat.core.buffers import Sites
-from irrsplat.core.errors import InputError
+from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.core.vectors import unit
 from irrsplat.core.words import GREATEST
 from irrsplat.gather.record_frame import OFFSET
@@ -100,6 +100,7 @@ class LightMeter(Tenant):
             status[radius < _COVERED * OFFSET * self.scene.diagonal] = Status.BEHIND
         lifted = sites.position.astype(float) + OFFSET * self.scene.diagonal * sites.normal
         status[inside_solids(self.scene, lifted, sites.normal.astype(float))] = Status.INSIDE
+        _check_finite(places, direct + indirect, status)
         return Readings(places, sites.normal, direct, indirect, status)
 
     def _lit(self) -> _Light:
@@ -127,6 +128,17 @@ def measuring(name: str = PRESET, **settings: Unpack[SettingValues]) -> Settings
     settings = {"light_samples": _LIGHT_SAMPLES, **settings}
     # gradients, and where records lie, are for places between them; emitters sampled at pixels would be missing
     return replace(preset(name, **settings), gradients=False, placement="tiles", pixel_light_samples=0)
+
+
+def _check_finite(points: np.ndarray, total: np.ndarray, status: np.ndarray) -> None:
+    """Raises IrrsplatError, which names the first place, where the light at points that count is no finite number."""
+    bad = np.flatnonzero(~np.isfinite(total).all(1) & (status == Status.OK))
+    if len(bad):
+        x, y, z = points[bad[0]].tolist()
+        raise IrrsplatError(
+            f"the light at {x:g} {y:g} {z:g} is not a finite number, nor at {len(bad) - 1} other points; this is a fault of "
+            "irrsplat's, not of the scene: --gather trace or another --seed may avoid it"
+        )
 
 
 def _sites(points: npt.ArrayLike, normals: npt.ArrayLike, origin: tuple[float, float, float]) -> tuple[np.ndarray, Sites]:

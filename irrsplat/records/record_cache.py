@@ -54,6 +54,7 @@ _COLUMNS: dict[str, _Column] = {
     "drift": _Column((), "f4", "drift", "how much `probe` has changed since the record was gathered"),
     "due": _Column((), "f4", None, "how much may have changed around it since `probe` was looked at, about; in files it is 0"),
 }
+_COUNTED = 1 << 53  # more than any counter of records reaches
 _FILED = {name: column.file_name for name, column in _COLUMNS.items() if column.file_name is not None}
 
 
@@ -469,5 +470,8 @@ def check_state(state: Mapping[str, np.ndarray]) -> None:
     shapes: dict[str, tuple[int, ...]] = {file_name: (count, *_COLUMNS[name].shape) for name, file_name in _FILED.items()}
     shapes |= {"content": (count, len(GATHERED), 4), "limit": (count, 1), "clocks": (3,), "dark": ()}
     for name, shape in shapes.items():
-        if state[name].shape != shape or state[name].dtype.kind not in "fiu" or not np.isfinite(state[name]).all():
+        found = state[name]
+        if found.shape != shape or found.dtype.kind not in "fiu" or not np.isfinite(found).all():
+            raise ValueError(name)
+        if found.dtype.kind != "f" and not (-_COUNTED <= found.min(initial=0) <= found.max(initial=0) <= _COUNTED):
             raise ValueError(name)

@@ -187,4 +187,7 @@ def _sun(given: dict[str, list[str]], error: Callable[[str], InputError], usage:
         raise error(f"{quote(time)} is no time; expected one such as 2026-06-21T12:00+02:00") from None
     if when.tzinfo is None:
         raise error(f"{quote(time)} does not say how far it is from UTC; expected one such as 2026-06-21T12:00+02:00, or …Z")
-    return sun_position(latitude, longitude, when)
+    try:
+        return sun_position(latitude, longitude, when)
+    except OverflowError:  # UTC's year is 0, or 10000
+        raise error(f"{quote(time)} lies beyond the years 1 to 9999") from None

@@ -8,7 +8,9 @@ import moderngl
 import numpy as np
 import pytest
 
-from irrsplat.core.errors import InputError
+import irrsplat
+from irrsplat.core.buffers import Sites
+from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.meter.light_meter import LightMeter
 from irrsplat.meter.light_scale import LightScale
 from irrsplat.meter.line import Line
@@ -206,3 +208,12 @@ def test_irradiance_along_a_line_and_no_summary_of_nothing(ctx: moderngl.Context
     nowhere = Readings(points, points, points, points, np.full(len(points), Status.BEHIND))
     assert nowhere.summary("lux")["mean"] is None and nowhere.summary("lux")["behind"] == 8
     assert LightScale(highest=300.0).up_to(1e3).highest == 300.0 and (LightScale().up_to(1.0).highest or 0.0) >= 179.0
+
+
+def test_light_that_is_no_number_is_an_error_with_its_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    def gathered(_: object, __: object, sites: Sites) -> tuple[np.ndarray, np.ndarray]:
+        return np.where(sites.position[:, :1] > 2.0, np.inf, 1.0) * np.ones(3), np.ones(len(sites))
+
+    monkeypatch.setattr(LightMeter, "_gathered", gathered)
+    with pytest.raises(IrrsplatError, match=r"the light at 2\.5 1 1 is not a finite number, nor at 0 other points"):
+        irrsplat.irradiance(irrsplat.load("cornell"), np.array([[1, 1, 1], [2.5, 1, 1]]), (0, 1, 0), bounces=1)

@@ -240,6 +240,7 @@ def test_any_file_may_be_put_under_a_sky(folder: Path, monkeypatch: pytest.Monke
         ("cie clear sun 95 100", "expected -90 to 90"),
         ("cie clear sun 4 100 sun 4 100", "'sun' is given twice"),
         ("cie clear at 50 10 noon", "'noon' is no time"),
+        ("cie clear at 48 11 0001-01-01T00:00+14:00", "lies beyond the years 1 to 9999"),
         ("cie cloudy", "'cloudy' is no kind of CIE sky"),
         ("cie clear", "needs the sun's place"),
         ("cie overcast", "or lux E"),

@@ -30,7 +30,7 @@ def sparse(f: GltfFile) -> int:
 
 
 def bombed(f: GltfFile, add: Callable[..., object], *args: Any) -> None:
-    """What is added has an accessor at its end that announces much and has no bytes."""
+    """Add something and let its last accessor announce much without bytes."""
     add(f, *args)
     f.tree["accessors"][-1]["count"] = 10**8
     del f.tree["accessors"][-1]["bufferView"]
@@ -95,6 +95,7 @@ def sky(f: GltfFile, sides: tuple[int, ...] = (4,) * 6, **entry: Any) -> None:
         (lambda f: bombed(f, odd), "accessor 3 announces 100000000 elements in a file of"),
         (lambda f: draco(f, 1, 11), "node 'odd' is left out: its packed data announce more than they can hold"),
         (lambda f: draco(f, 0, 11), "node 'odd' is left out: its packed data are damaged"),  # points alone
+        (lambda f: f.node(mesh=9, name="odd"), "node 'odd' is left out: there is no mesh 9"),
         (lambda f: odd(f, POSITION=sparse(f)), "accessor 2 replaces elements that it does not have"),
         (lambda f: odd(f, POSITION=POINTS * f32([1, 0, 0])), "4 degenerate triangles dropped"),
         (lambda f: odd(f, more={"matrix": [1] * 16}), "node 'odd' is left out: its matrix is not affine"),

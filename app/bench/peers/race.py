@@ -14,7 +14,7 @@ from irrsplat.app.bench.cases import TURN, turned
 from irrsplat.app.bench.peers.judging import CPUS, JudgedView, Series, judged_view
 from irrsplat.app.bench.peers.table import PEERS, Tell, others
 from irrsplat.app.common.plot import Line, loglog
-from irrsplat.app.common.terminal import columns, doing, say
+from irrsplat.app.common.terminal import columns, doing, out, say
 from irrsplat.core import files
 from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.image import frame
@@ -65,7 +65,7 @@ def run(scenes: Sequence[Scene], args: Namespace, bounces: int | All) -> dict[st
             found = list(measured(scene, (width, height), bounces, views, doing))
             doing("")
             title = f"{scene.name}, {scene.triangles} triangles, {width} x {height}, {in_words(bounces)}, {CPUS} CPUs"
-            print("\n".join(report(title, found)), flush=True)
+            out("\n".join(report(title, found)))
             same: dict[str, object] = {"scene": scene.name, "size": [width, height], "bounces": bounces}
             for series in found:
                 rows += [same | asdict(one) for one in series.measurements] or [same | {"failed": series.about}]

@@ -90,6 +90,5 @@ def write_stats(args: argparse.Namespace, stats: Mapping[str, object], outputs: 
     """Write `stats` to the file of --stats, where that is given; what goes wrong is kept in `outputs`."""
     if args.stats is not None:
         from irrsplat.core import files
-        from irrsplat.image import statistics
 
-        outputs.write(args.stats, lambda: files.write_text(args.stats, statistics.to_json(stats) + "\n"))
+        outputs.write(args.stats, lambda: files.write_text(args.stats, files.json_text(stats) + "\n"))

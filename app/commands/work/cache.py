@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import json
 import os
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
-from irrsplat.app.common.terminal import columns
+from irrsplat.app.common.terminal import columns, out
+from irrsplat.core import files
 from irrsplat.core.errors import InputError
 from irrsplat.records import cache_file
 from irrsplat.records.cache_file import Content
@@ -26,10 +26,10 @@ def run(args: argparse.Namespace) -> int:
 def _info(args: argparse.Namespace) -> int:
     found = [_described(path, cache_file.read_any(path)) for path in args.files]
     if args.as_json:
-        print(json.dumps(found, indent=2))
+        out(files.json_text(found))
         return 0
     for one in found:
-        print("\n".join(_lines(one)))
+        out("\n".join(_lines(one)))
     return 0
 
 
@@ -110,7 +110,7 @@ def _fitting(content: Content, path: str, size: int) -> int:
 def _write(path: str, content: Content, done: Merged, why: str) -> int:
     cache_file.write(path, content.key, done.state, content.scene)
     count = len(done.state.records["name"])
-    print(f"{path}: {count} of {count + done.dropped} records; {done.dropped} were left out, {why}")
+    out(f"{path}: {count} of {count + done.dropped} records; {done.dropped} were left out, {why}")
     return 0
 
 

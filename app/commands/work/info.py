@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from importlib import metadata
 from typing import TYPE_CHECKING
 
+from irrsplat.app.common.terminal import out
 from irrsplat.app.common.version import version
 from irrsplat.core.errors import IrrsplatError
 
@@ -28,30 +29,30 @@ def scene(source: str, options: LoadOptions) -> None:
 
     it = load(source, **vars(options))
     low, high = it.bounds
-    print(f"{it.name}" + (f"  ({it.path})" if it.path else ""))
+    out(f"{it.name}" + (f"  ({it.path})" if it.path else ""))
     closed = sum(mesh.closed for mesh in it.meshes)
     meshes = _count(len(it.meshes), "mesh", "meshes")
-    print(f"  triangles  {it.triangles:,} in {meshes}: {closed} closed, {len(it.meshes) - closed} open")
-    print(f"  bounds     {_point(low)} to {_point(high)}, diagonal {it.diagonal:g} m, up {_point(it.up)}")
+    out(f"  triangles  {it.triangles:,} in {meshes}: {closed} closed, {len(it.meshes) - closed} open")
+    out(f"  bounds     {_point(low)} to {_point(high)}, diagonal {it.diagonal:g} m, up {_point(it.up)}")
     _materials(it)
     stand_in = not it.own_sky and any(it.sky)
     key = stand_in and it.sky == SKY  # beside a lone sun there is none
     emissive = [mesh for mesh in it.meshes if any(mesh.material.emission)]
-    print(
+    out(
         f"  lights     {len(it.lights)}"
         + (f", and {_count(len(emissive), 'emissive mesh', 'emissive meshes')}" if emissive else "")
     )
     for light in it.lights:
-        print(f"    {_light(light)}" + (", stands in" if key and light is it.lights[-1] else ""))
+        out(f"    {_light(light)}" + (", stands in" if key and light is it.lights[-1] else ""))
     above = f", brighter above by {_point(it.sky_gradient)}" if any(it.sky_gradient) else ""
     sky = _environment(it.environment) if it.environment is not None else _point(it.sky) + above if any(it.sky) else "black"
-    print(f"  sky        {sky}" + (", stands in" if stand_in else ""))
-    print(f"  cameras    {len(it.cameras)}")
+    out(f"  sky        {sky}" + (", stands in" if stand_in else ""))
+    out(f"  cameras    {len(it.cameras)}")
     for i, camera in enumerate(it.cameras):
         name = (f"'{camera.name}'" if camera.name else "(no name)") + (" default" if i == 0 else "")
-        print(f"    {name}: eye {_point(camera.eye)}, target {_point(camera.target)}, {_lens(camera, it.diagonal)}")
+        out(f"    {name}: eye {_point(camera.eye)}, target {_point(camera.target)}, {_lens(camera, it.diagonal)}")
     for notice in it.notices:
-        print(f"  notice     {notice}")
+        out(f"  notice     {notice}")
 
 
 def _environment(sky: Environment) -> str:
@@ -69,14 +70,14 @@ def _materials(scene: Scene) -> None:
         ("seen from its front alone", sum(not m.double_sided for m in materials)),
     )
     special = ", ".join(f"{count} {kind}" for kind, count in kinds if count)
-    print(f"  materials  {len(materials)}" + (f": {special}" if special else ""))
+    out(f"  materials  {len(materials)}" + (f": {special}" if special else ""))
     for material in materials[:_MOST_MATERIALS]:
-        print(f"    {_material(material)}")
+        out(f"    {_material(material)}")
     if len(materials) > _MOST_MATERIALS:
-        print(f"    and {len(materials) - _MOST_MATERIALS} more")
+        out(f"    and {len(materials) - _MOST_MATERIALS} more")
     images = {id(texture.image): texture.image.pixels for m in materials for texture in m.textures}
     texels = sum(pixels.shape[0] * pixels.shape[1] for pixels in images.values())
-    print(f"  textures   {len(images)}" + (f", {texels / 1e6:.3g} megapixels" if images else ""))
+    out(f"  textures   {len(images)}" + (f", {texels / 1e6:.3g} megapixels" if images else ""))
 
 
 def _material(material: Material) -> str:
@@ -122,19 +123,19 @@ def bundled() -> None:
         rows.append((name, f"{it.triangles:,}", str(len(it.lights)), str(emissive or "-"), sky, cameras))
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
     for row in rows:
-        print("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
+        out("  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip())
 
 
 def doctor() -> int:
     """Print the versions and the OpenGL here; 0 where that is enough. Raises the IrrsplatError that says what mends it else."""
-    print(f"irrsplat    {version()}")
-    print(f"python      {platform.python_version()} on {platform.platform()}")
+    out(f"irrsplat    {version()}")
+    out(f"python      {platform.python_version()} on {platform.platform()}")
     missing = []
     for name in LIBRARIES:
         try:
-            print(f"{name:<11} {metadata.version(name)}")
+            out(f"{name:<11} {metadata.version(name)}")
         except metadata.PackageNotFoundError:
-            print(f"{name:<11} missing")
+            out(f"{name:<11} missing")
             missing.append(name)
     if missing:
         raise IrrsplatError(f"libraries are missing; run: python3 -m pip install {' '.join(missing)}")
@@ -146,17 +147,17 @@ def doctor() -> int:
         found, able = context.describe(ctx), self_test.tried(ctx)
     finally:
         ctx.release()
-    print(f"OpenGL      {found['version']}")
-    print(f"renderer    {found['renderer']} by {found['vendor']}" + (", on the CPU" if found["software"] else ""))
-    print(f"pictures    up to {found['max_texture_size']} pixels a side")
+    out(f"OpenGL      {found['version']}")
+    out(f"renderer    {found['renderer']} by {found['vendor']}" + (", on the CPU" if found["software"] else ""))
+    out(f"pictures    up to {found['max_texture_size']} pixels a side")
     passed = len(self_test.FEATURES) + 1 - len(able.missing)
     numbered = "" if able.numbers_triangles else "; gl_PrimitiveID by geometry shaders"
-    print(f"self-test   {passed} of {len(self_test.FEATURES) + 1} features{numbered}")
+    out(f"self-test   {passed} of {len(self_test.FEATURES) + 1} features{numbered}")
     self_test.require(found, able)
     if times := autotune.kept(found):
         rasters = sum(map(autotune.rasters, times))
-        print(f"gathers     one bounce: by rasters in {rasters} of the {len(times)} scenes timed here, by rays in the others")
-    print("enough: OpenGL 3.3 is there" + ("; a GPU with its driver would be faster" if found["software"] else ""))
+        out(f"gathers     one bounce: by rasters in {rasters} of the {len(times)} scenes timed here, by rays in the others")
+    out("enough: OpenGL 3.3 is there" + ("; a GPU with its driver would be faster" if found["software"] else ""))
     return 0
 
 

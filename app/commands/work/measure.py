@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import io
-import json
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,7 +14,7 @@ import numpy as np
 
 from irrsplat import settings
 from irrsplat.app.common.outputs import Outputs, twins
-from irrsplat.app.common.terminal import columns, progress, say
+from irrsplat.app.common.terminal import columns, out, progress, say
 from irrsplat.core import files
 from irrsplat.core.errors import InputError
 from irrsplat.meter.light_meter import LightMeter
@@ -79,15 +78,15 @@ def run(scene: Scene, args: argparse.Namespace) -> int:
     summary = readings.summary(unit)
     shape = None if grid is None else [grid.columns, grid.rows]
     stats = {"scene": scene.name, "grid": shape, **summary, **how, "preset": args.preset, "settings": vars(meter.settings)}
-    outputs, write = Outputs(), partial(_write, args.output, _Table(readings, unit, grid, along), json.dumps(stats))
+    outputs, write = Outputs(), partial(_write, args.output, _Table(readings, unit, grid, along), files.json_text(stats, None))
     if args.output in (None, _STDOUT):
         write()
     else:
         outputs.write(args.output, write)
     if args.stats is not None:
-        outputs.write(args.stats, partial(files.write_text, args.stats, json.dumps(stats, indent=1) + "\n"))
+        outputs.write(args.stats, partial(files.write_text, args.stats, files.json_text(stats, 1) + "\n"))
     for told in _told(summary, grid, along):
-        print(told, file=sys.stderr if args.output == _STDOUT else sys.stdout)
+        (say if args.output == _STDOUT else out)(told)
     outputs.tell()
     return 0
 
@@ -128,7 +127,7 @@ def _write(output: str | None, table: _Table, stats: str) -> None:
     """Write the readings to a file, or print them."""
     if output is None:
         for line in columns(list(_rows(table, "{:.4g}")), 0):
-            print(line)
+            out(line)
     elif output == _STDOUT or output.lower().endswith(".csv"):
         text = "".join(",".join(row) + "\n" for row in _rows(table, "{:.7g}"))
         if output == _STDOUT:

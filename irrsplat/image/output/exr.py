@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, get_args
 import numpy as np
 
 from irrsplat.core.buffers import CHANNELS
-from irrsplat.core.files import check_exr
+from irrsplat.core.files import check_exr, json_text
 from irrsplat.image import statistics
 from irrsplat.scene.model import Camera
 
@@ -81,7 +81,7 @@ def attributes(frame: Frame) -> dict[str, Any]:
     with a camera also OpenEXR's standard attributes: see `of_camera`.
     """
     kept = statistics.repeatable(frame.stats)
-    found: dict[str, Any] = {"stats": statistics.to_json(kept), "software": f"irrsplat {_version()}"}
+    found: dict[str, Any] = {"stats": json_text(kept), "software": f"irrsplat {_version()}"}
     if "preset" in kept:
         found["irrsplat:preset"] = str(kept["preset"])
     settings = kept.get("settings")

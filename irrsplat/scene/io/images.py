@@ -20,7 +20,7 @@ import numpy as np
 
 from irrsplat.core.color import srgb
 from irrsplat.core.errors import InputError
-from irrsplat.core.paths import FREE_PIXELS, PIXELS_PER_BYTE, may_read, take_pixels
+from irrsplat.core.paths import FREE_PIXELS, PIXELS_PER_BYTE, may_read, name_of, take_pixels
 from irrsplat.core.words import quote
 from irrsplat.scene.model import Image
 
@@ -166,7 +166,7 @@ def find_file(folder: Path, written_name: str) -> Path | None:
     lower case; then a file of its last part's name in `folder`, since other machines' paths are often written. One that the
     scene may not read is not looked for: where no other is found its path comes back, and to read it raises InputError.
     """
-    spellings = list(_spellings(written_name))
+    spellings = [name_of(name) for name in _spellings(written_name)]
     for name in dict.fromkeys([*spellings, *(re.split(r"[/\\]", name)[-1] for name in spellings)]):
         found = _walk(folder, name) if name else None
         if found is not None:

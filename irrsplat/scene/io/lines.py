@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from irrsplat.core.errors import InputError
-from irrsplat.core.paths import MOST_TEXT, may_read, read_bytes, refusal
+from irrsplat.core.paths import MOST_TEXT, may_read, name_of, read_bytes, refusal
 from irrsplat.core.words import number, quote
 
 
@@ -79,7 +79,7 @@ class Line:
         """The path that stands after the command, relative to this line's file; raises InputError where none is there."""
         if not self.rest:
             raise self.error(f"'{self.word}' names no file; expected: {usage}")
-        path = self.path.parent / self.rest
+        path = self.path.parent / name_of(self.rest)
         if not may_read(path):
             raise self.error(f"{quote(self.rest)} is not read: {refusal(path)}")
         try:

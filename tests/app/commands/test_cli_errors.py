@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import os
+import re
+import subprocess
 import sys
 from collections.abc import Callable
 from importlib import import_module
@@ -11,9 +15,10 @@ from typing import Any
 import pytest
 
 import irrsplat
-from irrsplat.app import grammar
+from irrsplat.app import cli, grammar
 from irrsplat.core.errors import GLError, InputError
 from irrsplat.gpu import context
+from tests.core.test_rooms import ROOT
 
 RENDER = ["render", "plain.scene", "-o", "a.png"]
 EYE, TARGET = ["--eye", "0", "0", "5"], ["--target", "0", "0", "0"]
@@ -147,6 +152,29 @@ def test_a_missing_module_is_one_line(
         monkeypatch.delattr(import_module(package), attribute, raising=False)
     assert module in refused(argv, 1)
     assert grammar.parse(["info"]).command == "info"
+
+
+def test_a_terminal_shows_names_and_does_not_act_upon_them(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A camera, and a file, whose names would colour the window and set its title; all that is printed takes this way."""
+    scene = place / "\x1b[31mred.scene"
+    scene.write_text((place / "plain.scene").read_text() + "cam \x1b]0;title\x07 0 0 5  0 0 0  0 1 0\n")
+    assert cli.main(["info", scene.name]) == 0 and cli.main(["info", scene.name + "\u202e"]) == 2
+    said = "".join(capsys.readouterr())
+    assert said.replace("\n", "").isprintable() and r"\x1b[31mred" in said and r"'\x1b]0;title\x07'" in said
+    printing = {path.name for path in ROOT.glob("app/**/*.py") if re.search(r"(?<![\w.])print\(", path.read_text("utf-8"))}
+    assert printing == {"terminal.py", "machine.py", "scaling.py"}  # the two print JSON to a parent process
+
+
+def test_closed_streams_and_a_locale_without_utf_8_are_no_error(place: Path) -> None:
+    """A shell closes them by `>&-`; in the locale C, names reach files and scenes as the bytes that they are."""
+    (place / "ä.scene").write_text("obj ö.obj\n", encoding="utf-8")
+    (place / "triangle.obj").rename(place / "ö.obj")
+    run = f"'{sys.executable}' -m irrsplat render ä.scene --size 4 4 --gather-size 8 --bounces 1 -o ü.exr --stats ß.json"
+    old = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+    for streams in (">&-", "2>&-", ">&- 2>&-"):
+        done = subprocess.run(["sh", "-c", f"{run} {streams}"], env=os.environ | old, capture_output=True, check=True)
+        assert (place / "ü.exr").stat().st_size and b"irrsplat:" not in done.stdout + done.stderr
+    assert json.loads((place / "ß.json").read_text("utf-8"))["scene"] == "ä"
 
 
 # ---- mistakes of spelling ------------------------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ import numpy as np
 
 from irrsplat.core.errors import InputError
 from irrsplat.core.paths import MOST_GEOMETRY, read_bytes
-from irrsplat.core.words import GREATEST
+from irrsplat.core.words import GREATEST, spelled
 from irrsplat.scene.io.images import find_file
 
 _JSON, _BIN = 0x4E4F534A, 0x004E4942
@@ -101,12 +101,12 @@ class Document:
 
     def entry(self, kind: str, index: object, inside: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """The object at `index` of the list called `kind`; raises Damaged where there is none."""
-        entries = self.entries(kind, inside)
+        entries, one = self.entries(kind, inside), kind.replace("meshes", "mesh").removesuffix("s")
         if isinstance(index, bool) or not isinstance(index, int) or not 0 <= index < len(entries):
-            raise Damaged(f"there is no {kind.removesuffix('s')} {index!r:.20}")
+            raise Damaged(f"there is no {one} {index!r:.20}")
         found = entries[index]
         if not isinstance(found, dict):
-            raise Damaged(f"{kind.removesuffix('s')} {index} is damaged")
+            raise Damaged(f"{one} {index} is damaged")
         return found
 
     def buffer(self, index: int) -> memoryview:
@@ -157,8 +157,7 @@ class Document:
 
 def shown(text: object) -> str:
     """A name from the file, fit to stand in a one-line message."""
-    words = str(text)[:80]
-    return words if words.isprintable() else ascii(words)[1:-1]
+    return spelled(str(text)[:80]).replace("\n", "\\n")
 
 
 def extension(entry: Mapping[str, Any], name: str) -> dict[str, Any] | None:
