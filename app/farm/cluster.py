@@ -6,8 +6,9 @@ import argparse
 import asyncio
 import logging
 import os
+import secrets
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import partial
 from itertools import pairwise
@@ -16,12 +17,12 @@ from typing import TYPE_CHECKING, Any
 
 from irrsplat.app.common.terminal import OnShare, doing, progress
 from irrsplat.app.farm import work
-from irrsplat.app.farm.waiting import answers, collected, present
+from irrsplat.app.farm.waiting import Crew, Task
 from irrsplat.app.farm.work import Job, Part, Rendered
 from irrsplat.app.film.fill import Filled
 from irrsplat.app.film.kept import unwritten
 from irrsplat.core import files
-from irrsplat.core.errors import InputError, IrrsplatError
+from irrsplat.core.errors import IrrsplatError
 from irrsplat.image.frame import numbered
 from irrsplat.records import cache_file
 from irrsplat.records.merge import merge
@@ -56,11 +57,10 @@ def fill(args: argparse.Namespace, job: Job, flight: Flight) -> tuple[bytes, Fil
     start = File(args.cache).read_bytes() if os.path.exists(args.cache) else None
     with _client(args.on) as (client, workers), progress("filling") as line:
         parts: list[Part] = []
-        begun = None if start is None else _sent(client, start)
+        crew, send = Crew(client), _sender(client, start)
         try:
-            numbers = split(flight.numbers, workers)
-            futures = [client.submit(work.fill, job, part, begun, pure=False) for part in numbers]
-            for part in _told(collected(client, futures), len(futures), line, "parts of the flight are filled"):
+            tasks = [_task(client, work.fill, send, job, part) for part in split(flight.numbers, workers)]
+            for part in _told(crew.collected(tasks), len(tasks), line, "parts of the flight are filled"):
                 parts.append(part)
         except KeyboardInterrupt:
             return _merged([part.cache for part in parts], start), _summed(parts, interrupted=True)
@@ -69,8 +69,7 @@ def fill(args: argparse.Namespace, job: Job, flight: Flight) -> tuple[bytes, Fil
             return whole, parts[0].done
         try:
             doing("merged; gathering what the whole flight still lacks")
-            again = client.submit(work.fill, job, flight.numbers, _sent(client, whole), pure=False)
-            (last,) = collected(client, [again])
+            (last,) = crew.collected([_task(client, work.fill, _sender(client, whole), job, flight.numbers)])
         except KeyboardInterrupt:
             return whole, _summed(parts, interrupted=True)
         return last.cache, last.done
@@ -91,14 +90,11 @@ def render(
         return [], True
     records = File(args.cache).read_bytes()
     with _client(args.on) as (client, workers), progress("rendering") as line:
-        drawn_by = _one_driver(client)
-        sent = _sent(client, records)
-        futures = [
-            client.submit(work.render, job, numbers, sent, flight.outputs, buffers, files, drawn_by, pure=False)
-            for numbers in runs(wanted, _PARTS * workers)
-        ]
+        crew, send = Crew(client), _sender(client, records)
+        more = flight.outputs, buffers, files, _one_driver(crew)
+        tasks = [_task(client, work.render, send, job, numbers, *more) for numbers in runs(wanted, _PARTS * workers)]
         try:
-            for rendered in _told(collected(client, futures), len(futures), line, "parts of the flight are rendered"):
+            for rendered in _told(crew.collected(tasks), len(tasks), line, "parts of the flight are rendered"):
                 _write(rendered, flight, outputs, args.resume)
                 done |= {stats["frame"]: stats for stats in rendered.stats}
         except KeyboardInterrupt:
@@ -156,7 +152,7 @@ def _client(address: str) -> Iterator[tuple[Any, int]]:
             except TimeoutError as error:
                 words = f"the scheduler has no workers; start some with: dask worker {address} --nthreads 1"
                 raise IrrsplatError(f"--on {address}: {words}") from error
-        yield client, len(present(client))
+        yield client, len(Crew(client).well())
     finally:
         with suppress(TimeoutError):  # of a scheduler that no longer answers
             client.close()
@@ -191,21 +187,37 @@ def _told(results: Iterator[Any], count: int, line: OnShare | None, words: str) 
         yield result
 
 
-def _sent(client: Any, data: bytes) -> Any:
-    """A future that gives `data` to tasks. It is a task itself, so that it outlives the workers that have the data: what is only
-    scattered is lost with them."""
-    return client.submit(bytes, data, pure=False)
+def _sender(client: Any, data: bytes | None) -> Task:
+    """Gives `data` to tasks, once to any workers and once to each choice of them."""
+    sent: dict[tuple[str, ...], Any] = {}
+
+    def send(workers: list[str] | None) -> Any:
+        if data is not None and (key := tuple(workers or ())) not in sent:
+            # a task itself, so that it outlives the workers that have the data: what is only scattered is lost with them
+            sent[key] = client.submit(bytes, data, workers=workers, pure=False)
+        return sent.get(tuple(workers or ()))
+
+    return send
 
 
-def _one_driver(client: Any) -> str:
-    """What all of the workers draw by; raises InputError where they differ."""
-    kinds: dict[str, str] = {}
-    for worker, kind in sorted(answers(client, work.driver).items()):
-        kinds.setdefault(kind, worker)
-    if len(kinds) > 1:
-        said = "; ".join(f"{worker}: {kind}" for kind, worker in kinds.items())
-        raise InputError(f"the workers' frames would differ in their bits, since they draw otherwise ({said}); take equal ones")
-    return next(iter(kinds))
+def _task(client: Any, what: Callable[..., object], send: Task, job: Job, numbers: range, *more: object) -> Task:
+    """A task of work.fill or work.render for these frames."""
+
+    def begin(workers: list[str] | None) -> Any:
+        key = f"{what.__name__}-{secrets.token_hex(8)}"
+        return client.submit(work.attempt, what, job, numbers, send(workers), *more, key=key, workers=workers, pure=False)
+
+    return begin
+
+
+def _one_driver(crew: Crew) -> str:
+    """Return the driver of most workers; the others are left out, since their frames would differ in their bits."""
+    kinds = crew.answers(partial(work.attempt, work.driver))
+    chosen: str = max(sorted(set(kinds.values())), key=list(kinds.values()).count)
+    for worker, kind in sorted(kinds.items()):
+        if kind != chosen:
+            crew.leave_out(worker, f"it draws by '{kind}', and others by '{chosen}': its frames would differ in their bits")
+    return chosen
 
 
 # ---- what comes back ---------------------------------------------------------------------------------------------------

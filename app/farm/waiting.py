@@ -1,4 +1,4 @@
-"""Waiting for the workers of a Dask scheduler: for as long as there are some, and never for one that has left.
+"""Waiting for the workers of a Dask scheduler: for as long as there are some that are well, and never for one that is not.
 
 Dask itself waits without end where a task has no worker to go to: https://distributed.dask.org/en/stable/resilience.html
 """
@@ -10,73 +10,156 @@ import time
 from collections.abc import Callable, Coroutine, Iterator, Mapping, Sequence
 from concurrent import futures as threads
 from contextlib import suppress
-from typing import Any
+from typing import Any, NamedTuple
 
+from irrsplat.app.common.terminal import say
 from irrsplat.core.errors import IrrsplatError
 
 _LOOK = 1.0  # seconds between two looks at which workers are there
 _ALONE = 30.0  # seconds without any worker until a farm is given up; one that died may be started again meanwhile
+_SILENT = 60.0  # seconds without a sign of life, which a worker gives some times a minute
 _ROUNDS = 3  # of asking all workers, where all of those that were asked have left
 
-
-def present(client: Any) -> set[str]:
-    """The addresses of the workers that are there now; raises IrrsplatError where the scheduler is not."""
-    try:
-        asked = _begun(client, client.scheduler.ncores())
-    except AttributeError as error:  # a client that lost its scheduler has None for it
-        raise _lost() from error
-    try:
-        return set(asked.result(_ALONE))
-    except (threads.CancelledError, TimeoutError, OSError) as error:
-        asked.cancel()
-        raise _lost() from error
+Task = Callable[[list[str] | None], Any]  # begins a task, a future of an Outcome, for one of these workers; None: for any
 
 
-def collected(client: Any, futures: Sequence[Any]) -> Iterator[Any]:
-    """What the tasks `futures` give, as each is done; a worker that dies has its task done by another.
+class Outcome(NamedTuple):
+    """The result of a task, or the error that it ended with, and the address of the worker that did it."""
 
-    Raises the first error, as one of a worker, and IrrsplatError where the scheduler has gone or no worker is left. The tasks
-    that are not done are cancelled then, and also where the iterator is closed.
-    """
-    yield from (result for _, result in _finished(client, dict.fromkeys(futures)))
-
-
-def answers(client: Any, question: Callable[[], Any]) -> dict[str, Any]:
-    """What each worker answers, by its address; at least one does, and workers that leave before are left out.
-
-    Raises as `collected`.
-    """
-    for _ in range(_ROUNDS):
-        with suppress(TimeoutError):
-            client.wait_for_workers(1, timeout=_ALONE)
-        asked = {client.submit(question, workers=[worker], pure=False): worker for worker in present(client)}
-        if not asked:
-            raise _alone()
-        if found := {asked[future]: answer for future, answer in _finished(client, asked)}:
-            return found
-    raise IrrsplatError("--on: workers die as soon as they are to draw; their logs say more")
+    worker: str
+    result: Any = None
+    error: IrrsplatError | None = None
 
 
-def _finished(client: Any, futures: Mapping[Any, str | None]) -> Iterator[tuple[Any, Any]]:
-    """Each of the tasks and what it gives, as it is done. Those with an address are for that worker alone, and are left out once
-    it has left."""
-    awaited = {_begun(client, client.gather(future, asynchronous=True)): future for future in futures}
-    manned = time.monotonic()  # when there was a worker last
-    try:
-        while awaited:
-            done, _ = threads.wait(awaited, timeout=_LOOK, return_when=threads.FIRST_COMPLETED)
-            for result in done:
-                yield awaited.pop(result), _result(result)
-            if done:
-                continue
-            there, now = present(client), time.monotonic()
-            manned = now if there else manned
-            left = [result for result, future in awaited.items() if futures[future] not in (None, *there)]
-            _drop(client, {result: awaited.pop(result) for result in left})
-            if awaited and now - manned > _ALONE:
-                raise _alone()
-    finally:
-        _drop(client, awaited)
+class Silence:
+    """Finds workers that give no sign of life."""
+
+    def __init__(self) -> None:
+        self._heard: dict[str, tuple[float, float]] = {}  # by worker: its last sign by the scheduler's clock, and when that came
+
+    def of(self, signs: Mapping[str, float], now: float) -> set[str]:
+        """Return the workers that have given none for a minute. signs: the last of each, by any clock; now: seconds."""
+        for worker, sign in signs.items():
+            if worker not in self._heard or self._heard[worker][0] != sign:
+                self._heard[worker] = sign, now
+        return {worker for worker in signs if now - self._heard[worker][1] > _SILENT}
+
+
+class Crew:
+    """The workers of a scheduler without the sick ones, whose errors are reported once and whose tasks others do."""
+
+    def __init__(self, client: Any) -> None:
+        self._client = client
+        self._sick: set[str] = set()
+        self._silence = Silence()
+
+    def well(self) -> set[str]:
+        """Return the addresses of the workers that are there and not sick; raises IrrsplatError where the scheduler is gone."""
+        return set(self._signs()) - self._sick
+
+    def leave_out(self, worker: str, why: object) -> None:
+        """Give no further tasks to a worker, with a notice."""
+        if worker not in self._sick:
+            self._sick.add(worker)
+            say(f"notice: the worker {worker} is left out: {why}")
+
+    def collected(self, tasks: Sequence[Task]) -> Iterator[Any]:
+        """Yield the results of the tasks, as each is done. A task that fails, or whose worker is silent, is done by another one.
+
+        Raises the task's error where no other worker is left, IrrsplatError where the scheduler has gone or no worker has come
+        for a while. The tasks that are not done are cancelled then, and also where the iterator is closed.
+        """
+        awaited: dict[threads.Future[Any], tuple[Task, Any, list[str] | None]] = {}
+
+        def begin(task: Task) -> None:
+            workers = sorted(self.well()) if self._sick else None
+            future = task(workers)
+            awaited[_begun(self._client, self._client.gather(future, asynchronous=True))] = task, future, workers
+
+        try:
+            for task in tasks:
+                begin(task)
+            manned = time.monotonic()  # when there was a worker last
+            while awaited:
+                done, _ = threads.wait(awaited, timeout=_LOOK, return_when=threads.FIRST_COMPLETED)
+                for one in done:
+                    task, _, _ = awaited.pop(one)
+                    outcome: Outcome = _result(one)
+                    if outcome.error is None:
+                        yield outcome.result
+                        continue
+                    if not self.well() - {outcome.worker}:
+                        raise outcome.error
+                    self.leave_out(outcome.worker, outcome.error)
+                    begin(task)
+                if done:
+                    continue
+                silent, there = self._silent(), self.well()
+                manned = time.monotonic() if there else manned
+                if time.monotonic() - manned > _ALONE:
+                    raise _alone()
+                # what only a silent worker has, others may wait for: so all is begun again
+                stuck = [one for one, (_, _, workers) in awaited.items() if silent or not there.intersection(workers or there)]
+                for task in [awaited[one][0] for one in stuck if there]:
+                    begin(task)
+                _drop(self._client, {one: awaited.pop(one)[1] for one in stuck if there})
+        finally:
+            _drop(self._client, {one: future for one, (_, future, _) in awaited.items()})
+
+    def answers(self, question: Callable[[], Outcome]) -> dict[str, Any]:
+        """Return the answer of each worker, by its address; at least one answers. Workers that leave before, fail, or are silent
+        for a minute are left out.
+
+        Raises as `collected`.
+        """
+        failed: IrrsplatError | None = None
+        for _ in range(_ROUNDS):
+            with suppress(TimeoutError):
+                self._client.wait_for_workers(1, timeout=_ALONE)
+            asked = {worker: self._client.submit(question, workers=[worker], pure=False) for worker in self.well()}
+            if not asked:
+                raise failed or _alone()
+            awaited = {_begun(self._client, self._client.gather(future, asynchronous=True)): w for w, future in asked.items()}
+            found, begun = dict[str, Any](), time.monotonic()
+            try:
+                while awaited:
+                    for one in threads.wait(awaited, timeout=_LOOK, return_when=threads.FIRST_COMPLETED).done:
+                        outcome: Outcome = _result(one)
+                        if outcome.error is None:
+                            found[awaited.pop(one)] = outcome.result
+                        else:
+                            failed = outcome.error
+                            self.leave_out(awaited.pop(one), failed)
+                    there, late = self.well(), time.monotonic() - begun > _SILENT
+                    for one in [one for one, worker in awaited.items() if late or worker not in there]:
+                        worker = awaited.pop(one)
+                        _drop(self._client, {one: asked[worker]})
+                        if late:
+                            self.leave_out(worker, f"no answer for {_SILENT:g} s")
+            finally:
+                _drop(self._client, {one: asked[worker] for one, worker in awaited.items()})
+            if found:
+                return found
+        raise failed or IrrsplatError("--on: workers die as soon as they are to draw; their logs say more")
+
+    def _silent(self) -> set[str]:
+        """Leave out the workers that give no sign of life, and return those that did until now."""
+        found = self._silence.of(self._signs(), time.monotonic()) - self._sick
+        for worker in found:
+            self.leave_out(worker, f"no sign of life for {_SILENT:g} s")
+        return found
+
+    def _signs(self) -> dict[str, float]:
+        """Return when the scheduler last heard of each worker, by its clock; raises IrrsplatError where it is not there."""
+        try:
+            asked = _begun(self._client, self._client.scheduler.identity(n_workers=-1))
+        except AttributeError as error:  # a client that lost its scheduler has None for it
+            raise _lost() from error
+        try:
+            return {worker: float(known["last_seen"]) for worker, known in asked.result(_ALONE)["workers"].items()}
+        except (threads.CancelledError, TimeoutError, OSError) as error:
+            asked.cancel()
+            raise _lost() from error
 
 
 def _begun(client: Any, work: Coroutine[Any, Any, Any]) -> threads.Future[Any]:

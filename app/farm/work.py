@@ -11,11 +11,12 @@ from pathlib import Path as File
 from typing import TYPE_CHECKING, TypeVar
 
 from irrsplat.app.common.outputs import Outputs
-from irrsplat.app.common.version import version
+from irrsplat.app.common.version import software
+from irrsplat.app.farm.waiting import Outcome
 from irrsplat.app.film import fill as filling
 from irrsplat.app.film import frames
 from irrsplat.app.film.flight import Flight
-from irrsplat.core.errors import InputError
+from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.core.load_options import LoadOptions
 from irrsplat.image.frame import numbered
 from irrsplat.records import cache_file
@@ -41,7 +42,7 @@ class Job:
     """What all tasks of one command have in common, to be sent to workers.
 
     scene: a path that is the same on all machines, or a bundled scene's name. key: what the scene and the settings are to be
-    there. software: the version of irrsplat that asks.
+    there. software: the irrsplat that asks, by its version and code.
     """
 
     scene: str
@@ -51,7 +52,7 @@ class Job:
     preset: str
     values: SettingValues = field(hash=False)
     path: Path = field(hash=False)
-    software: str = field(default_factory=version)
+    software: str = field(default_factory=software)
 
 
 @dataclass(frozen=True)
@@ -85,6 +86,19 @@ def _driver() -> str:
         return context.machine(context.describe(ctx))
     finally:
         ctx.release()
+
+
+def attempt(work: Callable[..., object], *args: object) -> Outcome:
+    """Return what a worker's `work` gives, or the error that it ends with, and which worker this is."""
+    from distributed import get_worker
+
+    here = str(get_worker().address)
+    try:
+        return Outcome(here, work(*args))
+    except IrrsplatError as error:
+        return Outcome(here, error=error)
+    except Exception as error:  # a full disk, too little memory, a driver that fails
+        return Outcome(here, error=IrrsplatError(f"{type(error).__name__}: {error}"))
 
 
 def fill(job: Job, numbers: range, start: bytes | None = None) -> Part:
@@ -154,8 +168,8 @@ def _renderer(job: Job) -> Renderer:
     while _kept:
         _kept.popitem()[1].release()
     _loaded.clear()
-    if version() != job.software:
-        raise InputError(f"this worker has irrsplat {version()}, and the job is for {job.software}; install the same on all")
+    if software() != job.software:
+        raise InputError(f"this worker has irrsplat {software()}, and the job is for {job.software}; install the same on all")
     scene = irrsplat.load(job.scene, **vars(job.loading))
     here = cache_file.key(scene.recentred.local, preset(job.preset, **job.values))
     if reason := cache_file.difference(here, job.key):

@@ -108,6 +108,44 @@ def test_workers_fill_what_one_process_fills_and_render_the_same_bytes(place: Pa
     assert (place / "c5" / "image.png").is_file()
 
 
+def test_a_sick_worker_is_named_and_others_do_its_tasks(
+    place: Path, address: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The disk of one of two is full while it fills; the other draws otherwise. Where all are sick, the command ends."""
+    in_thread, driver, full = work._in_thread, work.driver, list[str]()
+
+    def failing(task: Any) -> Any:
+        here = distributed.get_worker().address
+        full.extend([] if full else [here])
+        if here in full:
+            raise OSError(28, "No space left on device")
+        return in_thread(task)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(work, "_in_thread", failing)
+        assert cli.main([*FILL, "--stats", "a.json", "--on", address]) == 0
+        assert (
+            capsys.readouterr().err == f"notice: the worker {full[0]} is left out: OSError: [Errno 28] No space left on device\n"
+        )
+        with distributed.Client(address, set_as_default=False) as client:
+            full += [worker for worker in client.ncores() if worker not in full]
+        assert cli.main([*FILL, "--on", address]) == 1 and "No space left" in capsys.readouterr().err
+    assert [frame["coverage"] for frame in stats("a.json")["frames"]] == [1.0] * 6
+    first = min(full)
+    monkeypatch.setattr(work, "driver", lambda: "a" if distributed.get_worker().address == first else driver())
+    with distributed.Client(address, set_as_default=False) as client:
+        crew = waiting.Crew(client)
+        assert farm._one_driver(crew) == "a" < driver() and crew.well() == {first}
+
+
+def test_a_worker_is_silent_that_gives_no_sign_for_a_minute() -> None:
+    """Signs are by the scheduler's clock, which is 1000 s ahead."""
+    silence = waiting.Silence()
+    assert not silence.of({"a": 1000.0, "b": 1000.0}, 0.0) and not silence.of({"a": 1050.0, "b": 1000.0}, 59.0)
+    assert silence.of({"a": 1050.0, "b": 1000.0}, 61.0) == {"b"}
+    assert silence.of({"a": 1050.0, "b": 1061.0}, 120.0) == {"a"}
+
+
 @pytest.mark.long
 def test_a_farm_that_is_not_there_is_one_line(
     place: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch

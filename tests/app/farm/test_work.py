@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -54,8 +55,10 @@ def test_parts_that_are_filled_apart_are_a_whole(job: work.Job) -> None:
         work.render(job, range(1), last.cache, ["b{frame}.png"], None, Pictures(), "another driver")
 
 
-def test_a_worker_with_another_scene_refuses(job: work.Job) -> None:
+def test_a_worker_with_another_scene_or_other_code_refuses(job: work.Job) -> None:
     """The scene changes between the command's reading and the worker's."""
+    with pytest.raises(InputError, match=r"this worker has irrsplat .*, code [0-9a-f]{12}, and the job is for other code"):
+        work.fill(replace(job, software="other code"), range(1))
     lamp = Path("lamp.light")
     lamp.write_text(lamp.read_text().replace("3 3 3", "4 3 3"))
     with pytest.raises(InputError, match="the scene of this worker was made for other lights"):
