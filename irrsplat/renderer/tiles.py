@@ -222,7 +222,7 @@ class Tiles:
             rows = slice(state.size[1] - bottom - high, state.size[1] - bottom)
             mine = slice(y + size[1] - bottom - high, y + size[1] - bottom), slice(left - x, left - x + wide)
             self._keep(view, wanted, arrays, state.size, (rows, slice(left, left + wide)), mine)
-            if frozen:
+            if frozen and settings.most_bounces > 0:
                 none_reach += uncovered(view, mine)
             if on_share is not None and not stopped:
                 try:

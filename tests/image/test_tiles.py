@@ -112,6 +112,8 @@ def test_a_frozen_cache_shows_the_same_in_tiles() -> None:
         with Renderer(room(), (48, 40), tile_size=tile, **CHEAP, fill_holes=False) as renderer:
             renderer.render()
             found.append(renderer.render(other, gather=False, progress=told.append))
+            renderer.change(replace(renderer.settings, bounces=0))
+            assert renderer.render(other, gather=False).stats["uncovered"] == 0, "without bounces no record is missing"
     same(found[0], found[1])
     assert found[0].stats["uncovered"] > 0 and told[0].coverage == found[0].stats["coverage"] < 1.0
 

@@ -162,6 +162,30 @@ def test_what_mitsuba_has_beyond_it_is_told(mitsuba: Any) -> None:
     assert scene.meshes[[mesh.name for mesh in scene.meshes].index("glossy")].material.albedo == pytest.approx((0.1, 0.2, 0.3))
 
 
+def test_bitmaps_of_files_keep_their_colours_and_masks(mitsuba: Any, tmp_path: Any) -> None:
+    """Grey of 128 in sRGB stays 128; raw, it is a reflectance of 128/255, which sRGB writes as 188. The mask has a hole below."""
+    grey = Image.new("RGB", (4, 4), (128, 128, 128))
+    grey.save(tmp_path / "a.png")
+    grey.save(tmp_path / "a.jpg", quality=100)
+    Image.fromarray(np.repeat(np.array([255, 0], np.uint8), 32).reshape(8, 8)).save(tmp_path / "hole.png")
+
+    def bitmap(name: str, **more: Any) -> dict[str, Any]:
+        return {"type": "bitmap", "filename": str(tmp_path / name), **more}
+
+    def seen(bsdf: dict[str, Any]) -> tuple[str, np.ndarray]:
+        lamp = {"type": "constant"}
+        (mesh,) = irrsplat.from_mitsuba({"type": "scene", "a": {"type": "rectangle", "bsdf": bsdf}, "lamp": lamp}).meshes
+        assert mesh.material.albedo_texture is not None
+        return mesh.material.alpha_mode, mesh.material.albedo_texture.image.pixels
+
+    for picture, value in ((bitmap("a.png"), 128), (bitmap("a.jpg"), 128), (bitmap("a.png", raw=True), 188)):
+        diffuse = {"type": "diffuse", "reflectance": picture}
+        assert np.abs(seen(diffuse)[1][..., :3].astype(int) - value).max() <= 1
+        mode, pixels = seen({"type": "mask", "opacity": bitmap("hole.png"), "inner": {"type": "twosided", "inner": diffuse}})
+        assert mode == "mask" and np.abs(pixels[..., :3].astype(int) - value).max() <= 1
+        assert pixels[..., 3].tolist() == [[255] * 8] * 4 + [[0] * 8] * 4
+
+
 def test_a_lamp_of_mitsuba_is_dark_behind(mitsuba: Any) -> None:
     """Above a disk that shines down there is no light; below, at height h under a radius r, π·L·r²/(r² + h²)."""
     down = mitsuba.ScalarTransform4f().translate([0, 1, 0]).rotate([1, 0, 0], 90)

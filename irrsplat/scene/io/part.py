@@ -32,10 +32,8 @@ class Part:
     def mesh(self, path: Path, origin: tuple[float, float, float]) -> tuple[Mesh, int]:
         """The mesh, relative to `origin`, and how many degenerate triangles were dropped; raises InputError for what cannot be
         drawn."""
-        corners, count = self.corners.astype(np.int64), len(self.positions)
-        if len(corners) and not 0 <= corners.min() <= corners.max() < count:
-            bad = corners.min() if corners.min() < 0 else corners.max()
-            raise InputError(f"a face refers to vertex {bad} (from 0), but there are {count} vertices", path)
+        corners = self.corners.astype(np.int64)
+        check_corners(corners, len(self.positions), path)
         if not np.isfinite(self.positions).all():
             raise InputError("a vertex is not finite (NaN or infinity); expected finite coordinates", path)
         normals = np.zeros((0, 3)) if self.normals is None else np.nan_to_num(self.normals.astype(float), posinf=0.0, neginf=0.0)
@@ -59,3 +57,10 @@ class Part:
             )
         except InputError as error:
             raise InputError(str(error), path) from None
+
+
+def check_corners(corners: np.ndarray, count: int, path: Path | str) -> None:
+    """Raises InputError, which names `path`, where one of the corners (F, 3) is none of so many vertices."""
+    if len(corners) and not 0 <= corners.min() <= corners.max() < count:
+        bad = corners.min() if corners.min() < 0 else corners.max()
+        raise InputError(f"a face refers to vertex {bad} (from 0), but there are {count} vertices", path)

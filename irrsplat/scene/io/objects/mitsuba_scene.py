@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
@@ -143,7 +144,7 @@ class _Reader:
                     Light(three(numbers(values["position"])), self._strength(values, "intensity"), physical=True, name=named)
                 )
             elif kind == "SpotLight":
-                lights.append(self._spot(values, named))
+                lights.append(self._spot(values, str(emitter), named))
             elif kind == "DirectionalEmitter":
                 toward = -_matrix(values["to_world"])[:3, 2]
                 red, green, blue = (value / math.pi for value in self._strength(values, "irradiance"))
@@ -156,10 +157,10 @@ class _Reader:
                 self.remarks.add(f"the emitter {kind} is not supported, and is left out")
         return lights, sky, turned
 
-    def _spot(self, values: Mapping[str, Any], name: str) -> Light:
+    def _spot(self, values: Mapping[str, Any], text: str, name: str) -> Light:
         matrix = _matrix(values["to_world"])
         place = matrix[:3, 3]
-        cutoff, beam = (float(numbers(values[key])[0]) for key in ("cutoff_angle", "beam_width"))
+        cutoff, beam = (_angle(values, text, key) for key in ("cutoff_angle", "beam_width"))
         if "texture.data" in values:
             self.remarks.add("the texture of a spot is not shown")
         return Light(
@@ -191,6 +192,16 @@ class _Reader:
             self.remarks.add(f"an emitter's {key} is no colour; 1 1 1 stands in")
             return 1.0, 1.0, 1.0
         return found
+
+
+def _angle(values: Mapping[str, Any], text: str, key: str) -> float:
+    """An angle of a spot in degrees; Mitsuba before 3.8 only prints it, in radians."""
+    if key in values:
+        return float(numbers(values[key])[0])
+    found = re.search(rf"{key} = ([\d.e+-]+)", text)
+    if found is None:
+        raise InputError(f"this version of Mitsuba does not tell the {key} of a spot; pip install -U mitsuba")
+    return math.degrees(float(found[1]))
 
 
 def _matrix(transform: Any) -> np.ndarray:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from irrsplat.core.color import clip_color, srgb
+from irrsplat.core.color import clip_color, linear_from_srgb, srgb
 from irrsplat.core.vectors import unit
 from irrsplat.scene.io.mesh_builder import welded
 from irrsplat.scene.io.part import Part
@@ -19,7 +19,7 @@ from irrsplat.scene.model import Image, Material, Mesh, Texture
 
 _DIFFUSE = ("reflectance", "diffuse_reflectance", "base_color")  # what BSDFs call their diffuse part
 _CLEAR = ("SmoothDielectric", "ThinDielectric", "RoughDielectric")
-_DIFFUSE_BSDF, _TWO_SIDED = "SmoothDiffuse", "TwoSidedBRDF"
+_DIFFUSE_BSDF, _MASK, _TWO_SIDED = "SmoothDiffuse", "MaskBSDF", "TwoSidedBRDF"
 _BACKING = 5e-4  # of the scene's diagonal: how far behind an open emitter lies what keeps its back dark
 _ROUND = 64  # corners of a circle
 
@@ -152,7 +152,7 @@ class Surfaces:
         if radiance is not None:
             return replace(material, emission=radiance)
         if "radiance.data" in values:
-            picture = _picture(values["radiance.data"])
+            picture = _picture(values["radiance.data"], "radiance", str(emitter))
             brightest = float(picture.max()) or 1.0
             texture = self._texture(picture / brightest, values.get("radiance.to_uv"))
             return replace(material, emission=(brightest,) * 3, emission_texture=texture)
@@ -165,18 +165,37 @@ class Surfaces:
         if kind in _CLEAR:
             self.remarks.add(f"the BSDF {kind} is shown as clear glass, without refraction and reflection")
             return Material(albedo=(1.0, 1.0, 1.0), transmission=1.0)
-        inner = _front(text) if kind == _TWO_SIDED else kind
+        inner = _innermost(kind, text)
         if inner != _DIFFUSE_BSDF:
             self.remarks.add(f"of the BSDF {inner} only diffuse reflection is shown")
         if any(key.startswith("brdf_1.") for key in values):
             self.remarks.add("a two-sided BSDF with two sides that differ has the front's on both")
-        material = self._diffuse(values, inner)
+        material = self._diffuse(values, inner, text)
+        if "opacity.data" in values:
+            return self._cut_out(material, _picture(values["opacity.data"], "opacity", text)[..., 0], values.get("opacity.to_uv"))
         if "opacity.value" in values:
             opacity = float(np.clip(numbers(values["opacity.value"]).mean(), 0.0, 1.0))
             material = replace(material, opacity=opacity, alpha_mode="blend" if opacity < 1.0 else "opaque")
         return material
 
-    def _diffuse(self, values: Mapping[str, Any], kind: str) -> Material:
+    def _cut_out(self, material: Material, opacity: np.ndarray, to_uv: Any) -> Material:
+        """The material with the opacities (H, W) of a mask, in the alpha of its texture."""
+        worn, given = material.albedo_texture, self._texture(np.repeat(opacity[..., None], 3, axis=2), to_uv)
+        if worn is not None and worn.transform != given.transform:
+            self.remarks.add("a mask that does not lie as the texture below it is shown by its mean")
+            mean = float(opacity.mean())
+            return replace(material, opacity=mean, alpha_mode="blend" if mean < 1.0 else "opaque")
+        pixels = np.full((1, 1, 4), 255, np.uint8) if worn is None else worn.image.pixels
+        height, width = np.maximum(pixels.shape[:2], opacity.shape)
+        rows, columns = np.arange(height), np.arange(width)[None]
+        pixels = pixels[(rows * len(pixels) // height)[:, None], columns * pixels.shape[1] // width].copy()
+        alpha = opacity[(rows * len(opacity) // height)[:, None], columns * opacity.shape[1] // width]
+        pixels[..., 3] = np.round(255.0 * np.clip(alpha, 0.0, 1.0))
+        sharp = np.isin(pixels[..., 3], (0, 255)).all()
+        texture = replace(given if worn is None else worn, image=self._image(pixels))
+        return replace(material, albedo_texture=texture, alpha_mode="mask" if sharp else "blend")
+
+    def _diffuse(self, values: Mapping[str, Any], kind: str, text: str) -> Material:
         for key in values:
             stem, _, last = key.rpartition(".")
             if stem.rpartition(".")[2] not in _DIFFUSE or last not in ("value", "data"):
@@ -186,7 +205,7 @@ class Surfaces:
                 if found is not None:
                     return Material(albedo=clip_color(found))
             else:
-                picture = np.clip(_picture(values[key]), 0.0, 1.0)
+                picture = np.clip(_picture(values[key], stem.rpartition(".")[2], text), 0.0, 1.0)
                 return Material((1.0, 1.0, 1.0), albedo_texture=self._texture(picture, values.get(f"{stem}.to_uv")))
         board = next((key.removesuffix("color0.value") for key in values if key.endswith("reflectance.color0.value")), None)
         if board is not None:
@@ -203,22 +222,34 @@ class Surfaces:
         is filtered and goes on beyond its edges, Mitsuba does not tell: it is blended, and repeated."""
         data = np.round(255.0 * srgb(picture)).astype(np.uint8)
         pixels = np.dstack([data, np.full(data.shape[:2], 255, np.uint8)])
-        key = repr(pixels.shape).encode() + pixels.tobytes()
-        image = self._images.setdefault(key, Image(pixels))
         matrix = np.eye(3) if to_uv is None else np.array(to_uv.matrix, float).reshape(3, 3)
         a, b, c, d, e, f = matrix[:2].reshape(-1).tolist()
-        return Texture(image, transform=(a, b, c, d, e, f), nearest=nearest)
+        return Texture(self._image(pixels), transform=(a, b, c, d, e, f), nearest=nearest)
+
+    def _image(self, pixels: np.ndarray) -> Image:
+        """The image of these pixels, the same one for the same pixels."""
+        return self._images.setdefault(repr(pixels.shape).encode() + pixels.tobytes(), Image(pixels))
 
 
-def _front(text: str) -> str:
-    """The class of the first BSDF of a two-sided one, from what Mitsuba prints of it."""
-    found = re.search(r"brdf\[0\] = (\w+)", text)
-    return found[1] if found else _TWO_SIDED
+def _innermost(kind: str, text: str) -> str:
+    """The class of the BSDF within masks, and of the front of two-sided ones, from what Mitsuba prints of it."""
+    for outer, inner in ((_MASK, r"nested_bsdf = (\w+)"), (_TWO_SIDED, r"brdf\[0\] = (\w+)")):
+        if kind == outer and (found := re.search(inner, text)):
+            kind = found[1]
+    return kind
 
 
-def _picture(data: Any) -> np.ndarray:
-    """(H, W, 3) of a bitmap's data, grey or colour."""
-    array = np.array(data, float)
+def _picture(data: Any, name: str, text: str) -> np.ndarray:
+    """(H, W, 3) linear values of a bitmap's data, grey or colour. name, text: of the bitmap in what Mitsuba prints.
+
+    Mitsuba 3.9 keeps whole numbers as the file has them, in sRGB unless the bitmap is raw; other versions keep linear ones.
+    """
+    array = np.array(data)
+    if array.dtype.kind == "u":
+        raw = re.search(rf"{name} = BitmapTexture\[.*?raw = (\d)", text, re.DOTALL)
+        array = array / np.iinfo(array.dtype).max
+        array = array if raw is not None and raw[1] == "1" else linear_from_srgb(array)
+    array = array.astype(float)
     array = array[..., None] if array.ndim == 2 else array
     return array[..., :3] if array.shape[2] >= 3 else np.repeat(array[..., :1], 3, axis=2)
 

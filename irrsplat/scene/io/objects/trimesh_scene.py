@@ -17,7 +17,7 @@ from irrsplat.core.load_options import CREASE_ANGLE, LoadOptions
 from irrsplat.core.vectors import near_origin
 from irrsplat.core.words import GREATEST
 from irrsplat.scene.io.objects.arrays import Up, completed, given_sky, smoothed
-from irrsplat.scene.io.part import Part
+from irrsplat.scene.io.part import Part, check_corners
 from irrsplat.scene.model import AlphaMode, Camera, Image, Light, Material, Scene, Texture
 
 if TYPE_CHECKING:
@@ -115,6 +115,7 @@ class _Reader:
         positions, corners = np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64)
         if not (np.abs(positions) <= GREATEST).all():
             raise InputError(f"the vertices of '{name}' must be finite numbers, at most {GREATEST:g}")
+        check_corners(corners, len(positions), name)
         matrix = matrix.copy()
         matrix[:3] *= self._metres(mesh)
         visual = mesh.visual

@@ -98,6 +98,7 @@ class _Writer:
             return [f"sky {scene.environment.line}"]
         if scene.environment is not None:
             self._lose("the sky's map (its mean stands in; its suns are kept)", 0)
+            return [f"sky {_numbers(scene.environment.mean)}"]
         shines = scene.lights or any(any(mesh.material.emission) for mesh in scene.meshes if not mesh.is_point)
         if not shines and not scene.own_sky and scene.sky == (1.0, 1.0, 1.0) and not any(scene.sky_gradient):
             return []
