@@ -5,14 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import irrsplat
 from irrsplat.core import files, paths
 from irrsplat.core.errors import InputError
 from irrsplat.core.load_options import LoadOptions
-from irrsplat.core.vectors import as_float32
 from irrsplat.image.frame import check_writable
 
 
@@ -55,8 +53,3 @@ def test_a_file_that_tells_no_size_is_read_up_to_its_bound() -> None:
     assert paths.read_bytes(Path("/proc/version"))
     with pytest.raises(InputError, match="the file is larger than 0 MiB"):
         paths.read_bytes(Path("/proc/version"), 3)
-
-
-def test_no_vertices_are_an_array_of_float32() -> None:
-    found = as_float32(np.zeros((0, 3)))
-    assert found.shape == (0, 3) and found.dtype == np.float32

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -123,19 +122,3 @@ def test_another_process_or_an_opengl_error_is_one_line(ctx: moderngl.Context, m
         context.create()
     with pytest.raises(GLError, match="only in the process that made it"):
         context.make_current(ctx)
-
-
-def test_ctrl_c_while_a_program_is_linked_waits_for_its_end() -> None:
-    """Else moderngl crashes; the handler runs once, after the program is there."""
-    events: list[str] = []
-
-    def program(**_: object) -> None:
-        signal.raise_signal(signal.SIGINT)
-        events.append("linked")
-
-    before = signal.signal(signal.SIGINT, lambda *_: events.append("interrupted"))
-    try:
-        context.link(SimpleNamespace(program=program), "", "", None)  # type: ignore[arg-type]
-    finally:
-        signal.signal(signal.SIGINT, before)
-    assert events == ["linked", "interrupted"]

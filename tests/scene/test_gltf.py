@@ -176,14 +176,7 @@ def animate(file: GltfFile, node: int, path: str, keys: list[float], values: np.
 
 @pytest.mark.parametrize(
     ("interpolation", "time", "x"),
-    [
-        ("LINEAR", None, 1),
-        ("LINEAR", 2.5, 1.5),
-        ("LINEAR", 99, 3),
-        ("STEP", 2.9, 1),
-        ("STEP", 3, 2),
-        ("CUBICSPLINE", 4, 2.25),
-    ],
+    [("LINEAR", None, 1), ("LINEAR", 2.5, 1.5), ("LINEAR", 99, 3), ("STEP", 2.9, 1), ("STEP", 3, 2), ("CUBICSPLINE", 4, 2.25)],
 )
 def test_animations_interpolate_between_keys_and_hold_at_their_ends(file, show, interpolation, time, x):
     # keys at 2, 3 and 5 with x = 1, 2, 3; the spline's out-tangent of the second key is 1, the in-tangent of the third 2:

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from irrsplat import IrrsplatError
 from irrsplat.app import cli
 from irrsplat.core import files
 from tests.app.conftest import fake as fake
@@ -192,8 +191,3 @@ def test_permissions_and_links_stay(tmp_path: Path) -> None:
     files._write_folder(folder, iter([("a.png", np.zeros((1, 1, 3)))]))
     assert link.is_symlink() and file.read_text() == "new"
     assert [path.stat().st_mode & 0o777 for path in (file, folder / "a.png")] == [0o600, 0o600]
-
-
-def test_where_nothing_can_be_written(tmp_path: Path) -> None:
-    with pytest.raises(IrrsplatError, match="cannot write"):
-        files.write_text(tmp_path / "missing/a.txt", "")

@@ -3,9 +3,6 @@ installed."""
 
 from __future__ import annotations
 
-import importlib.util
-from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,11 +10,11 @@ import pytest
 
 import irrsplat
 from irrsplat.app.bench import cases, gather_truth
-from irrsplat.app.bench.peers import judging, race, radiance, radiance_scene, table
+from irrsplat.app.bench.peers import judging, race, radiance, radiance_scene
 from irrsplat.app.bench.peers.judging import Measurement, Series
 from irrsplat.app.verify import error_curve
 from irrsplat.reference import fine_gather
-from irrsplat.scene.model import Light, Scene
+from irrsplat.scene.model import Scene
 
 here = pytest.mark.skipif(radiance.installed() is None, reason="the extra `peers` is not installed")
 
@@ -51,21 +48,6 @@ def test_a_scene_in_radiances_words() -> None:
     assert [float(x) for x in sphere[6:]] == pytest.approx([*scene.lights[0].position, radiance_scene.LAMP])
 
 
-def test_other_lights_in_radiances_words() -> None:
-    """A directional one is a small disc of E/Ω; the sky shines all around; a cone and an attenuation are patterns."""
-    sun = Light((0.0, 2.0, 0.0), (1.0, 2.0, 3.0), directional=True)
-    spot = Light((0.0, 3.0, 0.0), (4.0, 4.0, 4.0), physical=True, spot_target=(0.0, 0.0, 0.0), spot_cutoff=30.0, spot_inner=20.0)
-    lamp = Light((0.0, 1.0, 0.0), (1.0, 1.0, 1.0), attenuation=(1.0, 0.0, 0.5))
-    scene = replace(irrsplat.load("cornell"), meshes=(), lights=(sun, spot, lamp), sky=(0.1, 0.2, 0.3))
-    light, source, cone, _, _, falloff, _, _, sky, around = words(scene)
-    solid_angle = np.pi * np.radians(radiance_scene.SUN / 2.0) ** 2
-    assert np.array([float(x) for x in light[6:]]) * solid_angle == pytest.approx(np.pi * np.array(sun.color), rel=1e-4)
-    assert source[1] == "source" and [float(x) for x in source[6:]] == [0.0, 2.0, 0.0, radiance_scene.SUN]
-    assert cone[1] == "brightfunc" and [float(x) for x in cone[8:]] == pytest.approx([0.0, -1.0, 0.0, 30.0, 10.0])
-    assert falloff[1] == "brightfunc" and [float(x) for x in falloff[8:]] == [1.0, 0.0, 0.5]
-    assert sky[:3] == ["void", "glow", "sky"] and around[-1] == "360"
-
-
 # ---- who gets where ------------------------------------------------------------------------------------------------------
 
 
@@ -84,18 +66,6 @@ def test_the_verdict_is_a_ratio_to_ours() -> None:
     told = list(race.report("cornell", found))
     assert "absent: not installed" in told and "slow: after 1 s" in told
     assert race.plot("cornell", found).shape[2] == 3
-
-
-def test_wrong_command_lines(refused: Callable[..., str], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without the extra the message is how to install it."""
-    find = importlib.util.find_spec
-    with monkeypatch.context() as patch:
-        patch.setattr(importlib.util, "find_spec", lambda name, *_: None if name in ("pyradiance", "mitsuba") else find(name))
-        assert "pip install 'irrsplat[peers]'" in refused(["bench", "--peers"], 1)
-    monkeypatch.setattr(table.Peer, "installed", True)
-    assert "--preset" in refused(["bench", "--peers", "--preset", "paper"])
-    assert ".png" in refused(["bench", "--peers", "-o", "plot.jpg"])
-    assert "one scene" in refused(["bench", "--peers", "cornell", "curved", "-o", "plot.png"])
 
 
 # ---- small races ---------------------------------------------------------------------------------------------------------

@@ -12,7 +12,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from PIL import Image
 
 from irrsplat.app import cli, grammar
 from irrsplat.core.errors import GLError
@@ -100,17 +99,6 @@ def test_info(place: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "eye (0 0 5)" in text and "fov 40°" in text
     assert cli.main(["info"]) == 0
     assert {"cornell", "cornell-paper", "furnace"} <= {line.split()[0] for line in capsys.readouterr().out.splitlines()}
-
-
-def test_info_lists_textures_and_stand_ins(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "m.mtl").write_text("newmtl red\nKd 0.5 0.1 0.1\nmap_Kd red.png\n")
-    Image.new("RGB", (300, 200), (255, 0, 0)).save(tmp_path / "red.png")
-    (tmp_path / "a.obj").write_text("mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl red\nf 1/1 2/1 3/1\n")
-    assert cli.main(["info", str(tmp_path / "a.obj"), "--up-axis", "z"]) == 0
-    text = capsys.readouterr().out
-    assert "up (0 0 1)" in text and "materials  1\n" in text and "textures   1, 0.06 megapixels" in text
-    assert "red.png 300x200" in text and "'key', stands in" in text and "W/m² (lux)" in text
-    assert "brighter above by" in text and text.count("stands in") == 3, "sky, key and, in a notice, the camera"
 
 
 def test_doctor(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:

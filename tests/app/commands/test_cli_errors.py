@@ -138,8 +138,7 @@ def test_what_the_renderer_raises(
 
 
 @pytest.mark.parametrize(
-    ("module", "argv"),
-    [("irrsplat.app.bench.bench", ["bench"]), ("OpenEXR", ["render", "plain.scene", "-o", "a.exr"])],
+    ("module", "argv"), [("irrsplat.app.bench.bench", ["bench"]), ("OpenEXR", ["render", "plain.scene", "-o", "a.exr"])]
 )
 def test_a_missing_module_is_one_line(
     module: str, argv: list[str], refused: Callable[..., str], place: Path, fake: Any, monkeypatch: pytest.MonkeyPatch

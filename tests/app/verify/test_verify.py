@@ -20,12 +20,10 @@ from irrsplat.app import cli
 from irrsplat.app.common.error_colours import BRIGHT
 from irrsplat.app.common.plot import palette
 from irrsplat.app.verify import ablation, error_curve, measure
-from irrsplat.app.verify.measure import Measured
 from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.reference import disk_cache, fine_gather, worker
 from irrsplat.reference.truth import MOST_BOUNCES, Traced, compare, key_of, side_of, traced
 from irrsplat.scene.model import Camera, Image, Light, Scene, Texture
-from irrsplat.settings import PRESETS, SETTINGS, preset
 from tests.support.luminaires import lambert, photometry
 
 VERIFY = ["verify", "plain.scene", "--size", "6", "4", "--samples", "8", "--bounces", "1"]
@@ -227,14 +225,6 @@ def test_the_table(fake: Any, place: Path, capsys: pytest.CaptureFixture[str]) -
     assert list(place.glob("*.png")) == []
 
 
-def test_more_bounces(fake: Any, place: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The truth is of the settings' bounces, whether or not they are given by flag."""
-    for flags, bounces, said in ((["--bounces", "2"], 2, "2 bounces"), ([], MOST_BOUNCES, "all bounces")):
-        keep("plain.scene", plain(6, 4), bounces)
-        assert cli.main([*VERIFY[:-2], *flags]) == 0
-        assert f"preset default, {said}, against path-traced truth" in capsys.readouterr().out
-
-
 def test_pictures(fake: Any, place: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     """A strip of picture, truth and error above a legend, or a folder; FLIP is left out where it is not installed."""
     keep("plain.scene", plain(6, 4))
@@ -273,51 +263,6 @@ def test_the_truth_of_a_fine_gather(capsys: pytest.CaptureFixture[str], monkeypa
 
 
 QUICK = ["--size", "24", "24", "--truth", "gather", "--bounces", "1", "--shadow-size", "128"]
-
-
-def point(records: int, rmse: float | None) -> Measured:
-    return Measured("default", {}, records, rmse, 0.01, 0.02, 1.0)
-
-
-# ---- which settings ------------------------------------------------------------------------------------------------------
-
-
-def test_what_goes_with_a() -> None:
-    """Twice the reach: twice the limits of the radius and of contradiction, half the gather's resolution; once: the preset."""
-    base = preset("default")
-    twice = preset("default", **error_curve.scaled("default", {}, 2.0))
-    for name in ("a", *error_curve.WITH_A):
-        assert getattr(twice, name) == 2.0 * getattr(base, name)
-    assert twice.gather_size == base.gather_size / 2
-    assert preset("default", **error_curve.scaled("default", {}, 1.0)) == base
-    assert preset("default", **error_curve.scaled("default", {}, 1e-3)).gather_size == SETTINGS["gather_size"].high
-    for name in PRESETS:
-        a = [preset(name, **values).a for values in error_curve.points(name, {"seed": 7})]
-        assert len(a) >= 5 and a == sorted(set(a), reverse=True), "from few records to many"
-    assert all(preset("default", **values) != base for _, values in ablation.TECHNIQUES), "each technique changes something"
-
-
-# ---- numbers -------------------------------------------------------------------------------------------------------------
-
-
-def test_slope_and_interpolation_of_a_power_law() -> None:
-    """rmse = 7·records^-0.6 has the slope -0.6, and lies on its own line between its points; off its ends nothing is known."""
-    found = [point(n, 7.0 * n**-0.6) for n in (250, 4000, 1000)]
-    assert error_curve.slope(found) == pytest.approx(-0.6)
-    assert error_curve.at(found, 600) == pytest.approx(7.0 * 600**-0.6)
-    assert error_curve.at(found, 4000) == pytest.approx(7.0 * 4000**-0.6)
-    assert error_curve.at(found, 200) is None and error_curve.at(found, 4100) is None
-    assert error_curve.slope([point(9, 0.1)]) is None and error_curve.slope([point(9, 0.1), point(9, 0.2)]) is None
-    assert error_curve.slope([point(9, None), point(0, 0.2)]) is None and error_curve.at([], 5) is None
-
-
-def test_ratios_are_those_at_equal_records() -> None:
-    """On a curve of 1/records, a row of twice the records and the same error is off by twice as much as it need be."""
-    line = [point(500, 0.2), point(1000, 0.1), point(2000, 0.05)]
-    found = {"all": line[1], "less": point(2000, 0.1), "beyond": point(9000, 0.1), "dark": point(700, None)}
-    cells = ablation.rows(list(found.items()), line)
-    assert [row[-1] for row in cells] == ["at equal records", "1.00 x", "2.00 x", "", ""]
-    assert cells[2][:5] == ("less", "2,000", "10.00 %", "+1.00 %", "2.00 %") and cells[4][2] == "no light"
 
 
 # ---- the commands --------------------------------------------------------------------------------------------------------

@@ -37,6 +37,7 @@ def test_three_numbers_are_three_finite_numbers(thing: Any, fields: str) -> None
         (LIGHT, "color", (-1, 0, 0), "the color of light 'lamp'"),
         (LIGHT, "attenuation", (0, 0, 0), "division by zero"),
         (LIGHT, "spot_cutoff", -4, "spot_cutoff"),
+        (replace(LIGHT, directional=True), "position", (0, 0, 0), "comes from"),
         (LIGHT, "spot_exponent", NAN, "spot_exponent"),
         (LIGHT, "photometry", 3, "Photometry"),
         (CAMERA, "fov", "x", "field of view"),
@@ -71,11 +72,6 @@ def test_what_cannot_be_is_refused_as_it_is_made(thing, field, value, said):
     with pytest.raises(InputError) as caught:
         replace(thing, **{field: value})
     assert said in str(caught.value) and "\n" not in str(caught.value)
-
-
-def test_a_directional_light_comes_from_somewhere():
-    with pytest.raises(InputError, match="comes from"):
-        Light((0, 0, 0), (1, 1, 1), directional=True)
 
 
 def test_numbers_of_any_kind_are_the_same_numbers():

@@ -160,30 +160,24 @@ def test_all_images_of_a_scene_count_together(tmp_path, monkeypatch):
     assert [bool(mesh.material.textures) for mesh in scene.meshes] == [True, True, True, False, False]
 
 
-@pytest.mark.parametrize("kind", ["lines", "nodes", "instances"])
-def test_all_copies_of_meshes_count_together(tmp_path, monkeypatch, kind):
-    """A triangle has three vertices: three copies have nine, and a fourth one is refused."""
+def test_all_copies_of_meshes_count_together(tmp_path, monkeypatch):
+    """A triangle has three vertices: three copies have nine, and a fourth one is refused, in a line, a node or an instance."""
     monkeypatch.setattr(paths, "_Bounds", partial(paths._Bounds, copies=9))
-    for count in (4, 5):
-        if kind == "lines":
-            (tmp_path / "t.obj").write_text(TRIANGLE)
-            path = tmp_path / "a.scene"
-            path.write_text("obj t.obj\n" * count)
-        else:
-            file = GltfFile()
-            mesh = file.mesh(indices=None, POSITION=POINTS[:3])
-            places = {"attributes": {"TRANSLATION": file.accessor(np.zeros((count, 3), "f4"))}}
-            for _ in range(count if kind == "nodes" else 1):
-                file.node(mesh=mesh, **({"extensions": {"EXT_mesh_gpu_instancing": places}} if kind == "instances" else {}))
-            path = file.gltf(tmp_path / "a.gltf")
-        if count == 4:
-            assert irrsplat.load(path).triangles == 4
-        elif kind == "nodes":
-            assert irrsplat.load(path).triangles == 4
-            assert any(paths.TOO_MANY_COPIES in notice for notice in irrsplat.load(path).notices)
-        else:
-            with pytest.raises(InputError, match="meshes that are shown again have more than"):
-                irrsplat.load(path)
+    (tmp_path / "t.obj").write_text(TRIANGLE)
+    (tmp_path / "four.scene").write_text("obj t.obj\n" * 4)
+    (tmp_path / "five.scene").write_text("obj t.obj\n" * 5)
+    nodes, instances = GltfFile(), GltfFile()
+    meshes = [file.mesh(indices=None, POSITION=POINTS[:3]) for file in (nodes, instances)]
+    for _ in range(5):
+        nodes.node(mesh=meshes[0])
+    places = {"attributes": {"TRANSLATION": instances.accessor(np.zeros((5, 3), "f4"))}}
+    instances.node(mesh=meshes[1], extensions={"EXT_mesh_gpu_instancing": places})
+    some = irrsplat.load(nodes.gltf(tmp_path / "nodes.gltf"))
+    assert some.triangles == irrsplat.load(tmp_path / "four.scene").triangles == 4
+    assert any(paths.TOO_MANY_COPIES in notice for notice in some.notices)
+    for path in (tmp_path / "five.scene", instances.gltf(tmp_path / "a.gltf")):
+        with pytest.raises(InputError, match="meshes that are shown again have more than"):
+            irrsplat.load(path)
 
 
 def test_the_same_image_is_kept_once_however_often_it_is_named(tmp_path):
