@@ -52,7 +52,7 @@ class KeptCache:
         self._shared = True
 
     def _state(self) -> tuple[int, int, int] | None:
-        """What differs once the file is written again; None: there is no file."""
+        """Return a value that differs once the file is written again; None: there is no file."""
         try:
             found = os.stat(self.path)
         except FileNotFoundError:

@@ -39,7 +39,7 @@ _loaded: dict[str, int] = {}  # what the kept renderer's records are: the hash o
 
 @dataclass(frozen=True)
 class Job:
-    """What all tasks of one command have in common, to be sent to workers.
+    """The facts that all tasks of one command share, to be sent to workers.
 
     scene: a path that is the same on all machines, or a bundled scene's name. key: what the scene and the settings are to be
     there. software: the irrsplat that asks, by its version and code.

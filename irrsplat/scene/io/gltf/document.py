@@ -41,10 +41,10 @@ WRONG = (InputError, ValueError, KeyError, TypeError, AttributeError, IndexError
 
 @dataclass
 class Document:
-    """A glTF file, its buffers read when they are first asked for.
+    """A glTF file, its buffers read at their first use.
 
     tree: the JSON. chunk: the binary chunk of a GLB. size: bytes of all files read. files: those apart from `path`.
-    lost: names of the parts that are left out, by reason. absent: names of missing images. unshown: what the file asks for and is
+    lost: names of the parts that are left out, by reason. absent: names of missing images. unshown: what the file has and is
     not read.
     unpacked: the bytes of compressed buffer views, by index.
     """
