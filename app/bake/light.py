@@ -107,8 +107,10 @@ class PlaceLight(Tenant):
         with _Drawn(self.ctx, where, True) as drawn:
             found = np.zeros((*where.seen.shape, 3), np.float32)
             if self.scene.lights:
-                with DirectPass(self.ctx, where.size, light_defines(self.scene), irradiance=True) as lamps:
-                    found += _colours(lamps(drawn.gbuffer, self.lit.shadows, rotation=2.399963 * number))
+                casting = self.world if self.settings.gather != "plane" and self.world.casts_rays() else None
+                kinds, turned = {**light_defines(self.scene), **self.world.material_defines}, 2.399963 * number
+                with DirectPass(self.ctx, where.size, kinds, irradiance=True) as lamps:
+                    found += _colours(lamps(drawn.gbuffer, self.lit.shadows, rotation=turned, world=casting))
             if self.settings.emitters_apart and self.settings.most_bounces and emitter_table(self.world) is not None:
                 with EmitterLightPass(self.ctx, where.size, self.world.material_defines) as emitters:
                     found += _colours(emitters(drawn.gbuffer, self.world, self.settings, number))

@@ -142,8 +142,8 @@ LUMINAIRE_ROWS = 3  # of a light in the table of luminaires, see irrsplat/lighti
 class ShadowMaps:
     """Every light's depth tiles in one texture, and the table that finds them (shaders/lighting/lights.glsl reads both).
 
-    depth: depth texture of all tiles. table: (LIGHT_ROWS·lights, 4) float, one light of zeros for none; LightRow says what the
-    rows are. layout: a tile's side in texels, the tiles per row, and the near plane of the perspective ones in metres.
+    depth: depth texture of all tiles. table: (LIGHT_ROWS·lights, 4) float, one light of zeros for none; LightRow names
+    them. layout: a tile's side in texels, the tiles per row, and the metres of depth in the perspective ones.
     luminaires, photometry: the rows and the R32F texture of irrsplat/lighting/luminaire_table.py; None where no light is one.
     """
 

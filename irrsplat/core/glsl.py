@@ -19,6 +19,7 @@ GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0  # of the golden section, whose multiples 
 GOLDEN_ANGLE = 2.39996323  # radians, by which each point of a spiral is turned from the one before
 VIRTUAL_SETS = 8  # of virtual lights; with one set for all records its error would be theirs
 SHORT = 1e-4  # of the way, by which a shadow ray ends before the emitter
+ROUNDING = 2.0**-20  # of the depth of a light's shadow maps: how far off its surface a place in float32 may lie
 SKY_RAY_TEXELS = 3.0  # a ray looks at texels of this share of its solid angle: once interpolated, they are as wide as it is
 TOLD = 1e-13  # Σ k of a pixel, below which no record tells of its light but from behind a wall, or from within a closed mesh
 BRIGHT = 32.0  # times the luminance floor: an error at what is brighter counts less than in proportion to the luminance
@@ -39,6 +40,7 @@ CONSTANTS: dict[str, int | float | tuple[float, ...]] = {
     "GOLDEN_ANGLE": GOLDEN_ANGLE,
     "VIRTUAL_SETS": VIRTUAL_SETS,
     "SHORT": SHORT,
+    "ROUNDING": ROUNDING,
     "TOLD": TOLD,
     "BRIGHT": BRIGHT,
     "FALSE_COLOURS": FALSE_COLOURS,

@@ -26,7 +26,7 @@ class DrawState:
 
     depth: the test, "<" or "1" (always passes), or None. blend: "add", "over" (by the fragment's alpha), "min", "multiply" or
     None. cull: "front", "back" or None. depth_clamp: geometry before the near plane is drawn, not clipped. clip_planes: how many
-    gl_ClipDistance are used. polygon_offset: as glPolygonOffset, (factor, units). wireframe: only the edges of triangles.
+    gl_ClipDistance are used. wireframe: only the edges of triangles.
     """
 
     depth: Literal["<", "1"] | None = None
@@ -35,7 +35,6 @@ class DrawState:
     cull: Literal["front", "back"] | None = None
     depth_clamp: bool = False
     clip_planes: int = 0
-    polygon_offset: tuple[float, float] = (0.0, 0.0)
     wireframe: bool = False
 
 
@@ -206,7 +205,6 @@ class Program:
             ctx.blend_equation = moderngl.MIN if state.blend == "min" else moderngl.FUNC_ADD  # type: ignore[assignment]
             ctx.blend_func = _BLENDS[state.blend]
         ctx.wireframe = state.wireframe
-        ctx.polygon_offset = state.polygon_offset
         ctx.front_face = "ccw"  # decides gl_FrontFacing
         if state.cull:
             ctx.cull_face = state.cull

@@ -53,6 +53,7 @@ class World(Owner):
         self._triangles: TriangleTable | None = None
         self._tree: BvhTable | None = None
         self._planted: Future[Bvh] | None = None
+        self._fits: bool | None = None  # on the GPU, what rays go through; None: not tried yet
         self._caster: Future[RayCaster] | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
@@ -127,6 +128,18 @@ class World(Owner):
         if self._tree is None:
             self._tree, self._planted = BvhTable(self.ctx, self._planting().result()), None
         return self._tree
+
+    def casts_rays(self, seconds: float | None = None) -> bool:
+        """Return whether shaders can send rays through the scene: the GPU can hold its tree, and that is built within so many
+        seconds. None: wait for it."""
+        if seconds is not None and self.large and not self.wait(seconds, tree=True):
+            return False
+        if self._fits is None:
+            try:
+                self._fits = bool(self.trace_uniforms)
+            except InputError:
+                self._fits = False
+        return self._fits
 
     def _planting(self) -> Future[Bvh]:
         """The building of `tree`, in a thread where it takes long."""

@@ -46,10 +46,11 @@ class FramePasses:
 
 @dataclass(frozen=True)
 class FrameInputs:
-    """What a frame is drawn from, its camera aside."""
+    """The inputs of a frame but its camera. casting: the world of the shadow rays; None: there are none."""
 
     world: World
     shadows: ShadowMaps
+    casting: World | None
     cache: RecordCache
     settings: Settings
     headlamp: Headlamp | None = None
@@ -169,7 +170,7 @@ def _add_sample(number: int, view: View, passes: FramePasses, inputs: FrameInput
         light = passes.emitters(gbuffer, inputs.world, settings, number, buffers.emitters)
         sums = passes.composite.with_emitters(sums, light, gbuffer, view.splats.sums, buffers.added)
         yield
-    direct = passes.direct(gbuffer, inputs.shadows, rotation, buffers.direct, inputs.headlamp)
+    direct = passes.direct(gbuffer, inputs.shadows, rotation, buffers.direct, inputs.headlamp, inputs.casting)
     yield
     buffers.mean(number + 1, gbuffer, direct, sums, view.sums, view.backdrop.uniforms(camera, buffers.size), settings.mix)
 

@@ -11,6 +11,7 @@ from irrsplat.core.buffers import GBuffer, ShadowMaps, Uniforms
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
+from irrsplat.gpu.world import World
 
 
 @dataclass(frozen=True)
@@ -23,20 +24,24 @@ class Headlamp:
 
 
 class DirectPass(Owner):
-    """Draws the direct outgoing radiance of a view of `size` (width, height), by lights of the kinds that light_defines tells.
+    """Draws the direct outgoing radiance of a view of `size` (width, height).
 
-    irradiance: draws E_direct in its place, W/m², whatever the surfaces reflect.
+    kinds: of the lights, as light_defines has them, and with rays also World.material_defines. irradiance: draws E_direct in its
+    place, W/m², whatever the surfaces reflect.
     """
 
-    def __init__(self, ctx: moderngl.Context, size: tuple[int, int], lights: Mapping[str, int], irradiance: bool = False) -> None:
-        lights = {**lights, "IRRADIANCE": 1} if irradiance else lights
-        self.program = Program(ctx, "lighting/direct", "lib/fullscreen", {**lights, "NORMAL_MAPS": 0})
-        self.bent = Program(ctx, "lighting/direct", "lib/fullscreen", {**lights, "NORMAL_MAPS": 1})
+    def __init__(self, ctx: moderngl.Context, size: tuple[int, int], kinds: Mapping[str, int], irradiance: bool = False) -> None:
+        kinds = {**kinds, "IRRADIANCE": 1} if irradiance else kinds
+        self._programs = {
+            (bent, rays): Program(ctx, "lighting/direct", "lib/fullscreen", {**kinds, "NORMAL_MAPS": bent, "SHADOW_RAYS": rays})
+            for bent in (0, 1)
+            for rays in (0, 1)
+        }
         self.target = Target(ctx, size, (4,))
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.program, self.bent, self.target)
+        return (*self._programs.values(), self.target)
 
     def __call__(
         self,
@@ -45,10 +50,12 @@ class DirectPass(Owner):
         rotation: float = 0.0,
         target: Target | None = None,
         headlamp: Headlamp | None = None,
+        world: World | None = None,
     ) -> moderngl.Texture:
         """ρ/π·E_direct, and 1 where a surface is seen, as an RGBA32F texture, the target's (default: this pass's own).
 
-        rotation: of the pattern of shadow samples, radians.
+        rotation: of the pattern of shadow samples, radians. world: rays through it decide where the samples of a pixel differ,
+        and the shadows of facets do not show on curved surfaces; None: the mean of the samples counts.
         """
         target = target or self.target
         lamp = (0.0, 0.0, 0.0, 0.0) if headlamp is None else (*headlamp.position, headlamp.intensity)
@@ -56,11 +63,15 @@ class DirectPass(Owner):
             "position": gbuffer.position,
             "normal": gbuffer.normal,
             "picture_corner": gbuffer.corner,
+            "rotation": rotation,
+            "headlamp": lamp,
             **gbuffer.material_uniforms,
             **shadows.uniforms,
         }
-        if gbuffer.mapped_normal is None:
-            self.program(target, **uniforms, rotation=rotation, headlamp=lamp)
-        else:
-            self.bent(target, **uniforms, lit_normal=gbuffer.mapped_normal, rotation=rotation, headlamp=lamp)
+        if gbuffer.mapped_normal is not None:
+            uniforms["lit_normal"] = gbuffer.mapped_normal
+        if world is not None:
+            uniforms |= {**world.trace_uniforms, "lit": world.geometry.counts.lit}
+        program = self._programs[int(gbuffer.mapped_normal is not None), int(world is not None)]
+        program(target, **program.known(uniforms))
         return target.textures[0]

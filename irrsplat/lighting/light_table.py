@@ -12,6 +12,7 @@ import numpy as np
 
 from irrsplat.core.buffers import LIGHT_ROWS, LightRow
 from irrsplat.core.errors import InputError
+from irrsplat.core.glsl import ROUNDING
 from irrsplat.lighting.luminaire_table import halvings, photometries
 from irrsplat.scene.model import Light, Scene
 
@@ -22,7 +23,6 @@ _CUBE = np.array([[_Z, _Y, _X], [_Y, _Z, -_X], [_X, _Z, _Y], [_Z, _X, -_Y], [_Y,
 _WIDEST_CONE = 80.0  # degrees: the greatest half angle of a cone that one tile covers
 _NARROWEST = 1e-6  # tangent of the least: of a scene that is a point, as one is whose meshes are all hidden
 _GUARD = 2  # texels around a tile, so that dithered samples stay inside it
-_NEAR = 1e-3  # distance of the near plane, as a share of the scene's diagonal
 
 
 def _axes(forward: np.ndarray) -> np.ndarray:
@@ -81,31 +81,37 @@ def _tiles(light: Light, scene: Scene, side: int) -> tuple[np.ndarray, float, fl
     return rows, scale, 0.0
 
 
+def depth_range(scene: Scene) -> float:
+    """Return the metres of depth in perspective tiles: from any light to the farthest corner of the scene's bounding box."""
+    places = np.array([light.position for light in scene.lights if not light.directional]).reshape(-1, 3)
+    return float(np.linalg.norm(scene.corners - places[:, None], axis=-1).max(initial=0.0)) or scene.diagonal
+
+
 def near_plane(scene: Scene) -> float:
-    """Metres: what is nearer to a lamp casts no shadow."""
-    return _NEAR * scene.diagonal
+    """Return the metres within which geometry touches a light, as far as float32 can resolve, and casts no shadow."""
+    return ROUNDING * depth_range(scene)
 
 
 @dataclass(frozen=True)
 class LightTable:
     """The lights' numbers, and the tiles of their shadow maps.
 
-    rows: (LIGHT_ROWS·lights, 4), LightRow says what they hold; one light of zeros for none. tiles: (T, 3, 4) rows right·scale,
-    up·scale and forward of every tile, dotted with (p, 1). near: (T,) the near plane of a perspective tile in metres, 0 for a
-    parallel tile.
+    rows: (LIGHT_ROWS·lights, 4), LightRow names them; one light of zeros for none. tiles: (T, 3, 4) rows right·scale,
+    up·scale and forward of every tile, dotted with (p, 1). parallel: (T,) bool, the tiles of directional lights. far: metres of
+    depth in the others.
     """
 
     rows: np.ndarray
     tiles: np.ndarray
-    near: np.ndarray
+    parallel: np.ndarray
+    far: float
 
 
 def light_table(scene: Scene, side: int) -> LightTable:
     """The table of the scene's lights for shadow tiles of `side` texels."""
-    near = near_plane(scene)
     table = np.zeros((max(len(scene.lights), 1), LIGHT_ROWS, 4))
     tiles: list[np.ndarray] = []
-    nears: list[float] = []
+    parallel: list[bool] = []
     for light, row in zip(scene.lights, table, strict=False):
         matrices, scale, depth = _tiles(light, scene, side)
         direction = np.asarray(light.position, float)
@@ -122,8 +128,8 @@ def light_table(scene: Scene, side: int) -> LightTable:
         if len(matrices) == 1:
             row[LightRow.TILE :] = matrices[0]
         tiles += list(matrices)
-        nears += [0.0 if light.directional else near] * len(matrices)
-    return LightTable(table.reshape(-1, 4), np.array(tiles).reshape(-1, 3, 4), np.array(nears))
+        parallel += [light.directional] * len(matrices)
+    return LightTable(table.reshape(-1, 4), np.array(tiles).reshape(-1, 3, 4), np.array(parallel, bool), depth_range(scene))
 
 
 def sheet(count: int, side: int, limit: int) -> tuple[int, int]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import moderngl
 
 from irrsplat.core.buffers import ShadowMaps
@@ -11,17 +9,10 @@ from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import Target, float_texture
 from irrsplat.gpu.world import World
-from irrsplat.lighting.light_table import light_table, sheet
+from irrsplat.lighting.light_table import light_table, near_plane, sheet
 from irrsplat.lighting.luminaire_table import luminaire_rows, photometries, photometry_texels
 
-# Of closed meshes the back faces are drawn, the paper's remedy for shadow acne. Alone they leak light where a mesh touches what
-# it shades, as a box on the floor: so the front faces are drawn as well, pushed back a little.
-_DRAWS = (
-    ("open", DrawState(depth="<")),
-    ("cut_out", DrawState(depth="<")),
-    ("closed", DrawState(depth="<", cull="front")),
-    ("closed", DrawState(depth="<", cull="back", polygon_offset=(2.0, 16.0))),
-)
+_PARTS = "closed", "open", "cut_out"
 
 
 class ShadowPass(Owner):
@@ -65,9 +56,10 @@ class ShadowPass(Owner):
             self.target.release()
         self.target = Target(self.ctx, (side * columns, side * lines), depth=True)
         self.target.clear()
-        for i, (matrix, near) in enumerate(zip(lights.tiles, lights.near, strict=True)):
+        near = near_plane(world.scene)
+        for i, (matrix, parallel) in enumerate(zip(lights.tiles, lights.parallel, strict=True)):
             cell = (side * (i % columns), side * (i // columns), side, side)
-            for part, state in _DRAWS:
+            for part in _PARTS:
                 if not world.geometry.parts[part][1]:
                     continue
                 cut_out = part == "cut_out"
@@ -77,17 +69,17 @@ class ShadowPass(Owner):
                     geometry=world.geometry,
                     part=part,
                     # in a lamp's own tile what is before the near plane casts no shadow, with parallel light it does
-                    state=replace(state, depth_clamp=near == 0.0),
+                    state=DrawState(depth="<", depth_clamp=bool(parallel)),
                     viewport=cell,
                     scissor=cell,
                     tile_right=matrix[0],
                     tile_up=matrix[1],
                     tile_forward=matrix[2],
-                    tile_near=float(near),
+                    tile_near=0.0 if parallel else near,
+                    tile_far=lights.far,
                     **(world.materials.light_uniforms if cut_out else {}),
                 )
         assert self.target.depth is not None
-        near = float(lights.near.max(initial=0.0)) or 1.0  # all perspective tiles share one
         photometry = self._photometry(world)
         luminaires = None if photometry is None else luminaire_rows(world.scene.lights)
-        return ShadowMaps(self.target.depth, lights.rows, (side, columns, near), luminaires, photometry)
+        return ShadowMaps(self.target.depth, lights.rows, (side, columns, lights.far), luminaires, photometry)

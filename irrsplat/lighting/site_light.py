@@ -13,14 +13,19 @@ from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target, float_texture
 from irrsplat.gpu.texel_table import table_rows
+from irrsplat.gpu.world import World
 
 
 class SiteLightPass(Owner):
-    """Lights up to `most` points at once, by lamps of the kinds that light_defines tells."""
+    """Direct irradiance of up to `most` points at once. lights: their kinds, as light_defines has them.
 
-    def __init__(self, ctx: moderngl.Context, lights: Mapping[str, int], most: int) -> None:
-        rows = -(-most // TABLE_COLUMNS)
-        self.program = Program(ctx, "lighting/site_light", "lib/fullscreen", lights)
+    world: rays through it decide where shadow maps cannot; None: the mean of their samples counts.
+    """
+
+    def __init__(self, ctx: moderngl.Context, lights: Mapping[str, int], most: int, world: World | None = None) -> None:
+        rows, self.world = -(-most // TABLE_COLUMNS), world
+        kinds = {} if world is None else {**world.material_defines, "SHADOW_RAYS": 1}
+        self.program = Program(ctx, "lighting/site_light", "lib/fullscreen", {**lights, **kinds})
         self.sites = float_texture(ctx, (3 * TABLE_COLUMNS, rows))
         self.target = Target(ctx, (TABLE_COLUMNS, rows), (4,))
 
@@ -33,6 +38,8 @@ class SiteLightPass(Owner):
         columns = np.stack([sites.position, sites.normal, sites.geometric], axis=1)
         rows = table_rows(np.concatenate([columns, np.repeat(area[:, None, None], 3, axis=1)], axis=-1, dtype="f4"))
         self.sites.write(rows.tobytes(), viewport=(0, 0, 3 * TABLE_COLUMNS, len(rows)))
-        self.program(self.target, scissor=(0, 0, TABLE_COLUMNS, len(rows)), sites=self.sites, **shadows.uniforms)
+        rays = {} if self.world is None else self.world.ray_uniforms
+        given = {"sites": self.sites, **shadows.uniforms, **rays}
+        self.program(self.target, scissor=(0, 0, TABLE_COLUMNS, len(rows)), **self.program.known(given))
         E: np.ndarray = np.frombuffer(self.target.textures[0].read(), "f4").reshape(-1, 4)[: len(sites), :3]
         return E

@@ -110,7 +110,8 @@ class LightMeter(Tenant):
             if self.settings.most_bounces:
                 self.gatherer.prepare(shadows, Budget(None))
             defines = {**light_defines(self.scene), "ANYWHERE": 1}
-            self._light = _Light(shadows, SiteLightPass(self.ctx, defines, _AT_ONCE))
+            casting = self.world if self.settings.gather != "plane" and self.world.casts_rays() else None
+            self._light = _Light(shadows, SiteLightPass(self.ctx, defines, _AT_ONCE, casting))
         return self._light
 
     def _gathered(self, shadows: ShadowMaps, sites: Sites) -> tuple[np.ndarray, np.ndarray]:

@@ -57,8 +57,14 @@ class Stages(Owner):
         return self._passes.get("gbuffer", (size, maps), lambda: GBufferPass(self.ctx, size, maps))
 
     def _direct_pass(self, state: State) -> DirectPass:
-        size, defines = state.size, light_defines(state.scene)
-        return self._passes.get("direct", (size, defines), lambda: DirectPass(self.ctx, size, defines))
+        size, kinds = state.size, {**light_defines(state.scene), **self.world.material_defines}
+        return self._passes.get("direct", (size, kinds), lambda: DirectPass(self.ctx, size, kinds))
+
+    def _casting(self, state: State, hurried: bool = False) -> World | None:
+        """Return the world of the shadow rays; None for the paper's plane, which uses shadow maps alone, and for scenes that the
+        GPU cannot hold. hurried: None also where the tree of the rays is not built yet."""
+        casts = state.settings.gather != "plane" and self.world.casts_rays(0.0 if hurried else None)
+        return self.world if casts else None
 
     def _emitter_pass(self, state: State) -> EmitterLightPass | None:
         """Samples the light of emitters at pixels; None where the records hold it, or there are none."""
@@ -126,16 +132,15 @@ class Stages(Owner):
 
     def lamp_irradiance(self, state: State, gbuffer: GBuffer) -> moderngl.Texture:
         """The irradiance of the scene's lamps at every pixel of a g-buffer, W/m², without the headlamp."""
-        size, defines, shadows = gbuffer.position.size, light_defines(state.scene), self.draw_shadows(state)
-        lamps = self._passes.get(
-            "direct irradiance", (size, defines), lambda: DirectPass(self.ctx, size, defines, irradiance=True)
-        )
-        return self._memo.get("direct irradiance", (gbuffer, shadows, lamps), lambda: lamps(gbuffer, shadows))
+        size, shadows = gbuffer.position.size, self.draw_shadows(state)
+        kinds, world = {**light_defines(state.scene), **self.world.material_defines}, self._casting(state)
+        lamps = self._passes.get("direct irradiance", (size, kinds), lambda: DirectPass(self.ctx, size, kinds, irradiance=True))
+        return self._memo.get("direct irradiance", (gbuffer, shadows, lamps), lambda: lamps(gbuffer, shadows, world=world))
 
-    def draw_picture(self, state: State, done: Round, fading: bool = False) -> View:
+    def draw_picture(self, state: State, done: Round, fading: bool = False, hurried: bool = False) -> View:
         """The picture of a round: direct light, normalised indirect light, and their blend.
 
-        fading: what the records say comes in over several pictures."""
+        fading: what the records say comes in over several pictures. hurried: direct light waits for nothing."""
         settings, gbuffer, shadows, camera = state.settings, done.gbuffer, done.shadows, done.camera
         filling = settings.fill_holes and done.progress.coverage < 1.0 and settings.most_bounces > 0
         by_surface = filling and not settings.emitters_apart and not done.frozen
@@ -143,7 +148,8 @@ class Stages(Owner):
         backdrop, headlamp = backdrop_of(state.scene, settings, sky_maps(self.world)), state.headlamp_of(camera)
         emitter_pass, sampled_by = self._emitter_pass(state), (settings.pixel_light_samples, settings.seed)
         held = None if surface is None else surface.result
-        subject = gbuffer, shadows, done.splats, settings.blend, settings.smooth, filling, held, backdrop, headlamp, sampled_by
+        lit_by = shadows, self._casting(state, hurried), headlamp
+        subject = gbuffer, lit_by, done.splats, settings.blend, settings.smooth, filling, held, backdrop, sampled_by
         temporal_filter = self._passes.get("temporal", state.size, lambda: TemporalFilter(self.ctx, state.size))
         if not fading:
             temporal_filter.forget()
@@ -151,7 +157,7 @@ class Stages(Owner):
 
         def light() -> moderngl.Texture:
             with self.timers("direct"):
-                return self._direct_pass(state)(gbuffer, shadows, headlamp=headlamp)
+                return self._direct_pass(state)(gbuffer, shadows, headlamp=headlamp, world=lit_by[1])
 
         def sample_emitters() -> moderngl.Texture:
             assert emitter_pass is not None
@@ -168,7 +174,7 @@ class Stages(Owner):
             sums = splats.sums
             if done.sparing:
                 self._spare(state, splats if sums is done.splats.sums else None)
-            direct = self._memo.get("direct", (gbuffer, shadows, headlamp), light)
+            direct = self._memo.get("direct", (gbuffer, lit_by), light)
             emitters = None if emitter_pass is None else self._memo.get("emitters", (gbuffer, *sampled_by), sample_emitters)
             composite_pass = self.composite_pass(state)
             with self.timers("composite"):
@@ -189,7 +195,8 @@ class Stages(Owner):
             self._emitter_pass(state),
         )
         headlamp = state.headlamp_of(view.camera)
-        inputs = FrameInputs(self.world, self.draw_shadows(state), self.scheduler.cache, state.settings, headlamp)
+        lit_by = self.draw_shadows(state), self._casting(state)
+        inputs = FrameInputs(self.world, *lit_by, self.scheduler.cache, state.settings, headlamp)
         return self.antialiaser(view, samples, budget, passes, inputs, on_progress)
 
     def splatted(self, state: State, camera: Camera, count: int) -> np.ndarray:

@@ -1,9 +1,14 @@
-// Direct light at every pixel, with four dithered shadow samples per light (Jones 2010, sections 2.4 and 3.3).
+// Direct light at every pixel, with four shadow samples per light (Jones 2010, sections 2.4 and 3.3). Without SHADOW_RAYS they are
+// dithered; with SHADOW_RAYS a ray decides where they differ.
 #include "generated/gbuffer_material.glsl"
 #include "lib/texel.glsl"
 #include "lighting/lights.glsl"
 #include "lib/material.glsl"
 #include "lib/octahedral.glsl"
+#if SHADOW_RAYS
+#include "generated/vertex_table.glsl"
+#include "lib/normals.glsl"
+#endif
 
 uniform sampler2D position;  // g-buffer
 uniform sampler2D normal;
@@ -15,6 +20,26 @@ uniform float rotation;      // of the pattern of the four samples, radians
 uniform vec4 headlamp;       // where it is, and its W/sr
 
 const float SMOOTH = 0.99999;  // cosine of the angle between geometric and interpolated normal, below which facets stand for a curve
+
+#if SHADOW_RAYS
+uniform int lit;             // triangles of lower numbers are those that light sees
+
+// The place on the curved surface that facets stand for, at the point p of such a facet: the mean of the projections of p onto the
+// tangent planes at the corners (Hanika 2021, "Hacking the Shadow Terminator"). A hollow surface stays as it is.
+vec3 curved_place(vec3 p, vec3 n, int triangle)
+{
+    vec3 corner[3] = vec3[](triangle_point(triangle, 0), triangle_point(triangle, 1), triangle_point(triangle, 2));
+    ivec3 numbers = triangle_vertices(triangle);
+    vec3 area = cross(corner[1] - corner[0], corner[2] - corner[0]), moved = p;
+    for (int k = 0; k < 3; ++k)
+    {
+        vec3 m = shading_normal(vertex_at(numbers[k]).normal, n), far = corner[(k + 1) % 3] - p, next = corner[(k + 2) % 3] - p;
+        float share = clamp(dot(cross(far, next), area) / dot(area, area), 0.0, 1.0);
+        moved -= share * min(dot(p - corner[k], m), 0.0) * m;
+    }
+    return moved;
+}
+#endif
 
 layout(location = 0) out vec4 out_direct;  // outgoing radiance ρ/π·E, or with IRRADIANCE E itself; a: 1 where a surface is seen
 
@@ -31,7 +56,17 @@ void main()
     m = texel_at(lit_normal, pixel).xyz;
 #endif
     vec3 g = octahedral_decode(vec2(n.w, texel_at(albedo, pixel).w));
-    Receiver receiver = Receiver(p.xyz, m, g, dot(n.xyz, g) < SMOOTH ? CURVED : FLAT);
+    Receiver receiver = Receiver(p.xyz, m, g, FLAT);
+    if (dot(n.xyz, g) < SMOOTH)
+    {
+#if SHADOW_RAYS
+        int triangle = int(texel_at(emission, pixel).w);
+        if (triangle < lit) receiver.p = curved_place(p.xyz, n.xyz, triangle);
+        receiver.g = n.xyz;
+#else
+        receiver.rise = CURVED;
+#endif
+    }
     vec3 E = direct_irradiance(receiver, 4, vec2(cos(angle), sin(angle)));
     if (headlamp.w > 0.0)  // it is where the eye is, and casts no shadow that could be seen
     {

@@ -3,13 +3,16 @@
 // LightRow in irrsplat/core/buffers.py explains.
 #include "generated/constants.glsl"
 #include "lib/texel.glsl"
+#if SHADOW_RAYS
+#include "lib/rays/bvh.glsl"
+#endif
 
 // Defined by light_defines: LIGHTS is the number of lights, and each other LIGHTS_… is 1 if any light has what its name says. What no
 // light needs is not compiled, since software renderers run both sides of every branch. ANYWHERE: receivers may also lie outside of
 // the scene's bounding box.
 uniform vec4 light_table[LIGHT_ROWS * max(LIGHTS, 1)];
 uniform sampler2D shadow_depth;  // every tile of every light, side by side
-uniform vec3 shadow_layout;      // tile side in texels, tiles per row, near plane of point and spot tiles in metres
+uniform vec3 shadow_layout;      // tile side in texels, tiles per row, metres of depth in point and spot tiles
 
 #if LIGHTS_WITH_LUMINAIRE
 // What irrsplat/lighting/luminaire_table.py makes: rows that say how each luminaire is turned, and the photometries of all of them.
@@ -65,56 +68,43 @@ struct Receiver
                  // they add up what leaks by it
 };
 
-// A receiver in the coordinates of the tile that sees it.
+// A receiver in the coordinates of the tile that sees it. Depths are those of a parallel tile, 0..1, or -1/z of a perspective one:
+// both grow away from the light, and are affine in x and y on a plane.
 struct Projected
 {
-    int tile;     // number of the tile in the texture
-    vec3 q;       // the point: |x|, |y| <= z inside a perspective tile, <= 1 inside a parallel one
-    vec3 m;       // the normal of its tangent plane: m·q = k
+    int tile;         // number of the tile in the texture
+    vec3 q;           // the point: |x|, |y| <= z inside a perspective tile, <= 1 inside a parallel one
+    vec3 m;           // the normal of its tangent plane: m·q = k
     float k;
-    float width;  // of a texel: metres, or metres per metre of distance in a perspective tile
-    float range;  // metres of depth in a parallel tile; 0: perspective
-    vec2 texel;   // where the point is in the tile, in texels
-    vec2 corner;  // first texel of the tile
-    vec3 plane;   // dotted with (texel, 1): the depth of the tangent plane, as near/z in a perspective tile
-    float own;    // near/z of the point
-    float slack;  // factor on the plane's near/z within which a stored depth counts as the plane itself
-    float steps;  // of its depth from a texel to the next ones
-    float slope;  // error of the stored depth where the plane is steep
+    float range;      // metres of depth in a parallel tile; 0: perspective
+    vec2 texel;       // where the point is in the tile, in texels
+    vec2 corner;      // first texel of the tile
+    vec3 plane;       // dotted with (texel, 1): the depth of the tangent plane
+    float own;        // depth of the point
+    float nearest;    // the least depth of the plane that counts
+    float tolerance;  // what lies less far before the plane is the plane itself
+    float beside;     // what lies farther behind it or before it is something else for certain
 };
 
 const float BIAS = 0.1;       // of depth, in sizes of a texel
 const float FLAT = 0.02;      // texels by which a rasteriser may shift a triangle
 const float CURVED = 0.5;     // texels: in a fold of a curved surface the next facet rises before the plane of this one
-const float ROUNDING = 0.05;  // how far off its surface an interpolated position may lie, as a share of the near plane's distance
-const float BESIDE = 2.0;     // as BIAS: what lies so far behind the plane, and three steps of its slope, is not the receiver
+const float BESIDE = 2.0;     // as BIAS, and three steps of its slope
 
-// x: 1 if the shadow map's texel `offset` texels from the receiver sees the receiver's tangent plane, 0 in shadow.
-// The plane's depth is taken at the texel's centre, so that a plane does not shadow itself at any slope, and the bias has only to
-// cover what is not planar.
-// y: 1 if the texel knows of the receiver; 0 where its centre lies beyond an edge of the receiver, and sees what is far behind. In a
-// corner of two thin walls that is out of doors, although the one wall keeps the light from the other.
-vec2 shadow_tap(Projected r, vec2 offset)
+// By how much of depth the shadow map's texel `offset` texels from the receiver sees something before the receiver's tangent plane;
+// below 0: behind it. The plane's depth is taken at the texel's centre, so that a plane does not shadow itself at any slope.
+float shadow_gap(Projected r, vec2 offset)
 {
     vec2 texel = clamp(floor(r.texel + offset), vec2(0.0), vec2(shadow_layout.x - 1.0));
     float stored = texel_at(shadow_depth, ivec2(r.corner + texel)).r;
-    float expected = dot(r.plane, vec3(texel + 0.5, 1.0));
+    float expected = clamp(dot(r.plane, vec3(texel + 0.5, 1.0)), r.nearest, r.own);
 #if LIGHTS_PARALLEL
-    if (r.range > 0.0)
-    {
-        float texels = r.width / r.range, own = r.q.z;
 #ifdef ANYWHERE
-        if (stored == 1.0) return vec2(1.0);  // nothing there, for a receiver beyond the tile's depth
+    if (r.range > 0.0 && stored == 1.0) return 0.0;  // nothing there, for a receiver beyond the tile's depth
 #endif
-        expected = clamp(expected, own - 99.0 * texels, own + 99.0 * texels);
-        bool lit = stored >= expected - r.slope - BIAS * texels - 1e-6;
-        return vec2(lit, stored <= expected + 3.0 * r.steps + BESIDE * texels + 1e-6);
-    }
+    if (r.range > 0.0) return expected - stored;
 #endif
-    // depth = 1 - near/z: what is stored is affine in 1/z, and so is a plane
-    expected = clamp(expected, 0.5 * r.own, 2.0 * r.own);
-    float found = 1.0 - stored;
-    return vec2(found <= expected * r.slack + r.slope + 2e-7, found >= expected * (2.0 - r.slack - BESIDE * r.width) - 3.0 * r.steps - 2e-7);
+    return stored < 1.0 ? expected + 1.0 / max(stored * shadow_layout.z, 1e-20) : expected;
 }
 
 // The tile of a point light that sees d = p - light, with d and g in that tile's axes; light_table.py has the same six tiles.
@@ -141,6 +131,18 @@ void cube_tile(vec3 d, vec3 g, inout Projected t)
     }
 }
 
+#if SHADOW_RAYS
+// 1 if nothing stands between the receiver and light i, else 0.
+float shadow_ray(int i, Receiver r)
+{
+    vec4 light = light_table[i * LIGHT_ROWS + LIGHT_POSITION];
+    float off = ROUNDING * shadow_layout.z;  // metres, off the receiver, and off the light
+    vec3 from = r.p + off * r.g, to_light = light.w > 0.5 ? light.xyz : light.xyz - from;
+    float distance = length(to_light), end = light.w > 0.5 ? FARTHEST_HIT : distance - off;
+    return float(bvh_between(from, to_light / distance, 0.0, end).t >= end);
+}
+#endif
+
 // The share, 0..1, of `taps` dithered shadow samples that light i reaches; rotation: cosine and sine of the angle of their pattern.
 float visibility(int i, Receiver r, int taps, vec2 rotation)
 {
@@ -151,7 +153,6 @@ float visibility(int i, Receiver r, int taps, vec2 rotation)
     Projected t;
     t.tile = int(cone.z);
     t.range = parallel ? cone.x : 0.0;
-    t.width = 2.0 / (shadow_layout.x * cone.w);
     t.k = dot(r.g, d);
 #if LIGHTS_WITH_CUBE
     if (LIGHTS_WITH_TILE == 0 || light_table[row + LIGHT_COLOR].w > 1.5)
@@ -171,33 +172,54 @@ float visibility(int i, Receiver r, int taps, vec2 rotation)
         if (parallel ? any(greaterThan(abs(t.q.xy), vec2(1.0))) : t.q.z <= 0.0) return 1.0;
     }
 #endif
-    float side = shadow_layout.x, near = shadow_layout.z;
+    float side = shadow_layout.x, width = 2.0 / (side * cone.w);  // of a texel: metres, in a perspective tile at a distance of 1 m
     float line = floor((float(t.tile) + 0.5) / shadow_layout.y);  // in floats: integer division is slow on software renderers
     t.corner = vec2(float(t.tile) - line * shadow_layout.y, line) * side;
     t.texel = (((parallel ? t.q.xy : t.q.xy / t.q.z) * 0.5 + 0.5) * side);
-    t.own = near / t.q.z;
-    t.slack = 1.0 + BIAS * t.width + ROUNDING * near / max(abs(t.k), 1e-20);
-    // On the plane m·q = k, near/z is near·m·(x, y, 1)/k at (x, y) = 2·texel/side - 1; in a parallel tile z is affine in x and y.
-    vec3 m = parallel ? vec3(-t.m.xy / (abs(t.m.z) > 1e-6 ? t.m.z : 1e-6), 0.0) : t.m * (near / t.k);
+    // On the plane m·q = k, -1/z is -m·(x, y, 1)/k at (x, y) = 2·texel/side - 1; in a parallel tile z is affine in x and y.
+    vec3 m = parallel ? vec3(-t.m.xy / (abs(t.m.z) > 1e-6 ? t.m.z : 1e-6), 0.0) : t.m * (-1.0 / t.k);
     t.plane = vec3(m.xy * (2.0 / side), m.z - m.x - m.y);
-    if (parallel) t.plane.z = t.q.z - dot(t.plane.xy, t.texel);
-    t.steps = abs(t.plane.x) + abs(t.plane.y);
-    t.slope = r.rise * t.steps;
+    float steps = abs(t.plane.x) + abs(t.plane.y), bias = parallel ? width / t.range : width / t.q.z;
+    t.own = parallel ? t.q.z : -1.0 / t.q.z;
+    t.nearest = parallel ? t.own - 99.0 * bias : 2.0 * t.own;
+    if (parallel) t.plane.z = t.own - dot(t.plane.xy, t.texel);
+    float rounding = parallel ? ROUNDING : ROUNDING * shadow_layout.z / (t.q.z * max(abs(t.k), 1e-20));
+    t.tolerance = BIAS * bias + r.rise * steps + rounding;
+    t.beside = BESIDE * bias + 3.0 * steps + rounding;
     if (taps == 1)
     {
-        vec2 own = shadow_tap(t, vec2(0.0)), away = fract(t.texel) - 0.5;  // from the texel's centre: the receiver goes on there
-        if (own.y > 0.0) return own.x;
-        vec2 next = shadow_tap(t, abs(away.x) > abs(away.y) ? vec2(sign(away.x), 0.0) : vec2(0.0, sign(away.y)));
-        return next.y > 0.0 ? next.x : own.x;
+        float own = shadow_gap(t, vec2(0.0));
+        vec2 away = fract(t.texel) - 0.5;  // from the texel's centre towards more of the receiver
+        if (own >= -t.beside) return float(own <= t.tolerance);
+        float next = shadow_gap(t, abs(away.x) > abs(away.y) ? vec2(sign(away.x), 0.0) : vec2(0.0, sign(away.y)));
+        return float((next >= -t.beside ? next : own) <= t.tolerance);
     }
+#if SHADOW_RAYS
+    // Where the four texels around the receiver all see its plane, it is lit, and where they all see something before it, it is in
+    // shadow. Else a ray decides.
+    vec4 gaps = vec4(shadow_gap(t, vec2(-0.5)), shadow_gap(t, vec2(0.5, -0.5)), shadow_gap(t, vec2(-0.5, 0.5)), shadow_gap(t, vec2(0.5)));
+    bool lit = all(lessThanEqual(gaps, vec4(t.tolerance))) && all(greaterThanEqual(gaps, vec4(-t.beside)));
+    bool dark = all(greaterThan(gaps, vec4(t.beside)));
+    float seen = lit ? 1.0 : 0.0;
+    bool undecided = !lit && !dark;
+    while (undecided)  // a loop, since software renderers run an `if` for all pixels
+    {
+        seen = shadow_ray(i, r);
+        undecided = false;
+    }
+    return seen;
+#else
+    // y: whether a texel sees the receiver. One whose centre lies beyond an edge of the receiver sees what is far behind: in a
+    // corner of two thin walls that is out of doors, although the one wall keeps the light from the other.
     mat2 turn = mat2(rotation.x, rotation.y, -rotation.y, rotation.x);
     vec2 lit = vec2(0.0);
     for (int s = 0; s < taps; ++s)
     {
-        vec2 tap = shadow_tap(t, turn * (vec2(s & 1, s >> 1) - 0.5));  // texels
-        lit += vec2(tap.x * tap.y, tap.y);
+        float gap = shadow_gap(t, turn * (vec2(s & 1, s >> 1) - 0.5));  // texels
+        lit += gap >= -t.beside ? vec2(gap <= t.tolerance, 1.0) : vec2(0.0);
     }
     return lit.y > 0.0 ? lit.x / lit.y : 1.0;
+#endif
 }
 
 #ifdef FOOTPRINT

@@ -28,7 +28,7 @@ class ShadowMapsBuffer(ShownBuffer):
         shadows = source.renderer.shadows
         if shadows is None:
             return
-        side, columns, near = shadows.layout
+        side, columns, far = shadows.layout
         tiles = light_tiles(shadows)
         grid = tiling(len(tiles), (side, side), canvas.area)
         pitch, size = side * grid.pixels_per_texel + GAP, max(int(side * grid.pixels_per_texel), 1)
@@ -44,8 +44,7 @@ class ShadowMapsBuffer(ShownBuffer):
                 shadow_depth=shadows.depth,
                 corner=(i % columns * side, i // columns * side),
                 place=(x, y, side / size),
-                near=0.0 if tile.thickness else near,
-                thickness=tile.thickness,
+                thickness=tile.thickness or far,
                 low=low,
                 high=high,
                 colours=canvas.colours,

@@ -4,8 +4,7 @@
 uniform sampler2D shadow_depth;
 uniform vec2 corner;    // first texel of the tile
 uniform vec3 place;     // of the tile in the target: its lower left corner, and texels per pixel
-uniform float near;     // near plane of a perspective tile in metres; 0: a parallel one
-uniform float thickness;  // metres of depth in a parallel tile
+uniform float thickness;  // metres of depth in the tile
 uniform float low;      // metres
 uniform float high;
 
@@ -14,6 +13,6 @@ layout(location = 0) out vec4 out_color;
 void main()
 {
     float stored = texelFetch(shadow_depth, ivec2(corner + (gl_FragCoord.xy - place.xy) * place.z), 0).r;
-    float z = near > 0.0 ? near / max(1.0 - stored, 1e-20) : stored * thickness;
+    float z = stored * thickness;
     out_color = vec4(stored < 1.0 ? heat((z - low) / (high - low)) : vec3(0.0), 1.0);
 }
