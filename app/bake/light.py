@@ -15,7 +15,7 @@ import numpy as np
 from irrsplat.app.bake.places import Places
 from irrsplat.app.bake.splats import PlaceSplats, Reach
 from irrsplat.core.buffers import GBuffer
-from irrsplat.core.vectors import octahedral_encode
+from irrsplat.core.vectors import check_finite, octahedral_encode
 from irrsplat.gpu.resource import Owner, Resource, Tenant
 from irrsplat.gpu.target import float_texture
 from irrsplat.gpu.time_budget import Budget
@@ -91,6 +91,7 @@ class PlaceLight(Tenant):
             totals, _ = splats.read()
         served = where.seen & (totals[..., 3] > 0.0)
         irradiance = np.where(served[..., None], totals[..., :3] / np.maximum(totals[..., 3:], 1e-30), 0.0).astype(np.float32)
+        check_finite("the baked irradiance", irradiance, lambda at: f"the point {where.position[at[:2]].tolist()}")
         return Gathered(irradiance, served, self.cache.count, view.settled is not None)
 
     def _reach(self, texel: float) -> Reach:

@@ -8,7 +8,7 @@ from functools import cached_property
 import moderngl
 import numpy as np
 
-from irrsplat.gather.record_frame import OFFSET
+from irrsplat.gather.record_frame import offset_of
 from irrsplat.meter.light_meter import LightMeter
 from irrsplat.meter.readings import Status
 from irrsplat.meter.solids import inside_solids
@@ -19,7 +19,7 @@ from irrsplat.scene.model import Mesh, Scene
 
 _TRIED = 48  # triangles of an open mesh, on both sides, at most
 _DARK = 1e-3  # of the brightest place that is tried: a side with less light counts as dark
-_COVERED = 10.0  # offsets of a gather: what is nearer than that all around lies on the place
+_COVERED = 0.01, 1e-3  # metres, diagonals of the scene: what is nearer than both all around lies on the place
 _AROUND = 8  # directions, beside the normal, in which that is tried
 
 
@@ -121,7 +121,7 @@ def hidden(scene: Scene, where: Places) -> np.ndarray:
     at = where.position[where.seen].astype(float)
     n = where.geometric[where.seen].astype(float)
     if len(at):
-        lifted = at + OFFSET * scene.diagonal * n
+        lifted = at + offset_of(scene) * n
         found[where.seen] = inside_solids(scene, lifted, n) | _covered(scene, lifted, n)
     return found
 
@@ -137,7 +137,7 @@ def _covered(scene: Scene, points: np.ndarray, normals: np.ndarray) -> np.ndarra
     caster = ray_caster.RayCaster(np.concatenate([mesh.positions for mesh in meshes]), faces)
     across = np.cross(normals, np.eye(3)[np.abs(normals).argmin(1)])
     across /= np.linalg.norm(across, axis=1, keepdims=True)
-    third, reach = np.cross(normals, across), _COVERED * OFFSET * scene.diagonal
+    third, reach = np.cross(normals, across), min(_COVERED[0], _COVERED[1] * scene.diagonal)
     for turn in (None, *(2.0 * np.pi * np.arange(_AROUND) / _AROUND)):
         way = normals if turn is None else 0.5 * normals + 0.866 * (np.cos(turn) * across + np.sin(turn) * third)
         left = np.flatnonzero(covered)

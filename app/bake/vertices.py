@@ -19,7 +19,7 @@ from irrsplat.app.bake.lightmap import Light, info, texture_coordinates
 from irrsplat.app.bake.places import Places, Receivers, hidden, places
 from irrsplat.core import files
 from irrsplat.core.errors import InputError
-from irrsplat.gather.record_frame import OFFSET
+from irrsplat.gather.record_frame import offset_of
 from irrsplat.scene.model import Scene
 from irrsplat.scene.model.checks import check_type
 from irrsplat.settings import SettingValues
@@ -173,7 +173,7 @@ class _Found:
         corners = surfaces.positions[surfaces.faces[root]].astype(float)
         size = np.linalg.norm(corners - corners.mean(1, keepdims=True), axis=2).max(1)
         # a step of the same share is too far on a large triangle
-        share = np.minimum(_INWARD, 10.0 * OFFSET * scene.diagonal / np.maximum(size, 1e-30))[:, None]
+        share = np.minimum(_INWARD, 10.0 * offset_of(scene) / np.maximum(size, 1e-30))[:, None]
         shares = corner + share * (1.0 / 3.0 - corner)
         order = _along_a_curve((corners * shares[..., None]).sum(1))
         index = _tiles(len(root))

@@ -4,7 +4,11 @@ directions all around."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
+
+from irrsplat.core.errors import IrrsplatError
 
 _FAR = 4.0  # diagonals from 0 0 0 from which float32 loses too much: shadow rays start 2⁻²⁰ of the diagonal above their surface
 
@@ -29,6 +33,14 @@ def as_float32(positions: np.ndarray) -> np.ndarray:
         return positions.astype(np.float32)
     origin = near_origin(positions.min(0), positions.max(0))
     return (positions - origin if any(origin) else positions).astype(np.float32)
+
+
+def check_finite(what: str, values: np.ndarray, place: Callable[[tuple[int, ...]], str]) -> None:
+    """Raise IrrsplatError where a value of `values` is not finite; `place` is the words for the place of an index."""
+    if not np.isfinite(values).all():
+        bad = np.argwhere(~np.isfinite(values))
+        where = place(tuple(bad[0].tolist()))
+        raise IrrsplatError(f"{what} is not finite at {where} ({len(bad)} of {values.size} numbers); please report this scene")
 
 
 def times(vectors: np.ndarray, matrix: np.ndarray) -> np.ndarray:

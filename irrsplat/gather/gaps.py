@@ -17,7 +17,7 @@ from irrsplat.core.buffers import GBuffer, Sites
 from irrsplat.core.errors import InputError
 from irrsplat.core.timing.beside import started
 from irrsplat.core.vectors import octahedral_decode
-from irrsplat.gather.record_frame import OFFSET
+from irrsplat.gather.record_frame import offset_of
 from irrsplat.gather.squares import Squares
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource, Workshop
@@ -127,7 +127,7 @@ class GapPass(Owner):
                 **squares.uniforms,
                 eye=camera.eye,
                 height=IN_FRONT / settings.a * (settings.radius_max or _REACH) / 100.0 * camera.measure(self.size),
-                near=OFFSET * self.world.scene.diagonal,
+                near=offset_of(self.world.scene),
                 **rays,
             )
             start += rows

@@ -12,7 +12,7 @@ from contextlib import nullcontext
 import numpy as np
 
 from irrsplat.core.buffers import Atlas, HitLight, Sites
-from irrsplat.gather.record_frame import OFFSET
+from irrsplat.gather.record_frame import offset_of
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.timers import Timers
@@ -43,7 +43,7 @@ class Gather(Owner):
     @property
     def offset(self) -> float:
         """How far above its surface a record looks from, metres."""
-        return OFFSET * self.world.scene.diagonal
+        return offset_of(self.world.scene)
 
     def steps(self, sites: Sites) -> np.ndarray:
         """(N,) metres: how far beside each site other eyes look at its light samples: about as far as a record serves pixels, so

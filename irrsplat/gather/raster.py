@@ -26,6 +26,7 @@ from irrsplat.gpu.world import World
 from irrsplat.lighting.light_table import light_defines
 
 SINGLE_DRAW_TRIANGLES = 128  # at most, that one draw takes: there both ways cost about the same on llvmpipe
+_ABOVE = 1e-4  # of the diagonal
 _PAIRS = 1 << 21  # of faces and meshlets that are tested at once, at most; a texture of those that are drawn takes 16 MiB
 
 
@@ -70,6 +71,11 @@ class RasterGather(Gather):
         self.target: Target | None = None  # of the last call
         self.frames = float_texture(ctx, (self.capacity, 5))
         self.views = float_texture(ctx, (self.capacity, VIEW_ROWS * len(self.faces)))
+
+    @property
+    def offset(self) -> float:
+        """Metres by which a record's eye lies above its surface: a nearer near plane leaves too little depth for the rest."""
+        return _ABOVE * self.world.scene.diagonal
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""

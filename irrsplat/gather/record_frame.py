@@ -8,9 +8,16 @@ import numpy as np
 
 from irrsplat.core.buffers import Sites
 from irrsplat.core.glsl import GOLDEN
+from irrsplat.scene.model import Scene
 
-OFFSET = 1e-4  # of the scene's diagonal: how far above its surface a record looks from
+_OFFSET = 1e-4, 2.5e-3  # of the scene's diagonal, metres: of a record's eye above its surface, at most
+_LEAST = 1e-5  # of the diagonal: at least so far, a hundred times what float32 may be off
 _TEXELS = 3 << 20  # of an atlas by default: two RGBA32F textures of 48 MiB, and 12 MiB for a depth buffer
+
+
+def offset_of(scene: Scene) -> float:
+    """Return the metres by which a record's eye lies above its surface: the same on a large ground as in the house on it."""
+    return max(min(_OFFSET[0] * scene.diagonal, _OFFSET[1]), _LEAST * scene.diagonal)
 
 
 def eye_positions(sites: Sites, corners: np.ndarray, offset: float) -> np.ndarray:

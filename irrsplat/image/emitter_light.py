@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import moderngl
 
 from irrsplat.core.buffers import GBuffer
-from irrsplat.gather.record_frame import OFFSET
+from irrsplat.gather.record_frame import offset_of
 from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
@@ -54,7 +54,7 @@ class EmitterLightPass(Owner):
                 picture_corner=gbuffer.corner,
                 lit_normal=gbuffer.lit_normal,
                 albedo=gbuffer.albedo,
-                offset=OFFSET * world.scene.diagonal,
+                offset=offset_of(world.scene),
                 first=number * samples + before,
                 count=min(_AT_ONCE, samples - before),
                 candidates=min(_CANDIDATES, 2 * table.count),

@@ -12,6 +12,7 @@ import numpy as np
 from irrsplat.core.buffers import CHANNELS, GBuffer, SplatBuffer
 from irrsplat.core.files import as_png
 from irrsplat.core.glsl import TOLD
+from irrsplat.core.vectors import check_finite
 from irrsplat.gpu.target import pixels
 from irrsplat.image.backdrop import Backdrop, display_picture
 from irrsplat.image.frame import Frame
@@ -131,10 +132,16 @@ def values_of(view: View, name: str) -> np.ndarray:
 
 def frame_of(buffers: Mapping[str, np.ndarray], records: Mapping[str, np.ndarray], stats: Statistics, view: View) -> Frame:
     """A Frame of these arrays, and of the cache's `records`, seen as `view` is, or the picture that it is a part of. Buffers
-    that are not given are empty, (0, 0) or (0, 0, 3)."""
+    that are not given are empty, (0, 0) or (0, 0, 3). Raises IrrsplatError for values that are not finite."""
     filled: dict[str, Any] = {
         name: np.zeros((0, 0, 3)[: 3 if kind.components == 3 else 2], "f4") for name, kind in CHANNELS.items()
     }
+    for name, values in buffers.items():
+        if name != "depth":
+            check_finite(f"buffer '{name}'", values, lambda at: f"the pixel in row {at[0]}, column {at[1]}")
+    for name, values in records.items():
+        if name in ("irradiance", "radius"):
+            check_finite(f"a record's {name}", values, lambda at: f"{records['position'][at[0]].tolist()}")
     kept: dict[str, Any] = {f"records_{name}": records[name] for name in ("position", "normal", "irradiance", "radius")}
     c = view.camera
     camera = Camera(c.eye, c.target, c.up, c.fov, c.name)  # without what moves samples within their pixels

@@ -17,7 +17,7 @@ from irrsplat.core.buffers import Sites
 from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.core.vectors import unit
 from irrsplat.core.words import GREATEST
-from irrsplat.gather.record_frame import OFFSET
+from irrsplat.gather.record_frame import offset_of
 from irrsplat.gpu.resource import Resource, Tenant
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.indirect.gathering.record_gatherer import RecordGatherer
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 PRESET = "reference"  # what is measured is to be right rather than fast
 _LIGHT_SAMPLES = 1024  # of a point, unless the settings say otherwise: a window's light is then right to some 0.3 %
 _AT_ONCE = 512  # points between two reports of progress
-_COVERED = 10.0  # offsets of a gather: nearer than that, all around, is a surface that lies on the point
+_COVERED = 0.01, 1e-3  # metres, diagonals of the scene: nearer than both, all around, is a surface that lies on the point
 
 OnPoints = Callable[[float], None]  # called with the share of the points that are done, 0..1
 
@@ -78,10 +78,11 @@ class LightMeter(Tenant):
         return (self.gatherer, lamps, self.lit)
 
     def measure(self, points: npt.ArrayLike, normals: npt.ArrayLike, on_progress: OnPoints | None = None) -> Readings:
-        """What sensors read at `points` (N, 3), metres, that face along `normals` (N, 3) or (3,), of any length.
+        """Return the readings of sensors at `points` (N, 3), metres, that face along `normals` (N, 3) or (3,), of any length.
 
         The result for a point does not depend on the others but for its number, which decides where its rays go. on_progress:
-        called now and then. Raises InputError for arrays of other shapes, and numbers that are not finite.
+        called now and then. Raises InputError for arrays of other shapes, and numbers that are not finite; IrrsplatError where a
+        reading would not be finite.
         """
         places, sites = _sites(points, normals, self._origin)
         self._use()
@@ -97,8 +98,8 @@ class LightMeter(Tenant):
                 on_progress(min(first + _AT_ONCE, count) / count)
         status = np.full(count, Status.OK)
         if self.settings.most_bounces:
-            status[radius < _COVERED * OFFSET * self.scene.diagonal] = Status.BEHIND
-        lifted = sites.position.astype(float) + OFFSET * self.scene.diagonal * sites.normal
+            status[radius < min(_COVERED[0], _COVERED[1] * self.scene.diagonal)] = Status.BEHIND
+        lifted = sites.position.astype(float) + offset_of(self.scene) * sites.normal
         status[inside_solids(self.scene, lifted, sites.normal.astype(float))] = Status.INSIDE
         _check_finite(places, direct + indirect, status)
         return Readings(places, sites.normal, direct, indirect, status)

@@ -15,7 +15,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import GBuffer, HitLight, ShadowMaps, Sites, Uniforms
-from irrsplat.gather.record_frame import OFFSET
+from irrsplat.gather.record_frame import offset_of
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.time_budget import Budget, Pace
 from irrsplat.gpu.timers import Timers
@@ -406,7 +406,7 @@ class SurfaceCache(Owner):
         while self._laid_out is None:
             if self._choosing is None:
                 scene, unlit = self._basis.scene, self._basis.unlit
-                offset = OFFSET * scene.diagonal
+                offset = offset_of(scene)
                 self._choosing = SiteChooser(scene, unlit, offset, self._rays.see, self._detail.points).layout()
             try:
                 self._chosen = next(self._choosing)
@@ -455,7 +455,7 @@ class SurfaceCache(Owner):
             return False
         if self._finer is None:
             settings = self._basis.settings
-            chooser = SiteChooser(self._basis.scene, self._basis.unlit, OFFSET * self._basis.scene.diagonal, self._rays.see)
+            chooser = SiteChooser(self._basis.scene, self._basis.unlit, offset_of(self._basis.scene), self._rays.see)
             self._finer = FinerSites(self.world, self._rays, chooser, self._held, self.transport, settings)
         with self.timers("surface"):
             return self._finer.refine(shadows, budget)

@@ -14,7 +14,7 @@ import numpy as np
 
 from irrsplat.core.buffers import Sites
 from irrsplat.core.timing.beside import beside
-from irrsplat.core.vectors import triangle_areas
+from irrsplat.core.vectors import sphere, triangle_areas
 from irrsplat.core.vertex_layout import vertex_column
 from irrsplat.scene.flatten import flatten
 from irrsplat.scene.looks import in_order
@@ -32,10 +32,14 @@ SKY_VALUE, DARK_VALUE = 0, 1  # the numbers of the values of members that see no
 FIRST_SITE = 2  # the number of the first value that is gathered
 _ROUNDS = 4  # in which members that do not see their cluster's site form clusters with a site among themselves
 _ALTERNATIVES = 10  # sites near by that a member without one of its own is held against in the end
-_HALVINGS = 8  # of an edge, to find what stands on it
+_HALVINGS = 12  # of an edge, to find what stands on it
 _FIRST_SHARE = 0.6, 0.7  # of MAX_SITES: the first round's sites, about and at most; the rest is for members that see none of them
 _MERGED = 0.25  # of the spacing: how near the points of very small triangles lie that are one member
 VOXEL = 0.7  # of the spacing: how near members of one cluster lie
+_PLACES = 32  # lights and cameras, at most, around which the surfaces are cut finely
+_DIRECTIONS = 64  # in which their surroundings are measured
+_OCTAVES = 16  # of distances there, down from the diagonal
+_ROOMS = 4.0  # times as far as these surroundings surfaces count in full; beyond, steps grow by the square of the distance
 _MIN_AREA = 0.02  # of the spacing squared: smaller clusters get a site only in the last round
 
 _CUT, _SHARED_OUT, _FOUND = 0.05, 0.2, 0.7  # the share of the work that is done, about, while a step goes on
@@ -123,26 +127,49 @@ class SiteChooser:
     def _cluster(self) -> Generator[float, None, Clusters]:
         """The surfaces cut and their corners in clusters: at a spacing that goes by the surfaces' area, or wider where too many
         sites would come of it."""
-        vertices, faces, area = yield from beside(self._surfaces, 0.0)
+        places = _interesting(self.scene)
+        rooms = yield from self._rooms(places)
+        vertices, faces, area, wider = yield from beside(partial(self._surfaces, places, rooms), 0.0)
         points = float(np.clip(len(faces), *POINTS)) * self.detail
         spacing = float(np.sqrt(2.0 * area / points)) or 1.0  # a grid of right-angled triangles has two points per spacing²
         while True:
-            clusters, sites = yield from beside(partial(self._cut, vertices, faces, spacing), _CUT)
+            clusters, sites = yield from beside(partial(self._cut, vertices, faces, spacing, wider), _CUT)
             yield _CUT
             about, most = (share * MAX_SITES for share in _FIRST_SHARE)
             if sites <= most:
                 return clusters
             spacing *= 1.05 * float(np.sqrt(sites / about))
 
-    def _surfaces(self) -> tuple[np.ndarray, np.ndarray, float]:
-        """The vertices, the faces that light sees, as flatten has them, and their area in m²."""
+    def _rooms(self, places: np.ndarray) -> Generator[float, None, np.ndarray]:
+        """Return (N,) metres, within a factor of two: the upper quartile of distances from `places` (N, 3) to surfaces."""
+        lengths = self.scene.diagonal * 0.5 ** np.arange(_OCTAVES)
+        ways = lengths[:, None, None, None, None] * sphere(_DIRECTIONS)[:, None]
+        lines = places[:, None, None] + np.array([0.0, 0.5, 1.0])[:, None] * ways
+        free = yield from self.free(lines.reshape(-1, 3, 3).astype(np.float32), 0.0)
+        reach = np.where(free.reshape(lines.shape[:3]), lengths[:, None, None], 0.0).max(0, initial=0.0)
+        met = reach < lengths[0]
+        return np.array([np.quantile(one[hit], 0.75) if hit.any() else lengths[0] for one, hit in zip(reach, met, strict=True)])
+
+    def _surfaces(self, places: np.ndarray, rooms: np.ndarray) -> tuple[np.ndarray, np.ndarray, float, np.ndarray]:
+        """Return the vertices, the faces that light sees, as flatten has them, the area in m² that counts of them, and factors (F,)
+        on their steps.
+
+        places, rooms: where there are lights and cameras, and how far their surroundings reach, as _rooms has it.
+        """
         vertices, faces, _ = flatten(self.scene)
         faces = faces[: face_counts(self.scene).lit]
-        return vertices, faces, float(triangle_areas(vertex_column(vertices, "position")[faces].astype(float)).sum())
+        corners = vertex_column(vertices, "position")[faces].astype(float)
+        area, counts = triangle_areas(corners), np.zeros(len(faces))
+        low, high = corners.min(1), corners.max(1)
+        for place, reach in zip(places, _ROOMS * rooms, strict=True):
+            away = np.linalg.norm(place - np.clip(place, low, high), axis=1)
+            counts += np.minimum(area, 0.25 * reach**2) * np.minimum(reach / np.maximum(away, 1e-30), 1.0) ** 4
+        counts = np.minimum(counts, area) if len(places) else area
+        return vertices, faces, float(counts.sum()), np.sqrt(area / np.maximum(counts, 1e-6 * area + 1e-300))
 
-    def _cut(self, vertices: np.ndarray, faces: np.ndarray, spacing: float) -> tuple[Clusters, int]:
-        """The clusters of a tessellation of steps of `spacing` metres, and how many of them would have a site."""
-        tessellation = tessellate(vertices, faces, spacing, self.offset)
+    def _cut(self, vertices: np.ndarray, faces: np.ndarray, spacing: float, wider: np.ndarray) -> tuple[Clusters, int]:
+        """The clusters of a tessellation of steps of `spacing` · `wider` (F,) metres, and how many of them would have a site."""
+        tessellation = tessellate(vertices, faces, spacing * wider, self.offset)
         points, area = clustering.both_sides(tessellation, self.offset), np.tile(tessellation.area, 2)
         chosen, member = clustering.merged(points, area, self._sheets(tessellation), _MERGED * spacing)
         members, area = points[chosen], np.bincount(member, weights=area, minlength=len(chosen))
@@ -274,6 +301,14 @@ class SiteChooser:
             free[some] = self.visibility(lines[some])
             yield done
         return free
+
+
+def _interesting(scene: Scene) -> np.ndarray:
+    """(N, 3) metres: places of the scene's cameras and lights, and of what emits."""
+    lights = [light.position for light in scene.lights if not light.directional]
+    shining = [mesh.positions.mean(0) for mesh in scene.meshes if any(mesh.material.emission) and len(mesh.positions)]
+    places = np.array([*(camera.eye for camera in scene.cameras), *lights, *shining], float).reshape(-1, 3)
+    return places[:: -(-len(places) // _PLACES) or 1]
 
 
 def _batches(count: int) -> Iterator[slice]:

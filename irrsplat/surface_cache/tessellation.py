@@ -51,9 +51,11 @@ class Tessellation:
         return corners
 
 
-def tessellate(vertices: np.ndarray, faces: np.ndarray, spacing: float, inset: float, most: int | None = None) -> Tessellation:
-    """The tessellation whose steps are at most `spacing` metres long, or longer where that would make more than _MAX_CELLS cells,
-    or more than `most` steps along a side.
+def tessellate(
+    vertices: np.ndarray, faces: np.ndarray, spacing: float | np.ndarray, inset: float, most: int | None = None
+) -> Tessellation:
+    """The tessellation whose steps are at most `spacing` metres long, one number or (F,), or longer where that would make more
+    than _MAX_CELLS cells, or more than `most` steps along a side.
 
     vertices: (V, WIDTH), rows as core/vertex_layout.py has them; faces: (F, 3), as scene.flatten.flatten gives them.
     """
@@ -71,13 +73,14 @@ def tessellate(vertices: np.ndarray, faces: np.ndarray, spacing: float, inset: f
     unit, size = triangle_normals(p)
     geometric = np.ascontiguousarray(unit.T)
     face = np.repeat(np.arange(len(faces)), n * n)
-    small = longest[face] <= _SMALL * spacing
+    tiny = longest <= _SMALL * spacing
+    small = tiny[face]
     ends = np.cumsum(np.where(small, 1, 3))  # where each cell's points end
     corners = ends[:, None] - np.where(small[:, None], 1, [3, 2, 1])
     count = int(ends[-1]) if len(ends) else 0
     position, shading, facing = np.empty((3, count, 3), np.float32)
     made = Tessellation(table, corners, position, shading, facing, np.empty(count, np.intp), np.empty(count))
-    _place_small(made, p, normals, np.flatnonzero(longest <= _SMALL * spacing), corners[small, 0], (geometric, size))
+    _place_small(made, p, normals, np.flatnonzero(tiny), corners[small, 0], (geometric, size))
     cells = np.flatnonzero(~small)
     of, at = face[cells], corners[cells]
     i, j = _corners(cells - first[of], n[of])
@@ -128,14 +131,14 @@ def cell_corners(tessellation: Tessellation) -> np.ndarray:
     return corners
 
 
-def steps(longest: np.ndarray, spacing: float, most: int | None = None) -> np.ndarray:
+def steps(longest: np.ndarray, spacing: float | np.ndarray, most: int | None = None) -> np.ndarray:
     """(F,) the steps n of triangles by their longest edges (F,) in metres, no more than `most`."""
     bound = 1e6 if most is None else most
     while True:
         n = np.maximum(np.ceil(np.minimum(longest / spacing - 1e-6, bound)), 1.0).astype(np.intp)
         if (n * n).sum() <= len(n) + _MAX_CELLS:
             return n
-        spacing *= 1.25
+        spacing = 1.25 * spacing
 
 
 def _corners(cell: np.ndarray, n: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

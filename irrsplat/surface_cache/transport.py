@@ -9,6 +9,8 @@ import numpy as np
 
 CONVERGED = 0.01  # of E: with all bounces wanted, no more are summed where less than this share is still to come
 POCKETS = 0.05  # of the area: what lacks most does not decide whether that is so
+_DARK = 1e-6  # of the greatest irradiance: a site with less is dark, and does not decide whether bounces may end
+_SLOWEST = 0.99  # of a bounce, at most, is assumed to be left by the next: what remains stays finite
 _CLOSELY = 8  # bounces: what remains is asked for after each of these, then after every fourth: asking costs more than a bounce
 
 
@@ -114,26 +116,27 @@ def _rest(before: np.ndarray, last: np.ndarray, area: np.ndarray) -> np.ndarray:
         sums = [(_total(area, term), _total(area, term * term)) for term in (one, two)]
         most = max(sums[1][0] / max(sums[0][0], 1e-300), np.sqrt(sums[1][1] / max(sums[0][1], 1e-300)))
         order = np.argsort(r, kind="stable")
-        median = r[order][np.searchsorted(np.cumsum(area[order]), 0.5 * area.sum()) :][:1]  # none of no sites
-        fade = np.minimum(np.maximum(r, median), most)
-        rest[:, channel] = np.divide(two * fade, 1.0 - fade, out=np.full(len(r), np.inf), where=fade < 1.0)
+        lit = np.where(two > _DARK * two.max(initial=0.0), area, 0.0)
+        median = r[order][np.searchsorted(np.cumsum(lit[order]), 0.5 * lit.sum()) :][:1]  # none of no sites
+        fade = np.minimum(np.minimum(np.maximum(r, median), most), _SLOWEST)
+        rest[:, channel] = two * fade / (1.0 - fade)
     return np.where(last > 0.0, rest, np.float32(0.0))
 
 
 def _share(rest: np.ndarray, total: np.ndarray, area: np.ndarray) -> float:
-    """The mean over the area of the share of `total` (S, 3) that `rest` (S, 3) is, in the channel where it is greatest.
+    """The mean over the lit area of the share of `total` (S, 3) that `rest` (S, 3) is, in the channel where it is greatest.
 
-    Each site counts by its own light, so that a room does not end before its time because the sun shines on its roof. The
-    POCKETS of the area where it is greatest are left out: in a closed white frame light goes on for hundreds of bounces, and
-    nobody sees it.
+    Each site counts by its own light, so that sunlight on a roof does not end the bounces in the room below. The
+    POCKETS of the area where it is greatest are left out: a closed white frame takes hundreds of bounces, and nobody sees it.
     """
     found = []
     for one, all_of_it in zip(rest.T, total.T, strict=True):
         share = np.minimum(np.divide(one, all_of_it, out=np.zeros(len(one)), where=all_of_it > 0.0), 1.0)
         order = np.argsort(share, kind="stable")
-        kept = order[np.cumsum(area[order]) <= (1.0 - POCKETS) * area.sum()]
-        counted = float(area[kept].sum())
-        found.append(_total(area[kept], share[kept]) / counted if counted > 0.0 else 0.0)
+        lit = np.where(all_of_it > _DARK * all_of_it.max(initial=0.0), area, 0.0)
+        kept = order[np.cumsum(lit[order]) <= (1.0 - POCKETS) * lit.sum()]
+        counted = float(lit[kept].sum())
+        found.append(_total(lit[kept], share[kept]) / counted if counted > 0.0 else 0.0)
     return max(found)
 
 

@@ -151,7 +151,7 @@ def test_one_draw_s_state_is_not_the_next_one_s(ctx: moderngl.Context, tint: Pro
     picture.write(b"\0" * 16)
     target.clear(1.0)
     values: dict[str, Any] = {"tint": (1.0, 1.0, 1.0), "scale": 1.0, "unused": 0.0, "picture": picture}
-    state = program.DrawState(blend="add", depth_clamp=True, polygon_offset=(1.0, 1.0))
+    state = program.DrawState(blend="add", depth_clamp=True)
     tint(target, state=state, scissor=(0, 0, 2, 2), viewport=(0, 0, 4, 4), **values)
     assert target.read()[..., 0].sum() == 16 + 4, "it added within the scissor"
     tint(target, **values)

@@ -11,6 +11,7 @@ import pytest
 import irrsplat
 from irrsplat.core.buffers import Sites
 from irrsplat.core.errors import InputError, IrrsplatError
+from irrsplat.core.vectors import check_finite
 from irrsplat.meter.light_meter import LightMeter
 from irrsplat.meter.light_scale import LightScale
 from irrsplat.meter.line import Line
@@ -49,11 +50,17 @@ def test_a_window_in_a_black_room(ctx: moderngl.Context, normal: tuple[float, fl
     assert np.abs(found / expected - 1.0).max() < 0.01
 
 
-def test_all_bounces_in_an_enclosure(ctx: moderngl.Context) -> None:
-    """In a closed room of reflectance ρ that emits L everywhere, E = π·L/(1 - ρ), in the air too."""
-    scene = worlds.scene(worlds.box((-1, 0, -1), (1, 2, 1), worlds.material(0.6, 1.0), outward=False))
-    found = read(ctx, scene, np.array([[0.0, 1.0, 0.0], [0.9, 0.3, -0.5], [0.0, 0.0, 0.0]]))
-    assert np.abs(found.total / (np.pi / 0.4) - 1.0).max() < 0.01
+def test_what_light_does_not_reach_changes_nothing(ctx: moderngl.Context) -> None:
+    """A ground of 600 m around a closed room, its light 1 mm or 1 m from a wall; darkness by a box of 1 cm around the light."""
+    room, ground = worlds.box((-2, 0, -2), (2, 4, 2), outward=False), worlds.floor(300.0, -0.1)
+    points, around = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, -1.0]]), worlds.box((-1.005, 1.995, -0.005), (-0.995, 2.005, 0.005))
+    for x in (-1.999, -1.0):
+        light = (worlds.lamp((x, 2.0, 0.0), 1.0),)
+        alone, found = (read(ctx, worlds.scene(*parts, lights=light), points).total for parts in ((room,), (room, ground)))
+        assert found == pytest.approx(alone, rel=0.02)
+    assert not read(ctx, worlds.scene(room, ground, around, lights=light), points).total.any()
+    with pytest.raises(IrrsplatError, match=r"E is not finite at point 1 \(1 of 6 numbers\)"):
+        check_finite("E", np.array([[1.0] * 3, [np.inf, 1.0, 1.0]]), lambda at: f"point {at[0]}")
 
 
 @pytest.mark.parametrize(
