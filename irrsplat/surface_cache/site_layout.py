@@ -141,7 +141,7 @@ class SiteChooser:
             spacing *= 1.05 * float(np.sqrt(sites / about))
 
     def _rooms(self, places: np.ndarray) -> Generator[float, None, np.ndarray]:
-        """Return (N,) metres, within a factor of two: the upper quartile of distances from `places` (N, 3) to surfaces."""
+        """Return (N,) metres, to a factor of two: the upper quartile of distances from `places` (N, 3) to surfaces."""
         lengths = self.scene.diagonal * 0.5 ** np.arange(_OCTAVES)
         ways = lengths[:, None, None, None, None] * sphere(_DIRECTIONS)[:, None]
         lines = places[:, None, None] + np.array([0.0, 0.5, 1.0])[:, None] * ways
@@ -151,8 +151,8 @@ class SiteChooser:
         return np.array([np.quantile(one[hit], 0.75) if hit.any() else lengths[0] for one, hit in zip(reach, met, strict=True)])
 
     def _surfaces(self, places: np.ndarray, rooms: np.ndarray) -> tuple[np.ndarray, np.ndarray, float, np.ndarray]:
-        """Return the vertices, the faces that light sees, as flatten has them, the area in m² that counts of them, and factors (F,)
-        on their steps.
+        """Return the vertices, the faces that light sees, as flatten has them, the area in m² that counts of them, and factors
+        (F,) on their steps.
 
         places, rooms: where there are lights and cameras, and how far their surroundings reach, as _rooms has it.
         """
