@@ -10,7 +10,6 @@ import numpy as np
 CONVERGED = 0.01  # of E: with all bounces wanted, no more are summed where less than this share is still to come
 POCKETS = 0.05  # of the area: what lacks most does not decide whether that is so
 _DARK = 1e-6  # of the greatest irradiance: a site with less is dark, and does not decide whether bounces may end
-_SLOWEST = 0.99  # of a bounce, at most, is assumed to be left by the next: what remains stays finite
 _CLOSELY = 8  # bounces: what remains is asked for after each of these, then after every fourth: asking costs more than a bounce
 
 
@@ -93,7 +92,7 @@ def sum_bounces(
         if made <= _CLOSELY or made % 4 == 0 or made == most:
             rest = _rest(term, after, area)
             remaining = _share(rest, total + after, area)
-            if everything and remaining < CONVERGED:
+            if everything and remaining < CONVERGED and np.isfinite(rest).all():
                 yield BouncedLight(total + after + rest, made, remaining, True)
                 return
         yield BouncedLight(total, made, remaining, made == most)
@@ -106,7 +105,7 @@ def _rest(before: np.ndarray, last: np.ndarray, area: np.ndarray) -> np.ndarray:
 
     While light spreads, a site's own r may be too small or too great. So it is at least their median, and at most the ratio of
     the terms' means or that of their root mean squares, which tend to the greatest eigenvalue of F: the first sees light that has
-    yet to reach the brighter corners, the second those corners.
+    yet to reach the brighter corners, the second those corners. It is infinite where light does not fade.
     """
     own = np.divide(last, before, out=np.where(last > 0.0, np.float32(np.inf), np.float32(0.0)), where=before > 0.0)
     rest = np.zeros_like(last)
@@ -118,8 +117,8 @@ def _rest(before: np.ndarray, last: np.ndarray, area: np.ndarray) -> np.ndarray:
         order = np.argsort(r, kind="stable")
         lit = np.where(two > _DARK * two.max(initial=0.0), area, 0.0)
         median = r[order][np.searchsorted(np.cumsum(lit[order]), 0.5 * lit.sum()) :][:1]  # none of no sites
-        fade = np.minimum(np.minimum(np.maximum(r, median), most), _SLOWEST)
-        rest[:, channel] = two * fade / (1.0 - fade)
+        fade = np.minimum(np.maximum(r, median), min(most, 1.0))
+        rest[:, channel] = np.divide(two * fade, 1.0 - fade, out=np.full(len(r), np.inf), where=fade < 1.0)
     return np.where(last > 0.0, rest, np.float32(0.0))
 
 
@@ -134,7 +133,7 @@ def _share(rest: np.ndarray, total: np.ndarray, area: np.ndarray) -> float:
         share = np.minimum(np.divide(one, all_of_it, out=np.zeros(len(one)), where=all_of_it > 0.0), 1.0)
         order = np.argsort(share, kind="stable")
         lit = np.where(all_of_it > _DARK * all_of_it.max(initial=0.0), area, 0.0)
-        kept = order[np.cumsum(lit[order]) <= (1.0 - POCKETS) * lit.sum()]
+        kept = order[np.cumsum(lit[order]) - lit[order] < (1.0 - POCKETS) * lit.sum()]
         counted = float(lit[kept].sum())
         found.append(_total(lit[kept], share[kept]) / counted if counted > 0.0 else 0.0)
     return max(found)

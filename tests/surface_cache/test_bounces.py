@@ -237,16 +237,17 @@ def last(*arguments: Any) -> BouncedLight:
 @pytest.mark.parametrize("reflectance", [0.2, 0.9])
 def test_all_bounces_are_the_solution_of_the_equation(reflectance: float) -> None:
     """E = E_1 + F·E, and `remaining` is the share that the sum without its last estimate lacks. A dark area 10 000 times as large
-    changes nothing, and light that does not fade, F = 1 on 1 % of the area, stays finite."""
+    changes nothing, also while light spreads: two sites that light each other, the first of them dark at first."""
     transport, E_1, area = closed(50, reflectance)
     E = np.linalg.solve(np.eye(50) - dense(transport)[0], E_1)
     found = last(E_1, transport, area, 64, True)
     assert found.converged and found.remaining is not None and found.remaining < CONVERGED
     assert np.abs(found.irradiance - E).max() < 0.005 * E.mean()
-    outside, lone = np.pad(dense(transport)[0], (0, 1)), by_rows(np.diag([0.2, 1.0]).astype("f4"))
+    outside, pair = np.pad(dense(transport)[0], (0, 1)), np.array([[0.0, 0.9, 0.0], [0.9, 0.0, 0.0], [0.0, 0.0, 0.0]], "f4")
     larger = last(np.pad(E_1, ((0, 1), (0, 0))), by_rows(outside), np.append(area, 1e4 * area.sum()), 64, True)
     assert larger.bounces == found.bounces and np.abs(larger.irradiance[:-1] - found.irradiance).max() < 1e-3 * E.mean()
-    assert np.isfinite(last(np.ones((2, 3)), lone, np.array([99.0, 1.0]), 64, True).irradiance).all()
+    spread = last(np.array([[0.0] * 3, [1.0] * 3, [0.0] * 3]), by_rows(pair), np.array([1.0, 1.0, 1e3]), 64, True)
+    assert spread.irradiance[:, 0] == pytest.approx([0.9 / 0.19, 1.0 / 0.19, 0.0], rel=0.01)
     upto = last(E_1, transport, area, found.bounces, False)
     gathered = E_1 + transport(upto.irradiance)  # as a record adds the last bounce
     assert found.remaining == pytest.approx(float((area @ ((E - gathered) / E) / area.sum()).max()), rel=0.2)
