@@ -100,8 +100,8 @@ def sum_bounces(
 
 
 def _rest(before: np.ndarray, last: np.ndarray, area: np.ndarray) -> np.ndarray:
-    """(S, 3) about what follows the `last` bounce, where the one before it was `before`: each site's light goes on fading as it
-    does, by r from bounce to bounce, which is r/(1 − r) of the last one (Aitken's extrapolation).
+    """(S, 3) about what follows the `last` bounce, where the one before it was `before`: each site's light continues to
+    fade by r from bounce to bounce, which is r/(1 − r) of the last one (Aitken's extrapolation).
 
     While light spreads, a site's own r may be too small or too great. So it is at least their median, and at most the ratio of
     the terms' means or that of their root mean squares, which tend to the greatest eigenvalue of F: the first sees light that has
