@@ -1,5 +1,6 @@
-// The image as a screen shows it: exposed, through the filmic curve, sRGB-encoded.
+// The image as a screen shows it: exposed, through the filmic curve, sRGB-encoded, dithered for eight bits.
 #include "lib/display.glsl"
+#include "lib/dither.glsl"
 #include "lib/texel.glsl"
 
 uniform sampler2D image;
@@ -9,5 +10,6 @@ layout(location = 0) out vec4 out_color;
 
 void main()
 {
-    out_color = vec4(display(texel_at(image, ivec2(gl_FragCoord.xy)).rgb * exp2(exposure)), 1.0);
+    vec3 shown = display(texel_at(image, ivec2(gl_FragCoord.xy)).rgb * exp2(exposure));
+    out_color = vec4(shown + (dither(gl_FragCoord.xy) - 0.5) / 255.0, 1.0);  // OpenGL rounds to the nearest of 256 values
 }

@@ -5,7 +5,7 @@
 #include "lib/material_table.glsl"
 #include "lib/rays/triangles.glsl"
 #if CUT_OUTS
-#include "lib/cut_outs.glsl"
+#include "lib/rays/cut_outs.glsl"
 #endif
 
 uniform sampler2D emitter_triangles;  // a texel each: its number, the share of its cluster's power up to it, the density

@@ -2,7 +2,7 @@
 // CUT_OUTS, of surfaces that are not there everywhere.
 #if CUT_OUTS
 #include "generated/interpolated.glsl"
-#include "lib/cut_outs.glsl"
+#include "lib/rays/cut_outs.glsl"
 #endif
 
 uniform float tile_near;  // as in shadow.vert

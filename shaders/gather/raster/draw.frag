@@ -2,7 +2,7 @@
 #include "gather/raster/texel.glsl"
 #include "generated/interpolated.glsl"
 #if CUT_OUTS
-#include "lib/cut_outs.glsl"
+#include "lib/rays/cut_outs.glsl"
 #endif
 
 void main()

@@ -2,7 +2,7 @@
 // triangles are not there everywhere.
 #if CUT_OUTS
 #include "generated/interpolated.glsl"
-#include "lib/cut_outs.glsl"
+#include "lib/rays/cut_outs.glsl"
 #endif
 
 uniform ivec2 piece;  // the meshlet's first pair, and its first triangle

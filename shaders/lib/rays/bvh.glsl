@@ -3,7 +3,7 @@
 #include "lib/rays/hit.glsl"
 #if CUT_OUTS
 #include "generated/vertex_table.glsl"
-#include "lib/cut_outs.glsl"
+#include "lib/rays/cut_outs.glsl"
 #endif
 
 uniform usampler2D bvh_nodes;    // a texel a node, in rows of TABLE_COLUMNS: box and link, as Bvh.nodes has them

@@ -1,14 +1,9 @@
 // What is cut out of surfaces for light: it passes where the opacity is less than the material's cutoff.
+#include "lib/dither.glsl"
 #include "lib/material_table.glsl"
 
 #if TEXTURES
 const float DITHER = 4.0;  // steps of the noise in a texel of a layer
-
-// Interleaved gradient noise, 0..1 (Jimenez 2014): low values are spread evenly.
-float dither(vec2 place)
-{
-    return fract(52.9829189 * fract(dot(mod(floor(place), 512.0), vec2(0.06711056, 0.00583715))));
-}
 #endif
 
 bool light_passes(Vertex point)
