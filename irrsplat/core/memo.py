@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import TypeVar
 
+from irrsplat.core.timing.input_waits import stop_for_input
+
 T = TypeVar("T")
 
 
@@ -22,7 +24,8 @@ class Memo:
         """The stage's result for these inputs, made by `make` where the present one was made of others.
 
         The old result is forgotten before `make` begins, since it may draw over it, and the new one counts as current only once
-        `make` has returned: whoever interrupts it leaves nothing that counts as current and is not.
+        `make` has returned: whoever interrupts it leaves nothing that counts as current and is not. Raises InputWaits after
+        `make` where input waits: the result is kept for the next call.
         """
         found = self._made.get(stage)
         if found is not None and found[0] == inputs:
@@ -30,6 +33,7 @@ class Memo:
         self._made.pop(stage, None)
         made = make()
         self._made[stage] = inputs, made
+        stop_for_input()
         return made
 
     def current(self, stage: str, kind: type[T]) -> T | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import moderngl
 import numpy as np
@@ -12,6 +12,14 @@ from irrsplat.gpu import context
 from irrsplat.gpu.resource import Owner, Resource
 
 Region = tuple[int, int, int, int]  # x, y, width, height in pixels, from the lower left corner
+
+_BAND = 200_000  # pixels: some 15 ms of a software renderer for the slower passes
+
+
+def bands(size: tuple[int, int]) -> Iterator[Region]:
+    """Yield parts of at most _BAND pixels that cover a picture of `size` (width, height), so that work can end between two."""
+    rows = max(_BAND // size[0], 1)
+    return ((0, y, size[0], min(rows, size[1] - y)) for y in range(0, size[1], rows))
 
 
 def float_texture(ctx: moderngl.Context, size: tuple[int, int], components: int = 4) -> moderngl.Texture:

@@ -10,11 +10,13 @@ import numpy as np
 
 from irrsplat.core.errors import InputError
 from irrsplat.core.timing.clock import now, traced
+from irrsplat.core.timing.input_waits import input_waits, interruptible
 
 Result = TypeVar("Result")
 
 _GATHER_SHARE = 0.2  # of a tick: gathering may take that much in any case, so that the picture refines however slow the rest is
 _FIRST_STEP = 64  # items: the largest first batch of a tick; each further one may be this plus four times the one before
+_LONGEST = 0.03  # seconds of a batch that input may have to wait for
 _DECAY = 0.7  # weight of a measured batch relative to the one after it
 _PRIOR_VARIANCE = 0.05  # relative variance of batch sizes at which new measurements weigh as much as the present estimate
 _LEAST_MARGINAL_COST = 0.1  # of an item's mean cost: the least that one more item in the same batch is taken to cost
@@ -40,15 +42,15 @@ class Budget:
 
     @property
     def left(self) -> float:
-        """Seconds to the end; negative after it."""
-        return self.end - now()
+        """Seconds to the end; negative after it, and -inf while input waits for the end of a limited one."""
+        return float("-inf") if self.limited and input_waits() else self.end - now()
 
     def part(self, share: float, reserve: float, least: float = 0.0) -> Budget:
         """A budget of `share` of what is left after keeping `reserve` seconds back, but at least 20 % of it all; or at least the
         share `least` of the whole tick, whatever has been spent."""
         if self.seconds is None or self.tick is None:
             return self
-        return Budget(max(share * (self.left - reserve), _GATHER_SHARE * self.seconds, least * self.tick), self.tick)
+        return Budget(max(share * (self.end - now() - reserve), _GATHER_SHARE * self.seconds, least * self.tick), self.tick)
 
     def go_on(self, work: Generator[object, None, Result]) -> Result | None:
         """Go on with `work`, by one step at least, as far as this goes; what it returns, None where this ends before."""
@@ -111,7 +113,8 @@ class Pace:
             self._overhead += _EXPLORE * (1.0 + self._overhead)
 
     def batches(self, wanted: int, capacity: int, budget: Budget, rays: int = 0) -> Iterator[int]:
-        """Sizes of batches, each at most `capacity`, for up to `wanted` items until the budget ends; at least one item.
+        """Sizes of batches, each at most `capacity`, until all items are done or the budget ends; at least one item, but none
+        while input waits.
 
         The caller does each batch before it takes the next size: the time in between is what a batch costs.
         rays: of an item, for a clock that goes by these.
@@ -119,11 +122,14 @@ class Pace:
         done, last = 0, 0
         while done < wanted:
             count = min(wanted - done, capacity)
+            if budget.limited and input_waits():
+                return
             if budget.limited:
                 affordable, efficient, most = self._affordable(budget.left), self._efficient, min(count, 4 * last + _FIRST_STEP)
                 if done and affordable < min(efficient, count):
                     return  # the next tick does more in that time
-                count = int(min(most, max(affordable, efficient)))
+                longest = self._affordable(_LONGEST) if interruptible() else affordable
+                count = int(min(most, max(min(affordable, longest), efficient)))
                 self.ctx.finish()  # so that earlier draws are not measured as part of this batch
             start = now()
             yield count

@@ -13,7 +13,7 @@ from irrsplat.core.buffers import GBuffer, ShadowMaps, Uniforms
 from irrsplat.core.timing.clock import now
 from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import Target
+from irrsplat.gpu.target import Region, Target, bands
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
@@ -22,7 +22,7 @@ from irrsplat.image.emitter_light import EmitterLightPass
 from irrsplat.image.gbuffer import GBufferPass, GBufferTarget
 from irrsplat.image.jitter import jittered, sample_offset
 from irrsplat.image.view import View
-from irrsplat.indirect.splat import SplatPass, splat_target
+from irrsplat.indirect.splat import SplatPass, batches, splat_target
 from irrsplat.lighting.direct import DirectPass, Headlamp
 from irrsplat.lighting.sky import sky_defines
 from irrsplat.records.culling import reaching
@@ -81,7 +81,8 @@ class Antialiaser(Owner):
     ) -> View:
         """Return `view` with `samples` a pixel, or with as many more than last time as the budget has time for.
 
-        A limited budget is checked after each stage of a sample. At least one stage is drawn, and the next call continues there.
+        A limited budget is checked after each stage of a sample. At least one stage is drawn, unless input waits, and the next
+        call continues there.
         A view other than the last one starts anew; where it is refined, what was returned before stays as it is meanwhile.
         Ctrl-C, where there is no budget, ends it early. on_progress: called after each sample.
         """
@@ -158,8 +159,9 @@ def _add_sample(number: int, view: View, passes: FramePasses, inputs: FrameInput
     passes.splat.clear(gbuffer, target=buffers.splat)
     if settings.most_bounces > 0 and inputs.cache.count:
         numbers = reaching(inputs.cache, 0, camera, buffers.size, settings, partial(passes.splat.farthest, gbuffer, camera))
-        passes.splat(inputs.cache.records, numbers, gbuffer, camera, settings, target=buffers.splat, reach=view.splats.reach)
-    yield
+        for some in batches(numbers):
+            passes.splat(inputs.cache.records, some, gbuffer, camera, settings, target=buffers.splat, reach=view.splats.reach)
+            yield
     sums = buffers.splat.textures[0]
     if settings.smooth:
         buffers.smooth = buffers.smooth or Target(buffers.gbuffer.ctx, buffers.size, (4,))
@@ -170,9 +172,14 @@ def _add_sample(number: int, view: View, passes: FramePasses, inputs: FrameInput
         light = passes.emitters(gbuffer, inputs.world, settings, number, buffers.emitters)
         sums = passes.composite.with_emitters(sums, light, gbuffer, view.splats.sums, buffers.added)
         yield
-    direct = passes.direct(gbuffer, inputs.shadows, rotation, buffers.direct, inputs.headlamp, inputs.casting)
-    yield
-    buffers.mean(number + 1, gbuffer, direct, sums, view.sums, view.backdrop.uniforms(camera, buffers.size), settings.mix)
+    for band in bands(buffers.size):
+        direct = passes.direct(gbuffer, inputs.shadows, rotation, buffers.direct, inputs.headlamp, inputs.casting, band)
+        yield
+    behind = view.backdrop.uniforms(camera, buffers.size)
+    for band in bands(buffers.size):
+        if band[1]:
+            yield
+        buffers.mean(number + 1, gbuffer, direct, sums, view.sums, behind, settings.mix, band)
 
 
 class MeanPass(Owner):
@@ -196,16 +203,18 @@ class MeanPass(Owner):
         centre: moderngl.Texture,
         behind: Uniforms,
         mix: tuple[float, float],
+        band: Region | None = None,
     ) -> list[moderngl.Texture]:
         """The means with the `number`-th sample in them (1: the first, which begins anew), RGBA32F textures of this pass's own.
 
         sums: (Σ k·E, Σ k) of the sample; centre: the same at the pixels' centres, used where those of the sample are empty.
         behind: the uniforms of shaders/image/backdrop.glsl for the sample. mix: weights of direct and of indirect
-        light in the image.
+        light in the image. band: the part (x, y, width, height) that is drawn; None: all of it.
         """
         self.programs[sky_defines(behind)["SKY_MAP"]](
             self.target,
             state=DrawState(blend="over") if number > 1 else DrawState(),  # old·(1 - share) + new·share
+            scissor=band,
             position=gbuffer.position,
             **gbuffer.material_uniforms,
             direct=direct,

@@ -9,9 +9,10 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import GBuffer, Uniforms
+from irrsplat.core.timing.input_waits import stop_for_input
 from irrsplat.gpu.program import Program, SampledTexture
 from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import Target, float_texture, table_texture
+from irrsplat.gpu.target import Target, bands, float_texture, table_texture
 from irrsplat.image.backdrop import Backdrop
 from irrsplat.image.tonemap import automatic_exposure
 from irrsplat.lighting.sky import sky_defines
@@ -147,7 +148,7 @@ class CompositePass(Owner):
 
     def filled(self, sums: moderngl.Texture, direct: moderngl.Texture, gbuffer: GBuffer, backdrop: Backdrop) -> moderngl.Texture:
         """The sums (Σ k·E, Σ k), in a texture of this pass's own, where pixels that have none take the light of those around, at
-        first a guess."""
+        first a guess. Raises InputWaits between two parts of it."""
         self.fill_target = self.fill_target or Target(self.target.ctx, self.size, (4,))
         for texture in (sums, direct):
             texture.build_mipmaps()
@@ -156,7 +157,10 @@ class CompositePass(Owner):
         light: Uniforms = {"sums": SampledTexture(sums, self.mipmapped), "direct": SampledTexture(direct, self.mipmapped)}
         seen: Uniforms = {"position": gbuffer.position, "normal": gbuffer.normal}
         sky = backdrop.sky_uniforms
-        self.fills[sky_defines(sky)["SKY_MAP"]](self.fill_target, levels=levels, **light, **seen, **sky)
+        fill = self.fills[sky_defines(sky)["SKY_MAP"]]
+        for band in bands(self.size):
+            fill(self.fill_target, scissor=band, levels=levels, **light, **seen, **sky)
+            stop_for_input(self.target.ctx)
         return self.fill_target.textures[0]
 
     def smoothed(self, sums: moderngl.Texture, gbuffer: GBuffer, camera: Camera, target: Target) -> moderngl.Texture:

@@ -9,9 +9,10 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import GBuffer, Records, SplatBuffer
+from irrsplat.core.timing.input_waits import stop_for_input
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.timers import Timers
-from irrsplat.indirect.splat import SplatPass
+from irrsplat.indirect.splat import SplatPass, batches
 from irrsplat.indirect.upsample import UpsamplePass
 from irrsplat.records.culling import reaching
 from irrsplat.records.record_cache import RecordCache
@@ -84,7 +85,8 @@ class ViewSplats(Owner):
         noted: bool = True,
     ) -> SplatBuffer:
         """The sums of every record of the cache, at every `pixel_stride`-th pixel in both directions (1 or 2). reach: as in
-        SplatBuffer. noted: the cache is told which of them are seen, where all are drawn."""
+        SplatBuffer. noted: the cache is told which of them are seen, where all are drawn. Raises InputWaits between two batches
+        of records where input waits; the next call draws the others."""
         count = cache.count if settings.most_bounces > 0 else 0
         inputs = (
             gbuffer,
@@ -99,7 +101,8 @@ class ViewSplats(Owner):
         if drawn is not None and drawn.inputs == inputs and drawn.count >= count:
             return drawn.sums
         first = drawn.count if drawn is not None and drawn.inputs == inputs else 0
-        self._drawn = None  # nothing counts as drawn until all of it is
+        self._drawn = None  # a batch counts as drawn once all of it is
+        sums = self.splat_pass.sums(cache.luminance_floor, pixel_stride, reach)
         with self.timers("splat"):
             if first == 0:
                 self.splat_pass.clear(gbuffer, pixel_stride)
@@ -108,8 +111,10 @@ class ViewSplats(Owner):
                 numbers = reaching(cache, first, camera, self.size, settings, sight)
                 if first == 0 and noted:
                     cache.mark_seen(numbers)
-                self.splat_pass(cache.records, numbers, gbuffer, camera, settings, pixel_stride, reach=reach)
-        sums = self.splat_pass.sums(cache.luminance_floor, pixel_stride, reach)
+                for chosen in batches(numbers):
+                    self.splat_pass(cache.records, chosen, gbuffer, camera, settings, pixel_stride, reach=reach)
+                    self._drawn = _Drawn(inputs, int(chosen[-1]) + 1, sums)
+                    stop_for_input(self.ctx)
         self._drawn = _Drawn(inputs, count, sums)
         return sums
 
@@ -122,6 +127,7 @@ class ViewSplats(Owner):
             with self.timers("upsample"):
                 self.upsample_pass = self.upsample_pass or UpsamplePass(self.ctx, self.size)
                 self._upsampled = splats, self.upsample_pass(splats, gbuffer, camera)
+            stop_for_input()
         return self._upsampled[1]
 
     def read(self, records: Records, gbuffer: GBuffer, camera: Camera, settings: Settings) -> np.ndarray:

@@ -8,9 +8,10 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import GBuffer, SplatBuffer, Uniforms
+from irrsplat.core.timing.input_waits import stop_for_input
 from irrsplat.gpu.program import DrawState, Program, SampledTexture
 from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import Target
+from irrsplat.gpu.target import Target, bands
 from irrsplat.scene.model import Camera
 
 SHARE = 0.2  # of a picture's irradiance that follows the records at once, while they or the view change
@@ -77,25 +78,29 @@ class TemporalFilter(Owner):
 
         scene: objects of which one is another after lights, meshes or the surface cache have changed. surface: the uniforms of
         the surface cache for triangles numbered as in the scene: pixels without records keep what they showed, or take the value
-        of the surface cache, if they showed nothing or it has changed; None: they have no sums here either.
+        of the surface cache, if they showed nothing or it has changed; None: they have no sums here either. Raises InputWaits
+        between two parts of the picture.
         """
         shown, left, filling = self._shown, self.left(subject), surface is not None
         changed = shown is not None and any(a is not b for a, b in zip(shown.scene, scene, strict=True))
         now, share = self._target(splats.sums.size, shown), self._share(subject, changed)
         stride = splats.pixel_stride
-        self._shown = None  # nothing counts as shown until all of it is drawn
-        self.program(
-            now,
-            state=DrawState(depth="1") if filling else DrawState(),
-            position=gbuffer.position,
-            normal=gbuffer.normal,
-            sums=splats.sums,
-            pixel_stride=stride,
-            **self._before(shown, splats.sums),
-            filling=filling,
-            kept=not changed,
-            share=share,
-        )
+        before = self._before(shown, splats.sums)
+        for band in bands(now.size):
+            self.program(
+                now,
+                scissor=band,
+                state=DrawState(depth="1") if filling else DrawState(),
+                position=gbuffer.position,
+                normal=gbuffer.normal,
+                sums=splats.sums,
+                pixel_stride=stride,
+                **before,
+                filling=filling,
+                kept=not changed,
+                share=share,
+            )
+            stop_for_input(self.ctx)  # the last picture stays in the other target
         if surface is not None:
             seen = {name: getattr(gbuffer, name) for name in ("position", "normal", "albedo", "emission")}
             self.fill(now, state=DrawState(depth="<", depth_write=False), **seen, pixel_stride=stride, **surface)

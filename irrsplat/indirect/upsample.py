@@ -7,6 +7,7 @@ from typing import Any
 import moderngl
 
 from irrsplat.core.buffers import GBuffer, SplatBuffer
+from irrsplat.core.timing.input_waits import stop_for_input
 from irrsplat.gpu.program import DrawState, Program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import Target
@@ -21,7 +22,7 @@ class UpsamplePass(Owner):
     """
 
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
-        self.size = size
+        self.ctx, self.size = ctx, size
         self.squares = Program(ctx, "indirect/upsample_squares", "lib/fullscreen")
         self.between = Program(ctx, "indirect/upsample", "lib/fullscreen")
         self.search = Program(ctx, "indirect/upsample_search", "lib/fullscreen")
@@ -35,9 +36,10 @@ class UpsamplePass(Owner):
 
     def __call__(self, splats: SplatBuffer, gbuffer: GBuffer, camera: Camera) -> SplatBuffer:
         """For every pixel the sums of one record instead of all: E and 1, and Σw as between its neighbours; the textures are this
-        pass's own."""
+        pass's own. Raises InputWaits between two draws."""
         seen: dict[str, Any] = {"position": gbuffer.position, "normal": gbuffer.normal}
         self.squares(self.target, **seen, sums=splats.sums, weight=splats.weight)
+        stop_for_input(self.ctx)
         irradiance, planes = self.target.textures
         self.between(
             self.out,
@@ -47,6 +49,7 @@ class UpsamplePass(Owner):
             planes=planes,
             pixel=camera.pixel(self.size),
         )
+        stop_for_input(self.ctx)
         self.search(self.out, state=DrawState(depth="<", depth_write=False), **seen, sums=splats.sums, weight=splats.weight)
         sums, weight = self.out.textures
         return SplatBuffer(sums, weight, splats.luminance_floor)

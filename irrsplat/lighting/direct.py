@@ -10,7 +10,7 @@ import moderngl
 from irrsplat.core.buffers import GBuffer, ShadowMaps, Uniforms
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import Target
+from irrsplat.gpu.target import Region, Target
 from irrsplat.gpu.world import World
 
 
@@ -51,11 +51,13 @@ class DirectPass(Owner):
         target: Target | None = None,
         headlamp: Headlamp | None = None,
         world: World | None = None,
+        band: Region | None = None,
     ) -> moderngl.Texture:
         """ρ/π·E_direct, and 1 where a surface is seen, as an RGBA32F texture, the target's (default: this pass's own).
 
         rotation: of the pattern of shadow samples, radians. world: rays through it decide where the samples of a pixel differ,
-        and the shadows of facets do not show on curved surfaces; None: the mean of the samples counts.
+        and the shadows of facets do not show on curved surfaces; None: the mean of the samples counts. band: the part
+        (x, y, width, height) that is drawn; None: all of it.
         """
         target = target or self.target
         lamp = (0.0, 0.0, 0.0, 0.0) if headlamp is None else (*headlamp.position, headlamp.intensity)
@@ -73,5 +75,5 @@ class DirectPass(Owner):
         if world is not None:
             uniforms |= {**world.trace_uniforms, "lit": world.geometry.counts.lit}
         program = self._programs[int(gbuffer.mapped_normal is not None), int(world is not None)]
-        program(target, **program.known(uniforms))
+        program(target, scissor=band, **program.known(uniforms))
         return target.textures[0]

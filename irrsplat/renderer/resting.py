@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from irrsplat.core.timing.input_waits import InputWaits
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.image.view import Progress
@@ -66,6 +67,8 @@ class RestingView(Owner):
                 self._refinement = self._refiner.advance(self._refinement, target, gbuffer, shadows, budget)
                 if self._refinement.ended or budget.left <= 0.0:
                     break
+        except InputWaits:  # before any record was made: the next tick takes the same step
+            raise
         except BaseException:  # what the cache holds is no longer what the step says: it is not gone on with
             self._refinement = replace(self._refinement, broken=True, check=None)
             raise

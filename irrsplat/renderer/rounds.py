@@ -8,6 +8,7 @@ from typing import Protocol, TypeVar
 
 from irrsplat.core.buffers import GBuffer, SplatBuffer
 from irrsplat.core.timing.clock import now
+from irrsplat.core.timing.input_waits import checked_by, never
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.image.statistics import Statistics
 from irrsplat.image.view import Progress
@@ -84,7 +85,8 @@ class Rounds:
         elif not view.stalled and view.settled != (splats, settings.asking):
             view, requests = scheduler.gather_missing(view, gbuffer, splats, shadows, camera, budget.part(1.0, later))
         if requests.new and picture and budget.limited and len(self.cache.stale):  # a frame later, what moves has moved on
-            splats = stages.splats(state).update(self.cache, gbuffer, camera, settings, view.pixel_stride)
+            with checked_by(never):  # the round's records are in the cache, and not yet in the returned state
+                splats = stages.splats(state).update(self.cache, gbuffer, camera, settings, view.pixel_stride)
 
         waiting = self.cache.waiting
         if ready and budget.limited and not requests.new and not renewed:

@@ -9,7 +9,9 @@ import numpy as np
 
 from irrsplat.core.buffers import GBuffer, ShadowMaps, SplatBuffer
 from irrsplat.core.memo import Memo
+from irrsplat.core.timing.input_waits import stop_for_input
 from irrsplat.gpu.resource import Owner, Resource, Workshop
+from irrsplat.gpu.target import bands
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
@@ -157,7 +159,10 @@ class Stages(Owner):
 
         def light() -> moderngl.Texture:
             with self.timers("direct"):
-                return self._direct_pass(state)(gbuffer, shadows, headlamp=headlamp, world=lit_by[1])
+                for band in bands(state.size):
+                    direct = self._direct_pass(state)(gbuffer, shadows, headlamp=headlamp, world=lit_by[1], band=band)
+                    stop_for_input(self.ctx)
+                return direct
 
         def sample_emitters() -> moderngl.Texture:
             assert emitter_pass is not None
@@ -165,11 +170,13 @@ class Stages(Owner):
                 return emitter_pass(gbuffer, self.world, settings)
 
         def compose() -> View:
+            stop_for_input()
             splats = done.splats
             if fading or surface is not None:
                 with self.timers("composite"):
                     found = None if surface is None else surface.uniforms()
                     splats = temporal_filter(splats, gbuffer, camera, subject, (shadows, held), found)
+                stop_for_input()
             splats = self.splats(state).at_every_pixel(splats, gbuffer, camera)
             sums = splats.sums
             if done.sparing:
@@ -180,6 +187,7 @@ class Stages(Owner):
             with self.timers("composite"):
                 if filling and surface is None:
                     sums = composite_pass.filled(sums, direct, gbuffer, backdrop)
+                stop_for_input()
                 image, alpha, sums = composite_pass(sums, direct, gbuffer, backdrop, camera, settings, emitters)
             return View(camera, gbuffer, direct, splats, sums, image, alpha, backdrop=backdrop, fading=left > 0)
 

@@ -11,6 +11,7 @@ import os
 import signal
 from collections import Counter
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ from irrsplat import InputError, Renderer
 from irrsplat.app import cli
 from irrsplat.app.viewer import file_watch
 from irrsplat.core.timing.clock import use_clock
+from irrsplat.core.timing.input_waits import InputWaits, checked_by
 from irrsplat.records import cache_file
 from tests.app.conftest import PLAIN, TRIANGLE
 from tests.renderer.test_renderer import FAST, room
@@ -177,15 +179,20 @@ class Leaping(CountedClock):
         return super().now()
 
 
-def test_a_clock_that_leaps_changes_no_picture() -> None:
-    """Ticks come to rest with the records of whole rounds."""
-    with Renderer(room(), (24, 20), **FAST) as whole, Renderer(room(), (24, 20), **FAST) as leaping, use_clock(Leaping()):
+@pytest.mark.parametrize("busy", [0.0, 0.2])
+def test_a_clock_that_leaps_and_input_that_waits_change_no_picture(busy: float) -> None:
+    """Ticks come to rest with the records of whole rounds. busy: the share of the checks at which input waits."""
+    clock, done = Leaping(), False
+    with Renderer(room(), (24, 20), **FAST) as whole, Renderer(room(), (24, 20), **FAST) as leaping, use_clock(clock):
         whole.render()
-        for _ in range(3000):
-            progress = leaping.frame(seconds=0.01)[1]
-            if progress.done:
-                break
-        assert progress.coverage == 1.0
+        with checked_by(lambda: bool(clock.draw.random() < busy)):
+            for _ in range(6000):
+                with suppress(InputWaits):
+                    progress = leaping.frame(seconds=0.01)[1]
+                    done = progress.done
+                if done:
+                    break
+        assert done and progress.coverage == 1.0
         one, two = (sorted(renderer.cache.read()["position"].tolist()) for renderer in (whole, leaping))
         assert one == two
 

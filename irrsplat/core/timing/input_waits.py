@@ -1,0 +1,57 @@
+"""Input that waits: work within a frame budget ends early for input, and continues in a later tick."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Protocol
+
+
+class InputWaits(Exception):
+    """Raised between two stages of a frame, where input waits."""
+
+
+class Finishes(Protocol):
+    """An OpenGL context."""
+
+    def finish(self) -> None:
+        """Wait for all draws."""
+
+
+def never() -> bool:
+    """Return False: a check by which nothing is ended early."""
+    return False
+
+
+_checks: list[Callable[[], bool]] = [never]  # the last one is in use
+
+
+def input_waits() -> bool:
+    """Return True if input waits, by the check in use."""
+    return _checks[-1]()
+
+
+def interruptible() -> bool:
+    """Return True if input may end the present work."""
+    return _checks[-1] is not never
+
+
+def stop_for_input(ctx: Finishes | None = None) -> None:
+    """Raise InputWaits if input waits. The caller leaves nothing behind that counts as made and is not.
+
+    ctx: an OpenGL context whose draws are finished before, so that the check comes after these.
+    """
+    if ctx is not None and interruptible():
+        ctx.finish()
+    if input_waits():
+        raise InputWaits
+
+
+@contextmanager
+def checked_by(check: Callable[[], bool]) -> Iterator[None]:
+    """Let `check` find out within the block whether input waits."""
+    _checks.append(check)
+    try:
+        yield
+    finally:
+        _checks.pop()
