@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import fields, replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, fields, replace
 from typing import Unpack, cast
 
 import moderngl
 import numpy as np
 
 from irrsplat.app.viewer.buffers.background_truth import Subject, Truth, Truths
-from irrsplat.app.viewer.buffers.shown_buffer import ViewSource
+from irrsplat.app.viewer.buffers.shown_buffer import Identity, ViewSource
 from irrsplat.app.viewer.input.free_camera import FreeCamera
 from irrsplat.app.viewer.input.measuring_line import MeasuringLine
 from irrsplat.app.viewer.input.path_recorder import PathRecorder
@@ -23,12 +23,14 @@ from irrsplat.app.viewer.show.snapshots import MOST, Snapshot
 from irrsplat.app.viewer.view_options import Split, ViewOptions
 from irrsplat.core.errors import InputError, IrrsplatError
 from irrsplat.core.timing.clock import now
+from irrsplat.core.timing.input_waits import InputWaits, checked_by, never
 from irrsplat.gpu import program
 from irrsplat.gpu.resource import Owner, Resource
 from irrsplat.gpu.target import pixels
 from irrsplat.image.frame import Frame
 from irrsplat.image.statistics import Statistics
 from irrsplat.image.view import Progress, View, read
+from irrsplat.lighting.light_table import light_defines
 from irrsplat.meter.light_scale import LightScale
 from irrsplat.renderer import Renderer
 from irrsplat.scene.model import Camera, Light, Scene
@@ -37,6 +39,14 @@ from irrsplat.settings import SETTINGS, Settings, SettingValues, preset
 _SHARED = ("budget", "exposure")  # settings that both sides share, and that a change of the preset leaves alone
 _FLIP = 0.5  # seconds that each side is on show, where they flip by themselves
 _MOST_PARKED = 2_000_000  # triangles of a scene that is kept on the GPU once more for a preset that is not on show
+
+
+@dataclass(frozen=True)
+class _Subject:
+    """The inputs of a view apart from camera and records. buffers: those that decide its buffers; seen: all others."""
+
+    buffers: object
+    seen: object
 
 
 class Session(Owner):
@@ -80,6 +90,7 @@ class Session(Owner):
         self._centres: list[View] = []  # the views of one sample a pixel, before further samples were added
         self.snapshots: list[Snapshot] = []
         self.pinned: Snapshot | None = None  # the one that a split shows
+        self._shown: _Subject | None = None  # what the views are of
         self._stepping = False
         self._clock = 0.0  # seconds of ticks
         self._gathered = 0  # records, by all ticks
@@ -133,29 +144,27 @@ class Session(Owner):
         known = progress.error is not None and progress.error <= 0.01 * aim
         return not aim or known or progress.refined or self.options.frozen or not renderer.can_refine
 
-    def tick(self, dt: float, seconds: float) -> None:
-        """Go on by `dt` seconds: play, record, and give the caches `seconds` of time."""
+    def tick(self, dt: float, seconds: float, waits: Callable[[], bool] = never) -> bool:
+        """Go on by `dt` seconds: play, record, and give the caches `seconds` of time. Return True if the views are of now.
+
+        waits: True if input waits. The tick then ends before its time, and the views stay those of the last one, unless it may
+        free buffers that these show.
+        """
         self._flip(dt)
         played = self.path_recorder.tick(dt, self.camera)
         if played is not None:
             self.free_camera.go(played)
         self._pose(ended=played is not None)
-        renderers, before, shown = self.active, self._centres, self.views
-        self.views, self.progress, self.ms, self._centres = [], [], {}, []
-        for side, renderer in enumerate(renderers):
-            gather, end = self._stepping or not self.options.frozen, now() + seconds / len(renderers)
-            view, progress = renderer.frame(self.camera, seconds / len(renderers), gather)
-            self._centres.append(view)
-            if self._at_rest(progress) and any(view is one for one in before):  # nothing has moved since
-                view = renderer.accumulate(view, renderer.settings.viewer_samples, end - now())
-                if view.samples >= renderer.settings.viewer_samples and not self._refined(renderer, progress):
-                    aim = 0.01 * renderer.settings.viewer_quality
-                    _, progress = renderer.refine(self.camera, aim, end - now())
-            last = shown[side] if side < len(shown) else view
-            if progress.error is not None and last.gbuffer is view.gbuffer and view.samples < last.samples:
-                view = last  # until the next step of the refinement has as many
-            self.views.append(view)
-            self.progress.append(progress)
+        before, subject = self._centres, self._subject
+        kept = bool(self.views) and self._shown is not None and subject.buffers == self._shown.buffers
+        try:
+            with checked_by(waits if kept else never):
+                made = [self._advance(side, seconds / len(self.active)) for side in range(len(self.active))]
+        except InputWaits:
+            return False
+        self._centres, self.views, self.progress = (list(column) for column in zip(*made, strict=True))
+        self._shown, self.ms = subject, {}
+        for renderer in self.active:
             for stage, ms in renderer.timers.milliseconds().items():
                 self.ms[stage] = self.ms.get(stage, 0.0) + ms
         self._stepping = self._stepping and not all(p.complete for p in self.progress)
@@ -164,6 +173,34 @@ class Session(Owner):
         if "light" in self.options.buffers:
             self.brightest_light.look(self.renderers[0], self.views[0])
         self._estimate(dt, moved=not before or before[0].camera != self._centres[0].camera)
+        return True
+
+    def _advance(self, side: int, seconds: float) -> tuple[View, View, Progress]:
+        """Give a side's cache `seconds` of time. Return its view of one sample, the view to show, and how far it has come."""
+        renderer, end = self.active[side], now() + seconds
+        view, progress = renderer.frame(self.camera, seconds, self._stepping or not self.options.frozen)
+        centre = view
+        if self._at_rest(progress) and any(view is one for one in self._centres):  # nothing has moved since
+            view = renderer.accumulate(view, renderer.settings.viewer_samples, end - now())
+            if view.samples >= renderer.settings.viewer_samples and not self._refined(renderer, progress):
+                aim = 0.01 * renderer.settings.viewer_quality
+                _, progress = renderer.refine(self.camera, aim, end - now())
+        last = self.views[side] if side < len(self.views) else view
+        if progress.error is not None and last.gbuffer is view.gbuffer and view.samples < last.samples:
+            view = last  # until the next step of the refinement has as many
+        return centre, view, progress
+
+    @property
+    def _subject(self) -> _Subject:
+        """The present inputs of views."""
+        renderers = [(Identity(r), r.settings) for r in self.active]
+        seen = Identity(self.scene), self.path_recorder.frame, [r.headlamp for r in self.active]
+        return _Subject((renderers, self.size, light_defines(self.scene)), seen)
+
+    def shows_now(self, any_camera: bool) -> bool:
+        """Return True if the views are of the present scene, settings and camera; any_camera: of another camera, too."""
+        aimed = any_camera or all(view.camera == self.camera for view in self.views)
+        return bool(self.views) and aimed and self._subject == self._shown
 
     def _estimate(self, dt: float, moved: bool) -> None:
         """Note how far the views have come, for the estimate of the time that is left. moved: they are not those of before."""
@@ -323,6 +360,7 @@ class Session(Owner):
         except (IrrsplatError, MemoryError, moderngl.Error):  # no room for two: it is changed in place
             return False
         self.renderers[index], self.parked = coming, leaving
+        self.views, self.progress = [], []  # the renderer that they are of may be freed before the next tick
         if self.held is not None and self.renderer(self.held[0]) is coming:
             self.held = None
         return known
@@ -440,7 +478,7 @@ class Session(Owner):
         """The window has another size, pixels."""
         for renderer in self.renderers:
             renderer.resize(size)
-        self.size = size
+        self.size, self.views, self.progress = size, [], []
 
     def open(self, scene: Scene, keep_camera: bool = False) -> None:
         """Show another scene with the same settings, from its own first camera; or from where one is, with path and speed."""

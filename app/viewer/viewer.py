@@ -36,6 +36,8 @@ from irrsplat.scene.model import Camera, Scene
 
 SIZE = (1280, 720)
 _SLEEP = 0.05  # seconds that the window waits for an event after a frame that shows the same as the one before
+_QUICK = 3  # frames in a row that may be drawn for events alone
+_PASSES, _INSTANT = 2, 1e-4  # passes of the interface that follow an event at once, and the seconds between these
 _AWAKE = (
     1.0  # seconds after an event in which frames go on: tooltips come late, and windows take their size from the frame before
 )
@@ -74,11 +76,14 @@ class Viewer(Owner):
         self._awake_until = 0.0  # by the clock in use
         self._shown: object = None  # what was shown last of that which changes without an event
         self._ending = False  # by a signal: nobody is asked
+        self._quick = 0  # frames since the last tick
+        self._unspent = 0.0  # seconds since the last tick
+        self._cut = False  # the last tick was ended by input
         self._overhead = 0.0  # seconds a frame that everything but the core's tick takes, a running mean
         wnd.render_func = lambda time, frame_time: self.frame(frame_time)
         controls = self.controls
         self.desktop.listen(controls.files_dropped, controls.focus_changed, controls.scale_changed)
-        self.desktop.watch(self.wake)
+        self.desktop.watch()
         self.wake()
         for notice in (*scene.notices, *self.session.renderers[0].notices):
             self.actions.say(notice)
@@ -111,17 +116,19 @@ class Viewer(Owner):
         actions, session = self.actions, self.session
         if actions.fullscreen_wanted != self.wnd.fullscreen:
             self.wnd.fullscreen = actions.fullscreen_wanted
-        size = self.wnd.buffer_size
-        if not all(size):  # minimised
+        answers = self._take_events()
+        if not all(self.wnd.buffer_size):  # minimised
             return
-        if size != session.size:
-            self._resize(size)
         actions.reload_changed_files()
         actions.collect_truth()
-        self.controls.fly(dt)
-        before = now()
-        budget = session.renderers[0].settings.budget / 1e3
-        session.tick(dt, max(budget - self._overhead, _LEAST * budget))
+        before, self._unspent = now(), self._unspent + dt
+        interface = self.backend.wants_mouse or self.backend.wants_keyboard
+        if answers and self._quick < _QUICK and session.shows_now(any_camera=interface):
+            self._quick += 1
+        else:
+            self._tick()
+        if not all(self.wnd.buffer_size):
+            return
         core = now() - before
         cursor, drawn = self.controls.pointer, now()
         self.inspected = self.display.update(self.canvas, cursor)
@@ -131,6 +138,52 @@ class Viewer(Owner):
         self._overhead += _SMOOTHING * (now() - start - core - self._overhead)
         if actions.quitting:
             self.wnd.is_closing = True
+
+    def _take_events(self) -> bool:
+        """Handle the events that wait; those after another size or scene wait for its first picture. Return True if a frame is to
+        be drawn for them alone, without a tick.
+
+        The interface takes several passes: for a motion, a press and a release, and for the size of a window that opens.
+        """
+        answers = False
+        while (self.session.views or not all(self.wnd.buffer_size)) and (taken := self.desktop.take()):
+            self.wake()
+            answers = answers or not all(taken) or not self.controls.active
+            for _ in range(_PASSES):
+                if self.session.views:
+                    self._draw_interface(_INSTANT, None)
+                    self.backend.end()
+            self._fit()
+        self._fit()
+        return answers
+
+    def _fit(self) -> None:
+        """Follow the size of the window."""
+        size = self.wnd.buffer_size
+        if all(size) and size != self.session.size:
+            self._resize(size)
+
+    def _draw_interface(self, dt: float, cursor: tuple[int, int] | None, magnified: bool = False) -> None:
+        """Begin a pass of the interface, `dt` seconds after the last, and make its windows."""
+        self.backend.begin(self.wnd.size, self.wnd.buffer_size, dt)
+        own = not self.controls.looking
+        self.interface.draw(self.backend.scale, self.inspected, cursor, own_cursor=own, magnified=magnified)
+
+    def _tick(self) -> None:
+        """Move the camera, and give the session a tick of time, which ends early for input.
+
+        A moving mouse, and what else flows, ends every other tick at most, and none while the camera follows it.
+        """
+        session, flowing = self.session, not self._cut and not self.controls.active
+        budget, dt = session.renderers[0].settings.budget / 1e3, self._unspent
+        self._quick, self._unspent = 0, 0.0
+        self.controls.fly(dt)
+        seconds = max(budget - self._overhead, _LEAST * budget)
+        self._cut = not session.tick(dt, seconds, lambda: self.desktop.waits(flowing))
+        if self._cut:
+            self._take_events()
+        if not session.views:  # another scene, or size
+            session.tick(0.0, seconds)
 
     def _resize(self, size: tuple[int, int]) -> None:
         self.actions.attempt(lambda: self.session.resize(size))
@@ -160,9 +213,7 @@ class Viewer(Owner):
         if cursor is not None and magnified:
             self.magnifier.draw(target, self.canvas.textures[0], cursor)
         self.controls.restyle()
-        self.backend.begin(self.wnd.size, size, dt)
-        looking = self.controls.looking
-        self.interface.draw(self.backend.scale, self.inspected, cursor, own_cursor=not looking, magnified=magnified)
+        self._draw_interface(dt, cursor, magnified)
         self.backend.draw(target.gl)
         if target is not window:
             self.copy(target, window)
@@ -217,6 +268,7 @@ class Viewer(Owner):
             slept = False
             while self.may_sleep() and not self._closing():
                 self.desktop.wait(min(_LOOK, self.actions.messages.rests))
+                self._take_events()
                 slept = True
             _, dt = timer.next_frame()
             self.wnd.title = f"{self.session.scene.name} – {TITLE}"

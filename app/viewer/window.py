@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import signal
 import warnings
-from collections.abc import Callable, Iterator, Sequence
+from collections import deque
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from typing import Any
 
 import moderngl_window
@@ -21,8 +23,10 @@ LARGEST = 16384  # pixels: a window's side; X takes 32767, and OpenGL's textures
 _ICONS = (16, 32, 48)  # pixels
 _EVENTS = (  # glfw's names of events that may change the picture; `drop` has a callback of its own
     *("key", "char", "cursor_pos", "mouse_button", "scroll", "cursor_enter", "window_size", "window_focus"),
-    *("window_iconify", "window_content_scale", "window_refresh", "framebuffer_size"),
+    *("window_iconify", "window_content_scale", "window_refresh", "window_close", "framebuffer_size"),
 )
+_FLOWING = ("cursor_pos", "scroll", "window_refresh")  # those that come many times a second
+_REPEAT = 2  # glfw's number: a key that is held
 _NO_DISPLAY = (
     "no display to open a window on; irrsplat render draws without one, "
     "and xvfb-run -a irrsplat view opens it in memory (sudo apt-get install -y xvfb xauth)"
@@ -90,6 +94,15 @@ def within_screen(size: tuple[int, int], screen: tuple[int, int] | None) -> tupl
     return size if screen is None else (min(size[0], screen[0]), min(size[1], screen[1]))
 
 
+@dataclass(frozen=True)
+class _Event:
+    """An event that waits, of a kind of _EVENTS. flows: it comes many times a second. handle: does what the event is for."""
+
+    kind: str
+    flows: bool
+    handle: Callable[[], None]
+
+
 class Desktop:
     """What moderngl-window leaves out of glfw: clipboard, dropped files, focus, the monitor's scale, waiting for events.
 
@@ -98,7 +111,7 @@ class Desktop:
 
     def __init__(self, wnd: BaseWindow) -> None:
         self.text = ""
-        self._noticed: Callable[[], None] = lambda: None  # called at every event
+        self._events: deque[_Event] = deque()  # those that wait
         self._window = None if wnd.headless else wnd._window  # type: ignore[attr-defined]
 
     def copy(self, text: str) -> None:
@@ -117,11 +130,8 @@ class Desktop:
             return
         import glfw
 
-        def drop(window: object, paths: Sequence[str]) -> None:
-            self._noticed()
-            dropped(list(paths))
-
-        glfw.set_drop_callback(self._window, drop)  # type: ignore[arg-type]  # its stubs have C's signature
+        drop = self._keeping("drop", lambda _, paths: dropped(list(paths)))
+        glfw.set_drop_callback(self._window, drop)  # its stubs have C's signature
         glfw.set_window_focus_callback(self._window, lambda _, has: focused(bool(has)))
         glfw.set_window_content_scale_callback(self._window, lambda _, x, y: scaled(float(x)))
 
@@ -136,34 +146,57 @@ class Desktop:
 
     def wait(self, seconds: float) -> None:
         """Sleep until the window gets an event, at most so many seconds."""
-        if self._window is not None:
+        if self._window is not None and not self._events:
             import glfw
 
             glfw.wait_events_timeout(seconds)
 
-    def watch(self, noticed: Callable[[], None]) -> None:
-        """Call `noticed` before all else at every event of the window, its being uncovered included; after `listen`.
+    def watch(self) -> None:
+        """Keep every event of the window, its being uncovered included, until `take` is called; after `listen`.
 
-        A callback is wrapped as glfw returns it. For dropped files glfw returns an adapter with another signature
-        (C's), so their callback calls `noticed` itself.
+        An event that comes while a frame is drawn changes nothing that the frame is drawn from. A callback is wrapped as glfw
+        returns it. For dropped files glfw returns an adapter with another signature (C's), so that `listen` wraps theirs.
         """
-        self._noticed = noticed
         if self._window is None:
             return
         import glfw
 
-        def first(plain: Callable[..., Any] | None) -> Callable[..., None]:
-            def call(*values: Any) -> None:
-                noticed()
-                if plain is not None:
-                    plain(*values)
-
-            return call
-
         for kind in _EVENTS:
             set_callback = getattr(glfw, f"set_{kind}_callback")
             plain = set_callback(self._window, None)
-            set_callback(self._window, first(plain))
+            set_callback(self._window, self._keeping(kind, plain or _nothing))
+
+    def _keeping(self, kind: str, call: Callable[..., None]) -> Callable[..., None]:
+        """Return a callback that keeps its event, for `call` to be called by `take`."""
+
+        def keep(*values: Any) -> None:
+            flows = kind in _FLOWING or (kind == "key" and values[3] == _REPEAT)
+            self._events.append(_Event(kind, flows, lambda: call(*values)))
+
+        return keep
+
+    def waits(self, flowing: bool) -> bool:
+        """Return True if an event waits. flowing: events count that come many times a second, as those of a moving mouse."""
+        if self._window is not None:
+            import glfw
+
+            glfw.poll_events()
+        return any(flowing or not event.flows for event in self._events)
+
+    def take(self) -> list[bool]:
+        """Handle the first event that waits, and those after it as long as all of them flow. Return for each whether it flows.
+
+        Whether a click or a key is for the interface depends on a pass of the interface after the events before.
+        """
+        taken = list[_Event]()
+        while self._events and (not taken or (taken[-1].flows and self._events[0].flows)):
+            taken.append(self._events.popleft())
+            taken[-1].handle()
+        return [event.flows for event in taken]
+
+
+def _nothing(*_: object) -> None:
+    """Do nothing: the callback of events that only wake the window."""
 
 
 @contextmanager

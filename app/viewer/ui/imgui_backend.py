@@ -154,6 +154,12 @@ class ImguiBackend(Owner):
         self._io.delta_time = max(dt, 1e-6)  # imgui takes no 0
         imgui.new_frame()
 
+    def end(self) -> None:
+        """End a pass that is not drawn."""
+        imgui.set_current_context(self._context)
+        imgui.end_frame()
+        self._pictures.clear()
+
     def draw(self, framebuffer: moderngl.Framebuffer) -> None:
         """End the frame and draw it over what `framebuffer` holds: sRGB values, its first row the bottom one.
 
