@@ -480,15 +480,22 @@ class Actions:
             self.say(notice)
 
     def reload(self) -> None:
-        """Read shaders and scene again; the camera stays. Where one of them is wrong, the last good ones go on."""
+        """Read shaders and scene again, the scene once unsaved changes are saved or given up; the camera stays. Where one of them
+        is wrong, the last good ones go on."""
         self.session.reload_shaders(*self._other_programs())
-        self._load(self.source, keep_camera=True)
-        self.say("shaders and scene are read again")
+        self._unless_unsaved(lambda: self._reload("shaders and scene are read again"))
 
     def reload_changed_files(self) -> None:
-        """Load the scene again where one of its files has changed."""
-        if self.file_watch.changed() and self.attempt(lambda: self._load(self.source, keep_camera=True)):
-            self.say("the scene has changed, and is read again")
+        """Load the scene again where one of its files has changed, once unsaved changes are saved or given up."""
+        if self.pending is not None or not self.file_watch.changed():
+            return
+        if self.editor.unsaved:
+            self.say("the files of the scene have changed")
+        self._unless_unsaved(lambda: self.attempt(lambda: self._reload("the scene has changed, and is read again")))
+
+    def _reload(self, said: str) -> None:
+        self._load(self.source, keep_camera=True)
+        self.say(said)
 
 
 def _stamped(kind: str, scene: str, ending: str) -> str:

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Sequence
 
 from irrsplat.core.timing.clock import now
 
 _EVERY = 0.5  # seconds
-_STILL = 0.2  # seconds that a file must have been left alone: an editor may write in several steps
 
 
 class FileWatch:
@@ -33,17 +31,17 @@ class FileWatch:
         return tuple(one(path) for path in self._files)
 
     def changed(self) -> bool:
-        """Whether a file has changed since the last time that this was true."""
+        """Return True if a file has changed since the last time that this was true, and has been left alone between two looks.
+
+        An editor may write in several steps. The times of files are compared with each other alone: they may be of another clock.
+        """
         if now() < self._next:
             return False
         self._next = now() + _EVERY
         state = self._state()
         before, self._last = self._last, state
         fresh = [f for f, k in zip(state, self._known, strict=True) if f != k]
-        if not fresh or None in fresh:
-            return False  # nothing has changed, or a file is being replaced
-        # by the clock it was left alone, or, whatever the clock is set to, since the last look
-        if state != before and any(f is not None and time.time() - f[0] * 1e-9 < _STILL for f in fresh):
-            return False
+        if not fresh or None in fresh or state != before:
+            return False  # nothing has changed, or a file is being written or replaced
         self._known = state
         return True

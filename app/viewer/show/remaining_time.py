@@ -60,12 +60,14 @@ class RemainingTime:
         left = self._left()
         if left is not None:
             end = now + left
-            self._end = end if self._end is None else self._end + _WEIGHT * (end - self._end)
+            before = end if self._end is None or self._end <= now else self._end  # none, or it has proved wrong
+            self._end = before + _WEIGHT * (end - before)
 
     @property
     def seconds(self) -> float | None:
-        """The seconds that are left as of the last `add`."""
-        return None if self._end is None or not self._past else max(self._end - self._past[-1][0], 0.0)
+        """The seconds that are left as of the last `add`; None where less was done than expected."""
+        left = None if self._end is None or not self._past else self._end - self._past[-1][0]
+        return left if left is not None and left > 0.0 else None
 
     def _left(self) -> float | None:
         (then, before), (now, work) = self._past[0], self._past[-1]

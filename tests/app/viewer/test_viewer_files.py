@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import itertools
-import os
 import shutil
-import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +14,6 @@ from irrsplat.core import paths
 from irrsplat.gpu import shader_source
 from tests.support.viewing import ROOM, Driver, push, write_room
 
-_SAVES = itertools.count()
 PATH = "frames 31\ncam 0 0 2.6  0 0 0  0 1 0\ncam 0.5 0.2 1.6  0 0 0  0 1 0\n"
 
 
@@ -40,11 +37,11 @@ def copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def rewrite(driver: Driver, path: Path, text: str) -> None:
-    """Write a file as if long ago, and make the viewer look at its files in the next frame."""
+    """Write a file, and make the viewer look at its files once, and again in the next frame."""
     path.write_text(text)
-    then = time.time() - 1000.0 + next(_SAVES)
-    os.utime(path, (then, then))
-    driver.actions.file_watch._next = 0.0
+    for _ in range(2):
+        driver.actions.reload_changed_files()
+        driver.actions.file_watch._next = 0.0
 
 
 def errors(driver: Driver) -> list[str]:
@@ -103,9 +100,25 @@ def test_a_scene_that_changes_on_disk_is_read_again_where_one_stands(driver: Dri
     assert session.scene.lights[0].color == (1.0, 2.0, 3.0)
     driver.actions.messages.lines.clear()
     rewrite(driver, room, ROOM[:40])
-    os.utime(room, (time.time() + 3600.0,) * 2)  # a moment ago, or later: somebody is still writing it
+    room.write_text(ROOM[:50])  # somebody is still writing it
     driver.frame()
     assert session.scene.lights[0].color == (1.0, 2.0, 3.0) and not driver.said
+
+
+def test_files_and_f5_ask_before_unsaved_changes_are_lost(driver: Driver, room: Path) -> None:
+    """After "cancel" the changes stay; after "discard" the scene is that of the files."""
+    editor = driver.actions.editor
+    editor.set_lamp(0, replace(editor.lamps[0], stops=1.0))
+    bright = driver.session.scene.lights[0].color
+    rewrite(driver, room, ROOM + "# more\n")
+    driver.frame(2)
+    assert "have changed" in driver.said and driver.session.scene.lights[0].color == bright
+    driver.choose("cancel")
+    push(driver, "F5")
+    driver.frame(2)
+    assert driver.actions.pending is not None and driver.session.scene.lights[0].color == bright
+    driver.choose("discard")
+    assert driver.session.scene.lights[0].color != bright and not driver.actions.editor.unsaved
 
 
 def test_a_dropped_scene_is_opened_with_the_same_settings(driver: Driver, room: Path, tmp_path: Path) -> None:

@@ -81,6 +81,7 @@ def test_menus_open_the_keys_the_pages_the_log_and_what_this_is(driver: Driver) 
     ([Work(0.5, 0.0, 0, 0), Work(0.5, 0.0, 0, 0), Work(0.25, 0.0, 0, 9)], None),  # too short a time
     ([Work(1.0, 0.0, 0, t) for t in range(30)], None),  # no progress
     ([*(Work(0.0, 0.0, 100 - t, t) for t in range(30)), Work(0.0, 0.0, 0, 100)], None),  # done
+    ([*(Work(0.0, 0.0, 20 - t, t) for t in range(20)), *[Work(0.0, 0.0, 1, 19)] * 60], None),  # the last one takes longer
 ])  # fmt: skip
 def test_the_rest_takes_as_long_as_the_progress_so_far_says(works: list[Work], seconds: float | None) -> None:
     """Ten measurements a second."""
