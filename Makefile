@@ -32,8 +32,8 @@ figures: .venv/.ready
 	.venv/bin/python docs/programs/tables.py
 	.venv/bin/python docs/programs/figures.py
 	.venv/bin/python docs/programs/tutorial.py
-	.venv/bin/python docs/programs/screens.py
-	.venv/bin/python docs/programs/walk.py
+	.venv/bin/python docs/programs/viewer/screens.py
+	.venv/bin/python docs/programs/viewer/walk.py
 
 .venv/.ready: pyproject.toml .ci/setup
 	sh .ci/setup

@@ -20,7 +20,7 @@ from irrsplat.app.viewer.window import open_window
 from irrsplat.scene.model import Camera
 from irrsplat.settings import SettingValues, preset
 
-IMAGES = Path(__file__).resolve().parents[1] / "images"
+IMAGES = Path(__file__).resolve().parents[2] / "images"
 LARGE, SMALL = (960, 600), (400, 300)  # pixels
 LIMIT = 200_000  # bytes a picture
 DT = 1.0 / 30.0

@@ -25,7 +25,7 @@ from irrsplat.app.viewer.preferences import Preferences
 from irrsplat.app.viewer.viewer import Viewer
 from irrsplat.app.viewer.window import open_window
 
-HERE = Path(__file__).resolve().parent
+HERE = Path(__file__).resolve().parents[1]
 IMAGES = HERE.parent / "images" / "walk"
 SIZE = (1000, 640)
 LIMIT = 200_000  # bytes a picture
@@ -38,8 +38,8 @@ TASKS: list[tuple[str, Callable[[Walker], None]]] = []
 PAGE = """# Ten tasks in the viewer
 
 What people do with a scene, and how many actions each thing takes. A key, a click, a drag and a typed text are an action each;
-moving the mouse over something is one where that is the point. `python docs/programs/walk.py` does all of it by xdotool in a real
-window of {width}×{height} pixels on a virtual display, checks that it had its effect, and writes this page.
+moving the mouse over something is one where that is the point. `python docs/programs/viewer/walk.py` does all of it by xdotool
+in a real window of {width}×{height} pixels on a virtual display, checks that it had its effect, and writes this page.
 
 {rows}
 """
@@ -56,10 +56,10 @@ def task(title: str) -> Callable[[Callable[[Walker], None]], Callable[[Walker], 
 
 
 @contextmanager
-def display() -> Iterator[None]:
-    """A virtual screen, on which windows open meanwhile."""
+def display(size: tuple[int, int] = SIZE) -> Iterator[None]:
+    """A virtual screen of `size` (width, height), on which windows open meanwhile."""
     reader, writer = os.pipe()
-    words = ["Xvfb", "-displayfd", str(writer), "-screen", "0", f"{SIZE[0]}x{SIZE[1]}x24", "-nolisten", "tcp"]
+    words = ["Xvfb", "-displayfd", str(writer), "-screen", "0", f"{size[0]}x{size[1]}x24", "-nolisten", "tcp"]
     server = subprocess.Popen(words, pass_fds=[writer], stderr=subprocess.DEVNULL)
     os.close(writer)
     with os.fdopen(reader) as pipe:
