@@ -117,7 +117,7 @@ class Pace:
         while input waits.
 
         The caller does each batch before it takes the next size: the time in between is what a batch costs.
-        rays: of an item, for a clock that goes by these.
+        rays: of an item, for a clock that counts rays.
         """
         done, last = 0, 0
         while done < wanted:

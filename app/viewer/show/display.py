@@ -158,10 +158,10 @@ class Display(Owner):
         return self._memo.get("profile", (self._inputs(side), ends), lambda: self.line_profile.measure(name, source, *ends))
 
     def mesh_at(self, cursor: tuple[int, int]) -> int | None:
-        """The number of the mesh that is seen at the cursor; None where there is none."""
+        """The number of the mesh that is seen at the cursor, over a snapshot by the scene; None where there is none."""
         if not self.session.views:
             return None
-        source = self.session.source(self.session.side_at(cursor[0]))
+        source = self.session.source(self._scene_at(cursor))
         gbuffer, texels = source.view.gbuffer, self.buffer_view.texels
         if texels(gbuffer.position, *cursor)[3] <= 0.0:
             return None

@@ -140,7 +140,7 @@ class Run:
         os.set_blocking(self.reader, False)
         self.written, self.frames, self.said = folder / "stderr.txt", 0, Counter[str]()
         command = [sys.executable, "-c", LAUNCHER, str(writer), "view", SCENES[0], *FAST]
-        known = {**os.environ, "IRRSPLAT_CONFIG": str(folder / "config"), "PYTHONPATH": str(ROOT)}
+        known = {**os.environ, "IRRSPLAT_CONFIG": str(folder / "config"), "PYTHONPATH": str(ROOT), "IRRSPLAT_DEBUG": "1"}
         with self.written.open("w") as errors:
             self.process = subprocess.Popen(command, cwd=folder, env=known, stderr=errors, pass_fds=[writer])
         os.close(writer)

@@ -68,5 +68,9 @@ def test_several_by_name(driver: Driver) -> None:
     assert [s.name for s in session.snapshots] == ["snapshot 1", "snapshot 3", "snapshot 2"]
     for _ in range(MOST - 3):
         session.keep_snapshot(0)
+    session.pin(session.snapshots[0])
+    driver.resize((200, 160))
+    driver.frame()
+    assert driver.display.mesh_at((190, 80)) is not None, "a click on a snapshot of another size picks the scene's object"
     with pytest.raises(InputError, match=f"there are {MOST} snapshots already"):
         session.keep_snapshot(0)

@@ -71,8 +71,8 @@ def test_without_a_display_one_line_says_what_to_do(tmp_path: Path) -> None:
     environment["IRRSPLAT_CONFIG"] = str(tmp_path)
     command = [sys.executable, "-m", "irrsplat", "view"]
     done = subprocess.run(command, check=False, capture_output=True, text=True, env=environment)
-    assert done.returncode == 1 and done.stdout == ""
-    assert done.stderr.count("\n") == 1 and "irrsplat render" in done.stderr and "xvfb-run" in done.stderr
+    assert (done.returncode, done.stdout, done.stderr.count("\n")) == (1, "", 1)
+    assert "irrsplat render" in done.stderr and "xvfb-run" in done.stderr
 
 
 def test_on_a_finer_monitor_text_is_larger(driver: Driver) -> None:
@@ -90,8 +90,7 @@ def test_a_click_waits_for_a_pass_of_the_interface_and_finds_no_picture_that_is_
     desktop, handled = Desktop(driver.wnd), list[str]()
     for kind in ("cursor_pos", "mouse_button", "key", "window_size", "cursor_pos", "scroll"):
         desktop._keeping(kind, lambda *_, kind=kind: handled.append(kind))(None, 0, 0, 0)
-    assert desktop.waits(flowing=False) and not handled
-    assert [len(desktop.take()) for _ in range(5)] == [1, 1, 1, 1, 2] and len(handled) == 6
+    assert desktop.waits(flowing=False) and not handled and [len(desktop.take()) for _ in range(5)] == [1, 1, 1, 1, 2]
     for name in ("preview", "paper"):
         driver.session.use_preset(0, name)
     assert driver.display.point_at((150, 120)) is None

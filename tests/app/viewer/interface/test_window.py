@@ -168,7 +168,6 @@ def test_in_flight_no_shortcut_fires_and_a_screenshot_is_what_the_window_shows(d
         hand("key", "ctrl+o", "key", "ctrl+q")
         hand("keyup", "w")
         until(lambda: differ(before, seen()) < 0.001, "Home goes back, and no dialog is open", "key", "Home")
-        assert process.poll() is None
         hand("key", "ctrl+F12")
         (picture,) = until(lambda: list(tmp_path.glob("irrsplat-cornell-*.png")), "the screenshot")
         until(lambda: list(tmp_path.glob("irrsplat-cornell-*.exr")), "the buffers")
