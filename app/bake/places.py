@@ -9,7 +9,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.gather.record_frame import offset_of
-from irrsplat.meter.light_meter import LightMeter
+from irrsplat.meter.light_meter import LightMeter, touching_distance
 from irrsplat.meter.readings import Status
 from irrsplat.meter.solids import inside_solids
 from irrsplat.reference.surfaces import Points, Surfaces
@@ -19,7 +19,6 @@ from irrsplat.scene.model import Mesh, Scene
 
 _TRIED = 48  # triangles of an open mesh, on both sides, at most
 _DARK = 1e-3  # of the brightest place that is tried: a side with less light counts as dark
-_COVERED = 0.01, 1e-3  # metres, diagonals of the scene: what is nearer than both all around lies on the place
 _AROUND = 8  # directions, beside the normal, in which that is tried
 
 
@@ -137,7 +136,7 @@ def _covered(scene: Scene, points: np.ndarray, normals: np.ndarray) -> np.ndarra
     caster = ray_caster.RayCaster(np.concatenate([mesh.positions for mesh in meshes]), faces)
     across = np.cross(normals, np.eye(3)[np.abs(normals).argmin(1)])
     across /= np.linalg.norm(across, axis=1, keepdims=True)
-    third, reach = np.cross(normals, across), min(_COVERED[0], _COVERED[1] * scene.diagonal)
+    third, reach = np.cross(normals, across), touching_distance(scene)
     for turn in (None, *(2.0 * np.pi * np.arange(_AROUND) / _AROUND)):
         way = normals if turn is None else 0.5 * normals + 0.866 * (np.cos(turn) * across + np.sin(turn) * third)
         left = np.flatnonzero(covered)

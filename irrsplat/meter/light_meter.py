@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from irrsplat.core.buffers import Sites
-from irrsplat.core.errors import InputError, IrrsplatError
-from irrsplat.core.vectors import unit
+from irrsplat.core.errors import InputError
+from irrsplat.core.vectors import check_finite, unit
 from irrsplat.core.words import GREATEST
 from irrsplat.gather.record_frame import offset_of
 from irrsplat.gpu.resource import Resource, Tenant
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
 PRESET = "reference"  # what is measured is to be right rather than fast
 _LIGHT_SAMPLES = 1024  # of a point, unless the settings say otherwise: a window's light is then right to some 0.3 %
 _AT_ONCE = 512  # points between two reports of progress
-_COVERED = 0.01, 1e-3  # metres, diagonals of the scene: nearer than both, all around, is a surface that lies on the point
 
 OnPoints = Callable[[float], None]  # called with the share of the points that are done, 0..1
 
@@ -98,10 +97,11 @@ class LightMeter(Tenant):
                 on_progress(min(first + _AT_ONCE, count) / count)
         status = np.full(count, Status.OK)
         if self.settings.most_bounces:
-            status[radius < min(_COVERED[0], _COVERED[1] * self.scene.diagonal)] = Status.BEHIND
+            status[radius < touching_distance(self.scene)] = Status.BEHIND
         lifted = sites.position.astype(float) + offset_of(self.scene) * sites.normal
         status[inside_solids(self.scene, lifted, sites.normal.astype(float))] = Status.INSIDE
-        _check_finite(places, direct + indirect, status)
+        measured = np.where((status == Status.OK)[:, None], direct + indirect, np.float32(0.0))
+        check_finite("the light", measured, lambda at: "{:g} {:g} {:g}".format(*places[at[0]]))
         return Readings(places, sites.normal, direct, indirect, status)
 
     def _lit(self) -> _Light:
@@ -132,15 +132,9 @@ def measuring(name: str = PRESET, **settings: Unpack[SettingValues]) -> Settings
     return replace(preset(name, **settings), gradients=False, placement="tiles", pixel_light_samples=0)
 
 
-def _check_finite(points: np.ndarray, total: np.ndarray, status: np.ndarray) -> None:
-    """Raises IrrsplatError, which names the first place, where the light at points that count is no finite number."""
-    bad = np.flatnonzero(~np.isfinite(total).all(1) & (status == Status.OK))
-    if len(bad):
-        x, y, z = points[bad[0]].tolist()
-        raise IrrsplatError(
-            f"the light at {x:g} {y:g} {z:g} is not a finite number, nor at {len(bad) - 1} other points; this is a fault of "
-            "irrsplat's, not of the scene: --gather trace or another --seed may avoid it"
-        )
+def touching_distance(scene: Scene) -> float:
+    """Return the distance, metres, within which a surface that is as near in all directions lies on a point."""
+    return min(0.01, 1e-3 * scene.diagonal)
 
 
 def _sites(points: npt.ArrayLike, normals: npt.ArrayLike, origin: tuple[float, float, float]) -> tuple[np.ndarray, Sites]:
