@@ -260,6 +260,8 @@ def _end_of_render(args: argparse.Namespace, stats: Statistics, outputs: Outputs
         return fail(f"interrupted; the files hold what {stats.get('rounds', 0)} whole rounds gave", INTERRUPTED)
     if not stats.get("converged", True) and "uncovered" not in stats:
         say(f"notice: stopped after {stats.get('rounds')} rounds {_unserved([stats])}")
+    if (notice := _bounces_notice([stats])) is not None:
+        say(f"notice: {notice}")
     return 0
 
 
@@ -280,7 +282,16 @@ def _end_of_path(args: argparse.Namespace, done: list[Statistics], interrupted: 
         return fail(f"interrupted; {interrupted}", INTERRUPTED)
     if short := sum(not stats.get("converged", True) and "uncovered" not in stats for stats in done):
         say(f"notice: {short} of {len(done)} frames stopped {_unserved(done)}")
+    if (notice := _bounces_notice(done)) is not None:
+        say(f"notice: {notice}")
     return 0
+
+
+def _bounces_notice(stats: Sequence[Statistics]) -> str | None:
+    """Return the first notice on missing bounces of pictures with `stats`, or None."""
+    from irrsplat.image.statistics import bounces_notice
+
+    return next(filter(None, map(bounces_notice, stats)), None)
 
 
 def _unserved(stats: Sequence[Statistics]) -> str:

@@ -61,6 +61,13 @@ def describe(
     }
 
 
+def bounces_notice(stats: Mapping[str, object]) -> str | None:
+    """Return the notice on light that is missing after the last bounce; None if the light is complete or bounces are limited."""
+    if stats.get("bounces_converged") is not False or stats.get("bounces", 0) == 0:
+        return None
+    return f"more than 1 % of the light is missing after {stats['bounces']} bounces; use reflectances below 0.99"
+
+
 def repeatable(stats: Statistics) -> Mapping[str, object]:
     """Statistics without how long anything took: equal runs have equal ones."""
     return {name: value for name, value in stats.items() if name not in _TIMES}

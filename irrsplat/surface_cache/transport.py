@@ -10,7 +10,7 @@ import numpy as np
 CONVERGED = 0.01  # of E: with all bounces wanted, no more are summed where less than this share is still to come
 POCKETS = 0.05  # of the area: what lacks most does not decide whether that is so
 _DARK = 1e-6  # of the greatest irradiance: a site with less is dark, and does not decide whether bounces may end
-_CLOSELY = 8  # bounces: what remains is asked for after each of these, then after every fourth: asking costs more than a bounce
+_CLOSELY, _APART = 8, 4  # bounces: the rest is estimated after each of the first 8, then after every 4th, to save time
 
 
 class Transport:
@@ -59,8 +59,9 @@ class BouncedLight:
     """The irradiance E (S, 3) at sites, W/m², after all of `bounces` but the last, which a gather from the sites adds.
 
     remaining: about the share of E that further bounces would add, in the channel that lacks most, on all surfaces but those
-    POCKETS that lack most; None where that is not known. It is what was found when it was asked for last.
-    Where all bounces are wanted and less than CONVERGED remains, E includes it, as if bounces went on fading as they did.
+    POCKETS that lack most; None where that is not known. It is the latest estimate.
+    With all bounces, E includes the remaining light, as if bounces continued to fade at their rate, once less than CONVERGED
+    remains. After the last of `most` bounces, the uncertainty of that extrapolation may be less than CONVERGED instead.
     complete: no more bounces follow.
     """
 
@@ -83,18 +84,23 @@ def sum_bounces(
     E_1: (S, 3) W/m². area: (S,) of the surface that each site stands for. transport: not needed for two bounces.
     """
     total = term = E_1.astype(np.float32)
-    remaining = None
+    remaining = former = None
     if transport is None:
         yield BouncedLight(total, 2, None, True)
         return
     for made in range(2, most + 1):
         after = transport(term)  # the bounce that a gather from `total` adds
-        if made <= _CLOSELY or made % 4 == 0 or made == most:
+        if made <= _CLOSELY or made % _APART == 0 or made == most:
             rest = _rest(term, after, area)
+            whole = total + after + rest
+            known = bool(np.isfinite(whole).all())
             remaining = _share(rest, total + after, area)
-            if everything and remaining < CONVERGED and np.isfinite(rest).all():
-                yield BouncedLight(total + after + rest, made, remaining, True)
+            if everything and made == most and known and former is not None:
+                remaining = min(remaining, _share(_uncertainty(former, whole, term, after), whole, area))
+            if everything and known and remaining < CONVERGED:
+                yield BouncedLight(whole, made, remaining, True)
                 return
+            former = whole if known else None
         yield BouncedLight(total, made, remaining, made == most)
         total, term = total + after, after
 
@@ -120,6 +126,17 @@ def _rest(before: np.ndarray, last: np.ndarray, area: np.ndarray) -> np.ndarray:
         fade = np.minimum(np.maximum(r, median), min(most, 1.0))
         rest[:, channel] = np.divide(two * fade, 1.0 - fade, out=np.full(len(r), np.inf), where=fade < 1.0)
     return np.where(last > 0.0, rest, np.float32(0.0))
+
+
+def _uncertainty(former: np.ndarray, whole: np.ndarray, before: np.ndarray, last: np.ndarray) -> np.ndarray:
+    """Return (S, 3) about how far `whole`, the extrapolated sum of all bounces, is from its limit.
+
+    former: the extrapolated sum _APART bounces before. The difference fades at the rate of the bounces from `before` to `last`.
+    """
+    rate = np.sqrt((last * last).sum(0, dtype=float) / np.maximum((before * before).sum(0, dtype=float), 1e-300)) ** _APART
+    factor = np.divide(rate, 1.0 - rate, out=np.full(3, np.inf), where=rate < 1.0)
+    error: np.ndarray = np.abs(whole - former) * np.maximum(factor, 1.0)
+    return error
 
 
 def _share(rest: np.ndarray, total: np.ndarray, area: np.ndarray) -> float:

@@ -14,6 +14,7 @@ import pytest
 from irrsplat import Renderer
 from irrsplat.core.buffers import Sites
 from irrsplat.gpu.time_budget import Budget
+from irrsplat.image.statistics import bounces_notice
 from irrsplat.scene.model import Camera, Mesh, Scene
 from irrsplat.sky.environment import Environment
 from irrsplat.surface_cache import site_layout, site_rays
@@ -86,6 +87,7 @@ def test_a_white_room_never_ends(ctx: moderngl.Context) -> None:
     with Renderer(white, (12, 10), ctx=ctx, **ALL) as renderer:
         stats = renderer.render().stats
         assert (stats["bounces"], stats["bounces_converged"]) == (64, False)
+        assert "after 64 bounces" in (bounces_notice(stats) or "")
         mean = values(renderer)[2:].mean()
         renderer.change(renderer.settings.with_values({"bounces": 3}))
         stats = renderer.render().stats
@@ -251,6 +253,17 @@ def test_all_bounces_are_the_solution_of_the_equation(reflectance: float) -> Non
     upto = last(E_1, transport, area, found.bounces, False)
     gathered = E_1 + transport(upto.irradiance)  # as a record adds the last bounce
     assert found.remaining == pytest.approx(float((area @ ((E - gathered) / E) / area.sum()).max()), rel=0.2)
+
+
+@pytest.mark.parametrize("reflectance", [0.95, 0.98, 0.99])
+def test_light_that_fades_slowly_is_extrapolated(reflectance: float) -> None:
+    """After 64 bounces ρ⁶⁴ of the light is still to come: 4, 27 and 53 %. It fades at a known rate."""
+    transport, E_1, area = closed(50, reflectance)
+    E = np.linalg.solve(np.eye(50) - dense(transport)[0], E_1)
+    found = last(E_1, transport, area, 64, True)
+    assert found.converged and np.abs(found.irradiance / E - 1.0).max() < 0.01
+    endless = last(E_1, closed(50, 1.0)[0], area, 64, True)
+    assert not endless.converged and np.isfinite(endless.irradiance).all()
 
 
 def test_as_many_bounces_as_are_asked_for() -> None:

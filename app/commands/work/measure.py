@@ -17,6 +17,7 @@ from irrsplat.app.common.outputs import Outputs, twins
 from irrsplat.app.common.terminal import columns, out, progress, say
 from irrsplat.core import files
 from irrsplat.core.errors import InputError
+from irrsplat.image.statistics import bounces_notice
 from irrsplat.meter.light_meter import LightMeter
 from irrsplat.meter.line import Line
 from irrsplat.meter.plane import Grid, Plane, horizontal
@@ -75,6 +76,8 @@ def run(scene: Scene, args: argparse.Namespace) -> int:
             on_points = None if line is None else lambda share: line(share, f"{len(points)} points")
             readings = meter.measure(points, normals, on_points)
         how = meter.gatherer.bounces(meter.settings)
+    if (missing := bounces_notice(how)) is not None:
+        say(f"notice: {missing}")
     summary = readings.summary(unit)
     shape = None if grid is None else [grid.columns, grid.rows]
     stats = {"scene": scene.name, "grid": shape, **summary, **how, "preset": args.preset, "settings": vars(meter.settings)}
