@@ -57,7 +57,9 @@ class Frames(Owner):
         done = self.next_round(camera, budget, gather, picture=shown is None)
         if budget.limited:
             self.ctx.finish()
-        if shown is not None and not done.progress.still:
+        surface = self.scheduler.gatherer.surface_now
+        bounced = None if surface is None else surface.result
+        if shown is not None and not done.progress.still and shown.bounced is bounced:
             older = replace(shown, age=shown.age + now() - start)
             self.state = replace(self.state, shown=older)
             return shown.view, replace(done.progress, fading=shown.view.fading)
@@ -67,7 +69,7 @@ class Frames(Owner):
         if budget.limited and (self.state.shown is None or view is not self.state.shown.view):
             self.ctx.finish()
             self.state = replace(self.state, costs=replace(self.state.costs, picture=now() - start))
-        self.state = replace(self.state, shown=Shown(view, self.state.picture_subject(camera)))
+        self.state = replace(self.state, shown=Shown(view, self.state.picture_subject(camera), bounced))
         return view, replace(done.progress, fading=view.fading)
 
     def next_round(self, camera: Camera, budget: Budget, gather: bool = True, picture: bool = True) -> Round:

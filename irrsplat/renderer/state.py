@@ -10,6 +10,7 @@ from irrsplat.indirect.view_state import ViewState
 from irrsplat.lighting.direct import Headlamp
 from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import Settings
+from irrsplat.surface_cache.transport import BouncedLight
 
 
 @dataclass(frozen=True)
@@ -22,10 +23,14 @@ class Costs:
 
 @dataclass(frozen=True)
 class Shown:
-    """The last picture: of what it is, apart from the records, and how many seconds of ticks ago it was made."""
+    """The last picture.
+
+    subject: its contents, apart from the records. bounced: the values of the surface cache in it. age: seconds of ticks since.
+    """
 
     view: View
     subject: tuple[object, ...]
+    bounced: BouncedLight | None
     age: float = 0.0
 
 
