@@ -26,9 +26,6 @@ LEAST_TILE, MOST_TILE = 16, 4096  # pixels along a side of the tiles that a pict
 # of the weight, the same in shaders/records/weight.glsl and on the CPU
 LEAST_ERROR = 1e-3  # w = 1/max(e, this) stays finite
 IN_FRONT = 0.05  # of R: how far in front of a pixel's surface, or behind it, a record may lie
-BORROW_REACH = (
-    4.0  # pixels of the splat buffer: how far from a pixel a record may lie that speaks for it only where none else does
-)
 
 WIDE = 3.0  # in R_k, the greatest radius there is: what is dark and narrow has no say over what lies far beyond it
 
@@ -186,17 +183,10 @@ class Settings:
     in_front: bool = _declare(
         True, "bool", "splat", "a record in front of a pixel's surface, or behind it, does not speak for it"
     )
-    walls: bool = _declare(True, "bool", "splat", "a record says nothing beyond the two nearest walls that stand on its surface")
     adapt: float = _declare(
         0.6, "float", "splat", "how far records may contradict each other, of their light, before they reach less far; 0: off",
         low=0, high=10,
     )  # fmt: skip
-    neighbours: bool = _declare(
-        False,
-        "bool",
-        "splat",
-        "radii of neighbours differ by no more than their distance: what is near to one is near to the other",
-    )
     radius_min: float = _declare(
         0.5, "float", "splat", "least radius a·R of a splat on screen, in percent of the image height; of a strip, "
         "of that of a square with as many pixels", low=0, high=50, unit="%",
@@ -216,10 +206,6 @@ class Settings:
         0.05, "float", "examine", "a pixel also asks where its records contradict each other by more than this: deviation over "
         "mean of what they say; 0: off", low=0, high=10,
     )  # fmt: skip
-    borrow: int = _declare(
-        4, "int", "examine", "where no more of the 25 pixels around ask for a record, they borrow from records close by that lie "
-        "or look otherwise: what is that small gets none of its own; 0: off", low=0, high=24, unit="pixels",
-    )  # fmt: skip
     placement: str = _declare(
         "tiles", "choice", "examine", "who asks for records: tiles, coarse to fine, or the paper's random warm-up and scan order",
         choices=("tiles", "scan"),
@@ -238,14 +224,13 @@ class Settings:
         "sharper penumbrae, some noise; every sample of a pixel sends as many; 0: off", low=0, high=1024,
     )  # fmt: skip
     fill_holes: bool = _declare(
-        True, "bool", "composite", "while a view fills, pixels that no record speaks for yet borrow the light of those around",
+        True, "bool", "composite", "while a view fills, pixels that no record covers yet take the light around them",
         former="overture",
     )  # fmt: skip
     fade: bool = _declare(
         True, "bool", "composite", "new indirect light comes in over several frames of the viewer, so that it does not "
         "flicker in flight; at rest, and in a render, all of it is there",
     )  # fmt: skip
-    smooth: bool = _declare(False, "bool", "composite", "smooth the indirect light along surfaces, the paper's second cure")
     samples: int = _declare(
         1, "int", "composite", "subpixel samples whose mean a render's picture is; 1: what the pixel's centre sees",
         low=1, high=65536,
@@ -288,9 +273,9 @@ class Settings:
             object.__setattr__(self, name, declaration.check(getattr(self, name)))
 
     @property
-    def asking(self) -> tuple[float, float, int, int]:
-        """What decides which pixels get a record: `threshold`, `spread`, `borrow` and `max_records`."""
-        return self.threshold, self.spread, self.borrow, self.max_records
+    def asking(self) -> tuple[float, float, int]:
+        """Return the values that decide which pixels request a record: `threshold`, `spread` and `max_records`."""
+        return self.threshold, self.spread, self.max_records
 
     @property
     def threshold(self) -> float:
@@ -339,9 +324,25 @@ SETTINGS: dict[str, Declaration] = {f.name: Declaration(name=f.name, **f.metadat
 _PRESENT_NAMES = {d.former: d.name for d in SETTINGS.values() if d.former}
 
 
+REMOVED = {  # settings of earlier versions: why they are gone
+    "borrow": "every pixel gets a record where it needs one",
+    "neighbours": "adaptive radii do better with fewer records",
+    "smooth": "it raised the error",
+    "walls": "inter-record variance finds the same pixels",
+}
+
+
+def removed(name: str) -> str | None:
+    """Return the message on a setting of an earlier version, by its name or flag; None for any other name."""
+    why = REMOVED.get(name.removeprefix("--").replace("-", "_"))
+    return None if why is None else f"setting '{name}' was removed: {why}; leave it out"
+
+
 def present_name(name: str) -> str:
     """The setting that `name`, its present or its former one, stands for; raises InputError where there is none."""
     name = _PRESENT_NAMES.get(name, name)
+    if (message := removed(name)) is not None:
+        raise InputError(message)
     if name not in SETTINGS:
         raise InputError(f"unknown setting '{name}'{did_you_mean(name, SETTINGS)}; the settings are {', '.join(SETTINGS)}")
     return name
@@ -364,15 +365,12 @@ class SettingValues(TypedDict, total=False):
     a: float
     kernel: str
     in_front: bool
-    walls: bool
     adapt: float
-    neighbours: bool
     radius_min: float
     radius_max: float
     coarse: bool
     tolerance: float | Auto
     spread: float
-    borrow: int
     placement: str
     warmup: int
     max_rounds: int
@@ -381,7 +379,6 @@ class SettingValues(TypedDict, total=False):
     pixel_light_samples: int
     fill_holes: bool
     fade: bool
-    smooth: bool
     samples: int
     quality: float
     exposure: float | Auto
@@ -400,14 +397,12 @@ PRESETS: dict[str, SettingValues] = {
         "placement": "scan",
         "kernel": "cut",
         "in_front": False,
-        "walls": False,
         "gradients": False,
         "second_order": False,
         "radius": "harmonic",
         "a": 0.1,
         "adapt": 0.0,
         "spread": 0.0,
-        "borrow": 0,
         "fill_holes": False,
         "fade": False,
         "coarse": False,
@@ -420,7 +415,6 @@ PRESETS: dict[str, SettingValues] = {
         "a": 0.2,
         "radius_min": 0.25,
         "radius_max": 2.0,
-        "borrow": 0,
         "shadow_size": 2048,
         "max_rounds": 1000,
     },

@@ -17,7 +17,7 @@ from irrsplat.gpu.texel_table import table_rows
 from irrsplat.indirect.splat import splat_target
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.records.weight import record_defines, record_uniforms
-from irrsplat.settings import BORROW_REACH, Settings
+from irrsplat.settings import Settings
 
 TILE = 8  # texels along a side: a record is drawn on whole ones
 _BLOCK = 8  # tiles along a side of a block, which is tried first
@@ -97,7 +97,6 @@ class PlaceSplats(Owner):
             **record_uniforms(self.settings),
             eye=(0.0, 0.0, 0.0),
             radius_bounds=(self.reach.least, self.reach.greatest),
-            borrow_reach=self._lent,
             position=self.gbuffer.position,
             normal=self.gbuffer.normal,
             **some,
@@ -107,16 +106,11 @@ class PlaceSplats(Owner):
         )
         table.release()
 
-    @property
-    def _lent(self) -> float:
-        """Metres within which records lend to places that they do not reach."""
-        return BORROW_REACH * self.reach.texel if self.settings.borrow else 0.0
-
     def _pairs(self, cache: RecordCache, first: int) -> Iterator[np.ndarray]:
         """(N, 3) records from number `first` on and the tiles, x and y, that they may reach, at most _AT_ONCE of them."""
         centre = cache.positions[first:].astype(np.float32)
         own = self.settings.a * self.settings.widest * cache.values[first:, 3]
-        radius = 1.001 * np.maximum(np.clip(own, self.reach.least, self.reach.greatest), self._lent)
+        radius = 1.001 * np.clip(own, self.reach.least, self.reach.greatest)
         chunk = max(1, _TRIED // max(len(self.blocks.low), 1))
         for start, stop in pairwise([*range(0, len(centre), chunk), len(centre)]):
             which, block = np.nonzero(self.blocks.near(centre[start:stop, None], radius[start:stop, None]))

@@ -86,9 +86,7 @@ def bake_vertices(
     if not receivers.meshes:
         raise InputError("the scene has no triangles to bake light on")
     side = receivers.scene.diagonal / np.sqrt(3.0)
-    # in a picture of points those beside one are not its neighbours, so that there is no small group of them that may borrow
-    values: SettingValues = {"borrow": 0, **settings}
-    with PlaceLight(receivers.scene, preset, ctx, **values) as lights:
+    with PlaceLight(receivers.scene, preset, ctx, **settings) as lights:
         pieces = Cut.whole(receivers)
         found = _Found(receivers, lights, light, side * _SHORTEST)
         known = found.at(pieces.root, pieces.corner)

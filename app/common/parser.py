@@ -11,6 +11,7 @@ from gettext import gettext
 from typing import Any, NoReturn
 
 from irrsplat.core.errors import InputError, did_you_mean, nearest
+from irrsplat.settings import removed
 
 
 class Mistakes:
@@ -114,7 +115,7 @@ class Parser(argparse.ArgumentParser):
                 continue
             name, _, value = word.partition("=")
             meant = nearest(name, [flag for flag in self._option_string_actions if self._advertised(flag)])
-            self._wrong(f"unknown flag {name}" + (f" (did you mean {meant}?)" if meant else ""))
+            self._wrong(removed(name) or f"unknown flag {name}" + (f" (did you mean {meant}?)" if meant else ""))
             if meant:
                 probably.add(meant)
                 self.mistakes.arguments.add(self._option_string_actions[meant].dest)

@@ -22,17 +22,13 @@ TECHNIQUES: tuple[tuple[str, SettingValues], ...] = (
     ("radii by distance, not by the Hessian", {"radius": "harmonic"}),
     ("without radii that adapt", {"adapt": 0.0}),
     ("no records where others contradict each other", {"spread": 0.0}),
-    ("without walls", {"walls": False}),
-    ("neighbour clamping as well", {"neighbours": True}),
     ("without limits of the radius", {"radius_min": 0.0, "radius_max": 0.0}),
     ("weights cut off at 1/a", {"kernel": "cut"}),
     ("records in front speak as well", {"in_front": False}),
     ("one plane of 150°, not the hemisphere", {"gather": "plane"}),
     ("a gather of 32²", {"gather_size": 32}),
     ("all rays for every record", {"ray_noise": 0.0}),
-    ("nothing borrows", {"borrow": 0}),
     ("the paper's placement", {"placement": "scan"}),
-    ("the picture smoothed", {"smooth": True}),
 )
 CURVE = (1.6, 0.65)  # further points of the preset's curve: its records reach that many times as far
 NEAR = 0.05  # a number of records that is off by less, of the wanted one, will do

@@ -33,9 +33,8 @@ LADDER: tuple[tuple[str, str, SettingValues], ...] = (  # from the preset paper 
     ("second", "second derivatives", {"second_order": True}),
     ("limits", "a radius of 0.5 to 7 % of the picture's height", {"radius_min": 0.5, "radius_max": 7.0}),
     ("hessian", "radii from the Hessian, along and across", {"radius": "hessian"}),
-    ("walls", "records end at walls", {"walls": True}),
     ("adapt", "records that contradict others shrink", {"adapt": 0.6}),
-    ("spread", "more records where some contradict each other", {"spread": 0.05, "borrow": 4}),
+    ("spread", "more records where some contradict each other", {"spread": 0.05}),
 )
 SHOWN = ("published", "hemisphere", "kernel", "gradients", "limits", "spread")
 SHARED: SettingValues = {

@@ -21,7 +21,7 @@ VIRTUAL_SETS = 8  # of virtual lights; with one set for all records its error wo
 SHORT = 1e-4  # of the way, by which a shadow ray ends before the emitter
 ROUNDING = 2.0**-20  # of the depth of a light's shadow maps: how far off its surface a place in float32 may lie
 SKY_RAY_TEXELS = 3.0  # a ray looks at texels of this share of its solid angle: once interpolated, they are as wide as it is
-TOLD = 1e-13  # Σ k of a pixel, below which no record tells of its light but from behind a wall, or from within a closed mesh
+TOLD = 1e-13  # Σ k of a pixel, below which no record contributes but one from within a closed mesh
 BRIGHT = 32.0  # times the luminance floor: an error at what is brighter counts less than in proportion to the luminance
 FALSE_COLOURS = 64  # of the scale that light is shown by in the viewer
 

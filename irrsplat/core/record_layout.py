@@ -91,15 +91,6 @@ COLUMNS: dict[str, Column] = {
             "the greatest radius that the curvature may lead to, at most settings.WIDE·R_k; 0 in the dark within a closed mesh, "
             "where the record says nothing of light",
         ),
-        Column(
-            "walls",
-            "vec4",
-            ("walls.xyzw",),
-            "1/m",
-            "gather",
-            "the two nearest walls that stand on the record's surface, xy and zw, by coordinates along the axis and across it: "
-            "a point with dot(p - p_k, wall) > 1 is behind the wall; 0: none",
-        ),
         Column("limit", "float", ("limit.x",), "1", "adaptation", "share of its radii that a record may reach at most"),
     )
 }

@@ -141,13 +141,12 @@ class SampleBuffers(Owner):
         self.gbuffer = GBufferTarget(ctx, size)
         self.splat = splat_target(ctx, size)
         self.direct = Target(ctx, size, (4,))
-        self.smooth: Target | None = None  # these are made when first needed
-        self.emitters: Target | None = None
+        self.emitters: Target | None = None  # made when first needed, as is `added`
         self.added: Target | None = None
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.mean, self.other, self.gbuffer, self.splat, self.direct, self.smooth, self.emitters, self.added)
+        return (self.mean, self.other, self.gbuffer, self.splat, self.direct, self.emitters, self.added)
 
 
 def _add_sample(number: int, view: View, passes: FramePasses, inputs: FrameInputs, buffers: SampleBuffers) -> Iterator[None]:
@@ -163,9 +162,6 @@ def _add_sample(number: int, view: View, passes: FramePasses, inputs: FrameInput
             passes.splat(inputs.cache.records, some, gbuffer, camera, settings, target=buffers.splat, reach=view.splats.reach)
             yield
     sums = buffers.splat.textures[0]
-    if settings.smooth:
-        buffers.smooth = buffers.smooth or Target(buffers.gbuffer.ctx, buffers.size, (4,))
-        sums = passes.composite.smoothed(sums, gbuffer, camera, buffers.smooth)
     if passes.emitters is not None:
         buffers.emitters = buffers.emitters or Target(buffers.gbuffer.ctx, buffers.size, (4,))
         buffers.added = buffers.added or Target(buffers.gbuffer.ctx, buffers.size, (4,))

@@ -20,12 +20,6 @@ from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
 
 _METER = 64  # blocks along each side of the image
-_SMOOTH = 0.01  # radius of the smoothing, of the image height
-
-
-def smooth_radius(size: tuple[int, int]) -> int:
-    """Over how many pixels on each side light is smoothed, in a picture of `size` (width, height)."""
-    return max(1, round(_SMOOTH * size[1]))
 
 
 def meter_block(size: tuple[int, int]) -> tuple[int, int]:
@@ -81,7 +75,6 @@ class CompositePass(Owner):
     def __init__(self, ctx: moderngl.Context, size: tuple[int, int]) -> None:
         self.size = size
         self.fills = [Program(ctx, "image/composite_fill", "lib/fullscreen", {"SKY_MAP": map_}) for map_ in (0, 1)]
-        self.smooth = Program(ctx, "image/composite_smooth", "lib/fullscreen")
         self.add = Program(ctx, "image/add_emitters", "lib/fullscreen")
         self.blends = {  # by whether there are filters, whether any surface emits, and Backdrop.sky_terms; for filters 2 or 3
             (filters, emissive, sky): Program(
@@ -99,7 +92,6 @@ class CompositePass(Owner):
         self.no_filters = NoFilters(ctx)
         self.mipmapped = ctx.sampler(repeat_x=False, repeat_y=False, filter=(moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR))
         self.fill_target: Target | None = None
-        self.smooth_target: Target | None = None
         self.added_target: Target | None = None
         self.meter_block = meter_block(size)
         self.meter_target = Target(ctx, (-(-size[0] // self.meter_block[0]), -(-size[1] // self.meter_block[1])), (4,))
@@ -107,8 +99,8 @@ class CompositePass(Owner):
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        programs = *self.fills, self.smooth, self.add, *self.blends.values(), self.meter, self.display
-        targets = self.target, self.fill_target, self.smooth_target, self.added_target, self.meter_target
+        programs = *self.fills, self.add, *self.blends.values(), self.meter, self.display
+        targets = self.target, self.fill_target, self.added_target, self.meter_target
         return (*programs, *targets, self.mipmapped, self.reading, self.no_filters)
 
     def __call__(
@@ -121,17 +113,13 @@ class CompositePass(Owner):
         settings: Settings,
         emitters: moderngl.Texture | None = None,
     ) -> tuple[moderngl.Texture, moderngl.Texture, moderngl.Texture]:
-        """The image before exposure, its alpha, and the sums (Σ k·E, Σ k) whose quotient is E: the given ones, smoothed where the
-        settings ask for it.
+        """Return the image before exposure, its alpha, and the sums (Σ k·E, Σ k) whose quotient is E.
 
-        emitters: their irradiance where it was sampled at the pixels, W/m²; it is never smoothed.
+        emitters: irradiance by emitters that was sampled at the pixels, W/m².
 
         Direct and indirect light have the weights Settings.mix; emission and the backdrop's are whole. All are tinted by the
         filters before.
         """
-        if settings.smooth:
-            self.smooth_target = self.smooth_target or Target(self.target.ctx, self.size, (4,))
-            sums = self.smoothed(sums, gbuffer, camera, self.smooth_target)
         if emitters is not None:
             self.added_target = self.added_target or Target(self.target.ctx, self.size, (4,))
             sums = self.with_emitters(sums, emitters, gbuffer, sums, self.added_target)
@@ -162,18 +150,6 @@ class CompositePass(Owner):
             fill(self.fill_target, scissor=band, levels=levels, **light, **seen, **sky)
             stop_for_input(self.target.ctx)
         return self.fill_target.textures[0]
-
-    def smoothed(self, sums: moderngl.Texture, gbuffer: GBuffer, camera: Camera, target: Target) -> moderngl.Texture:
-        """(E, 1), smoothed along surfaces, of (Σ k·E, Σ k), in the target's texture."""
-        self.smooth(
-            target,
-            position=gbuffer.position,
-            normal=gbuffer.normal,
-            sums=sums,
-            smooth_radius=smooth_radius(camera.whole(self.size)),
-            pixel_size=camera.pixel(self.size),
-        )
-        return target.textures[0]
 
     def with_emitters(
         self,

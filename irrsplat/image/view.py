@@ -26,7 +26,7 @@ class View:
     """One round's picture as GPU handles, valid until the next round: what the viewer shows and `render` reads back.
 
     camera: relative to the scene's origin, as the g-buffer's positions are.
-    sums: (Σ k·E, Σ k), whose quotient E the picture is made of: the splat buffer's own, or smoothed.
+    sums: (Σ k·E, Σ k), whose quotient E the picture is made of: the splat buffer's own, or filtered in time.
     samples: of a pixel. Of more than one, the first at its centre, `image`, `direct`, `indirect`, `emission` (the sky's
     too) and `alpha` are the means; of one alone, indirect and emission follow from the rest. All others are of the centre.
     backdrop: what stands where nothing is seen. fading: whether E is not yet what the records say, but on the way there from what
@@ -96,7 +96,7 @@ class Progress:
 
 
 def uncovered(view: View, rows_columns: tuple[slice, slice] = (slice(None), slice(None))) -> int:
-    """How many of the pixels, top row first, that see a surface no record reaches, not even to lend."""
+    """Return the number of pixels, top row first, that see a surface which no record reaches."""
     untold = (pixels(view.splats.sums)[..., 3] <= TOLD) & (pixels(view.splats.weight)[..., 0] <= 0.0)
     return int(np.count_nonzero((_seen(view)[..., 0] & untold)[rows_columns]))
 

@@ -138,7 +138,6 @@ class ExaminePass(Owner):
             step_size=_stride(side**2),
             tolerance=settings.threshold,
             seed=settings.seed,
-            borrow=settings.borrow,
         )
         position, normal, rest = (target.read(i) for i in range(3))
         octahedral = np.stack([normal[..., 3], rest[..., 0]], axis=-1)

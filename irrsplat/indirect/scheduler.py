@@ -138,7 +138,7 @@ class RecordScheduler(Owner):
         side: int = 0,
     ) -> tuple[ViewState, RoundResult]:
         """Gather where the view lacks records, as far as the budget goes. side: of the gathers for a view that is
-        refined, 0 for any other; no pixel borrows and no record is evicted then."""
+        refined, 0 for any other; no record is evicted then."""
         size, scan = gbuffer.position.size, self.settings.placement == "scan" and not side
         screen = Screen(
             size,
@@ -307,8 +307,6 @@ class RecordScheduler(Owner):
         """The sites of a new round, and with them the state in which the next one selects."""
         # while some are stale, records contradict each other for that alone
         settings = replace(self.settings, spread=0.0) if len(self.cache.stale) else self.settings
-        if refining:
-            settings = replace(settings, borrow=0)
         with self.timers("examine"):
             found, side = screen.examine(settings), tile_side(screen.size, 1)
             reach = (settings.radius_max or _REACH) / 100.0 * measure(screen.size) / side  # tiles

@@ -15,7 +15,7 @@ from irrsplat.gpu.target import Target
 from irrsplat.records.culling import TILE
 from irrsplat.records.weight import record_defines, view_radius_uniforms
 from irrsplat.scene.model import Camera
-from irrsplat.settings import BORROW_REACH, Settings
+from irrsplat.settings import Settings
 
 _BATCH = 128  # records: some 30 ms of a software renderer at 1200 x 800, and enough work for any GPU
 
@@ -123,7 +123,6 @@ class SplatPass(Owner):
             **view_radius_uniforms(camera, self.target.size, settings),
             pixel=camera.pixel(self.target.size) * pixel_stride,
             forward=-camera.axes[2],
-            borrow_reach=BORROW_REACH if settings.borrow else 0.0,
             position=gbuffer.position,
             normal=gbuffer.normal,
             **some,

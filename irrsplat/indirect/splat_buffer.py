@@ -91,7 +91,6 @@ class ViewSplats(Owner):
         inputs = (
             gbuffer,
             settings.of("splat"),
-            settings.borrow > 0,
             settings.most_bounces > 0,
             cache.revision,
             pixel_stride,

@@ -43,13 +43,12 @@ def view_bytes(scene: Scene, settings: Settings, picture_alone: bool) -> int:
     gbuffer += 16 if any(material.normal_texture for material in scene.materials) else 0
     gbuffer += 36 if any(material.filters for material in scene.materials) else 0
     emitters = 32 if settings.emitters_apart else 0
-    smooth = 16 if settings.smooth else 0
     if settings.samples > 1:
-        return 2 * (gbuffer + splats + direct + emitters + smooth) + summed + image + 68
+        return 2 * (gbuffer + splats + direct + emitters) + summed + image + 68
     refined = 64 if settings.quality else 0  # two more splat buffers, and what they are compared by
     if picture_alone and not refined:
-        return max(gbuffer + splats + summed, gbuffer + summed + direct + image + emitters + smooth)
-    return gbuffer + splats + refined + summed + direct + image + emitters + smooth
+        return max(gbuffer + splats + summed, gbuffer + summed + direct + image + emitters)
+    return gbuffer + splats + refined + summed + direct + image + emitters
 
 
 @dataclass(frozen=True)

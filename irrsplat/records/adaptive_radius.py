@@ -19,7 +19,7 @@ from irrsplat.records.radius_limit_pass import RadiusLimitPass
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.settings import Settings
 
-_SETTINGS = ("a", "adapt", "neighbours", "gradients", "second_order", "radius", "walls")  # those that limits depend on
+_SETTINGS = ("a", "adapt", "gradients", "second_order", "radius")  # those that limits depend on
 
 
 @dataclass(frozen=True)
@@ -74,8 +74,8 @@ class AdaptiveRadius(Owner):
 
     def __init__(self, ctx: moderngl.Context, settings: Settings, cache: RecordCache, timers: Timers) -> None:
         self.ctx, self.cache, self.timers = ctx, cache, timers
-        self._made_for = settings.gradients, settings.neighbours
-        self.limit_pass = RadiusLimitPass(ctx, *self._made_for)
+        self._gradients = settings.gradients
+        self.limit_pass = RadiusLimitPass(ctx, self._gradients)
         self._progress = _Progress()
         self._partly: _Partly | None = None
         self._floor_of = 0, 0  # how many records, and how many refreshes, the cache's luminance floor is of
@@ -86,10 +86,9 @@ class AdaptiveRadius(Owner):
 
     def change(self, settings: Settings) -> None:
         """Go on with other settings."""
-        made_for = settings.gradients, settings.neighbours
-        if self._made_for != made_for:
-            made = RadiusLimitPass(self.ctx, *made_for)
-            old, self.limit_pass, self._made_for = self.limit_pass, made, made_for
+        if self._gradients != settings.gradients:
+            made = RadiusLimitPass(self.ctx, settings.gradients)
+            old, self.limit_pass, self._gradients = self.limit_pass, made, settings.gradients
             old.release()
 
     def keep(self, numbers: np.ndarray) -> None:
@@ -130,7 +129,7 @@ class AdaptiveRadius(Owner):
         has no more to do than to say what has changed. Splats of old records hold until then."""
         cache, inputs, done = self.cache, self._inputs(_values(settings)), self._progress
         waits = len(cache.stale) or inputs != done.inputs or done.limited != cache.count or done.compared == cache.count
-        if waits or not (settings.adapt > 0.0 or settings.neighbours):
+        if waits or settings.adapt == 0.0:
             return True
         partly = self._partly
         if partly is None or not partly.begun_by(inputs, done.compared, cache.count):
@@ -156,7 +155,7 @@ class AdaptiveRadius(Owner):
                 before = np.concatenate([partly.before, before[len(partly.before) :]])[:limited]
             inputs = self._inputs(_values(settings))
             done = old and partly is not None and partly.complete and partly.begun_by(inputs, first, cache.count)
-            if not done and (settings.adapt > 0.0 or settings.neighbours) and cache.count:
+            if not done and settings.adapt > 0.0 and cache.count:
                 self.limit_pass(cache, first, settings, old)
             elif not same:
                 cache.reset_limits()

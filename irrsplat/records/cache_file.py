@@ -29,7 +29,7 @@ from irrsplat.scene.flatten import flatten
 from irrsplat.scene.model import Image, Material, Scene
 from irrsplat.settings import SETTINGS, Settings
 
-FORMAT = 7  # to be raised whenever the content of files changes, or what records are gathered from
+FORMAT = 8  # to be raised whenever the content of files changes, or what records are gathered from
 _NAME = b"irrsplat record cache "
 _DIGEST = hashlib.sha256().digest_size
 _CHECKED = "checked"  # the array of where checks have looked from, in files of this version and later ones

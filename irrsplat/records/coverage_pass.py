@@ -17,7 +17,7 @@ from irrsplat.settings import Settings
 class CoveragePass(Owner):
     """Estimates the pixels that records serve, from samples of each record's bounding box on screen.
 
-    gradients: records have derivatives, and with them walls.
+    gradients: records have derivatives.
     """
 
     def __init__(self, ctx: moderngl.Context, gradients: bool) -> None:

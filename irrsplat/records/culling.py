@@ -8,13 +8,13 @@ import numpy as np
 
 from irrsplat.records.record_cache import RecordCache
 from irrsplat.scene.model import Camera
-from irrsplat.settings import BORROW_REACH, Settings
+from irrsplat.settings import Settings
 
 TILE = 16  # pixels along a side of the tiles of which the farthest surface is known
 # of a sphere's radius, and of all distances: far more than rounding, here and on the GPU
 _SLACK = 1e-3, 1e-5
 _MARGIN = 1.6  # pixels about the view: more than the samples of antialiasing lie beside the pixels' centres
-_STRIDE = 2  # pixels of the view a pixel of the splat buffer, at most
+_OWN_PIXELS = 1.5  # pixels of the view that a record within a closed mesh reaches at most, as shaders/indirect/splat.vert has it
 _MANY = 1000  # records in the view's pyramid: with fewer it does not pay to look for hidden ones
 
 
@@ -38,8 +38,7 @@ def reaching(
         radius = settings.radius_max * percent
     else:
         radius = np.maximum(settings.a * settings.widest * cache.values[first:, 3], settings.radius_min * percent)
-    if settings.borrow:
-        radius = np.maximum(radius, _STRIDE * BORROW_REACH * camera.pixel(size) * distance)
+    radius = np.maximum(radius, _OWN_PIXELS * camera.pixel(size) * distance)
     relative, rounding = _SLACK
     radius = (1.0 + relative) * radius + rounding * (distance + max(map(abs, camera.eye)))
     numbers = np.flatnonzero(_outside(offset, camera, size, _MARGIN) <= radius)

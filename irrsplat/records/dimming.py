@@ -6,7 +6,7 @@ import numpy as np
 
 from irrsplat.records.record_cache import RecordCache, luminance_floor
 
-_LINEAR = ("irradiance", "vectors", "gradient")  # the columns that go with the light; R and walls are geometry
+_LINEAR = ("irradiance", "vectors", "gradient")  # the columns that go with the light; R is geometry
 
 
 def dim(cache: RecordCache, factor: np.ndarray) -> None:

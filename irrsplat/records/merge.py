@@ -22,7 +22,7 @@ from irrsplat.core.color import LUMINANCE
 from irrsplat.core.record_layout import COLUMNS, GATHERED
 from irrsplat.records.cache_file import CacheState, selected
 from irrsplat.records.record_cache import luminance_floor
-from irrsplat.records.weight import LUNES, behind_wall, error_scale, own_radii, record_distance, record_weight
+from irrsplat.records.weight import LUNES, error_scale, own_radii, record_distance, record_weight
 from irrsplat.settings import Settings
 
 _AT_ONCE = 4096  # records that are held against the others together
@@ -134,8 +134,6 @@ class _Table:
         counts = w > 1.0 / settings.a
         Y = columns["irradiance"][other] @ LUMINANCE
         if settings.gradients:
-            if settings.walls:
-                counts &= ~behind_wall(apart, axis, n_k, columns["walls"][other])
             Y = self._turned(columns["vectors"][other], n, n_k)
             trust = np.minimum(1.0, self.radii[other, 1] / np.maximum(reach[:, 1], 1e-30))
             slope = trust * np.einsum("pcx,c,px->p", columns["gradient"][other], LUMINANCE, apart)

@@ -23,7 +23,6 @@ from irrsplat.records.weight import record_defines, record_uniforms
 from irrsplat.settings import Settings
 
 COMPARED_WITHIN = 2.0  # radii a·R of a record: how far away others are compared with it
-_ANY = 1e30  # as relative difference that is allowed: no two records differ by so much
 _TABLE = (
     64,
     1024,
@@ -33,14 +32,11 @@ _RECENT = 2048  # records: the newest have a grid of their own until they are so
 
 
 class RadiusLimitPass(Owner):
-    """Writes the limits of records' radii into the cache.
+    """The pass that writes the limits of records' radii into the cache; gradients: records have derivatives."""
 
-    gradients: records have derivatives. neighbours: radii of records may not differ by more than the records' distance, too.
-    """
-
-    def __init__(self, ctx: moderngl.Context, gradients: bool, neighbours: bool) -> None:
+    def __init__(self, ctx: moderngl.Context, gradients: bool) -> None:
         self.ctx = ctx
-        defines = record_defines(gradients) | {"NEIGHBOURS": int(neighbours), "COMPARED_WITHIN": COMPARED_WITHIN}
+        defines = record_defines(gradients) | {"COMPARED_WITHIN": COMPARED_WITHIN}
         self.program = Program(ctx, "records/radius_limit", "lib/fullscreen", defines)
         self.write = Program(ctx, "records/radius_limit_write")
         self.targets = float_texture(ctx, _TABLE, 1)
@@ -104,7 +100,7 @@ class RadiusLimitPass(Owner):
                     **records.uniforms,
                     **record_uniforms(settings),
                     **one.uniforms,
-                    adapt=settings.adapt or _ANY,
+                    adapt=settings.adapt,
                     targets=self.targets,
                     count=len(part),
                     by_all=by_all,

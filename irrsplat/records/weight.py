@@ -26,7 +26,6 @@ def record_uniforms(settings: Settings) -> Uniforms:
         "a": settings.a,
         "hessian": settings.radius == "hessian",
         "second_order": settings.second_order,
-        "walls": settings.walls,
     }
 
 
@@ -79,13 +78,6 @@ def record_weight(
         aside = np.abs((apart * (n + n_k)).sum(-1)) * 0.5
         w = np.where((cosine > 0.0) & (aside <= IN_FRONT * R), w, np.zeros_like(w))
     return w
-
-
-def behind_wall(apart: np.ndarray, axis: np.ndarray, n_k: np.ndarray, walls: np.ndarray) -> np.ndarray:
-    """Whether points are behind one of a record's two walls (…, 4), as record_layout.COLUMNS has them."""
-    place = np.stack([(apart * axis).sum(-1), (apart * np.cross(n_k, axis)).sum(-1)], axis=-1)
-    behind: np.ndarray = ((place[..., None, :] * walls.reshape(*walls.shape[:-1], 2, 2)).sum(-1) > 1.0).any(-1)
-    return behind
 
 
 def view_radius(

@@ -369,7 +369,7 @@ class Renderer(Tenant):
         buffers: names of those that the frame holds (default: all); the others are empty, and of image and alpha alone a large
         picture takes half as much memory.
         gather: False leaves the cache as it is, so that the view depends on records, camera and settings alone, to the bit, and
-        not on what was rendered before; stats["uncovered"] counts the pixels that no record reaches, which borrow the light of
+        not on what was rendered before; stats["uncovered"] counts the pixels that no record reaches, which take the light of
         those around unless the setting `fill_holes` is off.
         Ctrl-C ends the rounds, or the samples, early: stats["converged"] is False then. Of a picture in
         tiles, those that are left get one sample a pixel; a second Ctrl-C ends it without a frame.

@@ -151,7 +151,7 @@ class Stages(Owner):
         emitter_pass, sampled_by = self._emitter_pass(state), (settings.pixel_light_samples, settings.seed)
         held = None if surface is None else surface.result
         lit_by = shadows, self._casting(state, hurried), headlamp
-        subject = gbuffer, lit_by, done.splats, settings.blend, settings.smooth, filling, held, backdrop, sampled_by
+        subject = gbuffer, lit_by, done.splats, settings.blend, filling, held, backdrop, sampled_by
         temporal_filter = self._passes.get("temporal", state.size, lambda: TemporalFilter(self.ctx, state.size))
         if not fading:
             temporal_filter.forget()

@@ -16,7 +16,7 @@ from irrsplat.core.buffers import CHANNELS, ShadowMaps
 from irrsplat.gather.gaps import NOTHING_TO_FIND, Gaps, Search
 from irrsplat.gather.spot_check import Spots
 from irrsplat.gpu.time_budget import Budget
-from irrsplat.image.composite import meter_block, smooth_radius
+from irrsplat.image.composite import meter_block
 from irrsplat.image.tonemap import automatic_exposure
 from irrsplat.image.view import Progress, View, uncovered, values_of
 from irrsplat.indirect.examine import Examination, Screen, tile_count, tile_side
@@ -204,12 +204,11 @@ class Tiles:
         self.cache.mark_seen(reaching(self.cache, 0, camera, state.size, settings))
         wanted = CHANNELS.keys() if names is None else CHANNELS.keys() & {*names, "image"}
         arrays: dict[str, np.ndarray] = {}
-        margin = _MARGIN + (smooth_radius(state.size) if settings.smooth else 0)
-        size = tuple(min(side, state.tile + 2 * margin) for side in state.size)
+        size = tuple(min(side, state.tile + 2 * _MARGIN) for side in state.size)
         here, none_reach, view, stopped = replace(state, size=(size[0], size[1])), 0, None, False
         tiles = list(_grid(state.size, (state.tile, state.tile)))
         for number, (left, bottom) in enumerate(tiles):
-            x, y = (min(max(0, at - margin), side - own) for at, side, own in zip((left, bottom), state.size, size, strict=True))
+            x, y = (min(max(0, at - _MARGIN), side - own) for at, side, own in zip((left, bottom), state.size, size, strict=True))
             seen = part_of(camera, Part(state.size, (x, y), here.size))
             try:
                 view = self._drawn(here, seen, shadows, done, frozen, samples)

@@ -5,17 +5,14 @@
 uniform sampler2D pairs;     // by number: x record, yz the tile's first texel
 uniform vec2 texels;         // width and height of the places
 uniform float tile;          // texels along a side of a tile
-uniform float borrow_reach;  // metres within which a record may lend to places that it does not reach; 0: it lends nothing
 
 flat out vec3 v_place;       // as in indirect/splat.vert
 flat out vec3 v_normal;
 flat out vec3 v_axis;
 flat out vec2 v_radii;
-flat out float v_borrow;
 flat out float v_share;
 #if GRADIENTS
 flat out vec2 v_curvature;
-flat out vec4 v_walls;
 flat out mat3 v_m;
 flat out mat3 v_g;
 #else
@@ -32,11 +29,9 @@ void main()
     v_axis = ellipse.axis;
     v_radii = vec2(ellipse.along, ellipse.across) / a;
     v_normal = record_normal(texel);
-    v_borrow = record_enclosed(texel) ? 0.0 : borrow_reach;
     v_share = record_share(texel);
 #if GRADIENTS
     v_m = record_vectors(texel);
-    v_walls = usable_walls(texel);
     v_g = record_gradient(texel) * trust;
     v_curvature = usable_curvature(texel) * trust * trust;
 #else

@@ -23,17 +23,9 @@ layout(location = 2) out vec4 out_m_r;    // Σ L·ω·dω of red, green and blu
                                           // second derivatives xx, xy, yy there
 layout(location = 3) out vec4 out_m_g;
 layout(location = 4) out vec4 out_m_b;
-layout(location = 5) out vec4 out_g_r;    // ∇E of red, green and blue, in the record's frame; w: the nearest wall, x and y
+layout(location = 5) out vec4 out_g_r;    // ∇E of red, green and blue, in the record's frame
 layout(location = 6) out vec4 out_g_g;
 layout(location = 7) out vec4 out_g_b;    // w: squared steps of the luminance's terms from texel to texel
-#endif
-
-#if GRADIENTS
-// What may be a wall that stands on the record's surface: low enough not to hang above the neighbourhood, high enough not to be
-// the surface's own curve. Sines of elevation.
-const float LOW = 0.2, HIGH = 0.5;
-// how nearly a wall's plane is to stand upright, so that the line in which it meets the surface is where it stands
-const float UPRIGHT = 0.8;
 #endif
 
 // Radiance, and 1/distance, seen by a texel of the cell whose first texel is `corner`; direction: what the table says of it.
@@ -71,8 +63,6 @@ void main()
     mat3 M = mat3(0.0), G = mat3(0.0);
     vec3 H = vec3(0.0);
     float steps = 0.0;
-    float near = 0.0;  // 1/distance along the surface of the nearest thing that stands on it
-    vec2 wall = vec2(0.0);
 #endif
     for (int y = inside.y; y < inside.y + block.y; ++y)
         for (int x = inside.x; x < inside.x + block.x; ++x)
@@ -88,14 +78,6 @@ void main()
 #if GRADIENTS
             vec4 own = texelFetch(planes, corner + ivec2(x, y), 0);
             out_share.y += own.w * direction.w;
-            float along = length(direction.xy);
-            if (direction.z > LOW && direction.z < HIGH && L.a > near * along)
-            {
-                // its line in the surface, beyond which dot(p - p_k, wall) > 1: its plane's, or else across the way to it
-                near = L.a / along;
-                vec2 plane = (own.xyz * frame).xy, way = direction.xy * (near / along);
-                wall = dot(plane, way) > UPRIGHT * dot(way, way) && dot(plane, way) * UPRIGHT < dot(way, way) ? plane : way;
-            }
             M += outerProduct(direction.xyz * (direction.w / direction.z), L.rgb);
             for (int j = 0; j < 2; ++j)
             {
@@ -122,8 +104,8 @@ void main()
     out_m_r = vec4(M[0], H.x);
     out_m_g = vec4(M[1], H.y);
     out_m_b = vec4(M[2], H.z);
-    out_g_r = vec4(G[0], wall.x);
-    out_g_g = vec4(G[1], wall.y);
+    out_g_r = vec4(G[0], 0.0);
+    out_g_g = vec4(G[1], 0.0);
     out_g_b = vec4(G[2], steps);
 #endif
 }

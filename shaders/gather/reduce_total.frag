@@ -30,7 +30,7 @@ void main()
     vec2 solid = vec2(0.0);
     mat3 M = mat3(0.0), G = mat3(0.0);
     vec3 H = vec3(0.0), axis = vec3(0.0);
-    vec2 curvature = vec2(0.0), wall = vec2(0.0), second = vec2(0.0);
+    vec2 curvature = vec2(0.0);
     float max_radius = 0.0;
     for (int y = 0; y < blocks.y; ++y)
         for (int x = 0; x < blocks.x; ++x)
@@ -42,23 +42,9 @@ void main()
             vec4 r = texelFetch(sums_m_r, at, 0), g = texelFetch(sums_m_g, at, 0), b = texelFetch(sums_m_b, at, 0);
             M += mat3(r.xyz, g.xyz, b.xyz);
             H += vec3(r.w, g.w, b.w);
-            r = texelFetch(sums_g_r, at, 0);
-            g = texelFetch(sums_g_g, at, 0);
-            G += mat3(r.xyz, g.xyz, texelFetch(sums_g_b, at, 0).xyz);
-            vec2 line = vec2(r.w, g.w);
-            wall = dot(line, line) > dot(wall, wall) ? line : wall;
+            G += mat3(texelFetch(sums_g_r, at, 0).xyz, texelFetch(sums_g_g, at, 0).xyz, texelFetch(sums_g_b, at, 0).xyz);
 #endif
         }
-#if GRADIENTS
-    // the nearest one that is not in the first one's plane
-    for (int y = 0; y < blocks.y; ++y)
-        for (int x = 0; x < blocks.x; ++x)
-        {
-            ivec2 at = corner + ivec2(x, y);
-            vec2 line = vec2(texelFetch(sums_g_r, at, 0).w, texelFetch(sums_g_g, at, 0).w);
-            second = dot(line, line) > dot(second, second) && dot(wall, line) < 0.7 * dot(line, line) ? line : second;
-        }
-#endif
     // Ward et al. 1988: R = Σ cosθ·dω / Σ (cosθ·dω / r)
     float R = clamp(solid.x / max(total.a, 1e-30), radii.x, radii.y);
     vec3 normal = texelFetch(frames, ivec2(i * PLACES, 2), 0).xyz;
@@ -72,9 +58,6 @@ void main()
     vec2 along = abs(H.x - lesser) > abs(H.z - lesser) ? vec2(H.y, lesser - H.x) : vec2(lesser - H.z, H.y);
     along = dot(along, along) > 0.0 ? normalize(along) : vec2(1.0, 0.0);
     axis = world * vec3(along, 0.0);
-    mat2 turn = mat2(along.x, -along.y, along.y, along.x);
-    wall = turn * wall;
-    second = turn * second;
     curvature = vec2(lesser, greater) / max(dot(total.rgb, LUMINANCE), 1e-20);
     curvature = clamp(curvature, -1e30, 1e30);  // no less of it where it is dark: beside a shadow's edge it tells that light is near
     // WIDE is settings.py's: a bound however little the light curves. In a closed mesh that nothing lights nobody looks: a pixel at its
@@ -85,5 +68,5 @@ void main()
 #else
     M = outerProduct(normal, total.rgb);  // E = n_k·M, whatever the pixel's normal
 #endif
-    write_record(total.rgb, R, M, G, axis, curvature, max_radius, vec4(wall, second));
+    write_record(total.rgb, R, M, G, axis, curvature, max_radius);
 }

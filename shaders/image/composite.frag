@@ -13,7 +13,7 @@
 // 0 black, 1 the same everywhere, 2 brighter above, 3 a map.
 
 uniform sampler2D direct;  // a: 1 where a surface is seen
-uniform sampler2D sums;    // Σ k·E, Σ k; after smoothing E and 1
+uniform sampler2D sums;    // Σ k·E, Σ k
 uniform vec2 blend;        // weights of direct and indirect light
 
 layout(location = 0) out vec4 out_image;

@@ -18,11 +18,9 @@ flat in vec3 v_place;
 flat in vec3 v_normal;
 flat in vec3 v_axis;
 flat in vec2 v_radii;
-flat in float v_borrow;
 flat in float v_share;
 #if GRADIENTS
 flat in vec2 v_curvature;
-flat in vec4 v_walls;
 flat in mat3 v_m;
 flat in mat3 v_g;
 #else
@@ -31,13 +29,6 @@ flat in vec3 v_irradiance;
 
 layout(location = 0) out vec4 out_sums;     // k·E, k
 layout(location = 1) out vec2 out_weight;   // w, and k·Y², where Y is the luminance of E
-
-// How far from a record, in radii a·R, a pixel may lie that it lends to. Much farther away it does not know what light there is: the
-// dark floor below a hovering block would lend to the floor beside it, where few pixels need a record since others have been there.
-const float LENT_WITHIN = 1.5;
-// Behind its walls so little of what a record lends counts, or of what it says where it would reach: more than of one from within a
-// closed mesh, less than of any other.
-const float BEHIND = 1e-8;
 
 #if NORMAL_MAPS
 // The irradiance on a normal m bent away from the surface's own n, where it is E = n·M. n·M and m·M count light below m's horizon as
@@ -58,21 +49,12 @@ void main()
     vec4 p = texel_at(position, pixel);
     if (p.w == 0.0) discard;
     vec3 apart = p.xyz - v_place, n = texel_at(normal, pixel).xyz;
-    bool behind = false;
-#if GRADIENTS
-    behind = behind_wall(apart, v_axis, v_normal, v_walls);
-    if (behind && v_borrow <= 0.0) discard;
-#endif
     float w = record_weight(apart, v_axis, v_radii, n, v_normal, in_front);
     float least = 1.0 / a;
 #if REFINED
     least /= texel_at(reach, ivec2(gl_FragCoord.xy)).r;
 #endif
-    bool reaches = w > least && !behind;
-    bool lends = !reaches && record_distance(apart, v_axis, v_radii) <= LENT_WITHIN * a;
-    float lent = lends ? borrowed_weight(apart, n, v_normal, v_borrow) : 0.0;
-    if (behind) lent = BEHIND * max(lent, BORROWED * clamp(w - least, 0.0, 1.0));
-    if (!reaches && lent <= 0.0) discard;
+    if (w <= least) discard;
 #if GRADIENTS
     vec3 E = turned(v_m, n, v_normal);
 #if NORMAL_MAPS
@@ -81,13 +63,6 @@ void main()
 #else
     vec3 E = v_irradiance;
 #endif
-    if (!reaches)
-    {
-        out_sums = lent * vec4(max(E, vec3(0.0)), 1.0);
-        float Y = max(dot(E, LUMINANCE), 0.0);
-        out_weight = vec2(0.0, lent * Y * Y);  // the pixel still asks, unless few do
-        return;
-    }
     // w - 1/a falls to zero at the rim of the record's sphere, so that the rim does not show; the paper's kernel ends with a step
     float k = v_share * (cut ? w : w - least);
 #if GRADIENTS

@@ -9,17 +9,14 @@ uniform mat4 clip_from_world;
 uniform vec3 forward;                  // unit, the view axis
 uniform bool in_front;                 // reject records in front of the pixel's surface or behind it
 uniform float pixel;                   // size of a pixel at distance 1, in metres
-uniform float borrow_reach;            // pixels; 0: records lend nothing
 
 flat out vec3 v_place;                 // p_k
 flat out vec3 v_normal;
 flat out vec3 v_axis;                  // of its ellipse
 flat out vec2 v_radii;                 // R along the axis and across it, within the view's bounds
-flat out float v_borrow;               // metres within which it may lend to pixels that it does not reach
 flat out float v_share;                // of its weight that counts in the sums
 #if GRADIENTS
 flat out vec2 v_curvature;
-flat out vec4 v_walls;                 // 0: none
 flat out mat3 v_m;
 flat out mat3 v_g;
 #else
@@ -37,13 +34,8 @@ void main()
     float d = length(to_eye);
     float trust;
     Ellipse ellipse = view_ellipse(texel, d, trust);
-    v_borrow = borrow_reach * pixel * d;
     v_share = record_share(texel);
-    if (record_enclosed(texel))
-    {
-        ellipse.along = ellipse.across = OWN_PIXEL * pixel * d;
-        v_borrow = 0.0;
-    }
+    if (record_enclosed(texel)) ellipse.along = ellipse.across = OWN_PIXEL * pixel * d;
     float r = ellipse.along;
     v_place = p;
     v_axis = ellipse.axis;
@@ -51,7 +43,6 @@ void main()
     v_normal = record_normal(texel);
 #if GRADIENTS
     v_m = record_vectors(texel);
-    v_walls = usable_walls(texel);
     v_g = record_gradient(texel) * trust;  // the derivatives hold within the record's own radius; where the view's least radius is greater, they are scaled down
     v_curvature = usable_curvature(texel) * trust * trust;
 #else
@@ -88,9 +79,9 @@ void main()
         if (extent.z < d) half_size = min(half_size, extent.xy * d / (d - extent.z));
     }
     vec3 v = cross(axis, u);
-    half_size = max(half_size, max(pixel * d, v_borrow));  // a smaller quad than a pixel could fall between pixel centres
+    half_size = max(half_size, pixel * d);  // a smaller quad than a pixel could fall between pixel centres
     gl_Position = clip_from_world * vec4(p + half_size.x * corner.x * u + half_size.y * corner.y * v, 1.0);
     // surfaces before all that the record may reach are not looked at; 1e-3: more than rounding
-    float nearest = (1.0 - 1e-3) * (dot(p - eye, forward) - max(reach, v_borrow));
+    float nearest = (1.0 - 1e-3) * (dot(p - eye, forward) - reach);
     gl_Position.z = (2.0 * splat_depth(nearest) - 1.0) * gl_Position.w;
 }

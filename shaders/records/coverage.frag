@@ -20,9 +20,6 @@ bool serves(ivec2 at)
 {
     vec4 q = texelFetch(position, at, 0);
     vec3 apart = q.xyz - p;
-#if GRADIENTS
-    if (behind_wall(apart, ellipse.axis, n_k, usable_walls(texel))) return false;
-#endif
     vec2 R = vec2(ellipse.along, ellipse.across) / a;
     return q.w > 0.0 && record_weight(apart, ellipse.axis, R, texelFetch(normal, at, 0).xyz, n_k, in_front) > 1.0 / a;
 }

@@ -29,12 +29,10 @@ void main()
     vec3 M = n * Y, gradient = vec3(0.0);
     Ellipse ellipse = record_ellipse(texel);
     vec2 R = vec2(ellipse.along, ellipse.across), curvature = vec2(0.0);
-    vec4 own_walls = vec4(0.0);
 #if GRADIENTS
     M = record_vectors(texel) * LUMINANCE;
     gradient = record_gradient(texel) * LUMINANCE;
     curvature = usable_curvature(texel);
-    own_walls = usable_walls(texel);
 #endif
     float limit = 1.0, range = wanted ? COMPARED_WITHIN * a * max(R.x, R.y) * 1.0001 : -1e30;
     Walk walk = grid_walk(p - range, p + range);
@@ -45,15 +43,11 @@ void main()
         vec3 apart = other.xyz - p;
         float at = record_distance(apart, ellipse.axis, R);
         if (!found || !by_all && int(other.w) > number) continue;
-        if (at >= COMPARED_WITHIN * a || at <= 0.0 || behind_wall(apart, ellipse.axis, n, own_walls)) continue;
+        if (at >= COMPARED_WITHIN * a || at <= 0.0) continue;
         ivec2 theirs = table_texel(int(other.w));
         if (record_enclosed(theirs)) continue;
         vec3 n_j = record_normal(theirs);
         if (dot(n, n_j) < COMPARABLE_COSINE || abs(dot(apart, n + n_j)) * 0.5 > IN_FRONT * R.y) continue;
-#if NEIGHBOURS
-        // neighbour clamping (Křivánek et al. 2006): R_k <= R_j + |p_j - p_k|, as what is near to one is near to the other as well
-        limit = min(limit, (record_radius(theirs) + length(apart)) / record_radius(texel));
-#endif
         float Y_j = dot(record_irradiance(theirs), LUMINANCE);
         float Y_turned = dot(M, n_j) + LUNES * (1.0 - dot(n, n_j)) * dot(M, n);  // as turned() has it
         float Y_here = extrapolated(vec3(Y_turned), vec3(dot(gradient, apart)), apart, n, ellipse.axis, curvature).x;

@@ -7,7 +7,6 @@
 
 uniform bool hessian;           // radii go by second derivatives; else by the harmonic mean distance
 uniform bool second_order;      // records extrapolate by second derivatives too
-uniform bool walls;             // records do not count behind the walls that stand on their surface
 
 // Where a record's error reaches the tolerated size: an ellipse in its tangent plane.
 struct Ellipse
@@ -17,7 +16,7 @@ struct Ellipse
     float across;  // radius across it, metres
 };
 
-const float HARDLY = 1e-20;  // so small a share that those that lend decide
+const float HARDLY = 1e-20;  // so small a share that any other record decides
 
 // Whether the record lies in the dark within a closed mesh, where nobody looks: it serves its own pixel, and says nothing of light.
 bool record_enclosed(ivec2 texel)
@@ -41,12 +40,6 @@ vec2 usable_curvature(ivec2 texel)
     return second_order && record_axis(texel) != vec3(0.0) ? record_curvature(texel) : vec2(0.0);
 }
 
-// The record's walls; 0 where the settings want none.
-vec4 usable_walls(ivec2 texel)
-{
-    return walls ? record_walls(texel) : vec4(0.0);
-}
-
 // How far the record holds by what it knows itself, before it is scaled by a. With second derivatives, a·R is where the error of
 // the first-order expansion, ½·|E''|·d², comes to a² of E's error scale: R = √(2·E/|E''|) (after Schwarzhaupt, Jensen and Jarosz 2012, "Practical
 // Hessian-Based Error Control for Irradiance Caching"). Without, R is R_k, but at most E/|∇E| where the light changes fast (Křivánek et
@@ -65,7 +58,7 @@ Ellipse record_ellipse(ivec2 texel)
         vec2 radii = sqrt(square / max(abs(record_curvature(texel)), 1e-14));
         radii = min(radii, record_max_radius(texel));
         if (hessian) return Ellipse(record_axis(texel), radii.x, radii.y);
-        axis = record_axis(texel);  // curvature and walls are given along it, also where the ellipse is a circle
+        axis = record_axis(texel);  // the curvature is given along it, also where the ellipse is a circle
     }
     float E = max(Y, max(luminance_floor, 1e-20));
     R = slope * R > E ? E / slope : R;

@@ -4,9 +4,7 @@
 
 uniform float a;  // the error that is tolerated (Ward et al. 1988)
 
-const float BORROWED = 1e-6;  // greatest weight at a point that a record does not reach
 const float FAINT = 0.1;        // of a record's luminance: below it, what the expansion says is not believed
-const float DEEP = 0.3;         // of their distance: how far a record may lie above the tangent plane of a point that borrows from it
 
 // Constants from irrsplat/records/weight.py: LEAST_ERROR keeps the weight finite; IN_FRONT is how far in front of the point's surface or
 // behind it a record may lie, as a share of R; LUNES is the share of (1 - n·n_k)·E that n·M lacks on a surface turned to n.
@@ -18,13 +16,6 @@ float record_distance(vec3 apart, vec3 axis, vec2 R)
     return sqrt(along * along / (R.x * R.x) + across / (R.y * R.y));
 }
 
-// Whether p is behind one of a record's two walls, given in the tangent plane by coordinates along `axis` and across it, 1/m.
-bool behind_wall(vec3 apart, vec3 axis, vec3 n_k, vec4 walls)
-{
-    vec2 place = vec2(dot(apart, axis), dot(apart, cross(n_k, axis)));
-    return max(dot(place, walls.xy), dot(place, walls.zw)) > 1.0;
-}
-
 // Ward et al. 1988: w = 1/(|p - p_k|/R + √(1 - n·n_k)); n, n_k: unit normals of the point and of the record. With `in_front`, 0
 // for a record that faces away, or lies in front of the point's surface or behind it.
 float record_weight(vec3 apart, vec3 axis, vec2 R, vec3 n, vec3 n_k, bool in_front)
@@ -32,15 +23,6 @@ float record_weight(vec3 apart, vec3 axis, vec2 R, vec3 n, vec3 n_k, bool in_fro
     float cosine = dot(n, n_k);
     if (in_front && (cosine <= 0.0 || abs(dot(apart, n + n_k)) * 0.5 > IN_FRONT * R.y)) return 0.0;
     return 1.0 / max(record_distance(apart, axis, R) + sqrt(max(0.0, 1.0 - cosine)), LEAST_ERROR);
-}
-
-// The weight of a record at a point that it does not reach: so small that it counts only where no record does. It is 0 where the
-// point lies deep below the record: in a gap it is darker. reach: metres.
-float borrowed_weight(vec3 apart, vec3 n, vec3 n_k, float reach)
-{
-    float near = max(reach * reach - dot(apart, apart), 0.0);
-    if (dot(apart, n) < -DEEP * length(apart)) return 0.0;
-    return BORROWED * near / max(reach * reach, 1e-30) * pow(max(dot(n, n_k), 0.0), 4.0);
 }
 
 // The irradiance on a surface of unit normal n by a record's irradiance vectors M, whose own normal is n_k: W/m². n·M counts light

@@ -48,7 +48,7 @@ def test_words_that_are_values() -> None:
     assert SETTINGS["seed"].parse("7") == 7
     assert SETTINGS["tolerance"].parse("AUTO") == "auto"
     assert (SETTINGS["bounces"].parse("All"), SETTINGS["bounces"].parse("3")) == ("all", 3)
-    assert SETTINGS["smooth"].parse("on") is True
+    assert SETTINGS["fade"].parse("on") is True
     assert SETTINGS["gather"].parse("plane") == "plane"
 
 
@@ -86,6 +86,8 @@ def test_former_names_of_settings_still_work(former: str, present: str, value: o
 
 
 def test_unknown_names() -> None:
+    with pytest.raises(InputError, match="setting 'walls' was removed: .*; leave it out"):
+        Settings().with_values({"walls": True})
     with pytest.raises(InputError, match="unknown preset 'fast'; the presets are default"):
         preset("fast")
     with pytest.raises(InputError, match="unknown setting 'alpha'"):

@@ -13,7 +13,7 @@ from tests.support import worlds
 SIZE = (44, 33)
 CAMERA = Camera((0.0, 0.5, 1.0), (0.0, 0.0, 0.0), fov=24.0)
 # Records reach far, and a gather is large enough for a spot check, which adds two of them
-SETTINGS: Any = {"bounces": 1, "gather": "trace", "gather_size": 64, "a": 1.0, "adapt": 0.0, "walls": False}
+SETTINGS: Any = {"bounces": 1, "gather": "trace", "gather_size": 64, "a": 1.0, "adapt": 0.0}
 
 
 def test_dark_places_are_found_in_renders_tiles_and_ticks() -> None:

@@ -73,8 +73,7 @@ def unlit(ctx: moderngl.Context) -> Iterator[Owner]:
         yield SplatPass(ctx, SIZE, gradients)
         yield ReducePass(ctx, gradients)
         yield CoveragePass(ctx, gradients)
-        for neighbours in (False, True):
-            yield RadiusLimitPass(ctx, gradients, neighbours)
+        yield RadiusLimitPass(ctx, gradients)
     for simple in (ShadowPass, VisibilityPass, SurfaceViewPass):
         yield simple(ctx)
     yield textured(ctx)

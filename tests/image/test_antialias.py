@@ -148,7 +148,7 @@ def test_a_furnace_has_no_edges() -> None:
 # ---- a frame's contract -----------------------------------------------------------------------------------------------
 
 
-SETTINGS: Any = ({"smooth": True}, {"blend": 0.8, "preset": "paper", "warmup": 50, "a": 0.3}, {"bounces": 0})
+SETTINGS: Any = ({}, {"blend": 0.8, "preset": "paper", "warmup": 50, "a": 0.3}, {"bounces": 0})
 
 
 @pytest.mark.parametrize("settings", SETTINGS)

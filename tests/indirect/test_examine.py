@@ -56,7 +56,7 @@ def examine(
     weight.write(pair[::-1].astype("f4").tobytes())
     sums.write(np.where(there[..., None], data["sums"], 0.0)[::-1].astype("f4").tobytes())
     examination = ExaminePass(ctx)
-    settings = Settings(tolerance=TOLERANCE, spread=spread, seed=seed, borrow=0)
+    settings = Settings(tolerance=TOLERANCE, spread=spread, seed=seed)
     found = examination(gbuffer, SplatBuffer(sums, weight, dark, 1), settings)
     return found, tile_side(size, 1)
 

@@ -19,7 +19,7 @@ SIZE = (37, 29)
 CAMERA = Camera((0.3, 0.2, 3.0), (0.0, 0.0, 0.0), (0.1, 1.0, 0.0), 50.0)
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # Rec. 709
 FLOOR = 0.6  # W/m²: what is darker may be off by a share of this
-COLUMNS = "position normal irradiance radius vectors gradient limit axis curvature max_radius walls".split()  # noqa: SIM905
+COLUMNS = "position normal irradiance radius vectors gradient limit axis curvature max_radius".split()  # noqa: SIM905
 BASE = Settings(a=0.5, radius_min=0.0, radius_max=0.0)
 
 
@@ -39,7 +39,7 @@ class View:
 class Table:
     """Records: p and n (N, 3), E (N, 3), R (N,), M and ∇E (N, channel, 3), the share of their radii that they may reach (N,), and
     the axis along which they bend least (N, 3), 0 where it is not known, with the bends along and across it (N, 2) and the
-    greatest radius that they may come to (N,). walls: (N, 4) two each, 0 for none, by coordinates along that axis and across."""
+    greatest radius that they may come to (N,)."""
 
     p: np.ndarray
     n: np.ndarray
@@ -51,7 +51,6 @@ class Table:
     axis: np.ndarray
     bend: np.ndarray
     farthest: np.ndarray
-    walls: np.ndarray
 
     def records(self, ctx: moderngl.Context) -> Records:
         return records_of(ctx, FLOOR, **dict(zip(COLUMNS, vars(self).values(), strict=True)))
@@ -105,9 +104,6 @@ def table(count: int = 200, seed: int = 1, on: View | None = None) -> Table:
     radii = R[:, None] * np.stack([rng.uniform(1.0, 8.0, count) ** 0.5, rng.uniform(1.0, 8.0, count) ** -0.5], 1)
     values.append(known[:, None] * rng.choice([-2.0, 2.0], (count, 2)) / radii**2)
     values.append(np.where(rng.random(count) < 0.2, R, 100.0))
-    angle, distance = rng.uniform(0.0, 2.0 * np.pi, (count, 2)), R[:, None] * rng.uniform(0.02, 0.3, (count, 2))
-    some = known & (rng.random(count) < 0.6) & (count > 1)
-    values.append((np.stack([np.cos(angle), np.sin(angle)], -1) / distance[..., None] * some[:, None, None]).reshape(count, 4))
     return Table(*(v.astype("f4").astype(float) for v in values))
 
 
@@ -117,13 +113,13 @@ def splat(seen: View, records: Table, settings: Settings) -> tuple[np.ndarray, n
     Ward et al. 1988: w = 1/(|p-p_k|/R + √(1-n·n_k)), where w > 1/a, |p-p_k|/R being taken along and across an axis,
     R = √(2/|bend|) or the greatest there is; else R at most E/|∇E| on luminance where there are gradients. Finite, limited by the
     share that is allowed and by the view; neither in front of the pixel's surface nor behind it by more than R/20.
-    Nothing beyond a wall is spoken for. The second weight is Σ k·Y².
+    The second weight is Σ k·Y².
     """
     sums, weight = np.zeros((*seen.depth.shape, 4)), np.zeros((*seen.depth.shape, 2))
     unsure = np.zeros(seen.depth.shape, bool)
     screen = 2.0 * np.tan(np.radians(CAMERA.fov) / 2.0) / 100.0
     a = settings.a
-    for p_k, n_k, E_k, R_k, M, gradient, limit, axis, bend, most, walls in zip(*vars(records).values(), strict=True):
+    for p_k, n_k, E_k, R_k, M, gradient, limit, axis, bend, most in zip(*vars(records).values(), strict=True):
         d = np.linalg.norm(np.asarray(CAMERA.eye) - p_k)
         known = settings.gradients and axis.any()
         own = np.array([R_k, R_k])
@@ -150,11 +146,6 @@ def splat(seen: View, records: Table, settings: Settings) -> tuple[np.ndarray, n
         if settings.in_front:
             speaks &= (cosine > 0.0) & (front >= 0.0)
             near |= (np.abs(front) < 1e-5) | (np.abs(cosine) < 1e-5)
-        if settings.gradients and settings.walls:
-            place = np.stack([along, apart @ np.cross(n_k, axis)], -1)
-            beyond = np.maximum(place @ walls[:2], place @ walls[2:])
-            near |= speaks & (np.abs(beyond - 1.0) < 1e-4)
-            speaks &= beyond <= 1.0
         unsure |= near & (seen.depth > 0.0)
         k = np.where(speaks, w if settings.kernel == "cut" else w - 1.0 / a, 0.0)
         E: np.ndarray = np.broadcast_to(E_k, seen.position.shape)
@@ -190,7 +181,6 @@ VARIANTS = {
     "without gradients": replace(BASE, gradients=False),
     "first order": replace(BASE, second_order=False),
     "harmonic, first order": replace(BASE, radius="harmonic", second_order=False),
-    "no walls": replace(BASE, walls=False),
     "paper": replace(BASE, gradients=False, second_order=False, radius="harmonic", kernel="cut", in_front=False, a=0.3),
     "large a": replace(BASE, a=1.5),
     "bounded radius": replace(BASE, radius_min=6.0, radius_max=8.0),
@@ -216,19 +206,17 @@ def test_splatting_equals_numpy(ctx: moderngl.Context, surface: Callable[[], Vie
 
 
 def test_a_record_within_a_closed_mesh_leaves_its_pixel_to_others(ctx: moderngl.Context) -> None:
-    """Its greatest radius is 0: it serves the pixel that it was made for and no other, and those that reach that pixel, lend
-    to it or lie behind a wall tell what light there is. Alone it says 0."""
+    """Its greatest radius is 0: it covers the pixel that it was made for and no other. Records that reach that pixel decide its
+    light. Alone it contributes 0."""
     position, depth = on_plane(CAMERA, SIZE, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
     seen = View(position, np.broadcast_to([0.0, 0.0, 1.0], position.shape), depth)
     records = table(2)
     records.p[:], records.n[:], records.axis[:], records.limit[:] = position[14, [18, 16]], (0, 0, 1), (1, 0, 0), 1.0
     records.gradient[:], records.bend[:], records.farthest[:] = 0.0, [[18.0, 18.0], [2.0, 2.0]], [0.0, 2.0]
     records.E[0], records.M[0], records.E[1], records.M[1] = 0.0, 0.0, 3.0, np.outer((3.0, 3.0, 3.0), (0, 0, 1))
-    reach, lend, behind = 0.5, 0.15, 0.9 * (position[14, 18] - position[14, 16])[0]
-    for greatest, wall in ((reach, 0.0), (lend, 0.0), (reach, 1.0 / behind)):
-        records.farthest[1], records.walls[:], records.walls[1, 0] = 2.0 * greatest, 0.0, wall
-        sums, weight = drawn(ctx, seen, records, replace(BASE, second_order=False))
-        assert np.allclose(sums[14, 18, :3] / sums[14, 18, 3], 3.0, rtol=1e-2) and weight[14, 18, 0] > 100.0
+    records.farthest[1] = 1.0
+    sums, weight = drawn(ctx, seen, records, replace(BASE, second_order=False))
+    assert np.allclose(sums[14, 18, :3] / sums[14, 18, 3], 3.0, rtol=1e-2) and weight[14, 18, 0] > 100.0
     alone = Table(*(v[:1] for v in vars(records).values()))
     sums, weight = drawn(ctx, seen, alone, BASE)
     assert not sums[..., :3].any() and (weight[..., 0] > 0.0).sum() == 1 and weight[14, 18, 0] > 1.0 / BASE.a
@@ -266,7 +254,7 @@ def test_even_light_hardly_falls_as_the_surface_turns(ctx: moderngl.Context, ang
     records = table(1)
     records.p[0], records.n[0], records.limit[0] = position[14, 18], (0, 0, 1), 1.0
     records.E[0], records.M[0], records.gradient[0] = np.pi * colour, np.pi * np.outer(colour, (0, 0, 1)), 0.0
-    records.axis[0], records.bend[0], records.walls[0] = (1, 0, 0), 0.1, 0.0
+    records.axis[0], records.bend[0] = (1, 0, 0), 0.1
     turned = np.array([np.sin(np.radians(angle)), 0.0, np.cos(np.radians(angle))])
     seen = View(position, np.broadcast_to(turned, position.shape), depth)
     sums, _ = drawn(ctx, seen, records, replace(BASE, second_order=False))
@@ -280,7 +268,7 @@ def test_a_record_without_light_extrapolates_none(ctx: moderngl.Context) -> None
     """E = 0, no derivatives and radii as great as there are: 0, and no NaN."""
     seen, records = view(), table(3)
     records.E[:], records.M[:], records.gradient[:] = 0.0, 0.0, 0.0
-    records.bend[:], records.farthest[:], records.walls[:] = 0.0, 4.0, 0.0
+    records.bend[:], records.farthest[:] = 0.0, 4.0
     for settings in (BASE, VARIANTS["harmonic, first order"], VARIANTS["without gradients"]):
         sums, weight = drawn(ctx, seen, records, settings)
         assert not sums[..., :3].any() and np.isfinite(sums).all() and np.isfinite(weight).all()
@@ -290,7 +278,7 @@ def test_a_record_without_light_extrapolates_none(ctx: moderngl.Context) -> None
 def test_a_record_at_its_own_pixel_is_finite(ctx: moderngl.Context) -> None:
     """e = 0 there, and w = 1/max(e, 10⁻³) = 1000."""
     seen = view()
-    seen.depth[:] = 3.0
+    seen.depth[:] = 100.0  # farther than all records
     records = table(1)
     records.p[0], records.n[0], records.bend[0] = seen.position[11, 13], seen.normal[11, 13], 2.0 / 0.2**2
     _, weight = drawn(ctx, seen, records, BASE)
@@ -300,7 +288,7 @@ def test_a_record_at_its_own_pixel_is_finite(ctx: moderngl.Context) -> None:
 def test_the_smallest_record_reaches_its_pixel(ctx: moderngl.Context) -> None:
     """A sphere far smaller than a pixel must still serve the pixel that asked for it, or it would be asked for for ever."""
     seen = view()
-    seen.depth[:] = 3.0
+    seen.depth[:] = 100.0  # farther than all records
     for row, column in ((0, 0), (28, 36), (14, 18)):
         records = table(1)
         records.p[0], records.n[0], records.bend[0] = seen.position[row, column], seen.normal[row, column], 2.0 / 1e-6**2

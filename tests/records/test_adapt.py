@@ -22,8 +22,7 @@ LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
 class Made:
-    """A cache of records on a wavy floor, their vectors, gradients, bends and walls at random; of one in five the bend is not
-    known, of half there are no walls."""
+    """A cache of records on a wavy floor, their vectors, gradients and bends at random; of one in five the bend is not known."""
 
     def __init__(self, ctx: moderngl.Context, count: int, seed: int = 0) -> None:
         rng = np.random.default_rng(seed)
@@ -39,12 +38,6 @@ class Made:
         radii = rng.uniform(0.1, 1.0, count)[:, None] * np.stack([rng.uniform(1.0, 5.0, count), np.ones(count)], 1)
         self.bend = rng.choice([-1.0, 1.0], (count, 2)) * 2.0 / radii**2 * self.axis.any(1)[:, None]
         self.farthest = np.minimum(rng.uniform(0.3, 3.0, count), 3.0 * self.R)
-        angle, distance = rng.uniform(0.0, 2.0 * np.pi, (count, 2)), rng.uniform(0.05, 0.5, (count, 2, 1))
-        self.walls = (
-            np.stack([np.cos(angle), np.sin(angle)], -1)
-            / distance
-            * (self.axis.any(1) & (rng.random(count) < 0.6))[:, None, None]
-        )
         self.dark = 0.5
         self.ctx = ctx
 
@@ -57,7 +50,6 @@ class Made:
             "axis": self.axis,
             "curvature": self.bend,
             "max_radius": self.farthest,
-            "walls": self.walls.reshape(-1, 4),
         }
         cache.append(sites(self.p[new], self.n[new]), np.column_stack([self.E, self.R])[new])
         write_columns(cache.records, new.start, **{name: values[new] for name, values in columns.items()})
@@ -68,7 +60,7 @@ class Made:
         -n in place of a count: the last n are forgotten again.
         """
         cache = RecordCache(self.ctx)
-        one, first = RadiusLimitPass(self.ctx, settings.gradients, False), 0
+        one, first = RadiusLimitPass(self.ctx, settings.gradients), 0
         for count in (*parts, len(self.p)):
             if count < 0:
                 cache.truncate(first := first + count)
@@ -87,7 +79,7 @@ class Made:
 def truth(made: Made, settings: Settings) -> np.ndarray:
     """(N,) the least of the limits that the others set, as shares of a record's radii.
 
-    A witness lies within two reaches, on the same surface, not beyond a wall. Of what record i says of j by Taylor's expansion
+    A witness lies within two reaches, on the same surface. Of what record i says of j by Taylor's expansion
     the error is off_ij, relative to what the brighter counts as; off·(x/a)² = adapt at the share that is allowed, x being
     |p_j - p_i| in radii.
     """
@@ -114,10 +106,6 @@ def truth(made: Made, settings: Settings) -> np.ndarray:
     more = np.clip((bend[:, :1] * along**2 + bend[:, 1:] * across) / 2.0, -0.5, 0.5)
     said = np.clip(here * (1.0 + more) + np.einsum("ix,ijx->ij", gradient, apart), 0.0, np.maximum(2.0 * here, 0.0))
     off = np.abs(said - Y[None]) / error_scale(np.maximum(Y[None], Y[:, None]), made.dark)
-    if settings.gradients and settings.walls:
-        aside = np.einsum("ijx,ix->ij", apart, np.cross(made.n, made.axis))
-        place = np.stack([along, aside], -1)
-        witness &= (np.einsum("ijk,iwk->ijw", place, made.walls) <= 1.0).all(-1)
     share = x / settings.a * np.sqrt(settings.adapt / np.maximum(off, 1e-30))
     return np.minimum(np.where(witness, share, 1.0).min(1), 1.0)
 
@@ -128,7 +116,6 @@ VARIANTS = {
     "without gradients": replace(BASE, gradients=False),
     "harmonic, first order": replace(BASE, radius="harmonic", second_order=False),
     "first order": replace(BASE, second_order=False),
-    "no walls": replace(BASE, walls=False),
 }
 
 
@@ -153,7 +140,7 @@ def of_field(ctx: moderngl.Context, slope: np.ndarray, second: np.ndarray) -> Ma
     made.E = np.repeat((5.0 + made.p @ slope + 0.5 * (made.p**2) @ second)[:, None], 3, axis=1)
     made.M = made.n[:, None, :] * made.E[..., None]
     made.gradient = np.repeat((slope + made.p * second)[:, None], 3, axis=1)
-    made.axis[:], made.R[:], made.farthest[:], made.walls[:] = (1.0, 0.0, 0.0), 7.0, 20.0, 0.0
+    made.axis[:], made.R[:], made.farthest[:] = (1.0, 0.0, 0.0), 7.0, 20.0
     made.bend = second[[0, 2]] / made.E[:, :1]
     return made
 

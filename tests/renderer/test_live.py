@@ -94,11 +94,10 @@ RENEW = SPLAT | {"gather", "reduce"}
 CHANGES: list[tuple[set[str], set[str], dict[str, Any]]] = [
     (set(), set(), {"max_rounds": 5, "fill_holes": False, "fade": False, "exposure": 2.0, "samples": 4, "budget": 20.0}),
     (set(), set(), {"viewer_samples": 5, "quality": 1.0, "viewer_quality": 1.0}),
-    ({"composite"}, set(), {"blend": 0.9, "smooth": True, "backdrop": "white"}),
+    ({"composite"}, set(), {"blend": 0.9, "backdrop": "white"}),
     ({"examine"}, set(), {"tolerance": 0.5, "spread": 0.9, "max_records": 5000}),  # a view may request records again
-    ({"examine", "splat", "composite"}, set(), {"borrow": 8}),
     (SPLAT, RENEW, {"second_order": False, "radius": "harmonic", "a": 0.8, "adapt": 0.1, "kernel": "cut", "in_front": False}),
-    (SPLAT, RENEW, {"walls": False, "neighbours": True, "radius_min": 2.0, "radius_max": 10.0, "coarse": False}),
+    (SPLAT, RENEW, {"radius_min": 2.0, "radius_max": 10.0, "coarse": False}),
     (SPLAT, RENEW, {"gradients": False}),  # the radii may leave no pixel uncovered
     (SPLAT | {"gbuffer", "direct"}, set(), {"texture_memory": 64}),
     (RENEW, set(), {"seed": 5, "ray_noise": 2.0, "light_samples": 16, "gather_size": 16, "warmup": 10, "pixel_light_samples": 4}),
@@ -240,7 +239,7 @@ def test_nothing_is_left_on_the_gpu(ctx: moderngl.Context, monkeypatch: pytest.M
         monkeypatch.setattr(moderngl.Context, name, watched)
     with Renderer(room(), SIZE, ctx=ctx, **FAST) as renderer:
         renderer.render()
-        renderer.change(replace(renderer.settings, gradients=False, gather_size=12, smooth=True, shadow_size=32))
+        renderer.change(replace(renderer.settings, gradients=False, gather_size=12, shadow_size=32))
         renderer.render()
         renderer.relight([Light((0.2, 1.0, 0.4), (1.0, 1.0, 1.0), directional=True)])
         renderer.resize((30, 20))

@@ -19,7 +19,7 @@ from irrsplat.image.tonemap import exposure_of
 from irrsplat.scene.model import Camera, Scene
 from tests.support.worlds import box, floor, lamp, material, quad, scene
 
-FAST: dict[str, Any] = {"bounces": 1, "gather_size": 8, "shadow_size": 64, "borrow": 0}
+FAST: dict[str, Any] = {"bounces": 1, "gather_size": 8, "shadow_size": 64}
 SIZE = (48, 40)
 FRONT = Camera((0.0, 0.0, 0.95), (0.0, -0.1, -1.0), fov=60.0)
 

@@ -60,8 +60,8 @@ def check(driver: Driver, done: list[str]) -> None:
     if session.path_recorder.recording is not None:
         driver.actions.record()  # which ends the recording
     session.path_recorder.stop()
-    for side in range(len(session.active)):  # a key may have brought a preset that refines for minutes, or by which pixels borrow
-        session.change(side, viewer_samples=0, viewer_quality=0.0, borrow=0)
+    for side in range(len(session.active)):  # a key may have brought a preset that refines for minutes
+        session.change(side, viewer_samples=0, viewer_quality=0.0)
     driver.settle(REST, f"after {done}, with {[(r.preset, r.cache.count, r.settings) for r in session.active]}")
     for view, progress, renderer in zip(session.views, session.progress, session.active, strict=True):
         assert renderer.cache.count <= renderer.settings.max_records, f"{renderer.cache.count} records after {done}"

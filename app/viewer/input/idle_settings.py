@@ -10,7 +10,7 @@ BASIC = (
 )
 _OF_RENDERS = ("samples", "quality", "max_rounds")
 _OF_DERIVATIVES = ("second_order", "radius")
-_OF_INDIRECT_LIGHT = ("smooth", "fill_holes", "viewer_quality", "coarse")
+_OF_INDIRECT_LIGHT = ("fill_holes", "viewer_quality", "coarse")
 _INDIRECT = ("gather", "splat", "examine")  # stages that are left out without bounces
 _ALWAYS = ("bounces", "seed")
 

@@ -201,7 +201,6 @@ class Markers(Owner):
             **view_radius_uniforms(view.camera, view.gbuffer.position.size, settings),
             "in_front": settings.in_front,
             "forward": -view.camera.axes[2],
-            "borrow_reach": 0.0,  # only what it reaches is marked
             "tint": _SERVED,
         }
         self.number.write(np.array([number], "i4").tobytes())

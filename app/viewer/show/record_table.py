@@ -11,7 +11,7 @@ from irrsplat.core.buffers import Records
 from irrsplat.core.color import LUMINANCE
 from irrsplat.core.record_layout import COLUMNS
 from irrsplat.image.view import View
-from irrsplat.records.weight import behind_wall, own_radii, record_distance, record_weight, view_radius
+from irrsplat.records.weight import own_radii, record_distance, record_weight, view_radius
 from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
 
@@ -31,7 +31,6 @@ class RecordTable:
     axis: np.ndarray
     curvature: np.ndarray
     max_radius: np.ndarray
-    walls: np.ndarray
     limit: np.ndarray
     luminance_floor: float = 0.0
 
@@ -56,8 +55,6 @@ class RecordTable:
         distance = record_distance(apart, self.axis, radii)
         w = record_weight(distance, apart, n, self.normal, radii[:, 1], settings.in_front)
         counts = w > 1.0 / settings.a
-        if settings.gradients and settings.walls:
-            counts &= ~behind_wall(apart, self.axis, self.normal, self.walls)
         return np.where(counts, w, 0.0)
 
     def pick(self, texels: Texels, view: View, settings: Settings, x: int, y: int) -> int | None:

@@ -11,9 +11,6 @@ flat in vec3 v_place;
 flat in vec3 v_normal;
 flat in vec3 v_axis;
 flat in vec2 v_radii;
-#if GRADIENTS
-flat in vec4 v_walls;
-#endif
 
 layout(location = 0) out vec4 out_color;
 
@@ -23,9 +20,6 @@ void main()
     vec4 p = texelFetch(position, pixel, 0);
     if (p.w == 0.0) discard;
     vec3 apart = p.xyz - v_place;
-#if GRADIENTS
-    if (behind_wall(apart, v_axis, v_normal, v_walls)) discard;
-#endif
     float w = record_weight(apart, v_axis, v_radii, texelFetch(normal, pixel, 0).xyz, v_normal, in_front);
     if (w <= 1.0 / a) discard;
     out_color = vec4(tint, mix(0.85, 0.4, 1.0 / (a * w)));
