@@ -149,7 +149,7 @@ class Settings:
     )
     gather: str = _declare(
         "auto", "choice", "gather", "how a record sees the scene: one 150° plane, a hemicube of rasters, or rays traced by "
-        "shaders or by Embree; auto: rays, but for a single bounce in a small scene whatever is timed to be faster here",
+        "shaders or by Embree; auto: rays, by Embree where OpenGL is software",
         choices=("auto", "plane", "raster", "trace", "embree"),
     )  # fmt: skip
     gather_size: int = _declare(

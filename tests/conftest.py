@@ -20,7 +20,6 @@ import moderngl
 import pytest
 
 from irrsplat.core.timing.clock import use_clock
-from irrsplat.gather import autotune
 from irrsplat.gpu import context
 from irrsplat.surface_cache import site_layout, site_rays
 from tests.support.counted_clock import CountedClock
@@ -39,11 +38,10 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def race(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """A stand-in for the race of both gathers: rasters win up to 100 triangles. Kept times go to a new folder."""
+def cache_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """A new folder for what processes keep."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("IRRSPLAT_CACHE", str(tmp_path_factory.mktemp("cache")))
-        patch.setattr(autotune, "race", lambda ctx, scene, side, rays: (1.0, 2.0) if scene.triangles <= 100 else (2.0, 1.0))
         yield
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from irrsplat.core.buffers import HitLight, ShadowMaps, Sites
 from irrsplat.core.timing.beside import beside
-from irrsplat.gather.autotune import ray_kind
+from irrsplat.gather.kinds import ray_kind
 from irrsplat.gather.look import gather_records
 from irrsplat.gather.record_frame import tangent_frames
 from irrsplat.gather.reduce import ReducePass

@@ -86,7 +86,7 @@ def test_former_names_of_settings_still_work(former: str, present: str, value: o
 
 
 def test_unknown_names() -> None:
-    with pytest.raises(InputError, match="setting 'walls' was removed: .*; leave it out"):
+    with pytest.raises(InputError, match=r"setting 'walls' was removed: .*; leave it out"):
         Settings().with_values({"walls": True})
     with pytest.raises(InputError, match="unknown preset 'fast'; the presets are default"):
         preset("fast")

@@ -11,7 +11,7 @@ import pytest
 
 import irrsplat
 from irrsplat.core.errors import InputError
-from irrsplat.gather import autotune
+from irrsplat.gather import kinds
 from irrsplat.gpu import context
 from irrsplat.scene import ray_caster
 from irrsplat.scene.change import SceneChange
@@ -80,12 +80,12 @@ def test_all_bounces_are_the_same(ctx: moderngl.Context, monkeypatch: pytest.Mon
 def test_without_it_the_others_go_on(ctx: moderngl.Context, monkeypatch: pytest.MonkeyPatch) -> None:
     """It is wanted on software renderers alone; where it is missing, auto goes by the shader, and who asks for it is told."""
     monkeypatch.setattr(context, "describe", lambda ctx: {"software": True})
-    assert autotune.kind(ctx, room(), Settings()) == "embree"
+    assert kinds.kind(ctx, Settings()) == "embree"
     monkeypatch.setattr(context, "describe", lambda ctx: {"software": False})
-    assert autotune.kind(ctx, room(), Settings()) == "trace"
-    assert autotune.kind(ctx, room(), Settings(gather="embree")) == "embree"
+    assert kinds.kind(ctx, Settings()) == "trace"
+    assert kinds.kind(ctx, Settings(gather="embree")) == "embree"
     monkeypatch.undo()
     monkeypatch.setattr(ray_caster, "available", lambda: False)
-    assert autotune.kind(ctx, room(), Settings()) == "trace"
+    assert kinds.kind(ctx, Settings()) == "trace"
     with pytest.raises(InputError, match=r"--gather embree needs the package embreex .*pip install"):
-        autotune.kind(ctx, room(), Settings(gather="embree"))
+        kinds.kind(ctx, Settings(gather="embree"))

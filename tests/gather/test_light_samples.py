@@ -9,7 +9,7 @@ import moderngl
 import numpy as np
 import pytest
 
-from irrsplat.gather.autotune import gather_pass
+from irrsplat.gather.kinds import gather_pass
 from irrsplat.gather.look import gather_records
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.records.record_cache import RecordCache

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from irrsplat import Renderer
-from irrsplat.gather import autotune
+from irrsplat.gather import kinds
 from irrsplat.gpu.target import pixels
 from irrsplat.indirect.gathering.change_probe import ChangeProbe
 from irrsplat.records.record_cache import RecordCache
@@ -67,7 +67,7 @@ def interrupted(*_: Any, **__: Any) -> Any:
 
 CHANGES: dict[str, tuple[Any, str, Callable[[Renderer], None]]] = {
     "probes": (ChangeProbe, "__call__", lambda r: r.move(BOX, WAY)),
-    "lights": (autotune, "gather_pass", lambda r: r.relight(TWO)),
+    "lights": (kinds, "gather_pass", lambda r: r.relight(TWO)),
 }
 
 

@@ -70,7 +70,7 @@ def test_a_repainted_scene_is_lit_as_a_fresh_one(ctx: moderngl.Context, what: st
         with Renderer(after, SIZE, ctx=renderer.ctx, **{**FAST, "bounces": bounces}) as fresh:
             expected = mean(fresh)
         assert new == pytest.approx(expected, rel=0.03)
-        assert np.abs(old / expected - 1.0).max() > (0.005 if "hidden" in what or "shown" in what else 0.06)
+        assert np.abs(old / expected - 1.0).max() > (0.003 if "hidden" in what or "shown" in what else 0.06)
 
 
 def test_the_same_paint_again_makes_nothing_stale(ctx: moderngl.Context) -> None:

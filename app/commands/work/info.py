@@ -139,7 +139,6 @@ def doctor() -> int:
             missing.append(name)
     if missing:
         raise IrrsplatError(f"libraries are missing; run: python3 -m pip install {' '.join(missing)}")
-    from irrsplat.gather import autotune
     from irrsplat.gpu import context, self_test
 
     ctx = context.create()  # its GLError is the advice
@@ -154,9 +153,6 @@ def doctor() -> int:
     numbered = "" if able.numbers_triangles else "; gl_PrimitiveID by geometry shaders"
     out(f"self-test   {passed} of {len(self_test.FEATURES) + 1} features{numbered}")
     self_test.require(found, able)
-    if times := autotune.kept(found):
-        rasters = sum(map(autotune.rasters, times))
-        out(f"gathers     one bounce: by rasters in {rasters} of the {len(times)} scenes timed here, by rays in the others")
     out("enough: OpenGL 3.3 is there" + ("; a GPU with its driver would be faster" if found["software"] else ""))
     return 0
 

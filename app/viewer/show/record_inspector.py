@@ -12,7 +12,7 @@ from irrsplat.app.viewer.buffers.gather_atlas import draw_atlas
 from irrsplat.app.viewer.buffers.shown_buffer import ViewSource
 from irrsplat.app.viewer.show.record_table import RecordTable, read
 from irrsplat.core.memo import Memo
-from irrsplat.gather import autotune
+from irrsplat.gather import kinds
 from irrsplat.gather.look import Gather
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import Target
@@ -73,10 +73,10 @@ class RecordInspector(Owner):
         settings = renderer.scheduler.settings  # those by which records are gathered: without bounces, the last that had some
         if renderer.shadows is None:
             return None
-        kind, more = autotune.kind(self.ctx, world.scene, settings), settings.most_bounces > 1
+        kind, more = kinds.kind(self.ctx, settings), settings.most_bounces > 1
         made_for = world, kind, more, settings.gather_size, light_defines(world.scene)
         plain = replace(settings, light_samples=0, pixel_light_samples=0)  # what is seen, emitters as bright as they are
-        gather = self._made.get("gather", made_for, lambda: autotune.gather_pass(world, plain, capacity=1))
+        gather = self._made.get("gather", made_for, lambda: kinds.gather_pass(world, plain, capacity=1))
         picture = self._made.get("picture", gather.cell, lambda: self.ctx.texture(gather.cell, 4))
         target = self._made.get("target", picture, lambda: Target(self.ctx, gather.cell, textures=[picture]))
         self.gather_pass = gather

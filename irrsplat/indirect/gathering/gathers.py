@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from weakref import WeakKeyDictionary
 
-from irrsplat.gather import autotune
+from irrsplat.gather import kinds
 from irrsplat.gather.look import Gather
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gpu.resource import Owner, Resource, Workshop
@@ -37,7 +37,7 @@ class Gathers(Owner):
         """How a record sees the world; the paper's algorithm gathers one at a time."""
         one = 1 if basis.settings.placement == "scan" else None
         inputs = *basis.way, basis.lights, one, self._emitters(basis.settings)
-        return self._made.get("gather", inputs, lambda: autotune.gather_pass(self.world, basis.settings, capacity=one))
+        return self._made.get("gather", inputs, lambda: kinds.gather_pass(self.world, basis.settings, capacity=one))
 
     def at(self, basis: Basis, size: int) -> Gather:
         """The gather of this side, 0: as the settings say. Its light samples are as many in proportion to its rays, and no fewer
@@ -49,7 +49,7 @@ class Gathers(Owner):
         samples = min(basis.settings.light_samples * finer**2 // present**2, int(SETTINGS["light_samples"].high or 0))
         settings = replace(basis.settings, gather=basis.kind, gather_size=size, light_samples=samples)
         way = *replace(basis, settings=settings).way, basis.lights, self._emitters(settings)
-        return self._made.get(f"gather of {size}", way, lambda: autotune.gather_pass(self.world, settings))
+        return self._made.get(f"gather of {size}", way, lambda: kinds.gather_pass(self.world, settings))
 
     def probes(self, basis: Basis) -> ChangeProbe:
         """A rough look from records, to find out which of them a change concerns."""
@@ -77,7 +77,7 @@ class Gathers(Owner):
         way = *replace(basis, settings=settings).way, basis.lights, self._emitters(settings), gradients
 
         def make() -> ChangeProbe:
-            return ChangeProbe(autotune.gather_pass(self.world, settings, MAX_RECORDS), gradients)
+            return ChangeProbe(kinds.gather_pass(self.world, settings, MAX_RECORDS), gradients)
 
         return self._made.get(name, way, make)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from irrsplat.core.buffers import Atlas, GBuffer, HitLight, ShadowMaps, Sites
 from irrsplat.core.color import LUMINANCE
-from irrsplat.gather import autotune
+from irrsplat.gather import kinds
 from irrsplat.gather.look import Gather, gather_records
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.time_budget import Budget
@@ -44,7 +44,7 @@ class RecordGatherer(Owner):
     ) -> None:
         self.ctx, self.world, self.cache, self.timers = world.ctx, world, cache, timers
         self.atlas: Atlas | None = None  # what the last batch of records saw
-        self._basis = Basis(world.scene, settings, autotune.kind(world.ctx, world.scene, settings))
+        self._basis = Basis(world.scene, settings, kinds.kind(world.ctx, settings))
         if settings.most_bounces > 0:
             world.expect(self._needs_tree, self._casts)
         self.gathers = Gathers(world)
@@ -105,7 +105,7 @@ class RecordGatherer(Owner):
     def _casts(self) -> bool:
         """Whether Embree traces rays, from records or from the sites of the surface cache."""
         basis = self._basis
-        return basis.kind == "embree" or (basis.wants_surface and autotune.ray_kind(self.ctx, basis.settings) == "embree")
+        return basis.kind == "embree" or (basis.wants_surface and kinds.ray_kind(self.ctx, basis.settings) == "embree")
 
     @property
     def _needs_tree(self) -> bool:
@@ -136,7 +136,7 @@ class RecordGatherer(Owner):
         settings = settings if settings.most_bounces else replace(settings, bounces=old.settings.bounces)
         if settings == old.settings and not change and self.world.shows(scene):
             return None
-        new = replace(old, scene=scene, settings=settings, kind=autotune.kind(self.ctx, scene, settings))
+        new = replace(old, scene=scene, settings=settings, kind=kinds.kind(self.ctx, settings))
         # first what may fail
         if (
             change and change.dimming is None and self._answered(change) is None and shadows is not None

@@ -134,4 +134,4 @@ def test_the_settings_panel(driver: Driver) -> None:
     assert driver.session.settings(0)[1].blend == preset("default").blend
     driver.choose("expert settings too")
     driver.frame(2)
-    assert driver.actions.panels.expert and "walls" in {w.label for w in driver.widgets}
+    assert driver.actions.panels.expert and "adapt" in {w.label for w in driver.widgets}

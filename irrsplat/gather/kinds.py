@@ -1,0 +1,55 @@
+"""The kinds of gathers, and the kind that the setting `gather` selects."""
+
+from __future__ import annotations
+
+import moderngl
+
+from irrsplat.core.errors import InputError
+from irrsplat.gather.look import Gather
+from irrsplat.gather.raster import RasterGather
+from irrsplat.gather.trace import TraceGather
+from irrsplat.gpu import context
+from irrsplat.gpu.world import World
+from irrsplat.scene import ray_caster
+from irrsplat.settings import Settings
+
+
+def kind(ctx: moderngl.Context, settings: Settings) -> str:
+    """Return how records are gathered: "plane", "raster", "trace" or "embree"; auto is rays.
+
+    Raises InputError where Embree is requested and missing.
+    """
+    return ray_kind(ctx, settings) if settings.gather in ("auto", "embree") else settings.gather
+
+
+def ray_kind(ctx: moderngl.Context, settings: Settings) -> str:
+    """Return how rays are traced, "embree" or "trace".
+
+    If the setting `gather` names neither, Embree traces the rays of `auto` and of the surface cache where OpenGL is software
+    and embreex is installed: a GPU needs no help. Raises InputError where Embree is requested and missing.
+    """
+    if settings.gather == "embree" and not ray_caster.available():
+        raise InputError(f"--gather embree needs the package embreex ({ray_caster.INSTALL}); without it: --gather auto")
+    if settings.gather in ("embree", "trace"):
+        return settings.gather
+    return "embree" if ray_caster.available() and context.describe(ctx)["software"] else "trace"
+
+
+def gather_pass(world: World, settings: Settings, capacity: int | None = None) -> Gather:
+    """Return the pass that gathers in `world` by `settings`, at most `capacity` records at once (None: as many as are worth it).
+
+    Raises InputError where rays are to go through more triangles than the GPU can hold.
+    """
+    how, surface = kind(world.ctx, settings), settings.most_bounces > 1
+    samples, apart = settings.light_samples, settings.emitters_apart
+    if how in ("trace", "embree"):
+        return TraceGather(
+            world,
+            settings.gather_size,
+            capacity,
+            surface=surface,
+            light_samples=samples,
+            emitters_apart=apart,
+            embree=how == "embree",
+        )
+    return RasterGather(world, how, settings.gather_size, capacity, surface=surface, light_samples=samples, emitters_apart=apart)
