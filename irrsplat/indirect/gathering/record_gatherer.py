@@ -27,6 +27,9 @@ from irrsplat.surface_cache.cache import SurfaceCache
 from irrsplat.surface_cache.lamp_parts import LINEAR, LampPart, LampParts, alone, brighten, recoloured
 
 _GLANCES_FROM = 64  # side of a gather, of which a glance's rays are a small part
+_FIRST_LIGHT = (
+    4.0  # of a tick: the first values of the surface cache may take that much in any case, since pictures before are dark
+)
 _FEWEST = 16  # side of a gather: where it is less, noise is not told well by its own rays
 _LOOKS = 0.35  # of a tick: looking at what has changed may take that much in any case
 _BY_COARSE, _BY_FORMER = 0.8, 0.5  # shares of a tick for the surface cache while records are gathered by coarse or former values
@@ -265,6 +268,8 @@ class RecordGatherer(Owner):
         """
         if self._basis.resumed is not None and not budget.limited and not len(self.cache.stale):
             return True
+        if self._basis.wants_surface and self.surface_now is None:  # else pictures of a moving camera stay dark
+            budget = budget.part(1.0, 0.0, _FIRST_LIGHT)
         if budget.limited and not self.world.wait(budget.left, self._needs_tree, self._casts):
             return False
         return self._advance(shadows, budget, idle)
