@@ -30,7 +30,7 @@ from irrsplat.scene.model import Camera, Scene
 from irrsplat.settings import SettingValues, preset
 
 OnBake = Callable[[float, str], None]  # called with the share that is done, 0..1, and words
-_NOBODY = Camera((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))  # rounds are told a camera, which matters to gaps and to windows alone
+_NOBODY = Camera((0.0, 0.0, 1.0), (0.0, 0.0, 0.0))  # rounds take a camera, which matters to windows alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +78,7 @@ class PlaceLight(Tenant):
             _Drawn(self.ctx, where, settings.gradients) as drawn,
             PlaceSplats(self.ctx, drawn.gbuffer, where.position, where.seen, settings, self._reach(texel)) as splats,
         ):
-            view, before = ViewState(_NOBODY, gaps_sought=True), self.cache.count  # how low gaps are goes by a view's distances
+            view, before = ViewState(_NOBODY), self.cache.count
             for _ in range(settings.max_rounds):
                 view, _ = scheduler.limit_radii(view)
                 sums = splats.update(self.cache)

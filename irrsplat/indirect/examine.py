@@ -16,12 +16,10 @@ import numpy as np
 
 from irrsplat.core.buffers import GBuffer, Sites, SplatBuffer, Uniforms
 from irrsplat.core.vectors import octahedral_decode
-from irrsplat.gather.gaps import Search
 from irrsplat.gather.spot_check import Spots
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import Target
-from irrsplat.gpu.time_budget import Budget
 from irrsplat.scene.model import Part, measure
 from irrsplat.settings import Settings
 
@@ -79,16 +77,14 @@ class Screen:
     """A view as the scheduler looks at it: the `size` (width, height) of its picture, of which every `pixel_stride`-th pixel has
     sums in both directions.
 
-    sums: an object that is another one when these are. examine: finds what is missing, by settings. gaps: goes on
-    looking for the view's gaps from a row on, as far as a budget goes. spots: the places for a spot check, where every pixel has
-    sums; None where there is to be no check.
+    sums: an object that is another one when these are. examine: finds what is missing, by settings. spots: the places for a spot
+    check, where every pixel has sums; None where there is to be no check.
     """
 
     size: tuple[int, int]
     pixel_stride: int
     sums: object
     examine: Callable[[Settings], Examination]
-    gaps: Callable[[int, Budget], Search]
     spots: Callable[[], Spots] | None
 
 

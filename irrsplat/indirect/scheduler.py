@@ -8,7 +8,6 @@ from typing import cast
 import numpy as np
 
 from irrsplat.core.buffers import GBuffer, ShadowMaps, Sites, SplatBuffer
-from irrsplat.gather.gaps import NOTHING_TO_FIND, GapPass, Search
 from irrsplat.gather.spot_check import LOOKS, PlacesChecked, SpotCheck, SpotPass, Spots
 from irrsplat.gpu.resource import Owner, Resource, Workshop
 from irrsplat.gpu.target import pixels
@@ -145,7 +144,6 @@ class RecordScheduler(Owner):
             splats.pixel_stride,
             splats,
             lambda settings: self.examined(gbuffer, splats, settings),
-            lambda start, budget: NOTHING_TO_FIND if scan or side else self.gaps(gbuffer, camera, start, budget),
             None if scan or side else lambda: self.spots(gbuffer, splats, camera),
         )
         if scan:
@@ -158,8 +156,6 @@ class RecordScheduler(Owner):
         """Gather where the `screen` lacks records, as gather_missing does."""
         if state.queue is None:
             self._checked.forget_if_fewer(self.cache.count)
-        if state.seeking_gaps:  # then the view is examined once more: its records may be others by now
-            return self._seek_gaps(state, screen, budget), replace(NOTHING_ASKED, complete=False)
         if state.check is not None:
             return self._check(state, screen, shadows, budget), replace(NOTHING_ASKED, complete=False)
         if state.closing and state.queue is None:
@@ -193,13 +189,9 @@ class RecordScheduler(Owner):
         return state, replace(result, complete=result.new > 0 or settled)
 
     def _close(self, state: ViewState, screen: Screen, shadows: ShadowMaps, budget: Budget) -> tuple[ViewState, bool, bool]:
-        """Go on with what waits until hardly any tile asks, as far as the budget goes: gaps, the spot check and the reach of old
+        """Go on with what waits until hardly any tile asks, as far as the budget goes: the spot check and the reach of old
         records. It makes many ask again, and so it doesn't wait until none does: the last few would take rounds of their own,
         over and over. Returns whether one of these is done, and whether that was the last one and nothing has come of it."""
-        if not state.gaps_sought:
-            state = self._seek_gaps(state, screen, budget)
-            if not state.gaps_sought or state.queue is not None:
-                return state, state.gaps_sought, False
         if not (state.checked or state.pixel_stride > 1):
             state = self._check(state, screen, shadows, budget)
             if not state.checked or state.queue is not None:
@@ -234,26 +226,6 @@ class RecordScheduler(Owner):
         done = self.gatherer.gather(shadows, _asked_by(queue, camera, screen.size), budget, side, state.near)
         state = replace(state, queue=queue[done:] if done < len(queue) else None)
         return state, RoundResult(done, state.queue is None)
-
-    def gaps(self, gbuffer: GBuffer, camera: Camera, start: int, budget: Budget) -> Search:
-        """Look for the gaps of a view, or of the part of it that `camera` draws, as GapPass does."""
-        if not self.settings.in_front:
-            return NOTHING_TO_FIND
-        if budget.limited and not self.gatherer.world.wait(budget.left, tree=True):
-            return Search(start, False)
-        size = gbuffer.position.size
-        gap_pass = self._passes.get("gaps", size, lambda: GapPass(self.gatherer.world, size))
-        with self.timers("examine"):
-            return gap_pass(gbuffer, camera, self.settings, start, budget)
-
-    def _seek_gaps(self, state: ViewState, screen: Screen, budget: Budget) -> ViewState:
-        """Go on looking for the view's gaps as far as the budget goes; sites in those where no record is near are to be gathered
-        next. In ticks a view that has just come may be one in passing: that one is not looked at."""
-        if budget.limited and state.gap_rows is None:
-            return replace(state, gap_rows=0)
-        found = screen.gaps(state.gap_rows or 0, budget) if self.room else NOTHING_TO_FIND
-        sites = None if found.gaps is None else found.gaps.without(self.cache.positions)[: self.room]
-        return replace(state, gap_rows=found.rows, gaps_sought=found.complete, queue=sites or None, near=True)
 
     def spots(self, gbuffer: GBuffer, splats: SplatBuffer, camera: Camera) -> Spots:
         """The places of a view, or of the part of it that `camera` draws, for a spot check, as SpotPass has them."""

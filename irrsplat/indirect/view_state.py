@@ -25,12 +25,10 @@ class ViewState:
     coverage: float = 0.0  # share of the seen pixels that asked for nothing when the present round began, 0..1
     stalled_rounds: int = 0  # in a row, without gain in coverage and without fewer holes
     limited: bool = False  # whether the old records have been held against each other for this view
-    gap_rows: int | None = None  # of pixels that were looked at for gaps; None: it may be a view in passing
-    gaps_sought: bool = False  # whether all have been, and records are wanted in those that were found
     check: SpotCheck | None = None  # how far the spot check has come
     checked: bool = False  # whether it is done, and records are wanted where it found the others wrong
     crowded: bool = False  # whether many tiles asked when the last complete round began
-    closing: bool = False  # whether what waits until hardly any tile asks is due: gaps, the spot check, the reach of old records
+    closing: bool = False  # whether what waits until hardly any tile asks is due: the spot check, the reach of old records
     settled: tuple[object, tuple[object, ...]] | None = None  # the splats and criteria at which nothing was asked for
     looked_at: tuple[SplatBuffer, tuple[object, ...]] | None = None  # those of `coverage`, found while nothing was gathered
 
@@ -44,11 +42,6 @@ class ViewState:
     step: int = 0  # of the site selection, coarse to fine
     full: bool = False  # whether the view needs more records than there may be
     scan: paper_scan.View | None = None  # the view as the paper's algorithm goes through it
-
-    @property
-    def seeking_gaps(self) -> bool:
-        """Whether its gaps are being looked for, since no pixel asked for more."""
-        return self.gap_rows is not None and not self.gaps_sought
 
     @property
     def ended(self) -> bool:

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from irrsplat.core.buffers import CHANNELS, ShadowMaps
-from irrsplat.gather.gaps import NOTHING_TO_FIND, Gaps, Search
 from irrsplat.gather.spot_check import Spots
 from irrsplat.gpu.time_budget import Budget
 from irrsplat.image.composite import meter_block
@@ -116,7 +115,6 @@ class Tiles:
             pixel_stride,
             sums,
             lambda settings: self._examine(state, camera, pixel_stride, settings),
-            lambda start, budget: self._gaps(state, camera, budget),
             lambda: self._spots(state, camera),
         )
 
@@ -130,15 +128,13 @@ class Tiles:
         across, up = (min(max(1, state.tile // step), n) for n in cells)
         whole: Examination | None = None
         for column, row in _grid(cells, (across, up)):
-            # a tile more on each side: pixels that ask look at those around them
-            corner = (column - 1) * step, (row - 1) * step
-            part = Part(state.size, corner, ((across + 2) * step, (up + 2) * step))
+            part = Part(state.size, (column * step, row * step), (across * step, up * step))
             found = self._look(state, part_of(camera, part), part, stride, settings, (column, row))
             whole = whole or _empty(found, (cells[1], cells[0]))
             wide, high = min(across, cells[0] - column), min(up, cells[1] - row)
             for name, values in vars(whole).items():
                 # rows run down
-                there = getattr(found, name)[::-1][1 : 1 + high, 1 : 1 + wide]
+                there = getattr(found, name)[::-1][:high, :wide]
                 values[::-1][row : row + high, column : column + wide] = there
         self._looked_by = inputs
         assert whole is not None
@@ -159,17 +155,6 @@ class Tiles:
             found = self.scheduler.examined(gbuffer, splats, settings, part)
         self._looked[tile] = _Looked(count, found)
         return found
-
-    def _gaps(self, state: State, camera: Camera, budget: Budget) -> Search:
-        """The gaps of all tiles."""
-        found: list[Gaps] = []
-        for corner in _grid(state.size, (state.tile, state.tile)):
-            here = part_of(camera, Part(state.size, corner, (state.tile, state.tile)))
-            gbuffer = self.stages.draw_gbuffer(replace(state, size=(state.tile, state.tile)), here)
-            if (gaps := self.scheduler.gaps(gbuffer, here, 0, budget).gaps) is None:
-                return NOTHING_TO_FIND
-            found.append(gaps)
-        return Search(state.size[1], True, Gaps.joined(found))
 
     def _spots(self, state: State, camera: Camera) -> Spots:
         """The places of all tiles for a spot check."""

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 from irrsplat.core import paths
-from irrsplat.gather.gaps import GapPass
 from irrsplat.gather.raster import MeshletDraw, SingleDraw
 from irrsplat.gather.reduce import ReducePass
 from irrsplat.gather.spot_check import SpotPass
@@ -82,7 +81,6 @@ def unlit(ctx: moderngl.Context) -> Iterator[Owner]:
     for sized in (GBufferPass, CompositePass, MeanPass, UpsamplePass, SpotPass):
         yield sized(ctx, SIZE)
     yield EmitterLightPass(ctx, SIZE, {})
-    yield GapPass(Lit(ctx, scene(floor()), 16).world, SIZE)
     yield TemporalFilter(ctx, SIZE)
 
 
