@@ -26,11 +26,12 @@ def _edges(side: int) -> tuple[np.ndarray, np.ndarray]:
 def ray_directions(side: int, spread: bool = False) -> np.ndarray:
     """(M·N, 3) float64: the rays' directions in a record's frame, through the middle of each stratum in sin²θ and φ.
 
-    spread: not through the middle in sin²θ, but at another height in each stratum of an elevation, in steps of the golden ratio.
-    Rays of few elevations that all go through the middle miss what is near the horizon."""
+    The strata around the normal meet there, and are 6° long with 64² rays. Their heights in sin²θ go in steps of the golden
+    ratio, so that rays lie evenly around the normal. spread: the heights of all elevations do. Rays of few elevations that all go
+    through the middle miss what is near the horizon."""
     m, n = shape(side)
     row, column = np.indices((m, n))
-    height = np.modf((column + 0.5 * row + 0.5) * GOLDEN)[0] if spread else 0.5
+    height = np.where(spread | (row == 0), np.modf((column + 0.5 * row + 0.5) * GOLDEN)[0], 0.5)
     square, azimuth = (row + height) / m, 2.0 * np.pi * (column + 0.5) / n
     sine, cosine = np.sqrt(square), np.sqrt(1.0 - square)
     return np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine], axis=-1).reshape(-1, 3)
