@@ -65,10 +65,11 @@ class VirtualLights(Owner):
     def _spots(self, lamps: np.ndarray, samples: int, rays: float) -> _Spots:
         """Where rays of the `lamps` of these numbers end, of whose virtual lights there are to be so many `samples`."""
         scene, each = self.world.scene, max(samples // max(len(lamps), 1), 1)
-        density = each / (4.0 * np.pi)
         if not len(lamps):
-            return _Spots(lamps, density, np.zeros(0), np.zeros((0, VIRTUAL_SETS, 1, 3, 4)), np.zeros((0, VIRTUAL_SETS, 1), bool))
+            none = np.zeros(0)
+            return _Spots(lamps, none, none, np.zeros((0, VIRTUAL_SETS, 1, 3, 4)), np.zeros((0, VIRTUAL_SETS, 1), bool))
         rows = np.array([_row(scene.lights[lamp]) for lamp in lamps])
+        density = each / (2.0 * np.pi * rows[:, 1, 3])
         uniforms = {**self.world.trace_uniforms, "rays": float(each), "near": near_plane(scene)}
         place, normal, share = self._passes.find(rows, each, uniforms)
         far, triangle = place[..., 3].copy(), normal[..., 3].copy()
@@ -77,7 +78,7 @@ class VirtualLights(Owner):
         room = np.sqrt((np.where(lit, far, 0.0) ** 2).sum((1, 2)) / np.maximum(lit.sum((1, 2)), 1))
         reach = 2.0 * room * np.sqrt(WORTH * density / rays)
         cosine = -((place[..., :3] - rows[:, None, None, 0, :3]) * normal[..., :3]).sum(-1) / far
-        place[..., 3] = density * cosine / far**2
+        place[..., 3] = density[:, None, None] * cosine / far**2
         normal[..., 3], share[..., 3] = lamps[:, None, None], triangle
         near = lit & (far < reach[:, None, None]) & (place[..., 3] > 0.0)
         return _Spots(lamps, density, reach, np.stack([place, normal, share], axis=3), near)
@@ -97,15 +98,15 @@ def virtual_lights(world: World, samples: int, rays: float) -> VirtualLights | N
 
 @dataclass(frozen=True)
 class _Spots:
-    """Where the rays of K lamps end, in VIRTUAL_SETS sets of R a lamp, which are `density` rays to a steradian.
+    """Where the rays of K lamps end, in VIRTUAL_SETS sets of R a lamp.
 
-    lamps: (K,) their numbers. reach: (K,) metres from the lamp within which what they hit is a virtual light. near: (K, SETS, R)
+    lamps: (K,) their numbers. density: (K,) rays of a set to a steradian. reach: (K,) metres from the lamp within which what they hit is a virtual light. near: (K, SETS, R)
     whether it is. texels: (K, SETS, R, 3, 4), of each the two that `virtual_places` in shaders/gather/light_samples/sample.glsl
     has, and the shares of its triangle's corners, with that triangle's number.
     """
 
     lamps: np.ndarray
-    density: float
+    density: np.ndarray
     reach: np.ndarray
     texels: np.ndarray
     near: np.ndarray
@@ -159,6 +160,6 @@ class VirtualLightPasses(Owner):
 def _row(light: Light) -> list[list[float]]:
     """Its texels of `lamps` in shaders/lighting/virtual_lights/find.frag."""
     if light.spot_target is None or not light.has_cone:
-        return [[*light.position, 0.0], [0.0, 1.0, 0.0, -1.0]]
+        return [[*light.position, 0.0], [0.0, 1.0, 0.0, 2.0]]
     axis = np.subtract(light.spot_target, light.position)
-    return [[*light.position, 0.0], [*(axis / np.linalg.norm(axis)), float(np.cos(np.radians(light.spot_cutoff)))]]
+    return [[*light.position, 0.0], [*(axis / np.linalg.norm(axis)), 2.0 * float(np.sin(np.radians(0.5 * light.spot_cutoff)) ** 2)]]

@@ -1,10 +1,10 @@
-// Where rays of lamps end: VIRTUAL_SETS rows a lamp, a texel a ray. The rays of each row are spread evenly over the sphere, and so are
-// those of all rows of a lamp together.
+// Where rays of lamps end: VIRTUAL_SETS rows a lamp, a texel a ray. The rays of each row are spread evenly over the lamp's cone or the
+// sphere, and so are those of all rows of a lamp together.
 #include "generated/constants.glsl"
 #include "lib/rays/bvh.glsl"
 #include "lib/normals.glsl"
 
-uniform sampler2D lamps;  // two texels each: where it is; the axis of its cone, and the cosine of half its angle, -1 for all around
+uniform sampler2D lamps;  // two texels each: where it is; the axis of its cone, and 1 - the cosine of half its angle, 2 for all around
 uniform float rays;       // of each row
 uniform float near;       // metres: nothing nearer casts a shadow
 
@@ -21,14 +21,14 @@ void main()
     vec4 axis = texelFetch(lamps, lamp + ivec2(1, 0), 0);
     vec3 right = perpendicular(axis.xyz);
 
-    // a spiral on the sphere, of which each turn takes up as much of it (Swinbank and Purser 2006)
-    float z = 1.0 - 2.0 * (number + (set + 0.5) / float(VIRTUAL_SETS)) / rays, r = sqrt(max(1.0 - z * z, 0.0));
+    // a spiral about the axis, of which each turn takes up as much of the sphere (Swinbank and Purser 2006)
+    float down = axis.w * (number + (set + 0.5) / float(VIRTUAL_SETS)) / rays, r = sqrt(max(down * (2.0 - down), 0.0));
     float angle = GOLDEN_ANGLE * (number + rays * set);
-    vec3 d = r * (cos(angle) * right + sin(angle) * cross(axis.xyz, right)) + z * axis.xyz;
+    vec3 d = r * (cos(angle) * right + sin(angle) * cross(axis.xyz, right)) + (1.0 - down) * axis.xyz;
     Hit hit = bvh_closest(from, d, near);
     vec3 a = triangle_point(hit.triangle, 0), b = triangle_point(hit.triangle, 1), c = triangle_point(hit.triangle, 2);
     vec3 g = normalize(cross(b - a, c - a));
-    out_place = vec4(from + hit.t * d, z > axis.w ? hit.t : FARTHEST_HIT);
+    out_place = vec4(from + hit.t * d, hit.t);
     out_normal = vec4(dot(g, d) > 0.0 ? -g : g, float(hit.triangle));
     out_share = vec4(hit.share, 0.0);
 }
