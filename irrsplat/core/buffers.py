@@ -254,18 +254,19 @@ class LightSamples:
 
 @dataclass(frozen=True)
 class Atlas:
-    """What a batch of records sees, a cell each: row-major cells of `cell` (width, height) texels, `columns` per row.
+    """The hemisphere samples of a batch of records: row-major cells of `cell` (width, height) texels, `columns` per row.
 
     radiance: RGBA32F texture, rgb W/(m² sr), a distance in metres (0 where nothing was hit).
     planes: RGBA32F texture, the plane of what was hit: 1/distance in the unit direction w is xyz·w, 1/m (0 where nothing was).
     table: RGBA32F texture of one cell, xyz direction in the record's frame (tangent, bitangent, normal), w cosθ·dω.
     edges: RGBA32F texture of two texels a texel, see hemisphere.edge_table.
     frames: RGBA32F texture; texels (i, 0..2) are record i's tangent, bitangent and normal, (i, 3) its geometric normal in
-    that frame and, w, its number in the cache; (i, 4) is where it looks from and, w, how far beside that others look at
-    light samples, metres.
+    that frame and, w, its number in the cache; (i, 4) is its eye and, w, the distance of the eyes in a circle about that,
+    from which light samples tell derivatives, metres.
     count: the number of records. block: the texels that the first reduction step sums at once, as (width, height).
-    light_samples: the light samples that are to be taken as well.
-    rays: like the table, with the directions in which the texels look; None: those of the table.
+    light_samples: the shadow rays to be added.
+    rays: like the table, with the directions of the texels' own rays; None: those of the table.
+    sky_share: R32F texture, the share of each texel that sees the sky; None: all of it where nothing was hit.
     """
 
     radiance: moderngl.Texture
@@ -279,6 +280,7 @@ class Atlas:
     block: tuple[int, int]
     light_samples: tuple[LightSamples, ...] = ()
     rays: moderngl.Texture | None = None
+    sky_share: moderngl.Texture | None = None
 
 
 @dataclass(frozen=True, eq=False)

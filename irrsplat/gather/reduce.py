@@ -41,7 +41,12 @@ class ReducePass(Owner):
         self.ctx = ctx
         defines = {"GRADIENTS": int(gradients), "PLACES": places}
         self.components = (4, 2, 4, 4, 4, 4, 4, 4) if gradients else (4, 2)
-        self.blocks = [Program(ctx, "gather/reduce_blocks", "lib/fullscreen", defines | {"SKY_MAP": m}) for m in (0, 1)]
+        self.blocks = {
+            kind: Program(
+                ctx, "gather/reduce_blocks", "lib/fullscreen", defines | dict(zip(("SKY_MAP", "SKY_SHARE"), kind, strict=True))
+            )
+            for kind in ((0, 0), (0, 1), (1, 0), (1, 1))
+        }
         self.total = Program(ctx, "gather/reduce_total", defines=defines | {"WIDE": WIDE})
         self.light_samples = LightSamplePass(ctx, gradients, places)
         self.targets: dict[tuple[int, int], Target] = {}  # by their size, which an atlas decides
@@ -50,7 +55,7 @@ class ReducePass(Owner):
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (*self.blocks, self.total, self.light_samples, *self.targets.values(), self.out)
+        return (*self.blocks.values(), self.total, self.light_samples, *self.targets.values(), self.out)
 
     def __call__(self, atlas: Atlas, records: Records, sky: Uniforms, radii: tuple[float, float]) -> None:
         """Write E, R, M and ∇E of the atlas's records into `records`, each at its number; R is kept within `radii`.
@@ -66,7 +71,9 @@ class ReducePass(Owner):
         used = (0, 0, across * per_cell[0], down * per_cell[1])
         mapped = sky_defines(sky)["SKY_MAP"]
         looks: Uniforms = {"rays": atlas.rays or atlas.table} if mapped else {}
-        self.blocks[mapped](
+        if atlas.sky_share is not None:
+            looks["sky_share"] = atlas.sky_share
+        self.blocks[mapped, int(atlas.sky_share is not None)](
             self.target,
             scissor=used,
             radiance=atlas.radiance,

@@ -23,6 +23,12 @@ def _edges(side: int) -> tuple[np.ndarray, np.ndarray]:
     return np.arcsin(np.sqrt(np.arange(m + 1) / m)), 2.0 * np.pi * np.arange(n + 1) / n
 
 
+def _directions(square: np.ndarray, azimuth: np.ndarray) -> np.ndarray:
+    """(..., 3) unit directions at these sin²θ and φ in radians."""
+    sine = np.sqrt(square)
+    return np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), np.sqrt(1.0 - square)], axis=-1)
+
+
 def ray_directions(side: int, spread: bool = False) -> np.ndarray:
     """(M·N, 3) float64: the rays' directions in a record's frame, through the middle of each stratum in sin²θ and φ.
 
@@ -32,9 +38,25 @@ def ray_directions(side: int, spread: bool = False) -> np.ndarray:
     m, n = shape(side)
     row, column = np.indices((m, n))
     height = np.where(spread | (row == 0), np.modf((column + 0.5 * row + 0.5) * GOLDEN)[0], 0.5)
-    square, azimuth = (row + height) / m, 2.0 * np.pi * (column + 0.5) / n
-    sine, cosine = np.sqrt(square), np.sqrt(1.0 - square)
-    return np.stack([sine * np.cos(azimuth), sine * np.sin(azimuth), cosine], axis=-1).reshape(-1, 3)
+    return _directions((row + height) / m, 2.0 * np.pi * (column + 0.5) / n).reshape(-1, 3)
+
+
+def closer_rays(side: int, count: int) -> np.ndarray:
+    """(M, N, count, 3) float64: further directions into each stratum. Their heights in sin²θ share it evenly. Their azimuths,
+    and the shifts of both from stratum to stratum, are low-discrepancy sequences (Roberts 2018)."""
+    m, n = shape(side)
+    row, column, ray = np.indices((m, n, count))
+    number = row * n + column
+    square = (row + (ray + np.modf(number * 0.7548776662466927)[0]) / count) / m
+    azimuth = 2.0 * np.pi * (column + np.modf(ray * GOLDEN + number * 0.5698402909980532)[0]) / n
+    return _directions(square, azimuth)
+
+
+def reach(side: int, least: int) -> np.ndarray:
+    """(M,) how many strata along each elevation are as wide as it is high, and at least so many; less than half of them."""
+    m, n = shape(side)
+    wide: np.ndarray = np.clip((m / (np.pi * (np.arange(m) + 0.5)) + 0.5).astype(int), least, n // 2 - 1)
+    return wide
 
 
 def stratum_table(side: int) -> np.ndarray:

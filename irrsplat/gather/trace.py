@@ -14,6 +14,7 @@ from irrsplat.core.glsl import TABLE_COLUMNS
 from irrsplat.gather.light_samples import LightSearch
 from irrsplat.gather.look import Gather
 from irrsplat.gather.record_frame import atlas_grid, eye_positions, frame_rows, places_of_texels, sample_offsets, tangent_frames
+from irrsplat.gather.sky_share import SkyShares
 from irrsplat.gather.stratified import ray_directions, stratum_edges, stratum_table
 from irrsplat.gpu.program import Program
 from irrsplat.gpu.resource import Resource
@@ -86,12 +87,15 @@ class TraceGather(Gather):
         if embree:
             self.columns, self.capacity = atlas_grid(self.cell, min(self.capacity, limit * TABLE_COLUMNS // count), limit)
             self.first_hits = integer_texture(ctx, (TABLE_COLUMNS, -(-self.capacity * count // TABLE_COLUMNS)))
+        # there are so many sites of a surface cache that the noise of each averages out
+        lines = self.capacity // self.columns
+        self.sky = None if hits or places > 1 else SkyShares(world, self.side, self.columns, lines, embree)
         self.target: Target | None = None
         self.frames = float_texture(ctx, (self.capacity * places, 5))
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.table, self.edges, self.looks, self.program, self.target, self.frames, self.first_hits)
+        return (self.table, self.edges, self.looks, self.program, self.target, self.frames, self.first_hits, self.sky)
 
     def __call__(self, light: HitLight, sites: Sites, numbers: np.ndarray, seed: int) -> Atlas:
         """What records at `sites` (at most `capacity`, or so many times `places`) see; `numbers` (N,) are theirs in the cache."""
@@ -106,23 +110,25 @@ class TraceGather(Gather):
         rows[4, :, :3], rows[4, :, 3] = eye_positions(sites, self.world.geometry.corners, self.offset), self.steps(sites)
         self.frames.write(rows.tobytes(), viewport=(0, 0, looks, 5))
         hits = self._trace(rows)
+        known: Uniforms = {} if hits is None else {"first_hits": self.first_hits}
         lines, rest = divmod(count, self.columns)
         width, height = self.cell
-        for area in ((0, 0, self.columns * width, lines * height), (0, lines * height, rest * width, height)):
-            if area[2] * area[3]:
-                self.program(
-                    self.target,
-                    scissor=area,
-                    frames=self.frames,
-                    directions=self.looks,
-                    cell=self.cell,
-                    columns=self.columns,
-                    near=self.offset,
-                    closed=self.world.geometry.counts.closed,
-                    **hits,
-                    **(self.world.seen_uniforms(self.kind == "embree") | self.world.box_uniforms),
-                    **(light.uniforms | self.search.ray_uniforms),
-                )
+        whole = (0, 0, self.columns * width, lines * height), (0, lines * height, rest * width, height)
+        areas = tuple(area for area in whole if area[2] * area[3])
+        for area in areas:
+            self.program(
+                self.target,
+                scissor=area,
+                frames=self.frames,
+                directions=self.looks,
+                cell=self.cell,
+                columns=self.columns,
+                near=self.offset,
+                closed=self.world.geometry.counts.closed,
+                **known,
+                **(self.world.seen_uniforms(self.kind == "embree") | self.world.box_uniforms),
+                **(light.uniforms | self.search.ray_uniforms),
+            )
         block = (self.side // 4, self.side // 4)
         radiance, planes = self.target.textures[:2]
         samples = self.search.light_samples(rows, light)
@@ -138,21 +144,22 @@ class TraceGather(Gather):
             block,
             samples,
             self.looks,
+            None if self.sky is None else self.sky(rows, hits, radiance, self.frames, areas),
         )
 
-    def _trace(self, rows: np.ndarray) -> Uniforms:
-        """Have Embree trace the rays of records with these rows of `frames`; the uniforms that tell what they hit."""
+    def _trace(self, rows: np.ndarray) -> np.ndarray | None:
+        """Have Embree trace the rays of records with these rows of `frames`; return (N, R) the triangles hit, None without it."""
         if self.first_hits is None:
-            return {}
+            return None
         hits = np.empty((rows.shape[1] // self.places, self.share.size), np.int32)
         for place in range(self.places):
             eyes, texels = slice(place, None, self.places), self.places_of_texels == place
             found = self.world.caster.first_hits(rows[4, eyes, :3], rows[:3, eyes, :3].swapaxes(0, 1), self.rays[texels])
             hits[:, texels] = found
         lines = -(-hits.size // TABLE_COLUMNS)
-        found = np.pad(hits.ravel(), (0, lines * TABLE_COLUMNS - hits.size))
-        self.first_hits.write(found.tobytes(), viewport=(0, 0, TABLE_COLUMNS, lines))
-        return {"first_hits": self.first_hits}
+        padded = np.pad(hits.ravel(), (0, lines * TABLE_COLUMNS - hits.size))
+        self.first_hits.write(padded.tobytes(), viewport=(0, 0, TABLE_COLUMNS, lines))
+        return hits
 
     def hits(self, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """What the rays of the last call's first `count` records hit, R rays each in the order of the cell's texels.

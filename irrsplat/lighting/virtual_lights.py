@@ -98,11 +98,12 @@ def virtual_lights(world: World, samples: int, rays: float) -> VirtualLights | N
 
 @dataclass(frozen=True)
 class _Spots:
-    """Where the rays of K lamps end, in VIRTUAL_SETS sets of R a lamp.
+    """The ends of rays from K point lights, in VIRTUAL_SETS sets of R a light.
 
-    lamps: (K,) their numbers. density: (K,) rays of a set to a steradian. reach: (K,) metres from the lamp within which what they hit is a virtual light. near: (K, SETS, R)
-    whether it is. texels: (K, SETS, R, 3, 4), of each the two that `virtual_places` in shaders/gather/light_samples/sample.glsl
-    has, and the shares of its triangle's corners, with that triangle's number.
+    lamps: (K,) the numbers of the lights. density: (K,) rays of a set to a steradian. reach: (K,) metres from the light within
+    which the end of a ray is a virtual light. near: (K, SETS, R) whether it is. texels: (K, SETS, R, 3, 4), of each the two that
+    `virtual_places` in shaders/gather/light_samples/sample.glsl has, and the shares of its triangle's corners, with the
+    triangle's number.
     """
 
     lamps: np.ndarray
@@ -162,4 +163,7 @@ def _row(light: Light) -> list[list[float]]:
     if light.spot_target is None or not light.has_cone:
         return [[*light.position, 0.0], [0.0, 1.0, 0.0, 2.0]]
     axis = np.subtract(light.spot_target, light.position)
-    return [[*light.position, 0.0], [*(axis / np.linalg.norm(axis)), 2.0 * float(np.sin(np.radians(0.5 * light.spot_cutoff)) ** 2)]]
+    return [
+        [*light.position, 0.0],
+        [*(axis / np.linalg.norm(axis)), 2.0 * float(np.sin(np.radians(0.5 * light.spot_cutoff)) ** 2)],
+    ]

@@ -10,6 +10,9 @@ uniform sampler2D table;     // one cell: direction in the record's frame, cosθ
 #if SKY_MAP
 uniform sampler2D rays;      // the same with the directions in which the texels look
 #endif
+#if SKY_SHARE
+uniform sampler2D sky_share;  // the atlas: the share of a texel that sees the sky; else its own ray decides
+#endif
 uniform sampler2D edges;     // two texels a texel: the edges to its right and upper neighbours, and which those are
 uniform sampler2D frames;    // texels (i, 0..2): the frame at place i, (i, 3): the geometric normal in it
 uniform ivec2 cell;          // texels of a cell
@@ -36,7 +39,13 @@ vec4 seen(ivec2 corner, ivec2 texel, vec4 direction, SkyFrame sky_there)
     // a stratum at the horizon is brightest for a record at its upper end, not in its mean direction
     direction = texelFetch(rays, texel, 0);
 #endif
-    return s.a > 0.0 ? vec4(s.rgb, 1.0 / s.a) : vec4(sky_along(direction, sky_there), 0.0);
+#if SKY_SHARE
+    float share = texelFetch(sky_share, corner + texel, 0).r;
+#else
+    float share = s.a > 0.0 ? 0.0 : 1.0;
+#endif
+    vec3 sky_light = share * sky_along(direction, sky_there);
+    return s.a > 0.0 ? vec4(s.rgb + sky_light, 1.0 / s.a) : vec4(sky_light, 0.0);
 }
 
 // Frame, geometric normal in it and sky at a place that a record looks from.

@@ -67,7 +67,7 @@ def test_what_stands_in_the_way_hides_them(ctx: moderngl.Context) -> None:
 
 @pytest.mark.parametrize("half", [5.0, 2.0, 0.5])
 def test_a_narrow_beam_onto_the_ceiling_lights_the_floor(ctx: moderngl.Context, half: float) -> None:
-    """Its spot, as small as 17 mm, holds the power Φ = I·2π(1 - cos) and reflects it as a small Lambert emitter: E = ρΦ/π·h²/d⁴."""
+    """Its spot, as small as 17 mm, gets the power Φ = I·2π(1 - cos) and is a small Lambert emitter: E = ρΦ/π·h²/d⁴."""
     beam = lamp((0.2, 1.0, 0.1), POWER, spot_target=(0.2, HEIGHT, 0.1), spot_cutoff=half, spot_inner=half)
     where = np.random.default_rng(2).uniform((-2, 0, -2), (2, 0, 2), (24, 3))
     with Lit(ctx, scene(DARK, CEILING, lights=(beam,)), 1024) as lit:

@@ -46,10 +46,11 @@ LIT = {
     "gather/raster/triangle",
     "gather/raster/shade",
     "gather/trace",
+    "gather/sky_share",
     "lighting/site_light",
     "lighting/virtual_lights/find",
     "lighting/virtual_lights/shine",
-}  # stages whose shaders go by the lights
+}  # stages whose shaders go by the lights, and the sky's share of a gather that has one of these
 
 
 def lit(ctx: moderngl.Context, lights: tuple[Light, ...]) -> Iterator[Owner]:

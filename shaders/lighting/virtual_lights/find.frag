@@ -1,5 +1,5 @@
-// Where rays of lamps end: VIRTUAL_SETS rows a lamp, a texel a ray. The rays of each row are spread evenly over the lamp's cone or the
-// sphere, and so are those of all rows of a lamp together.
+// The ends of rays from point lights: VIRTUAL_SETS rows a light, a texel a ray. The rays of each row are spread evenly over the light's
+// cone, or over the sphere, and so are the rays of all its rows together.
 #include "generated/constants.glsl"
 #include "lib/rays/bvh.glsl"
 #include "lib/normals.glsl"

@@ -1,0 +1,117 @@
+"""The share of each stratum that sees the sky: further rays count it where the strata around see different things.
+
+A ray sees the sky or not, for all of its stratum. Few rays of a record go through a window, and their number is noise. The sky's
+radiance follows from the direction alone, so that the further rays need no light where they hit.
+"""
+
+from __future__ import annotations
+
+import moderngl
+import numpy as np
+
+from irrsplat.core.buffers import Uniforms
+from irrsplat.gather.stratified import closer_rays, reach, shape
+from irrsplat.gpu.program import Program
+from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.target import Target, table_texture
+from irrsplat.gpu.world import World
+
+_RAYS = 8  # of a stratum
+_NEAR = 2  # elevations and azimuths to either side, at least, that count as around a stratum
+_ACROSS = 8  # rows and columns of strata, spread over a record's cell, that tell how open the place is
+_OPEN = 0.125  # of these: where more see the sky, a record's own rays tell its share well enough
+_FAR = 1e4  # diagonals of the scene
+
+Areas = tuple[tuple[int, int, int, int], ...]  # rectangles of an atlas: first texel, width and height
+
+
+class SkyShares(Owner):
+    """The search for these shares, by a gather of this `side` whose atlas has `columns` cells a row and `lines` rows of cells.
+
+    embree: True if Embree traces the rays; where something is cut out, shaders do in any case.
+    """
+
+    def __init__(self, world: World, side: int, columns: int, lines: int, embree: bool) -> None:
+        self.world, self.columns, self.cell = world, columns, shape(side)[::-1]
+        n, m = self.cell
+        self._rays, self._reach = closer_rays(side, _RAYS), reach(side, _NEAR)
+        self._step = max(1, n // _ACROSS), max(1, m // _ACROSS)
+        self._size = columns * n, lines * m
+        self._target: Target | None = None
+        self._table: moderngl.Texture | None = None
+        self._program: Program | None = None
+        if not embree or world.material_defines["CUT_OUTS"]:
+            wide = np.broadcast_to(self._reach[:, None, None], (m, n * _RAYS, 1))
+            self._table = table_texture(world.ctx, np.concatenate([self._rays.reshape(m, -1, 3), wide], axis=-1))
+            defines = {**world.material_defines, "RAYS": _RAYS, "NEAR": _NEAR}
+            self._program = Program(world.ctx, "gather/sky_share", "lib/fullscreen", defines)
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """Return the resources to be freed."""
+        return (self._target, self._table, self._program)
+
+    def __call__(
+        self, rows: np.ndarray, hits: np.ndarray | None, radiance: moderngl.Texture, frames: moderngl.Texture, areas: Areas
+    ) -> moderngl.Texture | None:
+        """Return the texture of shares, Atlas.sky_share, for an atlas that is used in these `areas`; None where the sky is black.
+
+        rows: (5, N, 4) those of `frames`. hits: (N, R) the triangles that Embree has rays hit, -1: none; None without it.
+        """
+        scene = self.world.scene
+        if not (any(scene.sky) or any(scene.sky_gradient) or scene.environment):
+            return None
+        if self._target is None:
+            self._target = Target(self.world.ctx, self._size, (1,))
+        if self._program is None:
+            assert hits is not None
+            self._write(self._target.textures[0], self._counted(rows, (hits < 0).reshape(len(hits), *self.cell[::-1])))
+        else:
+            given: Uniforms = {
+                "radiance": radiance,
+                "frames": frames,
+                "closer_rays": self._table,
+                "cell": self.cell,
+                "step": self._step,
+            }
+            given |= {"columns": self.columns, "most": _OPEN, **self.world.ray_uniforms}
+            for area in areas:
+                self._program(self._target, scissor=area, **self._program.known(given))
+        return self._target.textures[0]
+
+    def _write(self, texture: moderngl.Texture, shares: np.ndarray) -> None:
+        """Write the shares (N, M, A) of N records into cells of the texture."""
+        (n, m), lines = self.cell, -(-len(shares) // self.columns)
+        cells = np.zeros((lines * self.columns, m, n), np.float32)
+        cells[: len(shares)] = shares
+        picture = cells.reshape(lines, self.columns, m, n).swapaxes(1, 2)
+        texture.write(picture.tobytes(), viewport=(0, 0, self.columns * n, lines * m))
+
+    def _counted(self, rows: np.ndarray, free: np.ndarray) -> np.ndarray:
+        """(N, M, A) the shares by Embree, for records whose own rays see the sky where they are `free` (N, M, A)."""
+        shares, (across, up) = free.astype(np.float32), self._step
+        few = np.flatnonzero(free.any((1, 2)) & (free[:, ::up, ::across].mean((1, 2)) <= _OPEN))
+        some, y, x = np.nonzero(self._mixed(free[few]))
+        record = few[some]
+        frame, eye = rows[:3, record, :3].swapaxes(0, 1), np.repeat(rows[4, record, :3], _RAYS, axis=0)
+        away = (self._rays[y, x].astype(np.float32) @ frame).reshape(-1, 3)
+        seen = self.world.caster.free(eye, eye + away * np.float32(_FAR * self.world.scene.diagonal))
+        shares[record, y, x] = seen.reshape(-1, _RAYS).mean(1)
+        return shares
+
+    def _mixed(self, free: np.ndarray) -> np.ndarray:
+        """(N, M, A) whether some of the strata around each see the sky, and some do not. Its own ray has no say, so that the
+        choice leaves no bias."""
+        widest, n = int(self._reach.max()), free.shape[2]
+        ring = np.concatenate([free[..., n - widest :], free, free[..., :widest]], axis=-1)
+        before = np.pad(np.cumsum(ring, axis=-1, dtype=np.int16), ((0, 0), (0, 0), (1, 0)))
+        middle, wide = widest + np.arange(n), self._reach[:, None]
+        row = np.arange(len(wide))[:, None]
+        count = before[:, row, middle + wide + 1] - before[:, row, middle - wide]
+        some, all_of_them = count > 0, count == 2 * wide + 1
+        any_around, all_around = count > free, count - free == 2 * wide
+        for k in range(1, _NEAR + 1):
+            for here, there in ((np.s_[:, k:], np.s_[:, :-k]), (np.s_[:, :-k], np.s_[:, k:])):
+                any_around[here] |= some[there]
+                all_around[here] &= all_of_them[there]
+        mixed: np.ndarray = any_around & ~all_around
+        return mixed

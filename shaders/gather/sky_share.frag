@@ -1,0 +1,51 @@
+// The share of a stratum that sees the sky: by RAYS further rays where the strata around see different things and the place is not
+// open, else by the stratum's own ray. irrsplat/gather/sky_share.py has the same for Embree.
+#include "generated/constants.glsl"
+#include "lib/rays/bvh.glsl"
+
+uniform sampler2D radiance;     // the atlas: a distance as w (0: the sky)
+uniform sampler2D frames;       // texels (i, 0..2): tangent, bitangent and normal of record i, (i, 4): its eye
+uniform sampler2D closer_rays;  // RAYS texels a stratum: directions in a record's frame; w: azimuths to either side that count as around
+uniform ivec2 cell;             // azimuths and elevations of a record
+uniform int columns;            // cells per row
+uniform ivec2 step;             // from stratum to stratum of those that tell how open the place is
+uniform float most;             // of these, the share that sees the sky at most where further rays are sent
+
+layout(location = 0) out float out_share;
+
+int free(ivec2 corner, ivec2 stratum)
+{
+    return texelFetch(radiance, corner + stratum, 0).a > 0.0 ? 0 : 1;
+}
+
+void main()
+{
+    ivec2 place = ivec2(gl_FragCoord.xy) / cell, corner = place * cell, inside = ivec2(gl_FragCoord.xy) - corner;
+    // without the stratum itself, so that the choice leaves no bias
+    int own = free(corner, inside), seen = -own, looked = -1;
+    for (int y = max(inside.y - NEAR, 0); y <= min(inside.y + NEAR, cell.y - 1); ++y)
+    {
+        int wide = int(texelFetch(closer_rays, ivec2(0, y), 0).w);
+        for (int x = inside.x - wide; x <= inside.x + wide; ++x)
+            seen += free(corner, ivec2(x < 0 ? x + cell.x : x < cell.x ? x : x - cell.x, y));
+        looked += 2 * wide + 1;
+    }
+    // loops, since software renderers run them only where a fragment needs it
+    int open = 0, looks = 0, height = seen > 0 && seen < looked ? cell.y : 0;
+    for (int y = 0; y < height; y += step.y)
+        for (int x = 0; x < cell.x; x += step.x)
+        {
+            open += free(corner, ivec2(x, y));
+            ++looks;
+        }
+    int rays = looks > 0 && float(open) <= most * float(looks) ? RAYS : 0, found = 0, record = place.y * columns + place.x;
+    mat3 frame = mat3(texelFetch(frames, ivec2(record, 0), 0).xyz, texelFetch(frames, ivec2(record, 1), 0).xyz,
+                      texelFetch(frames, ivec2(record, 2), 0).xyz);
+    vec3 eye = texelFetch(frames, ivec2(record, 4), 0).xyz;
+    for (int j = 0; j < rays; ++j)
+    {
+        vec3 d = normalize(frame * texelFetch(closer_rays, ivec2(inside.x * RAYS + j, inside.y), 0).xyz);
+        found += bvh_closest(eye, d, 0.0).t < FARTHEST_HIT ? 0 : 1;
+    }
+    out_share = rays > 0 ? float(found) / float(RAYS) : float(own);
+}
