@@ -225,11 +225,6 @@ def lamp_under_roof(gap: float, record: float) -> float:
     return float((L * record**2 / (record**2 + s * s) ** 2 * 2 * np.pi * s * ds).sum())
 
 
-def test_the_quadrature_has_the_right_limit() -> None:
-    """A lamp that touches the roof lights a point: Φ/2 = ∫ E dA = 2π·I there, so that E = ρ/π·2π·I/h² = 2ρI/h²."""
-    assert lamp_under_roof(1e-3, 2.0) == pytest.approx(2.0 / 4.0, rel=3e-3)
-
-
 @pytest.mark.parametrize("kind", WHOLE)
 @pytest.mark.parametrize("gap", [0.02, 0.1])
 def test_a_lamp_near_a_wall_does_not_alias(ctx: moderngl.Context, gap: float, kind: str) -> None:
