@@ -27,9 +27,7 @@ from irrsplat.surface_cache.cache import SurfaceCache
 from irrsplat.surface_cache.lamp_parts import LINEAR, LampPart, LampParts, alone, brighten, recoloured
 
 _GLANCES_FROM = 64  # side of a gather, of which a glance's rays are a small part
-_FIRST_LIGHT = (
-    4.0  # of a tick: the first values of the surface cache may take that much in any case, since pictures before are dark
-)
+_FIRST_LIGHT = 4.0  # of a tick: the share that the first values of the surface cache may take, since pictures before are dark
 _FEWEST = 16  # side of a gather: where it is less, noise is not told well by its own rays
 _LOOKS = 0.35  # of a tick: looking at what has changed may take that much in any case
 _BY_COARSE, _BY_FORMER = 0.8, 0.5  # shares of a tick for the surface cache while records are gathered by coarse or former values
