@@ -262,7 +262,7 @@ class Atlas:
     edges: RGBA32F texture of two texels a texel, see hemisphere.edge_table.
     frames: RGBA32F texture; texels (i, 0..2) are record i's tangent, bitangent and normal, (i, 3) its geometric normal in
     that frame and, w, its number in the cache; (i, 4) is its eye and, w, the distance of the eyes in a circle about that,
-    from which light samples tell derivatives, metres.
+    from which further shadow rays give derivatives, metres.
     count: the number of records. block: the texels that the first reduction step sums at once, as (width, height).
     light_samples: the shadow rays to be added.
     rays: like the table, with the directions of the texels' own rays; None: those of the table.
