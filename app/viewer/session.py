@@ -37,6 +37,7 @@ from irrsplat.scene.model import Camera, Light, Scene
 from irrsplat.settings import SETTINGS, Settings, SettingValues, preset
 
 _SHARED = ("budget", "exposure")  # settings that both sides share, and that a change of the preset leaves alone
+_MOVING = 0.6  # of the time of a tick while the camera moves: what comes at its begin is seen at the end of the next one
 _FLIP = 0.5  # seconds that each side is on show, where they flip by themselves
 _MOST_PARKED = 2_000_000  # triangles of a scene that is kept on the GPU once more for a preset that is not on show
 
@@ -120,7 +121,7 @@ class Session(Owner):
     @property
     def at_rest(self) -> bool:
         """Whether another tick would show the same."""
-        served = bool(self.views) and all(self._at_rest(p) for p in self.progress)
+        served = bool(self.views) and self.whole and all(self._at_rest(p) for p in self.progress)
         sampled = all(
             v.samples >= r.settings.viewer_samples
             for v, r in zip(self.views, self.active, strict=False)
@@ -128,6 +129,21 @@ class Session(Owner):
         )
         refined = all(self._refined(r, p) for r, p in zip(self.active, self.progress, strict=False))
         return served and sampled and refined and self.auto_exposure.settled and not self._stepping and self.path_recorder.at_rest
+
+    @property
+    def moving(self) -> bool:
+        """True if the camera is elsewhere than at the last tick."""
+        return bool(self.views) and self.views[0].camera != self.camera
+
+    @property
+    def whole(self) -> bool:
+        """True if the views have the window's size: those of a moving camera may be smaller."""
+        return all(view.image.size == self.size for view in self.views)
+
+    def draw_whole(self) -> None:
+        """Draw the views in the window's size."""
+        if not self.whole:
+            self.tick(0.0, self.renderers[0].settings.budget / 1e3)
 
     @property
     def exposure(self) -> float:
@@ -157,6 +173,7 @@ class Session(Owner):
         self._pose(ended=played is not None)
         before, subject = self._centres, self._subject
         kept = bool(self.views) and self._shown is not None and subject.buffers == self._shown.buffers
+        kept = kept and (self.whole or not self.moving)  # the next view of a moving camera may have another size
         try:
             with checked_by(waits if kept else never):
                 made = [self._advance(side, seconds / len(self.active)) for side in range(len(self.active))]
@@ -178,7 +195,9 @@ class Session(Owner):
     def _advance(self, side: int, seconds: float) -> tuple[View, View, Progress]:
         """Give a side's cache `seconds` of time. Return its view of one sample, the view to show, and how far it has come."""
         renderer, end = self.active[side], now() + seconds
-        view, progress = renderer.frame(self.camera, seconds, self._stepping or not self.options.frozen)
+        moving = self.moving and self.options.split == "off"
+        seconds *= _MOVING if moving else 1.0
+        view, progress = renderer.frame(self.camera, seconds, self._stepping or not self.options.frozen, moving)
         centre = view
         if self._at_rest(progress) and any(view is one for one in self._centres):  # nothing has moved since
             view = renderer.accumulate(view, renderer.settings.viewer_samples, end - now())
@@ -400,6 +419,7 @@ class Session(Owner):
         """Keep the picture of a side as it is now. Raises InputError where there are too many already."""
         if len(self.snapshots) >= MOST:
             raise InputError(f"there are {MOST} snapshots already; forget one first")
+        self.draw_whole()
         taken = {snapshot.name for snapshot in self.snapshots}
         name = next(n for n in (f"snapshot {i}" for i in range(1, MOST + 1)) if n not in taken)
         self.snapshots.append(Snapshot.of(self.source(0 if self.snapshot(side) is not None else side).view, name))

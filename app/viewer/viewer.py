@@ -172,12 +172,13 @@ class Viewer(Owner):
     def _tick(self) -> None:
         """Move the camera, and give the session a tick of time, which ends early for input.
 
-        A moving mouse, and what else flows, ends every other tick at most, and none while the camera follows it.
+        A moving mouse, and what else flows, ends every other tick at most, and no tick of a moving camera.
         """
-        session, flowing = self.session, not self._cut and not self.controls.active
+        session = self.session
         budget, dt = session.renderers[0].settings.budget / 1e3, self._unspent
         self._quick, self._unspent = 0, 0.0
         self.controls.fly(dt)
+        flowing = not self._cut and not session.moving
         seconds = max(budget - self._overhead, _LEAST * budget)
         self._cut = not session.tick(dt, seconds, lambda: self.desktop.waits(flowing))
         if self._cut:
@@ -200,6 +201,9 @@ class Viewer(Owner):
         """Put picture and interface into the window, and into a file where a screenshot is wanted."""
         actions, size, start = self.actions, self.wnd.buffer_size, now()
         wanted, actions.screenshot_wanted = actions.screenshot_wanted, ""
+        if wanted and not self.session.whole:
+            self.session.draw_whole()
+            self.display.update(self.canvas, cursor)
         if wanted == "bare":
             actions.save_screenshot(_pixels(self.canvas))
         window = Screen(self.wnd.fbo, size)

@@ -14,9 +14,11 @@ from irrsplat.gpu.time_budget import Budget
 from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.image.antialias import OnProgress
+from irrsplat.image.composite import CompositePass
 from irrsplat.image.view import Progress, View
 from irrsplat.indirect.scheduler import RecordScheduler
 from irrsplat.indirect.view_state import ViewState
+from irrsplat.renderer.moving import MovingViews
 from irrsplat.renderer.resting import RestingView
 from irrsplat.renderer.rounds import Rounds
 from irrsplat.renderer.stages import Stages
@@ -34,17 +36,18 @@ class Frames(Owner):
     def __init__(self, world: World, scheduler: RecordScheduler, timers: Timers, state: State) -> None:
         self.ctx, self.scheduler, self.timers, self.state = world.ctx, scheduler, timers, state
         self.stages = Stages(world, scheduler, timers)
+        self.moving = MovingViews(Stages(world, scheduler, timers, self.stages), scheduler)
         self.rounds = Rounds(self.stages, scheduler)
         self.tiles = Tiles(self.stages, self.rounds, scheduler)
         self.resting = RestingView(self.stages, self.rounds, scheduler)
 
     def owned(self) -> tuple[Resource | None, ...]:
         """What this frees."""
-        return (self.stages, self.resting)
+        return (self.stages, self.moving, self.resting)
 
     # ---- a frame ---------------------------------------------------------------------------------------------------
 
-    def frame(self, camera: Camera, seconds: float | None, gather: bool = True) -> tuple[View, Progress]:
+    def frame(self, camera: Camera, seconds: float | None, gather: bool = True, moving: bool = False) -> tuple[View, Progress]:
         """One round and its picture, as Renderer.frame has them."""
         self.timers.clear()
         budget = Budget(seconds)
@@ -52,7 +55,10 @@ class Frames(Owner):
             if self.resting.rests(self.state, camera):
                 return self.refined_view(camera)
             self.resting.leave()
-        start = now()
+        if moving and self.moving.divisor(self.state) > 1:
+            self.state = replace(self.state, view=ViewState())  # what the whole view was to request may have been gathered since
+            return self.moving(self.state, camera, budget, gather)
+        start, other = now(), camera != self.state.view.camera
         shown = self.state.shown if gather and budget.limited and self._picture_may_wait(camera) else None
         done = self.next_round(camera, budget, gather, picture=shown is None)
         if budget.limited:
@@ -69,6 +75,8 @@ class Frames(Owner):
         if budget.limited and (self.state.shown is None or view is not self.state.shown.view):
             self.ctx.finish()
             self.state = replace(self.state, costs=replace(self.state.costs, picture=now() - start))
+        if seconds is not None and other:
+            self.moving.note(self.state.costs.splat + self.state.costs.picture, seconds)
         self.state = replace(self.state, shown=Shown(view, self.state.picture_subject(camera), bounced))
         return view, replace(done.progress, fading=view.fading)
 
@@ -101,7 +109,13 @@ class Frames(Owner):
     def stops(self, view: View) -> float:
         """The exposure of a view in stops, as the settings have it."""
         exposure = self.state.settings.exposure
-        return self.stages.composite_pass(self.state).exposure(view.image) if exposure == "auto" else float(exposure)
+        return self.composite_pass(view).exposure(view.image) if exposure == "auto" else float(exposure)
+
+    def composite_pass(self, view: View) -> CompositePass:
+        """Return what makes pictures of the size of a `view` that `frame` gave."""
+        size = view.image.size
+        stages = self.stages if size == self.state.size else self.moving.stages
+        return stages.composite_pass(replace(self.state, size=size))
 
     # ---- a view that rests -----------------------------------------------------------------------------------------
 
@@ -160,10 +174,12 @@ class Frames(Owner):
         """Draw every buffer of the view again next time; the `shadows` only if they are meant too."""
         self.resting.leave()
         self.stages.forget(shadows=shadows)
+        self.moving.stages.forget(shadows=shadows)
         self.state = replace(self.state, view=ViewState())
 
     def free_buffers(self) -> None:
         """Free all that the last view is made of but its image and alpha, to be made again when it is wanted."""
         self.stages.free_buffers()
+        self.moving.stages.free_buffers()
         self.resting.free()
         self.state = replace(self.state, view=ViewState(), shown=None)

@@ -146,10 +146,9 @@ class Renderer(Tenant):
         """Keeps the splat buffer of the present view."""
         return self.stages.splats(self._state)
 
-    @property
-    def composite_pass(self) -> CompositePass:
-        """Makes pictures of the present size."""
-        return self.stages.composite_pass(self._state)
+    def composite_pass(self, view: View) -> CompositePass:
+        """Return what makes pictures of the size of a `view` that `frame` gave."""
+        return self._frames.composite_pass(view)
 
     def draw_shadows(self) -> ShadowMaps:
         """The shadow maps of the scene as it is now."""
@@ -184,16 +183,21 @@ class Renderer(Tenant):
     # ---- the frame -------------------------------------------------------------------------------------------------
 
     def frame(
-        self, camera: Camera | str | None = None, seconds: float | None = None, gather: bool = True
+        self,
+        camera: Camera | str | None = None,
+        seconds: float | None = None,
+        gather: bool = True,
+        moving: bool = False,
     ) -> tuple[View, Progress]:
-        """One round: draw what the camera sees, splat what is new, gather where no record speaks for a pixel yet, and composite.
+        """One round: draw what the camera sees, splat what is new, gather where no record contributes to a pixel yet, and composite.
 
         seconds: the wall time that all of it may take; what does not fit is gathered in the next call (None: a complete round).
         gather: False leaves the cache as it is. What has not changed since the last call is not drawn again. While new records
         are all that changes, and pictures take much of the `seconds`, some ticks only gather and return the last view.
+        moving: the camera moves on; where pictures take longer than `seconds`, the view is smaller than `size`.
         """
         self._use_whole()
-        return self._frames.frame(self._seen_by(camera), seconds, gather)
+        return self._frames.frame(self._seen_by(camera), seconds, gather, moving)
 
     def refine(self, camera: Camera | str | None, target: float, seconds: float | None = None) -> tuple[View, Progress]:
         """Go on with a view that `frame` or `converge` found complete: records are added and gathered more finely until its
@@ -233,7 +237,7 @@ class Renderer(Tenant):
             raise InputError(f"the framebuffer has {framebuffer.size} pixels and the view {view.image.size}; resize the renderer")
         if exposure is None:
             exposure = self.stops(view)
-        self.composite_pass.show(view.image, checked_number("an exposure", exposure), Screen(framebuffer))
+        self.composite_pass(view).show(view.image, checked_number("an exposure", exposure), Screen(framebuffer))
 
     def stops(self, view: View) -> float:
         """The exposure of a view in stops, as the settings have it."""

@@ -35,10 +35,13 @@ from irrsplat.scene.model import Camera
 
 
 class Stages(Owner):
-    """Draws the stages of the `world`'s pictures as a State has them, and keeps each result while it holds."""
+    """Draws the stages of the `world`'s pictures as a State has them, and keeps each result while it holds.
 
-    def __init__(self, world: World, scheduler: RecordScheduler, timers: Timers) -> None:
-        self.ctx, self.world, self.scheduler, self.timers = world.ctx, world, scheduler, timers
+    whole: the stages of pictures of the full size, whose shadow maps and images these use.
+    """
+
+    def __init__(self, world: World, scheduler: RecordScheduler, timers: Timers, whole: Stages | None = None) -> None:
+        self.ctx, self.world, self.scheduler, self.timers, self.whole = world.ctx, world, scheduler, timers, whole
         self.antialiaser = Antialiaser(self.ctx, timers)
         self._passes = Workshop()  # those that depend on size, lights or settings
         self._memo = Memo()  # the results of the stages that are drawn whole
@@ -51,6 +54,8 @@ class Stages(Owner):
 
     def texture_maps(self, state: State) -> TextureMaps:
         """The images that the g-buffer's surfaces wear, within the settings' memory."""
+        if self.whole is not None:
+            return self.whole.texture_maps(state)
         memory = state.settings.texture_memory
         return self._passes.get("textures", memory, lambda: TextureMaps(self.ctx, memory))
 
@@ -99,6 +104,8 @@ class Stages(Owner):
 
     def draw_shadows(self, state: State) -> ShadowMaps:
         """The shadow maps: by the lights, the meshes and the maps' size."""
+        if self.whole is not None:
+            return self.whole.draw_shadows(state)
 
         def draw() -> ShadowMaps:
             with self.timers("shadow"):
@@ -109,6 +116,8 @@ class Stages(Owner):
 
     def shadows(self, state: State) -> ShadowMaps | None:
         """The shadow maps of the scene as it is in `state`; None before they are drawn."""
+        if self.whole is not None:
+            return self.whole.shadows(state)
         current = self._memo.holds("shadows", _shadow_inputs(state))
         return self._memo.current("shadows", ShadowMaps) if current else None
 

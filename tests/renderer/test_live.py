@@ -16,6 +16,7 @@ from irrsplat import InputError, Renderer
 from irrsplat.core import paths
 from irrsplat.gpu import shader_source
 from irrsplat.image.view import Progress
+from irrsplat.renderer.moving import divisor_after
 from irrsplat.scene.model import Camera, Light
 from irrsplat.settings import SETTINGS, preset
 from tests.renderer.test_renderer import FAST, FRONT, SIZE, room
@@ -59,6 +60,38 @@ def test_small_ticks_come_to_what_whole_rounds_come_to() -> None:
     assert np.array_equal(one["position"][:count], two["position"][:count])
     light, other_light = (records["irradiance"][:count] for records in (one, two))
     assert np.allclose(light, other_light, rtol=0.02, atol=1e-3 * other_light.mean())
+
+
+@pytest.mark.parametrize(("fixed", "pixels"), [(0.0, 0.02), (0.01, 0.02), (0.01, 0.15), (0.03, 0.3), (0.2, 0.3)])
+def test_the_size_of_moving_views_follows_the_budget(fixed: float, pixels: float) -> None:
+    """Drawing takes `fixed` seconds, and `pixels` more at full size. The divisor settles: it does not alternate.
+
+    Drawing then takes at most 0.8 of the tick, if a divisor of 4 allows that, and whole views are drawn if they fit into half.
+    """
+    tick, taken, divisor = 0.05, lambda d: fixed + pixels / d**2, 1
+    for _ in range(8):
+        divisor = divisor_after(divisor, taken(divisor), tick)
+    assert divisor == divisor_after(divisor, taken(divisor), tick)
+    assert taken(divisor) <= 0.8 * tick or divisor == 4
+    assert divisor == 1 or taken(1) > 0.5 * tick
+
+
+def test_a_moving_view_is_smaller_and_its_records_serve_the_whole_view(ctx: moderngl.Context) -> None:
+    """No tick of TICK has the time for a whole picture (each reading of the clock takes longer): the sides are divided by 4.
+
+    Tiles are shares of the picture, so that a moving view requests the records that a whole one would. A whole
+    view of a former camera ends with no more records than a renderer has that never moved.
+    """
+    size = (160, 120)
+    with Renderer(room(), size, ctx=ctx, **FAST) as direct, Renderer(room(), size, ctx=ctx, **FAST) as moved:
+        ticks(direct, camera=FRONT)
+        moved.frame(FRONT, TICK)
+        for i in range(12):
+            view, _ = moved.frame(replace(FRONT, fov=60.0 + 1e-3 * i), None, moving=True)
+            assert view.image.size == (40, 30)
+        few = moved.cache.count
+        ticks(moved, camera=FRONT)
+        assert moved.frame(FRONT)[0].image.size == size and 10 < few < moved.cache.count <= 1.05 * direct.cache.count
 
 
 def test_at_rest_nothing_is_drawn(renderer: Renderer) -> None:

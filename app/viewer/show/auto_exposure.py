@@ -42,8 +42,8 @@ class AutoExposure:
             self._view = self._meter = None
             self._lit = True
             return
-        meter = renderer.composite_pass
-        if self._meter is meter:
+        meter = renderer.composite_pass(view)
+        if self._meter is meter:  # else it may be freed
             self._read(meter)
         self._meter = None
         if view is not self._view:

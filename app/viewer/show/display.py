@@ -126,7 +126,8 @@ class Display(Owner):
     def _record_at(self, side: int, cursor: tuple[int, int]) -> int | None:
         """The number of the record that weighs most under the cursor."""
         source = self.session.source(side)
-        return self.inspector.table(side, source).pick(self.buffer_view.texels, source.view, source.settings, *cursor)
+        place = self.session.place(source.view, *cursor)
+        return self.inspector.table(side, source).pick(self.buffer_view.texels, source.view, source.settings, *place)
 
     def _scene_at(self, cursor: tuple[int, int]) -> int:
         """The side under the cursor; over a snapshot, which has no scene, the other one."""
@@ -162,15 +163,15 @@ class Display(Owner):
         if not self.session.views:
             return None
         source = self.session.source(self._scene_at(cursor))
-        gbuffer, texels = source.view.gbuffer, self.buffer_view.texels
-        if texels(gbuffer.position, *cursor)[3] <= 0.0:
+        gbuffer, texels, place = source.view.gbuffer, self.buffer_view.texels, self.session.place(source.view, *cursor)
+        if texels(gbuffer.position, *place)[3] <= 0.0:
             return None
-        return mesh_of(source.scene, int(texels(gbuffer.emission, *cursor)[3]))
+        return mesh_of(source.scene, int(texels(gbuffer.emission, *place)[3]))
 
     def point_at(self, cursor: tuple[int, int]) -> tuple[float, float, float] | None:
         """The world point seen at the cursor; None where there is none."""
         if not self.session.views:
             return None
         source = self.session.source(self._scene_at(cursor))
-        found = self.buffer_view.value("position", source, *cursor)
+        found = self.buffer_view.value("position", source, *self.session.place(source.view, *cursor))
         return None if found is None else (float(found[0]), float(found[1]), float(found[2]))

@@ -1,5 +1,4 @@
 // The picture, exposed and tone-mapped, before a backdrop that is no light.
-#include "lib/texel.glsl"
 #include "viewer/buffers/picture.glsl"
 
 uniform sampler2D alpha;  // the share of a pixel that shows a surface
@@ -10,8 +9,9 @@ uniform float gain;       // the exposure as a factor
 
 vec3 picture(ivec2 pixel, float depth)
 {
-    vec3 radiance = texel_at(values, pixel).rgb;
-    float share = plain ? 1.0 : texel_at(alpha, pixel).r;
+    vec2 place = gl_FragCoord.xy * scale / vec2(textureSize(values, 0));  // by the texture's own filter
+    vec3 radiance = textureLod(values, place, 0.0).rgb;
+    float share = plain ? 1.0 : textureLod(alpha, place, 0.0).r;
     vec3 behind = mix(lower, upper, (float(pixel.y) + 0.5) / float(textureSize(values, 0).y));
     vec3 shown = display(radiance * (gain / max(share, 1e-6)));
     return share > 0.0 ? mix(behind, shown, share) : behind;

@@ -29,7 +29,7 @@ def test_a_filling_dark_scene_keeps_its_exposure_until_all_light_is_there() -> N
             filling.append(not session.progress[0].done)
         assert session.at_rest
         assert max((abs(b - a) for (a, b), now in zip(pairwise(stops), filling[1:], strict=True) if now), default=0.0) < 0.05
-        needed = session.renderers[0].composite_pass.exposure(session.views[0].image)
+        needed = session.renderers[0].composite_pass(session.views[0]).exposure(session.views[0].image)
         assert stops[-1] == pytest.approx(needed, abs=0.011)
         session.release()
     bright = irrsplat.render(scene, (32, 32), gather_size=8)

@@ -1,0 +1,77 @@
+"""Views while the camera moves: smaller pictures where a whole one takes longer than a tick, by the same records."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import moderngl
+
+from irrsplat.core.timing.clock import now
+from irrsplat.gpu.resource import Owner, Resource
+from irrsplat.gpu.time_budget import Budget
+from irrsplat.image.view import Progress, View
+from irrsplat.indirect.scheduler import RecordScheduler
+from irrsplat.renderer.rounds import Rounds
+from irrsplat.renderer.stages import Stages
+from irrsplat.renderer.state import Costs, State
+from irrsplat.scene.model import Camera
+
+_MOST = 4  # the largest divisor of width and height
+_DRAWN = 0.8  # of a tick that drawing may take; the rest is for gathering
+_MARGIN = 0.7  # of that: a larger picture is drawn only if it is expected to take less
+
+
+class MovingViews(Owner):
+    """Draws views of a moving camera in width and height divided by a number, which follows the time that pictures take.
+
+    stages: of the smaller pictures. Requests are measured in shares of the picture: views of any size place records alike.
+    """
+
+    def __init__(self, stages: Stages, scheduler: RecordScheduler) -> None:
+        self.stages, self.rounds = stages, Rounds(stages, scheduler)
+        self._divisor, self._costs = 1, Costs()
+        self._size = (0, 0)  # of the last view
+
+    def owned(self) -> tuple[Resource | None, ...]:
+        """What this frees."""
+        return (self.stages,)
+
+    def divisor(self, state: State) -> int:
+        """Return what the next view's width and height are divided by. The paper's scan examines whole pictures alone."""
+        return self._divisor if state.settings.placement != "scan" else 1
+
+    def note(self, took: float, seconds: float) -> None:
+        """Note that a whole view of another camera took so many seconds to draw, in a tick of `seconds`."""
+        self._divisor = max(self._divisor, divisor_after(1, took, seconds))
+
+    def __call__(self, state: State, camera: Camera, budget: Budget, gather: bool) -> tuple[View, Progress]:
+        """Return the smaller view of a round, and how far it has come. The state of the whole view stays as it is."""
+        start, divisor = now(), self._divisor
+        width, height = (max(1, -(-side // divisor)) for side in state.size)
+        small = replace(state, size=(width, height), shown=None, costs=self._costs)
+        self.stages.draw_gbuffer(small, camera)
+        self.stages.ctx.finish()
+        seen = now() - start
+        small, done = self.rounds(small, camera, budget, gather)
+        start = now()
+        view = self.stages.draw_picture(small, done, state.settings.fade, hurried=True)
+        self.stages.ctx.finish()
+        for texture in (view.image, view.alpha):
+            texture.filter = moderngl.LINEAR, moderngl.LINEAR  # what is larger interpolates it
+        self._costs = replace(small.costs, picture=now() - start)
+        known, self._size = self._size == small.size, small.size
+        if budget.seconds is not None and known:  # the first view of a size compiles programs
+            self._divisor = divisor_after(divisor, seen + self._costs.splat + self._costs.picture, budget.seconds)
+        return view, replace(done.progress, fading=view.fading)
+
+
+def divisor_after(divisor: int, took: float, seconds: float) -> int:
+    """Return the divisor of the next view, where the last one took so many seconds to draw, in a tick of `seconds`.
+
+    The time is taken as proportional to the number of pixels. A part of it is not: a smaller picture takes longer than expected,
+    and a larger one less. So the divisor may grow again in the next view, and never alternates.
+    """
+    if took > _DRAWN * seconds:
+        return min(_MOST, math.ceil(divisor * math.sqrt(took / (_DRAWN * seconds))))
+    return min(divisor, max(1, math.ceil(divisor * math.sqrt(took / (_MARGIN * _DRAWN * seconds)))))
