@@ -189,7 +189,7 @@ class Renderer(Tenant):
         gather: bool = True,
         moving: bool = False,
     ) -> tuple[View, Progress]:
-        """One round: draw what the camera sees, splat what is new, gather where no record contributes to a pixel yet, and composite.
+        """One round: draw what the camera sees, splat what is new, gather where no record contributes to a pixel, and composite.
 
         seconds: the wall time that all of it may take; what does not fit is gathered in the next call (None: a complete round).
         gather: False leaves the cache as it is. What has not changed since the last call is not drawn again. While new records
