@@ -34,7 +34,7 @@ class MovingViews(Owner):
         self._size = (0, 0)  # of the last view
 
     def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
+        """Return the stages, which are freed with this."""
         return (self.stages,)
 
     def divisor(self, state: State) -> int:

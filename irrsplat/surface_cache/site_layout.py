@@ -165,7 +165,7 @@ class SiteChooser:
             away = np.linalg.norm(place - np.clip(place, low, high), axis=1)
             counts += np.minimum(area, 0.25 * reach**2) * np.minimum(reach / np.maximum(away, 1e-30), 1.0) ** 4
         counts = np.minimum(counts, area) if len(places) else area
-        return vertices, faces, float(counts.sum()), np.sqrt(area / np.maximum(counts, 1e-6 * area + 1e-300))
+        return vertices, faces, float(counts.sum()), np.sqrt(np.maximum(area, 1e-300) / np.maximum(counts, 1e-6 * area + 1e-300))
 
     def _cut(self, vertices: np.ndarray, faces: np.ndarray, spacing: float, wider: np.ndarray) -> tuple[Clusters, int]:
         """The clusters of a tessellation of steps of `spacing` · `wider` (F,) metres, and how many of them would have a site."""

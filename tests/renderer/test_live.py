@@ -18,6 +18,7 @@ from irrsplat.gpu import shader_source
 from irrsplat.image.view import Progress
 from irrsplat.renderer.moving import divisor_after
 from irrsplat.scene.model import Camera, Light
+from irrsplat.scene.motion import hidden
 from irrsplat.settings import SETTINGS, preset
 from tests.renderer.test_renderer import FAST, FRONT, SIZE, room
 from tests.support.worlds import lamp
@@ -99,6 +100,15 @@ def test_at_rest_nothing_is_drawn(renderer: Renderer) -> None:
     before = renderer.frame(seconds=0.05)[0]
     view, progress = renderer.frame(seconds=0.05)
     assert renderer.timers.milliseconds() == {} and view is before and progress.done
+
+
+def test_hidden_meshes_have_no_sites(ctx: moderngl.Context) -> None:
+    """All triangles are points, without area: nothing is divided by it, and nothing is seen."""
+    with Renderer(room(), SIZE, ctx=ctx, **{**FAST, "bounces": 3}) as renderer:
+        renderer.frame(FRONT, TICK)
+        meshes = tuple(hidden(mesh, mesh.positions[0]) for mesh in renderer.scene.meshes)
+        renderer.pose(replace(renderer.scene, meshes=meshes))
+        assert ticks(renderer)[-1].done
 
 
 def test_a_frozen_cache_stays_as_it_is(renderer: Renderer) -> None:
