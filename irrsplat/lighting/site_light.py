@@ -33,13 +33,19 @@ class SiteLightPass(Owner):
         """What this frees."""
         return (self.program, self.sites, self.target)
 
-    def __call__(self, shadows: ShadowMaps, sites: Sites, area: np.ndarray) -> np.ndarray:
-        """(N, 3) W/m² at `sites`, which stand for so much `area` (N,) in m²: a lamp close by lights that, not a point."""
+    def __call__(
+        self, shadows: ShadowMaps, sites: Sites, area: np.ndarray, reach: tuple[float, float] = (0.0, 0.0)
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return (N, 3) W/m² at `sites`, and (N,) metres from each to the first surface along its geometric normal.
+
+        area: (N,) m² for which each site stands: light of a lamp close by is the mean over it. reach: metres. A surface nearer than
+        the first is the site's own; none farther than the second is looked for. Without a world all ways are 0.
+        """
         columns = np.stack([sites.position, sites.normal, sites.geometric], axis=1)
         rows = table_rows(np.concatenate([columns, np.repeat(area[:, None, None], 3, axis=1)], axis=-1, dtype="f4"))
         self.sites.write(rows.tobytes(), viewport=(0, 0, 3 * TABLE_COLUMNS, len(rows)))
         rays = {} if self.world is None else self.world.ray_uniforms
-        given = {"sites": self.sites, **shadows.uniforms, **rays}
+        given = {"sites": self.sites, "reach": reach, **shadows.uniforms, **rays}
         self.program(self.target, scissor=(0, 0, TABLE_COLUMNS, len(rows)), **self.program.known(given))
-        E: np.ndarray = np.frombuffer(self.target.textures[0].read(), "f4").reshape(-1, 4)[: len(sites), :3]
-        return E
+        found = np.frombuffer(self.target.textures[0].read(), "f4").reshape(-1, 4)[: len(sites)]
+        return found[:, :3], found[:, 3]

@@ -36,6 +36,7 @@ if TYPE_CHECKING:
 PRESET = "reference"  # what is measured is to be right rather than fast
 _LIGHT_SAMPLES = 1024  # of a point, unless the settings say otherwise: a window's light is then right to some 0.3 %
 _AT_ONCE = 512  # points between two reports of progress
+_OWN = 4e-7  # diagonals of the scene: nearer than that, a surface is the one on which a point lies, as float32 resolves
 
 OnPoints = Callable[[float], None]  # called with the share of the points that are done, 0..1
 
@@ -88,17 +89,23 @@ class LightMeter(Tenant):
         count = len(sites)
         direct, indirect, radius = (np.zeros(shape, np.float32) for shape in ((count, 3), (count, 3), count))
         light = self._lit()
+        offset, own = offset_of(self.scene), _OWN * self.scene.diagonal
+        lift = np.full(count, offset)  # metres, of an eye above its point: at most half the way to the first surface
         for first in range(0, count, _AT_ONCE):
             some = slice(first, first + _AT_ONCE)
-            direct[some] = light.lamps(light.shadows, sites[some], np.zeros(len(sites[some]), np.float32))
+            here = sites[some]
+            direct[some], free = light.lamps(light.shadows, here, np.zeros(len(here), np.float32), (own, 2.0 * offset))
+            if light.lamps.world is not None:
+                lift[some] = 0.5 * free
             if self.settings.most_bounces:
-                indirect[some], radius[some] = self._gathered(light.shadows, sites[some])
+                lower = (lift[some] - offset)[:, None] * here.normal  # the gather lifts by the offset
+                indirect[some], radius[some] = self._gathered(light.shadows, replace(here, position=here.position + lower))
             if on_progress is not None:
                 on_progress(min(first + _AT_ONCE, count) / count)
         status = np.full(count, Status.OK)
         if self.settings.most_bounces:
             status[radius < touching_distance(self.scene)] = Status.BEHIND
-        lifted = sites.position.astype(float) + offset_of(self.scene) * sites.normal
+        lifted = sites.position.astype(float) + lift[:, None] * sites.normal
         status[inside_solids(self.scene, lifted, sites.normal.astype(float))] = Status.INSIDE
         measured = np.where((status == Status.OK)[:, None], direct + indirect, np.float32(0.0))
         check_finite("the light", measured, lambda at: "{:g} {:g} {:g}".format(*places[at[0]]))

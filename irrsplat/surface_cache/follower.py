@@ -52,7 +52,8 @@ class Follower:
         """(S, 3) D, W/m²."""
         lights = light_defines(self.world.scene)
         lamps = self._made.get("site light", lights, lambda: SiteLightPass(self.world.ctx, lights, self._most))
-        return lamps(shadows, self.records.sites(slice(0, self.records.count)), self._area)
+        E, _ = lamps(shadows, self.records.sites(slice(0, self.records.count)), self._area)
+        return E
 
     def begin(self, shadows: ShadowMaps) -> None:
         """Take the lamps of now for those of E_1."""

@@ -4,10 +4,13 @@
 #include "lib/normals.glsl"
 
 uniform sampler2D sites;  // three texels each: place and the area that it stands for, shading normal, geometric normal
+#if SHADOW_RAYS
+uniform vec2 reach;        // metres along the geometric normal: a surface at the site itself is nearer than the first
+#endif
 
 const int POINTS = 16;  // of a disc
 
-layout(location = 0) out vec4 out_irradiance;  // W/m²
+layout(location = 0) out vec4 out_irradiance;  // rgb W/m²; with SHADOW_RAYS a: metres to the first surface along the geometric normal, at most reach.y
 
 void main()
 {
@@ -31,4 +34,7 @@ void main()
         }
         if (E.r + E.g + E.b > 0.0) out_irradiance.rgb += E / float(POINTS) * visibility(i, Receiver(p.xyz, n, g, FLAT), 4, vec2(1.0, 0.0));
     }
+#if SHADOW_RAYS
+    out_irradiance.a = bvh_between(p.xyz, g, reach.x, reach.y).t;
+#endif
 }

@@ -78,6 +78,18 @@ def test_what_light_does_not_reach_changes_nothing(ctx: moderngl.Context) -> Non
         check_finite("E", np.array([[1.0] * 3, [np.inf, 1.0, 1.0]]), lambda at: f"point {at[0]}")
 
 
+def test_no_eye_is_lifted_through_a_thin_wall(ctx: moderngl.Context) -> None:
+    """A wall of 1 mm between a lit and a dark room, on a ground of 600 m, by whose size eyes are lifted 8.5 mm: sensors that face
+    the wall, 1 to 6 mm before it, read darkness in the dark room; in the lit one E hardly changes over so little."""
+    room, wall = worlds.box((-2, 0, -2), (2, 2.5, 2), outward=False), worlds.box((-5e-4, 0, -2), (5e-4, 2.5, 2))
+    points = np.stack([np.array([1.5, 3.5, 6.5, 500.0]) * 1e-3, np.ones(4), np.zeros(4)], 1)
+    scene = worlds.scene(room, wall, worlds.floor(300.0, -0.1), lights=(worlds.lamp((-1.0, 1.5, 0.3), 10.0),))
+    dark = read(ctx, scene, points[:3], (-1.0, 0.0, 0.0), gather_size=16)
+    lit = read(ctx, scene, points * (-1, 1, 1), (1.0, 0.0, 0.0), gather_size=16).total[:, 0]
+    assert dark.total.max() < 1e-3 * lit.min() and (dark.status == Status.BEHIND).all()
+    assert lit[:3] == pytest.approx(lit[2], rel=0.03)
+
+
 @pytest.mark.parametrize(
     "light", [worlds.lamp((0, 3, 0), 1.0), Light((0, 1, 0), (1, 1, 1), directional=True)], ids=["lamp", "sun"]
 )
