@@ -243,7 +243,7 @@ class Settings:
         "auto",
         "float",
         "composite",
-        "brightness of the picture; auto brings its mean to mid grey, or above where all is alike",
+        "brightness of the picture; auto meters the light, so that white rooms are white",
         low=-64,
         high=64,
         unit="stops",

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 MID_GREY = 0.18  # reflectance that looks halfway between black and white
+DARKEST = 0.02  # reflectance of black velvet: an exposure meter takes nothing for darker
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)  # Rec. 709
 # The lumens that a watt of white light is taken for, as Radiance does (WHTEFFICACY in its color.h; Ward 1994): photometric units
 # are radiometric ones times this, colours weighted by LUMINANCE.

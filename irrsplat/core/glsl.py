@@ -6,7 +6,7 @@ import math
 
 from irrsplat.core import material_layout, record_layout, vertex_layout
 from irrsplat.core.buffers import FILMIC, LIGHT_ROWS, LUMINAIRE_ROWS, NOTHING_SEEN, LightRow
-from irrsplat.core.color import LUMINANCE, SRGB
+from irrsplat.core.color import DARKEST, LUMINANCE, MID_GREY, SRGB
 from irrsplat.core.material_layout import MATERIAL_ROWS, MaterialRow
 
 TABLE_COLUMNS = 1024  # items in a row of every table that shaders look things up in by number; a power of two
@@ -29,6 +29,8 @@ CONSTANTS: dict[str, int | float | tuple[float, ...]] = {
     "PI": math.pi,
     "INV_PI": 1.0 / math.pi,
     "LUMINANCE": tuple(float(str(weight)) for weight in LUMINANCE),
+    "MID_GREY": MID_GREY,
+    "DARKEST": DARKEST,
     "TABLE_COLUMNS": TABLE_COLUMNS,
     "TABLE_SHIFT": TABLE_COLUMNS.bit_length() - 1,
     "NEIGHBOUR_STRIDE": NEIGHBOUR_STRIDE,

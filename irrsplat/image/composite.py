@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from contextlib import ExitStack
 from itertools import product
 
 import moderngl
@@ -12,7 +11,7 @@ from irrsplat.core.buffers import GBuffer, Uniforms
 from irrsplat.core.timing.input_waits import stop_for_input
 from irrsplat.gpu.program import Program, SampledTexture
 from irrsplat.gpu.resource import Owner, Resource
-from irrsplat.gpu.target import Target, bands, float_texture, table_texture
+from irrsplat.gpu.target import Target, bands, table_texture
 from irrsplat.image.backdrop import Backdrop
 from irrsplat.image.tonemap import automatic_exposure
 from irrsplat.lighting.sky import sky_defines
@@ -20,37 +19,6 @@ from irrsplat.scene.model import Camera
 from irrsplat.settings import Settings
 
 _METER = 64  # blocks along each side of the image
-
-
-def meter_block(size: tuple[int, int]) -> tuple[int, int]:
-    """Width and height in pixels of the exposure meter's blocks, in a picture of `size`."""
-    return -(-size[0] // _METER), -(-size[1] // _METER)
-
-
-class MeterPass(Owner):
-    """The exposure meter for images that are not a view's: a strip at a time."""
-
-    def __init__(self, ctx: moderngl.Context) -> None:
-        self.ctx = ctx
-        self.program = Program(ctx, "image/composite_meter", "lib/fullscreen")
-
-    def owned(self) -> tuple[Resource | None, ...]:
-        """What this frees."""
-        return (self.program,)
-
-    def __call__(self, image: np.ndarray, block: tuple[int, int]) -> np.ndarray:
-        """(N, 4) of each block of an image (H, W, 3), top row first, by rows from below: sums of the log₂ luminances of its
-        pixels and of their squares, how many are not black, 0."""
-        height, width = image.shape[:2]
-        padded = np.zeros((height, width, 4), "f4")
-        padded[..., :3] = image[::-1]
-        with ExitStack() as made:
-            texture = float_texture(self.ctx, (width, height))
-            made.callback(texture.release)
-            texture.write(padded.tobytes())
-            target = made.enter_context(Target(self.ctx, (-(-width // block[0]), -(-height // block[1])), (4,)))
-            self.program(target, image=texture, block=block)
-            return np.frombuffer(target.textures[0].read(), "f4").reshape(-1, 4).copy()
 
 
 class NoFilters(Owner):
@@ -93,7 +61,7 @@ class CompositePass(Owner):
         self.mipmapped = ctx.sampler(repeat_x=False, repeat_y=False, filter=(moderngl.LINEAR_MIPMAP_NEAREST, moderngl.LINEAR))
         self.fill_target: Target | None = None
         self.added_target: Target | None = None
-        self.meter_block = meter_block(size)
+        self.meter_block = -(-size[0] // _METER), -(-size[1] // _METER)
         self.meter_target = Target(ctx, (-(-size[0] // self.meter_block[0]), -(-size[1] // self.meter_block[1])), (4,))
         self.reading = ctx.buffer(reserve=16 * self.meter_target.size[0] * self.meter_target.size[1], dynamic=True)
 
@@ -166,20 +134,20 @@ class CompositePass(Owner):
         self.add(target, position=gbuffer.position, sums=sums, centre=centre, emitters=emitters)
         return target.textures[0]
 
-    def exposure(self, image: moderngl.Texture) -> float:
-        """The stops of image.tonemap.automatic_exposure for the image."""
-        self.measure(image)
+    def exposure(self, image: moderngl.Texture, gbuffer: GBuffer) -> float:
+        """Return the stops of image.tonemap.exposure_of for the image of what this g-buffer holds."""
+        self.measure(image, gbuffer)
         return self.metered()
 
-    def measure(self, image: moderngl.Texture) -> None:
+    def measure(self, image: moderngl.Texture, gbuffer: GBuffer) -> None:
         """Begin to find the image's `exposure`; `metered` a frame later has it without waiting for the GPU."""
-        self.meter(self.meter_target, image=image, block=self.meter_block)
+        self.meter(self.meter_target, image=image, position=gbuffer.position, block=self.meter_block, **gbuffer.material_uniforms)
         self.meter_target.textures[0].read_into(self.reading)
 
     def metered(self) -> float:
         """The exposure of the image that was measured last."""
-        total, squares, lit, _ = np.frombuffer(self.reading.read(), "f4").reshape(-1, 4).sum(0, dtype=float).tolist()
-        return automatic_exposure(total, squares, lit)
+        total, lit, _, _ = np.frombuffer(self.reading.read(), "f4").reshape(-1, 4).sum(0, dtype=float).tolist()
+        return automatic_exposure(total, lit)
 
     def show(self, image: moderngl.Texture, exposure: float, target: Target) -> None:
         """Draw the image into `target` (of the same size) as a screen takes it: exposed by `exposure` stops, filmic, sRGB."""

@@ -8,10 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from irrsplat.core.buffers import CHANNELS, FILMIC
-from irrsplat.core.color import LUMINANCE, MID_GREY, srgb
-
-_USUAL_CONTRAST = 0.9  # stops, the standard deviation in a picture
-_LIFT = 3.0  # stops brighter for each stop of contrast that is missing
+from irrsplat.core.color import DARKEST, LUMINANCE, MID_GREY, srgb
 
 # Viridis (van der Walt & Smith 2015) as the polynomial of degree six fitted by Matt Zucker ("matplotlib colormaps", CC0, 2019).
 _VIRIDIS = np.array(
@@ -45,24 +42,26 @@ def tonemap(radiance: np.ndarray, exposure: float) -> np.ndarray:
     return srgb(filmic(np.asarray(radiance, np.float32) * np.float32(2.0**exposure)))
 
 
-def exposure_of(radiance: np.ndarray) -> float:
-    """The exposure in stops of the setting's auto for (H, W, 3) `radiance`; 0: all dark."""
-    luminance = radiance @ LUMINANCE
+def exposure_of(radiance: np.ndarray, reflectance: np.ndarray | float = MID_GREY) -> float:
+    """Return the exposure in stops of the setting's auto for (H, W, 3) `radiance` of surfaces of this `reflectance`, (H, W) or of
+    all; 0: all dark."""
+    return automatic_exposure(*metered(radiance, reflectance))
+
+
+def metered(radiance: np.ndarray, reflectance: np.ndarray | float) -> tuple[float, float]:
+    """Return the sum of the log₂ luminances that lit pixels would have if they reflected all light, and how many these are."""
+    luminance = radiance @ LUMINANCE / np.maximum(reflectance, np.float32(DARKEST))
     logs = np.log2(luminance[luminance > 0.0].astype(float))
-    return automatic_exposure(float(logs.sum()), float((logs**2).sum()), logs.size)
+    return float(logs.sum()), float(logs.size)
 
 
-def automatic_exposure(total: float, squares: float, lit: float) -> float:
-    """The stops that bring the geometric mean luminance of the `lit` pixels to mid grey; up to a stop more where they differ by
-    less than pictures usually do, since what is all alike is mostly one bright thing. 0 without a lit pixel.
+def automatic_exposure(total: float, lit: float) -> float:
+    """Return the stops by which mid grey in the mean light of a picture looks like mid grey. 0 without a lit pixel.
 
-    total, squares: the sums of their log₂ luminances, and of the squares of these.
+    total, lit: as `metered` has them. Light is metered, not reflectance: white rooms are white, dark ones dark. The mean is
+    geometric, so that a few bright pixels count little; it is rounded, so that it is the same in tiles.
     """
-    if not lit:
-        return 0.0
-    mean = total / lit
-    contrast = math.sqrt(max(squares / lit - mean * mean, 0.0))
-    return math.log2(MID_GREY) - mean + min(max(_LIFT * (_USUAL_CONTRAST - contrast), 0.0), 1.0)
+    return round(-total / lit, 4) if lit else 0.0
 
 
 def viridis(t: np.ndarray) -> np.ndarray:

@@ -10,6 +10,7 @@ import moderngl
 import numpy as np
 
 from irrsplat.core.buffers import CHANNELS, GBuffer, SplatBuffer
+from irrsplat.core.color import LUMINANCE, MID_GREY
 from irrsplat.core.files import as_png
 from irrsplat.core.glsl import TOLD
 from irrsplat.core.vectors import check_finite
@@ -49,7 +50,7 @@ class View:
     def _repr_png_(self) -> bytes:
         """The picture as a PNG, by its own exposure: a notebook shows the view while it is valid."""
         image, kind = pixels(self.image)[..., :3], self.backdrop.kind
-        return as_png(display_picture(image, exposure_of(image), pixels(self.alpha)[..., 0], kind))
+        return as_png(display_picture(image, exposure_of(image, reflectance(self)), pixels(self.alpha)[..., 0], kind))
 
     def mean(self, name: str) -> moderngl.Texture | None:
         """The texture that holds `image`, `direct`, `indirect` or `emission` of every pixel; None for one that has none."""
@@ -128,6 +129,13 @@ def read(view: View, records: dict[str, np.ndarray], stats: Statistics, names: I
 def values_of(view: View, name: str) -> np.ndarray:
     """One of CHANNELS of the view, as Frame has it."""
     return _BUFFERS[name](view)
+
+
+def reflectance(view: View) -> np.ndarray:
+    """Return (H, W) what an exposure meter takes each pixel to reflect: mid grey for sky and for what emits."""
+    reflects = _seen(view)[..., 0] & ~pixels(view.gbuffer.emission)[..., :3].any(-1)
+    found: np.ndarray = np.where(reflects, pixels(view.gbuffer.albedo)[..., :3] @ LUMINANCE, np.float32(MID_GREY))
+    return found
 
 
 def frame_of(buffers: Mapping[str, np.ndarray], records: Mapping[str, np.ndarray], stats: Statistics, view: View) -> Frame:

@@ -38,8 +38,8 @@ class SiteLightPass(Owner):
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return (N, 3) W/m² at `sites`, and (N,) metres from each to the first surface along its geometric normal.
 
-        area: (N,) m² for which each site stands: light of a lamp close by is the mean over it. reach: metres. A surface nearer than
-        the first is the site's own; none farther than the second is looked for. Without a world all ways are 0.
+        area: (N,) m² for which each site stands: its light is the mean over that area. reach: metres. A surface nearer than the
+        first is the site's own; none farther than the second is looked for. Without a world all ways are 0.
         """
         columns = np.stack([sites.position, sites.normal, sites.geometric], axis=1)
         rows = table_rows(np.concatenate([columns, np.repeat(area[:, None, None], 3, axis=1)], axis=-1, dtype="f4"))

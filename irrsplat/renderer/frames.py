@@ -109,10 +109,12 @@ class Frames(Owner):
     def stops(self, view: View) -> float:
         """The exposure of a view in stops, as the settings have it."""
         exposure = self.state.settings.exposure
-        return self.composite_pass(view).exposure(view.image) if exposure == "auto" else float(exposure)
+        if exposure != "auto":
+            return float(exposure)
+        return self.composite_pass(view).exposure(view.image, view.gbuffer)
 
     def composite_pass(self, view: View) -> CompositePass:
-        """Return what makes pictures of the size of a `view` that `frame` gave."""
+        """Return the pass that makes pictures of the size of a `view` that `frame` gave."""
         size = view.image.size
         stages = self.stages if size == self.state.size else self.moving.stages
         return stages.composite_pass(replace(self.state, size=size))

@@ -17,7 +17,7 @@ from irrsplat.gpu.timers import Timers
 from irrsplat.gpu.world import World
 from irrsplat.image.antialias import Antialiaser, FrameInputs, FramePasses, OnProgress
 from irrsplat.image.backdrop import backdrop_of
-from irrsplat.image.composite import CompositePass, MeterPass
+from irrsplat.image.composite import CompositePass
 from irrsplat.image.emitter_light import EmitterLightPass
 from irrsplat.image.gbuffer import GBufferPass
 from irrsplat.image.texture_maps import TextureMaps
@@ -89,11 +89,6 @@ class Stages(Owner):
         """Makes pictures."""
         size = state.size
         return self._passes.get("composite", size, lambda: CompositePass(self.ctx, size))
-
-    @property
-    def meter(self) -> MeterPass:
-        """Meters images that are not a view's."""
-        return self._passes.get("meter", (), lambda: MeterPass(self.ctx))
 
     @property
     def temporal_filter(self) -> TemporalFilter | None:

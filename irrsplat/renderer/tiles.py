@@ -15,9 +15,8 @@ import numpy as np
 from irrsplat.core.buffers import CHANNELS, ShadowMaps
 from irrsplat.gather.spot_check import Spots
 from irrsplat.gpu.time_budget import Budget
-from irrsplat.image.composite import meter_block
-from irrsplat.image.tonemap import automatic_exposure
-from irrsplat.image.view import Progress, View, uncovered, values_of
+from irrsplat.image.tonemap import automatic_exposure, metered
+from irrsplat.image.view import Progress, View, reflectance, uncovered, values_of
 from irrsplat.indirect.examine import Examination, Screen, tile_count, tile_side
 from irrsplat.indirect.scheduler import NOTHING_ASKED, RecordScheduler
 from irrsplat.indirect.view_state import ViewState
@@ -29,7 +28,6 @@ from irrsplat.scene.model import Camera, Part, part_of
 from irrsplat.settings import Settings
 
 _MARGIN = 2  # pixels about a tile that its picture looks at
-_METERED = 4096  # pixels of a row that are metered at once
 
 Size = tuple[int, int]
 
@@ -178,9 +176,9 @@ class Tiles:
         frozen: bool,
         samples: int,
         on_share: Callable[[float], None] | None,
-    ) -> tuple[dict[str, np.ndarray], View, int, bool]:
+    ) -> tuple[dict[str, np.ndarray], View, float, int, bool]:
         """The image, and the buffers of these names (None: all), of the whole picture by the records that there are; the last
-        tile's view; how many pixels no record reaches (where `frozen`); and whether Ctrl-C came.
+        tile's view; its automatic exposure in stops; how many pixels no record reaches (where `frozen`); and whether Ctrl-C came.
 
         done: how far the view has come. samples: of a pixel. on_share: called with the share of the tiles that are drawn. After
         Ctrl-C the tiles that are left get one sample a pixel; a second one ends it without a picture.
@@ -191,6 +189,7 @@ class Tiles:
         arrays: dict[str, np.ndarray] = {}
         size = tuple(min(side, state.tile + 2 * _MARGIN) for side in state.size)
         here, none_reach, view, stopped = replace(state, size=(size[0], size[1])), 0, None, False
+        light = np.zeros(2)  # the sum of log₂ luminances, and how many pixels are lit
         tiles = list(_grid(state.size, (state.tile, state.tile)))
         for number, (left, bottom) in enumerate(tiles):
             x, y = (min(max(0, at - _MARGIN), side - own) for at, side, own in zip((left, bottom), state.size, size, strict=True))
@@ -206,6 +205,7 @@ class Tiles:
             rows = slice(state.size[1] - bottom - high, state.size[1] - bottom)
             mine = slice(y + size[1] - bottom - high, y + size[1] - bottom), slice(left - x, left - x + wide)
             self._keep(view, wanted, arrays, state.size, (rows, slice(left, left + wide)), mine)
+            light += metered(arrays["image"][rows, left : left + wide], reflectance(view)[mine])
             if frozen and settings.most_bounces > 0:
                 none_reach += uncovered(view, mine)
             if on_share is not None and not stopped:
@@ -214,7 +214,7 @@ class Tiles:
                 except KeyboardInterrupt:
                     stopped, samples = True, 1
         assert view is not None
-        return arrays, view, none_reach, stopped
+        return arrays, view, automatic_exposure(*light.tolist()), none_reach, stopped
 
     def _drawn(self, here: State, camera: Camera, shadows: ShadowMaps, done: Progress, frozen: bool, samples: int) -> View:
         """The picture of a part."""
@@ -235,18 +235,6 @@ class Tiles:
             if name not in arrays:
                 arrays[name] = np.empty((size[1], size[0], *values.shape[2:]), "f4")
             arrays[name][there] = values[mine]
-
-    def stops(self, state: State, image: np.ndarray) -> float:
-        """The exposure of the setting's auto for the whole (H, W, 3) image: to the bit as CompositePass.exposure has it."""
-        meter = self.stages.meter
-        (width, height), (wide, high) = state.size, meter_block(state.size)
-        step = max(1, _METERED // wide) * wide
-        sums = []
-        for bottom in range(0, height, high):
-            strip = image[max(0, height - bottom - high) : height - bottom]
-            sums += [meter(strip[:, left : left + step], (wide, high)) for left in range(0, width, step)]
-        total, squares, lit, _ = np.concatenate(sums).sum(0, dtype=float).tolist()
-        return automatic_exposure(total, squares, lit)
 
 
 def _grid(size: Collection[int], step: Size) -> Iterator[tuple[int, int]]:

@@ -172,10 +172,9 @@ class WholeRenders:
                 stats = counted(done.progress, time.perf_counter() - start, wanted.progress)
             samples = 1 if stats["interrupted"] else frames.state.settings.samples
             on_share = sample_progress(wanted.progress, stats)
-            arrays, view, none_reach, stopped = frames.tiles.draw(
+            arrays, view, stops, none_reach, stopped = frames.tiles.draw(
                 frames.state, camera, done.progress, wanted.buffers, not wanted.gather, samples, on_share
             )
-            stops = frames.tiles.stops(frames.state, arrays["image"])
         finally:
             self.stages.free_buffers()
             frames.state = replace(frames.state, tile=kept)
@@ -183,7 +182,8 @@ class WholeRenders:
             samples, stats = 1, stats | {"interrupted": True, "converged": False}
         if not wanted.gather:
             stats["uncovered"] = none_reach
-        stats |= self.described(samples, stops)
+        exposure = frames.state.settings.exposure
+        stats |= self.described(samples, stops if exposure == "auto" else float(exposure))
         self._check_errors()
         kept_arrays = {name: values for name, values in arrays.items() if wanted.buffers is None or name in wanted.buffers}
         return frame_of(kept_arrays, self.cache.read(), stats, view)

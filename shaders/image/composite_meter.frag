@@ -1,10 +1,11 @@
-// The exposure meter: of a block of the image's pixels the sums of the log₂ luminances and of their squares, and how many are not
-// black.
+// The exposure meter: of a block of the image's pixels the sum of the log₂ luminances that they would have if they reflected all light,
+// and how many are not black.
 #include "generated/constants.glsl"
-#include "lib/texel.glsl"
+#include "generated/gbuffer_material.glsl"
 
 uniform sampler2D image;
-uniform ivec2 block;  // width and height in pixels
+uniform sampler2D position;  // of the g-buffer
+uniform ivec2 block;         // width and height in pixels
 
 layout(location = 0) out vec4 out_log;
 
@@ -15,8 +16,10 @@ void main()
     for (int y = corner.y; y < end.y; ++y)
         for (int x = corner.x; x < end.x; ++x)
         {
-            float Y = dot(texel_at(image, ivec2(x, y)).rgb, LUMINANCE);
-            float stops = log2(max(Y, 1e-37));
-            if (Y > 0.0) out_log += vec4(stops, stops * stops, 1.0, 0.0);
+            Material material = material_at(ivec2(x, y));
+            bool reflects = texel_at(position, ivec2(x, y)).w > 0.0 && material.emission == vec3(0.0);
+            float reflectance = reflects ? max(dot(material.albedo, LUMINANCE), DARKEST) : MID_GREY;
+            float Y = dot(texel_at(image, ivec2(x, y)).rgb, LUMINANCE) / reflectance;
+            if (Y > 0.0) out_log += vec4(log2(max(Y, 1e-37)), 1.0, 0.0, 0.0);
         }
 }

@@ -19,7 +19,7 @@ from irrsplat.gpu.program import programs_of
 from irrsplat.gpu.resource import Owner
 from irrsplat.gpu.world import World
 from irrsplat.image.antialias import MeanPass
-from irrsplat.image.composite import CompositePass, MeterPass
+from irrsplat.image.composite import CompositePass
 from irrsplat.image.emitter_light import EmitterLightPass
 from irrsplat.image.gbuffer import GBufferPass
 from irrsplat.indirect.examine import ExaminePass
@@ -78,7 +78,6 @@ def unlit(ctx: moderngl.Context) -> Iterator[Owner]:
         yield simple(ctx)
     yield textured(ctx)
     yield ExaminePass(ctx)
-    yield MeterPass(ctx)
     for sized in (GBufferPass, CompositePass, MeanPass, UpsamplePass, SpotPass):
         yield sized(ctx, SIZE)
     yield EmitterLightPass(ctx, SIZE, {})

@@ -11,6 +11,7 @@ import pytest
 from PIL import Image
 
 import irrsplat
+from irrsplat.core.color import LUMINANCE
 from irrsplat.image.backdrop import display_picture
 from irrsplat.image.tonemap import exposure_of, tonemap
 from irrsplat.scene.model import Camera, Scene
@@ -51,7 +52,7 @@ def test_a_backdrop_is_no_light(kind: str) -> None:
     unseen = frame.alpha == 0.0
     assert not frame.image[unseen].any() and not frame.emission[unseen].any()
     assert np.array_equal(frame.image[~unseen], lit.image[~unseen]) and np.array_equal(frame.irradiance, lit.irradiance)
-    assert frame.exposure == pytest.approx(exposure_of(frame.image[~unseen]), abs=0.01)
+    assert frame.exposure == pytest.approx(exposure_of(frame.image[~unseen], frame.albedo[~unseen] @ LUMINANCE), abs=0.01)
     assert frame.backdrop == ("grey" if kind == "auto" else kind)
     picture = frame.picture
     assert picture.shape[2] == (4 if kind == "clear" else 3)

@@ -53,14 +53,20 @@ def test_blend(ctx: moderngl.Context, blend: float, weights: tuple[float, float]
 
 @pytest.mark.parametrize("size", [(3, 200), (97, 61), (260, 130)])
 def test_the_meter_is_numpys(ctx: moderngl.Context, size: tuple[int, int]) -> None:
-    """Of pictures of much contrast and of little."""
-    rng = np.random.default_rng(size[0])
-    image = 10.0 ** rng.uniform(-4, 3, (size[1], size[0], 3)) if size[0] < 200 else rng.uniform(1, 4, (size[1], size[0], 3))
-    image[rng.random(image.shape[:2]) < 0.2] = 0.0
-    image[0, 0] = 0.5
-    found = CompositePass(ctx, size).exposure(texture(ctx, image))
-    assert found == pytest.approx(tonemap.exposure_of(image.astype("f4")), abs=1e-3)
-    assert CompositePass(ctx, size).exposure(texture(ctx, 0.0 * image)) == 0.0
+    """-mean log₂(Y/ρ) over the lit pixels, ρ at least 0.02: all in one light have the stops of one of them. Sky and what emits
+    count as mid grey. None is lit: 0."""
+    rng, shape = np.random.default_rng(size[0]), (size[1], size[0])
+    image, albedo = 10.0 ** rng.uniform(-4, 3, (*shape, 3)), rng.uniform(0, 0.9, (*shape, 3)) ** 4
+    image[rng.random(shape) < 0.2] = 0.0
+    seen, glows = rng.random((2, *shape)) < 0.7
+    normal, emission = np.ones_like(image), np.repeat(glows[..., None], 3, -1).astype(float)
+    gbuffer = gbuffer_of(ctx, image, normal, seen.astype(float), albedo=albedo, emission=emission)
+    luminance, rho = ((values @ (0.2126, 0.7152, 0.0722)).astype("f4") for values in (image, albedo))
+    light = luminance / np.where(seen & ~glows, np.maximum(rho, 0.02), 0.18)
+    meter = CompositePass(ctx, size)
+    assert meter.exposure(texture(ctx, image), gbuffer) == pytest.approx(-np.log2(light[light > 0.0]).mean(), abs=1e-3)
+    assert tonemap.exposure_of(albedo, rho) == pytest.approx(-np.log2(rho / np.maximum(rho, 0.02)).mean(), abs=1e-4)
+    assert meter.exposure(texture(ctx, 0.0 * image), gbuffer) == 0.0
 
 
 @pytest.mark.parametrize("exposure", [-3.0, 0.0, 2.5])

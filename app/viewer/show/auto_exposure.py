@@ -48,7 +48,7 @@ class AutoExposure:
         self._meter = None
         if view is not self._view:
             self._view, self._meter = view, meter
-            meter.measure(view.image)
+            meter.measure(view.image, view.gbuffer)
         if not self._lit:  # nothing to move from: wait for the reading
             if self._meter is not None:
                 self._meter = None
