@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 PRESET = "reference"  # what is measured is to be right rather than fast
 _LIGHT_SAMPLES = 1024  # of a point, unless the settings say otherwise: a window's light is then right to some 0.3 %
 _AT_ONCE = 512  # points between two reports of progress
-_OWN = 4e-7  # diagonals of the scene: nearer than that, a surface is the one on which a point lies, as float32 resolves
+_OWN = 4e-7  # of the greatest coordinate or diagonal: as near as float32 resolves is a surface on which a point lies
 
 OnPoints = Callable[[float], None]  # called with the share of the points that are done, 0..1
 
@@ -89,7 +89,8 @@ class LightMeter(Tenant):
         count = len(sites)
         direct, indirect, radius = (np.zeros(shape, np.float32) for shape in ((count, 3), (count, 3), count))
         light = self._lit()
-        offset, own = offset_of(self.scene), _OWN * self.scene.diagonal
+        greatest = float(np.abs(self.scene.bounds + np.asarray(self._origin)).max())
+        offset, own = offset_of(self.scene), _OWN * max(self.scene.diagonal, greatest)
         lift = np.full(count, offset)  # metres, of an eye above its point: at most half the way to the first surface
         for first in range(0, count, _AT_ONCE):
             some = slice(first, first + _AT_ONCE)

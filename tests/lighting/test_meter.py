@@ -65,19 +65,6 @@ def test_the_sky_through_a_skylight(ctx: moderngl.Context, kind: str, side: int,
     assert np.abs(found / (1000.0 * worlds.polygon_vector(hole, points)[:, 1]) - 1.0).max() < limit
 
 
-def test_what_light_does_not_reach_changes_nothing(ctx: moderngl.Context) -> None:
-    """A ground of 600 m around a closed room, its light 1 mm or 1 m from a wall; darkness by a box of 1 cm around the light."""
-    room, ground = worlds.box((-2, 0, -2), (2, 4, 2), outward=False), worlds.floor(300.0, -0.1)
-    points, around = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, -1.0]]), worlds.box((-1.005, 1.995, -0.005), (-0.995, 2.005, 0.005))
-    for x in (-1.999, -1.0):
-        light = (worlds.lamp((x, 2.0, 0.0), 1.0),)
-        alone, found = (read(ctx, worlds.scene(*parts, lights=light), points).total for parts in ((room,), (room, ground)))
-        assert found == pytest.approx(alone, rel=0.02)
-    assert not read(ctx, worlds.scene(room, ground, around, lights=light), points).total.any()
-    with pytest.raises(IrrsplatError, match=r"E is not finite at point 1 \(1 of 6 numbers\)"):
-        check_finite("E", np.array([[1.0] * 3, [np.inf, 1.0, 1.0]]), lambda at: f"point {at[0]}")
-
-
 def test_no_eye_is_lifted_through_a_thin_wall(ctx: moderngl.Context) -> None:
     """A wall of 1 mm between a lit and a dark room, on a ground of 600 m, by whose size eyes are lifted 8.5 mm: sensors that face
     the wall, 1 to 6 mm before it, read darkness in the dark room; in the lit one E hardly changes over so little."""
@@ -248,6 +235,8 @@ def test_light_that_is_no_number_is_an_error_with_its_place(monkeypatch: pytest.
     def gathered(_: object, __: object, sites: Sites) -> tuple[np.ndarray, np.ndarray]:
         return np.where(sites.position[:, :1] > 2.0, np.inf, 1.0) * np.ones(3), np.ones(len(sites))
 
+    with pytest.raises(IrrsplatError, match=r"E is not finite at point 1 \(1 of 6 numbers\)"):
+        check_finite("E", np.array([[1.0] * 3, [np.inf, 1.0, 1.0]]), lambda at: f"point {at[0]}")
     monkeypatch.setattr(LightMeter, "_gathered", gathered)
     with pytest.raises(IrrsplatError, match=r"the light is not finite at 2\.5 1 1 "):
         irrsplat.irradiance(irrsplat.load("cornell"), np.array([[1, 1, 1], [2.5, 1, 1]]), (0, 1, 0), bounces=1)
