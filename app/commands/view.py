@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import argparse
 import os
+from importlib.util import find_spec
 from typing import TYPE_CHECKING, Any
 
 from irrsplat.app.commands.shared import flags, rendering
 from irrsplat.app.commands.shared.command import Command
 from irrsplat.app.common.terminal import say
+from irrsplat.core.errors import IrrsplatError
 
 if TYPE_CHECKING:
     from irrsplat.scene.model import Scene
@@ -38,6 +40,10 @@ def run(args: argparse.Namespace) -> int:
     import irrsplat
     from irrsplat.app.viewer import preferences
 
+    if find_spec("imgui_bundle") is None:
+        raise IrrsplatError(
+            "the viewer needs the package imgui-bundle, which has no wheel for Intel Macs; irrsplat render works without it"
+        )
     scene = irrsplat.load(args.scene, **vars(args.loading))
     camera = rendering.camera(args, scene)
     remembered, notices = preferences.load()

@@ -221,3 +221,9 @@ def test_all_mistakes_are_told_in_one_line(refused: Callable[..., str], place: P
 def test_a_mistake_is_told_once_without_those_that_follow_from_it(argv: list[str], count: int) -> None:
     _, mistakes = grammar.read(argv)
     assert len(mistakes.found) == count, mistakes.found
+
+
+def test_the_viewer_needs_its_packages_and_says_so(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr("irrsplat.app.commands.view.find_spec", lambda name: None)
+    assert cli.main(["view", "cornell"]) == 1
+    assert "needs the package imgui-bundle" in capsys.readouterr().err
