@@ -53,12 +53,12 @@ class Elsewhere:
         self.scale, self.shift = 20.0 ** random.uniform(-1.0, 1.0), random.uniform(-100.0, 100.0, 3)
 
     def point(self, p: Any) -> np.ndarray:
-        """Where points (..., 3) come to."""
+        """Return points (..., 3) there."""
         found: np.ndarray = self.scale * np.asarray(p, float) @ self.turn.T + self.shift
         return found
 
     def mesh(self, mesh: Mesh) -> Mesh:
-        """A mesh there."""
+        """Return a mesh there."""
         faces = mesh.faces if np.linalg.det(self.turn) > 0.0 else mesh.faces[:, ::-1]
         normals = (mesh.normals @ self.turn.T).astype("f4")
         return replace(
@@ -67,7 +67,7 @@ class Elsewhere:
 
 
 def read(world: Scene, points: np.ndarray, normals: Any, **values: Any) -> Readings:
-    """What a meter reads; no value is NaN, nor negative."""
+    """Return what a meter reads; fail for a value that is NaN or negative."""
     with context.shared() as ctx, LightMeter(world, ctx=ctx, **{"gather_size": 16, "light_samples": 256} | values) as meter:
         found = meter.measure(points, normals)
     assert (found.total >= 0.0).all()  # false for NaN
